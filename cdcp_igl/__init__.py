@@ -1,0 +1,18 @@
+"""Disk conformal maps of triangulated surfaces, accurate, fast and certified."""
+
+from .cdcp import cdcp, disk_map
+from .check import check
+from .distortion import angle_distortion
+from .errors import MapError, MeshError, SolverError
+
+__all__ = [
+    "MapError",
+    "MeshError",
+    "SolverError",
+    "angle_distortion",
+    "cdcp",
+    "check",
+    "disk_map",
+]
+
+__version__ = "0.1.0"

@@ -1,0 +1,158 @@
+"""Constructive disk conformal parameterization: Algorithm 1, one line a step."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .arrays import Complex, Floats
+from .center import CenterMethod, central_face
+from .circle import map_to_circle
+from .dipole import boundary_trace
+from .distortion import AngleDistortion
+from .errors import MapError
+from .extension import harmonic_extension
+from .factor import Factor
+from .injectivity import certify
+from .laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
+from .mesh import DiskMesh
+from .mobius import normalize
+from .phases import Phases, Progress
+from .result import DiskMap
+
+__all__ = ["cdcp", "disk_map"]
+
+
+def cdcp(V: ArrayLike, F: ArrayLike, **options: Any) -> Floats:
+    """Map a triangulated disk conformally onto the unit disk.
+
+    Parameters
+    ----------
+    V : (n, 3) or (n, 2) array_like of real numbers
+        Vertex positions, in any unit.
+    F : (m, 3) array_like of integers
+        Corners of the faces, counterclockwise seen from outside.
+    **options
+        Those of `disk_map`.
+
+    Returns
+    -------
+    (n, 2) float64
+        ``disk_map(V, F, **options).uv``.
+
+    Raises
+    ------
+    MeshError, SolverError, MapError
+        As `disk_map`.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F = cdcp_igl.datasets.spherical_cap(20)
+    >>> uv = cdcp_igl.cdcp(V, F)
+    >>> uv.shape == (len(V), 2)
+    True
+    """
+    return disk_map(V, F, **options).uv
+
+
+def disk_map(
+    V: ArrayLike,
+    F: ArrayLike,
+    *,
+    center: CenterMethod | int = "torsion",
+    mobius: Literal["angle", "area"] | None = "angle",
+    preset: Literal["paper"] | None = None,
+    progress: Progress | None = None,
+) -> DiskMap:
+    """Map a triangulated disk conformally onto the unit disk, and certify the map.
+
+    The constructive disk conformal parameterization (CDCP) of Yueh et al., Algorithm 1.
+
+    Parameters
+    ----------
+    V : (n, 3) or (n, 2) array_like of real numbers
+        Vertex positions, in any unit. Two columns are a planar mesh.
+    F : (m, 3) array_like of integers
+        Corners of the faces, counterclockwise seen from outside: one component, one
+        boundary loop, no handle.
+    center : {"torsion", "heat", "centroid"} or int
+        The face that carries the dipole, sect. 4.1: by the torsion function, by heat
+        diffusion with t = 1e4 as in the paper, nearest to the centroid of the area, or a
+        given row of F. After the Möbius step the choice hardly shows.
+    mobius : {"angle", "area"} or None
+        What the Möbius transformation at the end minimises: angular distortion,
+        eqs. (19)-(20); or the unevenness of area, by the conformal barycentre. None
+        leaves the central face near 0.
+    preset : {"paper"} or None
+        ``"paper"`` follows the paper to the letter where it is right: coldest face by
+        heat, no whitening of the trace, Nelder-Mead over all faces. Not to be combined
+        with `center` and `mobius`.
+    progress : callable, optional
+        Called as ``progress(phase, fraction)`` when a phase begins.
+
+    Returns
+    -------
+    DiskMap
+        ``uv`` (n, 2) with the certificate, the distortion, and what was used.
+
+    Raises
+    ------
+    MeshError
+        If the input is not a triangulated disk.
+    SolverError
+        If the Laplacian cannot be factored.
+    MapError
+        If the map is not a bijection onto the disk; the map is its ``result``.
+    ValueError
+        If an option is not one of those above.
+
+    References
+    ----------
+    M.-H. Yueh et al. A constructive algorithm for disk conformal parameterizations.
+    """
+    if preset not in (None, "paper"):
+        raise ValueError(f'preset must be "paper" or None, not {preset!r}')
+    if mobius not in ("angle", "area", None):
+        raise ValueError(f'mobius must be "angle", "area" or None, not {mobius!r}')
+    paper = preset == "paper"
+    if paper and (center, mobius) != ("torsion", "angle"):
+        raise ValueError('preset="paper" sets center and mobius itself')
+
+    phase = Phases(progress)
+    with phase("check"):
+        mesh = DiskMesh(V, F)
+    with phase("laplacian"):
+        L = cotangent_laplacian(mesh)  # (8)
+    with phase("factor"):
+        factor = Factor(mesh, L)
+    with phase("center"):
+        tau_c = central_face(mesh, L, factor, "heat" if paper else center, well_shaped=not paper)
+    with phase("trace"):
+        h_B = boundary_trace(mesh, factor, tau_c.face)  # (18), Theorem 1
+    with phase("circle"):
+        f_B, boundary = map_to_circle(
+            mesh, h_B, lambda: _delaunay_trace(mesh, tau_c.face), whitened=not paper
+        )  # (1)-(6)
+    with phase("extension"):
+        f = harmonic_extension(mesh, L, factor, f_B)  # (10)
+    with phase("mobius"):
+        f, normalization, residual = normalize(mesh, f, "nelder-mead" if paper else mobius)
+    with phase("certificate"):
+        uv = np.column_stack([f.real, f.imag])
+        certificate = certify(mesh, uv)
+        distortion = AngleDistortion.of(np.degrees(abs(residual)))
+    phase.done()
+
+    result = DiskMap(
+        uv, certificate, distortion, tau_c, boundary, normalization, factor.solver, phase.seconds
+    )
+    if not certificate.valid:
+        raise MapError(f"The map is not a bijection onto the disk: {certificate}", result)
+    return result
+
+
+def _delaunay_trace(mesh: DiskMesh, face: int) -> Complex:
+    return boundary_trace(mesh, Factor(mesh, intrinsic_delaunay_laplacian(mesh)), face)

@@ -1,0 +1,426 @@
+"""Is the input a triangulated disk? Every defect, found without calling libigl.
+
+libigl 2.6 crashes the process on some of these inputs, and answers others with NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from .arrays import Bools, Floats, Ints
+from .errors import Defect, MeshError
+
+__all__ = ["MeshReport", "check"]
+
+
+# A face is degenerate when area / longest edge^2 is below this: a relative measure, so
+# that metres and microns are judged alike. The worst faces of real scans are near 1e-5;
+# cotangents above 1e10 would leave the other faces at a vertex too few digits.
+DEGENERATE = 1e-10
+
+
+@dataclass(frozen=True)
+class MeshReport:
+    """What `check` found. Printing it gives a line for each defect.
+
+    Attributes
+    ----------
+    n_vertices, n_faces : int
+        Rows of V and of F; 0 where the array is unusable.
+    n_boundary : int
+        Vertices on the longest boundary loop; 0 where there is none.
+    n_ears : int
+        Faces with two boundary edges. Legal, but all three corners of an ear lie on the
+        circle, so its angles are distorted whatever the method.
+    defects : tuple of Defect
+        Everything that keeps the mesh from being a disk; empty for a disk.
+    """
+
+    n_vertices: int
+    n_faces: int
+    n_boundary: int
+    n_ears: int
+    defects: tuple[Defect, ...]
+
+    @property
+    def is_disk(self) -> bool:
+        """True if the mesh can be mapped."""
+        return not self.defects
+
+    def __str__(self) -> str:
+        counts = (
+            f"{self.n_vertices:,} vertices, {self.n_faces:,} faces, "
+            f"{self.n_boundary:,} boundary vertices, {self.n_ears:,} ears"
+        )
+        verdict = "A triangulated disk." if self.is_disk else "Not a triangulated disk:"
+        return "\n".join([counts, verdict, *(f"- {d.name}: {d}" for d in self.defects)])
+
+
+def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
+    """Examine a mesh and report every defect; raise nothing.
+
+    Parameters
+    ----------
+    V : (n, 3) or (n, 2) array_like
+        Vertex positions.
+    F : (m, 3) array_like
+        Corners of the faces, rows of V.
+
+    Returns
+    -------
+    MeshReport
+        Counts and defects. A defect of the arrays (shape, type, index range) hides those
+        of the surface, and a non-manifold edge hides those of the boundary: mend it and
+        check again.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> report = cdcp_igl.check([[0, 0], [1, 0], [0, 1], [1, 1]], [[0, 1, 2]])
+    >>> print(report.defects[0].name, report.defects[0].indices)
+    unreferenced vertex [3]
+    """
+    found = examine(V, F)
+    longest = max(map(len, found.loops), default=0)
+    return MeshReport(len(found.V), len(found.F), longest, found.n_ears, tuple(found.defects))
+
+
+@dataclass
+class Examined:
+    """Arrays in their final form (V scaled to unit size), boundary loops, all defects."""
+
+    V: Floats = field(default_factory=lambda: np.empty((0, 3)))
+    F: Ints = field(default_factory=lambda: np.empty((0, 3), np.int64))
+    loops: list[Ints] = field(default_factory=list)
+    n_ears: int = 0
+    defects: list[Defect] = field(default_factory=list)
+
+
+def examine(V: ArrayLike, F: ArrayLike) -> Examined:
+    """Check everything that section "Raises" of `DiskMesh` promises."""
+    found = Examined()
+    try:
+        found.V = as_vertices(V)
+        found.F = as_faces(F, len(found.V))
+    except MeshError as error:  # the surface cannot be examined
+        found.defects += error.defects
+        return found
+    found.defects += _topological_defects(found)
+    found.defects += _degenerate_faces(found.V, found.F)
+    return found
+
+
+# -- the arrays ------------------------------------------------------------------------
+
+
+def _numeric(name: str, array: ArrayLike) -> NDArray[Any]:
+    try:
+        numeric = np.asarray(array)
+    except ValueError:  # ragged
+        numeric = np.empty(0, dtype=object)
+    if numeric.dtype.kind not in "iuf":
+        raise MeshError(
+            Defect(
+                "not numeric",
+                f"{name} is not a rectangular array of real numbers",
+                "V takes rows of 3 (or 2) real numbers, F rows of 3 integers.",
+            )
+        )
+    return numeric
+
+
+def as_vertices(V: ArrayLike, name: str = "V") -> Floats:
+    """(n, 3) float64 copy of V, scaled to unit size; MeshError if that cannot be."""
+    given = _numeric(name, V)
+    if given.ndim != 2 or given.shape[1] not in (2, 3) or len(given) < 3:
+        raise MeshError(
+            Defect(
+                f"shape of {name}",
+                f"{name} has shape {given.shape}",
+                "It must be (n, 3), or (n, 2) for a planar mesh, with n at least 3.",
+            )
+        )
+    bad = np.flatnonzero(~np.isfinite(given).all(axis=1))
+    if len(bad):
+        raise MeshError(
+            Defect(
+                "non-finite coordinate",
+                f"{_count(bad, 'vertex has', 'vertices have')} a NaN or infinite coordinate",
+                "Restore the coordinates, or remove these vertices and their faces.",
+                "vertices",
+                bad,
+            )
+        )
+    positions = np.zeros((len(given), 3))
+    positions[:, : given.shape[1]] = given
+    # By a power of two, which is exact: products of lengths stay in range in any unit.
+    exponent = int(np.frexp(np.abs(positions).max())[1])
+    return np.ldexp(positions, -exponent, out=positions)
+
+
+def as_faces(F: ArrayLike, n: int) -> Ints:
+    """(m, 3) int64 F in C order, indices in range; MeshError if that cannot be."""
+    given = _numeric("F", F)
+    if given.ndim != 2 or given.shape[1] != 3 or len(given) == 0:
+        polygons = given.ndim == 2 and given.shape[1] > 3
+        raise MeshError(
+            Defect(
+                "shape of F",
+                f"F has shape {given.shape}",
+                "It must be (m, 3) with m at least 1."
+                + (" Triangulate the polygons first." if polygons else ""),
+            )
+        )
+    # Judged as given: a cast would wrap large unsigned numbers and truncate fractions.
+    outside = np.flatnonzero(~((given >= 0) & (given < n)).all(axis=1))
+    if len(outside):
+        one_based = given.min() == 1 and given.max() == n
+        raise MeshError(
+            Defect(
+                "index out of range",
+                f"{_count(outside, 'face has', 'faces have')} an index outside 0..{n - 1}",
+                "The indices count from 1: pass F - 1." if one_based else "Mend or drop them.",
+                "faces",
+                outside,
+            )
+        )
+    faces = np.ascontiguousarray(given, dtype=np.int64)
+    fractional = np.flatnonzero((faces != given).any(axis=1))
+    if len(fractional):
+        raise MeshError(
+            Defect(
+                "fractional index",
+                f"{_count(fractional, 'face has', 'faces have')} an index that is no integer",
+                "F takes integers; perhaps V and F have changed places.",
+                "faces",
+                fractional,
+            )
+        )
+    i, j, k = faces.T
+    repeated = np.flatnonzero((i == j) | (j == k) | (k == i))
+    if len(repeated):
+        raise MeshError(
+            Defect(
+                "repeated corner",
+                f"{_count(repeated, 'face has', 'faces have')} the same vertex at two corners",
+                "Drop these faces.",
+                "faces",
+                repeated,
+            )
+        )
+    return faces
+
+
+# -- the surface -----------------------------------------------------------------------
+
+
+def _topological_defects(found: Examined) -> Iterator[Defect]:
+    """Yield what is wrong with the surface, and fill in its boundary loops and ears.
+
+    One sort of undirected edges answers it all. If the faces hang together across
+    edges, no edge is singular, there is one simple boundary loop and the Euler
+    characteristic is 1, then no interior vertex is pinched either: a surface of genus g
+    with p pinches undone has characteristic 1 - 2g = 1 + p, so g = p = 0. Only where
+    that fails are the corners grouped around their vertices to name the culprits.
+    """
+    F, n, m = found.F, len(found.V), len(found.F)
+    tail, head = F.ravel(), F[:, [1, 2, 0]].ravel()  # half-edge 3f + k leaves corner k of f
+    edge = np.minimum(tail, head) * n + np.maximum(tail, head)
+    order = np.argsort(edge, kind="stable")
+    start = np.flatnonzero(np.diff(edge[order], prepend=-1))  # one for each distinct edge
+    valence = np.diff(start, append=3 * m)
+
+    used = np.bincount(tail, minlength=n) > 0
+    unused = np.flatnonzero(~used)
+    if len(unused):
+        yield Defect(
+            "unreferenced vertex",
+            f"{_count(unused, 'vertex belongs', 'vertices belong')} to no face",
+            "Remove them and renumber F.",
+            "vertices",
+            unused,
+        )
+
+    singular = order[start[valence > 2]]
+    duplicates = _duplicate_faces(F) if len(singular) or (valence == 2).all() else unused[:0]
+    if len(duplicates):
+        yield Defect(
+            "duplicate face",
+            f"{_count(duplicates, 'face repeats', 'faces repeat')} the corners of another",
+            "Drop these faces.",
+            "faces",
+            duplicates,
+        )
+    if len(singular):
+        yield Defect(
+            "non-manifold edge",
+            f"{_count(singular, 'edge lies', 'edges lie')} on three or more faces",
+            "Drop the surplus faces, or cut the surface along these edges.",
+            "edges",
+            np.sort(np.column_stack([tail[singular], head[singular]]), axis=1),
+        )
+        return
+
+    one, other = order[start[valence == 2]], order[start[valence == 2] + 1]
+    border = order[start[valence == 1]]
+    found.n_ears = int((np.bincount(border // 3, minlength=m) > 1).sum())
+
+    clash = tail[one] == tail[other]
+    if clash.any():
+        yield _orientation_defect(one // 3, other // 3, clash, m)
+
+    n_parts, part = _face_components(one, other, m)
+    if n_parts > 1:
+        sizes = np.bincount(part)
+        coincide = len(np.unique(found.V, axis=0)) < n
+        yield Defect(
+            "several components",
+            f"{n_parts:,} components, the largest with {sizes.max():,} of {m:,} faces",
+            "Keep one of them."
+            + (" Some vertices coincide: merging them may join the parts." if coincide else ""),
+            "faces",
+            np.flatnonzero(part != sizes.argmax()),
+        )
+
+    euler = int(used.sum()) - len(start) + m
+    simple = np.bincount(tail[border], minlength=n).max() <= 1
+    if n_parts > 1 or not simple or euler != 1:
+        pinched = _pinched_vertices(F, one, other, n)
+        if len(pinched):
+            yield Defect(
+                "non-manifold vertex",
+                f"{_count(pinched, 'vertex joins', 'vertices join')} several fans of faces",
+                "Split each into one copy a fan.",
+                "vertices",
+                pinched,
+            )
+            return
+
+    if len(border) == 0:
+        yield Defect(
+            "closed surface",
+            "The surface has no boundary",
+            "Cut it open or remove faces: a disk has one boundary loop.",
+        )
+    if len(border) == 0 or clash.any():
+        return
+    found.loops = _loops(tail[border], head[border])
+    if len(found.loops) > n_parts:
+        longest = max(found.loops, key=len)
+        yield Defect(
+            "several boundary loops",
+            f"{len(found.loops):,} boundary loops, the longest with {len(longest):,} vertices",
+            "Fill the holes: a disk has one boundary loop.",
+            "vertices",
+            np.concatenate([loop for loop in found.loops if loop is not longest]),
+        )
+    genus = (2 * n_parts - len(found.loops) - euler) // 2
+    if genus:
+        yield Defect(
+            "handle",
+            f"The surface has genus {genus}, a disk has 0",
+            "Cut the surface along a loop around each handle.",
+        )
+
+
+def _duplicate_faces(F: Ints) -> Ints:
+    _, first = np.unique(np.sort(F, axis=1), axis=0, return_index=True)
+    return np.setdiff1d(np.arange(len(F)), first)
+
+
+def _orientation_defect(left: Ints, right: Ints, clash: Bools, m: int) -> Defect:
+    """Name the faces to reverse: the smaller side of each component's orientation cover.
+
+    Node f stands for face f as it is, node f + m for its reversal.
+    """
+    shift = np.where(clash, m, 0)
+    rows = np.concatenate([left, left + m])
+    columns = np.concatenate([right + shift, right + m - shift])
+    graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(2 * m, 2 * m))
+    _, side = connected_components(graph, directed=False)
+    if (side[:m] == side[m:]).any():
+        return Defect(
+            "not orientable",
+            "The surface is one-sided, like a Möbius strip",
+            "Cut it until it has two sides.",
+        )
+    size = np.bincount(side[:m], minlength=side.max() + 1)
+    mine, theirs = size[side[:m]], size[side[m:]]
+    against = np.flatnonzero((mine < theirs) | ((mine == theirs) & (side[:m] > side[m:])))
+    return Defect(
+        "inconsistent orientation",
+        f"{_count(against, 'face is', 'faces are')} oriented against the others",
+        "Reverse the corners of these faces.",
+        "faces",
+        against,
+    )
+
+
+def _face_components(one: Ints, other: Ints, m: int) -> tuple[int, NDArray[np.int32]]:
+    """Components of faces that share edges; `one` and `other` are twin half-edges."""
+    # Every face has three neighbours, itself where one is missing, so the adjacency can
+    # be written down in CSR form without sorting.
+    neighbour = np.repeat(np.arange(m, dtype=np.int32), 3)
+    neighbour[one], neighbour[other] = other // 3, one // 3
+    rows = np.arange(0, 3 * m + 1, 3, dtype=np.int32)
+    graph = csr_matrix((np.ones(3 * m), neighbour, rows), shape=(m, m))
+    return connected_components(graph, directed=False)
+
+
+def _pinched_vertices(F: Ints, one: Ints, other: Ints, n: int) -> Ints:
+    """Vertices whose corners form more than one fan across shared edges."""
+
+    def after(half: Ints) -> Ints:  # the next half-edge of the same face
+        return half - half % 3 + (half + 1) % 3
+
+    corner = F.ravel()
+    aligned = corner[one] == corner[other]  # twins that leave the same vertex
+    rows = np.concatenate([one, after(one)])
+    columns = np.concatenate(
+        [np.where(aligned, other, after(other)), np.where(aligned, after(other), other)]
+    )
+    graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(len(corner), len(corner)))
+    n_fans, fan = connected_components(graph, directed=False)
+    vertex_of_fan = np.empty(n_fans, np.int64)
+    vertex_of_fan[fan] = corner
+    return np.flatnonzero(np.bincount(vertex_of_fan, minlength=n) > 1)
+
+
+def _loops(tail: Ints, head: Ints) -> list[Ints]:
+    """Cycles of the permutation tail -> head, each from its smallest vertex."""
+    by_tail = np.argsort(tail)
+    following = dict(zip(tail[by_tail].tolist(), head[by_tail].tolist(), strict=True))
+    loops = []
+    while following:
+        loop = [next(iter(following))]
+        while (vertex := following.pop(loop[-1])) != loop[0]:
+            loop.append(vertex)
+        loops.append(np.array(loop, dtype=np.int64))
+    return loops
+
+
+def _degenerate_faces(V: Floats, F: Ints) -> Iterator[Defect]:
+    i, j, k = F.T
+    a, b, c = V[j] - V[i], V[k] - V[j], V[i] - V[k]
+    longest_squared = np.maximum.reduce([(e * e).sum(axis=1) for e in (a, b, c)])
+    area = np.linalg.norm(np.cross(a, b), axis=1) / 2
+    bad = np.flatnonzero(area <= DEGENERATE * longest_squared)
+    if len(bad):
+        yield Defect(
+            "degenerate face",
+            f"{_count(bad, 'face has', 'faces have')} no area to speak of",
+            "Merge coinciding vertices, and collapse or flip the slivers.",
+            "faces",
+            bad,
+        )
+
+
+def _count(indices: Ints, one: str, many: str) -> str:
+    return f"{len(indices):,} {one if len(indices) == 1 else many}"

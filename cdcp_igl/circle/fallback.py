@@ -1,0 +1,110 @@
+"""From the boundary trace to the unit circle: the geodesic algorithm and its fallbacks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Complex, Floats
+from ..injectivity import increments
+from ..mesh import DiskMesh
+from .geodesic import geodesic_map
+from .theodorsen import theodorsen_map
+from .whiten import whiten
+
+__all__ = ["BoundaryMethod", "map_to_circle"]
+
+
+@dataclass(frozen=True)
+class BoundaryMethod:
+    """How the boundary got onto the circle.
+
+    Attributes
+    ----------
+    name : str
+        The method whose result was used; ``"geodesic"`` unless something went wrong.
+    rejected : tuple of str
+        The methods tried before it, each with the reason for its rejection.
+    """
+
+    name: str
+    rejected: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return self.name + "".join(f" (rejected {reason})" for reason in self.rejected)
+
+
+def map_to_circle(
+    mesh: DiskMesh, trace: Complex, delaunay_trace: Callable[[], Complex], *, whitened: bool
+) -> tuple[Complex, BoundaryMethod]:
+    """Map the exterior of the boundary trace onto the disk, eqs. (1)-(6).
+
+    The geodesic algorithm needs a simple curve. Where slivers or a bad dipole have made
+    the trace cross itself, these are tried in turn: the trace of the intrinsic Delaunay
+    Laplacian; Theodorsen's method; the direction of the trace from its centroid, made
+    monotone; arc length on the surface, which always works and is not conformal.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    trace : (nB,) complex128
+        Boundary trace of the cotangent Laplacian, clockwise.
+    delaunay_trace : callable
+        Computes that of the intrinsic Delaunay Laplacian; called only when needed.
+    whitened : bool
+        Whiten the traces first.
+
+    Returns
+    -------
+    f_B : (nB,) complex128
+        On the unit circle, strictly counterclockwise, once around.
+    BoundaryMethod
+    """
+    prepare = whiten if whitened else np.copy
+    attempts: dict[str, Callable[[], Complex | None]] = {
+        "geodesic": lambda: geodesic_map(prepare(trace)),
+        "geodesic on the intrinsic Delaunay trace": lambda: geodesic_map(prepare(delaunay_trace())),
+        "Theodorsen": lambda: theodorsen_map(whiten(trace)),
+        "radial": lambda: _radial(whiten(trace)),
+    }
+    rejected: list[str] = []
+    for name, attempt in attempts.items():
+        f_B = attempt()
+        objection = _objection(f_B)
+        if f_B is not None and objection is None:
+            return f_B, BoundaryMethod(name, tuple(rejected))
+        rejected.append(f"{name}: {objection}")
+    return _by_arc_length(mesh), BoundaryMethod("arc length", tuple(rejected))
+
+
+def _objection(f_B: Complex | None) -> str | None:
+    """Why these are not points once around the circle, strictly counterclockwise."""
+    if f_B is None:
+        return "the curve is not star-shaped, or no convergence"
+    if not np.isfinite(f_B).all():
+        return "not finite"
+    steps = increments(f_B)
+    # Neighbours must stay apart when the Möbius step and rounding have moved them.
+    if not (steps > 1e-14).all() or round(steps.sum() / (2 * np.pi)) != 1:
+        return "not monotone"
+    return None
+
+
+def _radial(z: Complex) -> Complex | None:
+    """Directions of a clockwise curve from 0, reversed, steps back made small ones on."""
+    steps = np.angle(z * np.roll(z, -1).conj())
+    chords = abs(np.roll(z, -1) - z)
+    return _around(np.maximum(steps, 1e-3 * chords / chords.sum()))
+
+
+def _by_arc_length(mesh: DiskMesh) -> Complex:
+    """Boundary vertices around the circle in proportion to their distances."""
+    points = mesh.V[mesh.loop]
+    return _around(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1))
+
+
+def _around(steps: Floats) -> Complex:
+    """Points on the unit circle with arcs in the given proportions."""
+    return np.exp(2j * np.pi * (np.cumsum(steps) - steps[0]) / steps.sum())

@@ -1,0 +1,104 @@
+"""The three ways in which a map can fail, and what each one tells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .arrays import Ints
+
+if TYPE_CHECKING:
+    from .result import DiskMap
+
+__all__ = ["Defect", "MapError", "MeshError", "SolverError"]
+
+_SHOWN = 8  # indices spelled out in a message; the attribute holds them all
+
+
+@dataclass(frozen=True)
+class Defect:
+    """One thing that keeps the input from being a triangulated disk.
+
+    Attributes
+    ----------
+    name : str
+        Short identifier, e.g. ``"non-manifold edge"``.
+    what : str
+        One sentence that states the defect with its count.
+    remedy : str
+        What to do about it.
+    kind : str
+        What `indices` count: ``"faces"``, ``"vertices"`` or ``"edges"``.
+    indices : ndarray of int64
+        All offenders: (k,) rows of F or V, or (k, 2) pairs of rows of V for edges.
+    """
+
+    name: str
+    what: str
+    remedy: str
+    kind: str = "faces"
+    indices: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+
+    def __str__(self) -> str:
+        where = f" ({self.kind} {_spell(self.indices)})" if len(self.indices) else ""
+        return f"{self.what}{where}. {self.remedy}"
+
+
+class MeshError(ValueError):
+    """The input is not a triangulated disk.
+
+    Attributes
+    ----------
+    defects : tuple of Defect
+        Every defect found, the most fundamental one first; the message states that one.
+    defect : str
+        Name of the first defect.
+    indices : ndarray of int64
+        Offending rows of the first defect, see `Defect`.
+    remedy : str
+        What to do about it.
+    """
+
+    def __init__(self, *defects: Defect) -> None:
+        first = defects[0]
+        self.defects = defects
+        self.defect, self.indices, self.remedy = first.name, first.indices, first.remedy
+        others = ", ".join(d.name for d in defects[1:])
+        super().__init__(str(first) + (f" Also: {others}." if others else ""))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), self.defects
+
+
+class SolverError(RuntimeError):
+    """The sparse solver could not factor or solve a valid mesh's Laplacian.
+
+    The message names the solver, the matrix and the remedy.
+    """
+
+
+class MapError(RuntimeError):
+    """A map was computed and is not a certified bijection onto the disk.
+
+    Attributes
+    ----------
+    result : DiskMap or None
+        The map as it is, with the certificate that says what is wrong with it.
+    """
+
+    def __init__(self, message: str, result: DiskMap | None = None) -> None:
+        self.result = result
+        super().__init__(message)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.result)
+
+
+def _spell(indices: Ints) -> str:
+    shown = ", ".join(
+        f"{row[0]}-{row[1]}" if np.ndim(row) else str(row) for row in indices[:_SHOWN].tolist()
+    )
+    hidden = len(indices) - _SHOWN
+    return shown + (f" and {hidden:,} more" if hidden > 0 else "")

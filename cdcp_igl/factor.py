@@ -1,0 +1,122 @@
+"""One factorization, two solves: pinned, and interior."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csc_matrix, csr_matrix
+
+from . import cholmod
+from .arrays import Complex, Floats, Ints
+from .cholmod import Cholesky
+from .mesh import DiskMesh
+
+__all__ = ["Factor"]
+
+# Boundary vertices above which two factorizations cost less than one, in which the
+# boundary comes last and fills a dense block of this size.
+LONG_BOUNDARY = 5_000
+
+
+class Factor:
+    """The Cholesky factor of the Laplacian, interior first and boundary last.
+
+    Remove the row and column of one boundary vertex b_1 (the pin) and put the interior,
+    in a fill-reducing order, before the rest of the boundary. The leading block of the
+    Cholesky factor is then the factor of L_II, so that one factorization serves both
+
+    - the pinned system of eq. (18), L h = r with h = 0 at b_1, and
+    - the interior systems of eq. (10), L_II x = b.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    L : (n, n) csr_matrix of float64
+        A Laplacian of the mesh: symmetric, positive semidefinite, rows sum to zero.
+
+    Attributes
+    ----------
+    solver : str
+        Solver, version, ordering, mode and number of factorizations.
+
+    Raises
+    ------
+    SolverError
+        If L pinned is numerically not positive definite.
+    """
+
+    def __init__(self, mesh: DiskMesh, L: csr_matrix) -> None:
+        interior, nI = mesh.interior, len(mesh.interior)
+        self._n, self._interior = len(mesh.V), interior
+        self._inner: Cholesky | None = None
+        if nI and len(mesh.loop) <= LONG_BOUNDARY:
+            first = interior[cholmod.fill_reducing_order(_block(L, interior))]
+            self._rows = np.concatenate([first, mesh.loop[1:]])
+            self._pinned = Cholesky(_block(L, self._rows), ordering="natural")
+        else:
+            self._rows = np.concatenate([interior, mesh.loop[1:]])
+            self._pinned = Cholesky(_block(L, self._rows), ordering="amd")
+        # A postordering may have moved rows; the interior must still come first.
+        if nI and (self._pinned.permutation[:nI] >= nI).any():
+            self._inner = Cholesky(_block(L, interior), ordering="amd")
+        count = "two factorizations" if self._inner else "one factorization"
+        self.solver = (
+            f"CHOLMOD (scikit-sparse {cholmod.VERSION}, AMD ordering, "
+            f"{Cholesky.mode} mode, {count})"
+        )
+
+    def solve_pinned(self, r: Complex) -> Complex:
+        """Solve L h = r with h = 0 at the first boundary vertex.
+
+        Parameters
+        ----------
+        r : (n,) complex128
+            Sums to zero; the entry at the pin follows from the others and is not read.
+
+        Returns
+        -------
+        (n,) complex128
+        """
+        h = np.zeros(self._n, dtype=complex)
+        h[self._rows] = _complex(self._pinned.solve(_columns(r[self._rows])))
+        return h
+
+    def solve_interior(self, b: Complex) -> Complex:
+        """Solve L_II x = b.
+
+        Parameters
+        ----------
+        b : (nI,) complex128
+            In the order of ``mesh.interior``.
+
+        Returns
+        -------
+        (nI,) complex128
+        """
+        if self._inner is not None:
+            return _complex(self._inner.solve(_columns(b)))
+        nI = len(self._interior)
+        if nI == 0:
+            return b.copy()
+        # Forward with b in the leading block, backward with the boundary block zeroed:
+        # exactly the two substitutions with the factor of L_II.
+        vertex = self._rows[self._pinned.permutation]
+        x = np.zeros(self._n, dtype=complex)
+        x[self._interior] = b
+        y = np.zeros((len(vertex), 2), order="F")
+        y[:nI] = _columns(x[vertex[:nI]])
+        y = self._pinned.solve_lower(y)
+        y[nI:] = 0
+        x[vertex[:nI]] = _complex(self._pinned.solve_upper(y)[:nI])
+        return x[self._interior]
+
+
+def _block(L: csr_matrix, rows: Ints) -> csc_matrix:
+    return L[rows][:, rows].T  # symmetric: the transpose only renames CSR to CSC
+
+
+def _columns(z: Complex) -> Floats:
+    return np.array([z.real, z.imag]).T  # Fortran order, as CHOLMOD keeps it
+
+
+def _complex(columns: Floats) -> Complex:
+    return columns[:, 0] + 1j * columns[:, 1]

@@ -1,0 +1,79 @@
+"""The checked input: a triangulated topological disk."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .arrays import Floats, Ints
+from .check import examine
+from .errors import MeshError
+
+__all__ = ["DiskMesh"]
+
+
+class DiskMesh:
+    """A triangulated disk: checked, indexed, immutable.
+
+    The only way into the algorithm. One component, every edge on one or two faces,
+    consistently oriented, every vertex a manifold vertex, one boundary loop, Euler
+    characteristic 1, every vertex used, coordinates finite, no degenerate face.
+
+    Parameters
+    ----------
+    V : (n, 3) or (n, 2) array_like of real numbers
+        Vertex positions, in any unit. Two columns are a planar mesh.
+    F : (m, 3) array_like of integers
+        Corners of the faces, rows of V, counterclockwise seen from outside.
+
+    Attributes
+    ----------
+    V : (n, 3) float64, read-only
+        The positions, scaled by a power of two (which is exact) so that the largest
+        coordinate lies between 1/2 and 1.
+    F : (m, 3) int64, read-only
+        The faces.
+    loop : (nB,) int64, read-only
+        Boundary vertices in order, the surface on their left, from the smallest index.
+    interior : (nI,) int64, read-only
+        The other vertices, ascending.
+
+    Raises
+    ------
+    MeshError
+        If the input is no disk. It names the defect, the offending rows and the
+        remedy, and lists the other defects.
+    """
+
+    __slots__ = ("F", "V", "interior", "loop")
+
+    V: Floats
+    F: Ints
+    loop: Ints
+    interior: Ints
+
+    def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
+        examined = examine(V, F)
+        if examined.defects:
+            raise MeshError(*examined.defects)
+        on_boundary = np.zeros(len(examined.V), dtype=bool)
+        on_boundary[examined.loops[0]] = True
+        for name, array in {
+            "V": examined.V,
+            "F": examined.F.view(),  # may be the caller's own array, whose flag stays his
+            "loop": examined.loops[0],
+            "interior": np.flatnonzero(~on_boundary),
+        }.items():
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"DiskMesh is immutable: cannot set {name!r}")
+
+    def __repr__(self) -> str:
+        return (
+            f"DiskMesh({len(self.V):,} vertices, {len(self.F):,} faces, "
+            f"{len(self.loop):,} boundary vertices)"
+        )

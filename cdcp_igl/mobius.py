@@ -1,0 +1,261 @@
+"""Möbius transformations of the disk: least angular distortion, eqs. (19)-(20), or area."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.optimize import minimize
+
+from . import libigl
+from .areas import face_areas, twice_signed_areas
+from .arrays import Complex, Floats, Ints
+from .distortion import plane_angles
+from .mesh import DiskMesh
+
+__all__ = [
+    "MobiusMethod",
+    "Normalization",
+    "angle_change",
+    "conformal_barycenter",
+    "least_angle_distortion",
+    "least_angle_distortion_nelder_mead",
+    "mobius",
+    "normalize",
+]
+
+MobiusMethod = Literal["angle", "area", "nelder-mead"]
+
+
+SAMPLE = 100_000  # faces on which Newton's method looks
+SOFT = 0.2  # corner of the pseudo-Huber function, by the median residual
+MAX_STEPS = 30
+
+
+@dataclass(frozen=True)
+class Normalization:
+    """The Möbius transformation that was applied.
+
+    Attributes
+    ----------
+    method : str
+        What chose it: ``"angle"``, ``"nelder-mead"``, ``"area"`` or ``"none"``.
+    w : complex
+        The point that went to 0, eq. (19); 0 where nothing was applied.
+    rejected : str
+        Why the method's result was not used; empty where it was.
+    """
+
+    method: str
+    w: complex
+    rejected: str = ""
+
+    def __str__(self) -> str:
+        note = f" (rejected: {self.rejected})" if self.rejected else ""
+        return f"{self.method}, |w| = {abs(self.w):.4f}{note}"
+
+
+def normalize(
+    mesh: DiskMesh, f: Complex, method: MobiusMethod | None
+) -> tuple[Complex, Normalization, Floats]:
+    """Apply the best Möbius transformation, unless it does harm.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    f : (n,) complex128
+        Map onto the unit disk.
+    method : {"angle", "nelder-mead", "area"} or None
+        Least angular distortion by Newton or by Nelder-Mead; conformal barycentre; none.
+
+    Returns
+    -------
+    f : (n,) complex128
+        The transformed map, boundary on the unit circle, first boundary vertex at 1.
+    Normalization
+    residual : (m, 3) float64
+        Corner angles of the returned map minus those of the surface, in radians.
+    """
+    angles = libigl.internal_angles(mesh.V, mesh.F)
+    before = _fix_rotation(mesh, f)
+    if method is None:
+        return before, Normalization("none", 0j), _residual(mesh.F, before, angles)
+    if method == "area":
+        w = conformal_barycenter(before, _vertex_areas(mesh))
+    elif method == "angle":
+        w = least_angle_distortion(mesh.F, before, angles)
+    else:
+        w = least_angle_distortion_nelder_mead(mesh.F, before, angles)
+
+    after = _fix_rotation(mesh, mobius(before, w))
+    residual = _residual(mesh.F, after, angles)
+    unmoved = residual - angle_change(mesh.F, before, w)
+    rejected = ""
+    if method != "area" and not abs(residual).mean() < abs(unmoved).mean():
+        rejected = "no improvement"
+    elif (n := _flips(mesh.F, after)) and n > _flips(mesh.F, before):
+        rejected = "it flips faces"
+    if rejected:
+        return before, Normalization(method, 0j, rejected), unmoved
+    return after, Normalization(method, w), residual
+
+
+def _fix_rotation(mesh: DiskMesh, f: Complex) -> Complex:
+    """Put the boundary on the unit circle to the last bit, its first vertex at 1."""
+    f = f / f[mesh.loop[0]]
+    f[mesh.loop] /= abs(f[mesh.loop])
+    return f
+
+
+def _residual(F: Ints, f: Complex, angles: Floats) -> Floats:
+    return plane_angles(np.column_stack([f.real, f.imag]), F) - angles
+
+
+def _flips(F: Ints, f: Complex) -> int:
+    return int(np.count_nonzero(twice_signed_areas(np.column_stack([f.real, f.imag]), F) <= 0))
+
+
+def _vertex_areas(mesh: DiskMesh) -> Floats:
+    areas = np.zeros(len(mesh.V))
+    np.add.at(areas, mesh.F, face_areas(mesh.V, mesh.F)[:, None] / 3)
+    return areas
+
+
+def mobius(z: Complex, w: complex) -> Complex:
+    """Apply psi_w(z) = (z - w) / (1 - conj(w) z), eq. (19): the disk onto itself, w to 0."""
+    return (z - w) / (1 - np.conj(w) * z)
+
+
+def angle_change(F: Ints, z: Complex, w: complex) -> Floats:
+    """(m, 3) exact change of every corner angle under psi_w, in radians.
+
+    The angle at corner i of a face [i, j, k] grows by a_j - a_k, a = arg(1 - conj(w) z):
+    one argument a vertex replaces three angles a face.
+    """
+    a = np.angle(1 - np.conj(w) * z)[F]
+    return np.roll(a, -1, axis=1) - np.roll(a, -2, axis=1)
+
+
+def least_angle_distortion(F: Ints, z: Complex, angles: Floats) -> complex:
+    """Find w that minimises the angular distortion of psi_w o f, eq. (20), by Newton.
+
+    The sum of absolute values is replaced by a pseudo-Huber function, over at most
+    100,000 faces spread evenly through F.
+
+    Parameters
+    ----------
+    F : (m, 3) int64
+    z : (n,) complex128
+        The map f.
+    angles : (m, 3) float64
+        Corner angles of the surface in radians.
+
+    Returns
+    -------
+    complex
+        |w| < 1.
+    """
+    chosen = np.linspace(0, len(F) - 1, min(len(F), SAMPLE)).astype(np.int64)
+    used, corner = np.unique(F[chosen], return_inverse=True)
+    z, F = z[used], corner.reshape(-1, 3)
+    r0 = _residual(F, z, angles[chosen])
+    soft = max(SOFT * float(np.median(abs(r0))), np.finfo(float).eps)
+
+    def value(w: complex) -> float:
+        return float(np.hypot((r0 + angle_change(F, z, w)) / soft, 1).sum())
+
+    def gradient_and_hessian(w: complex) -> tuple[Floats, Floats]:
+        r = (r0 + angle_change(F, z, w)) / soft
+        # a = Im log(1 - conj(w) z) is harmonic in w = x + iy: with g = -z / (1 - conj(w) z),
+        # a_x = Im g, a_y = -Re g, a_xx = -a_yy = -Im g^2, a_xy = Re g^2.
+        g = -z / (1 - np.conj(w) * z)
+        dg, dgg = (np.roll(h[F], -1, 1) - np.roll(h[F], -2, 1) for h in (g, g * g))
+        root = np.hypot(r, 1)
+        first, second = r / root, 1 / (root**3 * soft)
+        gradient = np.array([(first * dg.imag).sum(), -(first * dg.real).sum()])
+        xx, xy = (second * dg.imag**2).sum(), -(second * dg.imag * dg.real).sum()
+        yy = (second * dg.real**2).sum()
+        cxx, cxy = -(first * dgg.imag).sum(), (first * dgg.real).sum()
+        hessian = np.array([[xx + cxx, xy + cxy], [xy + cxy, yy - cxx]])
+        if np.linalg.eigvalsh(hessian)[0] <= 0:  # far from the minimum: Gauss-Newton
+            hessian = np.array([[xx, xy], [xy, yy]])
+        return gradient, hessian
+
+    w, best = 0j, value(0j)
+    for _ in range(MAX_STEPS):
+        gradient, hessian = gradient_and_hessian(w)
+        dx, dy = np.linalg.lstsq(hessian, -gradient, rcond=None)[0]
+        step = _backtrack(value, w, complex(dx, dy), best)
+        if step == 0:
+            break
+        w += step
+        best = value(w)
+        if abs(step) < 1e-10:
+            break
+    return w
+
+
+def _backtrack(
+    value: Callable[[complex], float], w: complex, step: complex, best: float
+) -> complex:
+    """Halve the step until it stays in the disk and descends; 0 if it never does."""
+    while abs(step) > 1e-14:
+        if abs(w + step) < 1 and value(w + step) < best:
+            return step
+        step /= 2
+    return 0j
+
+
+def least_angle_distortion_nelder_mead(F: Ints, z: Complex, angles: Floats) -> complex:
+    """Find w of eq. (20) as the paper does: Nelder-Mead on the mean over all faces.
+
+    Parameters and return value as in `least_angle_distortion`.
+    """
+    r0 = _residual(F, z, angles)
+
+    def mean_distortion(x: Floats) -> float:
+        w = complex(*x)
+        return float(abs(r0 + angle_change(F, z, w)).mean()) if abs(w) < 1 else np.inf
+
+    start = np.array([[0.0, 0.0], [0.05, 0.0], [0.0, 0.05]])
+    options = {"initial_simplex": start, "xatol": 1e-6, "fatol": 1e-10}
+    return complex(*minimize(mean_distortion, start[0], method="Nelder-Mead", options=options).x)
+
+
+def conformal_barycenter(z: Complex, mass: Floats) -> complex:
+    """Find w that puts the centre of mass of psi_w o f at 0, by Newton's method.
+
+    This evens out the area; it is canonical, so that maps of different meshes of one
+    surface agree up to a rotation.
+
+    Parameters
+    ----------
+    z : (n,) complex128
+        The map f.
+    mass : (n,) float64
+        Positive weights, areas on the surface.
+
+    Returns
+    -------
+    complex
+        |w| < 1.
+
+    References
+    ----------
+    J. Cantarella, H. Schumacher. Computing the conformal barycenter. SIAM J. Appl.
+    Algebra Geometry 6(3), 2022.
+    """
+    mass = mass / mass.sum()
+    w = 0j
+    for _ in range(MAX_STEPS):
+        moved = mobius(z, w)
+        c, q = complex(mass @ moved), complex(mass @ (moved * moved))
+        # To first order psi_d moves the centre of mass by -d + q conj(d).
+        d = (c + q * c.conjugate()) / max(1 - abs(q) ** 2, np.finfo(float).eps)
+        d /= max(1, 2 * abs(d))  # stay well inside the disk
+        w = (d + w) / (1 + w.conjugate() * d)  # psi_d o psi_w, up to a rotation
+        if abs(d) < 1e-14:
+            break
+    return w

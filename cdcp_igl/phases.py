@@ -1,0 +1,59 @@
+"""Seconds per phase, and progress."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from time import perf_counter
+
+__all__ = ["PHASES", "Phases", "Progress"]
+
+Progress = Callable[[str, float], None]
+
+# The phases in order, with their share of the time on a large mesh: what a progress bar
+# can honestly show.
+PHASES = {
+    "check": 0.10,
+    "laplacian": 0.08,
+    "factor": 0.55,
+    "center": 0.05,
+    "trace": 0.05,
+    "circle": 0.05,
+    "extension": 0.04,
+    "mobius": 0.05,
+    "certificate": 0.03,
+}
+
+
+class Phases:
+    """Times the phases of a computation and reports them to a callback.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Called as ``progress(phase, fraction)`` when a phase begins, and at the end as
+        ``progress("done", 1.0)``; fraction is the estimated share of the work that is done.
+
+    Attributes
+    ----------
+    seconds : dict of str to float
+        Wall time of each finished phase.
+    """
+
+    def __init__(self, progress: Progress | None = None) -> None:
+        self.seconds: dict[str, float] = {}
+        self._progress = progress
+
+    @contextmanager
+    def __call__(self, phase: str) -> Iterator[None]:
+        """Time the body of a ``with`` statement as one phase."""
+        if self._progress:
+            self._progress(phase, sum(PHASES[done] for done in self.seconds))
+        start = perf_counter()
+        yield
+        self.seconds[phase] = perf_counter() - start
+
+    def done(self) -> None:
+        """Report the end."""
+        if self._progress:
+            self._progress("done", 1.0)

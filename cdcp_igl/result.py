@@ -1,0 +1,96 @@
+"""What `disk_map` returns: the map and everything one has to know about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from .arrays import Floats
+from .center import Center
+from .circle import BoundaryMethod
+from .distortion import AngleDistortion
+from .injectivity import Certificate
+from .mobius import Normalization
+
+__all__ = ["DiskMap"]
+
+
+@dataclass(frozen=True, eq=False)
+class DiskMap:
+    """A disk conformal map. Printing it gives a summary.
+
+    Attributes
+    ----------
+    uv : (n, 2) float64
+        Row i is the image of row i of V, in the closed unit disk. Faces are
+        counterclockwise; the boundary vertex of smallest index lies at (1, 0).
+    certificate : Certificate
+        What was verified about `uv`.
+    distortion : AngleDistortion
+        Mean, SD and maximum of the angular distortion (7) in degrees.
+    center : Center
+        The central face, sect. 4.1, and how it was found.
+    trace : BoundaryMethod
+        How the boundary got onto the circle, with all fallbacks.
+    mobius : Normalization
+        The Möbius transformation (19) that was applied, or why none was.
+    solver : str
+        Sparse solver, version, ordering, mode and number of factorizations.
+    timings : dict of str to float
+        Seconds per phase.
+    """
+
+    uv: Floats
+    certificate: Certificate
+    distortion: AngleDistortion
+    center: Center
+    trace: BoundaryMethod
+    mobius: Normalization
+    solver: str
+    timings: dict[str, float]
+
+    def __str__(self) -> str:
+        phases = ", ".join(f"{name} {seconds:.2f}" for name, seconds in self.timings.items())
+        return "\n".join(
+            [
+                f"disk map of {len(self.uv):,} vertices: "
+                + ("valid" if self.certificate.valid else "NOT VALID"),
+                f"  angular distortion  {self.distortion}",
+                f"  certificate         {self.certificate}",
+                f"  center              {self.center}",
+                f"  boundary            {self.trace}",
+                f"  Möbius              {self.mobius}",
+                f"  solver              {self.solver}",
+                f"  seconds             {sum(self.timings.values()):.2f} ({phases})",
+            ]
+        )
+
+    def report(self) -> dict[str, Any]:
+        """Everything but the coordinates, as JSON types."""
+        certificate = self.certificate
+        return {
+            "vertices": len(self.uv),
+            "valid": certificate.valid,
+            "angular_distortion_degrees": {
+                "mean": self.distortion.mean,
+                "sd": self.distortion.sd,
+                "max": self.distortion.max,
+            },
+            "certificate": {
+                "finite": certificate.finite,
+                "boundary_error": certificate.boundary_error,
+                "boundary_monotone": certificate.boundary_monotone,
+                "winding_number": certificate.winding_number,
+                "flipped_faces": certificate.flipped.tolist(),
+                "faces_decided_exactly": certificate.n_exact,
+            },
+            "center": {"method": self.center.method, "face": self.center.face},
+            "boundary": {"method": self.trace.name, "rejected": list(self.trace.rejected)},
+            "mobius": {
+                "method": self.mobius.method,
+                "w": [self.mobius.w.real, self.mobius.w.imag],
+                "rejected": self.mobius.rejected,
+            },
+            "solver": self.solver,
+            "seconds": self.timings,
+        }
