@@ -1,5 +1,6 @@
 """Disk conformal maps of triangulated surfaces, accurate, fast and certified."""
 
+from . import datasets
 from .cdcp import cdcp, disk_map
 from .check import check
 from .distortion import angle_distortion
@@ -12,6 +13,7 @@ __all__ = [
     "angle_distortion",
     "cdcp",
     "check",
+    "datasets",
     "disk_map",
 ]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from .arrays import Floats, Ints
 
-__all__ = ["area_products", "face_areas", "twice_signed_areas"]
+__all__ = ["area_products", "face_areas"]
 
 
 def face_areas(V: Floats, F: Ints) -> Floats:
@@ -15,14 +15,7 @@ def face_areas(V: Floats, F: Ints) -> Floats:
     return np.linalg.norm(np.cross(V[j] - V[i], V[k] - V[i]), axis=1) / 2
 
 
-def twice_signed_areas(uv: Floats, F: Ints) -> Floats:
-    """(m,) twice the area, negative for clockwise triangles."""
-    left, right = area_products(uv, F)
-    return left - right
-
-
-def area_products(uv: Floats, F: Ints) -> tuple[Floats, Floats]:
+def area_products(u: Floats, v: Floats, F: Ints) -> tuple[Floats, Floats]:
     """Compute the two products whose difference is twice the signed area."""
-    u, v = uv.T
     i, j, k = F.T
     return (u[i] - u[k]) * (v[j] - v[k]), (v[i] - v[k]) * (u[j] - u[k])

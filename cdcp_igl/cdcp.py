@@ -11,7 +11,7 @@ from .arrays import Complex, Floats
 from .center import CenterMethod, central_face
 from .circle import map_to_circle
 from .dipole import boundary_trace
-from .distortion import AngleDistortion
+from .distortion import AngleDistortion, plane_angles
 from .errors import MapError
 from .extension import harmonic_extension
 from .factor import Factor
@@ -20,6 +20,7 @@ from .laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
 from .mesh import DiskMesh
 from .mobius import normalize
 from .phases import Phases, Progress
+from .repair import unfold
 from .result import DiskMap
 
 __all__ = ["cdcp", "disk_map"]
@@ -139,15 +140,25 @@ def disk_map(
     with phase("extension"):
         f = harmonic_extension(mesh, L, factor, f_B)  # (10)
     with phase("mobius"):
-        f, normalization, residual = normalize(mesh, f, "nelder-mead" if paper else mobius)
+        f, normalization = normalize(mesh, f, "nelder-mead" if paper else mobius)  # (19), (20)
+    with phase("repair"):
+        f, repair = unfold(mesh, f)
     with phase("certificate"):
         uv = np.column_stack([f.real, f.imag])
         certificate = certify(mesh, uv)
-        distortion = AngleDistortion.of(np.degrees(abs(residual)))
+        distortion = AngleDistortion.of(np.degrees(abs(plane_angles(f, mesh.F) - mesh.angles)))
     phase.done()
 
     result = DiskMap(
-        uv, certificate, distortion, tau_c, boundary, normalization, factor.solver, phase.seconds
+        uv=uv,
+        certificate=certificate,
+        distortion=distortion,
+        center=tau_c,
+        trace=boundary,
+        repair=repair,
+        mobius=normalization,
+        solver=factor.solver,
+        timings=phase.seconds,
     )
     if not certificate.valid:
         raise MapError(f"The map is not a bijection onto the disk: {certificate}", result)

@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 from scipy.sparse import csr_matrix, identity
 
-from . import libigl
 from .areas import face_areas
 from .arrays import Floats
 from .cholmod import Cholesky
@@ -123,6 +122,6 @@ def _well_shaped(mesh: DiskMesh, central: Floats) -> int:
     k = min(CANDIDATES, len(mesh.F))
     faces = np.argpartition(-central, k - 1)[:k]
     faces = faces[np.lexsort((faces, -central[faces]))]
-    smallest = libigl.internal_angles(mesh.V, mesh.F[faces]).min(axis=1)
+    smallest = mesh.angles[faces].min(axis=1)
     good = smallest > SMALLEST_ANGLE
     return int(faces[good.argmax() if good.any() else smallest.argmax()])

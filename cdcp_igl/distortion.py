@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import libigl
-from .areas import twice_signed_areas
-from .arrays import Floats, Ints
+from .arrays import Complex, Floats, Ints
 from .check import as_faces, as_vertices
 
 __all__ = ["AngleDistortion", "angle_distortion", "plane_angles"]
@@ -81,11 +80,17 @@ def angle_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
         raise ValueError(
             f"uv has shape {np.shape(uv)}, V has {len(positions)} rows: uv must be (n, 2)"
         )
-    plane = as_vertices(uv, "uv")[:, :2]
-    surface_angles = libigl.internal_angles(positions, faces)
-    return np.degrees(abs(plane_angles(plane, faces) - surface_angles))
+    u, v, _ = as_vertices(uv, "uv").T
+    angles = libigl.internal_angles(positions, faces)
+    return np.degrees(abs(plane_angles(u + 1j * v, faces) - angles))
 
 
-def plane_angles(uv: Floats, F: Ints) -> Floats:
-    """(m, 3) corner angles in radians of plane triangles, negative in clockwise ones."""
-    return libigl.internal_angles(uv, F) * np.sign(twice_signed_areas(uv, F))[:, None]
+def plane_angles(z: Complex, F: Ints) -> Floats:
+    """(m, 3) corner angles in radians of plane triangles, negative in clockwise ones.
+
+    0 or pi, never NaN, in triangles that have collapsed.
+    """
+    corner = z[F]
+    ahead = np.roll(corner, -1, axis=1) - corner
+    back = np.roll(corner, -2, axis=1) - corner
+    return np.angle(back * ahead.conj())

@@ -11,7 +11,7 @@ from .areas import area_products
 from .arrays import Complex, Floats, Ints
 from .mesh import DiskMesh
 
-__all__ = ["Certificate", "certify", "increments"]
+__all__ = ["Certificate", "certify", "flipped_faces", "increments"]
 
 
 BOUNDARY_TOLERANCE = 1e-12
@@ -93,7 +93,7 @@ def certify(mesh: DiskMesh, uv: Floats) -> Certificate:
         return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)
     boundary = uv[mesh.loop]
     steps = increments(boundary[:, 0] + 1j * boundary[:, 1])
-    flipped, n_exact = _flipped_faces(mesh, uv)
+    flipped, n_exact = flipped_faces(uv, mesh.F)
     turns = round(steps.sum() / (2 * np.pi))
     return Certificate(
         finite=True,
@@ -110,10 +110,11 @@ def increments(z: Complex) -> Floats:
     return np.angle(np.roll(z, -1) * z.conj()) % (2 * np.pi)
 
 
-def _flipped_faces(mesh: DiskMesh, uv: Floats) -> tuple[Ints, int]:
-    left, right = area_products(uv, mesh.F)
+def flipped_faces(uv: Floats, F: Ints) -> tuple[Ints, int]:
+    """Faces that are not positively oriented, exactly, and how many were in doubt."""
+    left, right = area_products(uv[:, 0], uv[:, 1], F)
     twice_area = left - right
     doubtful = np.flatnonzero(abs(twice_area) <= ORIENTATION_BOUND * (abs(left) + abs(right)))
     positive = twice_area > 0
-    positive[doubtful] = libigl.is_counterclockwise(uv[mesh.F[doubtful]])
+    positive[doubtful] = libigl.is_counterclockwise(uv[F[doubtful]])
     return np.flatnonzero(~positive), len(doubtful)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from . import libigl
 from .arrays import Floats, Ints
 from .check import examine
 from .errors import MeshError
@@ -47,8 +49,6 @@ class DiskMesh:
         remedy, and lists the other defects.
     """
 
-    __slots__ = ("F", "V", "interior", "loop")
-
     V: Floats
     F: Ints
     loop: Ints
@@ -68,6 +68,13 @@ class DiskMesh:
         }.items():
             array.flags.writeable = False
             object.__setattr__(self, name, array)
+
+    @cached_property
+    def angles(self) -> Floats:
+        """(m, 3) corner angles of the surface in radians, column k at corner k; read-only."""
+        angles = libigl.internal_angles(self.V, self.F)
+        angles.flags.writeable = False
+        return angles
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"DiskMesh is immutable: cannot set {name!r}")

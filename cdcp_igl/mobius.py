@@ -9,8 +9,7 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import minimize
 
-from . import libigl
-from .areas import face_areas, twice_signed_areas
+from .areas import face_areas
 from .arrays import Complex, Floats, Ints
 from .distortion import plane_angles
 from .mesh import DiskMesh
@@ -59,14 +58,14 @@ class Normalization:
 
 def normalize(
     mesh: DiskMesh, f: Complex, method: MobiusMethod | None
-) -> tuple[Complex, Normalization, Floats]:
+) -> tuple[Complex, Normalization]:
     """Apply the best Möbius transformation, unless it does harm.
 
     Parameters
     ----------
     mesh : DiskMesh
     f : (n,) complex128
-        Map onto the unit disk.
+        Map onto the unit disk, first boundary vertex at 1.
     method : {"angle", "nelder-mead", "area"} or None
         Least angular distortion by Newton or by Nelder-Mead; conformal barycentre; none.
 
@@ -75,46 +74,28 @@ def normalize(
     f : (n,) complex128
         The transformed map, boundary on the unit circle, first boundary vertex at 1.
     Normalization
-    residual : (m, 3) float64
-        Corner angles of the returned map minus those of the surface, in radians.
     """
-    angles = libigl.internal_angles(mesh.V, mesh.F)
-    before = _fix_rotation(mesh, f)
     if method is None:
-        return before, Normalization("none", 0j), _residual(mesh.F, before, angles)
+        return f, Normalization("none", 0j)
     if method == "area":
-        w = conformal_barycenter(before, _vertex_areas(mesh))
+        w = conformal_barycenter(f, _vertex_areas(mesh))
     elif method == "angle":
-        w = least_angle_distortion(mesh.F, before, angles)
+        w = least_angle_distortion(mesh.F, f, mesh.angles)
     else:
-        w = least_angle_distortion_nelder_mead(mesh.F, before, angles)
-
-    after = _fix_rotation(mesh, mobius(before, w))
-    residual = _residual(mesh.F, after, angles)
-    unmoved = residual - angle_change(mesh.F, before, w)
-    rejected = ""
-    if method != "area" and not abs(residual).mean() < abs(unmoved).mean():
-        rejected = "no improvement"
-    elif (n := _flips(mesh.F, after)) and n > _flips(mesh.F, before):
-        rejected = "it flips faces"
-    if rejected:
-        return before, Normalization(method, 0j, rejected), unmoved
-    return after, Normalization(method, w), residual
+        w = least_angle_distortion_nelder_mead(mesh.F, f, mesh.angles)
+    if method != "area":
+        residual = plane_angles(f, mesh.F) - mesh.angles
+        after = abs(residual + angle_change(mesh.F, f, w)).mean()
+        if not after < abs(residual).mean():
+            return f, Normalization(method, 0j, "no improvement")
+    return _turn_back(mesh, mobius(f, w)), Normalization(method, w)
 
 
-def _fix_rotation(mesh: DiskMesh, f: Complex) -> Complex:
-    """Put the boundary on the unit circle to the last bit, its first vertex at 1."""
+def _turn_back(mesh: DiskMesh, f: Complex) -> Complex:
+    """Put the first boundary vertex at 1, and the boundary on the circle to the last bit."""
     f = f / f[mesh.loop[0]]
     f[mesh.loop] /= abs(f[mesh.loop])
     return f
-
-
-def _residual(F: Ints, f: Complex, angles: Floats) -> Floats:
-    return plane_angles(np.column_stack([f.real, f.imag]), F) - angles
-
-
-def _flips(F: Ints, f: Complex) -> int:
-    return int(np.count_nonzero(twice_signed_areas(np.column_stack([f.real, f.imag]), F) <= 0))
 
 
 def _vertex_areas(mesh: DiskMesh) -> Floats:
@@ -160,7 +141,7 @@ def least_angle_distortion(F: Ints, z: Complex, angles: Floats) -> complex:
     chosen = np.linspace(0, len(F) - 1, min(len(F), SAMPLE)).astype(np.int64)
     used, corner = np.unique(F[chosen], return_inverse=True)
     z, F = z[used], corner.reshape(-1, 3)
-    r0 = _residual(F, z, angles[chosen])
+    r0 = plane_angles(z, F) - angles[chosen]
     soft = max(SOFT * float(np.median(abs(r0))), np.finfo(float).eps)
 
     def value(w: complex) -> float:
@@ -213,7 +194,7 @@ def least_angle_distortion_nelder_mead(F: Ints, z: Complex, angles: Floats) -> c
 
     Parameters and return value as in `least_angle_distortion`.
     """
-    r0 = _residual(F, z, angles)
+    r0 = plane_angles(z, F) - angles
 
     def mean_distortion(x: Floats) -> float:
         w = complex(*x)

@@ -21,7 +21,8 @@ PHASES = {
     "circle": 0.05,
     "extension": 0.04,
     "mobius": 0.05,
-    "certificate": 0.03,
+    "repair": 0.02,
+    "certificate": 0.01,
 }
 
 

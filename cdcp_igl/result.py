@@ -11,6 +11,7 @@ from .circle import BoundaryMethod
 from .distortion import AngleDistortion
 from .injectivity import Certificate
 from .mobius import Normalization
+from .repair import Repair
 
 __all__ = ["DiskMap"]
 
@@ -32,6 +33,8 @@ class DiskMap:
         The central face, sect. 4.1, and how it was found.
     trace : BoundaryMethod
         How the boundary got onto the circle, with all fallbacks.
+    repair : Repair
+        What was done about faces that the harmonic map had flipped.
     mobius : Normalization
         The Möbius transformation (19) that was applied, or why none was.
     solver : str
@@ -45,6 +48,7 @@ class DiskMap:
     distortion: AngleDistortion
     center: Center
     trace: BoundaryMethod
+    repair: Repair
     mobius: Normalization
     solver: str
     timings: dict[str, float]
@@ -59,6 +63,7 @@ class DiskMap:
                 f"  certificate         {self.certificate}",
                 f"  center              {self.center}",
                 f"  boundary            {self.trace}",
+                f"  repair              {self.repair}",
                 f"  Möbius              {self.mobius}",
                 f"  solver              {self.solver}",
                 f"  seconds             {sum(self.timings.values()):.2f} ({phases})",
@@ -86,6 +91,11 @@ class DiskMap:
             },
             "center": {"method": self.center.method, "face": self.center.face},
             "boundary": {"method": self.trace.name, "rejected": list(self.trace.rejected)},
+            "repair": {
+                "flipped_faces": self.repair.n_flipped,
+                "moved_vertices": self.repair.n_moved,
+                "rounds": self.repair.rounds,
+            },
             "mobius": {
                 "method": self.mobius.method,
                 "w": [self.mobius.w.real, self.mobius.w.imag],

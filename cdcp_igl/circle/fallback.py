@@ -17,6 +17,11 @@ from .whiten import whiten
 __all__ = ["BoundaryMethod", "map_to_circle"]
 
 
+# On nefertiti_299 (34 boundary vertices) subdivision lowers the mean angular distortion
+# from 2.500 to 2.463 degrees; from about 200 points on it changes less than 0.02 %.
+ENOUGH_POINTS = 200
+
+
 @dataclass(frozen=True)
 class BoundaryMethod:
     """How the boundary got onto the circle.
@@ -54,18 +59,19 @@ def map_to_circle(
     delaunay_trace : callable
         Computes that of the intrinsic Delaunay Laplacian; called only when needed.
     whitened : bool
-        Whiten the traces first.
+        Whiten the traces first, and subdivide the edges of short ones. The paper does
+        neither.
 
     Returns
     -------
     f_B : (nB,) complex128
-        On the unit circle, strictly counterclockwise, once around.
+        On the unit circle, strictly counterclockwise, once around, the first at 1.
     BoundaryMethod
     """
-    prepare = whiten if whitened else np.copy
+    geodesic = _whitened_geodesic_map if whitened else geodesic_map
     attempts: dict[str, Callable[[], Complex | None]] = {
-        "geodesic": lambda: geodesic_map(prepare(trace)),
-        "geodesic on the intrinsic Delaunay trace": lambda: geodesic_map(prepare(delaunay_trace())),
+        "geodesic": lambda: geodesic(trace),
+        "geodesic on the intrinsic Delaunay trace": lambda: geodesic(delaunay_trace()),
         "Theodorsen": lambda: theodorsen_map(whiten(trace)),
         "radial": lambda: _radial(whiten(trace)),
     }
@@ -74,9 +80,23 @@ def map_to_circle(
         f_B = attempt()
         objection = _objection(f_B)
         if f_B is not None and objection is None:
-            return f_B, BoundaryMethod(name, tuple(rejected))
+            f_B = f_B / f_B[0]
+            return f_B / abs(f_B), BoundaryMethod(name, tuple(rejected))
         rejected.append(f"{name}: {objection}")
     return _by_arc_length(mesh), BoundaryMethod("arc length", tuple(rejected))
+
+
+def _whitened_geodesic_map(trace: Complex) -> Complex:
+    """Run the geodesic algorithm on the trace as a round polygon with enough points.
+
+    The algorithm follows circular arcs from point to point; on a short boundary, points
+    along the edges of the trace keep it to the harmonic map, which is linear there.
+    """
+    z = whiten(trace)
+    pieces = -(-ENOUGH_POINTS // len(z))
+    along = np.arange(pieces) / pieces
+    polygon = np.outer(z, 1 - along) + np.outer(np.roll(z, -1), along)
+    return geodesic_map(polygon.ravel())[::pieces]
 
 
 def _objection(f_B: Complex | None) -> str | None:
@@ -92,11 +112,12 @@ def _objection(f_B: Complex | None) -> str | None:
     return None
 
 
-def _radial(z: Complex) -> Complex | None:
+def _radial(z: Complex) -> Complex:
     """Directions of a clockwise curve from 0, reversed, steps back made small ones on."""
     steps = np.angle(z * np.roll(z, -1).conj())
     chords = abs(np.roll(z, -1) - z)
-    return _around(np.maximum(steps, 1e-3 * chords / chords.sum()))
+    with np.errstate(invalid="ignore"):  # of a trace without area
+        return _around(np.maximum(steps, 1e-3 * chords / chords.sum()))
 
 
 def _by_arc_length(mesh: DiskMesh) -> Complex:

@@ -32,8 +32,9 @@ def geodesic_map(z: Complex) -> Complex:
     D. E. Marshall, S. Rohde. Convergence of a variant of the zipper algorithm for
     conformal mapping. SIAM J. Numer. Anal. 45(6), 2007.
     """
-    # From the longest edge, the one that two points describe worst.
-    first = int(abs(np.roll(z, -1) - z).argmax())
+    # From the longest edge, the one that two points describe worst; the first of several.
+    lengths = abs(np.roll(z, -1) - z)
+    first = int((lengths >= (1 - 1e-9) * lengths.max()).argmax())
     curve = np.roll(z, -first)
     steps: Floats = np.abs(np.diff(curve, prepend=curve[-1]))
     kept = steps > COINCIDENT * abs(curve - curve.mean()).max()

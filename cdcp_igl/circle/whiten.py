@@ -28,9 +28,14 @@ def whiten(z: Complex) -> Complex:
     Returns
     -------
     (N,) complex128
-        About its area centroid. A polygon without area or with self-crossings so heavy
-        that it has no moments is only moved and scaled.
+        About its area centroid. A polygon that crosses itself so much that it has no
+        moments of inertia is only moved and scaled; one without area comes back as NaN.
     """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return _whitened(z)
+
+
+def _whitened(z: Complex) -> Complex:
     for _ in range(ROUNDS):
         area, centroid = _area_and_centroid(z)
         z = z - centroid

@@ -1,0 +1,179 @@
+"""Generated surfaces whose conformal map onto the disk is known in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import ellipj, ellipk
+
+from ..arrays import Complex, Floats, Ints
+
+__all__ = ["ellipse", "paraboloid", "spherical_cap", "square"]
+
+
+def square(resolution: int) -> tuple[Floats, Ints, Floats]:
+    """Triangulate the square [-1, 1]^2, with its map by the lemniscate sine.
+
+    Parameters
+    ----------
+    resolution : int
+        Cells along half a side, at least 1.
+
+    Returns
+    -------
+    V : (n, 3) float64
+        Flat.
+    F : (m, 3) int64
+        Counterclockwise, no ears.
+    uv : (n, 2) float64
+        Exact conformal map of the vertices onto the unit disk, 0 to 0.
+    """
+    t = np.linspace(-1, 1, 2 * resolution + 1)
+    x, y = (grid.ravel() for grid in np.meshgrid(t, t))
+    corner = np.arange(x.size).reshape(len(t), len(t))
+    a, b, c, d = (
+        corner[i : i + 2 * resolution, j : j + 2 * resolution].ravel()
+        for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
+    )
+    # Diagonals point to the centre: a diagonal that cut off a corner would make an ear.
+    row, column = np.divmod(np.arange(a.size), 2 * resolution)
+    rising = (row < resolution) == (column < resolution)
+    F = np.concatenate(
+        [
+            np.where(rising[:, None], np.column_stack([a, b, c]), np.column_stack([a, b, d])),
+            np.where(rising[:, None], np.column_stack([a, c, d]), np.column_stack([b, c, d])),
+        ]
+    )
+    # The lemniscate sine sl(z) = sd(sqrt(2) z | 1/2) / sqrt(2) maps the square with corners
+    # at +-K / sqrt(2), +-iK / sqrt(2) onto the disk.
+    z = (x + 1j * y) * np.exp(0.25j * np.pi) / np.sqrt(2) * ellipk(0.5)
+    sn, _, dn = _jacobi(z, 0.5)
+    return np.column_stack([x, y, 0 * x]), F, _uv(sn / dn / np.sqrt(2))
+
+
+def ellipse(resolution: int, aspect: float = 2.0) -> tuple[Floats, Ints, Floats]:
+    """Triangulate an ellipse, with its map by Schwarz's formula.
+
+    Parameters
+    ----------
+    resolution : int
+        Rings of vertices, at least 1.
+    aspect : float
+        Ratio of the axes, above 1; the short half-axis is 1.
+
+    Returns
+    -------
+    V, F, uv
+        As `square`.
+    """
+    z, F = _rings(resolution)
+    V = np.column_stack([aspect * z.real, z.imag, 0 * z.real])
+    # f(z) = sqrt(k) sn(2 K / pi arcsin(z / c)), foci at +-c, nome ((a - b) / (a + b))^2.
+    nome = ((aspect - 1) / (aspect + 1)) ** 2
+    powers = np.arange(1, 200)
+    theta_2 = 2 * nome**0.25 * (1 + (nome ** (powers * (powers + 1))).sum())
+    theta_3 = 1 + 2 * (nome ** (powers**2)).sum()
+    m = (theta_2 / theta_3) ** 4
+    amplitude = np.arcsin((V[:, 0] + 1j * V[:, 1]) / np.sqrt(aspect**2 - 1))
+    sn, _, _ = _jacobi(2 * ellipk(m) / np.pi * amplitude, m)
+    return V, F, _uv(m**0.25 * sn)
+
+
+def spherical_cap(resolution: int, angle: float = 120.0) -> tuple[Floats, Ints, Floats]:
+    """Triangulate a spherical cap, with its stereographic projection.
+
+    Parameters
+    ----------
+    resolution : int
+        Rings of vertices, at least 1.
+    angle : float
+        Polar angle of the rim in degrees, between 0 and 180.
+
+    Returns
+    -------
+    V, F, uv
+        As `square`; the unit sphere, the pole at the centre.
+    """
+    z, F = _rings(resolution)
+    polar: Floats = np.abs(z) * np.radians(angle)
+    direction = _direction(z)
+    equatorial = np.sin(polar) * direction
+    V = np.column_stack([equatorial.real, equatorial.imag, np.cos(polar)])
+    return V, F, _uv(np.tan(polar / 2) / np.tan(np.radians(angle) / 2) * direction)
+
+
+def paraboloid(resolution: int, steepness: float = 1.0) -> tuple[Floats, Ints, Floats]:
+    """Triangulate the paraboloid z = steepness r^2, r <= 1, with its isothermal coordinate.
+
+    Parameters
+    ----------
+    resolution : int
+        Rings of vertices, at least 1.
+    steepness : float
+        Positive.
+
+    Returns
+    -------
+    V, F, uv
+        As `square`; a surface of revolution, the apex at the centre.
+    """
+    z, F = _rings(resolution)
+    r: Floats = np.abs(z)
+    V = np.column_stack([z.real, z.imag, steepness * r**2])
+
+    def isothermal(r: Floats | float) -> Floats:
+        # exp of the integral of ds / r along the meridian, ds^2 = (1 + 4 s^2 r^2) dr^2
+        root = np.sqrt(1 + (2 * steepness * r) ** 2)
+        return np.exp(root) * r / (1 + root)
+
+    return V, F, _uv(isothermal(r) / isothermal(1.0) * _direction(z))
+
+
+def _rings(resolution: int) -> tuple[Complex, Ints]:
+    """Triangulate the unit disk by rings of 6, 12, 18, ... vertices about 0."""
+    ring = np.repeat(np.arange(resolution + 1), np.maximum(6 * np.arange(resolution + 1), 1))
+    first = 1 + 3 * np.arange(-1, resolution + 1) * np.arange(resolution + 2)
+    first[0] = 0
+    place = np.arange(len(ring)) - first[ring]
+    z = ring / resolution * _unit(2 * np.pi * place / np.maximum(6 * ring, 1))
+
+    faces = []
+    for r in range(1, resolution + 1):
+        outer = np.arange(6 * r)
+        sector, step = np.divmod(outer, r)
+        inner = sector * (r - 1) + step  # the vertex inside, ring r - 1 has r - 1 a sector
+
+        def at(ring: int, place: Ints) -> Ints:
+            return first[ring] + place % max(6 * ring, 1)
+
+        faces.append(np.column_stack([at(r, outer), at(r, outer + 1), at(r - 1, inner)]))
+        between = step > 0
+        faces.append(
+            np.column_stack(
+                [at(r, outer[between]), at(r - 1, inner[between]), at(r - 1, inner[between] - 1)]
+            )
+        )
+    return z, np.concatenate(faces)
+
+
+def _direction(z: Complex) -> Complex:
+    return _unit(np.angle(z))
+
+
+def _unit(angle: Floats) -> Complex:
+    return np.cos(angle) + 1j * np.sin(angle)
+
+
+def _jacobi(z: Complex, m: float) -> tuple[Complex, Complex, Complex]:
+    """Jacobi's sn, cn, dn of complex argument, by the addition theorem."""
+    s, c, d, _ = ellipj(z.real, m)
+    s1, c1, d1, _ = ellipj(z.imag, 1 - m)
+    below = c1**2 + m * s**2 * s1**2
+    return (
+        (s * d1 + 1j * c * d * s1 * c1) / below,
+        (c * c1 - 1j * s * d * s1 * d1) / below,
+        (d * c1 * d1 - 1j * m * s * c * s1) / below,
+    )
+
+
+def _uv(f: Complex) -> Floats:
+    return np.column_stack([f.real, f.imag])

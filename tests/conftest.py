@@ -1,0 +1,29 @@
+"""Real meshes for the tests, from the directory in CDCP_IGL_DATA."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import hypothesis
+import numpy as np
+import pytest
+
+# Deterministic: a failure in CI is a failure everywhere.
+hypothesis.settings.register_profile("cdcp_igl", derandomize=True, deadline=None)
+hypothesis.settings.load_profile("cdcp_igl")
+
+Mesh = tuple[np.ndarray, np.ndarray]
+
+
+@pytest.fixture(scope="session")
+def real_mesh() -> Callable[[str], Mesh]:
+    def load(name: str) -> Mesh:
+        path = Path(os.environ.get("CDCP_IGL_DATA", "")) / f"{name}.npz"
+        if not path.exists():
+            if os.environ.get("CDCP_IGL_REQUIRE_DATA") == "1":
+                pytest.fail(f"{path} is missing and CDCP_IGL_REQUIRE_DATA=1")
+            pytest.skip(f"set CDCP_IGL_DATA to a directory with {name}.npz")
+        with np.load(path) as data:
+            return data["V"], data["F"]
+
+    return load

@@ -1,0 +1,161 @@
+"""The whole algorithm: published values, invariances, errors."""
+
+import json
+import pickle
+import sys
+
+import meshes
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+import cdcp_igl
+from cdcp_igl.laplacian import cotangent_laplacian
+from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.repair import Repair
+
+# Mean and SD of the angular distortion in degrees that an independent prototype reached.
+PROTOTYPE = {
+    "nefertiti_299": (2.5002, 3.3465),
+    "camelhead_11381": (1.4846, 1.5441),
+    "chinese_lion_17334": (1.4198, 2.0479),
+    "human_face_17157": (1.2091, 1.8332),
+    "stanford_bunny_31593": (1.0294, 1.5209),
+    "human_brain_48463": (1.4575, 1.5892),
+    "left_hand_53054": (1.2121, 1.3092),
+    "itokawa_93920": (0.4585, 0.9865),
+    "gcanyon_216196": (0.4200, 0.6879),
+    "nefertiti_750281": (0.1969, 0.3085),
+    "gcanyon_996999": (0.1172, 0.2243),
+}
+
+# Table 1 of the paper, for the models that are the paper's own.
+TABLE_1 = {
+    "chinese_lion_17334": (1.42, 2.05),
+    "stanford_bunny_31593": (1.03, 1.52),
+    "human_brain_48463": (1.46, 1.59),
+}
+
+
+@pytest.mark.parametrize("name", PROTOTYPE)
+def test_values_of_the_prototype(real_mesh, name):
+    result = cdcp_igl.disk_map(*real_mesh(name))
+    mean, sd = PROTOTYPE[name]
+    assert result.distortion.mean <= 1.005 * mean
+    assert result.distortion.sd <= 1.005 * sd
+    assert len(result.certificate.flipped) == 0
+    assert result.certificate.boundary_error < 1e-12
+    assert result.trace.name == "geodesic"
+
+
+@pytest.mark.parametrize("preset", [None, "paper"])
+@pytest.mark.parametrize("name", TABLE_1)
+def test_table_1(real_mesh, name, preset):
+    result = cdcp_igl.disk_map(*real_mesh(name), preset=preset)
+    mean, sd = TABLE_1[name]
+    assert result.distortion.mean == pytest.approx(mean, abs=0.01)
+    assert result.distortion.sd == pytest.approx(sd, abs=0.01)
+    assert result.certificate.valid
+    if preset == "paper":
+        assert (result.center.method, result.mobius.method) == ("heat", "nelder-mead")
+
+
+V, F = meshes.grid(9, 11)
+Z = cdcp_igl.cdcp(V, F) @ [1, 1j]
+
+
+def same_up_to_rotation(z, w, atol=1e-9):
+    turn = np.vdot(w, z)
+    np.testing.assert_allclose(z, w * turn / abs(turn), atol=atol)
+
+
+@settings(max_examples=30)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.floats(-12, 12).map(lambda x: 10**x),
+    st.floats(0, 100),
+)
+def test_equivariance(seed, scale, offset):
+    """Rigid motions, scalings, renumbering and cyclic corners change nothing."""
+    rng = np.random.default_rng(seed)
+    order = rng.permutation(len(V))
+    renumbered = np.argsort(order)[F][rng.permutation(len(F))]
+    shift = rng.integers(0, 3, len(F))
+    faces = np.take_along_axis(renumbered, (np.arange(3) + shift[:, None]) % 3, axis=1)
+    moved = Rotation.random(random_state=seed % 1000).apply(V) + offset * rng.normal(size=3)
+    z = cdcp_igl.cdcp(scale * moved[order], faces) @ [1, 1j]
+    same_up_to_rotation(z, Z[order])
+
+
+def test_deterministic():
+    np.testing.assert_array_equal(cdcp_igl.cdcp(V, F), cdcp_igl.cdcp(V, F))
+
+
+def test_reversed_faces_give_the_mirror_image():
+    z = cdcp_igl.cdcp(V, F[:, ::-1]) @ [1, 1j]
+    # Not to the last digits: the geodesic algorithm goes around the other way.
+    same_up_to_rotation(z.conj(), Z, atol=0.05)
+
+
+def test_interior_is_harmonic():
+    mesh = DiskMesh(V, F)
+    result = cdcp_igl.disk_map(V, F, mobius=None)
+    flux = cotangent_laplacian(mesh) @ result.uv
+    assert abs(flux[mesh.interior]).max() < 1e-12
+    assert abs(flux[mesh.loop]).max() > 0.1
+
+
+def test_orientation_and_rotation_are_fixed():
+    uv = cdcp_igl.cdcp(V, F)
+    a, b, c = uv[F[:, 0]], uv[F[:, 1]], uv[F[:, 2]]
+    (abx, aby), (acx, acy) = (b - a).T, (c - a).T
+    assert (abx * acy > aby * acx).all()
+    np.testing.assert_array_equal(uv[0], [1, 0])
+
+
+def test_invalid_map_is_an_error_that_carries_the_map(monkeypatch):
+    def fold(mesh, f):
+        f = f.copy()
+        f[mesh.interior] = 0
+        return f, Repair()
+
+    monkeypatch.setattr(sys.modules["cdcp_igl.cdcp"], "unfold", fold)
+    with pytest.raises(cdcp_igl.MapError, match="flipped faces") as raised:
+        cdcp_igl.cdcp(V, F)
+    result = raised.value.result
+    assert not result.certificate.valid
+    assert "NOT VALID" in str(result)
+    assert len(pickle.loads(pickle.dumps(raised.value)).result.uv) == len(V)
+
+
+def test_errors_survive_pickling():
+    with pytest.raises(cdcp_igl.MeshError) as raised:
+        cdcp_igl.cdcp(V, F[:, [0, 0, 1]])
+    copy = pickle.loads(pickle.dumps(raised.value))
+    assert str(copy) == str(raised.value)
+    np.testing.assert_array_equal(copy.indices, raised.value.indices)
+
+
+def test_progress_and_timings():
+    seen = []
+    result = cdcp_igl.disk_map(V, F, progress=lambda *step: seen.append(step))
+    phases, fractions = zip(*seen, strict=True)
+    assert phases == (*result.timings, "done")
+    assert list(fractions) == sorted(fractions)
+    assert fractions[0] == 0
+    assert fractions[-1] == 1
+    assert all(seconds >= 0 for seconds in result.timings.values())
+
+
+def test_printed_result_says_what_was_used():
+    text = str(cdcp_igl.disk_map(V, F))
+    for word in ("valid", "angular distortion", "torsion", "geodesic", "angle", "CHOLMOD", "check"):
+        assert word in text
+
+
+def test_report_is_json():
+    report = cdcp_igl.disk_map(V, F).report()
+    assert json.loads(json.dumps(report)) == report
+    assert report["valid"] is True

@@ -1,0 +1,54 @@
+import meshes
+import numpy as np
+import pytest
+
+import cdcp_igl
+from cdcp_igl.center import central_face
+from cdcp_igl.datasets import spherical_cap
+from cdcp_igl.factor import Factor
+from cdcp_igl.laplacian import cotangent_laplacian
+from cdcp_igl.libigl import internal_angles
+from cdcp_igl.mesh import DiskMesh
+
+
+def center_of(V, F, method, well_shaped=True):
+    mesh = DiskMesh(V, F)
+    L = cotangent_laplacian(mesh)
+    return central_face(mesh, L, Factor(mesh, L), method, well_shaped=well_shaped)
+
+
+@pytest.mark.parametrize("method", ["heat", "torsion", "centroid"])
+def test_center_of_a_symmetric_cap_touches_the_pole(method):
+    V, F, _ = spherical_cap(8)
+    center = center_of(V, F, method)
+    assert center.method == method
+    assert 0 in F[center.face]
+
+
+def test_slivers_at_the_center_are_avoided():
+    # Pull the pole of a flat disk onto a neighbour: the most central faces get thin.
+    V, F, _ = spherical_cap(8, angle=1.0)
+    V[0] = 0.95 * V[1]
+    chosen, literal = (center_of(V, F, "torsion", well_shaped) for well_shaped in (True, False))
+    smallest = np.degrees(internal_angles(V, F).min(axis=1))
+    assert smallest[literal.face] < 20 < smallest[chosen.face]
+
+
+def test_given_face():
+    center = center_of(*meshes.grid(), np.int32(3))
+    assert (center.method, center.face) == ("given", 3)
+
+
+@pytest.mark.parametrize("bad", [-1, 70, "middle"])
+def test_bad_center(bad):
+    with pytest.raises(ValueError, match="center"):
+        cdcp_igl.disk_map(*meshes.grid(), center=bad)
+
+
+def test_center_hardly_matters_after_the_moebius_step(real_mesh):
+    V, F = real_mesh("chinese_lion_17334")
+    means = [
+        cdcp_igl.disk_map(V, F, center=center).distortion.mean
+        for center in ("torsion", "heat", "centroid")
+    ]
+    assert np.ptp(means) < 5e-4

@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from cdcp_igl.cholmod import Cholesky, fill_reducing_order
+from cdcp_igl.errors import SolverError
+
+RNG = np.random.default_rng(0)
+
+
+@pytest.fixture
+def A():
+    B = sp.random(40, 40, 0.1, random_state=1)
+    return (B @ B.T + 40 * sp.identity(40)).tocsc()
+
+
+@pytest.mark.parametrize("ordering", ["amd", "natural"])
+@pytest.mark.parametrize("shape", [(40,), (40, 2)])
+def test_solve(A, ordering, shape):
+    b = RNG.normal(size=shape)
+    np.testing.assert_allclose(A @ Cholesky(A, ordering).solve(b), b, atol=1e-12)
+
+
+@pytest.mark.parametrize("ordering", ["amd", "natural"])
+def test_triangular_solves_are_those_of_the_permuted_factor(A, ordering):
+    factor = Cholesky(A, ordering)
+    p = factor.permutation
+    permuted = A.toarray()[np.ix_(p, p)]
+    L = np.linalg.cholesky(permuted)
+    b = RNG.normal(size=(40, 2))
+    np.testing.assert_allclose(factor.solve_lower(b), np.linalg.solve(L, b), atol=1e-12)
+    np.testing.assert_allclose(factor.solve_upper(b), np.linalg.solve(L.T, b), atol=1e-12)
+
+
+def test_inputs_are_not_modified(A):
+    shuffled = A[:, ::-1][:, ::-1].copy()  # same matrix, row indices unsorted
+    data, indices, b = shuffled.data.copy(), shuffled.indices.copy(), RNG.normal(size=(40, 2))
+    kept = b.copy()
+    factor = Cholesky(shuffled)
+    factor.solve(b)
+    factor.solve_lower(b)
+    factor.solve_upper(b)
+    np.testing.assert_array_equal(shuffled.data, data)
+    np.testing.assert_array_equal(shuffled.indices, indices)
+    np.testing.assert_array_equal(b, kept)
+
+
+def test_order_is_a_permutation_that_saves_fill():
+    n = 30
+    arrow = sp.lil_matrix(2 * n * sp.identity(n))
+    arrow[0, :], arrow[:, 0] = 1, 1
+    arrow[0, 0] = 2 * n
+    order = fill_reducing_order(arrow.tocsc())
+    assert sorted(order) == list(range(n))
+    assert list(order).index(0) >= n - 2  # the dense row comes last
+
+
+def test_indefinite_matrix_is_a_solver_error():
+    with pytest.raises(SolverError, match=r"CHOLMOD .* size 2"):
+        Cholesky(sp.csc_matrix([[1.0, 2.0], [2.0, 1.0]])).solve(np.ones(2))
+
+
+def test_callers_thread_setting_is_restored(A):
+    with threadpool_limits(2):
+        before = [pool["num_threads"] for pool in threadpool_info()]
+        Cholesky(A).solve(np.ones(40))
+        assert [pool["num_threads"] for pool in threadpool_info()] == before

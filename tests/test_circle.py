@@ -1,0 +1,134 @@
+"""Whitening, the geodesic algorithm, Theodorsen's method and the fallbacks."""
+
+import meshes
+import numpy as np
+import pytest
+
+import cdcp_igl
+from cdcp_igl.circle.fallback import map_to_circle
+from cdcp_igl.circle.geodesic import geodesic_map
+from cdcp_igl.circle.theodorsen import theodorsen_map
+from cdcp_igl.circle.whiten import whiten
+from cdcp_igl.injectivity import increments
+from cdcp_igl.mesh import DiskMesh
+
+
+def circle(n):
+    return np.exp(2j * np.pi * np.arange(n) / n)
+
+
+# Exterior maps zeta -> z of the unit circle with pole at infinity; zeta = 1 / w clockwise.
+CURVES = {
+    "circle": lambda zeta: 2 * zeta + 0.3,
+    "ellipse": lambda zeta: 1.3 * zeta + 0.3 / zeta,
+    "hypotrochoid": lambda zeta: zeta + 0.25 / zeta**2,
+    "lopsided": lambda zeta: zeta + 0.1j / zeta + 0.12 / zeta**3,
+}
+
+
+def error_up_to_rotation(f, w):
+    turn = f @ w.conj() / len(w)
+    return abs(f - turn / abs(turn) * w).max()
+
+
+@pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES.keys())
+def test_geodesic_algorithm_converges_on_known_curves(curve):
+    errors = [
+        error_up_to_rotation(geodesic_map(curve(circle(n).conj())), circle(n))
+        for n in (100, 200, 400)
+    ]
+    assert errors[0] < 2e-3
+    assert errors[0] / errors[2] > 4**1.8 or errors[2] < 1e-12  # second order
+
+
+@pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES.keys())
+def test_theodorsen_converges_on_known_curves(curve):
+    errors = [
+        error_up_to_rotation(theodorsen_map(curve(circle(n).conj())), circle(n)) for n in (100, 400)
+    ]
+    assert errors[0] < 5e-3
+    assert errors[0] / errors[1] > 4 or errors[1] < 1e-10
+
+
+@pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES.keys())
+def test_the_two_methods_agree_on_polygons(curve):
+    z = whiten(curve(circle(300).conj() * np.exp(0.2j * np.sin(3 * np.arange(300)) / 20)))
+    assert error_up_to_rotation(geodesic_map(z), theodorsen_map(z)) < 5e-3
+
+
+def test_coincident_points_are_spread_by_chord_length():
+    w = circle(200)
+    z = CURVES["ellipse"](w.conj())
+    crowded = np.insert(z, 50, z[50] + 1e-11 * np.array([3, 2, 1]) * (z[49] - z[50]))
+    f = geodesic_map(crowded)
+    assert (increments(f) > 0).all()
+    assert increments(f).sum() == pytest.approx(2 * np.pi)
+    assert error_up_to_rotation(np.delete(f, [50, 51, 52]), w) < 3e-3
+
+
+def test_fewest_points():
+    f = geodesic_map(circle(3).conj())
+    assert (increments(f) > 0).all()
+    assert increments(f).sum() == pytest.approx(2 * np.pi)
+
+
+@pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES.keys())
+def test_whitening_makes_the_moments_of_inertia_equal(curve):
+    z = curve(circle(400).conj())
+    white = whiten(5 * np.exp(1j) * (1.5 * z.real + 1j * z.imag) + 7)
+    after = np.roll(white, -1)
+    cross = (white.conj() * after).imag
+    assert cross.sum() / 2 == pytest.approx(-np.pi)  # still clockwise
+    assert abs((cross * (white + after)).sum()) < 1e-12
+    assert abs((cross * (white**2 + white * after + after**2)).sum()) < 1e-3
+
+
+def test_whitening_takes_an_ellipse_to_a_circle():
+    z = CURVES["ellipse"](circle(400).conj())
+    np.testing.assert_allclose(abs(whiten(z)), 1, atol=1e-3)
+
+
+def test_theodorsen_refuses_what_is_not_star_shaped():
+    t = 2 * np.pi * np.arange(400) / 400
+    spiral = np.exp(-1j * (t + 2.5 * np.sin(t) ** 2)) * (1.2 + np.cos(t))
+    assert theodorsen_map(spiral) is None
+
+
+class TestFallbacks:
+    """Traces that defeat one method after the other."""
+
+    mesh = DiskMesh(*meshes.grid(12, 16))
+    n = len(mesh.loop)
+    good = CURVES["ellipse"](circle(n).conj())
+    crossing = circle(n).real + 1j * (circle(n) ** 2).imag  # figure of eight
+    folded = np.where(np.arange(n) % 2, circle(n).conj(), np.roll(circle(n).conj(), 3))
+
+    def run(self, trace, delaunay):
+        f, method = map_to_circle(self.mesh, trace, lambda: delaunay, whitened=True)
+        assert np.isfinite(f).all()
+        np.testing.assert_allclose(abs(f), 1, atol=1e-14)
+        assert (increments(f) > 0).all()
+        assert increments(f).sum() == pytest.approx(2 * np.pi)
+        return method
+
+    def test_geodesic_first(self):
+        method = self.run(self.good, None)
+        assert (method.name, method.rejected, str(method)) == ("geodesic", (), "geodesic")
+
+    def test_delaunay_trace_second(self):
+        method = self.run(self.crossing, self.good)
+        assert method.name == "geodesic on the intrinsic Delaunay trace"
+        assert len(method.rejected) == 1
+        assert method.rejected[0].startswith("geodesic: not ")
+
+    def test_radial_and_arc_length(self):
+        assert self.run(self.folded, self.folded).name == "radial"
+        method = self.run(0 * self.good, np.full(self.n, complex(np.nan)))
+        assert method.name == "arc length"
+        assert len(method.rejected) == 4
+
+
+def test_a_mesh_that_needs_the_delaunay_trace(real_mesh):
+    result = cdcp_igl.disk_map(*real_mesh("face_1180_ears"))
+    assert result.trace.name == "geodesic on the intrinsic Delaunay trace"
+    assert result.distortion.mean < 5.65

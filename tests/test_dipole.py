@@ -1,0 +1,32 @@
+import meshes
+import numpy as np
+import pytest
+
+from cdcp_igl.dipole import boundary_trace, dipole
+from cdcp_igl.factor import Factor
+from cdcp_igl.laplacian import cotangent_laplacian
+from cdcp_igl.mesh import DiskMesh
+
+
+@pytest.mark.parametrize("face", [0, 33, 69])
+def test_dipole_is_the_gradient_on_its_face(face):
+    mesh = DiskMesh(*meshes.grid())
+    r = dipole(mesh, face)
+    assert np.count_nonzero(r) == 3
+    assert abs(r.sum()) < 1e-14
+    # Applied to a linear function u, it gives |e| (u_x - i u_y) in the frame of the face.
+    i, j, k = mesh.F[face]
+    e = mesh.V[j] - mesh.V[i]
+    length = np.linalg.norm(e)
+    height = mesh.V[k] - mesh.V[i] - (mesh.V[k] - mesh.V[i]) @ e / length**2 * e
+    x = (mesh.V - mesh.V[i]) @ e / length
+    y = (mesh.V - mesh.V[i]) @ height / np.linalg.norm(height)
+    assert r @ x == pytest.approx(length)
+    assert r @ y == pytest.approx(-1j * length)
+
+
+def test_trace_is_clockwise():
+    mesh = DiskMesh(*meshes.grid())
+    L = cotangent_laplacian(mesh)
+    z = boundary_trace(mesh, Factor(mesh, L), 33)
+    assert (z.conj() * np.roll(z, -1)).imag.sum() < 0

@@ -1,0 +1,100 @@
+from fractions import Fraction
+
+import meshes
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import cdcp_igl
+from cdcp_igl.injectivity import certify
+from cdcp_igl.mesh import DiskMesh
+
+MESH = DiskMesh(*meshes.grid())
+UV = cdcp_igl.cdcp(*meshes.grid())
+
+
+def test_a_good_map():
+    certificate = certify(MESH, UV)
+    assert certificate.valid
+    assert certificate.boundary_error < 1e-15
+    assert certificate.winding_number == 1
+    assert "0 flipped faces" in str(certificate)
+
+
+def test_interior_vertex_pulled_over_an_edge():
+    bad = UV.copy()
+    bad[MESH.interior[0]] = UV[MESH.interior[-1]]
+    certificate = certify(MESH, bad)
+    assert not certificate.valid
+    assert certificate.on_circle
+    flipped = [
+        f
+        for f, (i, j, k) in enumerate(MESH.F)
+        if np.linalg.det([bad[j] - bad[i], bad[k] - bad[i]]) <= 0
+    ]
+    assert certificate.flipped.tolist() == flipped
+
+
+def test_boundary_off_the_circle():
+    bad = UV.copy()
+    bad[MESH.loop[3]] *= 1 + 1e-9
+    certificate = certify(MESH, bad)
+    assert not certificate.valid
+    assert certificate.boundary_error == pytest.approx(1e-9, rel=1e-5)
+
+
+def test_boundary_neighbours_exchanged():
+    bad = UV.copy()
+    bad[MESH.loop[[4, 5]]] = UV[MESH.loop[[5, 4]]]
+    certificate = certify(MESH, bad)
+    assert not certificate.boundary_monotone
+    assert not certificate.valid
+
+
+def test_boundary_neighbours_coincide():
+    bad = UV.copy()
+    bad[MESH.loop[4]] = UV[MESH.loop[5]]
+    assert not certify(MESH, bad).boundary_monotone
+
+
+def test_mirror_image():
+    certificate = certify(MESH, UV * [1, -1])
+    assert len(certificate.flipped) == len(MESH.F)
+    assert certificate.winding_number != 1
+
+
+def test_winding_twice():
+    fan = DiskMesh(*meshes.fan(9))
+    t = 4 * np.pi * np.arange(9) / 9
+    uv = np.vstack([np.column_stack([np.cos(t), np.sin(t)]), [[0, 0]]])
+    certificate = certify(fan, uv)
+    assert certificate.winding_number == 2
+    assert len(certificate.flipped) == 0  # only the winding number gives it away
+    assert not certificate.valid
+
+
+def test_not_finite():
+    bad = UV.copy()
+    bad[0, 0] = np.nan
+    certificate = certify(MESH, bad)
+    assert not certificate.valid
+    assert str(certificate) == "not finite"
+
+
+@given(st.lists(st.integers(-2, 2), min_size=2, max_size=2))
+def test_orientation_is_exact_where_rounding_is_not(ulps):
+    # A needle about a vertex on the line y = x: a few ulps decide on its sign.
+    fan = DiskMesh(*meshes.fan(3))
+    uv = np.array([[12.0, 12.0], [24.0, 24.0], [0.0, 25.0], [0.5, 0.5]])
+    for axis, steps in enumerate(ulps):
+        uv[3, axis] += steps * np.spacing(0.5)
+    exact = [f for f, (i, j, k) in enumerate(fan.F) if _exact_area(*uv[i], *uv[j], *uv[k]) <= 0]
+    certificate = certify(fan, uv)
+    assert certificate.flipped.tolist() == exact
+    assert certificate.n_exact >= 1
+
+
+def _exact_area(ax, ay, bx, by, cx, cy):
+    ax, ay, bx, by, cx, cy = map(Fraction, map(float, (ax, ay, bx, by, cx, cy)))
+    return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)

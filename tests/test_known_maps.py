@@ -1,0 +1,50 @@
+"""Convergence to maps known in closed form, up to the Möbius group."""
+
+import numpy as np
+import pytest
+
+import cdcp_igl
+from cdcp_igl import datasets
+from cdcp_igl.mesh import DiskMesh
+
+SURFACES = [datasets.square, datasets.ellipse, datasets.spherical_cap, datasets.paraboloid]
+
+
+def through_three_points(z, w, at):
+    """The Möbius transformation of z that agrees with w in three places."""
+
+    def to_zero_one_infinity(a, b, c):
+        return np.array([[b - c, -a * (b - c)], [b - a, -c * (b - a)]])
+
+    (a, b), (c, d) = np.linalg.inv(to_zero_one_infinity(*w[at])) @ to_zero_one_infinity(*z[at])
+    return (a * z + b) / (c * z + d)
+
+
+def error(surface, resolution):
+    """Root mean square error against the exact map, three boundary points made to agree."""
+    V, F, exact = surface(resolution)
+    loop = DiskMesh(V, F).loop
+    z, w = cdcp_igl.cdcp(V, F) @ [1, 1j], exact @ [1, 1j]
+    thirds = loop[[0, len(loop) // 3, 2 * len(loop) // 3]]
+    return np.sqrt((abs(through_three_points(z, w, thirds) - w) ** 2).mean())
+
+
+@pytest.mark.parametrize("surface", SURFACES)
+def test_error_falls_with_the_square_of_the_mesh_size(surface):
+    errors = [error(surface, resolution) for resolution in (12, 24, 48)]
+    rate = np.log2(errors[0] / errors[-1]) / 2
+    assert rate > 1.8
+    assert errors[-1] < 3e-4
+
+
+@pytest.mark.parametrize("surface", SURFACES)
+def test_generated_surface_and_its_map_are_valid(surface):
+    V, F, uv = surface(9)
+    mesh = DiskMesh(V, F)
+    assert cdcp_igl.check(V, F).n_ears == 0
+    assert np.hypot(*uv[mesh.loop].T) == pytest.approx(1)
+    assert (np.hypot(*uv[mesh.interior].T) < 1).all()
+    coarse, fine = (
+        cdcp_igl.angle_distortion(V, F, uv).mean() for V, F, uv in (surface(12), surface(24))
+    )
+    assert fine < 0.6 * coarse < 3  # the exact map, not some other one

@@ -1,0 +1,35 @@
+import igl
+import meshes
+import numpy as np
+import pytest
+
+from cdcp_igl.laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
+from cdcp_igl.mesh import DiskMesh
+
+
+@pytest.fixture(params=[meshes.grid(), meshes.fan(5), meshes.strip(), meshes.TRIANGLE])
+def mesh(request):
+    return DiskMesh(*request.param)
+
+
+def test_is_the_negative_of_libigls(mesh):
+    difference = cotangent_laplacian(mesh) + igl.cotmatrix(mesh.V, mesh.F)
+    assert abs(difference).max() < 1e-13
+
+
+def test_symmetric_to_the_last_bit_with_zero_row_sums(mesh):
+    L = cotangent_laplacian(mesh)
+    assert (L != L.T).nnz == 0
+    assert abs(L.sum(axis=1)).max() < 1e-13
+
+
+def test_intrinsic_delaunay_laplacian_has_no_negative_weight_inside():
+    V, F = meshes.grid()
+    mesh = DiskMesh(V * [9, 1, 1], F)
+    plain, delaunay = cotangent_laplacian(mesh), intrinsic_delaunay_laplacian(mesh)
+    inside = np.ix_(mesh.interior, mesh.interior)
+    off_diagonal = ~np.eye(len(mesh.interior), dtype=bool)
+    assert plain.toarray()[inside][off_diagonal].max() > 0.1
+    assert delaunay.toarray()[inside][off_diagonal].max() < 1e-12
+    x = mesh.V[:, 0]
+    assert x @ delaunay @ x <= x @ plain @ x  # Rippa: Delaunay has the least energy

@@ -1,0 +1,87 @@
+"""DiskMesh: what it accepts, and what it promises."""
+
+import meshes
+import numpy as np
+import pytest
+
+import cdcp_igl
+from cdcp_igl.mesh import DiskMesh
+
+V, F = meshes.grid()
+
+
+@pytest.mark.parametrize(
+    ("positions", "faces"),
+    [
+        (V.tolist(), F.tolist()),
+        (V.astype(np.float32).astype(float), F.astype(np.int32)),
+        (V, F.astype(np.uint16)),
+        (V, F.astype(np.uint64)),
+        (V, F.astype(float)),
+        (np.asfortranarray(V), np.asfortranarray(F)),
+        (V[:, ::-1][:, ::-1], F[::-1][::-1]),
+    ],
+    ids=["lists", "int32", "uint16", "uint64", "whole floats", "Fortran order", "strides"],
+)
+def test_array_variants_give_the_same_map(positions, faces):
+    expected = cdcp_igl.cdcp(V, F)
+    np.testing.assert_allclose(cdcp_igl.cdcp(positions, faces), expected, atol=1e-6)
+
+
+def test_float32_and_read_only_are_accepted():
+    positions, faces = V.astype(np.float32), F.copy()
+    positions.flags.writeable = faces.flags.writeable = False
+    uv = cdcp_igl.cdcp(positions, faces)
+    assert uv.dtype == np.float64
+    np.testing.assert_array_equal(uv, cdcp_igl.cdcp(positions.astype(float), faces))
+
+
+def test_two_columns_are_a_planar_mesh():
+    flat = V.copy()
+    flat[:, 2] = 0
+    np.testing.assert_array_equal(cdcp_igl.cdcp(flat[:, :2], F), cdcp_igl.cdcp(flat, F))
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [meshes.TRIANGLE, meshes.TWO_TRIANGLES, meshes.strip(), meshes.fan(3), meshes.fan(9)],
+    ids=["one triangle", "two triangles", "no interior", "fan of 3", "fan of 9"],
+)
+@pytest.mark.parametrize("options", [{}, {"preset": "paper"}, {"mobius": "area"}], ids=str)
+def test_smallest_disks(mesh, options):
+    result = cdcp_igl.disk_map(*mesh, **options)
+    assert result.certificate.valid
+    assert len(result.uv) == len(mesh[0])
+
+
+def test_loop_and_interior():
+    mesh = DiskMesh(*meshes.grid(3, 4))
+    assert mesh.loop.tolist() == [0, 1, 2, 3, 7, 11, 10, 9, 8, 4]
+    assert mesh.interior.tolist() == [5, 6]
+
+
+def test_immutable_and_inputs_untouched():
+    positions, faces = V.copy(), F.astype(np.int64)
+    mesh = DiskMesh(positions, faces)
+    for array in (mesh.V, mesh.F, mesh.loop, mesh.interior):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+    with pytest.raises(AttributeError, match="immutable"):
+        mesh.V = positions
+    assert positions.flags.writeable
+    assert faces.flags.writeable
+    cdcp_igl.cdcp(positions, faces)
+    np.testing.assert_array_equal(positions, V)
+    np.testing.assert_array_equal(faces, F)
+
+
+def test_scaling_is_exact():
+    mesh = DiskMesh(V, F)
+    ratio = V[V != 0] / mesh.V[V != 0]
+    assert (ratio == ratio[0]).all()
+    assert np.frexp(ratio[0])[0] == 0.5
+    assert 0.5 <= abs(mesh.V).max() < 1
+
+
+def test_repr():
+    assert repr(DiskMesh(V, F)) == "DiskMesh(48 vertices, 70 faces, 24 boundary vertices)"
