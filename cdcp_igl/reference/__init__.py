@@ -2,13 +2,14 @@
 
 Examples
 --------
->>> import cdcp_igl
 >>> from cdcp_igl.reference import METHODS
 >>> V = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 1, 1]]
 >>> F = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
->>> for name, method in METHODS.items():
-...     distortion = cdcp_igl.angle_distortion(V, F, method.function(V, F))
-...     print(f"{name:<12} {method.boundary}  {distortion.mean():.2f} degrees")
+>>> uv = METHODS["fdcp"].function(V, F)
+>>> uv.shape
+(5, 2)
+>>> [name for name, method in METHODS.items() if method.boundary == "free"]
+['lscm', 'spectral']
 """
 
 from .beltrami import beltrami_coefficient, generalized_laplacian, linear_beltrami_solver

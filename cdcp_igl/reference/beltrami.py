@@ -39,10 +39,10 @@ def beltrami_coefficient(p: Complex, F: Ints, M: Floats) -> Complex:
         their own in space.
     """
     edges = _opposite_edges(p, F)
-    twice_area = _twice_area(edges)
     # The hat function of corner k has the gradient i times edge k over twice the area.
-    gradient = np.einsum("fk,fkd->fd", 1j * edges / twice_area[:, None], M[F])  # M_x + i M_y
-    stretch = 2 * face_areas(M, F) / abs(twice_area)  # sqrt(E G - H^2)
+    # That area cancels, so that a collapsed face does no harm.
+    gradient = np.einsum("fk,fkd->fd", 1j * edges, M[F])  # M_x + i M_y, times twice the area
+    stretch = 2 * face_areas(M, F) * abs(_twice_area(edges))  # sqrt(E G - H^2), likewise
     return (gradient**2).sum(axis=1) / ((abs(gradient) ** 2).sum(axis=1) + 2 * stretch)
 
 

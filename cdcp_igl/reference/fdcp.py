@@ -68,6 +68,12 @@ def fdcp(V: ArrayLike, F: ArrayLike, *, mirror_factor: float = 1 / 3) -> Floats:
     if not 0 <= mirror_factor <= 1:
         raise ValueError(f"mirror_factor must lie between 0 and 1, not {mirror_factor!r}")
     mesh = DiskMesh(V, F)
+    # A chart in which a face collapses leads to NaN, and that to SolverError or MapError.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return certified_disk_map(mesh, _fdcp(mesh, mirror_factor))
+
+
+def _fdcp(mesh: DiskMesh, mirror_factor: float) -> Complex:
     B = mesh.loop
     L = cotangent_laplacian(mesh)
     disk_problem = Dirichlet(L, B)
@@ -82,7 +88,7 @@ def fdcp(V: ArrayLike, F: ArrayLike, *, mirror_factor: float = 1 / 3) -> Floats:
         w = _south_step(mesh, z, mu, mirror_factor)
         z = disk_problem.solve(w[B] / abs(w[B]))
         mu = beltrami_coefficient(z, mesh.F, mesh.V)
-    return certified_disk_map(mesh, z / z[B[0]])
+    return z / z[B[0]]
 
 
 def _best_edge_to_one(mesh: DiskMesh, z: Complex) -> Complex:

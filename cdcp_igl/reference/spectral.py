@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import block_diag, diags
-from scipy.sparse.linalg import LinearOperator, eigsh
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from .. import libigl
 from ..arrays import Floats
 from ..cholmod import Cholesky
 from ..circle import by_arc_length
+from ..errors import SolverError
 from ..laplacian import cotangent_laplacian
 from ..mesh import DiskMesh
 from .certified import checked_free_map
@@ -50,7 +51,7 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     MeshError
         If the input is not a triangulated disk.
     SolverError
-        If the energy's matrix cannot be factored.
+        If the energy's matrix cannot be factored, or the eigensolver fails.
     MapError
         If the map is not finite or has collapsed; its ``result`` is a `ReferenceMap`.
 
@@ -84,7 +85,10 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     )
     circle = by_arc_length(mesh)
     start = np.concatenate([circle.real, circle.imag])
-    _, vectors = eigsh(operator, k=1, which="LA", v0=start)
+    try:
+        _, vectors = eigsh(operator, k=1, which="LA", v0=start)
+    except ArpackError as error:
+        raise SolverError(f"ARPACK found no conformal eigenvector: {error}") from error
     u, v = extend(vectors[:, 0]).reshape(2, n)
     f = u + 1j * v
     f -= f[mesh.loop].mean()
