@@ -51,7 +51,7 @@ def cdcp(V: ArrayLike, F: ArrayLike, **options: Any) -> Floats:
     Examples
     --------
     >>> import cdcp_igl
-    >>> V, F = cdcp_igl.datasets.spherical_cap(20)
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(20)
     >>> uv = cdcp_igl.cdcp(V, F)
     >>> uv.shape == (len(V), 2)
     True

@@ -10,6 +10,7 @@ import numpy as np
 from .arrays import Ints
 
 if TYPE_CHECKING:
+    from .reference.certified import ReferenceMap
     from .result import DiskMap
 
 __all__ = ["Defect", "MapError", "MeshError", "SolverError"]
@@ -84,11 +85,12 @@ class MapError(RuntimeError):
 
     Attributes
     ----------
-    result : DiskMap or None
-        The map as it is, with the certificate that says what is wrong with it.
+    result : DiskMap, ReferenceMap or None
+        The map as it is, with the certificate that says what is wrong with it; a
+        ReferenceMap from the methods of `cdcp_igl.reference`.
     """
 
-    def __init__(self, message: str, result: DiskMap | None = None) -> None:
+    def __init__(self, message: str, result: DiskMap | ReferenceMap | None = None) -> None:
         self.result = result
         super().__init__(message)
 

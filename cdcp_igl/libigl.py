@@ -19,11 +19,15 @@ from .arrays import Bools, Floats, Ints
 
 __all__ = [
     "VERSION",
+    "adjacency_matrix",
     "half_cotangents",
+    "harmonic",
     "internal_angles",
     "intrinsic_delaunay_cotangent_matrix",
     "is_counterclockwise",
+    "lscm",
     "read_triangle_mesh",
+    "vector_area_matrix",
     "write_obj",
     "write_ply",
 ]
@@ -31,9 +35,19 @@ __all__ = [
 VERSION = version("libigl")
 
 
+def adjacency_matrix(F: Ints) -> csc_matrix:
+    """(n, n) matrix of int64 with 1 for each edge, symmetric."""
+    return igl.adjacency_matrix(F)
+
+
 def half_cotangents(V: Floats, F: Ints) -> Floats:
     """(m, 3) half cotangents; column k belongs to the angle at corner k."""
     return np.asarray(igl.cotmatrix_entries(V, F))
+
+
+def harmonic(V: Floats, F: Ints, S: Ints, c: Floats) -> Floats:
+    """(n, 2) cotangent-harmonic extension of the values c (k, 2) at the vertices S."""
+    return igl.harmonic(V, F, S, c, 1)
 
 
 def internal_angles(V: Floats, F: Ints) -> Floats:
@@ -52,9 +66,19 @@ def is_counterclockwise(triangles: Floats) -> Bools:
     return np.array([igl.predicates.orient2d(*t) == positive for t in triangles], dtype=bool)
 
 
+def lscm(V: Floats, F: Ints, S: Ints, c: Floats) -> Floats:
+    """(n, 2) least squares conformal map with the vertices S pinned at c (k, 2)."""
+    return igl.lscm(V, F, S, c)[0]
+
+
 def read_triangle_mesh(path: Path) -> tuple[Floats, Ints]:
     """(n, 3) vertices and (m, 3) faces of an obj, off, ply or stl file."""
     return igl.read_triangle_mesh(str(path))
+
+
+def vector_area_matrix(F: Ints) -> csc_matrix:
+    """(2n, 2n) symmetric A such that [u; v]^T A [u; v] is the signed area of the map (u, v)."""
+    return igl.vector_area_matrix(F)
 
 
 def write_obj(path: Path, V: Floats, F: Ints, uv: Floats) -> None:

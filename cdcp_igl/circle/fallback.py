@@ -14,7 +14,7 @@ from .geodesic import geodesic_map
 from .theodorsen import theodorsen_map
 from .whiten import whiten
 
-__all__ = ["BoundaryMethod", "map_to_circle"]
+__all__ = ["BoundaryMethod", "by_arc_length", "map_to_circle"]
 
 
 # On nefertiti_299 (34 boundary vertices) subdivision lowers the mean angular distortion
@@ -83,7 +83,7 @@ def map_to_circle(
             f_B = f_B / f_B[0]
             return f_B / abs(f_B), BoundaryMethod(name, tuple(rejected))
         rejected.append(f"{name}: {objection}")
-    return _by_arc_length(mesh), BoundaryMethod("arc length", tuple(rejected))
+    return by_arc_length(mesh), BoundaryMethod("arc length", tuple(rejected))
 
 
 def _whitened_geodesic_map(trace: Complex) -> Complex:
@@ -120,12 +120,12 @@ def _radial(z: Complex) -> Complex:
         return _around(np.maximum(steps, 1e-3 * chords / chords.sum()))
 
 
-def _by_arc_length(mesh: DiskMesh) -> Complex:
-    """Boundary vertices around the circle in proportion to their distances."""
+def by_arc_length(mesh: DiskMesh) -> Complex:
+    """(nB,) boundary vertices around the circle in proportion to their distances, from 1."""
     points = mesh.V[mesh.loop]
     return _around(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1))
 
 
 def _around(steps: Floats) -> Complex:
-    """Points on the unit circle with arcs in the given proportions."""
-    return np.exp(2j * np.pi * (np.cumsum(steps) - steps[0]) / steps.sum())
+    """Points on the unit circle, from 1, each followed by its step in proportion."""
+    return np.exp(2j * np.pi * (np.cumsum(steps) - steps) / steps.sum())

@@ -1,0 +1,125 @@
+"""Beltrami coefficients, the generalised Laplacian, and the linear Beltrami solver.
+
+A chart is a complex coordinate p of the vertices, in which each face is a triangle of
+either orientation. Gradients in a chart are written as complex numbers d/dx + i d/dy.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix
+
+from ..areas import face_areas
+from ..arrays import Complex, Floats, Ints
+from .dirichlet import Dirichlet
+
+__all__ = ["beltrami_coefficient", "generalized_laplacian", "linear_beltrami_solver"]
+
+
+def beltrami_coefficient(p: Complex, F: Ints, M: Floats) -> Complex:
+    """Beltrami coefficient of the piecewise linear map from a chart to a surface.
+
+    On each face, mu = (E - G + 2i H) / (E + G + 2 sqrt(E G - H^2)) with the first
+    fundamental form E = M_x.M_x, H = M_x.M_y, G = M_y.M_y of the map M(p), p = x + iy. It
+    is 0 where the chart has the angles of the surface, and 1 in modulus where either one
+    has collapsed.
+
+    Parameters
+    ----------
+    p : (n,) complex128
+        Chart.
+    F : (m, 3) int64
+    M : (n, 3) float64
+        Positions of the vertices in space.
+
+    Returns
+    -------
+    (m,) complex128
+        One coefficient a face, at most 1 in modulus: surfaces have no orientation of
+        their own in space.
+    """
+    edges = _opposite_edges(p, F)
+    # The hat function of corner k has the gradient i times edge k over twice the area.
+    # That area cancels, so that a collapsed face does no harm.
+    gradient = np.einsum("fk,fkd->fd", 1j * edges, M[F])  # M_x + i M_y, times twice the area
+    stretch = 2 * face_areas(M, F) * abs(_twice_area(edges))  # sqrt(E G - H^2), likewise
+    return (gradient**2).sum(axis=1) / ((abs(gradient) ** 2).sum(axis=1) + 2 * stretch)
+
+
+def generalized_laplacian(p: Complex, F: Ints, mu: Complex) -> csr_matrix:
+    """Assemble the generalised Laplacian G(p, mu) of div(A grad u) = 0.
+
+    Maps of the chart with Beltrami coefficient mu have coordinates u that satisfy this
+    equation with ::
+
+        A = 1/(1 - |mu|^2) [ |1 - mu|^2    -2 Im mu   ]
+                           [ -2 Im mu      |1 + mu|^2 ]
+
+    To first order such a map is p + mu conj(p) up to a similarity, so G is the cotangent
+    Laplacian of faces with the edges e + mu conj(e). In particular, when mu belongs to
+    the map from the chart to a surface, those faces are similar to the surface's own, and
+    **G(p, mu) is the cotangent Laplacian of the surface, whatever the chart**.
+
+    Parameters
+    ----------
+    p : (n,) complex128
+        Chart.
+    F : (m, 3) int64
+    mu : (m,) complex128
+        Beltrami coefficients, less than 1 in modulus.
+
+    Returns
+    -------
+    (n, n) csr_matrix of float64
+        Symmetric, positive semidefinite, rows sum to zero.
+
+    References
+    ----------
+    L. M. Lui, K. C. Lam, T. W. Wong, X. Gu. Texture map and video compression using
+    Beltrami representation. SIAM J. Imaging Sci. 6(4), 2013.
+    """
+    edges = _opposite_edges(p, F)
+    edges = edges + mu[:, None] * edges.conj()
+    twice_area = abs(_twice_area(edges))
+    elements = (edges.conj()[:, :, None] * edges[:, None, :]).real / (2 * twice_area[:, None, None])
+    rows, columns = np.repeat(F, 3, axis=1), np.tile(F, 3)
+    return coo_matrix((elements.ravel(), (rows.ravel(), columns.ravel())), (len(p), len(p))).tocsr()
+
+
+def linear_beltrami_solver(p: Complex, F: Ints, mu: Complex, S: Ints, c: Complex) -> Complex:
+    """Find the map of a chart with a given Beltrami coefficient and given values on S.
+
+    Parameters
+    ----------
+    p : (n,) complex128
+        Chart.
+    F : (m, 3) int64
+    mu : (m,) complex128
+        Beltrami coefficients, less than 1 in modulus.
+    S : (k,) int64
+        Distinct vertices, at least one.
+    c : (k,) complex128
+        Their images.
+
+    Returns
+    -------
+    (n,) complex128
+        The map; its coefficient is mu as nearly as the triangulation and c allow.
+
+    Raises
+    ------
+    SolverError
+        If the generalised Laplacian cannot be factored.
+    """
+    return Dirichlet(generalized_laplacian(p, F, mu), S).solve(c)
+
+
+def _opposite_edges(p: Complex, F: Ints) -> Complex:
+    """(m, 3) edge vectors; column k is the edge opposite corner k, counterclockwise."""
+    corners = p[F]
+    return np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
+
+
+def _twice_area(edges: Complex) -> Floats:
+    """(m,) twice the signed area of triangles given by their edge vectors."""
+    return (edges[:, 0].conj() * edges[:, 1]).imag

@@ -1,0 +1,86 @@
+"""What a reference method has to pass before its map is returned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Complex, Floats
+from ..errors import MapError
+from ..injectivity import Certificate, certify
+from ..mesh import DiskMesh
+
+__all__ = ["ReferenceMap", "certified_disk_map", "checked_free_map"]
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceMap:
+    """A map that a reference method computed and had to reject: `MapError.result`.
+
+    Attributes
+    ----------
+    uv : (n, 2) float64
+        Row i is the image of row i of V.
+    certificate : Certificate
+        What was verified about `uv`. Of a map with free boundary only ``finite`` and
+        ``flipped`` matter.
+    """
+
+    uv: Floats
+    certificate: Certificate
+
+
+def certified_disk_map(mesh: DiskMesh, f: Complex) -> Floats:
+    """Return a map onto the disk as (n, 2) coordinates, if it is a bijection.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    f : (n,) complex128
+
+    Returns
+    -------
+    (n, 2) float64
+
+    Raises
+    ------
+    MapError
+        If the certificate is not valid.
+    """
+    result = _certified(mesh, f)
+    if not result.certificate.valid:
+        raise MapError(f"The map is not a bijection onto the disk: {result.certificate}", result)
+    return result.uv
+
+
+def checked_free_map(mesh: DiskMesh, f: Complex) -> Floats:
+    """Return a map with free boundary as (n, 2) coordinates, if it is one at all.
+
+    Such a map may overlap itself and flip faces; ``certify(mesh, uv).flipped`` lists them.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    f : (n,) complex128
+
+    Returns
+    -------
+    (n, 2) float64
+
+    Raises
+    ------
+    MapError
+        If a coordinate is not finite, or no face at all is counterclockwise.
+    """
+    result = _certified(mesh, f)
+    if not result.certificate.finite:
+        raise MapError("The map is not finite", result)
+    if len(result.certificate.flipped) == len(mesh.F):
+        raise MapError("The map has collapsed: no face is counterclockwise", result)
+    return result.uv
+
+
+def _certified(mesh: DiskMesh, f: Complex) -> ReferenceMap:
+    uv = np.column_stack([f.real, f.imag])
+    return ReferenceMap(uv, certify(mesh, uv))

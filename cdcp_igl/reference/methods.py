@@ -1,0 +1,55 @@
+"""The table of methods that the command line and the benchmarks read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
+
+from numpy.typing import ArrayLike
+
+from ..arrays import Floats
+from ..cdcp import cdcp
+from .double_cover import double_cover
+from .fdcp import fdcp
+from .harmonic import harmonic
+from .ldcp import ldcp
+from .lscm import lscm
+from .spectral import spectral
+
+__all__ = ["METHODS", "Method"]
+
+
+@dataclass(frozen=True)
+class Method:
+    """A way to map a triangulated disk to the plane.
+
+    Attributes
+    ----------
+    function : callable
+        ``function(V, F)`` returns (n, 2) float64, rows as in V, and raises MeshError,
+        SolverError or MapError.
+    boundary : {"disk", "free"}
+        A certified bijection onto the unit disk; or a map with free boundary, which may
+        flip faces and is to be compared on angles only.
+    citation : str
+        Where it comes from.
+    """
+
+    function: Callable[[ArrayLike, ArrayLike], Floats]
+    boundary: Literal["disk", "free"]
+    citation: str
+
+
+METHODS: Mapping[str, Method] = MappingProxyType(
+    {
+        "cdcp": Method(cdcp, "disk", "Yueh et al., CDCP, eq. (18)"),
+        "double_cover": Method(double_cover, "disk", "Yueh et al., CDCP, eq. (17)"),
+        "fdcp": Method(fdcp, "disk", "Choi and Lui 2015"),
+        "ldcp": Method(ldcp, "disk", "Choi and Lui 2018"),
+        "harmonic": Method(harmonic, "disk", "Eck et al. 1995"),
+        "lscm": Method(lscm, "free", "Lévy et al. 2002"),
+        "spectral": Method(spectral, "free", "Mullen et al. 2008"),
+    }
+)

@@ -1,0 +1,162 @@
+"""What every method of the table promises."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from cdcp_igl import MapError, MeshError, angle_distortion
+from cdcp_igl.injectivity import certify
+from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.reference import METHODS, fdcp, harmonic, ldcp
+from cdcp_igl.reference.certified import certified_disk_map, checked_free_map
+
+SIDE = 9
+
+
+def saddle():
+    """A bent square with diagonals that leave no face with two boundary edges."""
+    x, y = (axis.ravel() for axis in np.meshgrid(*2 * [np.linspace(-1, 1, SIDE)]))
+    faces = []
+    for row in range(SIDE - 1):
+        for column in range(SIDE - 1):
+            a = row * SIDE + column
+            b, c, d = a + 1, a + SIDE + 1, a + SIDE
+            rising = (row < SIDE // 2) == (column < SIDE // 2)
+            faces += [[a, b, c], [a, c, d]] if rising else [[a, b, d], [b, c, d]]
+    return np.column_stack([x, y, x * y / 2]), np.array(faces, dtype=np.int32)
+
+
+def star(arms, radius, shift):
+    """A fan between long and short spokes: obtuse at the boundary, weights negative."""
+    t = 2 * np.pi * np.arange(arms) / arms
+    r = np.where(np.arange(arms) % 2, radius, 1)
+    rim = np.column_stack([r * np.cos(t), r * np.sin(t)])
+    V = np.vstack([rim, [shift * radius, shift * radius / 2]])
+    return V, np.array([[i, (i + 1) % arms, arms] for i in range(arms)])
+
+
+methods = pytest.mark.parametrize("name", list(METHODS))
+
+
+@methods
+def test_result(name):
+    method = METHODS[name]
+    V, F = saddle()
+    given = V.copy(), F.copy()
+    uv = method.function(V, F)
+    assert np.array_equal(V, given[0])
+    assert np.array_equal(F, given[1])
+    assert uv.shape == (len(V), 2)
+    assert uv.dtype == np.float64
+    assert np.array_equal(method.function(V, F), uv)
+
+    mesh = DiskMesh(V, F)
+    certificate = certify(mesh, uv)
+    assert len(certificate.flipped) == 0
+    assert certificate.valid == (method.boundary == "disk")
+    if method.boundary == "disk":
+        assert uv[mesh.loop[0]] == pytest.approx([1, 0], abs=1e-12)
+
+
+@methods
+def test_renumbered_rows_follow_v(name):
+    V, F = saddle()
+    order = np.random.default_rng(0).permutation(len(V))
+    uv = METHODS[name].function(V[order], np.argsort(order)[F])
+    mean = angle_distortion(V[order], np.argsort(order)[F], uv).mean()
+    assert mean < 15
+    assert angle_distortion(V, F, uv[np.argsort(order)]).mean() == pytest.approx(mean)
+
+
+@methods
+def test_input_that_is_no_disk(name):
+    V, F = saddle()
+    with pytest.raises(MeshError) as error:
+        METHODS[name].function(V, F[np.arange(len(F)) != 60])
+    assert error.value.defect == "several boundary loops"
+
+
+@methods
+def test_a_single_triangle(name):
+    V, F = [[0, 0], [1, 0], [0.4, 0.8]], [[0, 1, 2]]
+    uv = METHODS[name].function(V, F)
+    assert len(certify(DiskMesh(V, F), uv).flipped) == 0
+
+
+@pytest.mark.parametrize("name", ["fdcp", "ldcp"])
+def test_a_map_that_is_no_bijection_comes_with_the_error(name):
+    mesh = star(8, 0.1, 0.1)
+    with pytest.raises(MapError) as error:
+        METHODS[name].function(*mesh)
+    result = pickle.loads(pickle.dumps(error.value)).result
+    assert not result.certificate.valid
+    assert result.uv.shape == mesh[0].shape
+
+
+def test_cotangents_flip_faces_of_slivers_and_uniform_weights_do_not(real_mesh):
+    V, F = real_mesh("cthead_115491")
+    with pytest.raises(MapError) as error:
+        harmonic(V, F)
+    assert len(error.value.result.certificate.flipped) > 1000
+    assert certify(DiskMesh(V, F), harmonic(V, F, tutte=True)).valid
+
+
+def test_tutte_puts_every_interior_vertex_in_the_middle_of_its_neighbours():
+    V, F = saddle()
+    uv = harmonic(V, F, tutte=True)
+    for vertex in DiskMesh(V, F).interior:
+        neighbours = np.setdiff1d(F[(vertex == F).any(axis=1)], [vertex])
+        assert uv[vertex] == pytest.approx(uv[neighbours].mean(axis=0), abs=1e-13)
+
+
+def test_harmonic_boundary_arcs_are_proportional_to_lengths():
+    V, F = saddle()
+    mesh = DiskMesh(V * [1, 3, 1], F)
+    uv = harmonic(mesh.V, F)[mesh.loop]
+    points = mesh.V[mesh.loop]
+    lengths = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
+    z = uv[:, 0] + 1j * uv[:, 1]
+    arcs = np.angle(np.roll(z, -1) / z)
+    assert arcs == pytest.approx(2 * np.pi * lengths / lengths.sum())
+
+
+@pytest.mark.parametrize("name", ["lscm", "spectral"])
+def test_free_boundary_maps_leave_a_plane_mesh_as_it_is(name):
+    V, F = saddle()
+    plane = V[:, :2] * [1, 3]
+    assert angle_distortion(plane, F, METHODS[name].function(plane, F)).max() < 1e-5
+
+
+def test_flips_are_no_error_with_a_free_boundary():
+    mesh = DiskMesh(*saddle())
+    f = mesh.V[:, 0] + 1j * mesh.V[:, 1]
+    f[SIDE + 1] += 1
+    uv = checked_free_map(mesh, f)
+    assert 0 < len(certify(mesh, uv).flipped) < len(mesh.F)
+    with pytest.raises(MapError, match="not a bijection"):
+        certified_disk_map(mesh, f)
+
+
+@pytest.mark.parametrize(("broken", "message"), [(np.nan, "not finite"), (0, "collapsed")])
+def test_free_boundary_maps_that_are_none(broken, message):
+    mesh = DiskMesh(*saddle())
+    with pytest.raises(MapError, match=message) as error:
+        checked_free_map(mesh, np.full(len(mesh.V), complex(broken)))
+    assert error.value.result.uv.shape == (len(mesh.V), 2)
+
+
+@pytest.mark.parametrize("factor", [-0.1, 1.1, float("nan")])
+def test_mirror_factor_out_of_range(factor):
+    with pytest.raises(ValueError, match="mirror_factor"):
+        fdcp(*saddle(), mirror_factor=factor)
+
+
+def test_too_few_pinned_points():
+    with pytest.raises(ValueError, match="pinned"):
+        ldcp(*saddle(), pinned=2)
+
+
+def test_table_is_read_only():
+    with pytest.raises(TypeError):
+        METHODS["fdcp"] = METHODS["ldcp"]
