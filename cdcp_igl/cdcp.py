@@ -140,13 +140,17 @@ def disk_map(
     with phase("extension"):
         f = harmonic_extension(mesh, L, factor, f_B)  # (10)
     with phase("mobius"):
-        f, normalization = normalize(mesh, f, "nelder-mead" if paper else mobius)  # (19), (20)
+        f, normalization, residual = normalize(
+            mesh, f, "nelder-mead" if paper else mobius
+        )  # (19), (20)
     with phase("repair"):
         f, repair = unfold(mesh, f)
+        if repair.n_flipped:
+            residual = plane_angles(f, mesh.F) - mesh.angles
     with phase("certificate"):
         uv = np.column_stack([f.real, f.imag])
         certificate = certify(mesh, uv)
-        distortion = AngleDistortion.of(np.degrees(abs(plane_angles(f, mesh.F) - mesh.angles)))
+        distortion = AngleDistortion.of(np.degrees(abs(residual)))
     phase.done()
 
     result = DiskMap(

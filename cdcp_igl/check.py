@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import breadth_first_order, connected_components
 
+from .areas import parallelogram_areas
 from .arrays import Bools, Floats, Ints
 from .errors import Defect, MeshError
 
@@ -231,10 +232,12 @@ def _topological_defects(found: Examined) -> Iterator[Defect]:
     that fails are the corners grouped around their vertices to name the culprits.
     """
     F, n, m = found.F, len(found.V), len(found.F)
-    tail, head = F.ravel(), F[:, [1, 2, 0]].ravel()  # half-edge 3f + k leaves corner k of f
+    tail = F.T.ravel()  # half-edge k m + f leaves corner k of face f
+    head = np.roll(tail, -m)
     edge = np.minimum(tail, head) * n + np.maximum(tail, head)
     order = np.argsort(edge, kind="stable")
-    start = np.flatnonzero(np.diff(edge[order], prepend=-1))  # one for each distinct edge
+    edge.sort()  # cheaper than to gather
+    start = np.flatnonzero(np.diff(edge, prepend=-1))  # one for each distinct edge
     valence = np.diff(start, append=3 * m)
 
     used = np.bincount(tail, minlength=n) > 0
@@ -270,11 +273,11 @@ def _topological_defects(found: Examined) -> Iterator[Defect]:
 
     one, other = order[start[valence == 2]], order[start[valence == 2] + 1]
     border = order[start[valence == 1]]
-    found.n_ears = int((np.bincount(border // 3, minlength=m) > 1).sum())
+    found.n_ears = int((np.bincount(border % m, minlength=m) > 1).sum())
 
     clash = tail[one] == tail[other]
     if clash.any():
-        yield _orientation_defect(one // 3, other // 3, clash, m)
+        yield _orientation_defect(one % m, other % m, clash, m)
 
     n_parts, part = _face_components(one, other, m)
     if n_parts > 1:
@@ -367,10 +370,13 @@ def _face_components(one: Ints, other: Ints, m: int) -> tuple[int, NDArray[np.in
     """Components of faces that share edges; `one` and `other` are twin half-edges."""
     # Every face has three neighbours, itself where one is missing, so the adjacency can
     # be written down in CSR form without sorting.
-    neighbour = np.repeat(np.arange(m, dtype=np.int32), 3)
-    neighbour[one], neighbour[other] = other // 3, one // 3
-    rows = np.arange(0, 3 * m + 1, 3, dtype=np.int32)
-    graph = csr_matrix((np.ones(3 * m), neighbour, rows), shape=(m, m))
+    neighbour = np.tile(np.arange(m, dtype=np.int32), 3)
+    neighbour[one], neighbour[other] = other % m, one % m
+    graph = csr_matrix(
+        (np.ones(3 * m), neighbour.reshape(3, m).T.ravel(), np.arange(0, 3 * m + 1, 3)), (m, m)
+    )
+    if len(breadth_first_order(graph, 0, return_predecessors=False)) == m:
+        return 1, np.zeros(m, np.int32)
     return connected_components(graph, directed=False)
 
 
@@ -378,9 +384,9 @@ def _pinched_vertices(F: Ints, one: Ints, other: Ints, n: int) -> Ints:
     """Vertices whose corners form more than one fan across shared edges."""
 
     def after(half: Ints) -> Ints:  # the next half-edge of the same face
-        return half - half % 3 + (half + 1) % 3
+        return (half + len(F)) % F.size
 
-    corner = F.ravel()
+    corner = F.T.ravel()
     aligned = corner[one] == corner[other]  # twins that leave the same vertex
     rows = np.concatenate([one, after(one)])
     columns = np.concatenate(
@@ -407,10 +413,11 @@ def _loops(tail: Ints, head: Ints) -> list[Ints]:
 
 
 def _degenerate_faces(V: Floats, F: Ints) -> Iterator[Defect]:
-    i, j, k = F.T
-    a, b, c = V[j] - V[i], V[k] - V[j], V[i] - V[k]
-    longest_squared = np.maximum.reduce([(e * e).sum(axis=1) for e in (a, b, c)])
-    area = np.linalg.norm(np.cross(a, b), axis=1) / 2
+    corner, after, before = V[F[:, 0]], V[F[:, 1]], V[F[:, 2]]
+    a, b = after - corner, before - corner
+    c = b - a
+    longest_squared = np.maximum.reduce([np.einsum("ij,ij->i", e, e) for e in (a, b, c)])
+    area = parallelogram_areas(a, b) / 2
     bad = np.flatnonzero(area <= DEGENERATE * longest_squared)
     if len(bad):
         yield Defect(

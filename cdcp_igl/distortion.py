@@ -90,7 +90,11 @@ def plane_angles(z: Complex, F: Ints) -> Floats:
 
     0 or pi, never NaN, in triangles that have collapsed.
     """
-    corner = z[F]
-    ahead = np.roll(corner, -1, axis=1) - corner
-    back = np.roll(corner, -2, axis=1) - corner
-    return np.angle(back * ahead.conj())
+    corners = [z[F[:, k]] for k in range(3)]
+    u, v, w = (corners[k - 2] - corners[k] for k in range(3))  # edge k leaves corner k
+    twice_area = u.real * v.imag - u.imag * v.real
+    angles = np.empty(F.shape)
+    for k, (ahead, back) in enumerate([(u, w), (v, u), (w, v)]):
+        cosine = -(ahead.real * back.real + ahead.imag * back.imag)
+        np.arctan2(twice_area, cosine, out=angles[:, k])
+    return angles

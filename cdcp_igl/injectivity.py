@@ -92,17 +92,28 @@ def certify(mesh: DiskMesh, uv: Floats) -> Certificate:
     if not np.isfinite(uv).all():
         return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)
     boundary = uv[mesh.loop]
-    steps = increments(boundary[:, 0] + 1j * boundary[:, 1])
+    turns, monotone = _around(boundary)
     flipped, n_exact = flipped_faces(uv, mesh.F)
-    turns = round(steps.sum() / (2 * np.pi))
     return Certificate(
         finite=True,
         boundary_error=float(abs(np.hypot(*boundary.T) - 1).max()),
-        boundary_monotone=bool((steps > 0).all()) and turns == 1,
+        boundary_monotone=monotone,
         winding_number=turns,
         flipped=flipped,
         n_exact=n_exact,
     )
+
+
+def _around(boundary: Floats) -> tuple[int, bool]:
+    """Winding number about 0, and whether it is 1 with every step forward."""
+    steps = increments(boundary[:, 0] + 1j * boundary[:, 1])
+    turns = round(steps.sum() / (2 * np.pi))
+    # Rounding may give a step of zero either sign, so the orientation of the triangles
+    # with 0 decides, exactly; only a step of more than a half turn has it reversed.
+    n = len(boundary)
+    fan = np.column_stack([np.full(n, n), np.arange(n), np.roll(np.arange(n), -1)])
+    not_forward, _ = flipped_faces(np.vstack([boundary, [0, 0]]), fan)
+    return turns, turns == 1 and bool((steps[not_forward] > 1).all())
 
 
 def increments(z: Complex) -> Floats:

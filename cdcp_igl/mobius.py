@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-from scipy.optimize import minimize
+from numpy.typing import NDArray
 
 from .areas import face_areas
 from .arrays import Complex, Floats, Ints
@@ -28,9 +28,10 @@ __all__ = [
 MobiusMethod = Literal["angle", "area", "nelder-mead"]
 
 
-SAMPLE = 100_000  # faces on which Newton's method looks
+SAMPLES = (10_000, 100_000)  # faces on which Newton's method looks, first and then
 SOFT = 0.2  # corner of the pseudo-Huber function, by the median residual
 MAX_STEPS = 30
+TOLERANCE = 1e-8  # steps of w below this change the objective by its last digits only
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class Normalization:
 
 def normalize(
     mesh: DiskMesh, f: Complex, method: MobiusMethod | None
-) -> tuple[Complex, Normalization]:
+) -> tuple[Complex, Normalization, Floats]:
     """Apply the best Möbius transformation, unless it does harm.
 
     Parameters
@@ -74,21 +75,22 @@ def normalize(
     f : (n,) complex128
         The transformed map, boundary on the unit circle, first boundary vertex at 1.
     Normalization
+    residual : (m, 3) float64
+        Corner angles of the returned map minus those of the surface, in radians.
     """
+    residual = plane_angles(f, mesh.F) - mesh.angles
     if method is None:
-        return f, Normalization("none", 0j)
+        return f, Normalization("none", 0j), residual
     if method == "area":
         w = conformal_barycenter(f, _vertex_areas(mesh))
     elif method == "angle":
-        w = least_angle_distortion(mesh.F, f, mesh.angles)
+        w = least_angle_distortion(mesh.F, f, residual)
     else:
-        w = least_angle_distortion_nelder_mead(mesh.F, f, mesh.angles)
-    if method != "area":
-        residual = plane_angles(f, mesh.F) - mesh.angles
-        after = abs(residual + angle_change(mesh.F, f, w)).mean()
-        if not after < abs(residual).mean():
-            return f, Normalization(method, 0j, "no improvement")
-    return _turn_back(mesh, mobius(f, w)), Normalization(method, w)
+        w = least_angle_distortion_nelder_mead(mesh.F, f, residual)
+    after = residual + angle_change(mesh.F, f, w)
+    if method != "area" and not abs(after).mean() < abs(residual).mean():
+        return f, Normalization(method, 0j, "no improvement"), residual
+    return _turn_back(mesh, mobius(f, w)), Normalization(method, w), after
 
 
 def _turn_back(mesh: DiskMesh, f: Complex) -> Complex:
@@ -115,44 +117,50 @@ def angle_change(F: Ints, z: Complex, w: complex) -> Floats:
     The angle at corner i of a face [i, j, k] grows by a_j - a_k, a = arg(1 - conj(w) z):
     one argument a vertex replaces three angles a face.
     """
-    a = np.angle(1 - np.conj(w) * z)[F]
-    return np.roll(a, -1, axis=1) - np.roll(a, -2, axis=1)
+    return _differences(np.angle(1 - np.conj(w) * z)[F])
 
 
-def least_angle_distortion(F: Ints, z: Complex, angles: Floats) -> complex:
+def least_angle_distortion(F: Ints, z: Complex, residual: Floats) -> complex:
     """Find w that minimises the angular distortion of psi_w o f, eq. (20), by Newton.
 
-    The sum of absolute values is replaced by a pseudo-Huber function, over at most
-    100,000 faces spread evenly through F.
+    The sum of absolute values is replaced by a pseudo-Huber function, over 10,000 and then
+    100,000 faces spread evenly through F (or all of them).
 
     Parameters
     ----------
     F : (m, 3) int64
     z : (n,) complex128
         The map f.
-    angles : (m, 3) float64
-        Corner angles of the surface in radians.
+    residual : (m, 3) float64
+        Corner angles of f minus those of the surface, in radians.
 
     Returns
     -------
     complex
         |w| < 1.
     """
-    chosen = np.linspace(0, len(F) - 1, min(len(F), SAMPLE)).astype(np.int64)
-    used, corner = np.unique(F[chosen], return_inverse=True)
-    z, F = z[used], corner.reshape(-1, 3)
-    r0 = plane_angles(z, F) - angles[chosen]
+    w = 0j
+    for size in SAMPLES:
+        w = _newton(F, z, residual, min(size, len(F)), w)
+    return w
+
+
+def _newton(F: Ints, z: Complex, residual: Floats, size: int, w: complex) -> complex:
+    """Minimise over `size` faces spread evenly through F, from w."""
+    chosen = np.linspace(0, len(F) - 1, size).astype(np.int64)
+    z, r0 = z[F[chosen]], residual[chosen]
     soft = max(SOFT * float(np.median(abs(r0))), np.finfo(float).eps)
 
     def value(w: complex) -> float:
-        return float(np.hypot((r0 + angle_change(F, z, w)) / soft, 1).sum())
+        return float(np.hypot((r0 + _differences(np.angle(1 - w.conjugate() * z))) / soft, 1).sum())
 
     def gradient_and_hessian(w: complex) -> tuple[Floats, Floats]:
-        r = (r0 + angle_change(F, z, w)) / soft
+        below = 1 - w.conjugate() * z
+        r = (r0 + _differences(np.angle(below))) / soft
         # a = Im log(1 - conj(w) z) is harmonic in w = x + iy: with g = -z / (1 - conj(w) z),
         # a_x = Im g, a_y = -Re g, a_xx = -a_yy = -Im g^2, a_xy = Re g^2.
-        g = -z / (1 - np.conj(w) * z)
-        dg, dgg = (np.roll(h[F], -1, 1) - np.roll(h[F], -2, 1) for h in (g, g * g))
+        g = -z / below
+        dg, dgg = _differences(g), _differences(g * g)
         root = np.hypot(r, 1)
         first, second = r / root, 1 / (root**3 * soft)
         gradient = np.array([(first * dg.imag).sum(), -(first * dg.real).sum()])
@@ -164,41 +172,45 @@ def least_angle_distortion(F: Ints, z: Complex, angles: Floats) -> complex:
             hessian = np.array([[xx, xy], [xy, yy]])
         return gradient, hessian
 
-    w, best = 0j, value(0j)
+    best = value(w)
     for _ in range(MAX_STEPS):
         gradient, hessian = gradient_and_hessian(w)
         dx, dy = np.linalg.lstsq(hessian, -gradient, rcond=None)[0]
-        step = _backtrack(value, w, complex(dx, dy), best)
+        step, best = _backtrack(value, w, complex(dx, dy), best)
         if step == 0:
             break
         w += step
-        best = value(w)
-        if abs(step) < 1e-10:
-            break
     return w
+
+
+def _differences(a: NDArray[Any]) -> NDArray[Any]:
+    """(m, 3) a_j - a_k at each corner i of the faces [i, j, k]."""
+    i, j, k = a.T
+    return np.stack([j - k, k - i, i - j], axis=1)
 
 
 def _backtrack(
     value: Callable[[complex], float], w: complex, step: complex, best: float
-) -> complex:
-    """Halve the step until it stays in the disk and descends; 0 if it never does."""
-    while abs(step) > 1e-14:
-        if abs(w + step) < 1 and value(w + step) < best:
-            return step
+) -> tuple[complex, float]:
+    """Halve the step until it stays in the disk and descends; 0 once it is negligible."""
+    while abs(step) > TOLERANCE:
+        if abs(w + step) < 1 and (trial := value(w + step)) < best:
+            return step, trial
         step /= 2
-    return 0j
+    return 0j, best
 
 
-def least_angle_distortion_nelder_mead(F: Ints, z: Complex, angles: Floats) -> complex:
+def least_angle_distortion_nelder_mead(F: Ints, z: Complex, residual: Floats) -> complex:
     """Find w of eq. (20) as the paper does: Nelder-Mead on the mean over all faces.
 
     Parameters and return value as in `least_angle_distortion`.
     """
-    r0 = plane_angles(z, F) - angles
 
     def mean_distortion(x: Floats) -> float:
         w = complex(*x)
-        return float(abs(r0 + angle_change(F, z, w)).mean()) if abs(w) < 1 else np.inf
+        return float(abs(residual + angle_change(F, z, w)).mean()) if abs(w) < 1 else np.inf
+
+    from scipy.optimize import minimize  # slow to import, and only the paper's preset uses it
 
     start = np.array([[0.0, 0.0], [0.05, 0.0], [0.0, 0.05]])
     options = {"initial_simplex": start, "xatol": 1e-6, "fatol": 1e-10}

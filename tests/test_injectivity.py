@@ -58,6 +58,15 @@ def test_boundary_neighbours_coincide():
     assert not certify(MESH, bad).boundary_monotone
 
 
+def test_boundary_steps_below_rounding_are_judged_exactly():
+    fan = DiskMesh(*meshes.fan(9))
+    t = 2 * np.pi * np.arange(9) / 9
+    uv = np.vstack([np.column_stack([np.cos(t), np.sin(t)]), [[0, 0]]])
+    for step, forward in ((1e-300, True), (0.0, False), (-1e-300, False)):
+        uv[1] = [1, step]  # vertex 0 is at (1, 0)
+        assert certify(fan, uv).boundary_monotone == forward
+
+
 def test_mirror_image():
     certificate = certify(MESH, UV * [1, -1])
     assert len(certificate.flipped) == len(MESH.F)
