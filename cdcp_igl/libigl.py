@@ -23,9 +23,7 @@ __all__ = [
     "internal_angles",
     "intrinsic_delaunay_cotangent_matrix",
     "is_counterclockwise",
-    "read_triangle_mesh",
-    "write_obj",
-    "write_ply",
+    "read_stl",
 ]
 
 VERSION = version("libigl")
@@ -52,17 +50,6 @@ def is_counterclockwise(triangles: Floats) -> Bools:
     return np.array([igl.predicates.orient2d(*t) == positive for t in triangles], dtype=bool)
 
 
-def read_triangle_mesh(path: Path) -> tuple[Floats, Ints]:
-    """(n, 3) vertices and (m, 3) faces of an obj, off, ply or stl file."""
+def read_stl(path: Path) -> tuple[Floats, Ints]:
+    """(3m, 3) vertices and (m, 3) faces of an stl file; RuntimeError if it is damaged."""
     return igl.read_triangle_mesh(str(path))
-
-
-def write_obj(path: Path, V: Floats, F: Ints, uv: Floats) -> None:
-    """Write an obj file with one texture coordinate a vertex."""
-    empty_normals, empty_indices = np.empty((0, 3)), np.empty((0, 3), np.int64)
-    igl.writeOBJ(str(path), V, F, empty_normals, empty_indices, uv, F)
-
-
-def write_ply(path: Path, V: Floats, F: Ints, uv: Floats) -> None:
-    """Write a binary ply file with one texture coordinate a vertex."""
-    igl.writePLY(str(path), V, F, UV=uv)
