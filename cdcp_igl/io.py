@@ -38,7 +38,7 @@ WRITABLE = (".npz", ".obj", ".ply")
 
 # What the readers and the libraries below them raise on damaged files.
 _DAMAGE = (
-    *(ValueError, TypeError, LookupError, NotImplementedError, EOFError, MemoryError),
+    *(OSError, EOFError, ValueError, TypeError, LookupError, NotImplementedError, MemoryError),
     *(BadZipFile, struct.error, zlib.error),
 )
 
@@ -76,7 +76,7 @@ def read_mesh(
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise _unreadable(f"{path.name!r} is of no known type", f"Readable: {' '.join(READABLE)}.")
-    path.open("rb").close()  # OSError if it is missing or forbidden; libigl would not say
+    path.open("rb").close()  # OSError if it is missing or forbidden; later ones mean damage
     try:
         V, F = reader(path)
     except MeshError:

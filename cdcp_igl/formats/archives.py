@@ -30,7 +30,7 @@ def read_mat(path: Path) -> tuple[Array, Array]:
     with path.open("rb") as file:
         try:
             return _pick(loadmat(file))
-        except (MatReadError, OSError) as error:  # what SciPy raises on damaged files
+        except MatReadError as error:
             raise ValueError(str(error)) from error
 
 
