@@ -1,25 +1,26 @@
-"""Optional dependencies."""
+"""Optional dependencies: which extra of the package provides them."""
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-__all__ = ["require"]
+__all__ = ["MissingExtra", "from_extra"]
 
 
-def require(module: str, *, extra: str) -> Any:
-    """Import a module that comes with an extra.
+class MissingExtra(ImportError):
+    """A package is missing that an extra of cdcp_igl would have installed."""
 
-    Raises
-    ------
-    ImportError
-        If it is missing; the message says how to install it.
-    """
+
+@contextmanager
+def from_extra(name: str) -> Iterator[None]:
+    """Name the extra if an import in the body finds no such package."""
     try:
-        return import_module(module)
-    except ImportError as error:
-        package = module.partition(".")[0]
-        raise ImportError(
-            f"this needs {package}, which comes with: pip install 'cdcp_igl[{extra}]'"
+        yield
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        if package == "cdcp_igl":
+            raise
+        raise MissingExtra(
+            f"{package} is missing; needs the extra: pip install 'cdcp_igl[{name}]'"
         ) from error

@@ -26,10 +26,8 @@ __all__ = [
     "intrinsic_delaunay_cotangent_matrix",
     "is_counterclockwise",
     "lscm",
-    "read_triangle_mesh",
+    "read_stl",
     "vector_area_matrix",
-    "write_obj",
-    "write_ply",
 ]
 
 VERSION = version("libigl")
@@ -71,22 +69,11 @@ def lscm(V: Floats, F: Ints, S: Ints, c: Floats) -> Floats:
     return igl.lscm(V, F, S, c)[0]
 
 
-def read_triangle_mesh(path: Path) -> tuple[Floats, Ints]:
-    """(n, 3) vertices and (m, 3) faces of an obj, off, ply or stl file."""
+def read_stl(path: Path) -> tuple[Floats, Ints]:
+    """(3m, 3) vertices and (m, 3) faces of an stl file; RuntimeError if it is damaged."""
     return igl.read_triangle_mesh(str(path))
 
 
 def vector_area_matrix(F: Ints) -> csc_matrix:
     """(2n, 2n) symmetric A such that [u; v]^T A [u; v] is the signed area of the map (u, v)."""
     return igl.vector_area_matrix(F)
-
-
-def write_obj(path: Path, V: Floats, F: Ints, uv: Floats) -> None:
-    """Write an obj file with one texture coordinate a vertex."""
-    empty_normals, empty_indices = np.empty((0, 3)), np.empty((0, 3), np.int64)
-    igl.writeOBJ(str(path), V, F, empty_normals, empty_indices, uv, F)
-
-
-def write_ply(path: Path, V: Floats, F: Ints, uv: Floats) -> None:
-    """Write a binary ply file with one texture coordinate a vertex."""
-    igl.writePLY(str(path), V, F, UV=uv)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import ellipj, ellipk
 
 from ..arrays import Complex, Floats, Ints
 
@@ -43,6 +42,8 @@ def square(resolution: int) -> tuple[Floats, Ints, Floats]:
             np.where(rising[:, None], np.column_stack([a, c, d]), np.column_stack([b, c, d])),
         ]
     )
+    from scipy.special import ellipk  # slow to import
+
     # The lemniscate sine sl(z) = sd(sqrt(2) z | 1/2) / sqrt(2) maps the square with corners
     # at +-K / sqrt(2), +-iK / sqrt(2) onto the disk.
     z = (x + 1j * y) * np.exp(0.25j * np.pi) / np.sqrt(2) * ellipk(0.5)
@@ -67,6 +68,8 @@ def ellipse(resolution: int, aspect: float = 2.0) -> tuple[Floats, Ints, Floats]
     """
     z, F = _rings(resolution)
     V = np.column_stack([aspect * z.real, z.imag, 0 * z.real])
+    from scipy.special import ellipk  # slow to import
+
     # f(z) = sqrt(k) sn(2 K / pi arcsin(z / c)), foci at +-c, nome ((a - b) / (a + b))^2.
     nome = ((aspect - 1) / (aspect + 1)) ** 2
     powers = np.arange(1, 200)
@@ -165,6 +168,8 @@ def _unit(angle: Floats) -> Complex:
 
 def _jacobi(z: Complex, m: float) -> tuple[Complex, Complex, Complex]:
     """Jacobi's sn, cn, dn of complex argument, by the addition theorem."""
+    from scipy.special import ellipj  # slow to import
+
     s, c, d, _ = ellipj(z.real, m)
     s1, c1, d1, _ = ellipj(z.imag, 1 - m)
     below = c1**2 + m * s**2 * s1**2

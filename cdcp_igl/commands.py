@@ -1,0 +1,230 @@
+"""The commands of ``cdcp-igl``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.panel import Panel
+from rich.text import Text
+
+from . import __version__
+from .cdcp import disk_map
+from .check import check
+from .errors import MapError, MeshError, SolverError
+from .extras import MissingExtra, from_extra
+from .io import READABLE, WRITABLE, read_mesh, whole_file, write_map
+from .progress import progress_bar
+
+__all__ = ["app"]
+
+FAILED, BAD_INPUT, NO_MAP = 1, 2, 3  # exit codes
+
+app = typer.Typer(
+    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+class Mobius(StrEnum):
+    """Values of --mobius."""
+
+    angle = "angle"
+    area = "area"
+    none = "none"
+
+
+class Preset(StrEnum):
+    """Values of --preset."""
+
+    paper = "paper"
+
+
+def _target(*suffixes: str) -> Callable[[Path | None], Path | None]:
+    """Make a check that a file of one of these types can be put where it is wanted."""
+
+    def verify(path: Path | None) -> Path | None:
+        if path is None:
+            return None
+        if path.suffix.lower() not in suffixes:
+            raise typer.BadParameter(f"{path.name!r} must end in {' or '.join(suffixes)}.")
+        if not path.parent.is_dir():
+            raise typer.BadParameter(f"there is no folder {str(path.parent)!r}.")
+        if path.is_dir():
+            raise typer.BadParameter(f"{str(path)!r} is a folder.")
+        return path
+
+    return verify
+
+
+def _center(text: str | None) -> str | int | None:
+    if text is None or text in ("torsion", "heat", "centroid"):
+        return text
+    if not text.isdecimal():
+        raise typer.BadParameter("must be torsion, heat, centroid or a face counted from 0.")
+    return int(text)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"cdcp-igl {__version__}")
+        raise typer.Exit
+
+
+Input = Annotated[
+    Path, typer.Argument(metavar="IN", help=f"Triangulated surface ({' '.join(READABLE)}).")
+]
+
+
+@app.callback()
+def cdcp_igl(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
+    ] = False,
+) -> None:
+    """Disk conformal maps of triangulated surfaces: accurate, fast, certified."""
+
+
+@app.command("check")
+def check_command(mesh: Input) -> None:
+    """Report every defect of a mesh.
+
+    Exit codes: 0 a disk, 2 not a disk or not readable.
+    """
+    notes: list[str] = []
+    with _exit_codes():
+        V, F = read_mesh(mesh, notes.append)
+    report = check(V, F)
+    _show(str(report), notes, "green" if report.is_disk else "red")
+    if not report.is_disk:
+        raise typer.Exit(BAD_INPUT)
+
+
+@app.command("map")
+def map_command(
+    mesh: Input,
+    out: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUT",
+            callback=_target(*WRITABLE),
+            help="The map: texture coordinates (.obj .ply), or V, F and uv (.npz).",
+        ),
+    ],
+    disk: Annotated[
+        bool,
+        typer.Option("--disk", help="Texture coordinates in the unit disk, not in [0, 1]^2."),
+    ] = False,
+    center: Annotated[
+        str | None,
+        typer.Option(
+            metavar="torsion|heat|centroid|FACE",
+            callback=_center,
+            help="The face that carries the dipole, or how to find it. [default: torsion]",
+        ),
+    ] = None,
+    mobius: Annotated[
+        Mobius | None,
+        typer.Option(help="What the Möbius transformation minimises. [default: angle]"),
+    ] = None,
+    preset: Annotated[
+        Preset | None, typer.Option(help="Follow the paper; sets --center and --mobius itself.")
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="R.json", callback=_target(".json"), help="Certificate, distortion, timings."
+        ),
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="P.png",
+            callback=_target(".png"),
+            help="Surface, disk and histogram of the angular distortion.",
+        ),
+    ] = None,
+) -> None:
+    """Map a triangulated disk conformally onto the unit disk.
+
+    Files appear whole or not at all, and only if the map is valid.
+
+    Exit codes: 0 a valid map; 1 a file could not be written, or an extra is missing;
+    2 bad input; 3 no valid map.
+    """
+    if preset and (center, mobius) != (None, None):
+        raise typer.BadParameter("--preset paper sets --center and --mobius itself.")
+    given = {"center": center, "mobius": mobius, "preset": preset}
+    options: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    if mobius is Mobius.none:
+        options["mobius"] = None
+
+    notes: list[str] = []
+    with _exit_codes(), progress_bar() as progress:
+        if picture:
+            with from_extra("plot"):
+                from .plot import picture as draw
+        progress("read", 0)
+        V, F = read_mesh(mesh, notes.append)
+        if isinstance(center, int) and center >= len(F):
+            raise typer.BadParameter(f"--center {center}: the mesh has {len(F):,} faces.")
+        result = disk_map(V, F, **options, progress=progress)
+        try:
+            if picture:
+                progress("draw", 1)
+                figure = draw(V, F, result, name=mesh.name)
+                with whole_file(picture) as unfinished:
+                    figure.savefig(unfinished)
+            progress("write", 1)
+            if report:
+                with whole_file(report) as unfinished:
+                    unfinished.write_text(json.dumps(result.report(), indent=2) + "\n")
+            write_map(out, V, F, result.uv, disk=disk)
+        except OSError as error:
+            typer.echo(f"Not written: {_reason(error)}", err=True)
+            raise typer.Exit(FAILED) from error
+    _show(str(result), notes, "green")
+
+
+@contextmanager
+def _exit_codes() -> Iterator[None]:
+    """Turn the errors that users can mend into a message and an exit code."""
+    try:
+        yield
+    except MeshError as error:
+        message, code = "\n".join(f"{defect.name}: {defect}" for defect in error.defects), BAD_INPUT
+    except OSError as error:
+        message, code = _reason(error), BAD_INPUT
+    except (MapError, SolverError) as error:
+        message, code = str(error), NO_MAP
+    except MissingExtra as error:
+        message, code = str(error), FAILED
+    else:
+        return
+    typer.echo(message, err=True)
+    raise typer.Exit(code)
+
+
+def _reason(error: OSError) -> str:
+    return f"{error.filename}: {error.strerror}" if error.filename else str(error)
+
+
+def _show(summary: str, notes: list[str], color: str) -> None:
+    """Print a result: in a panel on a terminal, plain in a pipe."""
+    lines = "\n".join([summary, *(f"note: {note}" for note in notes)])
+    if not sys.stdout.isatty():
+        typer.echo(lines)
+        return
+    title, _, body = lines.partition("\n")
+    Console().print(Panel(Text(body), title=Text(title, "bold"), border_style=color))

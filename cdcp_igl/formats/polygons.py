@@ -1,0 +1,49 @@
+"""Polygonal faces, as obj and off files have them, into triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Ints
+from ..errors import Defect, MeshError
+
+__all__ = ["fans"]
+
+
+def fans(corners: ArrayLike, sizes: ArrayLike) -> Ints:
+    """Split each polygon into the triangles around its first corner, as libigl does.
+
+    Parameters
+    ----------
+    corners : (k,) array_like of int
+        Vertices of all polygons, one after the other.
+    sizes : (p,) array_like of int
+        Number of corners of each polygon.
+
+    Returns
+    -------
+    (m, 3) int64
+
+    Raises
+    ------
+    MeshError
+        If a polygon has fewer than three corners.
+    """
+    vertex, size = np.array(corners, dtype=np.int64), np.array(sizes, dtype=np.int64)
+    few = np.flatnonzero(size < 3)
+    if len(few):
+        raise MeshError(
+            Defect(
+                "too few corners",
+                f"{len(few):,} of {len(size):,} faces have fewer than three corners",
+                "The file may be cut off: export it again, or drop these faces.",
+                "faces",
+                few,
+            )
+        )
+    n_triangles = size - 2
+    first = np.repeat(np.cumsum(size) - size, n_triangles)
+    before = np.repeat(np.cumsum(n_triangles) - n_triangles, n_triangles)
+    second = first + 1 + np.arange(len(first)) - before
+    return vertex[np.column_stack([first, second, second + 1])]
