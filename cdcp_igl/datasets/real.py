@@ -128,7 +128,7 @@ def _terrain() -> tuple[Floats, Ints]:
     elevation = sample["elevation"].astype(float)
     rows, columns = elevation.shape
     metres_per_degree = 111_195.0  # on a sphere of 6,371 km
-    latitude = np.linspace(sample["ymax"], sample["ymin"], rows)
+    latitude = np.linspace(sample["ymin"], sample["ymax"], rows)  # from north to south
     longitude = np.linspace(sample["xmin"], sample["xmax"], columns)
     x, y = np.meshgrid(
         (longitude - longitude[0]) * metres_per_degree * np.cos(np.radians(latitude.mean())),

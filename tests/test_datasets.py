@@ -1,0 +1,86 @@
+import sys
+
+import numpy as np
+import pytest
+
+import cdcp_igl
+from cdcp_igl import datasets
+
+
+@pytest.fixture
+def no_data_directory(monkeypatch):
+    monkeypatch.delenv("CDCP_IGL_DATA", raising=False)
+
+
+def test_terrain_needs_no_network(no_data_directory):
+    V, F = datasets.load("jacksboro_fault")
+    report = cdcp_igl.check(V, F)
+    assert report.is_disk
+    assert (report.n_vertices, report.n_faces) == (138_632, 275_772)
+    normal = np.cross(V[F[0, 1]] - V[F[0, 0]], V[F[0, 2]] - V[F[0, 0]])
+    assert normal[2] > 0  # faces are counterclockwise seen from above
+    assert 200 < V[:, 2].min() < V[:, 2].max() < 1500  # metres
+    assert 25e3 < np.ptp(V[:, 0]) < 40e3
+
+
+def test_data_directory_comes_first(tmp_path, monkeypatch):
+    V, F, _ = datasets.spherical_cap(3)
+    (tmp_path / "deep").mkdir()
+    np.savez(tmp_path / "deep" / "chinese_lion.npz", V=V, F=F)
+    np.savez(tmp_path / "mine.npz", V=2 * V, F=F)
+    monkeypatch.setenv("CDCP_IGL_DATA", str(tmp_path))
+    np.testing.assert_array_equal(datasets.load("chinese_lion")[0], V)
+    np.testing.assert_array_equal(datasets.load("mine")[0], 2 * V)
+    np.testing.assert_array_equal(datasets.load("mine.npz")[0], 2 * V)
+
+
+def test_data_directory_that_does_not_exist(tmp_path, monkeypatch):
+    monkeypatch.setenv("CDCP_IGL_DATA", str(tmp_path / "nowhere"))
+    with pytest.raises(FileNotFoundError, match="CDCP_IGL_DATA"):
+        datasets.load("chinese_lion")
+
+
+def test_unknown_name(no_data_directory):
+    with pytest.raises(ValueError, match=r"'teapot'.*chinese_lion"):
+        datasets.load("teapot")
+
+
+def test_offline_error_says_both_ways_out(no_data_directory, tmp_path, monkeypatch):
+    import pooch
+
+    monkeypatch.setattr(pooch, "os_cache", lambda _: tmp_path)
+
+    def unreachable(*_):
+        raise ConnectionError
+
+    monkeypatch.setattr(pooch, "retrieve", unreachable)
+    with pytest.raises(OSError, match=r"connect to the network .* CDCP_IGL_DATA"):
+        datasets.load("left_hand")
+
+
+def test_download_is_pinned_and_checked(no_data_directory, tmp_path, monkeypatch):
+    import pooch
+
+    seen = {}
+    V, F, _ = datasets.spherical_cap(2)
+    np.savez(tmp_path / "file.npz", V=V, F=F)
+
+    def retrieve(url, known_hash, fname, path):
+        seen.update(url=url, known_hash=known_hash, fname=fname)
+        return str(tmp_path / "file.npz")
+
+    monkeypatch.setattr(pooch, "retrieve", retrieve)
+    datasets.load("left_hand")
+    assert seen["url"].endswith("/9961ed1f7ebc75e481b9b32f77a0af662ca81fe7/hand.mat")
+    assert seen["known_hash"].startswith("sha256:a88112a3")
+
+
+@pytest.mark.parametrize(
+    ("module", "name"), [("pooch", "human_face"), ("matplotlib", "jacksboro_fault")]
+)
+def test_missing_extra_is_named(no_data_directory, monkeypatch, module, name):
+    for loaded in [m for m in sys.modules if m.partition(".")[0] == module]:
+        monkeypatch.delitem(sys.modules, loaded)
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ImportError, match=r"pip install 'cdcp_igl\[(data|plot)\]'"):
+        datasets.load(name)
