@@ -106,7 +106,8 @@ def disk_map(
     SolverError
         If the Laplacian cannot be factored.
     MapError
-        If the map is not a bijection onto the disk; the map is its ``result``.
+        If the map is not a bijection onto the disk; the map is its ``result``. Or if the
+        surface is too long and thin for double precision (crowding).
     ValueError
         If an option is not one of those above.
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from .reference.certified import ReferenceMap
     from .result import DiskMap
 
-__all__ = ["Defect", "MapError", "MeshError", "SolverError"]
+__all__ = ["Defect", "MapError", "MeshError", "SolverError", "spell"]
 
 _SHOWN = 8  # indices spelled out in a message; the attribute holds them all
 
@@ -43,7 +43,7 @@ class Defect:
     indices: Ints = field(default_factory=lambda: np.empty(0, np.int64))
 
     def __str__(self) -> str:
-        where = f" ({self.kind} {_spell(self.indices)})" if len(self.indices) else ""
+        where = f" ({self.kind} {spell(self.indices)})" if len(self.indices) else ""
         return f"{self.what}{where}. {self.remedy}"
 
 
@@ -81,13 +81,17 @@ class SolverError(RuntimeError):
 
 
 class MapError(RuntimeError):
-    """A map was computed and is not a certified bijection onto the disk.
+    """There is no certified bijection onto the disk to return.
+
+    Either a map was computed and is none, or the surface is so long and thin that its map
+    is not to be had in double precision (crowding).
 
     Attributes
     ----------
     result : DiskMap, ReferenceMap or None
         The map as it is, with the certificate that says what is wrong with it; a
-        ReferenceMap from the methods of `cdcp_igl.reference`.
+        ReferenceMap from the methods of `cdcp_igl.reference`. None where none was made,
+        because of crowding.
     """
 
     def __init__(self, message: str, result: DiskMap | ReferenceMap | None = None) -> None:
@@ -98,7 +102,8 @@ class MapError(RuntimeError):
         return type(self), (str(self), self.result)
 
 
-def _spell(indices: Ints) -> str:
+def spell(indices: Ints) -> str:
+    """Write out the first few indices."""
     shown = ", ".join(
         f"{row[0]}-{row[1]}" if np.ndim(row) else str(row) for row in indices[:_SHOWN].tolist()
     )

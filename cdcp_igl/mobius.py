@@ -87,10 +87,11 @@ def normalize(
         w = least_angle_distortion(mesh.F, f, residual)
     else:
         w = least_angle_distortion_nelder_mead(mesh.F, f, residual)
-    after = residual + angle_change(mesh.F, f, w)
+    moved = _turn_back(mesh, mobius(f, w))
+    after = plane_angles(moved, mesh.F) - mesh.angles
     if method != "area" and not abs(after).mean() < abs(residual).mean():
         return f, Normalization(method, 0j, "no improvement"), residual
-    return _turn_back(mesh, mobius(f, w)), Normalization(method, w), after
+    return moved, Normalization(method, w), after
 
 
 def _turn_back(mesh: DiskMesh, f: Complex) -> Complex:

@@ -132,3 +132,27 @@ def test_a_mesh_that_needs_the_delaunay_trace(real_mesh):
     result = cdcp_igl.disk_map(*real_mesh("face_1180_ears"))
     assert result.trace.name == "geodesic on the intrinsic Delaunay trace"
     assert result.distortion.mean < 5.65
+
+
+def test_crowding_is_an_error_that_says_where(real_mesh):
+    V, F = real_mesh("maze_6120")
+    with pytest.raises(cdcp_igl.MapError, match=r"Crowding: .* \(vertices \d+, \d+") as raised:
+        cdcp_igl.cdcp(V, F)
+    assert raised.value.result is None
+
+
+def test_a_long_corridor_is_mapped_until_it_crowds():
+    def corridor(length):
+        x, y = np.meshgrid(np.arange(4 * length + 1) / 4, np.arange(5) / 4)
+        corner = np.arange(x.size).reshape(x.shape)
+        a, b, c, d = (
+            corner[i : i + 4, j : j + 4 * length].ravel()
+            for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
+        )
+        F = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+        return np.column_stack([x.ravel(), y.ravel()]), F
+
+    result = cdcp_igl.disk_map(*corridor(6))
+    assert result.trace.name == "geodesic"
+    with pytest.raises(cdcp_igl.MapError, match="Crowding"):
+        cdcp_igl.disk_map(*corridor(60))

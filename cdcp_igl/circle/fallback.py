@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Complex, Floats
+from ..errors import MapError, spell
 from ..injectivity import increments
 from ..mesh import DiskMesh
 from .geodesic import geodesic_map
@@ -20,6 +21,10 @@ __all__ = ["BoundaryMethod", "by_arc_length", "map_to_circle"]
 # On nefertiti_299 (34 boundary vertices) subdivision lowers the mean angular distortion
 # from 2.500 to 2.463 degrees; from about 200 points on it changes less than 0.02 %.
 ENOUGH_POINTS = 200
+
+# A trace is crowded when more than this share of its steps is below this part of its size.
+# On a corridor n times longer than wide, steps at the ends shrink like exp(-pi n).
+CROWDED, MANY_CROWDED = 1e-14, 0.01
 
 
 @dataclass(frozen=True)
@@ -67,6 +72,12 @@ def map_to_circle(
     f_B : (nB,) complex128
         On the unit circle, strictly counterclockwise, once around, the first at 1.
     BoundaryMethod
+
+    Raises
+    ------
+    MapError
+        If all but arc length fail because of crowding: the exact map is not to be had in
+        double precision, and arc length would be nothing like it.
     """
     geodesic = _whitened_geodesic_map if whitened else geodesic_map
     attempts: dict[str, Callable[[], Complex | None]] = {
@@ -83,7 +94,22 @@ def map_to_circle(
             f_B = f_B / f_B[0]
             return f_B / abs(f_B), BoundaryMethod(name, tuple(rejected))
         rejected.append(f"{name}: {objection}")
+    _refuse_crowding(mesh, trace)
     return by_arc_length(mesh), BoundaryMethod("arc length", tuple(rejected))
+
+
+def _refuse_crowding(mesh: DiskMesh, trace: Complex) -> None:
+    """Raise MapError if the images of many boundary vertices coincide in double precision."""
+    with np.errstate(invalid="ignore"):
+        steps = abs(np.roll(trace, -1) - trace)
+        crowded = mesh.loop[steps < CROWDED * abs(trace - trace.mean()).max()]
+    if len(crowded) > MANY_CROWDED * len(trace):
+        raise MapError(
+            f"Crowding: the conformal map puts {len(crowded):,} of {len(trace):,} boundary "
+            "vertices closer to their neighbours than double precision can tell apart "
+            f"(vertices {spell(crowded)}). The surface is too long and thin for a disk: cut "
+            "it into shorter parts, or use a map with a free boundary."
+        )
 
 
 def _whitened_geodesic_map(trace: Complex) -> Complex:
