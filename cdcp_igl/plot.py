@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .areas import face_areas
 from .arrays import Floats, Ints
-from .check import as_faces, as_vertices
 from .distortion import angle_distortion
 from .extras import from_extra
+from .mesh import DiskMesh
 from .result import DiskMap
 
 with from_extra("plot"):
@@ -24,9 +23,7 @@ __all__ = ["picture"]
 
 INK, FAINT = "#222222", "#9a9a9a"
 LIGHT = np.array([-0.35, 0.5, 0.79])  # from above left, behind the viewer
-DIRECTIONS = 400  # among which the viewpoint is sought
-SEEN = 20_000  # faces that judge a viewpoint
-PIXELS = 64  # across the grid on which they hide one another
+DIRECTIONS = 101  # among which the viewpoint is sought
 
 
 def picture(V: ArrayLike, F: ArrayLike, result: DiskMap, *, name: str = "") -> Figure:
@@ -46,24 +43,22 @@ def picture(V: ArrayLike, F: ArrayLike, result: DiskMap, *, name: str = "") -> F
     Returns
     -------
     matplotlib.figure.Figure
-        The surface coloured by its normals, the same colours on the disk, and the
-        histogram of the angular distortion. Independent of pyplot: save it with
-        ``savefig``.
+        The surface coloured by its normals; the same colours on the disk, which is turned
+        to match the view; and the histogram of the angular distortion. Independent of
+        pyplot: save it with ``savefig``.
     """
-    positions = as_vertices(V)
-    faces = as_faces(F, len(positions))
-    view = _viewpoint(positions, faces)
-    seen = positions @ view.T
-    colors = _normal_colors(_vertex_normals(seen, faces))
+    mesh = DiskMesh(V, F)
+    seen = mesh.V @ _viewpoint(mesh).T
+    colors = _normal_colors(_vertex_normals(seen, mesh.F))
 
     figure = Figure(figsize=(15, 5.4), dpi=150, facecolor="white")
     FigureCanvasAgg(figure)
     surface, disk, histogram = figure.subplots(
         1, 3, width_ratios=(1, 1, 0.85), gridspec_kw={"wspace": 0.12}
     )
-    far_to_near = np.argsort(seen[faces, 2].sum(axis=1))
-    _draw_triangles(surface, seen[:, :2], faces[far_to_near], colors)
-    _draw_triangles(disk, result.uv, faces, colors)
+    far_to_near = np.argsort(seen[mesh.F, 2].sum(axis=1))
+    _draw_triangles(surface, seen[:, :2], mesh.F[far_to_near], colors)
+    _draw_triangles(disk, _turned_like(seen, result.uv), mesh.F, colors)
     disk.add_patch(Circle((0, 0), 1, fill=False, edgecolor=INK, linewidth=0.6))
     disk.set(xlim=(-1.02, 1.02), ylim=(-1.02, 1.02))
     _draw_histogram(histogram, angle_distortion(V, F, result.uv).ravel(), result)
@@ -73,7 +68,7 @@ def picture(V: ArrayLike, F: ArrayLike, result: DiskMap, *, name: str = "") -> F
     title = ", ".join(
         [
             *([name] if name else []),
-            f"{len(positions):,} vertices",
+            f"{len(mesh.V):,} vertices",
             f"angular distortion {result.distortion.mean:.3f}° ± {result.distortion.sd:.3f}°",
             f"{flips:,} flipped faces",
         ]
@@ -82,10 +77,18 @@ def picture(V: ArrayLike, F: ArrayLike, result: DiskMap, *, name: str = "") -> F
     return figure
 
 
+def _turned_like(seen: Floats, uv: Floats) -> Floats:
+    """Rotate the disk to agree with the surface as it is seen."""
+    view, f = seen[:, 0] + 1j * seen[:, 1], uv[:, 0] + 1j * uv[:, 1]
+    turn = np.vdot(f, view - view.mean())
+    f = f * turn / abs(turn) if turn else f
+    return np.column_stack([f.real, f.imag])
+
+
 def _draw_triangles(axes: Axes, xy: Floats, F: Ints, colors: Floats) -> None:
     """Draw triangles in the given order, colours interpolated between the vertices."""
-    mesh = TriMesh(Triangulation(*xy.T, F))
-    mesh.set_facecolor(colors)
+    mesh = TriMesh(Triangulation(xy[:, 0], xy[:, 1], F))
+    mesh.set_facecolor(colors)  # type: ignore[arg-type]  # arrays are accepted
     axes.add_collection(mesh)
     axes.autoscale_view()
     axes.set_aspect("equal")
@@ -138,29 +141,45 @@ def _normal_colors(normals: Floats) -> Floats:
     """(n, 4) RGBA: each axis of the normal, as the viewer has it, on a primary; lit."""
     base = 0.5 + 0.5 * normals
     light = LIGHT / np.linalg.norm(LIGHT)
-    shade = 0.45 + 0.55 * np.clip(normals @ light, 0, 1)
+    shade = 0.75 + 0.35 * (normals @ light)
     colors = np.ones((len(normals), 4))
-    colors[:, :3] = np.clip(base * shade[:, None] * 1.15, 0, 1)
+    colors[:, :3] = np.clip(base * shade[:, None], 0, 1)
     return colors
 
 
 # -- viewpoint -------------------------------------------------------------------------
 
 
-def _viewpoint(V: Floats, F: Ints) -> Floats:
-    """(3, 3) rotation: rows right, up, towards the viewer.
+def _viewpoint(mesh: DiskMesh) -> Floats:
+    """(3, 3) rotation with the rows right, up, towards the viewer.
 
-    Of many directions, the one that shows most of the outside and least of the inside.
+    Of many directions, the one from which most of the outside and little of the inside is
+    seen. A boundary like the base of a bust points down, and is looked at from the side;
+    where it surrounds the view, the y axis is up, or the z axis in a view along y.
     """
-    chosen = np.linspace(0, len(F) - 1, min(len(F), SEEN)).astype(np.int64)
-    centers = V[F[chosen]].mean(axis=1)
-    i, j, k = F[chosen].T
-    normals = np.cross(V[j] - V[i], V[k] - V[i])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    corners = mesh.V[mesh.F]
+    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    middle = np.average(corners.mean(axis=1), axis=0, weights=np.linalg.norm(areas, axis=1))
+    rise = (middle - mesh.V[mesh.loop].mean(axis=0)) / np.ptp(mesh.V, axis=0).max()
+
     directions = _sphere(DIRECTIONS)
-    scores = [_outside_seen(centers, normals, towards) for towards in directions]
+    scores = []
+    for towards in directions:
+        seen = areas @ towards
+        scores.append(np.where(seen > 0, seen, seen / 2).sum() * (1 - 2 * (rise @ towards) ** 2))
     towards = directions[int(np.argmax(scores))]
-    mean_normal = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]).sum(axis=0)
-    mean_normal /= 2 * face_areas(V, F).sum()
-    up = _up(mean_normal, towards)
+
+    up = rise - (rise @ towards) * towards
+    if np.linalg.norm(up) < 0.2:
+        up = np.array([0.0, 1, 0]) if abs(towards[1]) < 0.8 else np.array([0.0, 0, 1])
+        up -= (up @ towards) * towards
+    up /= np.linalg.norm(up)
     return np.array([np.cross(up, towards), up, towards])
+
+
+def _sphere(n: int) -> Floats:
+    """(n, 3) unit vectors spread evenly, by a golden spiral from pole to pole."""
+    z = 1 - (2 * np.arange(n) + 1) / n
+    turn = np.pi * (3 - np.sqrt(5)) * np.arange(n)
+    r = np.sqrt(1 - z**2)
+    return np.column_stack([r * np.cos(turn), r * np.sin(turn), z])
