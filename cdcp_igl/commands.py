@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -16,12 +16,19 @@ from rich.panel import Panel
 from rich.text import Text
 
 from . import __version__
+from .case import Case, run_case
 from .cdcp import disk_map
 from .check import check
+from .compare import table, write_csv, write_json
 from .errors import MapError, MeshError, SolverError
 from .extras import MissingExtra, from_extra
 from .io import READABLE, WRITABLE, read_mesh, whole_file, write_map
+from .mesh import DiskMesh
 from .progress import progress_bar
+from .reference import METHODS
+
+if TYPE_CHECKING:
+    from .plot import MapRow
 
 __all__ = ["app"]
 
@@ -73,6 +80,13 @@ def _center(text: str | None) -> str | int | None:
     if not text.isdecimal():
         raise typer.BadParameter("must be torsion, heat, centroid or a face counted from 0.")
     return int(text)
+
+
+def _methods(text: str | None) -> str | None:
+    unknown = [name for name in (text or "cdcp").split(",") if name not in METHODS]
+    if unknown:
+        raise typer.BadParameter(f"{unknown[0]!r} is not one of {', '.join(METHODS)}.")
+    return text
 
 
 def _show_version(wanted: bool) -> None:
@@ -180,7 +194,7 @@ def map_command(
         if isinstance(center, int) and center >= len(F):
             raise typer.BadParameter(f"--center {center}: the mesh has {len(F):,} faces.")
         result = disk_map(V, F, **options, progress=progress)
-        try:
+        with _writing():
             if picture:
                 progress("draw", 1)
                 figure = draw(V, F, result, name=mesh.name)
@@ -191,10 +205,86 @@ def map_command(
                 with whole_file(report) as unfinished:
                     unfinished.write_text(json.dumps(result.report(), indent=2) + "\n")
             write_map(out, V, F, result.uv, disk=disk)
-        except OSError as error:
-            typer.echo(f"Not written: {_reason(error)}", err=True)
-            raise typer.Exit(FAILED) from error
     _show(str(result), notes, "green")
+
+
+@app.command("compare")
+def compare_command(
+    meshes: Annotated[
+        list[Path],
+        typer.Argument(metavar="IN...", help=f"Triangulated surfaces ({' '.join(READABLE)})."),
+    ],
+    methods: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            callback=_methods,
+            help=f"Of {', '.join(METHODS)}. [default: all of them]",
+        ),
+    ] = None,
+    time_limit: Annotated[
+        float, typer.Option(metavar="SECONDS", min=0, help="For each method on each mesh.")
+    ] = 600,
+    json_file: Annotated[
+        Path | None,
+        typer.Option("--json", metavar="R.json", callback=_target(".json"), help="The numbers."),
+    ] = None,
+    csv_file: Annotated[
+        Path | None,
+        typer.Option("--csv", metavar="R.csv", callback=_target(".csv"), help="The numbers."),
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="P.png", callback=_target(".png"), help="The maps side by side, a row a mesh."
+        ),
+    ] = None,
+) -> None:
+    """Compare methods on meshes: a table of distortion, flips, time and memory for each.
+
+    Each method runs in a process of its own; one that fails has a row that says so.
+
+    Exit codes: 0 all rows are there; 1 a file could not be written, or an extra is missing;
+    2 bad input.
+    """
+    names = (methods or ",".join(METHODS)).split(",")
+    cases: dict[str, list[Case]] = {}
+    rows: list[MapRow] = []
+    with _exit_codes():
+        if picture:
+            with from_extra("plot"):
+                from .plot import side_by_side
+        surfaces = {str(path): read_mesh(path) for path in meshes}
+        for V, F in surfaces.values():
+            DiskMesh(V, F)
+    for mesh, (V, F) in surfaces.items():
+        made = []
+        with progress_bar() as progress:
+            for done, name in enumerate(names):
+                progress(name, done / len(names))
+                made.append(run_case(name, V, F, time_limit=time_limit))
+        cases[mesh] = [case for case, _ in made]
+        rows.append((V, F, [(case.method, case.mean, uv) for case, uv in made]))
+        width = None if sys.stdout.isatty() else 120
+        Console(width=width).print(table(f"{mesh}: {len(V):,} vertices", cases[mesh]))
+    with _writing():
+        for target, write in ((json_file, write_json), (csv_file, write_csv)):
+            if target:
+                with whole_file(target) as unfinished:
+                    write(unfinished, cases)
+        if picture:
+            with whole_file(picture) as unfinished:
+                side_by_side(rows).savefig(unfinished)
+
+
+@contextmanager
+def _writing() -> Iterator[None]:
+    """Say which file could not be written."""
+    try:
+        yield
+    except OSError as error:
+        typer.echo(f"Not written: {_reason(error)}", err=True)
+        raise typer.Exit(FAILED) from error
 
 
 @contextmanager

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -19,7 +21,10 @@ with from_extra("plot"):
     from matplotlib.patches import Circle
     from matplotlib.tri import Triangulation
 
-__all__ = ["picture"]
+__all__ = ["MapRow", "picture", "side_by_side"]
+
+# A mesh and its maps: name, mean angular distortion, and uv where there is one.
+MapRow = tuple[ArrayLike, ArrayLike, Sequence[tuple[str, float, Floats | None]]]
 
 INK, FAINT = "#222222", "#9a9a9a"
 LIGHT = np.array([-0.35, 0.5, 0.79])  # from above left, behind the viewer
@@ -74,6 +79,45 @@ def picture(V: ArrayLike, F: ArrayLike, result: DiskMap, *, name: str = "") -> F
         ]
     )
     figure.suptitle(title, color=INK, fontsize=13, y=0.965)
+    return figure
+
+
+def side_by_side(rows: Sequence[MapRow]) -> Figure:
+    """Draw several maps of each of several meshes.
+
+    Parameters
+    ----------
+    rows : sequence of (V, F, maps)
+        A mesh and its maps, a sequence of (name, mean angular distortion in degrees,
+        uv (n, 2), or None where the method failed).
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A row a mesh: the surface coloured by its normals, then each map in the same
+        colours, scaled to the same size and turned to match the view.
+    """
+    columns = 1 + max(len(maps) for _, _, maps in rows)
+    figure = Figure(figsize=(2.6 * columns, 3 * len(rows)), dpi=150, facecolor="white")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(len(rows), columns, squeeze=False)
+    for line, (V, F, maps) in zip(panels, rows, strict=True):
+        mesh = DiskMesh(V, F)
+        seen = mesh.V @ _viewpoint(mesh).T
+        colors = _normal_colors(_vertex_normals(seen, mesh.F))
+        far_to_near = np.argsort(seen[mesh.F, 2].sum(axis=1))
+        _draw_triangles(line[0], seen[:, :2], mesh.F[far_to_near], colors)
+        line[0].set_title(f"{len(mesh.V):,} vertices", color=INK, fontsize=10)
+        for axes, (name, mean, uv) in zip(line[1:], maps, strict=False):
+            if uv is None:
+                axes.text(0.5, 0.5, "no map", ha="center", color=FAINT, transform=axes.transAxes)
+            else:
+                _draw_triangles(axes, _turned_like(seen, uv), mesh.F, colors)
+            label = name if uv is None else f"{name}  {mean:.3f}°"
+            axes.set_title(label, color=INK, fontsize=10)
+        for axes in line:
+            axes.set_axis_off()
+    figure.tight_layout()
     return figure
 
 
