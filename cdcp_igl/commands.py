@@ -89,7 +89,8 @@ Input = Annotated[
 @app.callback()
 def cdcp_igl(
     version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
     ] = False,
 ) -> None:
     """Disk conformal maps of triangulated surfaces: accurate, fast, certified."""

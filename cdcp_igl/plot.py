@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .areas import face_areas
-from .arrays import Floats, Ints
+from .arrays import Bools, Floats, Ints
 from .check import as_faces, as_vertices
 from .distortion import angle_distortion
 from .extras import from_extra
 from .result import DiskMap
+from .viewpoint import viewpoint
 
 with from_extra("plot"):
     from matplotlib.axes import Axes
@@ -24,9 +24,6 @@ __all__ = ["picture"]
 
 INK, FAINT = "#222222", "#9a9a9a"
 LIGHT = np.array([-0.35, 0.5, 0.79])  # from above left, behind the viewer
-DIRECTIONS = 400  # among which the viewpoint is sought
-SEEN = 20_000  # faces that judge a viewpoint
-PIXELS = 64  # across the grid on which they hide one another
 
 
 def picture(V: ArrayLike, F: ArrayLike, result: DiskMap, *, name: str = "") -> Figure:
@@ -47,14 +44,14 @@ def picture(V: ArrayLike, F: ArrayLike, result: DiskMap, *, name: str = "") -> F
     -------
     matplotlib.figure.Figure
         The surface coloured by its normals, the same colours on the disk, and the
-        histogram of the angular distortion. Independent of pyplot: save it with
-        ``savefig``.
+        histogram of the angular distortion. The disk is turned to match the view of the
+        surface. Independent of pyplot: save it with ``savefig``.
     """
     positions = as_vertices(V)
     faces = as_faces(F, len(positions))
-    view = _viewpoint(positions, faces)
-    seen = positions @ view.T
-    colors = _normal_colors(_vertex_normals(seen, faces))
+    seen = positions @ viewpoint(positions, faces).T
+    normals = _vertex_normals(seen, faces)
+    colors = _normal_colors(normals)
 
     figure = Figure(figsize=(15, 5.4), dpi=150, facecolor="white")
     FigureCanvasAgg(figure)
@@ -63,9 +60,8 @@ def picture(V: ArrayLike, F: ArrayLike, result: DiskMap, *, name: str = "") -> F
     )
     far_to_near = np.argsort(seen[faces, 2].sum(axis=1))
     _draw_triangles(surface, seen[:, :2], faces[far_to_near], colors)
-    _draw_triangles(disk, result.uv, faces, colors)
+    _draw_triangles(disk, _turned(result.uv, seen, normals[:, 2] > 0), faces, colors)
     disk.add_patch(Circle((0, 0), 1, fill=False, edgecolor=INK, linewidth=0.6))
-    disk.set(xlim=(-1.02, 1.02), ylim=(-1.02, 1.02))
     _draw_histogram(histogram, angle_distortion(V, F, result.uv).ravel(), result)
     figure.subplots_adjust(left=0.01, right=0.985, bottom=0.12, top=0.88)
 
@@ -84,12 +80,22 @@ def picture(V: ArrayLike, F: ArrayLike, result: DiskMap, *, name: str = "") -> F
 
 def _draw_triangles(axes: Axes, xy: Floats, F: Ints, colors: Floats) -> None:
     """Draw triangles in the given order, colours interpolated between the vertices."""
-    mesh = TriMesh(Triangulation(*xy.T, F))
-    mesh.set_facecolor(colors)
-    axes.add_collection(mesh)
-    axes.autoscale_view()
+    mesh = TriMesh(Triangulation(xy[:, 0], xy[:, 1], F))
+    mesh.set_facecolor(colors)  # type: ignore[arg-type] # of many vertices, as drawing takes it
+    axes.add_collection(mesh, autolim=False)  # which would make a path of each triangle
+    low, high = xy.min(axis=0), xy.max(axis=0)
+    middle, reach = (low + high) / 2, 0.52 * (high - low).max()
+    axes.set(xlim=middle[0] + [-reach, reach], ylim=middle[1] + [-reach, reach])
     axes.set_aspect("equal")
     axes.set_axis_off()
+
+
+def _turned(uv: Floats, seen: Floats, front: Bools) -> Floats:
+    """Turn the disk so that what one sees of the surface keeps its direction."""
+    z, x = uv[front] @ [1, 1j], seen[front, :2] @ [1, 1j]
+    turn = np.angle(np.vdot(z, x - x.mean()))
+    rotated = uv @ [1, 1j] * np.exp(1j * turn)
+    return np.column_stack([rotated.real, rotated.imag])
 
 
 def _draw_histogram(axes: Axes, degrees: Floats, result: DiskMap) -> None:
@@ -100,12 +106,12 @@ def _draw_histogram(axes: Axes, degrees: Floats, result: DiskMap) -> None:
     shares = np.full(len(degrees), 100 / len(degrees))
     axes.hist(degrees, bins=60, range=(0, end), weights=shares, color="#5b7db1", linewidth=0)
     axes.axvline(mean, color=INK, linewidth=1)
-    axes.axvspan(max(mean - sd, 0), mean + sd, color=INK, alpha=0.07, linewidth=0)
+    axes.axvspan(max(mean - sd, 0), mean + sd, color=INK, alpha=0.07, linewidth=0, zorder=0)
     axes.text(
         0.97,
         0.95,
         f"mean {mean:.3f}°\nSD {sd:.3f}°\nmax {result.distortion.max:.1f}°\n"
-        f"{100 * beyond:.1f} % beyond",
+        f"{100 * beyond:.2g} % beyond {end:.2g}°",
         transform=axes.transAxes,
         ha="right",
         va="top",
@@ -117,9 +123,6 @@ def _draw_histogram(axes: Axes, degrees: Floats, result: DiskMap) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(FAINT)
     axes.tick_params(color=FAINT, labelcolor=INK)
-
-
-# -- colours ---------------------------------------------------------------------------
 
 
 def _vertex_normals(V: Floats, F: Ints) -> Floats:
@@ -138,29 +141,7 @@ def _normal_colors(normals: Floats) -> Floats:
     """(n, 4) RGBA: each axis of the normal, as the viewer has it, on a primary; lit."""
     base = 0.5 + 0.5 * normals
     light = LIGHT / np.linalg.norm(LIGHT)
-    shade = 0.45 + 0.55 * np.clip(normals @ light, 0, 1)
+    shade = 0.8 + 0.35 * (normals @ light)  # nothing goes black: the disk shows all sides
     colors = np.ones((len(normals), 4))
-    colors[:, :3] = np.clip(base * shade[:, None] * 1.15, 0, 1)
+    colors[:, :3] = np.clip(base * shade[:, None], 0, 1)
     return colors
-
-
-# -- viewpoint -------------------------------------------------------------------------
-
-
-def _viewpoint(V: Floats, F: Ints) -> Floats:
-    """(3, 3) rotation: rows right, up, towards the viewer.
-
-    Of many directions, the one that shows most of the outside and least of the inside.
-    """
-    chosen = np.linspace(0, len(F) - 1, min(len(F), SEEN)).astype(np.int64)
-    centers = V[F[chosen]].mean(axis=1)
-    i, j, k = F[chosen].T
-    normals = np.cross(V[j] - V[i], V[k] - V[i])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    directions = _sphere(DIRECTIONS)
-    scores = [_outside_seen(centers, normals, towards) for towards in directions]
-    towards = directions[int(np.argmax(scores))]
-    mean_normal = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]).sum(axis=0)
-    mean_normal /= 2 * face_areas(V, F).sum()
-    up = _up(mean_normal, towards)
-    return np.array([np.cross(up, towards), up, towards])
