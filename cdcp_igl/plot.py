@@ -111,7 +111,7 @@ def _draw_histogram(axes: Axes, degrees: Floats, result: DiskMap) -> None:
         0.97,
         0.95,
         f"mean {mean:.3f}°\nSD {sd:.3f}°\nmax {result.distortion.max:.1f}°\n"
-        f"{100 * beyond:.2g} % beyond {end:.2g}°",
+        f"{100 * beyond:.2g} % beyond {end:.3g}°",
         transform=axes.transAxes,
         ha="right",
         va="top",

@@ -1,0 +1,340 @@
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cdcp_igl import MapError, MeshError, SolverError, __version__, commands
+from cdcp_igl.errors import Defect
+from cdcp_igl.io import read_mesh
+
+COMMAND = [sys.executable, "-m", "cdcp_igl"]
+
+
+@pytest.fixture
+def cap(tmp_path):
+    """A spherical cap in a file whose name has a space and an umlaut."""
+    path = tmp_path / "Kugel-Käppchen 1.npz"
+    np.savez(path, **dict(zip("VF", spherical_cap(12), strict=True)))
+    return path
+
+
+def spherical_cap(n):
+    x, y = (c.ravel() for c in np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n)))
+    V = np.column_stack([x, y, np.sqrt(3 - x**2 - y**2)])
+    a = np.arange(n * n).reshape(n, n)[:-1, :-1].ravel()
+    F = np.vstack([np.column_stack([a, a + 1, a + n + 1]), np.column_stack([a, a + n + 1, a + n])])
+    return V, F
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(commands.app, [str(a) for a in arguments])
+
+
+def run(*arguments, **options):
+    return subprocess.run(
+        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, **options
+    )
+
+
+# -- map -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "npz"])
+def test_map(cap, suffix):
+    out = cap.with_suffix(f".out.{suffix}")
+    result = invoke("map", cap, out)
+    assert result.exit_code == 0
+    assert "valid" in result.stdout
+    assert result.stderr == ""
+    V, F = spherical_cap(12)
+    np.testing.assert_array_equal(read_mesh(out)[0], V)
+    np.testing.assert_array_equal(read_mesh(out)[1], F)
+
+
+def test_npz_holds_the_map(cap):
+    out = cap.with_name("out.npz")
+    assert invoke("map", cap, out).exit_code == 0
+    assert abs(np.linalg.norm(np.load(out)["uv"], axis=1).max() - 1) < 1e-12
+
+
+@pytest.mark.parametrize(("options", "lowest"), [((), 0), (("--disk",), -1)])
+def test_texture_coordinates(cap, options, lowest):
+    out = cap.with_name("out.obj")
+    assert invoke("map", cap, out, *options).exit_code == 0
+    lines = (line.split() for line in out.read_text().splitlines())
+    texture = np.array([words[1:] for words in lines if words[0] == "vt"], float)
+    np.testing.assert_allclose(texture.min(axis=0), lowest, atol=0.05)
+    np.testing.assert_allclose(texture.max(axis=0), 1, atol=0.05)
+
+
+def test_input_may_be_replaced_by_the_output(cap):
+    assert invoke("map", cap, cap).exit_code == 0
+    assert set(np.load(cap)) == {"V", "F", "uv"}
+    assert os.listdir(cap.parent) == [cap.name]
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ((), {"center": "torsion", "mobius": "angle"}),
+        (("--center", "heat", "--mobius", "area"), {"center": "heat", "mobius": "area"}),
+        (("--center", "0", "--mobius", "none"), {"center": "given", "mobius": "none"}),
+        (("--preset", "paper"), {"center": "heat", "mobius": "nelder-mead"}),
+    ],
+)
+def test_report_and_options(cap, options, expected):
+    report = cap.with_name("report.json")
+    assert invoke("map", cap, cap.with_name("o.ply"), "--report", report, *options).exit_code == 0
+    read = json.loads(report.read_text())
+    assert read["valid"]
+    assert {name: read[name]["method"] for name in expected} == expected
+
+
+def test_picture(cap):
+    picture = cap.with_name("p.png")
+    assert invoke("map", cap, cap.with_name("o.ply"), "--picture", picture).exit_code == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("o.stl",),
+        ("o",),
+        ("missing/o.obj",),
+        ("o.obj", "--report", "r.txt"),
+        ("o.obj", "--report", "missing/r.json"),
+        ("o.obj", "--picture", "p.jpg"),
+        ("o.obj", "--center", "middle"),
+        ("o.obj", "--center", "99999"),
+        ("o.obj", "--center", "0", "--preset", "paper"),
+        ("o.obj", "--mobius", "both"),
+        ("folder.obj",),
+    ],
+)
+def test_bad_arguments(cap, monkeypatch, arguments):
+    monkeypatch.chdir(cap.parent)
+    Path("folder.obj").mkdir()
+    monkeypatch.setattr(commands, "disk_map", lambda *args, **options: pytest.fail("computed"))
+    result = invoke("map", cap, *arguments)
+    assert result.exit_code == 2
+    assert result.stderr
+    assert sorted(os.listdir()) == sorted([cap.name, "folder.obj"])
+
+
+def test_bad_mesh(cap):
+    V, F = spherical_cap(12)
+    np.savez(cap, V=V, F=np.vstack([F, F[7]]))
+    out = cap.with_name("out.obj")
+    out.write_text("old")
+    result = run("map", cap, out)
+    assert result.returncode == 2
+    assert "duplicate face: 1 face repeats the corners of another (faces 242)" in result.stderr
+    assert "Drop these faces." in result.stderr
+    assert "Traceback" not in result.stderr
+    assert result.stdout == ""
+    assert out.read_text() == "old"
+
+
+@pytest.mark.parametrize("name", ["missing.obj", "empty.off", "garbage.ply", "cut.obj", "a.xyz"])
+@pytest.mark.parametrize("command", ["map", "check"])
+def test_bad_files(tmp_path, name, command):
+    path = tmp_path / name
+    if "missing" not in name:
+        contents = {"garbage.ply": bytes(range(256)), "cut.obj": b"v 0 0 0\nv 1 0 0\nf 1"}
+        path.write_bytes(contents.get(name, b""))
+    result = invoke(command, path, *([tmp_path / "o.obj"] if command == "map" else []))
+    assert result.exit_code == 2
+    assert result.stderr
+    assert result.stdout == ""
+
+
+@pytest.mark.parametrize("error", [MapError("7 flipped faces"), SolverError("not definite")])
+def test_no_valid_map(cap, monkeypatch, error):
+    def fail(*args, **options):
+        raise error
+
+    monkeypatch.setattr(commands, "disk_map", fail)
+    out = cap.with_name("out.obj")
+    out.write_text("old")
+    result = invoke("map", cap, out, "--report", cap.with_name("r.json"))
+    assert result.exit_code == 3
+    assert result.stderr == f"{error}\n"
+    assert out.read_text() == "old"
+    assert not cap.with_name("r.json").exists()
+
+
+def test_unexpected_errors_are_not_swallowed(cap, monkeypatch):
+    def fail(*args, **options):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(commands, "disk_map", fail)
+    assert isinstance(invoke("map", cap, cap.with_name("o.obj")).exception, ZeroDivisionError)
+
+
+def test_unwritable_output(cap, monkeypatch):
+    def fail(*args, **options):
+        raise OSError(28, "No space left on device", "o.obj")
+
+    monkeypatch.setattr(commands, "write_map", fail)
+    result = invoke("map", cap, cap.with_name("o.obj"))
+    assert result.exit_code == 1
+    assert result.stderr == "Not written: o.obj: No space left on device\n"
+
+
+# -- check, help, version --------------------------------------------------------------
+
+
+def test_check(cap):
+    result = invoke("check", cap)
+    assert result.exit_code == 0
+    assert "A triangulated disk." in result.stdout
+
+
+def test_check_reports_every_defect(cap):
+    V, F = spherical_cap(12)
+    V = np.vstack([V, [[9, 9, 9]]])
+    np.savez(cap, V=V, F=F[1:] + 1)
+    result = invoke("check", cap)
+    assert result.exit_code == 2
+    assert "unreferenced vertex" in result.stdout
+    np.savez(cap, V=V, F=F[1:, [0, 0, 1]])
+    assert "repeated corner" in invoke("check", cap).stdout
+
+
+def test_indices_from_one_are_announced(cap):
+    V, F = spherical_cap(12)
+    np.savez(cap, V=V, F=F + 1)
+    for arguments in (("check", cap), ("map", cap, cap.with_name("o.obj"))):
+        result = invoke(*arguments)
+        assert result.exit_code == 0
+        assert "from 1" in result.stdout
+
+
+def test_every_defect_is_named(cap, monkeypatch):
+    defects = Defect("one", "First", "Mend."), Defect("two", "Second", "Mend.")
+
+    def fail(*args, **options):
+        raise MeshError(*defects)
+
+    monkeypatch.setattr(commands, "disk_map", fail)
+    assert invoke("map", cap, cap.with_name("o.obj")).stderr.splitlines() == [
+        "one: First. Mend.",
+        "two: Second. Mend.",
+    ]
+
+
+@pytest.mark.parametrize("option", ["-h", "--help"])
+@pytest.mark.parametrize("command", [(), ("map",), ("check",)])
+def test_help(command, option):
+    result = invoke(*command, option)
+    assert result.exit_code == 0
+    if command:
+        assert "Exit codes" in result.stdout
+
+
+def test_version():
+    assert invoke("--version").stdout == f"cdcp-igl {__version__}\n"
+
+
+# -- as a process ----------------------------------------------------------------------
+
+
+def test_quiet_in_a_pipe(cap):
+    result = run("map", cap, cap.with_name("o.obj"), env={**os.environ, "FORCE_COLOR": "1"})
+    assert result.returncode == 0
+    assert result.stderr == ""
+    assert result.stdout.replace("\n", "").isprintable()  # no escape sequences
+
+
+def test_progress_and_panel_on_a_terminal(tmp_path):
+    path = tmp_path / "cap.npz"
+    V, F = spherical_cap(12)
+    np.savez(path, V=V, F=F)
+    code = """
+import time
+from cdcp_igl import cli, commands
+real = commands.disk_map
+def slow(V, F, progress):
+    progress("factor", 0.5)
+    time.sleep(1.6)
+    return real(V, F, progress=progress)
+commands.disk_map = slow
+cli.main()
+"""
+    lead, follow = pty.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-c", code, "map", path, tmp_path / "o.obj"],
+        stdout=follow,
+        stderr=follow,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "100"},
+    ) as process:
+        os.close(follow)
+        shown = b""
+        while chunk := _read(lead):
+            shown += chunk
+    os.close(lead)
+    assert process.returncode == 0
+    assert b"factor" in shown
+    assert "╭".encode() in shown
+
+
+def _read(terminal):
+    try:
+        return os.read(terminal, 4096)
+    except OSError:  # how Linux reports that the other end was closed
+        return b""
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_a_killed_process_leaves_the_old_output(cap, number):
+    out = cap.with_name("out.obj")
+    out.write_text("old")
+    code = """
+import time
+from cdcp_igl import cli, io
+def stall(path, *args):
+    path.write_text("half")
+    time.sleep(60)
+io.write_obj = stall
+cli.main()
+"""
+    with subprocess.Popen([sys.executable, "-c", code, "map", cap, out]) as process:
+        deadline = time.monotonic() + 20
+        while not list(cap.parent.glob(".*")) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        process.send_signal(number)
+    assert process.returncode == (-9 if number == signal.SIGKILL else 128 + number)
+    assert out.read_text() == "old"
+    if number == signal.SIGTERM:
+        assert sorted(os.listdir(cap.parent)) == sorted([cap.name, out.name])
+
+
+@pytest.mark.parametrize(
+    ("module", "extra"), [("typer", "cli"), ("rich", "cli"), ("matplotlib", "plot")]
+)
+def test_missing_extras_are_named(cap, module, extra):
+    code = f"import sys; sys.modules[{module!r}] = None; from cdcp_igl.cli import main; main()"
+    arguments = ["map", cap, cap.with_name("o.obj"), "--picture", cap.with_name("p.png")]
+    result = subprocess.run(
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True
+    )
+    assert result.returncode == 1
+    assert f"needs the extra: pip install 'cdcp_igl[{extra}]'" in result.stderr
+    assert "Traceback" not in result.stderr
+    assert os.listdir(cap.parent) == [cap.name]
+
+
+def test_importing_the_package_imports_no_extra():
+    extras = {"typer", "rich", "matplotlib", "scipy.io"}
+    code = f"import sys, cdcp_igl, cdcp_igl.io; print({extras} & sys.modules.keys())"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert result.stdout == "set()\n"
