@@ -150,9 +150,9 @@ def _measure(method: str, V: Floats, F: Ints) -> tuple[dict[str, Any], Floats | 
 def _area_distortion(mesh: DiskMesh, uv: Floats) -> float:
     surface = face_areas(mesh.V, mesh.F)
     left, right = area_products(uv[:, 0], uv[:, 1], mesh.F)
-    plane = np.maximum(left - right, 0)
+    plane = np.maximum(left - right, 0) / abs(left - right).sum()
     with np.errstate(divide="ignore"):
-        ratio = abs(np.log((plane / plane.sum()) / (surface / surface.sum())))
+        ratio = abs(np.log(plane * surface.sum() / surface))
     return float(np.average(ratio, weights=surface))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 from rich.panel import Panel
+from rich.table import Table
 from rich.text import Text
 
 from . import __version__
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 __all__ = ["app"]
 
 FAILED, BAD_INPUT, NO_MAP = 1, 2, 3  # exit codes
+MAPPED = 0.8  # of the progress, when the map is computed
 
 app = typer.Typer(
     add_completion=False,
@@ -193,14 +196,16 @@ def map_command(
         V, F = read_mesh(mesh, notes.append)
         if isinstance(center, int) and center >= len(F):
             raise typer.BadParameter(f"--center {center}: the mesh has {len(F):,} faces.")
-        result = disk_map(V, F, **options, progress=progress)
+        result = disk_map(
+            V, F, **options, progress=lambda phase, done: progress(phase, MAPPED * done)
+        )
         with _writing():
             if picture:
-                progress("draw", 1)
+                progress("draw", MAPPED)
                 figure = draw(V, F, result, name=mesh.name)
                 with whole_file(picture) as unfinished:
                     figure.savefig(unfinished)
-            progress("write", 1)
+            progress("write", 0.9)
             if report:
                 with whole_file(report) as unfinished:
                     unfinished.write_text(json.dumps(result.report(), indent=2) + "\n")
@@ -312,9 +317,11 @@ def _reason(error: OSError) -> str:
 
 def _show(summary: str, notes: list[str], color: str) -> None:
     """Print a result: in a panel on a terminal, plain in a pipe."""
-    lines = "\n".join([summary, *(f"note: {note}" for note in notes)])
+    title, *lines = [*summary.splitlines(), *(f"  note                {note}" for note in notes)]
     if not sys.stdout.isatty():
-        typer.echo(lines)
+        typer.echo("\n".join([title, *lines]))
         return
-    title, _, body = lines.partition("\n")
-    Console().print(Panel(Text(body), title=Text(title, "bold"), border_style=color))
+    table = Table.grid(padding=(0, 2))
+    for line in lines:
+        table.add_row(*map(Text, re.split("  +", line.strip(), maxsplit=1)))
+    Console().print(Panel(table, title=Text(title, "bold"), border_style=color, expand=False))

@@ -1,5 +1,3 @@
-"""cdcp-igl, mostly as a process of its own."""
-
 import json
 import os
 import pty
@@ -7,218 +5,339 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
-import meshes
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-import cdcp_igl
-from cdcp_igl import datasets
+from cdcp_igl import MapError, MeshError, SolverError, __version__, commands
+from cdcp_igl.errors import Defect
 from cdcp_igl.io import read_mesh
 
-V, F = meshes.grid()
 COMMAND = [sys.executable, "-m", "cdcp_igl"]
+
+
+@pytest.fixture
+def cap(tmp_path):
+    """A spherical cap in a file whose name has a space and an umlaut."""
+    path = tmp_path / "Kugel-Käppchen 1.npz"
+    np.savez(path, **dict(zip("VF", spherical_cap(12), strict=True)))
+    return path
+
+
+def spherical_cap(n):
+    x, y = (c.ravel() for c in np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n)))
+    V = np.column_stack([x, y, np.sqrt(3 - x**2 - y**2)])
+    a = np.arange(n * n).reshape(n, n)[:-1, :-1].ravel()
+    F = np.vstack([np.column_stack([a, a + 1, a + n + 1]), np.column_stack([a, a + n + 1, a + n])])
+    return V, F
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(commands.app, [str(a) for a in arguments])
 
 
 def run(*arguments, **options):
     return subprocess.run(
-        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, timeout=120, **options
+        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, **options
     )
 
 
-def save(path, V=V, F=F):
+# -- map -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "npz"])
+def test_map(cap, suffix):
+    out = cap.with_suffix(f".out.{suffix}")
+    result = invoke("map", cap, out)
+    assert result.exit_code == 0
+    assert "valid" in result.stdout
+    assert result.stderr == ""
+    V, F = spherical_cap(12)
+    np.testing.assert_array_equal(read_mesh(out)[0], V)
+    np.testing.assert_array_equal(read_mesh(out)[1], F)
+
+
+def test_npz_holds_the_map(cap):
+    out = cap.with_name("out.npz")
+    assert invoke("map", cap, out).exit_code == 0
+    assert abs(np.linalg.norm(np.load(out)["uv"], axis=1).max() - 1) < 1e-12
+
+
+@pytest.mark.parametrize(("options", "lowest"), [((), 0), (("--disk",), -1)])
+def test_texture_coordinates(cap, options, lowest):
+    out = cap.with_name("out.obj")
+    assert invoke("map", cap, out, *options).exit_code == 0
+    lines = (line.split() for line in out.read_text().splitlines())
+    texture = np.array([words[1:] for words in lines if words[0] == "vt"], float)
+    np.testing.assert_allclose(texture.min(axis=0), lowest, atol=0.05)
+    np.testing.assert_allclose(texture.max(axis=0), 1, atol=0.05)
+
+
+def test_input_may_be_replaced_by_the_output(cap):
+    assert invoke("map", cap, cap).exit_code == 0
+    assert set(np.load(cap)) == {"V", "F", "uv"}
+    assert os.listdir(cap.parent) == [cap.name]
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ((), {"center": "torsion", "mobius": "angle"}),
+        (("--center", "heat", "--mobius", "area"), {"center": "heat", "mobius": "area"}),
+        (("--center", "0", "--mobius", "none"), {"center": "given", "mobius": "none"}),
+        (("--preset", "paper"), {"center": "heat", "mobius": "nelder-mead"}),
+    ],
+)
+def test_report_and_options(cap, options, expected):
+    report = cap.with_name("report.json")
+    assert invoke("map", cap, cap.with_name("o.ply"), "--report", report, *options).exit_code == 0
+    read = json.loads(report.read_text())
+    assert read["valid"]
+    assert {name: read[name]["method"] for name in expected} == expected
+
+
+def test_picture(cap):
+    picture = cap.with_name("p.png")
+    assert invoke("map", cap, cap.with_name("o.ply"), "--picture", picture).exit_code == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("o.stl",),
+        ("o",),
+        ("missing/o.obj",),
+        ("o.obj", "--report", "r.txt"),
+        ("o.obj", "--report", "missing/r.json"),
+        ("o.obj", "--picture", "p.jpg"),
+        ("o.obj", "--center", "middle"),
+        ("o.obj", "--center", "99999"),
+        ("o.obj", "--center", "0", "--preset", "paper"),
+        ("o.obj", "--mobius", "both"),
+        ("folder.obj",),
+    ],
+)
+def test_bad_arguments(cap, monkeypatch, arguments):
+    monkeypatch.chdir(cap.parent)
+    Path("folder.obj").mkdir()
+    monkeypatch.setattr(commands, "disk_map", lambda *args, **options: pytest.fail("computed"))
+    result = invoke("map", cap, *arguments)
+    assert result.exit_code == 2
+    assert result.stderr
+    assert sorted(os.listdir()) == sorted([cap.name, "folder.obj"])
+
+
+def test_bad_mesh(cap):
+    V, F = spherical_cap(12)
+    np.savez(cap, V=V, F=np.vstack([F, F[7]]))
+    out = cap.with_name("out.obj")
+    out.write_text("old")
+    result = run("map", cap, out)
+    assert result.returncode == 2
+    assert "duplicate face: 1 face repeats the corners of another (faces 242)" in result.stderr
+    assert "Drop these faces." in result.stderr
+    assert "Traceback" not in result.stderr
+    assert result.stdout == ""
+    assert out.read_text() == "old"
+
+
+@pytest.mark.parametrize("name", ["missing.obj", "empty.off", "garbage.ply", "cut.obj", "a.xyz"])
+@pytest.mark.parametrize("command", ["map", "check"])
+def test_bad_files(tmp_path, name, command):
+    path = tmp_path / name
+    if "missing" not in name:
+        contents = {"garbage.ply": bytes(range(256)), "cut.obj": b"v 0 0 0\nv 1 0 0\nf 1"}
+        path.write_bytes(contents.get(name, b""))
+    result = invoke(command, path, *([tmp_path / "o.obj"] if command == "map" else []))
+    assert result.exit_code == 2
+    assert result.stderr
+    assert result.stdout == ""
+
+
+@pytest.mark.parametrize("error", [MapError("7 flipped faces"), SolverError("not definite")])
+def test_no_valid_map(cap, monkeypatch, error):
+    def fail(*args, **options):
+        raise error
+
+    monkeypatch.setattr(commands, "disk_map", fail)
+    out = cap.with_name("out.obj")
+    out.write_text("old")
+    result = invoke("map", cap, out, "--report", cap.with_name("r.json"))
+    assert result.exit_code == 3
+    assert result.stderr == f"{error}\n"
+    assert out.read_text() == "old"
+    assert not cap.with_name("r.json").exists()
+
+
+def test_unexpected_errors_are_not_swallowed(cap, monkeypatch):
+    def fail(*args, **options):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(commands, "disk_map", fail)
+    assert isinstance(invoke("map", cap, cap.with_name("o.obj")).exception, ZeroDivisionError)
+
+
+def test_unwritable_output(cap, monkeypatch):
+    def fail(*args, **options):
+        raise OSError(28, "No space left on device", "o.obj")
+
+    monkeypatch.setattr(commands, "write_map", fail)
+    result = invoke("map", cap, cap.with_name("o.obj"))
+    assert result.exit_code == 1
+    assert result.stderr == "Not written: o.obj: No space left on device\n"
+
+
+# -- check, help, version --------------------------------------------------------------
+
+
+def test_check(cap):
+    result = invoke("check", cap)
+    assert result.exit_code == 0
+    assert "A triangulated disk." in result.stdout
+
+
+def test_check_reports_every_defect(cap):
+    V, F = spherical_cap(12)
+    V = np.vstack([V, [[9, 9, 9]]])
+    np.savez(cap, V=V, F=F[1:] + 1)
+    result = invoke("check", cap)
+    assert result.exit_code == 2
+    assert "unreferenced vertex" in result.stdout
+    np.savez(cap, V=V, F=F[1:, [0, 0, 1]])
+    assert "repeated corner" in invoke("check", cap).stdout
+
+
+def test_indices_from_one_are_announced(cap):
+    V, F = spherical_cap(12)
+    np.savez(cap, V=V, F=F + 1)
+    for arguments in (("check", cap), ("map", cap, cap.with_name("o.obj"))):
+        result = invoke(*arguments)
+        assert result.exit_code == 0
+        assert "from 1" in result.stdout
+
+
+def test_every_defect_is_named(cap, monkeypatch):
+    defects = Defect("one", "First", "Mend."), Defect("two", "Second", "Mend.")
+
+    def fail(*args, **options):
+        raise MeshError(*defects)
+
+    monkeypatch.setattr(commands, "disk_map", fail)
+    assert invoke("map", cap, cap.with_name("o.obj")).stderr.splitlines() == [
+        "one: First. Mend.",
+        "two: Second. Mend.",
+    ]
+
+
+@pytest.mark.parametrize("option", ["-h", "--help"])
+@pytest.mark.parametrize("command", [(), ("map",), ("check",)])
+def test_help(command, option):
+    result = invoke(*command, option)
+    assert result.exit_code == 0
+    if command:
+        assert "Exit codes" in result.stdout
+
+
+def test_version():
+    assert invoke("--version").stdout == f"cdcp-igl {__version__}\n"
+
+
+# -- as a process ----------------------------------------------------------------------
+
+
+def test_quiet_in_a_pipe(cap):
+    result = run("map", cap, cap.with_name("o.obj"), env={**os.environ, "FORCE_COLOR": "1"})
+    assert result.returncode == 0
+    assert result.stderr == ""
+    assert result.stdout.replace("\n", "").isprintable()  # no escape sequences
+
+
+def test_progress_and_panel_on_a_terminal(tmp_path):
+    path = tmp_path / "cap.npz"
+    V, F = spherical_cap(12)
     np.savez(path, V=V, F=F)
-    return path
+    code = """
+import time
+from cdcp_igl import cli, commands
+real = commands.disk_map
+def slow(V, F, progress):
+    progress("factor", 0.5)
+    time.sleep(1.6)
+    return real(V, F, progress=progress)
+commands.disk_map = slow
+cli.main()
+"""
+    try:
+        lead, follow = pty.openpty()
+    except OSError:  # a bare system without /dev/pts
+        pytest.skip("no pseudo-terminals here")
+    with subprocess.Popen(
+        [sys.executable, "-c", code, "map", path, tmp_path / "o.obj"],
+        stdout=follow,
+        stderr=follow,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "100"},
+    ) as process:
+        os.close(follow)
+        shown = b""
+        while chunk := _read(lead):
+            shown += chunk
+    os.close(lead)
+    assert process.returncode == 0
+    assert b"factor" in shown
+    assert "╭".encode() in shown
 
 
-@pytest.fixture
-def mesh(tmp_path):
-    return save(tmp_path / "a mesh, größer.npz")
+def _read(terminal):
+    try:
+        return os.read(terminal, 4096)
+    except OSError:  # how Linux reports that the other end was closed
+        return b""
 
 
-def test_map_writes_everything_and_is_quiet_in_a_pipe(tmp_path, mesh):
-    done = run(
-        *("map", mesh, tmp_path / "map.obj"),
-        *("--report", tmp_path / "map.json", "--picture", tmp_path / "map.png"),
-    )
-    assert done.returncode == 0
-    assert done.stderr == ""
-    assert "valid" in done.stdout
-    assert "\x1b" not in done.stdout
-    report = json.loads((tmp_path / "map.json").read_text())
-    assert report["valid"]
-    assert report["vertices"] == len(V)
-    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
-    np.testing.assert_array_equal(read_mesh(tmp_path / "map.obj")[0], V)
-    assert sorted(os.listdir(tmp_path)) == sorted([mesh.name, "map.obj", "map.json", "map.png"])
-
-
-def test_output_is_the_librarys_map(tmp_path, mesh):
-    assert run("map", mesh, tmp_path / "map.npz", "--mobius", "area").returncode == 0
-    with np.load(tmp_path / "map.npz") as data:
-        np.testing.assert_array_equal(data["uv"], cdcp_igl.cdcp(V, F, mobius="area"))
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_a_killed_process_leaves_the_old_output(cap, number):
+    out = cap.with_name("out.obj")
+    out.write_text("old")
+    code = """
+import time
+from cdcp_igl import cli, io
+def stall(path, *args):
+    path.write_text("half")
+    time.sleep(60)
+io.write_obj = stall
+cli.main()
+"""
+    with subprocess.Popen([sys.executable, "-c", code, "map", cap, out]) as process:
+        deadline = time.monotonic() + 20
+        while not list(cap.parent.glob(".*")) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        process.send_signal(number)
+    assert process.returncode == (-9 if number == signal.SIGKILL else 128 + number)
+    assert out.read_text() == "old"
+    if number == signal.SIGTERM:
+        assert sorted(os.listdir(cap.parent)) == sorted([cap.name, out.name])
 
 
 @pytest.mark.parametrize(
-    ("options", "shown"),
-    [
-        (["--center", "centroid"], "centroid"),
-        (["--center", "7"], "face 7"),
-        (["--mobius", "none"], "none"),
-        (["--preset", "paper"], "nelder-mead"),
-    ],
+    ("module", "extra"), [("typer", "cli"), ("rich", "cli"), ("matplotlib", "plot")]
 )
-def test_options_reach_the_algorithm(tmp_path, mesh, options, shown):
-    done = run("map", mesh, tmp_path / "map.obj", *options)
-    assert done.returncode == 0
-    assert shown in done.stdout
-
-
-def test_the_input_may_be_replaced(mesh):
-    assert run("map", mesh, mesh).returncode == 0
-    with np.load(mesh) as data:
-        assert set(data) == {"V", "F", "uv"}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["map", "missing.obj", "map.obj"], "missing.obj"),
-        (["map", "mesh.npz", "map.stl"], "must end in"),
-        (["map", "mesh.npz", "nowhere/map.obj"], "no folder"),
-        (["map", "mesh.npz", "map.obj", "--report", "map.txt"], "must end in .json"),
-        (["map", "mesh.npz", "map.obj", "--center", "middle"], "torsion"),
-        (["map", "mesh.npz", "map.obj", "--center", "70"], "70 faces"),
-        (["map", "mesh.npz", "map.obj", "--preset", "paper", "--center", "heat"], "itself"),
-        (["check", "missing.obj"], "missing.obj"),
-    ],
-)
-def test_bad_usage_is_exit_2_without_traceback(tmp_path, arguments, message):
-    save(tmp_path / "mesh.npz")
-    done = run(*arguments, cwd=tmp_path, env={**os.environ, "COLUMNS": "200"})
-    assert done.returncode == 2
-    assert message in done.stderr
-    assert "Traceback" not in done.stderr
-    assert os.listdir(tmp_path) == ["mesh.npz"]
-
-
-def test_a_mesh_that_is_no_disk_is_exit_2_and_named(tmp_path):
-    hole = save(tmp_path / "hole.npz", F=np.delete(F, 18, axis=0))
-    for arguments in (["check", hole], ["map", hole, tmp_path / "map.obj"]):
-        done = run(*arguments)
-        assert done.returncode == 2
-        text = done.stdout + done.stderr
-        assert "several boundary loops" in text
-        assert "Fill the holes" in text
-        assert str(F[18].min()) in text
-        assert "Traceback" not in text
-    assert os.listdir(tmp_path) == ["hole.npz"]
-
-
-def test_check_of_a_disk(mesh):
-    done = run("check", mesh)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "A triangulated disk." in done.stdout
-
-
-def test_no_valid_map_is_exit_3_and_leaves_the_old_output(tmp_path):
-    x, y = np.meshgrid(np.arange(241) / 4, np.arange(5) / 4)
-    corner = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = (
-        corner[i : i + 4, j : j + 240].ravel() for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
+def test_missing_extras_are_named(cap, module, extra):
+    code = f"import sys; sys.modules[{module!r}] = None; from cdcp_igl.cli import main; main()"
+    arguments = ["map", cap, cap.with_name("o.obj"), "--picture", cap.with_name("p.png")]
+    result = subprocess.run(
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True
     )
-    corridor = save(
-        tmp_path / "corridor.npz",
-        np.column_stack([x.ravel(), y.ravel()]),
-        np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])]),
-    )
-    (tmp_path / "map.obj").write_text("old")
-    done = run("map", corridor, tmp_path / "map.obj", "--report", tmp_path / "map.json")
-    assert done.returncode == 3
-    assert "Crowding" in done.stderr
-    assert "Traceback" not in done.stderr
-    assert (tmp_path / "map.obj").read_text() == "old"
-    assert not (tmp_path / "map.json").exists()
+    assert result.returncode == 1
+    assert f"needs the extra: pip install 'cdcp_igl[{extra}]'" in result.stderr
+    assert "Traceback" not in result.stderr
+    assert os.listdir(cap.parent) == [cap.name]
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
-@pytest.mark.parametrize("delay", [0.3, 0.9, 1.3])
-def test_killed_at_any_moment_there_is_the_old_output_or_the_new(tmp_path, number, delay):
-    V, F, _ = datasets.paraboloid(120)
-    mesh = save(tmp_path / "mesh.npz", V, F)
-    output = tmp_path / "map.obj"
-    output.write_text("old")
-    process = subprocess.Popen(
-        [*COMMAND, "map", mesh, output], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    time.sleep(delay)
-    process.send_signal(number)
-    process.wait(timeout=60)
-    text = output.read_text()
-    if text != "old":
-        assert len(text.splitlines()) == 2 * len(V) + len(F)
-        np.testing.assert_array_equal(read_mesh(output)[1], F)
-    if number != signal.SIGKILL:
-        assert sorted(os.listdir(tmp_path)) == ["map.obj", "mesh.npz"]
-
-
-def test_progress_on_a_terminal_only_for_long_work(tmp_path, mesh):
-    def on_a_terminal(source):
-        controller, terminal = pty.openpty()
-        process = subprocess.Popen(
-            [*COMMAND, "map", source, tmp_path / "map.npz"],
-            stdout=subprocess.DEVNULL,
-            stderr=terminal,
-            env={**os.environ, "TERM": "xterm-256color", "COLUMNS": "100"},
-        )
-        os.close(terminal)
-        seen = b""
-        while True:
-            try:
-                chunk = os.read(controller, 4096)
-            except OSError:  # how Linux reports the end
-                break
-            if not chunk:
-                break
-            seen += chunk
-        os.close(controller)
-        assert process.wait(timeout=60) == 0
-        return seen.decode()
-
-    assert on_a_terminal(mesh) == ""
-    V, F = datasets.load("jacksboro_fault")
-    assert "%" in on_a_terminal(save(tmp_path / "terrain.npz", V, F))
-
-
-def test_version_and_help():
-    assert run("--version").stdout == f"cdcp-igl {cdcp_igl.__version__}\n"
-    for command in ([], ["map"], ["check"]):
-        assert "Exit codes" in run(*command, "-h").stdout or not command
-
-
-def test_missing_extras_are_named(tmp_path, mesh):
-    def without(package, *arguments):
-        code = (
-            f"import sys; sys.modules[{package!r}] = None\n"
-            f"sys.argv = ['cdcp-igl', *{list(map(str, arguments))!r}]\n"
-            "from cdcp_igl.cli import main; main()"
-        )
-        return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-
-    done = without("typer", "check", mesh)
-    assert done.returncode == 1
-    assert "pip install 'cdcp_igl[cli]'" in done.stderr
-    done = without("matplotlib", "map", mesh, tmp_path / "m.obj", "--picture", tmp_path / "m.png")
-    assert done.returncode == 1
-    assert "pip install 'cdcp_igl[plot]'" in done.stderr
-    assert "Traceback" not in done.stderr
-    assert os.listdir(tmp_path) == [mesh.name]
-
-
-def test_import_is_light():
-    code = (
-        "import sys, cdcp_igl\n"
-        "heavy = {'typer', 'rich', 'matplotlib', 'pooch', 'scipy.io', 'scipy.optimize'}\n"
-        "sys.exit(str(heavy & set(sys.modules)) if heavy & set(sys.modules) else 0)"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
+def test_importing_the_package_imports_no_extra():
+    extras = {"typer", "rich", "matplotlib", "scipy.io"}
+    code = f"import sys, cdcp_igl, cdcp_igl.io; print({extras} & sys.modules.keys())"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert result.stdout == "set()\n"

@@ -1,187 +1,368 @@
-"""Meshes from files, maps to files, and what damaged files do."""
-
 import os
+import stat
 import struct
+import subprocess
+import sys
 
 import igl
-import meshes
 import numpy as np
 import pytest
 from scipy.io import savemat
 
-import cdcp_igl
-from cdcp_igl.io import WRITABLE, read_mesh, whole_file, write_map
-
-V, F = meshes.grid()
-UV = cdcp_igl.cdcp(V, F)
-
-
-@pytest.mark.parametrize("suffix", [".obj", ".off", ".ply"])
-def test_reads_what_libigl_writes(tmp_path, suffix):
-    path = tmp_path / f"mesh{suffix}"
-    igl.write_triangle_mesh(str(path), V, F.astype(np.int64))
-    positions, faces = read_mesh(path)
-    np.testing.assert_allclose(positions, V, atol=1e-5)  # libigl writes six digits
-    np.testing.assert_array_equal(faces, F)
+from cdcp_igl import MeshError, disk_map
+from cdcp_igl.formats.stl import merge_duplicates
+from cdcp_igl.injectivity import certify
+from cdcp_igl.io import read_mesh, whole_file, write_map
+from cdcp_igl.mesh import DiskMesh
 
 
-@pytest.mark.parametrize("encoding", [igl.FileEncoding.Ascii, igl.FileEncoding.Binary])
-def test_split_vertices_of_stl_are_merged_in_order(tmp_path, encoding):
-    path = tmp_path / "mesh.stl"
-    exact = V.astype(np.float32).round(3).astype(float)
-    igl.write_triangle_mesh(str(path), exact, F.astype(np.int64), encoding)
-    positions, faces = read_mesh(path)
-    assert cdcp_igl.check(positions, faces).is_disk
-    np.testing.assert_allclose(positions[faces], exact[F], atol=1e-6)
-    first_seen = np.unique(faces.ravel(), return_index=True)[1]
-    assert (np.diff(first_seen) > 0).all()
-
-
-@pytest.mark.parametrize("suffix", WRITABLE)
-def test_round_trip_is_exact(tmp_path, suffix):
-    path = tmp_path / f"map{suffix}"
-    write_map(path, V, F, UV)
-    positions, faces = read_mesh(path)
-    np.testing.assert_array_equal(positions, V)
-    np.testing.assert_array_equal(faces, F)
-
-
-def test_texture_coordinates_in_square_and_disk(tmp_path):
-    def written(**options):
-        write_map(tmp_path / "map.obj", V, F, UV, **options)
-        lines = (tmp_path / "map.obj").read_text().splitlines()
-        return np.array([line.split()[1:] for line in lines if line.startswith("vt ")], float)
-
-    np.testing.assert_array_equal(written(), (UV + 1) / 2)
-    np.testing.assert_array_equal(written(disk=True), UV)
-
-
-def test_libigl_reads_the_texture_coordinates(tmp_path):
-    write_map(tmp_path / "map.obj", V, F, UV)
-    positions, texture, _, faces, corners, _ = igl.readOBJ(str(tmp_path / "map.obj"))
-    np.testing.assert_allclose(positions, V)
-    np.testing.assert_allclose(texture[:, :2], (UV + 1) / 2)
-    np.testing.assert_array_equal(faces, F)
-    np.testing.assert_array_equal(corners, F)
-
-
-def test_npz_holds_the_map_and_planar_meshes_get_a_third_column(tmp_path):
-    flat = V[:, :2]
-    write_map(tmp_path / "map.npz", flat, F, UV)
-    with np.load(tmp_path / "map.npz") as data:
-        np.testing.assert_array_equal(data["uv"], UV)
-        np.testing.assert_array_equal(data["V"], flat)
-    write_map(tmp_path / "map.obj", flat, F, UV)
-    np.testing.assert_array_equal(read_mesh(tmp_path / "map.obj")[0], np.c_[flat, 0 * flat[:, 0]])
-
-
-def test_obj_dialects(tmp_path):
-    path = tmp_path / "dialect.OBJ"
-    path.write_text(
-        "# a comment\nmtllib x.mtl\nv 0 0 0 1\nv 1 0 0 0.5 0.5 0.5\nv 1 1 0\nv 0 1 0\n"
-        "vn 0 0 1\nvt 0 0\ng group\nf 1/1/1 2//1 3 4/1\nv 2 0 0\nf -1 -3 2\n"
+def bumpy_grid(n=9):
+    """A square grid with a bump, coordinates without a short decimal form."""
+    x, y = (c.ravel() for c in np.meshgrid(np.linspace(0, 1, n), np.linspace(0, 1, n)))
+    V = np.column_stack([x, y, np.exp(-8 * ((x - 0.4) ** 2 + (y - 0.5) ** 2)) / 3])
+    a = np.arange(n * n).reshape(n, n)[:-1, :-1].ravel()
+    F = np.concatenate(
+        [np.column_stack([a, a + 1, a + n + 1]), np.column_stack([a, a + n + 1, a + n])]
     )
-    positions, faces = read_mesh(path)
-    assert positions.shape == (5, 3)
-    assert faces.tolist() == [[0, 1, 2], [0, 2, 3], [4, 2, 1]]
+    return V, F
 
 
-def test_matlab_files_count_from_one(tmp_path):
-    savemat(tmp_path / "mesh.mat", {"v": V, "f": (F + 1).astype(np.uint16)})
-    notes = []
-    positions, faces = read_mesh(tmp_path / "mesh.mat", notes.append)
-    np.testing.assert_array_equal(positions, V)
-    np.testing.assert_array_equal(faces, F)
-    assert "1 was subtracted" in notes[0]
-
-    np.savez(tmp_path / "mesh.npz", V=V, F=F)
-    notes.clear()
-    np.testing.assert_array_equal(read_mesh(tmp_path / "mesh.npz", notes.append)[1], F)
-    assert not notes
+POINTS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\n"
+ROWS = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n2 0 0\n"
+V5 = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0]], float)
 
 
-HEADER = (
-    b"ply\nformat binary_little_endian 1.0\nelement vertex %d\nproperty float x\nproperty "
-    b"float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\n"
-    b"end_header\n"
+def ply_header(form, n, m, kind="float"):
+    lines = [
+        *("ply", f"format {form} 1.0", "comment made by hand", f"element vertex {n}"),
+        *(f"property {kind} {axis}" for axis in "xyz"),
+        *(f"element face {m}", "property list uchar int vertex_index", "end_header\n"),
+    ]
+    return "\n".join(lines)
+
+
+def stl_facets(corners):
+    facets = [b"\0" * 80, struct.pack("<I", len(corners))]
+    facets += [struct.pack("<12fH", 0, 0, 1, *np.ravel(c), 0) for c in corners]
+    return b"".join(facets)
+
+
+# -- reading ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "faces"),
+    [
+        ("f 1 2 3\nf 1 3 4\n", [[0, 1, 2], [0, 2, 3]]),
+        ("f 1 2 3 4\nf 2 5 3\n", [[0, 1, 2], [0, 2, 3], [1, 4, 2]]),
+        ("f 1 2 5 3 4\n", [[0, 1, 4], [0, 4, 2], [0, 2, 3]]),
+        ("f -5 -4 -3\nv 9 9 9\nf -6 -4 -3\n", [[0, 1, 2], [0, 2, 3]]),
+        ("vt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nf 1//1 3//1 4//1\n", [[0, 1, 2], [0, 2, 3]]),
+        ("# a\no b\ng c\nusemtl d\nl 1 2\n  f 1 2 3 \r\n\nf\t1 3 4", [[0, 1, 2], [0, 2, 3]]),
+        ("", np.empty((0, 3))),
+    ],
 )
+def test_obj(tmp_path, text, faces):
+    path = tmp_path / "a.OBJ"
+    path.write_text(POINTS + text)
+    V, F = read_mesh(path)
+    np.testing.assert_array_equal(V[:5], V5)
+    np.testing.assert_array_equal(F, faces)
 
-# libigl's readers abort, hang or exhaust the memory on some of these.
-DAMAGED = {
-    "noise.obj": bytes(range(256)) * 4 + b"\nv 1 2\n",
-    "words.obj": b"v a b c\nf 1 2 3\n",
-    "two corners.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n",
-    "noise.off": bytes(range(256)),
+
+def test_obj_with_colours(tmp_path):
+    path = tmp_path / "a.obj"
+    path.write_text("v 0 0 0 .1 .2 .3\nv 1 0 0 .1 .2 .3\nv 0 1 0 .1 .2 .3\nf 1 2 3\n")
+    np.testing.assert_array_equal(read_mesh(path)[0], [[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "OFF\n5 3 0\n" + ROWS + "4 0 1 2 3\n3 1 4 2\n3 0 1 4 255 0 0\n",
+        "OFF 5 3\n# comment\n\n" + ROWS.replace("\n", "  # x\n") + "4 0 1 2 3\n3 1 4 2\n3 0 1 4",
+        "COFF\n5 3 0\n" + ROWS.replace("\n", " 1 0 0 1\n") + "4 0 1 2 3\n3 1 4 2\n3 0 1 4\n",
+    ],
+)
+def test_off(tmp_path, text):
+    path = tmp_path / "a.off"
+    path.write_text(text)
+    V, F = read_mesh(path)
+    np.testing.assert_array_equal(V, V5)
+    np.testing.assert_array_equal(F, [[0, 1, 2], [0, 2, 3], [1, 4, 2], [0, 1, 4]])
+
+
+@pytest.mark.parametrize("kind", ["float", "double"])
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_ply(tmp_path, form, kind):
+    path = tmp_path / "a.ply"
+    header = ply_header(form, 5, 2, kind).encode()
+    if form == "ascii":
+        body = (ROWS + "3 0 1 2\n3 0 2 3\n").encode()
+    else:
+        order = "<" if "little" in form else ">"
+        body = V5.astype(order + {"float": "f4", "double": "f8"}[kind]).tobytes()
+        body += struct.pack(order + "B3iB3i", 3, 0, 1, 2, 3, 0, 2, 3)
+    path.write_bytes(header + body)
+    V, F = read_mesh(path)
+    np.testing.assert_array_equal(V, V5)
+    np.testing.assert_array_equal(F, [[0, 1, 2], [0, 2, 3]])
+
+
+def test_ply_quads_and_points(tmp_path):
+    path = tmp_path / "a.ply"
+    path.write_text(ply_header("ascii", 5, 1) + ROWS + "4 0 1 2 3\n")
+    np.testing.assert_array_equal(read_mesh(path)[1], [[0, 1, 2], [0, 2, 3]])
+    path.write_text(ply_header("ascii", 5, 0) + ROWS)
+    assert read_mesh(path)[1].shape == (0, 3)
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_stl_corners_are_merged_in_order_of_appearance(tmp_path, binary):
+    path = tmp_path / "a.stl"
+    corners = V5[[[2, 0, 1], [3, 0, 2]]]
+    if binary:
+        path.write_bytes(stl_facets(corners))
+    else:
+        loops = ("".join("vertex {} {} {}\n".format(*p) for p in c) for c in corners)
+        facets = (f"facet normal 0 0 1\nouter loop\n{a}endloop\nendfacet\n" for a in loops)
+        path.write_text("solid a\n" + "".join(facets) + "endsolid a\n")
+    V, F = read_mesh(path)
+    np.testing.assert_array_equal(V, V5[[2, 0, 1, 3]])
+    np.testing.assert_array_equal(F, [[0, 1, 2], [3, 1, 0]])
+
+
+def test_merging_keeps_the_surface():
+    V, F = bumpy_grid()
+    merged, faces = merge_duplicates(V[F].reshape(-1, 3), np.arange(F.size).reshape(-1, 3))
+    assert len(merged) == len(V)
+    np.testing.assert_array_equal(merged[faces], V[F])
+    assert (np.diff([np.flatnonzero(faces.ravel() == i)[0] for i in range(len(V))]) > 0).all()
+
+
+@pytest.mark.parametrize("suffix", ["obj", "off", "ply"])
+def test_reads_what_libigl_reads(tmp_path, suffix):
+    path = tmp_path / f"a.{suffix}"
+    igl.write_triangle_mesh(str(path), *bumpy_grid())
+    for ours, theirs in zip(read_mesh(path), igl.read_triangle_mesh(str(path)), strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-15)
+
+
+@pytest.mark.parametrize("suffix", ["npz", "mat"])
+@pytest.mark.parametrize("names", ["VF", "vf"])
+@pytest.mark.parametrize("first", [0, 1])
+def test_archives(tmp_path, suffix, names, first):
+    V, F = bumpy_grid()
+    path = tmp_path / f"a.{suffix}"
+    arrays = {names[0]: V, names[1]: (F + first).astype(np.uint16)}
+    savemat(path, arrays) if suffix == "mat" else np.savez(path, **arrays)
+    notes = []
+    read_V, read_F = read_mesh(path, notes.append)
+    np.testing.assert_array_equal(read_V, V)
+    np.testing.assert_array_equal(read_F, F)
+    assert len(notes) == first
+
+
+def test_indices_are_shifted_only_when_unambiguous(tmp_path):
+    V, F = bumpy_grid()
+    path = tmp_path / "a.npz"
+    ambiguous = F[(F > 0).all(axis=1)]  # without vertex 0, but also without an index n
+    np.savez(path, V=V, F=ambiguous)
+    np.testing.assert_array_equal(read_mesh(path)[1], ambiguous)
+
+
+# -- bad files -------------------------------------------------------------------------
+
+LITTLE = ply_header("binary_little_endian", 5, 1).encode()
+BAD = {
+    "unknown.xyz": b"0 0 0\n",
+    "nosuffix": b"",
+    "word.obj": b"v 0 0 zero\n",
+    "short.obj": b"v 0 0\n",
+    "cut.obj": (POINTS + "f 1 2 3\nf 1").encode(),
     "empty.off": b"",
-    "huge.off": b"OFF\n1000000000 1000000000 0\n0 0 0\n",
-    "cut off.off": b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1\n",
-    "noise.ply": bytes(range(256)),
+    "garbage.off": bytes(range(256)),
+    "cut vertices.off": b"OFF\n5 1 0\n0 0 0\n",
+    "cut faces.off": ("OFF\n5 2 0\n" + ROWS + "3 0 1 2\n").encode(),
+    "cut line.off": ("OFF\n5 1 0\n" + ROWS + "3 0 1").encode(),
+    "digon.off": ("OFF\n5 1 0\n" + ROWS + "2 0 1\n").encode(),
+    "huge.off": b"OFF\n99999999999 1 0\n0 0 0\n",
+    "negative.off": b"OFF\n-5 1 0\n0 0 0\n",
     "empty.ply": b"",
-    "cut off.ply": HEADER % 3 + struct.pack("<9f", *range(9)),
-    "huge.ply": HEADER % 2_000_000_000 + b"0" * 99,
-    "unknown.ply": b"ply\nformat ebcdic 1.0\nend_header\n",
-    "noise.stl": bytes(range(256)),
+    "header.ply": b"ply\nformat ascii 1.0\nelement vertex 3\n",
+    "type.ply": b"ply\nformat ascii 1.0\nelement vertex 1\nproperty half x\nend_header\n1\n",
+    "format.ply": b"ply\nelement vertex 0\nend_header\n",
+    "cut.ply": LITTLE + V5.astype("<f4").tobytes()[:-1],
+    "cut faces.ply": LITTLE + V5.astype("<f4").tobytes() + b"\3\0\0",
+    "cut rows.ply": (ply_header("ascii", 5, 1) + "0 0 0\n").encode(),
+    "cut line.ply": (ply_header("ascii", 5, 1) + ROWS + "3 0 1\n").encode(),
+    "mixed.ply": (ply_header("ascii", 5, 2) + ROWS + "4 0 1 2 3\n3 1 4 2\n").encode(),
+    "mixed binary.ply": ply_header("binary_little_endian", 5, 2).encode()
+    + V5.astype("<f4").tobytes()
+    + struct.pack("<B4iB3i4x", 4, 0, 1, 2, 3, 3, 1, 4, 2),
+    "huge.ply": ply_header("binary_little_endian", 10**12, 1).encode(),
+    "axes.ply": b"ply\nformat ascii 1.0\nelement vertex 1\nproperty int a\nend_header\n1\n",
     "empty.stl": b"",
-    "cut off.stl": b"\0" * 80 + struct.pack("<I", 1000) + b"\0" * 60,
-    "noise.npz": bytes(range(256)),
+    "garbage.stl": bytes(range(256)) * 2,
+    "cut.stl": stl_facets(V5[[[2, 0, 1], [3, 0, 2]]])[:-20],
     "empty.npz": b"",
-    "noise.mat": bytes(range(256)) * 2,
+    "garbage.npz": bytes(range(256)),
+    "cut.npz": b"PK\3\4",
     "empty.mat": b"",
-    "mesh.docx": b"v 0 0 0\n",
-    "no suffix": b"v 0 0 0\n",
+    "garbage.mat": bytes(range(256)),
+    "v73.mat": b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM",
 }
 
 
-@pytest.mark.parametrize(("name", "content"), DAMAGED.items(), ids=DAMAGED.keys())
-def test_damaged_files_are_refused(tmp_path, name, content):
+@pytest.mark.parametrize("name", BAD)
+def test_bad_files_are_refused(tmp_path, name, capfd):
     path = tmp_path / name
-    path.write_bytes(content)
-    with pytest.raises(cdcp_igl.MeshError) as raised:
+    path.write_bytes(BAD[name])
+    with pytest.raises(MeshError) as caught:
         read_mesh(path)
-    assert raised.value.remedy
-    if raised.value.defect == "unreadable file":
-        assert name in str(raised.value)
+    assert caught.value.defect in ("unreadable file", "too few corners")
+    assert capfd.readouterr() == ("", "")
 
 
-def test_archives_without_a_mesh(tmp_path):
-    np.savez(tmp_path / "other.npz", x=V)
-    np.savez(tmp_path / "pickled.npz", V=np.array([{}], dtype=object), F=F)
-    for name in ("other.npz", "pickled.npz"):
-        with pytest.raises(cdcp_igl.MeshError, match=name):
-            read_mesh(tmp_path / name)
+def test_every_truncation_of_a_file_with_counts_is_noticed(tmp_path):
+    V, F = bumpy_grid(4)
+    write_map(tmp_path / "a.ply", V, F, V[:, :2])
+    np.savez(tmp_path / "a.npz", V=V, F=F)
+    savemat(tmp_path / "a.mat", {"v": V, "f": F})
+    for path in [tmp_path / f"a.{suffix}" for suffix in ("ply", "npz", "mat")]:
+        data = path.read_bytes()
+        for length in range(0, len(data) - 8, 41):
+            path.write_bytes(data[:length])
+            with pytest.raises(MeshError):
+                read_mesh(path)
 
 
-def test_missing_file_and_folder(tmp_path):
+def test_archives_without_a_mesh_are_refused(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, points=np.zeros((3, 3)))
+    with pytest.raises(MeshError, match="points"):
+        read_mesh(path)
+    np.savez(path, V=np.array([{}]), F=np.zeros((1, 3)))
+    with pytest.raises(MeshError, match="allow_pickle"):
+        read_mesh(path)
+    with path.open("wb") as file:
+        np.save(file, np.zeros(3))
+    with pytest.raises(MeshError, match="single array"):
+        read_mesh(path)
+
+
+def test_the_message_names_line_and_file(tmp_path):
+    path = tmp_path / "a.obj"
+    path.write_text(POINTS + "f 1 2 x\n")
+    with pytest.raises(MeshError, match=r"'a\.obj'.* line 6.*'x'"):
+        read_mesh(path)
+
+
+@pytest.mark.parametrize("suffix", ["obj", "stl", "npz", "mat"])
+def test_missing_files_are_os_errors(tmp_path, suffix):
     with pytest.raises(FileNotFoundError):
-        read_mesh(tmp_path / "missing.obj")
-    (tmp_path / "folder.obj").mkdir()
-    with pytest.raises(IsADirectoryError):
-        read_mesh(tmp_path / "folder.obj")
-    with pytest.raises(FileNotFoundError):
-        write_map(tmp_path / "missing" / "map.obj", V, F, UV)
-    with pytest.raises(ValueError, match="Writable"):
-        write_map(tmp_path / "map.stl", V, F, UV)
+        read_mesh(tmp_path / f"a.{suffix}")
 
 
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
-    target = tmp_path / "map.obj"
-    target.write_text("old")
-
-    def fail():
-        with whole_file(target) as unfinished:
-            unfinished.write_text("half")
-            assert target.read_text() == "old"
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        fail()
-    assert target.read_text() == "old"
-    assert os.listdir(tmp_path) == ["map.obj"]
+# -- writing ---------------------------------------------------------------------------
 
 
-def test_a_finished_write_replaces_through_a_link(tmp_path):
-    (tmp_path / "real.npz").write_text("old")
-    (tmp_path / "link.npz").symlink_to(tmp_path / "real.npz")
-    write_map(tmp_path / "link.npz", V, F, UV)
-    assert (tmp_path / "link.npz").is_symlink()
-    np.testing.assert_array_equal(read_mesh(tmp_path / "real.npz")[0], V)
+@pytest.mark.parametrize("suffix", ["obj", "ply", "npz"])
+def test_round_trip_is_exact(tmp_path, suffix):
+    V, F = bumpy_grid()
+    uv = disk_map(V, F).uv
+    path = tmp_path / f"größer als 1.{suffix}"
+    write_map(path, V, F, uv, disk=True)
+    read_V, read_F = read_mesh(path)
+    np.testing.assert_array_equal(read_V, V)
+    np.testing.assert_array_equal(read_F, F)
+    np.testing.assert_array_equal(stored_uv(path), uv)
+    assert os.listdir(tmp_path) == [path.name]
+
+
+def stored_uv(path):
+    if path.suffix == ".npz":
+        return np.load(path)["uv"]
+    if path.suffix == ".ply":
+        header, _, body = path.read_bytes().partition(b"end_header\n")
+        n = int(header.split()[header.split().index(b"vertex") + 1])
+        return np.frombuffer(body, "<f8", 5 * n).reshape(n, 5)[:, 3:]
+    lines = path.read_text().splitlines()
+    return np.array([line.split()[1:] for line in lines if line.startswith("vt ")], float)
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply"])
+def test_texture_coordinates_fill_the_unit_square_and_stay_valid(tmp_path, suffix):
+    V, F = bumpy_grid()
+    path = tmp_path / f"a.{suffix}"
+    write_map(path, V, F, disk_map(V, F).uv)
+    texture = stored_uv(path)
+    assert texture.min() >= 0
+    assert texture.max() <= 1
+    assert certify(DiskMesh(V, F), 2 * texture - 1).valid
+
+
+def test_libigl_reads_texture_coordinates(tmp_path):
+    V, F = bumpy_grid()
+    path = tmp_path / "a.obj"
+    write_map(path, V, F, V[:, :2], disk=True)
+    _, TC, _, _, FTC, _ = igl.readOBJ(str(path))
+    np.testing.assert_array_equal(TC[:, :2], V[:, :2])
+    np.testing.assert_array_equal(FTC, F)
+
+
+def test_planar_meshes_get_a_third_coordinate(tmp_path):
+    V, F = bumpy_grid()
+    write_map(tmp_path / "a.obj", V[:, :2], F, V[:, :2])
+    np.testing.assert_array_equal(read_mesh(tmp_path / "a.obj")[0], V * [1, 1, 0])
+
+
+def test_unknown_output_type(tmp_path):
+    with pytest.raises(ValueError, match=r"\.npz \.obj \.ply"):
+        write_map(tmp_path / "a.stl", *bumpy_grid(), np.zeros((81, 2)))
+
+
+@pytest.mark.parametrize("error", [OSError, KeyboardInterrupt])
+def test_a_failed_body_leaves_the_old_file_alone(tmp_path, error):
+    path = tmp_path / "a.json"
+    path.write_text("old")
+
+    def write_and_fail():
+        with whole_file(path) as unfinished:
+            assert unfinished.parent == tmp_path
+            assert unfinished.suffix == ".json"
+            unfinished.write_text("ne")
+            raise error
+
+    with pytest.raises(error):
+        write_and_fail()
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["a.json"]
+
+
+def test_symbolic_links_and_permissions(tmp_path):
+    (tmp_path / "link").symlink_to("target")
+    with whole_file(tmp_path / "link") as unfinished:
+        unfinished.write_text("new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "target").read_text() == "new"
+    (tmp_path / "usual").touch()
+    modes = {stat.S_IMODE((tmp_path / name).stat().st_mode) for name in ("target", "usual")}
+    assert len(modes) == 1
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "npz"])
+def test_a_full_disk_is_noticed(tmp_path, suffix):
+    path = tmp_path / f"a.{suffix}"
+    path.write_text("old")
+    code = f"""
+import numpy as np, resource
+from cdcp_igl.io import write_map
+resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+V = np.random.default_rng(0).random((999, 3))
+write_map({str(path)!r}, V, np.arange(999).reshape(-1, 3), V[:, :2])
+"""
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "OSError" in run.stderr
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == [path.name]

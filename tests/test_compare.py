@@ -1,0 +1,133 @@
+"""Cases in processes of their own, and the table of them."""
+
+import csv
+import json
+import signal
+import subprocess
+import sys
+
+import meshes
+import numpy as np
+import pytest
+
+import cdcp_igl
+from cdcp_igl import case as case_module
+from cdcp_igl.case import Case, run_case
+from cdcp_igl.reference import METHODS
+
+V, F = meshes.grid(8, 9)
+
+
+def compare(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "cdcp_igl", "compare", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+@pytest.fixture
+def mesh(tmp_path):
+    path = tmp_path / "grid.npz"
+    np.savez(path, V=V, F=F)
+    return path
+
+
+def test_a_case_is_what_the_library_says():
+    case, uv = run_case("cdcp", V, F, time_limit=60)
+    result = cdcp_igl.disk_map(V, F)
+    np.testing.assert_array_equal(uv, result.uv)
+    assert case.outcome == "ok"
+    assert (case.mean, case.sd, case.max) == pytest.approx(
+        (result.distortion.mean, result.distortion.sd, result.distortion.max)
+    )
+    assert case.flips == 0
+    assert case.boundary_error < 1e-12
+    assert 0 < case.area < 5
+    assert case.seconds > 0
+    assert 20 < case.memory < 2000  # MiB
+
+
+def test_area_distortion_of_a_similarity_is_zero_and_of_a_flip_infinite():
+    flat = np.column_stack([V[:, :2], 0 * V[:, 0]])
+    mesh = cdcp_igl.mesh.DiskMesh(flat, F)
+    assert case_module._area_distortion(mesh, 3 * flat[:, :2] + 1) == pytest.approx(0, abs=1e-12)
+    assert case_module._area_distortion(mesh, flat[:, :2] * [-1, 1] + flat[0, 0]) == np.inf
+
+
+def test_time_limit():
+    case, uv = run_case("cdcp", V, F, time_limit=0.01)
+    assert uv is None
+    assert case.outcome == "no result within 0.01 s"
+    assert np.isnan(case.mean)
+
+
+@pytest.mark.parametrize(
+    ("code", "outcome"),
+    [
+        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "crashed: SIGSEGV"),
+        ("raise KeyError('what')", "failed: KeyError: 'what'"),
+    ],
+)
+def test_a_crash_is_an_outcome(monkeypatch, code, outcome):
+    run = subprocess.run
+
+    def crash(command, **options):
+        return run([sys.executable, "-c", code], **options)
+
+    monkeypatch.setattr(case_module.subprocess, "run", crash)
+    case, uv = run_case("lscm", V, F, time_limit=60)
+    assert (case.outcome, uv) == (outcome, None)
+    assert signal.SIGSEGV.name in outcome or code.startswith("raise")
+
+
+def test_json_has_no_nan():
+    row = Case("lscm", "free", "crashed").as_json()
+    assert row["mean"] is None
+    assert json.loads(json.dumps(row, allow_nan=False)) == row
+
+
+def test_every_row_is_there(tmp_path, mesh):
+    done = compare(
+        *(mesh, "--json", tmp_path / "r.json", "--csv", tmp_path / "r.csv"),
+        *("--picture", tmp_path / "p.png"),
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    for method in METHODS:
+        assert method in done.stdout
+    assert done.stdout.count("no disk") == 3  # lscm, spectral and the caption
+    rows = json.loads((tmp_path / "r.json").read_text())
+    assert [row["method"] for row in rows] == list(METHODS)
+    assert all(row["outcome"] == "ok" for row in rows)
+    with (tmp_path / "r.csv").open(newline="") as file:
+        assert [row["method"] for row in csv.DictReader(file)] == list(METHODS)
+    assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_method_that_fails_has_a_row_that_says_so(tmp_path, real_mesh):
+    positions, faces = real_mesh("face_1180_ears")
+    np.savez(tmp_path / "ears.npz", V=positions, F=faces)
+    done = compare(tmp_path / "ears.npz", "--methods", "cdcp,fdcp")
+    assert done.returncode == 0
+    assert "MapError" in done.stdout
+    assert done.stdout.index("cdcp") < done.stdout.index("fdcp") < done.stdout.index("MapError")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [(["--methods", "cdcp,magic"], "'magic' is not one of"), (["--json", "r.txt"], "must end in")],
+)
+def test_bad_usage(mesh, arguments, message):
+    done = compare(mesh, *arguments)
+    assert done.returncode == 2
+    assert message in " ".join(done.stderr.split())
+
+
+def test_bad_mesh_is_exit_2_before_anything_runs(tmp_path):
+    np.savez(tmp_path / "hole.npz", V=V, F=F[1:-40])
+    done = compare(tmp_path / "hole.npz")
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
