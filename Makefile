@@ -12,6 +12,9 @@ setup: .venv/ready
 demo: setup $(MESH)
 	@mkdir -p demo
 	.venv/bin/cdcp-igl map "$(MESH)" "demo/$(NAME)_disk.obj" --picture "demo/$(NAME)_disk.png"
+	@echo
+	@echo "The map, as texture coordinates: $(CURDIR)/demo/$(NAME)_disk.obj"
+	@echo "The picture:                     $(CURDIR)/demo/$(NAME)_disk.png"
 
 demo/jacksboro_fault.npz: | .venv/ready
 	@mkdir -p demo

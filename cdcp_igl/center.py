@@ -109,7 +109,7 @@ def centrality(mesh: DiskMesh, L: csr_matrix, factor: Factor, method: CenterMeth
         return -heat[mesh.F].sum(axis=1)  # (15)
     if method == "torsion":
         u = np.zeros(len(mesh.V))
-        u[mesh.interior] = factor.solve_interior(np.ones(len(mesh.interior), complex)).real
+        u[mesh.interior] = factor.solve_interior(np.ones(len(mesh.interior)))
         return u[mesh.F].sum(axis=1)
     if method == "centroid":
         barycenters = mesh.V[mesh.F].mean(axis=1)

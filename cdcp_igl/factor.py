@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, TypeVar
+
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
@@ -11,6 +13,8 @@ from .cholmod import Cholesky
 from .mesh import DiskMesh
 
 __all__ = ["Factor"]
+
+Numbers = TypeVar("Numbers", Complex, Floats)
 
 # Boundary vertices above which two factorizations cost less than one, in which the
 # boundary comes last and fills a dense block of this size.
@@ -77,36 +81,34 @@ class Factor:
         (n,) complex128
         """
         h = np.zeros(self._n, dtype=complex)
-        h[self._rows] = _complex(self._pinned.solve(_columns(r[self._rows])))
+        h[self._rows] = _vector(self._pinned.solve(_columns(r[self._rows])))
         return h
 
-    def solve_interior(self, b: Complex) -> Complex:
+    def solve_interior(self, b: Numbers) -> Numbers:
         """Solve L_II x = b.
 
         Parameters
         ----------
-        b : (nI,) complex128
+        b : (nI,) complex128 or float64
             In the order of ``mesh.interior``.
 
         Returns
         -------
-        (nI,) complex128
+        (nI,) of the same type
         """
         if self._inner is not None:
-            return _complex(self._inner.solve(_columns(b)))
+            return _vector(self._inner.solve(_columns(b)))
         nI = len(self._interior)
         if nI == 0:
             return b.copy()
         # Forward with b in the leading block, backward with the boundary block zeroed:
         # exactly the two substitutions with the factor of L_II.
         vertex = self._rows[self._pinned.permutation]
-        x = np.zeros(self._n, dtype=complex)
+        x = np.zeros(self._n, dtype=b.dtype)
         x[self._interior] = b
-        y = np.zeros((len(vertex), 2), order="F")
-        y[:nI] = _columns(x[vertex[:nI]])
-        y = self._pinned.solve_lower(y)
+        y = self._pinned.solve_lower(_columns(x[vertex]))
         y[nI:] = 0
-        x[vertex[:nI]] = _complex(self._pinned.solve_upper(y)[:nI])
+        x[vertex] = _vector(self._pinned.solve_upper(y))
         return x[self._interior]
 
 
@@ -114,9 +116,10 @@ def _block(L: csr_matrix, rows: Ints) -> csc_matrix:
     return L[rows][:, rows].T  # symmetric: the transpose only renames CSR to CSC
 
 
-def _columns(z: Complex) -> Floats:
-    return np.array([z.real, z.imag]).T  # Fortran order, as CHOLMOD keeps it
+def _columns(z: Numbers) -> Floats:
+    """Real vector as one column, complex one as two, in the Fortran order of CHOLMOD."""
+    return np.array([z.real, z.imag] if np.iscomplexobj(z) else [z]).T
 
 
-def _complex(columns: Floats) -> Complex:
-    return columns[:, 0] + 1j * columns[:, 1]
+def _vector(columns: Floats) -> Any:
+    return columns[:, 0] if columns.shape[1] == 1 else columns[:, 0] + 1j * columns[:, 1]

@@ -78,20 +78,28 @@ def normalize(
     residual : (m, 3) float64
         Corner angles of the returned map minus those of the surface, in radians.
     """
-    residual = plane_angles(f, mesh.F) - mesh.angles
-    if method is None:
-        return f, Normalization("none", 0j), residual
-    if method == "area":
+    if method == "angle":
+        w = least_angle_distortion(mesh.F, f, mesh.angles)
+    elif method == "nelder-mead":
+        w = least_angle_distortion_nelder_mead(mesh.F, f, mesh.angles)
+    elif method == "area":
         w = conformal_barycenter(f, _vertex_areas(mesh))
-    elif method == "angle":
-        w = least_angle_distortion(mesh.F, f, residual)
     else:
-        w = least_angle_distortion_nelder_mead(mesh.F, f, residual)
+        return f, Normalization("none", 0j), plane_angles(f, mesh.F) - mesh.angles
+
     moved = _turn_back(mesh, mobius(f, w))
-    after = plane_angles(moved, mesh.F) - mesh.angles
-    if method != "area" and not abs(after).mean() < abs(residual).mean():
+    residual = plane_angles(moved, mesh.F) - mesh.angles
+    judges = _sample(mesh.F, SAMPLES[-1])
+    unmoved = plane_angles(f, mesh.F[judges]) - mesh.angles[judges]
+    if method != "area" and not abs(residual[judges]).mean() < abs(unmoved).mean():
+        residual = plane_angles(f, mesh.F) - mesh.angles
         return f, Normalization(method, 0j, "no improvement"), residual
-    return moved, Normalization(method, w), after
+    return moved, Normalization(method, w), residual
+
+
+def _sample(F: Ints, size: int) -> Ints:
+    """Rows of at most `size` faces, spread evenly."""
+    return np.linspace(0, len(F) - 1, min(size, len(F))).astype(np.int64)
 
 
 def _turn_back(mesh: DiskMesh, f: Complex) -> Complex:
@@ -121,7 +129,7 @@ def angle_change(F: Ints, z: Complex, w: complex) -> Floats:
     return _differences(np.angle(1 - np.conj(w) * z)[F])
 
 
-def least_angle_distortion(F: Ints, z: Complex, residual: Floats) -> complex:
+def least_angle_distortion(F: Ints, z: Complex, angles: Floats) -> complex:
     """Find w that minimises the angular distortion of psi_w o f, eq. (20), by Newton.
 
     The sum of absolute values is replaced by a pseudo-Huber function, over 10,000 and then
@@ -132,8 +140,8 @@ def least_angle_distortion(F: Ints, z: Complex, residual: Floats) -> complex:
     F : (m, 3) int64
     z : (n,) complex128
         The map f.
-    residual : (m, 3) float64
-        Corner angles of f minus those of the surface, in radians.
+    angles : (m, 3) float64
+        Corner angles of the surface in radians.
 
     Returns
     -------
@@ -142,14 +150,13 @@ def least_angle_distortion(F: Ints, z: Complex, residual: Floats) -> complex:
     """
     w = 0j
     for size in SAMPLES:
-        w = _newton(F, z, residual, min(size, len(F)), w)
+        chosen = _sample(F, size)
+        w = _newton(z[F[chosen]], plane_angles(z, F[chosen]) - angles[chosen], w)
     return w
 
 
-def _newton(F: Ints, z: Complex, residual: Floats, size: int, w: complex) -> complex:
-    """Minimise over `size` faces spread evenly through F, from w."""
-    chosen = np.linspace(0, len(F) - 1, size).astype(np.int64)
-    z, r0 = z[F[chosen]], residual[chosen]
+def _newton(z: Complex, r0: Floats, w: complex) -> complex:
+    """Minimise from w; z (k, 3) are the corners of the faces, r0 (k, 3) their residuals."""
     soft = max(SOFT * float(np.median(abs(r0))), np.finfo(float).eps)
 
     def value(w: complex) -> float:
@@ -201,17 +208,18 @@ def _backtrack(
     return 0j, best
 
 
-def least_angle_distortion_nelder_mead(F: Ints, z: Complex, residual: Floats) -> complex:
+def least_angle_distortion_nelder_mead(F: Ints, z: Complex, angles: Floats) -> complex:
     """Find w of eq. (20) as the paper does: Nelder-Mead on the mean over all faces.
 
     Parameters and return value as in `least_angle_distortion`.
     """
+    from scipy.optimize import minimize  # slow to import, and only the paper's preset uses it
+
+    residual = plane_angles(z, F) - angles
 
     def mean_distortion(x: Floats) -> float:
         w = complex(*x)
         return float(abs(residual + angle_change(F, z, w)).mean()) if abs(w) < 1 else np.inf
-
-    from scipy.optimize import minimize  # slow to import, and only the paper's preset uses it
 
     start = np.array([[0.0, 0.0], [0.05, 0.0], [0.0, 0.05]])
     options = {"initial_simplex": start, "xatol": 1e-6, "fatol": 1e-10}
