@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse import csc_matrix, csr_matrix, identity
 
-from .arrays import Complex, Floats
+from .arrays import Complex, Floats, Ints
 from .cholmod import Cholesky
 from .distortion import plane_angles
 from .injectivity import flipped_faces
 from .mesh import DiskMesh
 
-__all__ = ["Refinement", "gauss_newton_step", "refine"]
+Array = TypeVar("Array", Complex, Ints)
+
+__all__ = ["Refinement", "gauss_newton_step", "lower_angle_distortion"]
 
 ROUNDING = np.radians(0.1)  # below this angle |r|^p is rounded off to a parabola
 CG_ITERATIONS = 3  # leave a relative residual of about 0.1
 DAMPINGS = (0, 1, 10, 100)  # times the mean weight of a corner; the last is the last attempt
+BLOCK = 1 << 14
 SHIFT = 1e-10  # of the diagonal: keeps rounding from an indefinite matrix
 
 
@@ -29,7 +33,7 @@ class Refinement:
     Attributes
     ----------
     asked : int
-        Steps that were asked for.
+        Steps that were asked for, at least 1.
     steps : int
         Steps that were taken; fewer when no further step was an improvement.
     norm : float
@@ -39,15 +43,13 @@ class Refinement:
         all corners, each at least 0.1 degree.
     """
 
-    asked: int = 0
-    steps: int = 0
-    norm: float = np.nan
-    before: float = np.nan
-    after: float = np.nan
+    asked: int
+    steps: int
+    norm: float
+    before: float
+    after: float
 
     def __str__(self) -> str:
-        if self.asked == 0:
-            return "not asked for"
         if self.steps == 0:
             return "no improvement"
         return (
@@ -56,8 +58,12 @@ class Refinement:
         )
 
 
-def refine(
-    mesh: DiskMesh, f: Complex, steps: int, norm: float, advance: Callable[[float], None]
+def lower_angle_distortion(
+    mesh: DiskMesh,
+    f: Complex,
+    steps: int,
+    norm: float,
+    advance: Callable[[float], None],
 ) -> tuple[Complex, Refinement]:
     """Lower the sum of |angle error|^p over all corners by moving the interior vertices.
 
@@ -72,7 +78,7 @@ def refine(
     f : (n,) complex128
         Map onto the disk without flipped faces. With flipped faces nothing is done.
     steps : int
-        At least 0.
+        At least 1.
     norm : float
         The exponent p, from 1 to 2.
     advance : callable
@@ -94,20 +100,19 @@ def refine(
     P. W. Holland, R. E. Welsch. Robust regression using iteratively reweighted
     least-squares. Communications in Statistics 6(9), 1977.
     """
-    if steps == 0:
-        return f, Refinement()
-    r = plane_angles(f, mesh.F) - mesh.angles
+    r = _angle_errors(mesh, f)
     before = objective = _power_mean(r, norm)
-    taken, strength = 0, 0
+    taken, strength, settled = 0, 0, False
     preconditioner = _Preconditioner(mesh) if len(mesh.interior) else None
     while preconditioner and taken < steps and strength < len(DAMPINGS):
         advance(taken / steps)
-        p = norm if taken else 2
+        p = norm if settled else 2
         trial = f + gauss_newton_step(mesh, f, r, p, DAMPINGS[strength], preconditioner)
-        r_trial = plane_angles(trial, mesh.F) - mesh.angles
+        r_trial = _angle_errors(mesh, trial)
         value = _power_mean(r_trial, norm)
         if value < objective and not len(flipped_faces(_columns(trial), mesh.F)[0]):
             f, r, objective = trial, r_trial, value
+            settled = settled or strength == 0
             taken, strength = taken + 1, max(strength - 1, 0)
         else:
             strength += 1
@@ -152,16 +157,16 @@ def gauss_newton_step(
     (n,) complex128
         Zero on the boundary.
     """
-    corner = f[mesh.F]
-    e = np.roll(corner, -2, axis=1) - np.roll(corner, -1, axis=1)  # opposite the corner
-    twice_area = (e[:, 0].conj() * e[:, 1]).imag
-    # Half the gradient of the hat function, which grows at right angles to the edge.
-    beta = 1j * e / (2 * twice_area[:, None])
-    q = e.conj() / e
-    g = np.roll(q, -1, axis=1) - np.roll(q, -2, axis=1)
-    w = (r * r + ROUNDING**2) ** (p / 2 - 1)
-    s = (w * abs(g) ** 2).sum(axis=1) / 2 + damping * w.mean()
-    t = -(w * g * g).sum(axis=1) / 2
+    m = len(mesh.F)
+    beta, s, t, gradient = (
+        np.empty((m, 3), complex),
+        np.empty(m),
+        np.empty(m, complex),
+        np.empty(m, complex),
+    )
+    for part in _blocks(m):
+        beta[part], s[part], t[part], gradient[part] = _linearize(f[mesh.F[part]], r[part], p)
+    s += damping * (r * r).mean() ** (p / 2 - 1)
     B = _shear(mesh, beta)
 
     def adjoint(b: Complex) -> Complex:
@@ -174,9 +179,27 @@ def gauss_newton_step(
         return adjoint(s * b + (t * b).conj())
 
     preconditioner.factor(beta, s)
-    return _conjugate_gradients(
-        normal_matrix, -adjoint((w * r * 1j * g.conj()).sum(axis=1)), preconditioner, iterations
-    )
+    return _conjugate_gradients(normal_matrix, -adjoint(gradient), preconditioner, iterations)
+
+
+def _linearize(corner: Complex, r: Floats, p: float) -> tuple[Complex, Floats, Complex, Complex]:
+    """Compute beta (k, 3), s, t and the gradient in b (k,) of k faces."""
+    e = _last(corner) - _next(corner)  # opposite the corner
+    twice_area = (e[:, 0].conj() * e[:, 1]).imag
+    # Half the gradient of the hat function, which grows at right angles to the edge.
+    beta = 1j * e / (2 * twice_area[:, None])
+    q = e.conj() / e
+    g = _next(q) - _last(q)
+    w = (r * r + ROUNDING**2) ** (p / 2 - 1)
+    s = (w * abs(g) ** 2).sum(axis=1) / 2
+    t = -(w * g * g).sum(axis=1) / 2
+    return beta, s, t, 1j * (w * r * g.conj()).sum(axis=1)
+
+
+def _blocks(m: int) -> Iterator[slice]:
+    """Split m faces into blocks whose arrays stay in the cache."""
+    for start in range(0, m, BLOCK):
+        yield slice(start, start + BLOCK)
 
 
 def _shear(mesh: DiskMesh, beta: Complex) -> csr_matrix:
@@ -192,11 +215,11 @@ def _conjugate_gradients(
     iterations: int,
 ) -> Complex:
     """Lower x^T A x / 2 - x^T b from x = 0, inner product Re x^H y (A is real-linear)."""
-    x, residual = np.zeros_like(b), b
-    direction, rho = np.zeros_like(b), 1.0
+    x, residual, direction = np.zeros_like(b), b, np.zeros_like(b)
+    rho = 1.0
     for _ in range(iterations):
         z = preconditioner(residual)
-        rho, last = np.vdot(residual, z).real, rho
+        rho, last = float(np.vdot(residual, z).real), rho
         direction = z + rho / last * direction
         image = A(direction)
         alpha = rho / np.vdot(direction, image).real
@@ -218,41 +241,71 @@ class _Preconditioner:
         Has interior vertices.
     """
 
+    _cholesky: Cholesky
+
     def __init__(self, mesh: DiskMesh) -> None:
         self._interior = mesh.interior
         k = len(mesh.interior)
         place = np.full(len(mesh.V), -1)
         place[mesh.interior] = np.arange(k)
         corner = place[mesh.F]
-        row, column = np.repeat(corner, 3, axis=1).ravel(), np.tile(corner, 3).ravel()
-        self._inside = (row >= 0) & (column >= 0)
-        row, column = row[self._inside], column[self._inside]
-        # Entries that are zero by chance stay in the pattern, so that one symbolic analysis
-        # serves all steps.
-        self._matrix = csc_matrix((np.ones(len(row)), (row, column)), (k, k))
+        start, end = _next(corner), _last(corner)
+        inside = (start >= 0) & (end >= 0)
+        half = csc_matrix((np.ones(inside.sum()), (start[inside], end[inside])), (k, k))
+        # All edges, even if the entry should become zero: one symbolic analysis serves all
+        # steps.
+        self._matrix = (half + half.T + identity(k, format="csc")).tocsc()
         number = self._matrix.copy()
         number.data = np.arange(number.nnz)
-        self._entry = np.asarray(number[row, column]).ravel()
         self._diagonal = number.diagonal()
-        self._cholesky: Cholesky | None = None
+        # Where the nine products of each face go: both entries of each edge, then the
+        # diagonal; those of boundary vertices go behind the last entry.
+        entry = np.full((len(corner), 9), number.nnz)
+        entry[:, 0:3][inside] = number[start[inside], end[inside]].A1
+        entry[:, 3:6][inside] = number[end[inside], start[inside]].A1
+        entry[:, 6:9] = np.append(self._diagonal, number.nnz)[corner]
+        self._entry = entry.ravel()
 
     def factor(self, beta: Complex, s: Floats) -> None:
         """Set the weights: beta is (m, 3), s is (m,) and positive."""
-        products = s[:, None, None] * (beta[:, :, None] * beta[:, None, :].conj()).real
-        entries = np.bincount(self._entry, products.ravel()[self._inside])
+        products = np.empty((len(s), 9))
+        for part in _blocks(len(s)):
+            edges = s[part, None] * (_next(beta[part]) * _last(beta[part]).conj()).real
+            corners = s[part, None] * abs(beta[part]) ** 2
+            products[part] = np.hstack([edges, edges, corners])
+        entries = np.bincount(self._entry, products.ravel(), self._matrix.nnz + 1)[:-1]
         entries[self._diagonal] *= 1 + SHIFT
         self._matrix.data = entries
-        if self._cholesky is None:
-            self._cholesky = Cholesky(self._matrix)
-        else:
+        if hasattr(self, "_cholesky"):
             self._cholesky.refactor(self._matrix)
+        else:
+            self._cholesky = Cholesky(self._matrix)
 
     def __call__(self, x: Complex) -> Complex:
         """Solve in the interior; zero on the boundary."""
+        inner = x[self._interior]
+        solution = self._cholesky.solve(np.array([inner.real, inner.imag]).T)
         y = np.zeros_like(x)
-        solution = self._cholesky.solve(np.array([x[self._interior].real, x[self._interior].imag]).T)
         y[self._interior] = solution[:, 0] + 1j * solution[:, 1]
         return y
+
+
+def _next(corners: Array) -> Array:
+    """(m, 3) values at the next corner of each face."""
+    return corners[:, [1, 2, 0]]
+
+
+def _last(corners: Array) -> Array:
+    """(m, 3) values at the last corner before each, the next but one."""
+    return corners[:, [2, 0, 1]]
+
+
+def _angle_errors(mesh: DiskMesh, f: Complex) -> Floats:
+    """(m, 3) in radians, signed."""
+    r = np.empty(mesh.F.shape)
+    for part in _blocks(len(r)):
+        r[part] = plane_angles(f, mesh.F[part]) - mesh.angles[part]
+    return r
 
 
 def _power_mean(r: Floats, p: float) -> float:

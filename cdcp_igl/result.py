@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from .arrays import Floats
@@ -11,6 +11,7 @@ from .circle import BoundaryMethod
 from .distortion import AngleDistortion
 from .injectivity import Certificate
 from .mobius import Normalization
+from .refine import Refinement
 from .repair import Repair
 
 __all__ = ["DiskMap"]
@@ -37,6 +38,9 @@ class DiskMap:
         What was done about faces that the harmonic map had flipped.
     mobius : Normalization
         The Möbius transformation (19) that was applied, or why none was.
+    refinement : Refinement or None
+        How far the angular distortion was lowered beyond that of the harmonic map;
+        None if that was not asked for.
     solver : str
         Sparse solver, version, ordering, mode and number of factorizations.
     timings : dict of str to float
@@ -50,6 +54,7 @@ class DiskMap:
     trace: BoundaryMethod
     repair: Repair
     mobius: Normalization
+    refinement: Refinement | None
     solver: str
     timings: dict[str, float]
 
@@ -65,6 +70,7 @@ class DiskMap:
                 f"  boundary            {self.trace}",
                 f"  repair              {self.repair}",
                 f"  Möbius              {self.mobius}",
+                f"  refinement          {self.refinement or 'not asked for'}",
                 f"  solver              {self.solver}",
                 f"  seconds             {sum(self.timings.values()):.2f} ({phases})",
             ]
@@ -101,6 +107,7 @@ class DiskMap:
                 "w": [self.mobius.w.real, self.mobius.w.imag],
                 "rejected": self.mobius.rejected,
             },
+            "refinement": self.refinement and asdict(self.refinement),
             "solver": self.solver,
             "seconds": self.timings,
         }
