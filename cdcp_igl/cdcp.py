@@ -18,7 +18,7 @@ from .factor import Factor
 from .injectivity import certify
 from .laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
 from .mesh import DiskMesh
-from .mobius import normalize
+from .mobius import normalize, rotate
 from .phases import Phases, Progress
 from .refine import lower_angle_distortion
 from .repair import unfold
@@ -66,6 +66,7 @@ def disk_map(
     *,
     center: CenterMethod | int = "torsion",
     mobius: Literal["angle", "area"] | None = "angle",
+    align: int | ArrayLike | None = None,
     refine: int = 0,
     refine_norm: float = 1.5,
     preset: Literal["paper"] | None = None,
@@ -90,6 +91,10 @@ def disk_map(
         What the Möbius transformation at the end minimises: angular distortion,
         eqs. (19)-(20); or the unevenness of area, by the conformal barycentre. None
         leaves the central face near 0.
+    align : int, (3,) array_like or None
+        What lies at angle 0: a boundary vertex, which goes to (1, 0); or a direction in
+        space: on the average over the surface, the map goes right where the surface goes
+        that way. None is the boundary vertex of smallest index.
     refine : int
         Steps of refinement, 0 for none: Gauss-Newton on the sum of |angle error|^p over all
         corners, boundary fixed. Not in the paper. Most of the gain comes with the first two;
@@ -156,6 +161,7 @@ def disk_map(
         f = harmonic_extension(mesh, L, factor, f_B)  # (10)
     with phase("mobius"):
         f, normalization = normalize(mesh, f, "nelder-mead" if paper else mobius)  # (19), (20)
+        f = rotate(mesh, f, align)
     with phase("repair"):
         f, repair = unfold(mesh, f)
     with phase("refine") as advance:

@@ -25,7 +25,8 @@ class DiskMap:
     ----------
     uv : (n, 2) float64
         Row i is the image of row i of V, in the closed unit disk. Faces are
-        counterclockwise; the boundary vertex of smallest index lies at (1, 0).
+        counterclockwise; what `align` named, or else the boundary vertex of smallest
+        index at (1, 0), lies at angle 0.
     certificate : Certificate
         What was verified about `uv`.
     distortion : AngleDistortion
