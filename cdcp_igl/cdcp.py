@@ -107,7 +107,7 @@ def disk_map(
         heat, no whitening of the trace, Nelder-Mead over all faces. Not to be combined
         with `center` and `mobius`.
     progress : callable, optional
-        Called as ``progress(phase, fraction)`` when a phase begins, and before each step of
+        Called as ``progress(phase, fraction)`` when a phase begins, and after each step of
         refinement.
 
     Returns
