@@ -148,9 +148,9 @@ def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     Returns
     -------
     (n,) float64
-        e^u lengths in the plane to one on the surface. It does not see orientation. Minus
-        infinity at a vertex of a face with an edge of length 0; NaN at vertices without
-        faces.
+        A short length on the surface is e^u as long in the plane, each in its own unit.
+        Lengths do not see flipped faces. Minus infinity at the vertices of a face with an
+        edge of length 0; NaN at vertices without faces.
 
     Raises
     ------
@@ -172,7 +172,10 @@ def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
         u = scale.sum(axis=1, keepdims=True) - 2 * scale
         u[~np.isfinite(u).all(axis=1)] = -np.inf
         corners = np.bincount(faces.ravel(), minlength=len(z))
-        return np.bincount(faces.ravel(), u.ravel(), len(z)) / corners
+        mean = np.bincount(faces.ravel(), u.ravel(), len(z)) / corners
+    # The coordinates have been scaled to unit size by powers of two: back to their units.
+    exponent = np.frexp(np.abs(uv).max())[1] - np.frexp(np.abs(V).max())[1]
+    return mean + exponent * np.log(2)
 
 
 def area_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
