@@ -22,7 +22,7 @@ __all__ = ["Refinement", "WeightedLaplacian", "gauss_newton_step", "lower_angle_
 ROUNDING = np.radians(0.1)  # below this angle |r|^p is rounded off to a parabola
 CG_ITERATIONS = 3  # lower the objective to within 0.3 % of what the solved system would
 DAMPINGS = (0, 1, 10, 100)  # tried in turn
-SHIFT = 1e-10  # relative: keeps matrices definite where areas range over 20 digits
+SHIFT = 1e-10  # of the unit diagonal: keeps rounding from an indefinite matrix
 BLOCK = 1 << 14  # faces whose arrays stay in the cache
 
 
@@ -279,7 +279,11 @@ class WeightedLaplacian:
             corners = s[part, None] * abs(beta[part]) ** 2
             products[part] = np.hstack([edges, edges, corners])
         entries = np.bincount(self._entry, products.ravel(), self._matrix.nnz + 1)[:-1]
-        entries[self._diagonal] *= 1 + SHIFT
+        # A unit diagonal: entries go with 1 / area, which may range over 20 digits.
+        scale = self._scale = 1 / np.sqrt(entries[self._diagonal])
+        entries *= scale[self._matrix.indices]
+        entries *= np.repeat(scale, np.diff(self._matrix.indptr))
+        entries[self._diagonal] = 1 + SHIFT
         self._matrix.data = entries
         if hasattr(self, "_cholesky"):
             self._cholesky.refactor(self._matrix)
@@ -288,10 +292,10 @@ class WeightedLaplacian:
 
     def solve(self, x: Complex) -> Complex:
         """Solve in the interior; zero on the boundary."""
-        inner = x[self._interior]
+        inner = self._scale * x[self._interior]
         solution = self._cholesky.solve(np.array([inner.real, inner.imag]).T)
         y = np.zeros_like(x)
-        y[self._interior] = solution[:, 0] + 1j * solution[:, 1]
+        y[self._interior] = self._scale * (solution[:, 0] + 1j * solution[:, 1])
         return y
 
 
