@@ -253,22 +253,27 @@ class WeightedLaplacian:
     def __init__(self, mesh: DiskMesh) -> None:
         self._interior = mesh.interior
         k = len(mesh.interior)
+        diagonal = np.arange(k)
         place = np.full(len(mesh.V), -1)
-        place[mesh.interior] = np.arange(k)
+        place[mesh.interior] = diagonal
         corner = place[mesh.F]
-        # The nine products of each face: both entries of each edge, then the diagonal.
         start, end = _next(corner), _last(corner)
-        row, column = np.hstack([start, end, corner]), np.hstack([end, start, corner])
-        inside = (row >= 0) & (column >= 0)
-        # All edges, even if the entry should become zero: one symbolic analysis serves all
-        # steps.
-        ones = np.ones(np.count_nonzero(inside))
-        self._matrix = csc_matrix((ones, (row[inside], column[inside])), (k, k))
+        inside = (start >= 0) & (end >= 0)
+        # Every half-edge once, and the diagonal. Entries that should become zero stay, so
+        # that one symbolic analysis serves all steps.
+        row = np.concatenate([start[inside], diagonal])
+        column = np.concatenate([end[inside], diagonal])
+        half = csc_matrix((np.ones(len(row)), (row, column)), (k, k))
+        self._matrix = (half + half.T).tocsc()
         number = self._matrix.copy()
         number.data = np.arange(number.nnz)
-        self._diagonal = number.diagonal()
-        entry = np.full(inside.shape, number.nnz)  # of the boundary: behind the last one
-        entry[inside] = number[row[inside], column[inside]].A1
+        edge, self._diagonal = np.split(number[row, column].A1, [-k])
+        # Where the nine products of a face go: both entries of each edge, then the
+        # diagonal; those of the boundary go behind the last entry.
+        entry = np.full((len(corner), 9), number.nnz)
+        entry[:, 0:3][inside] = edge
+        entry[:, 3:6][inside] = number.T.tocsc().data[edge]
+        entry[:, 6:9] = np.append(self._diagonal, number.nnz)[corner]
         self._entry = entry.ravel()
 
     def factor(self, beta: Complex, s: Floats) -> None:
@@ -276,8 +281,8 @@ class WeightedLaplacian:
         products = np.empty((len(s), 9))
         for part in _blocks(len(s)):
             edges = s[part, None] * (_next(beta[part]) * _last(beta[part]).conj()).real
-            corners = s[part, None] * abs(beta[part]) ** 2
-            products[part] = np.hstack([edges, edges, corners])
+            products[part, 0:3] = products[part, 3:6] = edges
+            products[part, 6:9] = s[part, None] * abs(beta[part]) ** 2
         entries = np.bincount(self._entry, products.ravel(), self._matrix.nnz + 1)[:-1]
         # A unit diagonal: entries go with 1 / area, which may range over 20 digits.
         scale = self._scale = 1 / np.sqrt(entries[self._diagonal])
