@@ -3,7 +3,12 @@
 from . import datasets
 from .cdcp import cdcp, disk_map
 from .check import check
-from .distortion import angle_distortion
+from .distortion import (
+    angle_distortion,
+    area_distortion,
+    conformal_factor,
+    quasi_conformal_dilatation,
+)
 from .errors import MapError, MeshError, SolverError
 
 __all__ = [
@@ -11,10 +16,13 @@ __all__ = [
     "MeshError",
     "SolverError",
     "angle_distortion",
+    "area_distortion",
     "cdcp",
     "check",
+    "conformal_factor",
     "datasets",
     "disk_map",
+    "quasi_conformal_dilatation",
 ]
 
 __version__ = "0.1.0"

@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .areas import area_products, face_areas
 from .arrays import Floats, Ints
-from .distortion import AngleDistortion, angle_distortion
+from .distortion import AngleDistortion, angle_distortion, area_distortion
 from .errors import MapError, SolverError
 from .injectivity import certify
 from .mesh import DiskMesh
@@ -45,8 +44,8 @@ class Case:
     mean, sd, max : float
         Angular distortion in degrees; NaN, as everything below, where there is no map.
     area : float
-        Area distortion: mean over the surface of the |log of the ratio of areas|, both
-        areas as shares of their totals; infinite if a face has collapsed or flipped.
+        Area distortion: mean |log of the ratio of areas| of the faces, both areas as shares
+        of their totals; infinite if a face has collapsed or flipped.
     flips : float
         Number of faces that are not positively oriented.
     boundary_error : float
@@ -134,26 +133,16 @@ def _measure(method: str, V: Floats, F: Ints) -> tuple[dict[str, Any], Floats | 
         return {"outcome": f"{type(error).__name__}: {error}"}, None
     seconds = perf_counter() - start
     memory = _peak_memory()
-    mesh = DiskMesh(V, F)
-    certificate = certify(mesh, uv)
+    certificate = certify(DiskMesh(V, F), uv)
     return {
         "outcome": OK,
         **asdict(AngleDistortion.of(angle_distortion(V, F, uv))),
-        "area": _area_distortion(mesh, uv),
+        "area": float(abs(area_distortion(V, F, uv)).mean()),
         "flips": len(certificate.flipped),
         "boundary_error": certificate.boundary_error,
         "seconds": seconds,
         "memory": memory,
     }, uv
-
-
-def _area_distortion(mesh: DiskMesh, uv: Floats) -> float:
-    surface = face_areas(mesh.V, mesh.F)
-    left, right = area_products(uv[:, 0], uv[:, 1], mesh.F)
-    plane = np.maximum(left - right, 0) / abs(left - right).sum()
-    with np.errstate(divide="ignore"):
-        ratio = abs(np.log(plane * surface.sum() / surface))
-    return float(np.average(ratio, weights=surface))
 
 
 def _peak_memory() -> float:

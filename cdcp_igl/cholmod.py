@@ -64,12 +64,19 @@ class Cholesky:
         with _solver(A.shape[0]):
             if _MODERN:
                 self._factor = cholmod.CholeskyFactor(A, supernodal_mode=self.mode, order=ordering)
-                self._factor.factorize(A)
-                self.permutation = self._factor.get_perm()
             else:
                 self._factor = cholmod.analyze(A, mode=self.mode, ordering_method=ordering)
+        self.refactor(A)
+        self.permutation = self._factor.get_perm() if _MODERN else self._factor.P()
+
+    def refactor(self, A: spmatrix) -> None:
+        """Factor another matrix with the same pattern of nonzeros, without a new analysis."""
+        A = csc_matrix(A)
+        with _solver(A.shape[0]):
+            if _MODERN:
+                self._factor.factorize(A)
+            else:
                 self._factor.cholesky_inplace(A)
-                self.permutation = self._factor.P()
 
     def solve(self, b: Floats) -> Floats:
         """Solve A x = b for one or several columns."""

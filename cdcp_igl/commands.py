@@ -155,6 +155,10 @@ def map_command(
         Mobius | None,
         typer.Option(help="What the Möbius transformation minimises. [default: angle]"),
     ] = None,
+    refine: Annotated[
+        int,
+        typer.Option(metavar="N", min=0, help="Steps of refinement after the harmonic map."),
+    ] = 0,
     preset: Annotated[
         Preset | None, typer.Option(help="Follow the paper; sets --center and --mobius itself.")
     ] = None,
@@ -186,6 +190,8 @@ def map_command(
     options: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     if mobius is Mobius.none:
         options["mobius"] = None
+    if refine:
+        options["refine"] = refine
 
     notes: list[str] = []
     with _exit_codes(), progress_bar() as progress:

@@ -1,4 +1,4 @@
-"""Angular distortion, eq. (7)."""
+"""Measures of distortion: angular, eq. (7), quasi-conformal, and of length and area."""
 
 from __future__ import annotations
 
@@ -8,10 +8,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import libigl
+from .areas import area_products, face_areas
 from .arrays import Complex, Floats, Ints
 from .check import as_faces, as_vertices
 
-__all__ = ["AngleDistortion", "angle_distortion", "plane_angles"]
+__all__ = [
+    "AngleDistortion",
+    "angle_distortion",
+    "area_distortion",
+    "conformal_factor",
+    "plane_angles",
+    "quasi_conformal_dilatation",
+    "wirtinger_derivative",
+]
 
 
 @dataclass(frozen=True)
@@ -74,6 +83,145 @@ def angle_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     array([[18.43,  0.  , 18.43],
            [18.43, 18.43,  0.  ]])
     """
+    positions, faces, z = _surface_and_image(V, F, uv)
+    angles = libigl.internal_angles(positions, faces)
+    return np.degrees(abs(plane_angles(z, faces) - angles))
+
+
+def quasi_conformal_dilatation(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
+    """Ratio of the singular values of the map on every face, the larger by the smaller.
+
+    K = (|f_z| + |f_zbar|) / (|f_z| - |f_zbar|), with z a coordinate in the plane of the
+    face: circles become ellipses with axes K : 1.
+
+    Parameters
+    ----------
+    V, F, uv
+        As in `angle_distortion`.
+
+    Returns
+    -------
+    (m,) float64
+        At least 1, which is conformal; infinity for a flipped or collapsed face.
+
+    Raises
+    ------
+    MeshError, ValueError
+        As `angle_distortion`.
+
+    References
+    ----------
+    L. V. Ahlfors. Lectures on Quasiconformal Mappings. Van Nostrand, 1966.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F = [[0, 0], [1, 0], [1, 1], [0, 1]], [[0, 1, 2], [0, 2, 3]]
+    >>> stretched = [[0, 0], [2, 0], [2, 1], [0, 1]]
+    >>> cdcp_igl.quasi_conformal_dilatation(V, F, stretched)
+    array([2., 2.])
+    """
+    positions, faces, z = _surface_and_image(V, F, uv)
+    K = np.full(len(faces), np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):  # of faces without area on the surface
+        derivative = wirtinger_derivative(positions, faces)
+        p = abs((derivative * z[faces]).sum(axis=1))
+        q = abs((derivative.conj() * z[faces]).sum(axis=1))
+    np.divide(p + q, p - q, out=K, where=p > q)
+    return K
+
+
+def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
+    """Logarithm of the scale of the map at every vertex.
+
+    Two triangles are conformally equivalent with factors u at their vertices if each edge
+    satisfies log(length in the plane / length on the surface) = (u_i + u_j) / 2. Every
+    triangle determines its three factors; at a vertex they are averaged over its faces. A
+    discrete conformal equivalence, such as a Möbius transformation of the plane, has its
+    factors recovered exactly.
+
+    Parameters
+    ----------
+    V, F, uv
+        As in `angle_distortion`.
+
+    Returns
+    -------
+    (n,) float64
+        A short length on the surface is e^u as long in the plane, each in its own unit.
+        Lengths do not see flipped faces. Minus infinity at the vertices of a face with an
+        edge of length 0; NaN at vertices without faces.
+
+    Raises
+    ------
+    MeshError, ValueError
+        As `angle_distortion`.
+
+    References
+    ----------
+    B. Springborn, P. Schröder, U. Pinkall. Conformal equivalence of triangle meshes. ACM
+    Trans. Graph. 27(3), 2008.
+    """
+    positions, faces, z = _surface_and_image(V, F, uv)
+    scale = np.empty(faces.shape)  # column k belongs to the edge opposite corner k
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for k in range(3):
+            i, j = faces[:, (k + 1) % 3], faces[:, (k + 2) % 3]
+            length = np.linalg.norm(positions[i] - positions[j], axis=1)
+            scale[:, k] = np.log(abs(z[i] - z[j]) / length)
+        u = scale.sum(axis=1, keepdims=True) - 2 * scale
+        u[~np.isfinite(u).all(axis=1)] = -np.inf
+        corners = np.bincount(faces.ravel(), minlength=len(z))
+        mean = np.bincount(faces.ravel(), u.ravel(), len(z)) / corners
+    # The coordinates have been scaled to unit size by powers of two: back to their units.
+    exponent = np.frexp(np.abs(uv).max())[1] - np.frexp(np.abs(V).max())[1]
+    return mean + exponent * np.log(2)
+
+
+def area_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
+    """Logarithm of the area in the plane by the area on the surface, for every face.
+
+    Both areas are fractions of their totals, so that a map with a constant scale has no
+    distortion of area.
+
+    Parameters
+    ----------
+    V, F, uv
+        As in `angle_distortion`.
+
+    Returns
+    -------
+    (m,) float64
+        0 is no distortion. The area of a flipped face counts as 0, and its distortion is
+        minus infinity, like that of a collapsed one.
+
+    Raises
+    ------
+    MeshError, ValueError
+        As `angle_distortion`.
+
+    References
+    ----------
+    M.-H. Yueh, W.-W. Lin, C.-T. Wu, S.-T. Yau. A novel stretch energy minimization
+    algorithm for equiareal parameterizations. J. Sci. Comput. 78, 2019.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F = [[0, 0], [1, 0], [1, 1], [0, 1]], [[0, 1, 2], [0, 2, 3]]
+    >>> cdcp_igl.area_distortion(V, F, [[0, 0], [3, 0], [3, 1], [0, 1]])
+    array([0., 0.])
+    """
+    positions, faces, z = _surface_and_image(V, F, uv)
+    left, right = area_products(z.real, z.imag, faces)
+    image, surface = np.maximum(left - right, 0), face_areas(positions, faces)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = (image / image.sum()) / (surface / surface.sum())
+        return np.where(ratio > 0, np.log(ratio), -np.inf)
+
+
+def _surface_and_image(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> tuple[Floats, Ints, Complex]:
+    """Check the arguments of a measure of distortion; uv as complex numbers."""
     positions = as_vertices(V)
     faces = as_faces(F, len(positions))
     if np.shape(uv) != (len(positions), 2):
@@ -81,8 +229,7 @@ def angle_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
             f"uv has shape {np.shape(uv)}, V has {len(positions)} rows: uv must be (n, 2)"
         )
     u, v, _ = as_vertices(uv, "uv").T
-    angles = libigl.internal_angles(positions, faces)
-    return np.degrees(abs(plane_angles(u + 1j * v, faces) - angles))
+    return positions, faces, u + 1j * v
 
 
 def plane_angles(z: Complex, F: Ints) -> Floats:
@@ -98,3 +245,20 @@ def plane_angles(z: Complex, F: Ints) -> Floats:
         cosine = -(ahead.real * back.real + ahead.imag * back.imag)
         np.arctan2(twice_area, cosine, out=angles[:, k])
     return angles
+
+
+def wirtinger_derivative(V: Floats, F: Ints) -> Complex:
+    """(m, 3) coefficients of df/dz: p = sum of coefficient times value over the corners.
+
+    z is a coordinate of the face's own plane; q = df/d conj(z) has the conjugates.
+    """
+    i, j, k = F.T
+    e, g = V[j] - V[i], V[k] - V[i]
+    length = np.linalg.norm(e, axis=1)
+    x = (e * g).sum(axis=1) / length
+    height = np.linalg.norm(np.cross(e, g), axis=1) / length
+    zero = np.zeros(len(F))
+    corner = np.column_stack([zero, length, x]) + 1j * np.column_stack([zero, zero, height])
+    opposite = np.roll(corner, -2, axis=1) - np.roll(corner, -1, axis=1)
+    # The hat function of a corner grows at right angles to the opposite edge.
+    return (1j * opposite / (length * height)[:, None]).conj() / 2

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .areas import face_areas
 from .arrays import Complex, Floats, Ints
@@ -23,6 +23,7 @@ __all__ = [
     "least_angle_distortion_nelder_mead",
     "mobius",
     "normalize",
+    "rotate",
 ]
 
 MobiusMethod = Literal["angle", "area", "nelder-mead"]
@@ -87,7 +88,7 @@ def normalize(
     else:
         return f, Normalization("none", 0j), plane_angles(f, mesh.F) - mesh.angles
 
-    moved = _turn_back(mesh, mobius(f, w))
+    moved = _at_one(mesh, mobius(f, w), mesh.loop[0])
     residual = plane_angles(moved, mesh.F) - mesh.angles
     judges = _sample(mesh.F, SAMPLES[-1])
     unmoved = plane_angles(f, mesh.F[judges]) - mesh.angles[judges]
@@ -102,9 +103,50 @@ def _sample(F: Ints, size: int) -> Ints:
     return np.linspace(0, len(F) - 1, min(size, len(F))).astype(np.int64)
 
 
-def _turn_back(mesh: DiskMesh, f: Complex) -> Complex:
-    """Put the first boundary vertex at 1, and the boundary on the circle to the last bit."""
-    f = f / f[mesh.loop[0]]
+def _at_one(mesh: DiskMesh, f: Complex, vertex: int) -> Complex:
+    """Put a boundary vertex at 1, and the boundary on the circle to the last bit."""
+    f = f / f[vertex]
+    f[mesh.loop] /= abs(f[mesh.loop])
+    return f
+
+
+def rotate(mesh: DiskMesh, f: Complex, align: int | ArrayLike | None) -> Complex:
+    """Turn a map about 0.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    f : (n,) complex128
+        Map onto the unit disk, first boundary vertex at 1.
+    align : int, (3,) array_like or None
+        A boundary vertex, to go to 1; or a direction d in space: the height x.d of the
+        surface, as a function on the disk, has its moment sum_v m_v x_v.d f_v about the
+        mean height, m_v the area at a vertex, at angle 0. None is no turn.
+
+    Returns
+    -------
+    (n,) complex128
+
+    Raises
+    ------
+    ValueError
+        If `align` is neither, or the height has no moment.
+    """
+    if align is None:
+        return f
+    if isinstance(align, int | np.integer):
+        if align not in mesh.loop:
+            raise ValueError(f"align={align} is not a boundary vertex")
+        return _at_one(mesh, f, int(align))
+    direction = np.asarray(align)
+    if direction.shape != (3,) or direction.dtype.kind not in "iuf":
+        raise ValueError(f"align must be a boundary vertex or a 3-vector, not {align!r}")
+    mass = _vertex_areas(mesh)
+    height = mesh.V @ direction
+    moment = np.vdot(mass * (height - np.average(height, weights=mass)), f)
+    if not abs(moment) > 1e-12 * mass.sum() * np.ptp(height):
+        raise ValueError(f"align={align!r}: the surface has no slope in this direction")
+    f = f * (abs(moment) / moment)
     f[mesh.loop] /= abs(f[mesh.loop])
     return f
 

@@ -22,8 +22,10 @@ PHASES = {
     "extension": 0.04,
     "mobius": 0.05,
     "repair": 0.02,
+    "refine": 0.0,
     "certificate": 0.01,
 }
+REFINEMENT_STEP = 0.5  # share of one step of refinement, by the total of the above
 
 
 class Phases:
@@ -32,8 +34,11 @@ class Phases:
     Parameters
     ----------
     progress : callable, optional
-        Called as ``progress(phase, fraction)`` when a phase begins, and at the end as
-        ``progress("done", 1.0)``; fraction is the estimated share of the work that is done.
+        Called as ``progress(phase, fraction)`` when a phase begins or advances, and at the
+        end as ``progress("done", 1.0)``; fraction is the estimated share of the work that is
+        done.
+    refinement_steps : int
+        Steps that the phase "refine" will take.
 
     Attributes
     ----------
@@ -41,17 +46,27 @@ class Phases:
         Wall time of each finished phase.
     """
 
-    def __init__(self, progress: Progress | None = None) -> None:
+    def __init__(self, progress: Progress | None = None, refinement_steps: int = 0) -> None:
         self.seconds: dict[str, float] = {}
         self._progress = progress
+        shares = PHASES | {"refine": REFINEMENT_STEP * refinement_steps}
+        self._shares = {phase: share / sum(shares.values()) for phase, share in shares.items()}
 
     @contextmanager
-    def __call__(self, phase: str) -> Iterator[None]:
-        """Time the body of a ``with`` statement as one phase."""
-        if self._progress:
-            self._progress(phase, sum(PHASES[done] for done in self.seconds))
+    def __call__(self, phase: str) -> Iterator[Callable[[float], None]]:
+        """Time the body of a ``with`` statement as one phase.
+
+        Its target is a function to call with the share of the phase that is done.
+        """
+        before = sum(self._shares[done] for done in self.seconds)
+
+        def advance(done: float) -> None:
+            if self._progress:
+                self._progress(phase, before + done * self._shares[phase])
+
+        advance(0)
         start = perf_counter()
-        yield
+        yield advance
         self.seconds[phase] = perf_counter() - start
 
     def done(self) -> None:

@@ -9,6 +9,7 @@ from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import splu
 
 from .arrays import Bools, Complex, Floats, Ints
+from .distortion import wirtinger_derivative
 from .injectivity import flipped_faces
 from .mesh import DiskMesh
 
@@ -154,7 +155,7 @@ def _relax(mesh: DiskMesh, f: Complex, patch: Bools, sweeps: int) -> Complex:
     face moves only if that unfolds all its faces.
     """
     f = f.copy()
-    derivative = _wirtinger_derivative(mesh)
+    derivative = wirtinger_derivative(mesh.V, mesh.F)
     stars = [_Star(mesh, derivative, vertices) for vertices in _colour(mesh, patch)]
     for _ in range(sweeps):
         for star in stars:
@@ -219,23 +220,6 @@ class _Star:
         return np.bincount(self._owner, values.real, n) + 1j * np.bincount(
             self._owner, values.imag, n
         )
-
-
-def _wirtinger_derivative(mesh: DiskMesh) -> Complex:
-    """(m, 3) coefficients of df/dz: p = sum of coefficient times value over the corners.
-
-    z is a coordinate of the face's own plane; q = df/d conj(z) has the conjugates.
-    """
-    i, j, k = mesh.F.T
-    e, g = mesh.V[j] - mesh.V[i], mesh.V[k] - mesh.V[i]
-    length = np.linalg.norm(e, axis=1)
-    x = (e * g).sum(axis=1) / length
-    height = np.linalg.norm(np.cross(e, g), axis=1) / length
-    zero = np.zeros(len(mesh.F))
-    corner = np.column_stack([zero, length, x]) + 1j * np.column_stack([zero, zero, height])
-    opposite = np.roll(corner, -2, axis=1) - np.roll(corner, -1, axis=1)
-    # The hat function of a corner grows at right angles to the opposite edge.
-    return (1j * opposite / (length * height)[:, None]).conj() / 2
 
 
 def _colour(mesh: DiskMesh, patch: Bools) -> list[Ints]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from .arrays import Floats
@@ -11,6 +11,7 @@ from .circle import BoundaryMethod
 from .distortion import AngleDistortion
 from .injectivity import Certificate
 from .mobius import Normalization
+from .refine import Refinement
 from .repair import Repair
 
 __all__ = ["DiskMap"]
@@ -24,7 +25,8 @@ class DiskMap:
     ----------
     uv : (n, 2) float64
         Row i is the image of row i of V, in the closed unit disk. Faces are
-        counterclockwise; the boundary vertex of smallest index lies at (1, 0).
+        counterclockwise; what `align` named, or else the boundary vertex of smallest
+        index at (1, 0), lies at angle 0.
     certificate : Certificate
         What was verified about `uv`.
     distortion : AngleDistortion
@@ -37,6 +39,9 @@ class DiskMap:
         What was done about faces that the harmonic map had flipped.
     mobius : Normalization
         The Möbius transformation (19) that was applied, or why none was.
+    refinement : Refinement or None
+        How far the angular distortion was lowered beyond that of the harmonic map;
+        None if that was not asked for.
     solver : str
         Sparse solver, version, ordering, mode and number of factorizations.
     timings : dict of str to float
@@ -50,6 +55,7 @@ class DiskMap:
     trace: BoundaryMethod
     repair: Repair
     mobius: Normalization
+    refinement: Refinement | None
     solver: str
     timings: dict[str, float]
 
@@ -65,6 +71,7 @@ class DiskMap:
                 f"  boundary            {self.trace}",
                 f"  repair              {self.repair}",
                 f"  Möbius              {self.mobius}",
+                f"  refinement          {self.refinement or 'not asked for'}",
                 f"  solver              {self.solver}",
                 f"  seconds             {sum(self.timings.values()):.2f} ({phases})",
             ]
@@ -101,6 +108,7 @@ class DiskMap:
                 "w": [self.mobius.w.real, self.mobius.w.imag],
                 "rejected": self.mobius.rejected,
             },
+            "refinement": self.refinement and asdict(self.refinement),
             "solver": self.solver,
             "seconds": self.timings,
         }

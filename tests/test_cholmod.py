@@ -33,6 +33,21 @@ def test_triangular_solves_are_those_of_the_permuted_factor(A, ordering):
     np.testing.assert_allclose(factor.solve_upper(b), np.linalg.solve(L.T, b), atol=1e-12)
 
 
+@pytest.mark.parametrize("ordering", ["amd", "natural"])
+def test_refactoring_keeps_the_permutation(A, ordering):
+    factor = Cholesky(A, ordering)
+    before, other = factor.permutation.copy(), A.copy()
+    other.data = other.data * np.where(other.data > 40, 2, -0.5)
+    factor.refactor(other)
+    b = RNG.normal(size=(40, 2))
+    np.testing.assert_allclose(other @ factor.solve(b), b, atol=1e-12)
+    np.testing.assert_array_equal(factor.permutation, before)
+    with pytest.raises(SolverError, match="size 40"):
+        factor.refactor(-other)
+    factor.refactor(A)
+    np.testing.assert_allclose(A @ factor.solve(b), b, atol=1e-12)
+
+
 def test_inputs_are_not_modified(A):
     shuffled = A[:, ::-1][:, ::-1].copy()  # same matrix, row indices unsorted
     data, indices, b = shuffled.data.copy(), shuffled.indices.copy(), RNG.normal(size=(40, 2))

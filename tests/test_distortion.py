@@ -65,3 +65,63 @@ def test_nan_in_uv_is_no_zero():
     bad[3] = np.nan
     with pytest.raises(cdcp_igl.MeshError, match="NaN"):
         cdcp_igl.angle_distortion(V, F, bad)
+
+
+def linear(matrix):
+    return V[:, :2] @ np.transpose(matrix)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "K"),
+    [([[0, -2], [2, 0]], 1), ([[3, 0], [0, 2]], 1.5), ([[1, 1], [0, 1]], (3 + 5**0.5) / 2)],
+)
+def test_dilatation_is_the_ratio_of_the_singular_values(matrix, K):
+    found = cdcp_igl.quasi_conformal_dilatation(V[:, :2], F, linear(matrix))
+    np.testing.assert_allclose(found, K, rtol=1e-12)
+
+
+def test_dilatation_on_a_surface():
+    """By the singular values of the affine map of each face in an orthonormal frame."""
+    found = cdcp_igl.quasi_conformal_dilatation(V, F, UV)
+    for face, K in zip(F, found, strict=True):
+        e = (V[face[1:]] - V[face[0]]).T
+        coordinates = np.linalg.qr(e).R
+        sigma = np.linalg.svd((UV[face[1:]] - UV[face[0]]).T @ np.linalg.inv(coordinates))[1]
+        assert pytest.approx(sigma[0] / sigma[1], rel=1e-9) == K
+
+
+def test_conformal_factor_of_a_moebius_transformation_is_exact():
+    z = V[:, :2] @ [1, 1j] / 40
+    w = 0.3 + 0.4j
+    moved = (z - w) / (1 - np.conj(w) * z)
+    found = cdcp_igl.conformal_factor(V[:, :2] / 40, F, np.column_stack([moved.real, moved.imag]))
+    derivative = (1 - abs(w) ** 2) / (1 - np.conj(w) * z) ** 2
+    np.testing.assert_allclose(found, np.log(abs(derivative)), atol=1e-12)
+
+
+def test_conformal_factor_depends_on_the_unit():
+    u = cdcp_igl.conformal_factor(V, F, UV)
+    np.testing.assert_allclose(cdcp_igl.conformal_factor(10 * V, F, UV), u - np.log(10))
+
+
+def test_area_distortion():
+    flat = V[:, :2]
+    np.testing.assert_allclose(
+        cdcp_igl.area_distortion(flat, F, linear([[3, 1], [0, 2]])), 0, atol=1e-12
+    )
+    quarter = cdcp_igl.area_distortion(
+        [[0, 0], [1, 0], [1, 1], [0, 1]],
+        [[0, 1, 2], [0, 2, 3]],
+        [[0, 0], [1, 0], [1, 1], [0, 3]],
+    )
+    np.testing.assert_allclose(quarter, np.log([0.5, 1.5]))
+
+
+def test_flipped_and_collapsed_faces_look_bad():
+    flat = V[:, :2]
+    for bad in (flat * [-1, 1], flat * [1, 0]):
+        assert np.isposinf(cdcp_igl.quasi_conformal_dilatation(flat, F, bad)).all()
+        assert np.isneginf(cdcp_igl.area_distortion(flat, F, bad)).all()
+    point = np.zeros_like(flat)
+    assert np.isposinf(cdcp_igl.quasi_conformal_dilatation(flat, F, point)).all()
+    assert np.isneginf(cdcp_igl.conformal_factor(flat, F, point)).all()

@@ -3,10 +3,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
 
 import cdcp_igl
 from cdcp_igl.distortion import plane_angles
 from cdcp_igl.libigl import internal_angles
+from cdcp_igl.mesh import DiskMesh
 from cdcp_igl.mobius import (
     angle_change,
     conformal_barycenter,
@@ -86,6 +89,66 @@ def test_area_normalisation_balances_the_hemispheres():
     V, F, _ = cdcp_igl.datasets.spherical_cap(12)
     shifted = cdcp_igl.disk_map(V, F, center=5, mobius="area")
     assert np.hypot(*shifted.uv[0]) < 1e-3  # the pole
+
+
+@pytest.mark.parametrize("name", ["chinese_lion_17334", "human_brain_48463", "left_hand_53054"])
+def test_area_is_as_even_as_a_moebius_transformation_can_make_it(real_mesh, name):
+    V, F = real_mesh(name)
+    z = cdcp_igl.disk_map(V, F, mobius="area").uv @ [1, 1j]
+
+    def unevenness(x):
+        if np.hypot(*x) >= 1:
+            return np.inf
+        moved = mobius(z, complex(*x))
+        uv = np.column_stack([moved.real, moved.imag])
+        return abs(cdcp_igl.area_distortion(V, F, uv)).mean()
+
+    simplex = [[0, 0], [0.1, 0], [0, 0.1]]
+    best = minimize(
+        unevenness,
+        simplex[0],
+        method="Nelder-Mead",
+        options={"initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-6},
+    )
+    assert best.success
+    assert unevenness([0, 0]) < best.fun + 0.002
+    if name == "chinese_lion_17334":
+        assert best.fun == pytest.approx(0.9467, abs=0.0005)
+
+
+@pytest.mark.parametrize("refine", [0, 2])
+def test_align_to_a_boundary_vertex(refine):
+    vertex = DiskMesh(V, F).loop[7]
+    plain = cdcp_igl.cdcp(V, F, refine=refine) @ [1, 1j]
+    turned = cdcp_igl.cdcp(V, F, refine=refine, align=vertex) @ [1, 1j]
+    np.testing.assert_allclose(turned[vertex], 1, atol=1e-15)
+    np.testing.assert_allclose(turned, plain / plain[vertex], atol=1e-13)
+
+
+def test_align_to_a_direction():
+    east = cdcp_igl.cdcp(V, F, align=[1, 0, 0])
+    north = cdcp_igl.cdcp(V, F, align=[0, 1, 0])
+    right, left = V[:, 0] > V[:, 0].max() - 0.5, V[:, 0] < 0.5
+    assert (east[right, 0] > 0.5).all()
+    assert (east[left, 0] < -0.5).all()
+    turn = np.vdot(east @ [1, 1j], north @ [1, 1j])
+    assert np.degrees(np.angle(turn)) == pytest.approx(-90, abs=10)
+
+
+def test_align_follows_the_surface():
+    turn = Rotation.from_euler("xyz", [20, 30, 40], degrees=True)
+    d = np.array([1.0, -2.0, 0.5])
+    moved = cdcp_igl.cdcp(3 * turn.apply(V) + 5, F, align=turn.apply(d))
+    np.testing.assert_allclose(moved, cdcp_igl.cdcp(V, F, align=d), atol=1e-9)
+
+
+def test_bad_alignment():
+    inside = DiskMesh(V, F).interior[0]
+    for bad in (inside, -1, 10**6, [1, 0], "x", [1j, 0, 0]):
+        with pytest.raises(ValueError, match="align"):
+            cdcp_igl.disk_map(V, F, align=bad)
+    with pytest.raises(ValueError, match="no slope"):
+        cdcp_igl.disk_map(V[:, :2], F, align=[0, 0, 1])
 
 
 def test_a_transformation_that_does_harm_is_not_applied(monkeypatch):
