@@ -96,6 +96,15 @@ def test_report_and_options(cap, options, expected):
     read = json.loads(report.read_text())
     assert read["valid"]
     assert {name: read[name]["method"] for name in expected} == expected
+    assert read["refinement"] is None
+
+
+def test_refinement(cap):
+    report = cap.with_name("report.json")
+    assert (
+        invoke("map", cap, cap.with_name("o.ply"), "--report", report, "--refine", 2).exit_code == 0
+    )
+    assert json.loads(report.read_text())["refinement"]["steps"] == 2
 
 
 def test_picture(cap):
