@@ -29,7 +29,9 @@ __all__ = [
 MobiusMethod = Literal["angle", "area", "nelder-mead"]
 
 
-SAMPLES = (10_000, 100_000)  # faces on which Newton's method looks, first and then
+# Faces on which Newton's method looks. On meshes of up to 430,000 faces, 100,000 instead
+# take three times as long and change the mean angular distortion by less than 2e-5 degrees.
+SAMPLE = 30_000
 SOFT = 0.2  # corner of the pseudo-Huber function, by the median residual
 MAX_STEPS = 30
 TOLERANCE = 1e-8  # steps of w below this change the objective by its last digits only
@@ -90,7 +92,7 @@ def normalize(
 
     moved = _at_one(mesh, mobius(f, w), mesh.loop[0])
     residual = plane_angles(moved, mesh.F) - mesh.angles
-    judges = _sample(mesh.F, SAMPLES[-1])
+    judges = _sample(mesh.F)
     unmoved = plane_angles(f, mesh.F[judges]) - mesh.angles[judges]
     if method != "area" and not abs(residual[judges]).mean() < abs(unmoved).mean():
         residual = plane_angles(f, mesh.F) - mesh.angles
@@ -98,9 +100,9 @@ def normalize(
     return moved, Normalization(method, w), residual
 
 
-def _sample(F: Ints, size: int) -> Ints:
-    """Rows of at most `size` faces, spread evenly."""
-    return np.linspace(0, len(F) - 1, min(size, len(F))).astype(np.int64)
+def _sample(F: Ints) -> Ints:
+    """(k,) rows of at most 30,000 faces, spread evenly."""
+    return np.linspace(0, len(F) - 1, min(SAMPLE, len(F))).astype(np.int64)
 
 
 def _at_one(mesh: DiskMesh, f: Complex, vertex: int) -> Complex:
@@ -174,8 +176,8 @@ def angle_change(F: Ints, z: Complex, w: complex) -> Floats:
 def least_angle_distortion(F: Ints, z: Complex, angles: Floats) -> complex:
     """Find w that minimises the angular distortion of psi_w o f, eq. (20), by Newton.
 
-    The sum of absolute values is replaced by a pseudo-Huber function, over 10,000 and then
-    100,000 faces spread evenly through F (or all of them).
+    The sum of absolute values is replaced by a pseudo-Huber function, over at most 30,000
+    faces spread evenly through F.
 
     Parameters
     ----------
@@ -190,15 +192,8 @@ def least_angle_distortion(F: Ints, z: Complex, angles: Floats) -> complex:
     complex
         |w| < 1.
     """
-    w = 0j
-    for size in SAMPLES:
-        chosen = _sample(F, size)
-        w = _newton(z[F[chosen]], plane_angles(z, F[chosen]) - angles[chosen], w)
-    return w
-
-
-def _newton(z: Complex, r0: Floats, w: complex) -> complex:
-    """Minimise from w; z (k, 3) are the corners of the faces, r0 (k, 3) their residuals."""
+    chosen = _sample(F)
+    z, r0 = z[F[chosen]], plane_angles(z, F[chosen]) - angles[chosen]
     soft = max(SOFT * float(np.median(abs(r0))), np.finfo(float).eps)
 
     def value(w: complex) -> float:
@@ -222,7 +217,7 @@ def _newton(z: Complex, r0: Floats, w: complex) -> complex:
             hessian = np.array([[xx, xy], [xy, yy]])
         return gradient, hessian
 
-    best = value(w)
+    w, best = 0j, value(0j)
     for _ in range(MAX_STEPS):
         gradient, hessian = gradient_and_hessian(w)
         dx, dy = np.linalg.lstsq(hessian, -gradient, rcond=None)[0]
