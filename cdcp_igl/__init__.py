@@ -3,6 +3,7 @@
 from . import datasets
 from .cdcp import cdcp, disk_map
 from .check import check
+from .clean import clean
 from .distortion import angle_distortion
 from .errors import MapError, MeshError, SolverError
 
@@ -13,6 +14,7 @@ __all__ = [
     "angle_distortion",
     "cdcp",
     "check",
+    "clean",
     "datasets",
     "disk_map",
 ]

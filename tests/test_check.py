@@ -91,7 +91,8 @@ def test_report_of_a_disk():
     report = cdcp_igl.check(V, F)
     assert report.is_disk
     assert (report.n_vertices, report.n_faces, report.n_boundary) == (48, 70, 24)
-    assert report.n_ears == 2
+    assert report.ears.tolist() == [6, 63]
+    assert report.chords.tolist() == [[6, 15], [32, 41]]
     assert "A triangulated disk." in str(report)
 
 
