@@ -136,7 +136,11 @@ def disk_map(
         h_B = boundary_trace(mesh, factor, tau_c.face)  # (18), Theorem 1
     with phase("circle"):
         f_B, boundary = map_to_circle(
-            mesh, h_B, lambda: _delaunay_trace(mesh, tau_c.face), whitened=not paper
+            mesh,
+            h_B,
+            lambda: _delaunay_trace(mesh, tau_c.face),
+            lambda f_B: harmonic_extension(mesh, L, factor, f_B),
+            whitened=not paper,
         )  # (1)-(6)
     with phase("extension"):
         f = harmonic_extension(mesh, L, factor, f_B)  # (10)
@@ -151,13 +155,18 @@ def disk_map(
     with phase("certificate"):
         uv = np.column_stack([f.real, f.imag])
         certificate = certify(mesh, uv)
-        distortion = AngleDistortion.of(np.degrees(abs(residual)))
+        degrees = np.degrees(abs(residual))
+        distortion = AngleDistortion.of(degrees)
+        free = distortion
+        if 0 < len(mesh.inscribed) < len(mesh.F):
+            free = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
     phase.done()
 
     result = DiskMap(
         uv=uv,
         certificate=certificate,
         distortion=distortion,
+        distortion_free=free,
         center=tau_c,
         trace=boundary,
         repair=repair,

@@ -104,7 +104,7 @@ class TestFallbacks:
     folded = np.where(np.arange(n) % 2, circle(n).conj(), np.roll(circle(n).conj(), 3))
 
     def run(self, trace, delaunay):
-        f, method = map_to_circle(self.mesh, trace, lambda: delaunay, whitened=True)
+        f, method = map_to_circle(self.mesh, trace, lambda: delaunay, self.extend, whitened=True)
         assert np.isfinite(f).all()
         np.testing.assert_allclose(abs(f), 1, atol=1e-14)
         assert (increments(f) > 0).all()
