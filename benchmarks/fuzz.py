@@ -18,16 +18,17 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 from rich.table import Table
 from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import breadth_first_order
+from scipy.sparse.csgraph import breadth_first_order, dijkstra
 
 from cdcp_igl import MapError, MeshError, SolverError, check, clean, datasets, disk_map, libigl
+from cdcp_igl.areas import face_areas
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.injectivity import certify
 from cdcp_igl.mesh import DiskMesh
 
 SECONDS = 60.0  # after which a case hangs
 FEWEST, MOST = 8, 4_000  # vertices of a patch
-STRETCHES = (2.0, 5.0, 20.0)  # upper ends of the classes
+STRETCHES = (2.0, 5.0, 20.0, np.inf)  # upper ends of the classes
 TARGETS = {5.0: 0.995, 20.0: 0.97}  # share of the disks up to a stretch that must be mapped
 DAMAGED = 1 / 3  # share of the cases
 
@@ -36,7 +37,7 @@ FAULTS = ("crash", "hang", "not certified", "untyped exception", "disk refused")
 
 @dataclass(frozen=True)
 class Case:
-    """A surface and how it was made."""
+    """A surface, how far it was stretched or is long by itself, and how it was made."""
 
     V: Floats
     F: Ints
@@ -75,21 +76,20 @@ def fuzz(
             f"disks stretched up to {limit:g}: {mapped:,} of {len(disks):,} mapped"
             + (f" ({mapped / len(disks):.2%}, wanted {target:.1%})" if disks else "")
         )
-    for row in rows:
-        if row.disk and not row.outcome.startswith("map"):
-            console.print(f"case {row.case}, {row.made}: {row.outcome}: {row.message}")
     faults = [row for row in rows if row.outcome in FAULTS]
-    for row in faults:
-        if not row.disk:
-            console.print(f"case {row.case}, {row.made}: {row.outcome}: {row.message}")
+    refused = [row for row in rows if row.disk and not row.outcome.startswith("map")]
+    for row in dict.fromkeys(refused + faults):
+        console.print(f"case {row.case}: {row.made}: {row.outcome}. {row.message[:100]}")
     if faults:
         raise typer.Exit(1)
 
 
 def _table(rows: list[Row]) -> Table:
-    table = Table("outcome", title="Fuzz")
+    table = Table(title="Outcomes by stretch")
+    table.add_column("outcome", no_wrap=True)
     for limit in STRETCHES:
-        table.add_column(f"stretch to {limit:g}", justify="right")
+        heading = f"to {limit:g}" if np.isfinite(limit) else "more"
+        table.add_column(heading, justify="right")
     table.add_column("not disks", justify="right")
     counts = Counter((row.outcome, _stretch_class(row)) for row in rows)
     for outcome in sorted({row.outcome for row in rows}):
@@ -184,12 +184,11 @@ def surface(seed: int, case: int) -> Case:
     rng = np.random.default_rng([seed, case])
     name = rng.choice(_names())
     V, F = _patch(rng, *_surface(name))
-    made = [f"{name} with {len(V):,} vertices"]
-
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    stretch = float(np.exp(rng.uniform(0, np.log(STRETCHES[-1]))))
+    stretch = float(np.exp(rng.uniform(0, np.log(20))))
+    elongation = _elongation(V, F)
     V = V @ turn * [stretch, 1, 1]
-    made.append(f"stretched {stretch:.1f}")
+    made = [f"{name} with {len(V):,} vertices, elongated {elongation:.1f}, stretched {stretch:.1f}"]
     if rng.random() < 0.3:
         edges = np.linalg.norm(V[F[:, 0]] - V[F[:, 1]], axis=1)
         V = V + rng.choice([0.03, 0.1, 0.3]) * np.median(edges) * rng.normal(size=V.shape)
@@ -210,7 +209,8 @@ def surface(seed: int, case: int) -> Case:
     order = rng.permutation(len(V))
     in_range = (F >= 0) & (len(V) > F)
     renamed = np.where(in_range, np.argsort(order)[F % len(V)], F)
-    return Case(V[order], renamed[rng.permutation(len(F))], stretch, ", ".join(made))
+    V, F = V[order], renamed[rng.permutation(len(F))]
+    return Case(V, F, max(stretch, elongation), ", ".join(made))
 
 
 @cache
@@ -243,6 +243,15 @@ def _patch(rng: np.random.Generator, V: Floats, F: Ints, graph: csr_matrix) -> t
     patch = F[inside.all(axis=1)] if rng.random() < 0.5 else F[inside.any(axis=1)]
     V, F, _, _ = clean(V, patch if len(patch) else F[inside.any(axis=1)])
     return V, F
+
+
+def _elongation(V: Floats, F: Ints) -> float:
+    """Geodesic diameter squared by area: 1 for a round disk, about n for a corridor 1 x n."""
+    tail, head = F.T.ravel(), np.roll(F, -1, axis=1).T.ravel()
+    lengths = csr_matrix((np.linalg.norm(V[tail] - V[head], axis=1), (tail, head)), (len(V),) * 2)
+    far = dijkstra(lengths, directed=False, indices=0).argmax()
+    diameter = dijkstra(lengths, directed=False, indices=far).max()
+    return float(np.pi / 4 * diameter**2 / face_areas(V, F).sum())
 
 
 def _slivers(rng: np.random.Generator, V: Floats, F: Ints) -> tuple[Floats, Ints]:

@@ -184,16 +184,20 @@ class _Star:
         # Gradients with respect to the vertex (x, y) as complex numbers x + iy. `below` is
         # linear in it, `above` has the Hessian 4 |c|^2.
         d_above, d_below = 2 * (c.conj() * p + c * q), 2 * (c.conj() * p - c * q)
-        ratio = above / below
-        gradient = self._sum((d_above - ratio * d_below) / below)
-        mixed = 2 * (ratio * d_below - d_above) / below**2
-        curvature = 4 * abs(c) ** 2 / below
-        xx = self._sum(curvature + mixed.real * d_below.real).real
-        yy = self._sum(curvature + mixed.imag * d_below.imag).real
-        xy = self._sum(mixed.real * d_below.imag + mixed.imag * d_below.real).real / 2
-        step = (
-            xy * gradient.imag - yy * gradient.real + 1j * (xy * gradient.real - xx * gradient.imag)
-        ) / (xx * yy - xy**2)
+        with np.errstate(all="ignore"):  # at a collapsed face
+            ratio = above / below
+            gradient = self._sum((d_above - ratio * d_below) / below)
+            mixed = 2 * (ratio * d_below - d_above) / below**2
+            curvature = 4 * abs(c) ** 2 / below
+            xx = self._sum(curvature + mixed.real * d_below.real).real
+            yy = self._sum(curvature + mixed.imag * d_below.imag).real
+            xy = self._sum(mixed.real * d_below.imag + mixed.imag * d_below.real).real / 2
+            step = (
+                xy * gradient.imag
+                - yy * gradient.real
+                + 1j * (xy * gradient.real - xx * gradient.imag)
+            ) / (xx * yy - xy**2)
+        step[~np.isfinite(step)] = 0
 
         energy = self._energy(p, q)
         scale = np.ones(len(step))

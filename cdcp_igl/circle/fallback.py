@@ -28,7 +28,8 @@ DELAUNAY = " on the intrinsic Delaunay trace"
 
 # A trace is crowded when more than this share of its steps is below this part of its size.
 # On a corridor n times longer than wide, steps at the ends shrink like exp(-pi n).
-CROWDED, MANY_CROWDED = 1e-14, 0.01
+CROWDED, MANY_CROWDED = 1e-14, 0.1
+SMALLEST_STEP = 1e-12  # of directions that are made monotone
 
 
 @dataclass(frozen=True)
@@ -89,8 +90,8 @@ def map_to_circle(
     Raises
     ------
     MapError
-        If all but arc length fail because of crowding: the exact map is not to be had in
-        double precision, and arc length would be nothing like it.
+        If the geodesic algorithm fails because of crowding: the exact map is not to be had
+        in double precision, and the others would be nothing like it.
     """
     geodesic = _whitened_geodesic_map if whitened else geodesic_map
     rejected: list[str] = []
@@ -111,6 +112,7 @@ def map_to_circle(
     if (f_B := accepted(name, geodesic(traces[DELAUNAY]))) is not None:
         return f_B, BoundaryMethod(name, tuple(rejected))
 
+    _refuse_crowding(mesh, trace)
     maps: dict[str, Complex | None] = {}
     for which, curve in traces.items():
         z = whiten(curve)
@@ -119,8 +121,6 @@ def map_to_circle(
         maps["Theodorsen" + which] = accepted(
             "Theodorsen" + which, theodorsen_map(abs(z) * radial.conj())
         )
-    if all(f_B is None for f_B in maps.values()):
-        _refuse_crowding(mesh, trace)
     maps["arc length"] = spread(mesh, by_arc_length(mesh))
     valid = {name: f_B for name, f_B in maps.items() if f_B is not None}
     best = min(valid, key=lambda name: _mean_distortion(mesh, extend(valid[name])))
@@ -176,7 +176,8 @@ def _radial(z: Complex) -> Complex:
     steps = np.angle(z * np.roll(z, -1).conj())
     chords = abs(np.roll(z, -1) - z)
     with np.errstate(invalid="ignore"):  # of a trace without area
-        return around(np.maximum(steps, 1e-3 * chords / chords.sum()))
+        floor = np.maximum(1e-3 * chords / chords.sum(), SMALLEST_STEP)
+        return around(np.maximum(steps, floor))
 
 
 def by_arc_length(mesh: DiskMesh) -> Complex:
