@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .arrays import Complex, Floats
 from .center import CenterMethod, central_face
-from .circle import map_to_circle
+from .circle import blame_crowding, map_to_circle, spread
 from .dipole import boundary_trace
 from .distortion import AngleDistortion, plane_angles
 from .errors import MapError
@@ -134,23 +135,25 @@ def disk_map(
         tau_c = central_face(mesh, L, factor, "heat" if paper else center, well_shaped=not paper)
     with phase("trace"):
         h_B = boundary_trace(mesh, factor, tau_c.face)  # (18), Theorem 1
+    extend = partial(harmonic_extension, mesh, L, factor)
     with phase("circle"):
         f_B, boundary = map_to_circle(
             mesh,
             h_B,
             lambda: _delaunay_trace(mesh, tau_c.face),
-            lambda f_B: harmonic_extension(mesh, L, factor, f_B),
+            extend,
             whitened=not paper,
         )  # (1)-(6)
     with phase("extension"):
-        f = harmonic_extension(mesh, L, factor, f_B)  # (10)
+        f = extend(f_B)  # (10)
     with phase("mobius"):
         f, normalization, residual = normalize(
             mesh, f, "nelder-mead" if paper else mobius
         )  # (19), (20)
     with phase("repair"):
-        f, repair = unfold(mesh, f)
-        if repair.n_flipped:
+        before = f
+        f, repair = unfold(mesh, spread(mesh, f, extend))
+        if f is not before:
             residual = plane_angles(f, mesh.F) - mesh.angles
     with phase("certificate"):
         uv = np.column_stack([f.real, f.imag])
@@ -175,7 +178,11 @@ def disk_map(
         timings=phase.seconds,
     )
     if not certificate.valid:
-        raise MapError(f"The map is not a bijection onto the disk: {certificate}", result)
+        raise MapError(
+            f"The map is not a bijection onto the disk: {certificate}"
+            + blame_crowding(uv, mesh.F, certificate.flipped),
+            result,
+        )
     return result
 
 

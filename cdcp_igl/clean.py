@@ -146,8 +146,8 @@ class _Surface:
         self.changes: list[str] = []
 
     def drop_non_finite(self) -> None:
-        bad = ~np.isfinite(self.V).all(axis=1)
-        at_bad = np.flatnonzero(bad[self.F].any(axis=1))
+        bad = np.flatnonzero(~np.isfinite(self.V).all(axis=1))
+        at_bad = np.flatnonzero(np.isin(self.F, bad).any(axis=1))
         self._drop_faces(at_bad, "with a NaN or infinite coordinate")
 
     def merge_vertices(self) -> None:

@@ -1,5 +1,7 @@
 """Whitening, the geodesic algorithm, Theodorsen's method and the fallbacks."""
 
+from functools import partial
+
 import meshes
 import numpy as np
 import pytest
@@ -9,7 +11,11 @@ from cdcp_igl.circle.fallback import map_to_circle
 from cdcp_igl.circle.geodesic import geodesic_map
 from cdcp_igl.circle.theodorsen import theodorsen_map
 from cdcp_igl.circle.whiten import whiten
+from cdcp_igl.dipole import boundary_trace
+from cdcp_igl.extension import harmonic_extension
+from cdcp_igl.factor import Factor
 from cdcp_igl.injectivity import increments
+from cdcp_igl.laplacian import cotangent_laplacian
 from cdcp_igl.mesh import DiskMesh
 
 
@@ -98,6 +104,8 @@ class TestFallbacks:
     """Traces that defeat one method after the other."""
 
     mesh = DiskMesh(*meshes.grid(12, 16))
+    L = cotangent_laplacian(mesh)
+    extend = partial(harmonic_extension, mesh, L, Factor(mesh, L))
     n = len(mesh.loop)
     good = CURVES["ellipse"](circle(n).conj())
     crossing = circle(n).real + 1j * (circle(n) ** 2).imag  # figure of eight
@@ -121,11 +129,19 @@ class TestFallbacks:
         assert len(method.rejected) == 1
         assert method.rejected[0].startswith("geodesic: not ")
 
-    def test_radial_and_arc_length(self):
-        assert self.run(self.folded, self.folded).name == "radial"
+    def test_the_least_distortion_of_the_later_ones(self):
+        exact = boundary_trace(self.mesh, Factor(self.mesh, self.L), 150)
+        knotted = exact.copy()
+        knotted[[20, 21]] = knotted[[21, 20]]
+        method = self.run(knotted, knotted)
+        assert method.name.startswith("Theodorsen")
+        assert len(method.rejected) == 2
+        assert self.run(self.folded, self.folded).name == "arc length"  # closer than the others
+
+    def test_arc_length_last(self):
         method = self.run(0 * self.good, np.full(self.n, complex(np.nan)))
         assert method.name == "arc length"
-        assert len(method.rejected) == 4
+        assert len(method.rejected) == 6
 
 
 def test_a_mesh_that_needs_the_delaunay_trace(real_mesh):

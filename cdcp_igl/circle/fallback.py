@@ -9,11 +9,11 @@ import numpy as np
 
 from ..arrays import Complex
 from ..distortion import plane_angles
-from ..errors import MapError, spell
 from ..injectivity import increments
 from ..mesh import DiskMesh
+from .crowding import refuse_crowding
 from .geodesic import geodesic_map
-from .spread import around, spread
+from .spread import around
 from .theodorsen import theodorsen_map
 from .whiten import whiten
 
@@ -26,9 +26,6 @@ ENOUGH_POINTS = 200
 
 DELAUNAY = " on the intrinsic Delaunay trace"
 
-# A trace is crowded when more than this share of its steps is below this part of its size.
-# On a corridor n times longer than wide, steps at the ends shrink like exp(-pi n).
-CROWDED, MANY_CROWDED = 1e-14, 0.1
 SMALLEST_STEP = 1e-12  # of directions that are made monotone
 
 
@@ -102,7 +99,7 @@ def map_to_circle(
             rejected.append(f"{name}: {objection}")
             return None
         f_B = f_B / f_B[0]
-        return spread(mesh, f_B / abs(f_B))
+        return f_B / abs(f_B)
 
     name = "geodesic"
     if (f_B := accepted(name, geodesic(trace))) is not None:
@@ -112,7 +109,7 @@ def map_to_circle(
     if (f_B := accepted(name, geodesic(traces[DELAUNAY]))) is not None:
         return f_B, BoundaryMethod(name, tuple(rejected))
 
-    _refuse_crowding(mesh, trace)
+    refuse_crowding(mesh, trace)
     maps: dict[str, Complex | None] = {}
     for which, curve in traces.items():
         z = whiten(curve)
@@ -121,7 +118,7 @@ def map_to_circle(
         maps["Theodorsen" + which] = accepted(
             "Theodorsen" + which, theodorsen_map(abs(z) * radial.conj())
         )
-    maps["arc length"] = spread(mesh, by_arc_length(mesh))
+    maps["arc length"] = by_arc_length(mesh)
     valid = {name: f_B for name, f_B in maps.items() if f_B is not None}
     best = min(valid, key=lambda name: _mean_distortion(mesh, extend(valid[name])))
     return valid[best], BoundaryMethod(best, tuple(rejected))
@@ -129,20 +126,6 @@ def map_to_circle(
 
 def _mean_distortion(mesh: DiskMesh, f: Complex) -> float:
     return float(abs(plane_angles(f, mesh.F) - mesh.angles).mean())
-
-
-def _refuse_crowding(mesh: DiskMesh, trace: Complex) -> None:
-    """Raise MapError if the images of many boundary vertices coincide in double precision."""
-    with np.errstate(invalid="ignore"):
-        steps = abs(np.roll(trace, -1) - trace)
-        crowded = mesh.loop[steps < CROWDED * abs(trace - trace.mean()).max()]
-    if len(crowded) > MANY_CROWDED * len(trace):
-        raise MapError(
-            f"Crowding: the conformal map puts {len(crowded):,} of {len(trace):,} boundary "
-            "vertices closer to their neighbours than double precision can tell apart "
-            f"(vertices {spell(crowded)}). The surface is too long and thin for a disk: cut "
-            "it into shorter parts, or use a map with a free boundary."
-        )
 
 
 def _whitened_geodesic_map(trace: Complex) -> Complex:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..arrays import Complex, Floats
@@ -10,13 +12,12 @@ from ..mesh import DiskMesh
 
 __all__ = ["around", "spread"]
 
-# A triangle inscribed in the unit circle with short arcs p and q has the area
-# p q (p + q) / 4, of which rounding its corners blurs some 1e-16 (p + q). The margin is
-# for the Möbius step, which may shrink arcs.
-APART = 1e-6
+# A triangle inscribed in the unit circle with arcs p and q, both short, is p q / 2 high, and
+# rounding moves its corners by 1e-16 or two. So p q must not be much smaller than this.
+APART = 5e-8
 
 
-def spread(mesh: DiskMesh, f_B: Complex) -> Complex:
+def spread(mesh: DiskMesh, f: Complex, extend: Callable[[Complex], Complex]) -> Complex:
     """Open the arcs under faces that would collapse because all their corners coincide.
 
     A conformal map puts the corners of an ear in a remote part of the surface so close
@@ -25,33 +26,35 @@ def spread(mesh: DiskMesh, f_B: Complex) -> Complex:
     Parameters
     ----------
     mesh : DiskMesh
-    f_B : (nB,) complex128
-        On the unit circle, strictly counterclockwise, once around, the first at 1.
+    f : (n,) complex128
+        Map onto the disk, boundary counterclockwise on the circle, its first vertex at 1.
+    extend : callable
+        Extends boundary values to all of the surface; called only when needed.
 
     Returns
     -------
-    (nB,) complex128
-        The same, the argument itself where no face collapses.
+    (n,) complex128
+        The argument itself where no face collapses.
     """
     if len(mesh.inscribed) == 0:
-        return f_B
+        return f
     place = np.zeros(len(mesh.V), dtype=np.int64)
     place[mesh.loop] = np.arange(len(mesh.loop))
     start = np.sort(place[mesh.F[mesh.inscribed]], axis=1)
     end = np.roll(start, -1, axis=1)
-    end[:, 2] += len(f_B)
+    end[:, 2] += len(mesh.loop)
 
-    steps = increments(f_B)
+    steps = increments(f[mesh.loop])
     angle = np.append(0, np.cumsum(np.tile(steps, 2)))
     arcs = angle[end] - angle[start]
     narrow = np.sort(arcs, axis=1)[:, :2].prod(axis=1) < APART**2
     if not narrow.any():
-        return f_B
+        return f
     short = narrow[:, None] & (arcs < APART)
     for first, last in zip(start[short], end[short], strict=True):
-        edges = np.arange(first, last) % len(f_B)
+        edges = np.arange(first, last) % len(mesh.loop)
         steps[edges] = np.maximum(steps[edges], APART / len(edges))
-    return around(steps)
+    return extend(around(steps))
 
 
 def around(steps: Floats) -> Complex:
