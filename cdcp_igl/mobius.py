@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from .areas import face_areas
 from .arrays import Complex, Floats, Ints
 from .distortion import plane_angles
+from .injectivity import is_around
 from .mesh import DiskMesh
 
 __all__ = [
@@ -88,6 +89,8 @@ def normalize(
     else:
         w = least_angle_distortion_nelder_mead(mesh.F, f, residual)
     moved = _turn_back(mesh, mobius(f, w))
+    if not is_around(moved[mesh.loop]):
+        return f, Normalization(method, 0j, "crowding"), residual
     after = plane_angles(moved, mesh.F) - mesh.angles
     if method != "area" and not abs(after).mean() < abs(residual).mean():
         return f, Normalization(method, 0j, "no improvement"), residual

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arrays import Complex
 from ..distortion import plane_angles
-from ..injectivity import increments
+from ..injectivity import is_around
 from ..mesh import DiskMesh
 from .crowding import refuse_crowding
 from .geodesic import geodesic_map
@@ -26,7 +26,7 @@ ENOUGH_POINTS = 200
 
 DELAUNAY = " on the intrinsic Delaunay trace"
 
-SMALLEST_STEP = 1e-12  # of directions that are made monotone
+LEAST_STEP = 1e-12  # of directions that are made monotone
 
 
 @dataclass(frozen=True)
@@ -147,9 +147,7 @@ def _objection(f_B: Complex | None) -> str | None:
         return "the curve is not star-shaped, or no convergence"
     if not np.isfinite(f_B).all():
         return "not finite"
-    steps = increments(f_B)
-    # Neighbours must stay apart when the Möbius step and rounding have moved them.
-    if not (steps > 1e-14).all() or round(steps.sum() / (2 * np.pi)) != 1:
+    if not is_around(f_B):
         return "not monotone"
     return None
 
@@ -159,7 +157,7 @@ def _radial(z: Complex) -> Complex:
     steps = np.angle(z * np.roll(z, -1).conj())
     chords = abs(np.roll(z, -1) - z)
     with np.errstate(invalid="ignore"):  # of a trace without area
-        floor = np.maximum(1e-3 * chords / chords.sum(), SMALLEST_STEP)
+        floor = np.maximum(1e-3 * chords / chords.sum(), LEAST_STEP)
         return around(np.maximum(steps, floor))
 
 
