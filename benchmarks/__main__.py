@@ -2,9 +2,10 @@
 
 import typer
 
-from . import readme
+from . import fuzz, readme
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
+app.command("fuzz")(fuzz.fuzz)
 app.command("readme")(readme.write)
 
 

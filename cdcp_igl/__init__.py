@@ -3,6 +3,7 @@
 from . import datasets
 from .cdcp import cdcp, disk_map
 from .check import check
+from .clean import clean
 from .distortion import (
     angle_distortion,
     area_distortion,
@@ -19,6 +20,7 @@ __all__ = [
     "area_distortion",
     "cdcp",
     "check",
+    "clean",
     "conformal_factor",
     "datasets",
     "disk_map",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -9,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .arrays import Complex, Floats
 from .center import CenterMethod, central_face
-from .circle import map_to_circle
+from .circle import blame_crowding, map_to_circle, spread
 from .dipole import boundary_trace
 from .distortion import AngleDistortion, plane_angles
 from .errors import MapError
@@ -154,19 +156,25 @@ def disk_map(
         tau_c = central_face(mesh, L, factor, "heat" if paper else center, well_shaped=not paper)
     with phase("trace"):
         h_B = boundary_trace(mesh, factor, tau_c.face)  # (18), Theorem 1
+    extend = partial(harmonic_extension, mesh, L, factor)
     with phase("circle"):
         f_B, boundary = map_to_circle(
-            mesh, h_B, lambda: _delaunay_trace(mesh, tau_c.face), whitened=not paper
+            mesh,
+            h_B,
+            lambda: _delaunay_trace(mesh, tau_c.face),
+            extend,
+            whitened=not paper,
         )  # (1)-(6)
     with phase("extension"):
-        f = harmonic_extension(mesh, L, factor, f_B)  # (10)
+        f = extend(f_B)  # (10)
     with phase("mobius"):
         f, normalization, residual = normalize(
             mesh, f, "nelder-mead" if paper else mobius
         )  # (19), (20)
-        f = rotate(mesh, f, align)
     with phase("repair"):
-        f, repair = unfold(mesh, f)
+        f, n_opened = spread(mesh, f, extend)
+        f, repair = unfold(mesh, rotate(mesh, f, align))
+        repair = replace(repair, n_opened=n_opened)
     with phase("refine") as advance:
         refinement = None
         if refine:
@@ -174,15 +182,20 @@ def disk_map(
     with phase("certificate"):
         uv = np.column_stack([f.real, f.imag])
         certificate = certify(mesh, uv)
-        if repair.n_flipped or refine:  # the map has changed since
+        if repair.done or refine:  # the map has changed since
             residual = plane_angles(f, mesh.F) - mesh.angles
-        distortion = AngleDistortion.of(np.degrees(abs(residual)))
+        degrees = np.degrees(abs(residual))
+        distortion = AngleDistortion.of(degrees)
+        free = distortion
+        if 0 < len(mesh.inscribed) < len(mesh.F):
+            free = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
     phase.done()
 
     result = DiskMap(
         uv=uv,
         certificate=certificate,
         distortion=distortion,
+        distortion_free=free,
         center=tau_c,
         trace=boundary,
         repair=repair,
@@ -192,7 +205,11 @@ def disk_map(
         timings=phase.seconds,
     )
     if not certificate.valid:
-        raise MapError(f"The map is not a bijection onto the disk: {certificate}", result)
+        raise MapError(
+            f"The map is not a bijection onto the disk: {certificate}"
+            + blame_crowding(uv, mesh.F, certificate.flipped),
+            result,
+        )
     return result
 
 

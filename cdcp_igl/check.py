@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from .areas import parallelogram_areas
 from .arrays import Bools, Floats, Ints
-from .errors import Defect, MeshError
+from .errors import Defect, MeshError, spell
 
 __all__ = ["MeshReport", "check"]
 
@@ -27,7 +27,7 @@ __all__ = ["MeshReport", "check"]
 DEGENERATE = 1e-10
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MeshReport:
     """What `check` found. Printing it gives a line for each defect.
 
@@ -37,9 +37,12 @@ class MeshReport:
         Rows of V and of F; 0 where the array is unusable.
     n_boundary : int
         Vertices on the longest boundary loop; 0 where there is none.
-    n_ears : int
+    ears : (k,) ndarray of int64
         Faces with two boundary edges. Legal, but all three corners of an ear lie on the
         circle, so its angles are distorted whatever the method.
+    chords : (k, 2) ndarray of int64
+        Interior edges that join two boundary vertices, the smaller index first. Legal;
+        ears lie behind chords, and so do longer parts of the surface.
     defects : tuple of Defect
         Everything that keeps the mesh from being a disk; empty for a disk.
     """
@@ -47,7 +50,8 @@ class MeshReport:
     n_vertices: int
     n_faces: int
     n_boundary: int
-    n_ears: int
+    ears: Ints
+    chords: Ints
     defects: tuple[Defect, ...]
 
     @property
@@ -58,7 +62,10 @@ class MeshReport:
     def __str__(self) -> str:
         counts = (
             f"{self.n_vertices:,} vertices, {self.n_faces:,} faces, "
-            f"{self.n_boundary:,} boundary vertices, {self.n_ears:,} ears"
+            f"{self.n_boundary:,} boundary vertices, {len(self.ears):,} ears"
+            + (f" (faces {spell(self.ears)})" if len(self.ears) else "")
+            + f", {len(self.chords):,} chords"
+            + (f" (edges {spell(self.chords)})" if len(self.chords) else "")
         )
         verdict = "A triangulated disk." if self.is_disk else "Not a triangulated disk:"
         return "\n".join([counts, verdict, *(f"- {d.name}: {d}" for d in self.defects)])
@@ -90,7 +97,14 @@ def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
     """
     found = examine(V, F)
     longest = max(map(len, found.loops), default=0)
-    return MeshReport(len(found.V), len(found.F), longest, found.n_ears, tuple(found.defects))
+    return MeshReport(
+        n_vertices=len(found.V),
+        n_faces=len(found.F),
+        n_boundary=longest,
+        ears=found.ears,
+        chords=found.chords,
+        defects=tuple(found.defects),
+    )
 
 
 @dataclass
@@ -100,7 +114,8 @@ class Examined:
     V: Floats = field(default_factory=lambda: np.empty((0, 3)))
     F: Ints = field(default_factory=lambda: np.empty((0, 3), np.int64))
     loops: list[Ints] = field(default_factory=list)
-    n_ears: int = 0
+    ears: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    chords: Ints = field(default_factory=lambda: np.empty((0, 2), np.int64))
     defects: list[Defect] = field(default_factory=list)
 
 
@@ -137,8 +152,8 @@ def _numeric(name: str, array: ArrayLike) -> NDArray[Any]:
     return numeric
 
 
-def as_vertices(V: ArrayLike, name: str = "V") -> Floats:
-    """(n, 3) float64 copy of V, scaled to unit size; MeshError if that cannot be."""
+def vertex_array(V: ArrayLike, name: str = "V") -> NDArray[Any]:
+    """V as an array of 2 or 3 numeric columns, finite or not; MeshError if it is none."""
     given = _numeric(name, V)
     if given.ndim != 2 or given.shape[1] not in (2, 3) or len(given) < 3:
         raise MeshError(
@@ -148,6 +163,12 @@ def as_vertices(V: ArrayLike, name: str = "V") -> Floats:
                 "It must be (n, 3), or (n, 2) for a planar mesh, with n at least 3.",
             )
         )
+    return given
+
+
+def as_vertices(V: ArrayLike, name: str = "V") -> Floats:
+    """(n, 3) float64 copy of V, scaled to unit size; MeshError if that cannot be."""
+    given = vertex_array(V, name)
     bad = np.flatnonzero(~np.isfinite(given).all(axis=1))
     if len(bad):
         raise MeshError(
@@ -166,7 +187,7 @@ def as_vertices(V: ArrayLike, name: str = "V") -> Floats:
     return np.ldexp(positions, -exponent, out=positions)
 
 
-def as_faces(F: ArrayLike, n: int) -> Ints:
+def face_array(F: ArrayLike, n: int) -> Ints:
     """(m, 3) int64 F in C order, indices in range; MeshError if that cannot be."""
     given = _numeric("F", F)
     if given.ndim != 2 or given.shape[1] != 3 or len(given) == 0:
@@ -204,8 +225,13 @@ def as_faces(F: ArrayLike, n: int) -> Ints:
                 fractional,
             )
         )
-    i, j, k = faces.T
-    repeated = np.flatnonzero((i == j) | (j == k) | (k == i))
+    return faces
+
+
+def as_faces(F: ArrayLike, n: int) -> Ints:
+    """Like `face_array`; MeshError also if a face has the same vertex at two corners."""
+    faces = face_array(F, n)
+    repeated = repeated_corners(faces)
     if len(repeated):
         raise MeshError(
             Defect(
@@ -219,11 +245,17 @@ def as_faces(F: ArrayLike, n: int) -> Ints:
     return faces
 
 
+def repeated_corners(F: Ints) -> Ints:
+    """Faces with the same vertex at two corners."""
+    i, j, k = F.T
+    return np.flatnonzero((i == j) | (j == k) | (k == i))
+
+
 # -- the surface -----------------------------------------------------------------------
 
 
 def _topological_defects(found: Examined) -> Iterator[Defect]:
-    """Yield what is wrong with the surface, and fill in its boundary loops and ears.
+    """Yield what is wrong with the surface, and fill in its boundary loops, ears and chords.
 
     One sort of undirected edges answers it all. If the faces hang together across
     edges, no edge is singular, there is one simple boundary loop and the Euler
@@ -232,13 +264,7 @@ def _topological_defects(found: Examined) -> Iterator[Defect]:
     that fails are the corners grouped around their vertices to name the culprits.
     """
     F, n, m = found.F, len(found.V), len(found.F)
-    tail = F.T.ravel()  # half-edge k m + f leaves corner k of face f
-    head = np.roll(tail, -m)
-    edge = np.minimum(tail, head) * n + np.maximum(tail, head)
-    order = np.argsort(edge, kind="stable")
-    edge.sort()  # cheaper than to gather
-    start = np.flatnonzero(np.diff(edge, prepend=-1))  # one for each distinct edge
-    valence = np.diff(start, append=3 * m)
+    tail, head, order, start, valence = edges(F, n)
 
     used = np.bincount(tail, minlength=n) > 0
     unused = np.flatnonzero(~used)
@@ -252,7 +278,7 @@ def _topological_defects(found: Examined) -> Iterator[Defect]:
         )
 
     singular = order[start[valence > 2]]
-    duplicates = _duplicate_faces(F) if len(singular) or (valence == 2).all() else unused[:0]
+    duplicates = duplicate_faces(F) if len(singular) or (valence == 2).all() else unused[:0]
     if len(duplicates):
         yield Defect(
             "duplicate face",
@@ -273,13 +299,17 @@ def _topological_defects(found: Examined) -> Iterator[Defect]:
 
     one, other = order[start[valence == 2]], order[start[valence == 2] + 1]
     border = order[start[valence == 1]]
-    found.n_ears = int((np.bincount(border % m, minlength=m) > 1).sum())
+    found.ears = np.flatnonzero(np.bincount(border % m, minlength=m) > 1)
+    on_boundary = np.zeros(n, dtype=bool)
+    on_boundary[tail[border]] = on_boundary[head[border]] = True
+    chord = one[on_boundary[tail[one]] & on_boundary[head[one]]]
+    found.chords = np.sort(np.column_stack([tail[chord], head[chord]]), axis=1)
 
     clash = tail[one] == tail[other]
     if clash.any():
         yield _orientation_defect(one % m, other % m, clash, m)
 
-    n_parts, part = _face_components(one, other, m)
+    n_parts, part = face_components(one, other, m)
     if n_parts > 1:
         sizes = np.bincount(part)
         coincide = len(np.unique(found.V, axis=0)) < n
@@ -314,7 +344,7 @@ def _topological_defects(found: Examined) -> Iterator[Defect]:
         )
     if len(border) == 0 or clash.any():
         return
-    found.loops = _loops(tail[border], head[border])
+    found.loops = boundary_loops(tail[border], head[border])
     if len(found.loops) > n_parts:
         longest = max(found.loops, key=len)
         yield Defect(
@@ -333,30 +363,41 @@ def _topological_defects(found: Examined) -> Iterator[Defect]:
         )
 
 
-def _duplicate_faces(F: Ints) -> Ints:
+def edges(F: Ints, n: int) -> tuple[Ints, Ints, Ints, Ints, Ints]:
+    """Group the half-edges by undirected edge.
+
+    Returns
+    -------
+    tail, head : (3m,) int64
+        Half-edge k m + f leaves corner k of face f.
+    order : (3m,) int64
+        The half-edges, those of an edge in succession.
+    start, valence : (e,) int64
+        Where each edge begins in `order`, and how many half-edges it has.
+    """
+    tail = F.T.ravel()
+    head = np.roll(tail, -len(F))
+    edge = np.minimum(tail, head) * n + np.maximum(tail, head)
+    order = np.argsort(edge, kind="stable")
+    edge.sort()  # cheaper than to gather
+    start = np.flatnonzero(np.diff(edge, prepend=-1))
+    return tail, head, order, start, np.diff(start, append=F.size)
+
+
+def duplicate_faces(F: Ints) -> Ints:
     _, first = np.unique(np.sort(F, axis=1), axis=0, return_index=True)
     return np.setdiff1d(np.arange(len(F)), first)
 
 
 def _orientation_defect(left: Ints, right: Ints, clash: Bools, m: int) -> Defect:
-    """Name the faces to reverse: the smaller side of each component's orientation cover.
-
-    Node f stands for face f as it is, node f + m for its reversal.
-    """
-    shift = np.where(clash, m, 0)
-    rows = np.concatenate([left, left + m])
-    columns = np.concatenate([right + shift, right + m - shift])
-    graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(2 * m, 2 * m))
-    _, side = connected_components(graph, directed=False)
-    if (side[:m] == side[m:]).any():
+    """Name the faces to reverse."""
+    against = faces_to_reverse(left, right, clash, m)
+    if against is None:
         return Defect(
             "not orientable",
             "The surface is one-sided, like a Möbius strip",
             "Cut it until it has two sides.",
         )
-    size = np.bincount(side[:m], minlength=side.max() + 1)
-    mine, theirs = size[side[:m]], size[side[m:]]
-    against = np.flatnonzero((mine < theirs) | ((mine == theirs) & (side[:m] > side[m:])))
     return Defect(
         "inconsistent orientation",
         f"{_count(against, 'face is', 'faces are')} oriented against the others",
@@ -366,7 +407,24 @@ def _orientation_defect(left: Ints, right: Ints, clash: Bools, m: int) -> Defect
     )
 
 
-def _face_components(one: Ints, other: Ints, m: int) -> tuple[int, NDArray[np.int32]]:
+def faces_to_reverse(left: Ints, right: Ints, clash: Bools, m: int) -> Ints | None:
+    """Find the smaller side of each component's orientation cover; None if it has one side.
+
+    Node f stands for face f as it is, node f + m for its reversal.
+    """
+    shift = np.where(clash, m, 0)
+    rows = np.concatenate([left, left + m])
+    columns = np.concatenate([right + shift, right + m - shift])
+    graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(2 * m, 2 * m))
+    _, side = connected_components(graph, directed=False)
+    if (side[:m] == side[m:]).any():
+        return None
+    size = np.bincount(side[:m], minlength=side.max() + 1)
+    mine, theirs = size[side[:m]], size[side[m:]]
+    return np.flatnonzero((mine < theirs) | ((mine == theirs) & (side[:m] > side[m:])))
+
+
+def face_components(one: Ints, other: Ints, m: int) -> tuple[int, NDArray[np.int32]]:
     """Components of faces that share edges; `one` and `other` are twin half-edges."""
     # Every face has three neighbours, itself where one is missing, so the adjacency can
     # be written down in CSR form without sorting.
@@ -382,6 +440,14 @@ def _face_components(one: Ints, other: Ints, m: int) -> tuple[int, NDArray[np.in
 
 def _pinched_vertices(F: Ints, one: Ints, other: Ints, n: int) -> Ints:
     """Vertices whose corners form more than one fan across shared edges."""
+    n_fans, fan = fans(F, one, other)
+    vertex_of_fan = np.empty(n_fans, np.int64)
+    vertex_of_fan[fan] = F.T.ravel()
+    return np.flatnonzero(np.bincount(vertex_of_fan, minlength=n) > 1)
+
+
+def fans(F: Ints, one: Ints, other: Ints) -> tuple[int, NDArray[np.int32]]:
+    """Group the corners, (3m,) in the order of ``F.T``, around each vertex across twins."""
 
     def after(half: Ints) -> Ints:  # the next half-edge of the same face
         return (half + len(F)) % F.size
@@ -393,13 +459,10 @@ def _pinched_vertices(F: Ints, one: Ints, other: Ints, n: int) -> Ints:
         [np.where(aligned, other, after(other)), np.where(aligned, after(other), other)]
     )
     graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(len(corner), len(corner)))
-    n_fans, fan = connected_components(graph, directed=False)
-    vertex_of_fan = np.empty(n_fans, np.int64)
-    vertex_of_fan[fan] = corner
-    return np.flatnonzero(np.bincount(vertex_of_fan, minlength=n) > 1)
+    return connected_components(graph, directed=False)
 
 
-def _loops(tail: Ints, head: Ints) -> list[Ints]:
+def boundary_loops(tail: Ints, head: Ints) -> list[Ints]:
     """Cycles of the permutation tail -> head, each from its smallest vertex."""
     by_tail = np.argsort(tail)
     following = dict(zip(tail[by_tail].tolist(), head[by_tail].tolist(), strict=True))
@@ -413,12 +476,7 @@ def _loops(tail: Ints, head: Ints) -> list[Ints]:
 
 
 def _degenerate_faces(V: Floats, F: Ints) -> Iterator[Defect]:
-    corner, after, before = V[F[:, 0]], V[F[:, 1]], V[F[:, 2]]
-    a, b = after - corner, before - corner
-    c = b - a
-    longest_squared = np.maximum.reduce([np.einsum("ij,ij->i", e, e) for e in (a, b, c)])
-    area = parallelogram_areas(a, b) / 2
-    bad = np.flatnonzero(area <= DEGENERATE * longest_squared)
+    bad = degenerate_faces(V, F)
     if len(bad):
         yield Defect(
             "degenerate face",
@@ -427,6 +485,16 @@ def _degenerate_faces(V: Floats, F: Ints) -> Iterator[Defect]:
             "faces",
             bad,
         )
+
+
+def degenerate_faces(V: Floats, F: Ints) -> Ints:
+    """Faces without area, by the square of their longest edge."""
+    corner, after, before = V[F[:, 0]], V[F[:, 1]], V[F[:, 2]]
+    a, b = after - corner, before - corner
+    c = b - a
+    longest_squared = np.maximum.reduce([np.einsum("ij,ij->i", e, e) for e in (a, b, c)])
+    area = parallelogram_areas(a, b) / 2
+    return np.flatnonzero(area <= DEGENERATE * longest_squared)
 
 
 def _count(indices: Ints, one: str, many: str) -> str:

@@ -21,6 +21,7 @@ from . import __version__
 from .case import Case, run_case
 from .cdcp import disk_map
 from .check import check
+from .clean import clean
 from .compare import table, write_csv, write_json
 from .errors import MapError, MeshError, SolverError
 from .extras import MissingExtra, from_extra
@@ -139,6 +140,15 @@ def map_command(
             help="The map: texture coordinates (.obj .ply), or V, F and uv (.npz).",
         ),
     ],
+    clean_first: Annotated[
+        bool,
+        typer.Option(
+            "--clean",
+            help="Mend the surface first and say how: merge equal vertices, drop bad faces, "
+            "orient, keep the largest component, fill holes. OUT has what is left of IN, in its "
+            "order, without the filling.",
+        ),
+    ] = False,
     disk: Annotated[
         bool,
         typer.Option("--disk", help="Texture coordinates in the unit disk, not in [0, 1]^2."),
@@ -200,6 +210,13 @@ def map_command(
                 from .plot import picture as draw
         progress("read", 0)
         V, F = read_mesh(mesh, notes.append)
+        n, m = len(V), len(F)
+        if clean_first:
+            V, F, vertex_index, face_index = cleaned = clean(V, F)
+            notes += cleaned.changes
+            n, m = int((vertex_index >= 0).sum()), int((face_index >= 0).sum())
+            if m < len(F):
+                notes.append(f"The filling is not in {out.name}.")
         if isinstance(center, int) and center >= len(F):
             raise typer.BadParameter(f"--center {center}: the mesh has {len(F):,} faces.")
         result = disk_map(
@@ -215,7 +232,7 @@ def map_command(
             if report:
                 with whole_file(report) as unfinished:
                     unfinished.write_text(json.dumps(result.report(), indent=2) + "\n")
-            write_map(out, V, F, result.uv, disk=disk)
+            write_map(out, V[:n], F[:m], result.uv[:n], disk=disk)  # the filling comes last
     _show(str(result), notes, "green")
 
 

@@ -11,10 +11,12 @@ from .areas import area_products
 from .arrays import Complex, Floats, Ints
 from .mesh import DiskMesh
 
-__all__ = ["Certificate", "certify", "flipped_faces", "increments"]
+__all__ = ["Certificate", "certify", "flipped_faces", "increments", "is_around"]
 
 
 BOUNDARY_TOLERANCE = 1e-12
+# Neighbours on the boundary must be this far apart to stay so when rounding has moved them.
+SMALLEST_STEP = 1e-14
 EPS = np.finfo(float).eps / 2
 # Shewchuk's bound: beyond it, the rounded determinant has the sign of the exact one.
 ORIENTATION_BOUND = (3 + 16 * EPS) * EPS
@@ -119,6 +121,12 @@ def _around(boundary: Floats) -> tuple[int, bool]:
 def increments(z: Complex) -> Floats:
     """(N,) angle from each point of a closed curve about 0 to the next, in [0, 2 pi)."""
     return np.angle(np.roll(z, -1) * z.conj()) % (2 * np.pi)
+
+
+def is_around(f_B: Complex) -> bool:
+    """Whether points run once around the circle, counterclockwise, no step too small."""
+    steps = increments(f_B)
+    return bool((steps > SMALLEST_STEP).all()) and round(steps.sum() / (2 * np.pi)) == 1
 
 
 def flipped_faces(uv: Floats, F: Ints) -> tuple[Ints, int]:

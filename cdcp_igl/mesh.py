@@ -76,6 +76,19 @@ class DiskMesh:
         angles.flags.writeable = False
         return angles
 
+    @cached_property
+    def inscribed(self) -> Ints:
+        """(k,) faces with all three corners on the boundary, read-only.
+
+        On the disk they are inscribed in the circle, and the circle fixes their angles.
+        """
+        on_boundary = np.zeros(len(self.V), dtype=bool)
+        on_boundary[self.loop] = True
+        i, j, k = self.F.T
+        inscribed = np.flatnonzero(on_boundary[i] & on_boundary[j] & on_boundary[k])
+        inscribed.flags.writeable = False
+        return inscribed
+
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"DiskMesh is immutable: cannot set {name!r}")
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from .areas import face_areas
 from .arrays import Complex, Floats, Ints
 from .distortion import plane_angles
+from .injectivity import is_around
 from .mesh import DiskMesh
 
 __all__ = [
@@ -91,6 +92,9 @@ def normalize(
         return f, Normalization("none", 0j), plane_angles(f, mesh.F) - mesh.angles
 
     moved = _at_one(mesh, mobius(f, w), mesh.loop[0])
+    if not is_around(moved[mesh.loop]):
+        residual = plane_angles(f, mesh.F) - mesh.angles
+        return f, Normalization(method, 0j, "crowding"), residual
     residual = plane_angles(moved, mesh.F) - mesh.angles
     judges = _sample(mesh.F)
     unmoved = plane_angles(f, mesh.F[judges]) - mesh.angles[judges]

@@ -23,7 +23,7 @@ HALVINGS = 12
 
 @dataclass(frozen=True)
 class Repair:
-    """What was done about flipped faces.
+    """What was done about faces that the map had flipped or would collapse.
 
     Attributes
     ----------
@@ -33,19 +33,31 @@ class Repair:
         Interior vertices that were moved, so that they are not harmonic any more.
     rounds : int
         Patches that were tried.
+    n_opened : int
+        Faces with all corners on the boundary, too close together for double precision,
+        under which the boundary was moved.
     """
 
     n_flipped: int = 0
     n_moved: int = 0
     rounds: int = 0
+    n_opened: int = 0
+
+    @property
+    def done(self) -> bool:
+        """True if anything was changed."""
+        return self.n_flipped + self.n_opened > 0
 
     def __str__(self) -> str:
-        if self.n_flipped == 0:
-            return "not needed"
-        return (
-            f"{self.n_flipped:,} flipped faces unfolded by moving {self.n_moved:,} vertices "
-            f"in {self.rounds} rounds"
-        )
+        what = []
+        if self.n_opened:
+            what.append(f"the boundary opened under {self.n_opened:,} inscribed faces")
+        if self.n_flipped:
+            what.append(
+                f"{self.n_flipped:,} flipped faces unfolded by moving {self.n_moved:,} vertices "
+                f"in {self.rounds} rounds"
+            )
+        return "; ".join(what) or "not needed"
 
 
 def unfold(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
@@ -185,16 +197,20 @@ class _Star:
         # Gradients with respect to the vertex (x, y) as complex numbers x + iy. `below` is
         # linear in it, `above` has the Hessian 4 |c|^2.
         d_above, d_below = 2 * (c.conj() * p + c * q), 2 * (c.conj() * p - c * q)
-        ratio = above / below
-        gradient = self._sum((d_above - ratio * d_below) / below)
-        mixed = 2 * (ratio * d_below - d_above) / below**2
-        curvature = 4 * abs(c) ** 2 / below
-        xx = self._sum(curvature + mixed.real * d_below.real).real
-        yy = self._sum(curvature + mixed.imag * d_below.imag).real
-        xy = self._sum(mixed.real * d_below.imag + mixed.imag * d_below.real).real / 2
-        step = (
-            xy * gradient.imag - yy * gradient.real + 1j * (xy * gradient.real - xx * gradient.imag)
-        ) / (xx * yy - xy**2)
+        with np.errstate(all="ignore"):  # at a collapsed face
+            ratio = above / below
+            gradient = self._sum((d_above - ratio * d_below) / below)
+            mixed = 2 * (ratio * d_below - d_above) / below**2
+            curvature = 4 * abs(c) ** 2 / below
+            xx = self._sum(curvature + mixed.real * d_below.real).real
+            yy = self._sum(curvature + mixed.imag * d_below.imag).real
+            xy = self._sum(mixed.real * d_below.imag + mixed.imag * d_below.real).real / 2
+            step = (
+                xy * gradient.imag
+                - yy * gradient.real
+                + 1j * (xy * gradient.real - xx * gradient.imag)
+            ) / (xx * yy - xy**2)
+        step[~np.isfinite(step)] = 0
 
         energy = self._energy(p, q)
         scale = np.ones(len(step))

@@ -31,6 +31,10 @@ class DiskMap:
         What was verified about `uv`.
     distortion : AngleDistortion
         Mean, SD and maximum of the angular distortion (7) in degrees.
+    distortion_free : AngleDistortion
+        The same without the faces that have all three corners on the boundary: the circle
+        fixes their angles, whatever the method. Equal to `distortion` where there are
+        none, or no others.
     center : Center
         The central face, sect. 4.1, and how it was found.
     trace : BoundaryMethod
@@ -51,6 +55,7 @@ class DiskMap:
     uv: Floats
     certificate: Certificate
     distortion: AngleDistortion
+    distortion_free: AngleDistortion
     center: Center
     trace: BoundaryMethod
     repair: Repair
@@ -61,11 +66,13 @@ class DiskMap:
 
     def __str__(self) -> str:
         phases = ", ".join(f"{name} {seconds:.2f}" for name, seconds in self.timings.items())
+        free = self.distortion_free
         return "\n".join(
             [
                 f"disk map of {len(self.uv):,} vertices: "
                 + ("valid" if self.certificate.valid else "NOT VALID"),
                 f"  angular distortion  {self.distortion}",
+                *([f"  of free faces       {free}"] if free != self.distortion else []),
                 f"  certificate         {self.certificate}",
                 f"  center              {self.center}",
                 f"  boundary            {self.trace}",
@@ -83,11 +90,8 @@ class DiskMap:
         return {
             "vertices": len(self.uv),
             "valid": certificate.valid,
-            "angular_distortion_degrees": {
-                "mean": self.distortion.mean,
-                "sd": self.distortion.sd,
-                "max": self.distortion.max,
-            },
+            "angular_distortion_degrees": asdict(self.distortion),
+            "angular_distortion_of_free_faces_degrees": asdict(self.distortion_free),
             "certificate": {
                 "finite": certificate.finite,
                 "boundary_error": certificate.boundary_error,
@@ -102,6 +106,7 @@ class DiskMap:
                 "flipped_faces": self.repair.n_flipped,
                 "moved_vertices": self.repair.n_moved,
                 "rounds": self.repair.rounds,
+                "opened_faces": self.repair.n_opened,
             },
             "mobius": {
                 "method": self.mobius.method,

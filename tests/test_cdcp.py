@@ -159,3 +159,28 @@ def test_report_is_json():
     report = cdcp_igl.disk_map(V, F).report()
     assert json.loads(json.dumps(report)) == report
     assert report["valid"] is True
+
+
+def test_distortion_with_and_without_inscribed_faces(real_mesh):
+    V, F = real_mesh("face_1180_ears")
+    result = cdcp_igl.disk_map(V, F)
+    mesh = DiskMesh(V, F)
+    degrees = cdcp_igl.angle_distortion(V, F, result.uv)
+    on_boundary = np.isin(F, mesh.loop)
+    assert len(result.certificate.flipped) == 0
+    assert result.distortion.mean <= 5.65
+    assert degrees[~on_boundary.any(axis=1)].mean() <= 1.30
+    free = degrees[~on_boundary.all(axis=1)]
+    assert result.distortion_free.mean == pytest.approx(free.mean())
+    assert result.distortion_free.max == pytest.approx(free.max())
+    assert result.distortion_free.mean < result.distortion.mean
+    assert "of free faces" in str(result)
+    report = result.report()["angular_distortion_of_free_faces_degrees"]
+    assert report["mean"] == result.distortion_free.mean
+
+
+@pytest.mark.parametrize("mesh", [meshes.TRIANGLE, meshes.strip(), meshes.fan()])
+def test_distortion_where_no_face_or_every_face_is_free(mesh):
+    result = cdcp_igl.disk_map(*mesh)
+    assert result.distortion_free == result.distortion
+    assert "of free faces" not in str(result)

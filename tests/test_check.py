@@ -91,8 +91,21 @@ def test_report_of_a_disk():
     report = cdcp_igl.check(V, F)
     assert report.is_disk
     assert (report.n_vertices, report.n_faces, report.n_boundary) == (48, 70, 24)
-    assert report.n_ears == 2
+    assert report.ears.tolist() == [6, 63]
+    assert report.chords.tolist() == [[6, 15], [32, 41]]
     assert "A triangulated disk." in str(report)
+
+
+def test_chords_are_the_inner_edges_between_boundary_vertices():
+    V, F = meshes.grid(3, 9)
+    report = cdcp_igl.check(V, F)
+    assert len(cdcp_igl.check(*meshes.strip(6)).chords) == 5
+    boundary = set(DiskMesh(V, F).loop.tolist())
+    inner = {tuple(sorted(e)) for f in F.tolist() for e in zip(f, f[1:] + f[:1], strict=True)}
+    loop = DiskMesh(V, F).loop
+    inner -= {tuple(sorted(e)) for e in zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)}
+    expected = sorted(e for e in inner if boundary.issuperset(e))
+    assert sorted(map(tuple, report.chords.tolist())) == expected
 
 
 @pytest.mark.parametrize("scale", [1e-200, 1e-12, 1.0, 1e12, 1e200])

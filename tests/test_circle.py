@@ -1,5 +1,7 @@
 """Whitening, the geodesic algorithm, Theodorsen's method and the fallbacks."""
 
+from functools import partial
+
 import meshes
 import numpy as np
 import pytest
@@ -7,9 +9,15 @@ import pytest
 import cdcp_igl
 from cdcp_igl.circle.fallback import map_to_circle
 from cdcp_igl.circle.geodesic import geodesic_map
+from cdcp_igl.circle.spread import spread
 from cdcp_igl.circle.theodorsen import theodorsen_map
 from cdcp_igl.circle.whiten import whiten
-from cdcp_igl.injectivity import increments
+from cdcp_igl.dipole import boundary_trace
+from cdcp_igl.distortion import plane_angles
+from cdcp_igl.extension import harmonic_extension
+from cdcp_igl.factor import Factor
+from cdcp_igl.injectivity import flipped_faces, increments
+from cdcp_igl.laplacian import cotangent_laplacian
 from cdcp_igl.mesh import DiskMesh
 
 
@@ -98,13 +106,15 @@ class TestFallbacks:
     """Traces that defeat one method after the other."""
 
     mesh = DiskMesh(*meshes.grid(12, 16))
+    L = cotangent_laplacian(mesh)
+    extend = partial(harmonic_extension, mesh, L, Factor(mesh, L))
     n = len(mesh.loop)
     good = CURVES["ellipse"](circle(n).conj())
     crossing = circle(n).real + 1j * (circle(n) ** 2).imag  # figure of eight
     folded = np.where(np.arange(n) % 2, circle(n).conj(), np.roll(circle(n).conj(), 3))
 
     def run(self, trace, delaunay):
-        f, method = map_to_circle(self.mesh, trace, lambda: delaunay, whitened=True)
+        f, method = map_to_circle(self.mesh, trace, lambda: delaunay, self.extend, whitened=True)
         assert np.isfinite(f).all()
         np.testing.assert_allclose(abs(f), 1, atol=1e-14)
         assert (increments(f) > 0).all()
@@ -121,11 +131,29 @@ class TestFallbacks:
         assert len(method.rejected) == 1
         assert method.rejected[0].startswith("geodesic: not ")
 
-    def test_radial_and_arc_length(self):
-        assert self.run(self.folded, self.folded).name == "radial"
+    def test_the_least_distortion_of_the_later_ones(self):
+        V, F, _ = cdcp_igl.datasets.ellipse(12)
+        mesh = DiskMesh(V, F)
+        L = cotangent_laplacian(mesh)
+        factor = Factor(mesh, L)
+        trace = boundary_trace(mesh, factor, 0)
+        trace[20] = 1.5 * trace[21] - 0.5 * trace[20]  # beyond its neighbour
+        maps = {}
+
+        def extend(f_B):
+            f = harmonic_extension(mesh, L, factor, f_B)
+            maps[abs(plane_angles(f, mesh.F) - mesh.angles).mean()] = f_B
+            return f
+
+        f_B, method = map_to_circle(mesh, trace, lambda: trace, extend, whitened=True)
+        assert method.name == "Theodorsen"
+        assert len(maps) > 2
+        np.testing.assert_array_equal(maps[min(maps)], f_B)
+
+    def test_arc_length_last(self):
         method = self.run(0 * self.good, np.full(self.n, complex(np.nan)))
         assert method.name == "arc length"
-        assert len(method.rejected) == 4
+        assert len(method.rejected) == 6
 
 
 def test_a_mesh_that_needs_the_delaunay_trace(real_mesh):
@@ -141,18 +169,56 @@ def test_crowding_is_an_error_that_says_where(real_mesh):
     assert raised.value.result is None
 
 
-def test_a_long_corridor_is_mapped_until_it_crowds():
-    def corridor(length):
-        x, y = np.meshgrid(np.arange(4 * length + 1) / 4, np.arange(5) / 4)
-        corner = np.arange(x.size).reshape(x.shape)
-        a, b, c, d = (
-            corner[i : i + 4, j : j + 4 * length].ravel()
-            for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
-        )
-        F = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-        return np.column_stack([x.ravel(), y.ravel()]), F
+def corridor(length, width=4):
+    """Rectangle `length` times longer than wide."""
+    x, y = np.meshgrid(np.arange(width * length + 1), np.arange(width + 1))
+    corner = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = (
+        corner[i : i + width, j : j + width * length].ravel()
+        for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
+    )
+    F = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    return np.column_stack([x.ravel(), y.ravel()]), F
 
-    result = cdcp_igl.disk_map(*corridor(6))
-    assert result.trace.name == "geodesic"
+
+@pytest.mark.parametrize("width", [1, 2, 4])
+@pytest.mark.parametrize("length", [6, 12, 16, 18])
+def test_a_long_corridor_is_mapped(length, width):
+    assert cdcp_igl.disk_map(*corridor(length, width)).trace.name == "geodesic"
+
+
+@pytest.mark.parametrize(("length", "width"), [(60, 4), (24, 4), (24, 2), (20, 4)])
+def test_until_it_crowds(length, width):
     with pytest.raises(cdcp_igl.MapError, match="Crowding"):
-        cdcp_igl.disk_map(*corridor(60))
+        cdcp_igl.disk_map(*corridor(length, width))
+
+
+def test_spread_moves_nothing_that_need_not_move():
+    mesh = DiskMesh(*corridor(6))
+    f = cdcp_igl.cdcp(*corridor(6)) @ [1, 1j]
+    assert len(mesh.inscribed) == 2
+    kept, n_opened = spread(mesh, f, None)
+    assert kept is f
+    assert n_opened == 0
+
+
+def test_spread_opens_a_collapsed_ear():
+    mesh = DiskMesh(*corridor(6))
+    ear = mesh.F[mesh.inscribed[0]]
+    tip = np.flatnonzero(np.isin(mesh.loop, ear))[1]
+    angles = np.linspace(0, 2 * np.pi, len(mesh.loop), endpoint=False)
+    angles[[tip - 1, tip + 1]] = angles[tip] + np.array([-1e-10, 1e-10])
+    f = np.zeros(len(mesh.V), complex)
+    f[mesh.loop] = np.exp(1j * angles)
+
+    def extend(f_B):
+        g = f.copy()
+        g[mesh.loop] = f_B
+        return g
+
+    g, n_opened = spread(mesh, f, extend)
+    assert n_opened == 1
+    assert abs(g[mesh.loop] - f[mesh.loop]).max() < 1e-6
+    uv = np.column_stack([g.real, g.imag])
+    assert mesh.inscribed[0] not in flipped_faces(uv, mesh.F)[0]
+    assert mesh.inscribed[0] in flipped_faces(np.column_stack([f.real, f.imag]), mesh.F)[0]

@@ -14,6 +14,7 @@ RNG = np.random.default_rng(0)
 def count(request, monkeypatch):
     if request.param == "two factorizations":
         monkeypatch.setattr(factor_module, "LONG_BOUNDARY", 0)
+        monkeypatch.setattr(factor_module, "SHORT_BOUNDARY", 0)
     return request.param
 
 
@@ -48,5 +49,6 @@ def test_shared_factor_is_as_accurate_as_a_separate_one(real_mesh, monkeypatch):
     b = np.ones(len(mesh.interior), complex)
     shared = Factor(mesh, L).solve_interior(b)
     monkeypatch.setattr(factor_module, "LONG_BOUNDARY", 0)
+    monkeypatch.setattr(factor_module, "SHORT_BOUNDARY", 0)
     separate = Factor(mesh, L).solve_interior(b)
     assert abs(shared - separate).max() < 1e-11 * abs(separate).max()

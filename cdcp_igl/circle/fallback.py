@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Complex, Floats
-from ..errors import MapError, spell
-from ..injectivity import increments
+from ..arrays import Complex
+from ..distortion import plane_angles
+from ..injectivity import is_around
 from ..mesh import DiskMesh
+from .crowding import refuse_crowding
 from .geodesic import geodesic_map
+from .spread import around
 from .theodorsen import theodorsen_map
 from .whiten import whiten
 
@@ -22,9 +24,9 @@ __all__ = ["BoundaryMethod", "by_arc_length", "map_to_circle"]
 # from 2.500 to 2.463 degrees; from about 200 points on it changes less than 0.02 %.
 ENOUGH_POINTS = 200
 
-# A trace is crowded when more than this share of its steps is below this part of its size.
-# On a corridor n times longer than wide, steps at the ends shrink like exp(-pi n).
-CROWDED, MANY_CROWDED = 1e-14, 0.01
+DELAUNAY = " on the intrinsic Delaunay trace"
+
+LEAST_STEP = 1e-12  # of directions that are made monotone
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class BoundaryMethod:
     name : str
         The method whose result was used; ``"geodesic"`` unless something went wrong.
     rejected : tuple of str
-        The methods tried before it, each with the reason for its rejection.
+        The methods that gave no map, each with the reason for its rejection.
     """
 
     name: str
@@ -47,14 +49,21 @@ class BoundaryMethod:
 
 
 def map_to_circle(
-    mesh: DiskMesh, trace: Complex, delaunay_trace: Callable[[], Complex], *, whitened: bool
+    mesh: DiskMesh,
+    trace: Complex,
+    delaunay_trace: Callable[[], Complex],
+    extend: Callable[[Complex], Complex],
+    *,
+    whitened: bool,
 ) -> tuple[Complex, BoundaryMethod]:
     """Map the exterior of the boundary trace onto the disk, eqs. (1)-(6).
 
     The geodesic algorithm needs a simple curve. Where slivers or a bad dipole have made
-    the trace cross itself, these are tried in turn: the trace of the intrinsic Delaunay
-    Laplacian; Theodorsen's method; the direction of the trace from its centroid, made
-    monotone; arc length on the surface, which always works and is not conformal.
+    the trace cross itself, that of the intrinsic Delaunay Laplacian is tried. Where that
+    does too, the map with the least angular distortion is taken of these: the directions
+    of either trace from its centroid, made monotone; Theodorsen's method on either, made
+    star-shaped in this way; arc length on the surface, which always works and is not
+    conformal.
 
     Parameters
     ----------
@@ -63,6 +72,8 @@ def map_to_circle(
         Boundary trace of the cotangent Laplacian, clockwise.
     delaunay_trace : callable
         Computes that of the intrinsic Delaunay Laplacian; called only when needed.
+    extend : callable
+        Extends boundary values to all of the surface; called only when needed.
     whitened : bool
         Whiten the traces first, and subdivide the edges of short ones. The paper does
         neither.
@@ -76,40 +87,45 @@ def map_to_circle(
     Raises
     ------
     MapError
-        If all but arc length fail because of crowding: the exact map is not to be had in
-        double precision, and arc length would be nothing like it.
+        If the geodesic algorithm fails because of crowding: the exact map is not to be had
+        in double precision, and the others would be nothing like it.
     """
     geodesic = _whitened_geodesic_map if whitened else geodesic_map
-    attempts: dict[str, Callable[[], Complex | None]] = {
-        "geodesic": lambda: geodesic(trace),
-        "geodesic on the intrinsic Delaunay trace": lambda: geodesic(delaunay_trace()),
-        "Theodorsen": lambda: theodorsen_map(whiten(trace)),
-        "radial": lambda: _radial(whiten(trace)),
-    }
     rejected: list[str] = []
-    for name, attempt in attempts.items():
-        f_B = attempt()
+
+    def accepted(name: str, f_B: Complex | None) -> Complex | None:
         objection = _objection(f_B)
-        if f_B is not None and objection is None:
-            f_B = f_B / f_B[0]
-            return f_B / abs(f_B), BoundaryMethod(name, tuple(rejected))
-        rejected.append(f"{name}: {objection}")
-    _refuse_crowding(mesh, trace)
-    return by_arc_length(mesh), BoundaryMethod("arc length", tuple(rejected))
+        if f_B is None or objection is not None:
+            rejected.append(f"{name}: {objection}")
+            return None
+        f_B = f_B / f_B[0]
+        return f_B / abs(f_B)
 
+    name = "geodesic"
+    if (f_B := accepted(name, geodesic(trace))) is not None:
+        return f_B, BoundaryMethod(name)
+    traces = {"": trace, DELAUNAY: delaunay_trace()}
+    name += DELAUNAY
+    if (f_B := accepted(name, geodesic(traces[DELAUNAY]))) is not None:
+        return f_B, BoundaryMethod(name, tuple(rejected))
 
-def _refuse_crowding(mesh: DiskMesh, trace: Complex) -> None:
-    """Raise MapError if the images of many boundary vertices coincide in double precision."""
-    with np.errstate(invalid="ignore"):
-        steps = abs(np.roll(trace, -1) - trace)
-        crowded = mesh.loop[steps < CROWDED * abs(trace - trace.mean()).max()]
-    if len(crowded) > MANY_CROWDED * len(trace):
-        raise MapError(
-            f"Crowding: the conformal map puts {len(crowded):,} of {len(trace):,} boundary "
-            "vertices closer to their neighbours than double precision can tell apart "
-            f"(vertices {spell(crowded)}). The surface is too long and thin for a disk: cut "
-            "it into shorter parts, or use a map with a free boundary."
+    refuse_crowding(mesh, trace)
+    maps: dict[str, Complex | None] = {}
+    for which, curve in traces.items():
+        z = whiten(curve)
+        radial = _radial(z)
+        maps["radial" + which] = accepted("radial" + which, radial)
+        maps["Theodorsen" + which] = accepted(
+            "Theodorsen" + which, theodorsen_map(abs(z) * radial.conj())
         )
+    maps["arc length"] = by_arc_length(mesh)
+    valid = {name: f_B for name, f_B in maps.items() if f_B is not None}
+    best = min(valid, key=lambda name: _mean_distortion(mesh, extend(valid[name])))
+    return valid[best], BoundaryMethod(best, tuple(rejected))
+
+
+def _mean_distortion(mesh: DiskMesh, f: Complex) -> float:
+    return float(abs(plane_angles(f, mesh.F) - mesh.angles).mean())
 
 
 def _whitened_geodesic_map(trace: Complex) -> Complex:
@@ -131,9 +147,7 @@ def _objection(f_B: Complex | None) -> str | None:
         return "the curve is not star-shaped, or no convergence"
     if not np.isfinite(f_B).all():
         return "not finite"
-    steps = increments(f_B)
-    # Neighbours must stay apart when the Möbius step and rounding have moved them.
-    if not (steps > 1e-14).all() or round(steps.sum() / (2 * np.pi)) != 1:
+    if not is_around(f_B):
         return "not monotone"
     return None
 
@@ -143,15 +157,11 @@ def _radial(z: Complex) -> Complex:
     steps = np.angle(z * np.roll(z, -1).conj())
     chords = abs(np.roll(z, -1) - z)
     with np.errstate(invalid="ignore"):  # of a trace without area
-        return _around(np.maximum(steps, 1e-3 * chords / chords.sum()))
+        floor = np.maximum(1e-3 * chords / chords.sum(), LEAST_STEP)
+        return around(np.maximum(steps, floor))
 
 
 def by_arc_length(mesh: DiskMesh) -> Complex:
     """(nB,) boundary vertices around the circle in proportion to their distances, from 1."""
     points = mesh.V[mesh.loop]
-    return _around(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1))
-
-
-def _around(steps: Floats) -> Complex:
-    """Points on the unit circle, from 1, each followed by its step in proportion."""
-    return np.exp(2j * np.pi * (np.cumsum(steps) - steps) / steps.sum())
+    return around(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1))

@@ -35,7 +35,8 @@ def theodorsen_map(z: Complex) -> Complex | None:
     """
     # Seen in a mirror the curve is counterclockwise: phi grows along it.
     phi = np.angle(z.conj()[0]) + np.concatenate([[0], np.cumsum(np.angle(z[:-1] * z[1:].conj()))])
-    if not (np.diff(phi, append=phi[0] + 2 * np.pi) > 0).all():
+    steps = np.diff(phi, append=phi[0] + 2 * np.pi)
+    if not ((steps > 0) & (steps < np.pi)).all():
         return None
     n = 1 << int(np.ceil(np.log2(OVERSAMPLING * max(len(z), 32))))
     theta = phi[0] + 2 * np.pi * np.arange(n) / n

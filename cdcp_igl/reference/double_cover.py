@@ -63,6 +63,7 @@ def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
         mesh,
         h_B,
         lambda: double_cover_trace(mesh, intrinsic_delaunay_laplacian(mesh), tau_c),
+        lambda f_B: harmonic_extension(mesh, L, factor, f_B),
         whitened=True,
     )  # (1)-(6)
     f = harmonic_extension(mesh, L, factor, f_B)  # (10)

@@ -1,0 +1,190 @@
+"""Mending surfaces that are nearly disks."""
+
+import meshes
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import cdcp_igl
+from cdcp_igl.commands import app
+
+# What is left of each nasty mesh: "disk", a defect that clean cannot mend, or a refusal.
+UNMENDED = {"Moebius strip": "not orientable", "closed": "closed surface", "handle": "handle"}
+NOTHING_LEFT = {"all in one point", "on a line", "sliver"}
+BAD_ARRAYS = {"not numeric", "shape of V", "shape of F", "index out of range", "fractional index"}
+
+
+@pytest.mark.parametrize("name", meshes.NASTY)
+def test_nasty_meshes(name):
+    defect, V, F, _ = meshes.NASTY[name]
+    if defect in BAD_ARRAYS or name in NOTHING_LEFT:
+        with pytest.raises(cdcp_igl.MeshError) as raised:
+            cdcp_igl.clean(V, F)
+        assert raised.value.defect == ("nothing left" if name in NOTHING_LEFT else defect)
+        return
+    cleaned = cdcp_igl.clean(V, F)
+    report = cdcp_igl.check(cleaned.V, cleaned.F)
+    if name in UNMENDED:
+        assert [d.name for d in report.defects] == [UNMENDED[name]]
+    else:
+        assert report.is_disk
+        assert cleaned.changes
+    assert_rows_come_from(cleaned, V, F)
+
+
+def assert_rows_come_from(cleaned, V, F):
+    """Whatever the indices say is the same as in the input; the order is kept."""
+    W, G, vertex_index, face_index = cleaned
+    V, F = np.asarray(V, dtype=float), np.asarray(F)
+    old = vertex_index >= 0
+    np.testing.assert_array_equal(W[old], V[vertex_index[old]])
+    kept = face_index >= 0
+    assert (np.diff(face_index[kept]) > 0).all()
+    assert (face_index[np.cumsum(kept) > kept.sum()] == -1).all()
+    same = np.setdiff1d(np.flatnonzero(kept), cleaned.flipped)
+    corners = np.sort(W[G[same]], axis=1)
+    np.testing.assert_array_equal(corners, np.sort(V[F[face_index[same]]], axis=1))
+
+
+def test_a_disk_comes_back_as_it_is_even_if_vertices_coincide():
+    V, F = meshes.grid()
+    V[0] = V[5]
+    W, G, vertex_index, face_index = cleaned = cdcp_igl.clean(V, F)
+    assert cleaned.changes == ()
+    np.testing.assert_array_equal(W, V)
+    np.testing.assert_array_equal(G, F)
+    np.testing.assert_array_equal(vertex_index, np.arange(len(V)))
+    np.testing.assert_array_equal(face_index, np.arange(len(F)))
+
+
+def test_holes_are_filled_outside_the_given_rows():
+    V, F = meshes.grid()
+    W, G, vertex_index, face_index = cleaned = cdcp_igl.clean(V, np.delete(F, [18, 50], axis=0))
+    assert cleaned.changes == ("filled 2 holes",)
+    assert (vertex_index == -1).sum() == 2
+    assert (face_index == -1).sum() == 6
+    np.testing.assert_array_equal(G[face_index >= 0], np.delete(F, [18, 50], axis=0))
+    np.testing.assert_array_equal(W[vertex_index >= 0], V)
+    np.testing.assert_allclose(W[-2:], [V[F[f]].mean(axis=0) for f in (50, 18)])
+
+
+def test_two_columns_stay_two_columns():
+    V, F = meshes.grid()
+    W, G, _, _ = cdcp_igl.clean(V[:, :2], np.delete(F, 18, axis=0))
+    assert W.shape == (len(V) + 1, 2)
+    assert cdcp_igl.check(W, G).is_disk
+
+
+def test_the_input_is_not_changed():
+    V, F = meshes.grid()
+    F[11] = F[11, ::-1]
+    before = V.copy(), F.copy()
+    cdcp_igl.clean(V, F, flip_ears=True)
+    np.testing.assert_array_equal(V, before[0])
+    np.testing.assert_array_equal(F, before[1])
+
+
+def test_everything_at_once_is_said():
+    V, F = meshes.grid(8, 10)
+    n = len(V)
+    V = np.vstack([V, V[20], [[5, 5, 5]], V[:3] + 100, [[np.nan, 0, 0]]])
+    F[F[:, 0] == 20, 0] = n  # a second copy of a vertex
+    F[40] = F[40, ::-1]
+    F = np.vstack([F, F[60], [[0, 0, 1]], [[n + 2, n + 3, n + 4]], [[0, 1, n + 5]]])
+    F = np.delete(F, 100, axis=0)
+    cleaned = cdcp_igl.clean(V, F)
+    assert cdcp_igl.check(cleaned.V, cleaned.F).is_disk
+    assert cleaned.changes == (
+        "dropped 1 face with a NaN or infinite coordinate",
+        "merged 1 vertex with an equal one",
+        "dropped 1 face with a repeated corner",
+        "dropped 1 face that repeated another",
+        "dropped 1 face of smaller components",
+        "reversed 1 face",
+        "dropped 6 vertices that no face uses",
+        "filled 1 hole",
+    )
+    assert_rows_come_from(cleaned, V, F)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_damage_of_a_real_surface(real_mesh, seed):
+    V, F = real_mesh("femur_2411")
+    rng = np.random.default_rng(seed)
+    V, F = V.copy(), F.astype(np.int64)
+    F = np.delete(F, rng.integers(len(F), size=8), axis=0)
+    turned = rng.integers(len(F), size=200)
+    F[turned] = F[turned, ::-1]
+    V[rng.integers(len(V), size=3)] = np.nan
+    loose = rng.integers(len(F), size=50)  # three corners of their own
+    V = np.vstack([V, V[F[loose]].reshape(-1, 3)])
+    F[loose] = len(V) - 150 + np.arange(150).reshape(50, 3)
+    F = np.vstack([F, F[rng.integers(len(F), size=5)]])
+    assert not cdcp_igl.check(V, F).is_disk
+    cleaned = cdcp_igl.clean(V, F)
+    assert_rows_come_from(cleaned, V, F)
+    assert len(cleaned.F) > 0.98 * len(F)
+    assert cdcp_igl.disk_map(cleaned.V, cleaned.F).certificate.valid
+
+
+def test_flipped_ears_let_their_corners_move(real_mesh):
+    V, F = real_mesh("face_1180_ears")
+    cleaned = cdcp_igl.clean(V, F, flip_ears=True)
+    before, after = cdcp_igl.check(V, F), cdcp_igl.check(cleaned.V, cleaned.F)
+    count = len(before.ears) - len(after.ears)
+    assert count > 40
+    assert cleaned.changes == (f"flipped the inner edge of {count} ears",)
+    changed = np.flatnonzero((np.sort(cleaned.F) != np.sort(F)).any(axis=1))
+    np.testing.assert_array_equal(cleaned.flipped, changed)
+    assert after.is_disk
+    plain, flipped = cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(cleaned.V, cleaned.F)
+    assert flipped.distortion.mean < plain.distortion.mean
+
+
+def test_an_ear_without_an_interior_vertex_behind_it_stays():
+    V, F = meshes.strip()
+    cleaned = cdcp_igl.clean(V, F, flip_ears=True)
+    assert cleaned.changes == ()
+    assert len(cleaned.flipped) == 0
+
+
+def test_map_clean_writes_the_surface_without_its_filling(tmp_path):
+    V, F = meshes.grid()
+    F = np.delete(F, 18, axis=0)
+    F[11] = F[11, ::-1]
+    V = np.insert(V, 4, [9, 9, 9], axis=0)  # in no face
+    F = np.where(F >= 4, F + 1, F)
+    mesh, out = tmp_path / "mesh.npz", tmp_path / "map.npz"
+    np.savez(mesh, V=V, F=F)
+
+    refused = CliRunner().invoke(app, ["map", str(mesh), str(out)])
+    assert refused.exit_code == 2
+    assert not out.exists()
+
+    result = CliRunner().invoke(app, ["map", str(mesh), str(out), "--clean"])
+    assert result.exit_code == 0
+    for change in (
+        "reversed 1 face",
+        "dropped 1 vertex that no face uses",
+        "filled 1 hole",
+        "The filling is not in map.npz.",
+    ):
+        assert change in result.output
+    with np.load(out) as written:
+        np.testing.assert_array_equal(written["V"], np.delete(V, 4, axis=0))
+        assert written["uv"].shape == (len(V) - 1, 2)
+        assert len(written["F"]) == len(F)
+        degrees = cdcp_igl.angle_distortion(written["V"], written["F"], written["uv"])
+    assert degrees.mean() < 20
+
+
+def test_map_clean_of_a_disk_changes_nothing(tmp_path):
+    V, F = meshes.grid()
+    mesh, plain, cleaned = (tmp_path / f"{name}.npz" for name in ("mesh", "plain", "cleaned"))
+    np.savez(mesh, V=V, F=F)
+    CliRunner().invoke(app, ["map", str(mesh), str(plain)])
+    result = CliRunner().invoke(app, ["map", str(mesh), str(cleaned), "--clean"])
+    assert "note:" not in result.output
+    with np.load(plain) as a, np.load(cleaned) as b:
+        for key in ("V", "F", "uv"):
+            np.testing.assert_array_equal(a[key], b[key])

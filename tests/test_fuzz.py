@@ -1,0 +1,89 @@
+"""Random surfaces, good and bad: each ends as a certified map or as a typed error."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import cdcp_igl
+from benchmarks import fuzz
+from cdcp_igl.injectivity import certify
+from cdcp_igl.mesh import DiskMesh
+
+
+@pytest.fixture(autouse=True)
+def _generated_surfaces(monkeypatch):
+    """The same cases with and without meshes at hand."""
+    monkeypatch.delenv("CDCP_IGL_DATA", raising=False)
+    fuzz._names.cache_clear()
+    yield
+    fuzz._names.cache_clear()
+
+
+@settings(max_examples=150)
+@given(st.integers(0, 2**31))
+def test_certified_map_or_typed_error(seed):
+    row = fuzz.examine(seed, 0)
+    assert row.outcome not in fuzz.FAULTS, row
+    if row.disk and row.stretch <= 5:
+        assert row.outcome.startswith("map"), row
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 2**31))
+def test_clean_mends_any_damage_but_that_of_the_arrays(seed):
+    rng = np.random.default_rng(seed)
+    V, F = fuzz._patch(rng, *fuzz._surface("paraboloid"))
+    V, F, damage = fuzz._damage(rng, V, F)
+    if damage.endswith("index"):
+        return
+    V, F, _, _ = cdcp_igl.clean(V, F)
+    report = cdcp_igl.check(V, F)
+    assert report.is_disk or damage.endswith("merged"), (damage, report)
+
+
+@settings(max_examples=60)
+@given(
+    st.integers(3, 40),
+    st.integers(2, 6),
+    st.floats(0, 0.45),
+    st.floats(0.05, 20),
+    st.integers(0, 2**31),
+)
+def test_rectangles(columns, rows, jitter, aspect, seed):
+    """Of any length, from square to crowded."""
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(np.arange(columns) * aspect, np.arange(rows))
+    corner = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = (
+        corner[i : rows - 1 + i, j : columns - 1 + j].ravel()
+        for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
+    )
+    F = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    V = np.column_stack([x.ravel(), y.ravel()])
+    V += jitter * rng.uniform(-1, 1, V.shape) * min(aspect, 1)
+    if not cdcp_igl.check(V, F).is_disk:
+        return
+    try:
+        uv, error = cdcp_igl.cdcp(V, F), ""
+    except cdcp_igl.MapError as raised:
+        uv, error = None, str(raised)
+    assert "Crowding" in error if uv is None else certify(DiskMesh(V, F), uv).valid
+
+
+def test_cases_are_reproducible():
+    one, two = fuzz.surface(3, 14), fuzz.surface(3, 14)
+    np.testing.assert_array_equal(one.V, two.V)
+    np.testing.assert_array_equal(one.F, two.F)
+    assert (one.stretch, one.made) == (two.stretch, two.made)
+    assert fuzz.surface(3, 15).made != one.made
+
+
+def test_a_worker_that_dies_or_hangs_is_a_row(monkeypatch):
+    monkeypatch.setattr(fuzz, "SECONDS", 0.0)
+    with fuzz.Worker(1) as worker:
+        assert worker.run(0).outcome == "hang"
+        worker._process.kill()
+        monkeypatch.setattr(fuzz, "SECONDS", 60.0)
+        assert worker.run(1).outcome == "crash"
+        assert worker.run(1) == fuzz.examine(1, 1)
