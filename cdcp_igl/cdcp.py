@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
@@ -138,11 +139,7 @@ def disk_map(
     extend = partial(harmonic_extension, mesh, L, factor)
     with phase("circle"):
         f_B, boundary = map_to_circle(
-            mesh,
-            h_B,
-            lambda: _delaunay_trace(mesh, tau_c.face),
-            extend,
-            whitened=not paper,
+            mesh, h_B, lambda: _delaunay_trace(mesh, tau_c.face), extend, whitened=not paper
         )  # (1)-(6)
     with phase("extension"):
         f = extend(f_B)  # (10)
@@ -151,9 +148,9 @@ def disk_map(
             mesh, f, "nelder-mead" if paper else mobius
         )  # (19), (20)
     with phase("repair"):
-        before = f
-        f, repair = unfold(mesh, spread(mesh, f, extend))
-        if f is not before:
+        f, n_spread = spread(mesh, f, extend)
+        f, repair = unfold(mesh, f)
+        if n_spread or repair.n_flipped:
             residual = plane_angles(f, mesh.F) - mesh.angles
     with phase("certificate"):
         uv = np.column_stack([f.real, f.imag])
@@ -171,7 +168,7 @@ def disk_map(
         distortion=distortion,
         distortion_free=free,
         center=tau_c,
-        trace=boundary,
+        trace=replace(boundary, n_spread=n_spread),
         repair=repair,
         mobius=normalization,
         solver=factor.solver,

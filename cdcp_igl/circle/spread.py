@@ -17,7 +17,7 @@ __all__ = ["around", "spread"]
 APART = 5e-8
 
 
-def spread(mesh: DiskMesh, f: Complex, extend: Callable[[Complex], Complex]) -> Complex:
+def spread(mesh: DiskMesh, f: Complex, extend: Callable[[Complex], Complex]) -> tuple[Complex, int]:
     """Open the arcs under faces that would collapse because all their corners coincide.
 
     A conformal map puts the corners of an ear in a remote part of the surface so close
@@ -33,11 +33,13 @@ def spread(mesh: DiskMesh, f: Complex, extend: Callable[[Complex], Complex]) -> 
 
     Returns
     -------
-    (n,) complex128
+    f : (n,) complex128
         The argument itself where no face collapses.
+    int
+        The number of faces that would have collapsed.
     """
     if len(mesh.inscribed) == 0:
-        return f
+        return f, 0
     place = np.zeros(len(mesh.V), dtype=np.int64)
     place[mesh.loop] = np.arange(len(mesh.loop))
     start = np.sort(place[mesh.F[mesh.inscribed]], axis=1)
@@ -49,12 +51,12 @@ def spread(mesh: DiskMesh, f: Complex, extend: Callable[[Complex], Complex]) -> 
     arcs = angle[end] - angle[start]
     narrow = np.sort(arcs, axis=1)[:, :2].prod(axis=1) < APART**2
     if not narrow.any():
-        return f
+        return f, 0
     short = narrow[:, None] & (arcs < APART)
     for first, last in zip(start[short], end[short], strict=True):
         edges = np.arange(first, last) % len(mesh.loop)
         steps[edges] = np.maximum(steps[edges], APART / len(edges))
-    return extend(around(steps))
+    return extend(around(steps)), int(narrow.sum())
 
 
 def around(steps: Floats) -> Complex:
