@@ -187,7 +187,7 @@ def test_a_long_corridor_is_mapped(length, width):
     trace = cdcp_igl.disk_map(*corridor(length, width)).trace
     assert trace.name == "geodesic"
     if length in (6, 18):
-        assert trace.n_spread == (0 if length == 6 else 2)
+        assert (trace.n_spread > 0) == (length == 18)
     assert ("opened" in str(trace)) == (trace.n_spread > 0)
 
 
