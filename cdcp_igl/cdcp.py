@@ -159,11 +159,7 @@ def disk_map(
     extend = partial(harmonic_extension, mesh, L, factor)
     with phase("circle"):
         f_B, boundary = map_to_circle(
-            mesh,
-            h_B,
-            lambda: _delaunay_trace(mesh, tau_c.face),
-            extend,
-            whitened=not paper,
+            mesh, h_B, lambda: _delaunay_trace(mesh, tau_c.face), extend, whitened=not paper
         )  # (1)-(6)
     with phase("extension"):
         f = extend(f_B)  # (10)
@@ -172,9 +168,8 @@ def disk_map(
             mesh, f, "nelder-mead" if paper else mobius
         )  # (19), (20)
     with phase("repair"):
-        f, n_opened = spread(mesh, f, extend)
+        f, n_spread = spread(mesh, f, extend)
         f, repair = unfold(mesh, rotate(mesh, f, align))
-        repair = replace(repair, n_opened=n_opened)
     with phase("refine") as advance:
         refinement = None
         if refine:
@@ -182,7 +177,7 @@ def disk_map(
     with phase("certificate"):
         uv = np.column_stack([f.real, f.imag])
         certificate = certify(mesh, uv)
-        if repair.done or refine:  # the map has changed since
+        if n_spread or repair.n_flipped or refine:  # the map has changed since
             residual = plane_angles(f, mesh.F) - mesh.angles
         degrees = np.degrees(abs(residual))
         distortion = AngleDistortion.of(degrees)
@@ -197,7 +192,7 @@ def disk_map(
         distortion=distortion,
         distortion_free=free,
         center=tau_c,
-        trace=boundary,
+        trace=replace(boundary, n_spread=n_spread),
         repair=repair,
         mobius=normalization,
         refinement=refinement,

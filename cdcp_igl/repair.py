@@ -23,7 +23,7 @@ HALVINGS = 12
 
 @dataclass(frozen=True)
 class Repair:
-    """What was done about faces that the map had flipped or would collapse.
+    """What was done about flipped faces.
 
     Attributes
     ----------
@@ -33,31 +33,19 @@ class Repair:
         Interior vertices that were moved, so that they are not harmonic any more.
     rounds : int
         Patches that were tried.
-    n_opened : int
-        Faces with all corners on the boundary, too close together for double precision,
-        under which the boundary was moved.
     """
 
     n_flipped: int = 0
     n_moved: int = 0
     rounds: int = 0
-    n_opened: int = 0
-
-    @property
-    def done(self) -> bool:
-        """True if anything was changed."""
-        return self.n_flipped + self.n_opened > 0
 
     def __str__(self) -> str:
-        what = []
-        if self.n_opened:
-            what.append(f"the boundary opened under {self.n_opened:,} inscribed faces")
-        if self.n_flipped:
-            what.append(
-                f"{self.n_flipped:,} flipped faces unfolded by moving {self.n_moved:,} vertices "
-                f"in {self.rounds} rounds"
-            )
-        return "; ".join(what) or "not needed"
+        if self.n_flipped == 0:
+            return "not needed"
+        return (
+            f"{self.n_flipped:,} flipped faces unfolded by moving {self.n_moved:,} vertices "
+            f"in {self.rounds} rounds"
+        )
 
 
 def unfold(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:

@@ -101,12 +101,15 @@ class DiskMap:
                 "faces_decided_exactly": certificate.n_exact,
             },
             "center": {"method": self.center.method, "face": self.center.face},
-            "boundary": {"method": self.trace.name, "rejected": list(self.trace.rejected)},
+            "boundary": {
+                "method": self.trace.name,
+                "rejected": list(self.trace.rejected),
+                "spread_faces": self.trace.n_spread,
+            },
             "repair": {
                 "flipped_faces": self.repair.n_flipped,
                 "moved_vertices": self.repair.n_moved,
                 "rounds": self.repair.rounds,
-                "opened_faces": self.repair.n_opened,
             },
             "mobius": {
                 "method": self.mobius.method,

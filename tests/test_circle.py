@@ -182,9 +182,13 @@ def corridor(length, width=4):
 
 
 @pytest.mark.parametrize("width", [1, 2, 4])
-@pytest.mark.parametrize("length", [6, 12, 16, 18])
+@pytest.mark.parametrize("length", [6, 12, 16])
 def test_a_long_corridor_is_mapped(length, width):
-    assert cdcp_igl.disk_map(*corridor(length, width)).trace.name == "geodesic"
+    trace = cdcp_igl.disk_map(*corridor(length, width)).trace
+    assert trace.name == "geodesic"
+    if length in (6, 16):
+        assert (trace.n_spread > 0) == (length == 16)
+    assert ("opened" in str(trace)) == (trace.n_spread > 0)
 
 
 @pytest.mark.parametrize(("length", "width"), [(60, 4), (24, 4), (24, 2), (20, 4)])
@@ -197,9 +201,9 @@ def test_spread_moves_nothing_that_need_not_move():
     mesh = DiskMesh(*corridor(6))
     f = cdcp_igl.cdcp(*corridor(6)) @ [1, 1j]
     assert len(mesh.inscribed) == 2
-    kept, n_opened = spread(mesh, f, None)
-    assert kept is f
-    assert n_opened == 0
+    g, count = spread(mesh, f, None)
+    assert g is f
+    assert count == 0
 
 
 def test_spread_opens_a_collapsed_ear():
@@ -216,8 +220,8 @@ def test_spread_opens_a_collapsed_ear():
         g[mesh.loop] = f_B
         return g
 
-    g, n_opened = spread(mesh, f, extend)
-    assert n_opened == 1
+    g, count = spread(mesh, f, extend)
+    assert count == 1
     assert abs(g[mesh.loop] - f[mesh.loop]).max() < 1e-6
     uv = np.column_stack([g.real, g.imag])
     assert mesh.inscribed[0] not in flipped_faces(uv, mesh.F)[0]

@@ -39,13 +39,18 @@ class BoundaryMethod:
         The method whose result was used; ``"geodesic"`` unless something went wrong.
     rejected : tuple of str
         The methods that gave no map, each with the reason for its rejection.
+    n_spread : int
+        Faces inscribed in the circle whose corners were moved apart, by some 1e-7, lest they
+        collapse in double precision.
     """
 
     name: str
     rejected: tuple[str, ...] = ()
+    n_spread: int = 0
 
     def __str__(self) -> str:
-        return self.name + "".join(f" (rejected {reason})" for reason in self.rejected)
+        opened = f", arcs of {self.n_spread:,} faces opened" if self.n_spread else ""
+        return self.name + opened + "".join(f" (rejected {reason})" for reason in self.rejected)
 
 
 def map_to_circle(

@@ -35,8 +35,8 @@ def spread(mesh: DiskMesh, f: Complex, extend: Callable[[Complex], Complex]) -> 
     -------
     f : (n,) complex128
         The argument itself where no face collapses.
-    n_opened : int
-        Faces under which arcs were opened.
+    int
+        The number of faces that would have collapsed.
     """
     if len(mesh.inscribed) == 0:
         return f, 0
