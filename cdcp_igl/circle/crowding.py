@@ -13,7 +13,7 @@ __all__ = ["blame_crowding", "refuse_crowding"]
 # A trace is crowded when more than this share of its steps is below this part of its size.
 # On a corridor n times longer than wide, steps at the ends shrink like exp(-pi n).
 CROWDED, MANY_CROWDED = 1e-14, 0.1
-TINY = 1e-6  # edges in the unit disk; the area of a face then has few correct digits
+TINY = 1e-12  # shortest by longest edge of a face in the unit disk, which bound its area
 
 REMEDY = (
     "The surface is too long and thin for a disk: cut it into shorter parts, or use a map "
@@ -38,9 +38,9 @@ def blame_crowding(uv: Floats, F: Ints, flipped: Ints) -> str:
     """Say so if all flipped faces are tiny; empty where crowding is not the cause."""
     corners = uv[F[flipped]]
     edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-    if len(flipped) == 0 or not (edges < TINY).all():
+    if len(flipped) == 0 or not (edges.min(axis=1) * edges.max(axis=1) < TINY).all():
         return ""
     return (
-        f". Crowding: the flipped faces (faces {spell(flipped)}) have edges below {TINY:.0e} "
-        f"in the disk. {REMEDY}"
+        f". Crowding: the flipped faces (faces {spell(flipped)}) are too small in the disk for "
+        f"double precision. {REMEDY}"
     )
