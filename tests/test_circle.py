@@ -107,7 +107,7 @@ class TestFallbacks:
 
     mesh = DiskMesh(*meshes.grid(12, 16))
     L = cotangent_laplacian(mesh)
-    extend = partial(harmonic_extension, mesh, L, Factor(mesh, L))
+    extend = staticmethod(partial(harmonic_extension, mesh, L, Factor(mesh, L)))
     n = len(mesh.loop)
     good = CURVES["ellipse"](circle(n).conj())
     crossing = circle(n).real + 1j * (circle(n) ** 2).imag  # figure of eight
