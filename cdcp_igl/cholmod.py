@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,15 @@ from scipy.sparse import csc_matrix, spmatrix
 from sksparse import cholmod
 from threadpoolctl import ThreadpoolController
 
-from .arrays import Floats
+from .arrays import Complex, Floats
 from .errors import SolverError
 
-__all__ = ["VERSION", "Cholesky", "fill_reducing_order"]
+__all__ = ["VERSION", "Cholesky", "Numbers", "fill_reducing_order"]
 
 VERSION = version("scikit-sparse")
 
 Ordering = Literal["amd", "natural"]
+Numbers = TypeVar("Numbers", Complex, Floats)
 
 # scikit-sparse 0.5 replaced `analyze` and `Factor` by `CholeskyFactor`.
 _MODERN = hasattr(cholmod, "CholeskyFactor")
@@ -78,22 +79,25 @@ class Cholesky:
             else:
                 self._factor.cholesky_inplace(A)
 
-    def solve(self, b: Floats) -> Floats:
-        """Solve A x = b for one or several columns."""
-        with _solver(len(b)):
-            return self._factor.solve(b) if _MODERN else self._factor(b)
+    def solve(self, b: Numbers) -> Numbers:
+        """Solve A x = b; b is real, one or several columns, or one complex vector."""
+        return self._run(b, "A", lambda b: self._factor(b))
 
-    def solve_lower(self, b: Floats) -> Floats:
-        """Solve L x = b, rows of b in the permuted order."""
-        with _solver(len(b)):
-            return self._factor.solve(b, system="L") if _MODERN else self._factor.solve_L(b, False)
+    def solve_lower(self, b: Numbers) -> Numbers:
+        """Solve L x = b, rows of b in the permuted order; b as in `solve`."""
+        return self._run(b, "L", lambda b: self._factor.solve_L(b, False))
 
-    def solve_upper(self, b: Floats) -> Floats:
-        """Solve L^T x = b, rows of b in the permuted order."""
+    def solve_upper(self, b: Numbers) -> Numbers:
+        """Solve L^T x = b, rows of b in the permuted order; b as in `solve`."""
+        return self._run(b, "Lt", lambda b: self._factor.solve_Lt(b, False))
+
+    def _run(self, b: Any, system: str, older: Callable[[Floats], Floats]) -> Any:
+        """Solve with either version; a complex vector as its two parts, column by column."""
+        if np.iscomplexobj(b):
+            x = self._run(np.array([b.real, b.imag]).T, system, older)  # Fortran order
+            return x[:, 0] + 1j * x[:, 1]
         with _solver(len(b)):
-            return (
-                self._factor.solve(b, system="Lt") if _MODERN else self._factor.solve_Lt(b, False)
-            )
+            return self._factor.solve(b, system=system) if _MODERN else older(b)
 
 
 def fill_reducing_order(A: spmatrix) -> NDArray[np.int32]:

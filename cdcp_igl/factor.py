@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
-
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
 from . import cholmod
-from .arrays import Complex, Floats, Ints
-from .cholmod import Cholesky
+from .arrays import Complex, Ints
+from .cholmod import Cholesky, Numbers
 from .mesh import DiskMesh
 
 __all__ = ["Factor"]
-
-Numbers = TypeVar("Numbers", Complex, Floats)
 
 # With more boundary vertices than this times sqrt(n), two factorizations cost less than
 # one in which the boundary comes last: it leaves a dense block, while a surface has
@@ -88,7 +84,7 @@ class Factor:
         (n,) complex128
         """
         h = np.zeros(self._n, dtype=complex)
-        h[self._rows] = _vector(self._pinned.solve(_columns(r[self._rows])))
+        h[self._rows] = self._pinned.solve(r[self._rows])
         return h
 
     def solve_interior(self, b: Numbers) -> Numbers:
@@ -104,7 +100,7 @@ class Factor:
         (nI,) of the same type
         """
         if self._inner is not None:
-            return _vector(self._inner.solve(_columns(b)))
+            return self._inner.solve(b)
         nI = len(self._interior)
         if nI == 0:
             return b.copy()
@@ -113,20 +109,11 @@ class Factor:
         vertex = self._rows[self._pinned.permutation]
         x = np.zeros(self._n, dtype=b.dtype)
         x[self._interior] = b
-        y = self._pinned.solve_lower(_columns(x[vertex]))
+        y = self._pinned.solve_lower(x[vertex])
         y[nI:] = 0
-        x[vertex] = _vector(self._pinned.solve_upper(y))
+        x[vertex] = self._pinned.solve_upper(y)
         return x[self._interior]
 
 
 def _block(L: csr_matrix, rows: Ints) -> csc_matrix:
     return L[rows][:, rows].T  # symmetric: the transpose only renames CSR to CSC
-
-
-def _columns(z: Numbers) -> Floats:
-    """Real vector as one column, complex one as two, in the Fortran order of CHOLMOD."""
-    return np.array([z.real, z.imag] if np.iscomplexobj(z) else [z]).T
-
-
-def _vector(columns: Floats) -> Any:
-    return columns[:, 0] if columns.shape[1] == 1 else columns[:, 0] + 1j * columns[:, 1]

@@ -298,10 +298,8 @@ class WeightedLaplacian:
         """Solve in the interior with the weights set last; zero on the boundary."""
         if self._cholesky is None:
             raise ValueError("the weights have not been set: call factor first")
-        inner = self._scale * x[self._interior]
-        solution = self._cholesky.solve(np.array([inner.real, inner.imag]).T)
         y = np.zeros_like(x)
-        y[self._interior] = self._scale * (solution[:, 0] + 1j * solution[:, 1])
+        y[self._interior] = self._scale * self._cholesky.solve(self._scale * x[self._interior])
         return y
 
 

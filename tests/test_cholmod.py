@@ -22,6 +22,14 @@ def test_solve(A, ordering, shape):
     np.testing.assert_allclose(A @ Cholesky(A, ordering).solve(b), b, atol=1e-12)
 
 
+@pytest.mark.parametrize("solve", ["solve", "solve_lower", "solve_upper"])
+def test_a_complex_vector_is_solved_in_its_two_parts(A, solve):
+    b = RNG.normal(size=(40, 2))
+    method = getattr(Cholesky(A), solve)
+    expected = method(np.asfortranarray(b)) @ [1, 1j]
+    np.testing.assert_array_equal(method(b @ [1, 1j]), expected)
+
+
 @pytest.mark.parametrize("ordering", ["amd", "natural"])
 def test_triangular_solves_are_those_of_the_permuted_factor(A, ordering):
     factor = Cholesky(A, ordering)

@@ -55,7 +55,5 @@ class Dirichlet:
         u = np.zeros(self._L.shape[0], dtype=complex)
         u[self._S] = c
         if len(self._free):
-            b = (r - self._L @ u)[self._free]
-            real, imag = self._factor.solve(np.array([b.real, b.imag]).T).T
-            u[self._free] = real + 1j * imag
+            u[self._free] = self._factor.solve((r - self._L @ u)[self._free])
         return u
