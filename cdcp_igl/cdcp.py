@@ -13,7 +13,7 @@ from .arrays import Complex, Floats
 from .center import CenterMethod, central_face
 from .circle import blame_crowding, map_to_circle, spread
 from .dipole import boundary_trace
-from .distortion import AngleDistortion, plane_angles
+from .distortion import AngleDistortion, angle_errors
 from .errors import MapError
 from .extension import harmonic_extension
 from .factor import Factor
@@ -164,9 +164,7 @@ def disk_map(
     with phase("extension"):
         f = extend(f_B)  # (10)
     with phase("mobius"):
-        f, normalization, residual = normalize(
-            mesh, f, "nelder-mead" if paper else mobius
-        )  # (19), (20)
+        f, normalization = normalize(mesh, f, "nelder-mead" if paper else mobius)  # (19), (20)
     with phase("repair"):
         f, n_spread = spread(mesh, f, extend)
         f, repair = unfold(mesh, rotate(mesh, f, align))
@@ -177,9 +175,7 @@ def disk_map(
     with phase("certificate"):
         uv = np.column_stack([f.real, f.imag])
         certificate = certify(mesh, uv)
-        if n_spread or repair.n_flipped or refine:  # the map has changed since
-            residual = plane_angles(f, mesh.F) - mesh.angles
-        degrees = np.degrees(abs(residual))
+        degrees = np.degrees(abs(angle_errors(mesh, f)))
         distortion = AngleDistortion.of(degrees)
         free = distortion
         if 0 < len(mesh.inscribed) < len(mesh.F):

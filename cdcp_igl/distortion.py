@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,16 +12,21 @@ from . import libigl
 from .areas import area_products, face_areas
 from .arrays import Complex, Floats, Ints
 from .check import as_faces, as_vertices
+from .mesh import DiskMesh
 
 __all__ = [
     "AngleDistortion",
     "angle_distortion",
+    "angle_errors",
     "area_distortion",
+    "blocks",
     "conformal_factor",
     "plane_angles",
     "quasi_conformal_dilatation",
     "wirtinger_derivative",
 ]
+
+BLOCK = 1 << 14  # faces
 
 
 @dataclass(frozen=True)
@@ -230,6 +236,20 @@ def _surface_and_image(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> tuple[Float
         )
     u, v, _ = as_vertices(uv, "uv").T
     return positions, faces, u + 1j * v
+
+
+def angle_errors(mesh: DiskMesh, f: Complex) -> Floats:
+    """(m, 3) corner angles of a map f (n,) minus those of the surface, in radians."""
+    errors = np.empty(mesh.F.shape)
+    for part in blocks(len(errors)):
+        errors[part] = plane_angles(f, mesh.F[part]) - mesh.angles[part]
+    return errors
+
+
+def blocks(m: int) -> Iterator[slice]:
+    """Split m faces into blocks whose arrays stay in the cache."""
+    for start in range(0, m, BLOCK):
+        yield slice(start, start + BLOCK)
 
 
 def plane_angles(z: Complex, F: Ints) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -11,7 +11,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 
 from .arrays import Complex, Floats, Ints
 from .cholmod import Cholesky
-from .distortion import plane_angles
+from .distortion import angle_errors, blocks
 from .injectivity import flipped_faces
 from .mesh import DiskMesh
 
@@ -23,7 +23,6 @@ ROUNDING = np.radians(0.1)  # below this angle |r|^p is rounded off to a parabol
 CG_ITERATIONS = 3  # lower the objective to within 0.3 % of what the solved system would
 DAMPINGS = (0, 1, 10, 100)  # tried in turn
 SHIFT = 1e-10  # of the unit diagonal: keeps rounding from an indefinite matrix
-BLOCK = 1 << 14  # faces whose arrays stay in the cache
 
 
 @dataclass(frozen=True)
@@ -101,7 +100,7 @@ def lower_angle_distortion(
     P. W. Holland, R. E. Welsch. Robust regression using iteratively reweighted
     least-squares. Communications in Statistics 6(9), 1977.
     """
-    r = _angle_errors(mesh, f)
+    r = angle_errors(mesh, f)
     before = objective = _power_mean(r, norm)
     taken, attempt, settled = 0, 0, False
     if len(mesh.interior) == 0 or _folds(mesh, f):
@@ -110,7 +109,7 @@ def lower_angle_distortion(
     while taken < steps and attempt < len(DAMPINGS):
         p = norm if settled else 2
         trial = f + gauss_newton_step(mesh, f, r, p, DAMPINGS[attempt], laplacian)
-        r_trial = _angle_errors(mesh, trial)
+        r_trial = angle_errors(mesh, trial)
         value = _power_mean(r_trial, norm)
         if value < objective and not _folds(mesh, trial):
             f, r, objective = trial, r_trial, value
@@ -169,7 +168,7 @@ def gauss_newton_step(
         np.empty(m, complex),
         np.empty(m, complex),
     )
-    for part in _blocks(m):
+    for part in blocks(m):
         beta[part], s[part], t[part], gradient[part] = _linearize(f[mesh.F[part]], r[part], p)
     s += damping * (r * r).mean() ** (p / 2 - 1)
     B = _shear(mesh, beta)
@@ -199,12 +198,6 @@ def _linearize(corner: Complex, r: Floats, p: float) -> tuple[Complex, Floats, C
     s = (w * abs(g) ** 2).sum(axis=1) / 2
     t = -(w * g * g).sum(axis=1) / 2
     return beta, s, t, 1j * (w * r * g.conj()).sum(axis=1)
-
-
-def _blocks(m: int) -> Iterator[slice]:
-    """Split m faces into blocks."""
-    for start in range(0, m, BLOCK):
-        yield slice(start, start + BLOCK)
 
 
 def _shear(mesh: DiskMesh, beta: Complex) -> csr_matrix:
@@ -278,7 +271,7 @@ class WeightedLaplacian:
     def factor(self, beta: Complex, s: Floats) -> None:
         """Set the weights: beta is (m, 3), s is (m,) and positive."""
         products = np.empty((len(s), 9))
-        for part in _blocks(len(s)):
+        for part in blocks(len(s)):
             edges = s[part, None] * (_next(beta[part]) * _last(beta[part]).conj()).real
             products[part, 0:3] = products[part, 3:6] = edges
             products[part, 6:9] = s[part, None] * abs(beta[part]) ** 2
@@ -311,14 +304,6 @@ def _next(corners: Array) -> Array:
 def _last(corners: Array) -> Array:
     """(m, 3) values at the last corner before each, the next but one."""
     return corners[:, [2, 0, 1]]
-
-
-def _angle_errors(mesh: DiskMesh, f: Complex) -> Floats:
-    """(m, 3) in radians, signed."""
-    r = np.empty(mesh.F.shape)
-    for part in _blocks(len(r)):
-        r[part] = plane_angles(f, mesh.F[part]) - mesh.angles[part]
-    return r
 
 
 def _folds(mesh: DiskMesh, f: Complex) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Complex
-from ..distortion import plane_angles
+from ..distortion import angle_errors
 from ..injectivity import is_around
 from ..mesh import DiskMesh
 from .crowding import refuse_crowding
@@ -130,7 +130,7 @@ def map_to_circle(
 
 
 def _mean_distortion(mesh: DiskMesh, f: Complex) -> float:
-    return float(abs(plane_angles(f, mesh.F) - mesh.angles).mean())
+    return float(abs(angle_errors(mesh, f)).mean())
 
 
 def _whitened_geodesic_map(trace: Complex) -> Complex:

@@ -67,7 +67,7 @@ def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
         whitened=True,
     )  # (1)-(6)
     f = harmonic_extension(mesh, L, factor, f_B)  # (10)
-    f, _, _ = normalize(mesh, f, "angle")  # (19), (20)
+    f, _ = normalize(mesh, f, "angle")  # (19), (20)
     f, _ = unfold(mesh, f)
     return certified_disk_map(mesh, f)
 
