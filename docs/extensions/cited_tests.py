@@ -1,0 +1,99 @@
+"""The role ``{test}`` and the page that shows the tests it cites.
+
+``{test}`test_cdcp.py::test_table_1``` links to the code of that test, and the code links
+back to where it is cited. A citation of a test that does not exist stops the build.
+"""
+
+import ast
+import re
+from pathlib import Path
+
+from docutils import nodes
+from sphinx.addnodes import pending_xref
+from sphinx.errors import ExtensionError
+from sphinx.util.docutils import SphinxRole
+
+CITATION = re.compile(r"\{test\}`([\w.]+(?:::\w+)+)`")
+LABEL = re.compile(r"^\(([\w-]+)\)=$")
+
+HEAD = """# The tests that the pages cite
+
+Written from the test files when these pages were built. Run one with
+`python -m pytest tests/FILE::NAME`. Those that take `real_mesh` need the meshes in
+`CDCP_IGL_DATA`, see [](/reference/environment.md).
+"""
+
+
+def label_of(citation):
+    return re.sub(r"\W+", "-", citation).lower()
+
+
+class TestRole(SphinxRole):
+    def run(self):
+        reference = pending_xref(
+            "",
+            nodes.literal(text=self.text.split("::")[-1]),
+            refdomain="std",
+            reftype="ref",
+            reftarget=label_of(self.text),
+            refexplicit=True,
+            refwarn=True,
+            refdoc=self.env.docname,
+        )
+        return [reference], []
+
+
+def citations(source):
+    """Map each cited test to the labels of the places that cite it."""
+    cited = {}
+    for page in sorted(Path(source).rglob("*.md")):
+        if "generated" in page.parts:
+            continue
+        place = f"{{doc}}`/{page.relative_to(source).with_suffix('').as_posix()}`"
+        for line in page.read_text(encoding="utf-8").splitlines():
+            if label := LABEL.match(line):
+                place = f"{{ref}}`{label[1]}`"
+            for test in CITATION.findall(line):
+                places = cited.setdefault(test, [])
+                if place not in places:
+                    places.append(place)
+    return cited
+
+
+def code_of(tests, citation):
+    """Source of a test function, decorators included."""
+    file, *names = citation.split("::")
+    text = (tests / file).read_text(encoding="utf-8")
+    body = ast.parse(text).body
+    for name in names:
+        found = [node for node in body if getattr(node, "name", None) == name]
+        if not found:
+            raise ExtensionError(f"the documentation cites {citation}, which does not exist")
+        body = found[0].body
+    first = min([found[0].lineno, *(d.lineno for d in found[0].decorator_list)])
+    return "\n".join(text.splitlines()[first - 1 : found[0].end_lineno])
+
+
+def _write_page(app):
+    tests = Path(app.srcdir).parent / "tests"
+    page = [HEAD]
+    file = ""
+    for citation, places in sorted(citations(app.srcdir).items()):
+        if citation.partition("::")[0] != file:
+            file = citation.partition("::")[0]
+            page.append(f"## {file}\n")
+        page += [
+            f"({label_of(citation)})=",
+            f"### {citation.split('::')[-1]}\n",
+            f"Cited in {', '.join(places)}.\n",
+            f"```python\n{code_of(tests, citation)}\n```\n",
+        ]
+    target = Path(app.srcdir, "generated", "tests.md")
+    target.parent.mkdir(exist_ok=True)
+    target.write_text("\n".join(page), encoding="utf-8")
+
+
+def setup(app):
+    app.add_role("test", TestRole())
+    app.connect("builder-inited", _write_page)
+    return {"parallel_read_safe": False}

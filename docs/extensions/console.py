@@ -1,0 +1,98 @@
+"""The directive ``{console}``: commands that are run when the pages are built, and their output.
+
+Each line is a ``cdcp-igl`` command, run in a folder with the files that `SURFACES` makes.
+The option ``exit`` is the exit code that the commands must have, 0 unless given.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from docutils import nodes
+from docutils.parsers.rst import directives
+from sphinx.errors import ExtensionError
+from sphinx.util.docutils import SphinxDirective
+
+import cdcp_igl
+
+WIDTH = "100"
+
+
+def _mountain():
+    """Every fourth sample of the terrain, a grid of 86 by 101."""
+    V, _ = cdcp_igl.datasets.load("jacksboro_fault")
+    V = V.reshape(344, 403, 3)[::4, ::4]
+    rows, columns, _ = V.shape
+    corner = np.arange(rows * columns).reshape(rows, columns)
+    nw, ne, sw, se = (
+        corner[i : rows - 1 + i, j : columns - 1 + j].ravel() for i in (0, 1) for j in (0, 1)
+    )
+    F = np.concatenate([np.column_stack([sw, se, ne]), np.column_stack([sw, ne, nw])])
+    return V.reshape(-1, 3), F
+
+
+def _torn():
+    """The mountain with a hole, a face reversed, and a vertex that no face uses."""
+    V, F = _mountain()
+    F = np.delete(F, [4000, 4001], axis=0)
+    F[10] = F[10, ::-1]
+    return np.vstack([V, [0, 0, 0]]), F
+
+
+def _corridor():
+    """A strip sixty times longer than wide."""
+    x, y = np.meshgrid(np.arange(241.0), np.arange(5.0))
+    corner = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = (
+        corner[i : i + 4, j : j + 240].ravel() for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
+    )
+    V = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])
+    return V, np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+
+
+SURFACES = {"mountain": _mountain, "torn": _torn, "corridor": _corridor}
+
+
+class Console(SphinxDirective):
+    has_content = True
+    option_spec = {"exit": directives.nonnegative_int}
+
+    def run(self):
+        folder = self.env.app.console_folder.name
+        text = []
+        for line in self.content:
+            program, *arguments = line.split()
+            done = subprocess.run(
+                [sys.executable, "-m", "cdcp_igl", *arguments],
+                cwd=folder,
+                env={**os.environ, "COLUMNS": WIDTH, "TERM": "dumb", "NO_COLOR": "1"},
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                check=False,
+            )
+            if program != "cdcp-igl" or done.returncode != self.options.get("exit", 0):
+                raise ExtensionError(f"{line}: exit code {done.returncode}\n{done.stdout}")
+            output = [kept.rstrip() for kept in done.stdout.splitlines()]
+            text += [f"$ {line}", *output]
+        block = nodes.literal_block("\n".join(text), "\n".join(text), language="console")
+        return [block]
+
+
+def _make_surfaces(app):
+    app.console_folder = TemporaryDirectory(prefix="cdcp_igl-docs-")
+    for name, make in SURFACES.items():
+        V, F = make()
+        with Path(app.console_folder.name, f"{name}.obj").open("w") as file:
+            np.savetxt(file, V, "v %r %r %r")
+            np.savetxt(file, F + 1, "f %d %d %d")
+
+
+def setup(app):
+    app.add_directive("console", Console)
+    app.connect("builder-inited", _make_surfaces)
+    app.connect("build-finished", lambda app, _: app.console_folder.cleanup())
+    return {"parallel_read_safe": False}
