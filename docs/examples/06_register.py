@@ -50,7 +50,7 @@ found = [LinearTriInterpolator(disk, x)(*uv_moved.T) for x in V.T]
 error = np.sqrt(sum((x - y) ** 2 for x, y in zip(found, W.T, strict=True)))
 print(f"found {error.count():,} of {len(W):,} vertices (the others lie outside, at the rim)")
 print(
-    f"the error is {np.ma.median(error):.4f} in the median, {error.max():.4f} at most; the boulder is 2.6 long"
+    f"error: median {np.ma.median(error):.4f}, at most {error.max():.4f}; length of the boulder 2.6"
 )
 
 figure, panels = plt.subplots(1, 3, figsize=(11, 3.9))

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import ClassVar
 
 import numpy as np
 from docutils import nodes
@@ -58,7 +59,7 @@ SURFACES = {"mountain": _mountain, "torn": _torn, "corridor": _corridor}
 
 class Console(SphinxDirective):
     has_content = True
-    option_spec = {"exit": directives.nonnegative_int}
+    option_spec: ClassVar = {"exit": directives.nonnegative_int}
 
     def run(self):
         folder = self.env.app.console_folder.name

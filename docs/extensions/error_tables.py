@@ -78,10 +78,9 @@ def _mesh_table():
         inputs.setdefault(error.defect, []).append(name)
         defects.setdefault(error.defect, error.defects[0])
     rows = ["| defect | raised by, for example | it says | remedy |", "|---|---|---|---|"]
-    rows += [
-        f"| **{name}** | {'; '.join(inputs[name])} | {_cell(defect.what)} | {_cell(defect.remedy)} |"
-        for name, defect in defects.items()
-    ]
+    for name, defect in defects.items():
+        cells = (f"**{name}**", "; ".join(inputs[name]), _cell(defect.what), _cell(defect.remedy))
+        rows.append(f"| {' | '.join(cells)} |")
     return "\n".join(rows) + "\n"
 
 

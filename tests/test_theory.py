@@ -1,0 +1,88 @@
+"""Claims of the theory pages that no other test measures."""
+
+import numpy as np
+import pytest
+
+from cdcp_igl.center import central_face
+from cdcp_igl.circle.geodesic import geodesic_map
+from cdcp_igl.circle.whiten import whiten
+from cdcp_igl.dipole import boundary_trace, dipole
+from cdcp_igl.distortion import angle_errors
+from cdcp_igl.extension import harmonic_extension
+from cdcp_igl.factor import Factor
+from cdcp_igl.laplacian import cotangent_laplacian
+from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.mobius import normalize
+
+LION, FACE, BRAIN = "chinese_lion_17334", "human_face_17157", "human_brain_48463"
+
+
+class Steps:
+    """The steps of Algorithm 1, to be put together in other ways."""
+
+    def __init__(self, V, F):
+        self.mesh = DiskMesh(V, F)
+        self.L = cotangent_laplacian(self.mesh)
+        self.factor = Factor(self.mesh, self.L)
+        self.face = central_face(self.mesh, self.L, self.factor, "torsion", well_shaped=True).face
+        self.trace = boundary_trace(self.mesh, self.factor, self.face)
+
+    def distortion(self, f_B):
+        """Mean angular distortion in degrees of the map with these boundary values."""
+        f = harmonic_extension(self.mesh, self.L, self.factor, f_B / f_B[0])
+        f, _ = normalize(self.mesh, f, "angle")
+        return np.degrees(abs(angle_errors(self.mesh, f)).mean())
+
+
+def interior_map(z):
+    """Map the *inside* of a closed clockwise curve onto the disk, its centroid to 0."""
+    after = np.roll(z, -1)
+    cross = (z.conj() * after).imag
+    centroid = (cross * (z + after)).sum() / (3 * cross.sum())
+    # The inversion takes the inside to the outside, and turns the curve around.
+    return geodesic_map((1 / (z - centroid)).conj())
+
+
+def test_interior_map_of_a_known_curve():
+    w = np.exp(2j * np.pi * np.arange(400) / 400)
+    f = interior_map(w.conj() + 0.1j * w.conj() ** 4)  # symmetric: the centroid is at 0
+    turn = np.vdot(w, f)
+    assert abs(f - turn / abs(turn) * w).max() < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("name", "outside", "inside"),
+    [(LION, 1.420, 1.436), (FACE, 1.209, 1.421), (BRAIN, 1.458, 4.262)],
+)
+def test_the_surface_is_the_outside_of_the_trace(name, outside, inside, real_mesh):
+    steps = Steps(*real_mesh(name))
+    exterior, interior = geodesic_map(steps.trace), interior_map(steps.trace)
+    assert steps.distortion(exterior) == pytest.approx(outside, abs=0.001)
+    assert steps.distortion(interior) == pytest.approx(inside, abs=0.002)
+
+
+@pytest.mark.parametrize(("name", "first"), [(LION, 2.95e-3), (FACE, 1.10e-2), (BRAIN, 6.66e-2)])
+def test_the_error_of_the_trace_is_in_the_first_negative_power(name, first, real_mesh):
+    """Coefficients of the trace in powers of zeta, the exterior map of its curve."""
+    steps = Steps(*real_mesh(name))
+    zeta = 1 / geodesic_map(whiten(steps.trace))
+    arcs = -np.angle(np.roll(zeta, -1) / zeta)
+
+    def coefficient(k):
+        values = steps.trace * zeta**-k
+        return ((values + np.roll(values, -1)) / 2 * arcs).sum() / (2 * np.pi)
+
+    b = np.array([abs(coefficient(-k)) for k in (1, 2, 3, 4)]) / abs(coefficient(1))
+    assert b[0] == pytest.approx(first, rel=0.01)
+    assert b[0] == b.max()
+    assert b[1:].max() < 3e-3
+
+
+@pytest.mark.parametrize(("name", "inside"), [(LION, 17.05), (FACE, 17.89), (BRAIN, 7.69)])
+def test_only_the_boundary_values_of_the_pinned_solution_are_of_use(name, inside, real_mesh):
+    steps = Steps(*real_mesh(name))
+    h = steps.factor.solve_pinned(dipole(steps.mesh, steps.face))
+    assert h[steps.mesh.loop[0]] == 0  # the pin lies on the curve, not inside it
+    degrees = np.degrees(abs(angle_errors(steps.mesh, h)))
+    assert degrees.mean() == pytest.approx(inside, abs=0.01)
+    assert steps.distortion(geodesic_map(steps.trace)) < 0.2 * degrees.mean()
