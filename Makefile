@@ -3,7 +3,7 @@ PYTHON := .venv/bin/python
 MESH   ?= demo/jacksboro_fault.npz
 NAME    = $(basename $(notdir $(MESH)))
 
-.PHONY: setup demo test lint clean
+.PHONY: setup demo test lint docs dist clean
 setup: .venv/ready
 
 .venv/ready: pyproject.toml .ci/setup
@@ -28,5 +28,24 @@ lint: setup
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m mypy
 
+# The pages, into docs/build/html; a warning or a broken link is an error.
+docs: .venv/docs
+	$(PYTHON) -m sphinx -W --keep-going -n -q -b html docs docs/build/html
+	$(PYTHON) docs/check_links.py docs/build/html
+
+.venv/docs: .venv/ready
+	$(PYTHON) -m pip install --quiet --editable '.[docs]'
+	@touch $@
+
+# What is released: built, checked, and the wheel tried in an empty environment.
+dist: .venv/docs
+	rm -rf dist build/empty
+	$(PYTHON) -m build
+	$(PYTHON) -m twine check --strict dist/*
+	$(PYTHON) -m venv build/empty
+	build/empty/bin/python -m pip install --quiet dist/*.whl "$$($(PYTHON) -m pip freeze | grep -i ^scikit.sparse)"
+	cd build/empty && bin/python -c 'import cdcp_igl; \
+	    print(cdcp_igl.disk_map(*cdcp_igl.datasets.spherical_cap(60)[:2]))'
+
 clean:
-	rm -rf .venv demo build dist
+	rm -rf .venv demo build dist docs/build docs/gallery docs/generated

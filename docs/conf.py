@@ -3,8 +3,6 @@
 import sys
 from pathlib import Path
 
-import matplotlib as mpl
-
 import cdcp_igl
 
 HERE = Path(__file__).parent
@@ -25,6 +23,9 @@ extensions = [
     "cited_tests",
     "console",
     "equations",
+    "flow",
+    "gallery_style",
+    "viewcode_anchors",
     "error_tables",
 ]
 exclude_patterns = ["examples", "generated/parts", "build"]
@@ -63,45 +64,13 @@ toc_object_entries_show_parents = "hide"
 
 # -- gallery ---------------------------------------------------------------------------
 
-mpl.use("agg")
-
-
-def _figures(block, block_vars, gallery_conf):
-    """Save the figures of `cdcp_igl.plot`, which pyplot does not know."""
-    from matplotlib.figure import Figure
-    from sphinx_gallery.scrapers import figure_rst
-
-    variables = block_vars["example_globals"]
-    paths = []
-    for name, value in list(variables.items()):
-        if isinstance(value, Figure) and value.number is None:
-            paths.append(next(block_vars["image_path_iterator"]))
-            value.savefig(paths[-1], dpi=100)
-            del variables[name]
-    return figure_rst(paths, gallery_conf["src_dir"])
-
-
-def _style(gallery_conf, fname):
-    mpl.rcParams.update(
-        {
-            "figure.dpi": 100,
-            "savefig.dpi": 100,
-            "figure.constrained_layout.use": True,
-            "image.cmap": "cividis",  # looks much the same to every kind of eye
-            "axes.prop_cycle": mpl.cycler(
-                color=["#00366c", "#c8872e", "#7f7f7f"], linestyle=["-", "--", ":"]
-            ),
-        }
-    )
-
-
 sphinx_gallery_conf = {
     "examples_dirs": "examples",
     "gallery_dirs": "gallery",
     "filename_pattern": r"\.py$",
     "within_subsection_order": "FileNameSortKey",
-    "image_scrapers": ("matplotlib", _figures),
-    "reset_modules": ("matplotlib", _style),
+    "image_scrapers": ("gallery_style", "matplotlib"),
+    "reset_modules": ("matplotlib", "gallery_style.style"),
     "reset_modules_order": "both",
     "abort_on_example_error": True,
     "doc_module": ("cdcp_igl",),

@@ -88,7 +88,7 @@ def _make_surfaces(app):
     for name, make in SURFACES.items():
         V, F = make()
         with Path(app.console_folder.name, f"{name}.obj").open("w") as file:
-            np.savetxt(file, V, "v %r %r %r")
+            np.savetxt(file, V, "v %.17g %.17g %.17g")
             np.savetxt(file, F + 1, "f %d %d %d")
 
 

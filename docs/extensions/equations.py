@@ -1,17 +1,22 @@
-"""Equations with the numbers of the paper, as MathML, and links to them from docstrings.
+"""Equations with the numbers of the paper, drawn as SVG, and links to them from docstrings.
 
-A labelled equation, ``:label: eq-18``, is shown and referred to as (18). MathML needs no
-script and no fonts from elsewhere.
+A labelled equation, ``:label: eq-18``, is shown and referred to as (18). The pictures need no
+script and no fonts, and look the same everywhere.
 """
 
 import re
+from html import escape
 from pathlib import Path
 
+import ziamath
 from docutils import nodes
-from latex2mathml.converter import convert
+
+SIZE = 18  # pixels
+
+ziamath.config.svg2 = False  # no ids that equations of one page would share
 
 LABEL = re.compile(r"^:label: (eq-[\w-]+)$", re.MULTILINE)
-CITED = re.compile(r"(?<=\()?\beqs?\. \(\d+\)(?:(?:-|, |,? and )\(\d+\))*")
+CITED = re.compile(r"\beqs?\. \(\d+\)(?:(?:-|, |,? and )\(\d+\))*")
 
 
 def number(label):
@@ -19,14 +24,22 @@ def number(label):
     return label.removeprefix("eq-").replace("-", "–")
 
 
+def _svg(latex, **options):
+    """Draw an equation in the colour of the text around it."""
+    drawn = ziamath.Latex(latex, size=SIZE, color="currentColor", **options)
+    label = f'<svg role="img" aria-label="{escape(latex, quote=True)}"'
+    return drawn.svg().replace("<svg", label, 1), drawn.getyofst()
+
+
 def _inline(self, node):
-    self.body.append(convert(node.astext(), display="inline"))
+    svg, below = _svg(node.astext(), inline=True)
+    self.body.append(f'<span class="math" style="vertical-align: {below:.2f}px">{svg}</span>')
     raise nodes.SkipNode
 
 
 def _display(self, node):
     self.body.append(self.starttag(node, "div", CLASS="math"))
-    self.body.append(convert(node.astext(), display="block"))
+    self.body.append(_svg(" ".join(node.astext().split()))[0])
     if node.get("label"):
         self.body.append(f'<span class="eqno">({number(node["label"])})</span>')
     self.body.append("</div>\n")
@@ -40,7 +53,9 @@ def _use_the_papers_numbers(app, doctree):
             domain.equations[label] = (app.env.docname, number(label))
 
 
-def _link_equations(app, what, name, obj, options, lines):
+def _mend_docstring(app, what, name, obj, options, lines):
+    """Link the equations, and keep the bars of absolute values out of reStructuredText."""
+
     def link(cited):
         return re.sub(
             r"\((\d+)\)",
@@ -48,7 +63,11 @@ def _link_equations(app, what, name, obj, options, lines):
             cited[0],
         )
 
-    lines[:] = [CITED.sub(link, line) for line in lines]
+    for at, line in enumerate(lines):
+        if not line.lstrip().startswith((">>>", "...", "..")):
+            outside = CITED.sub(link, line).split("``")
+            outside[::2] = [part.replace("|", r"\|") for part in outside[::2]]
+            lines[at] = "``".join(outside)
 
 
 def _find_equations(app):
@@ -60,9 +79,9 @@ def _find_equations(app):
 
 
 def setup(app):
-    app.add_html_math_renderer("mathml", (_inline, None), (_display, None))
-    app.config.html_math_renderer = "mathml"
+    app.add_html_math_renderer("svg", (_inline, None), (_display, None))
+    app.config.html_math_renderer = "svg"
     app.connect("builder-inited", _find_equations)
     app.connect("doctree-read", _use_the_papers_numbers)
-    app.connect("autodoc-process-docstring", _link_equations, priority=900)
+    app.connect("autodoc-process-docstring", _mend_docstring, priority=900)
     return {"parallel_read_safe": False}

@@ -1,0 +1,110 @@
+"""The programs of the gallery, the examples in docstrings and pages, and the tables of errors."""
+
+import doctest
+import importlib
+import inspect
+import re
+import runpy
+import sys
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+
+import cdcp_igl
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PROGRAMS = sorted((DOCS / "examples").glob("*.py"))
+
+# The modules whose ``__all__`` is public; see docs/reference.
+PUBLIC = (
+    "cdcp_igl",
+    "cdcp_igl.datasets",
+    "cdcp_igl.io",
+    "cdcp_igl.plot",
+    "cdcp_igl.reference",
+)
+NOT_CALLED = {
+    "MapRow",  # a type
+    "whole_file",  # for the command line
+}
+
+
+def public_names():
+    for module in map(importlib.import_module, PUBLIC):
+        for name in module.__all__:
+            value = getattr(module, name)
+            if name not in NOT_CALLED and callable(value):
+                yield pytest.param(module.__name__, name, id=f"{module.__name__}.{name}")
+
+
+@pytest.mark.parametrize(("module", "name"), public_names())
+def test_every_public_name_has_an_example(module, name):
+    documented = getattr(importlib.import_module(module), name)
+    assert doctest.DocTestParser().get_examples(inspect.getdoc(documented))
+
+
+@pytest.mark.parametrize(("module", "name"), public_names())
+def test_every_public_name_is_in_the_reference(module, name):
+    pages = "\n".join(page.read_text() for page in (DOCS / "reference").glob("*.md"))
+    assert re.search(rf"^\.\. auto\w+:: {name}$", pages, re.MULTILINE)
+
+
+@pytest.mark.parametrize("program", PROGRAMS, ids=lambda path: path.stem)
+def test_program_of_the_gallery(program, monkeypatch, tmp_path):
+    """Without network and without a directory of meshes, as in a fresh clone."""
+
+    def offline(*arguments, **options):
+        raise OSError("no network")
+
+    monkeypatch.setattr("pooch.retrieve", offline)
+    monkeypatch.delenv("CDCP_IGL_DATA", raising=False)
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    from matplotlib import pyplot as plt
+
+    plt.switch_backend("agg")
+    with mpl.rc_context():
+        made = runpy.run_path(str(program))
+        pictures = [plt.figure(number) for number in plt.get_fignums()]
+        plt.close("all")
+    assert pictures or isinstance(made["figure"], mpl.figure.Figure)
+
+
+@pytest.mark.parametrize(
+    "page",
+    [page for page in DOCS.rglob("*.md") if ">>>" in page.read_text(encoding="utf-8")],
+    ids=lambda path: path.stem,
+)
+def test_code_on_the_pages(page):
+    blocks = re.findall(r"^```python\n(>>>.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL)
+    assert blocks
+    test = doctest.DocTestParser().get_doctest("\n".join(blocks), {}, page.name, str(page), 0)
+    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
+    assert runner.run(test).failed == 0
+
+
+def test_every_defect_is_in_the_table_of_errors(monkeypatch):
+    monkeypatch.setattr(sys, "path", [str(DOCS / "extensions"), *sys.path])
+    from error_tables import mesh_errors
+
+    sources = "\n".join(path.read_text() for path in (ROOT / "cdcp_igl").rglob("*.py"))
+    named = set(re.findall(r'\bDefect\(\s*f?"([^"]+)"', sources))
+    named = {re.sub(r"\{.*\}", "V", name) for name in named}
+    assert len(named) > 15
+    # Of a file, and of uv, whose shape is checked by its own ValueError before.
+    named |= {"unreadable file"}
+    assert {error.defect for _, error in mesh_errors()} == named
+
+
+def test_every_bad_option_in_the_table_is_refused(monkeypatch):
+    monkeypatch.setattr(sys, "path", [str(DOCS / "extensions"), *sys.path])
+    from error_tables import CALLS, option_errors
+
+    assert len(list(option_errors())) == len(CALLS)
+
+
+def test_the_version_is_in_one_place():
+    assert "version" not in (ROOT / "CITATION.cff").read_text().replace("cff-version", "")
+    assert cdcp_igl.__version__ in (ROOT / "CHANGELOG.md").read_text()
