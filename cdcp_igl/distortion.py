@@ -167,6 +167,16 @@ def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     ----------
     B. Springborn, P. Schröder, U. Pinkall. Conformal equivalence of triangle meshes. ACM
     Trans. Graph. 27(3), 2008.
+
+    Examples
+    --------
+    An enlargement, and lengths in another unit:
+
+    >>> import cdcp_igl
+    >>> V, F = [[0, 0], [1, 0], [1, 1], [0, 1]], [[0, 1, 2], [0, 2, 3]]
+    >>> uv = [[0, 0], [2, 0], [2, 2], [0, 2]]
+    >>> cdcp_igl.conformal_factor(V, F, uv).round(3)
+    array([0.693, 0.693, 0.693, 0.693])
     """
     positions, faces, z = _surface_and_image(V, F, uv)
     scale = np.empty(faces.shape)  # column k belongs to the edge opposite corner k

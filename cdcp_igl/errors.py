@@ -60,6 +60,18 @@ class MeshError(ValueError):
         Offending rows of the first defect, see `Defect`.
     remedy : str
         What to do about it.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F = [[0, 0], [1, 0], [0, 1], [1, 1]], [[0, 1, 2]]
+    >>> try:
+    ...     cdcp_igl.cdcp(V, F)
+    ... except cdcp_igl.MeshError as error:
+    ...     print(error.defect, error.indices)
+    ...     print(error.remedy)
+    unreferenced vertex [3]
+    Remove them and renumber F.
     """
 
     def __init__(self, *defects: Defect) -> None:
@@ -77,6 +89,14 @@ class SolverError(RuntimeError):
     """The sparse solver could not factor or solve a valid mesh's Laplacian.
 
     The message names the solver, the matrix and the remedy.
+
+    Examples
+    --------
+    It is a RuntimeError, as are the errors of a map, and no error of the input:
+
+    >>> import cdcp_igl
+    >>> issubclass(cdcp_igl.SolverError, RuntimeError)
+    True
     """
 
 
@@ -92,6 +112,20 @@ class MapError(RuntimeError):
         The map as it is, with the certificate that says what is wrong with it; a
         ReferenceMap from the methods of `cdcp_igl.reference`. None where none was made,
         because of crowding.
+
+    Examples
+    --------
+    A corridor forty times longer than wide, as two rows of vertices:
+
+    >>> import cdcp_igl
+    >>> V = [[x, y] for x in range(41) for y in (0, 1)]
+    >>> F = [[i, i + 2, i + 1] for i in range(0, 80, 2)]
+    >>> F += [[i + 2, i + 3, i + 1] for i in range(0, 80, 2)]
+    >>> try:
+    ...     cdcp_igl.cdcp(V, F)
+    ... except cdcp_igl.MapError as error:
+    ...     print(str(error)[:9], error.result)
+    Crowding: None
     """
 
     def __init__(self, message: str, result: DiskMap | ReferenceMap | None = None) -> None:

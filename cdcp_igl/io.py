@@ -71,6 +71,20 @@ def read_mesh(
     MeshError
         If it is not of a known type, or not readable as its type. Whether the mesh is a
         disk is not examined.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from cdcp_igl.io import read_mesh
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder, "triangle.npz")
+    ...     np.savez(file, V=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], F=[[1, 2, 3]])
+    ...     V, F = read_mesh(file, print)
+    The faces count vertices from 1, as in MATLAB; 1 was subtracted.
+    >>> F
+    array([[0, 1, 2]])
     """
     path = Path(path)
     reader = READERS.get(path.suffix.lower())
@@ -129,6 +143,22 @@ def write_map(
         If the file is not of a known type.
     OSError
         If the file cannot be written; nothing is left behind.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import cdcp_igl
+    >>> from cdcp_igl.io import write_map
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(4)
+    >>> uv = cdcp_igl.cdcp(V, F)
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder, "cap.npz")
+    ...     write_map(file, V, F, uv)
+    ...     with np.load(file) as saved:
+    ...         bool((saved["uv"] == uv).all())
+    True
     """
     suffix = Path(path).suffix.lower()
     if suffix not in WRITABLE:

@@ -51,6 +51,15 @@ def picture(V: ArrayLike, F: ArrayLike, result: DiskMap, *, name: str = "") -> F
         The surface coloured by its normals, the same colours on the disk, and the
         histogram of the angular distortion. The disk is turned to match the view of the
         surface. Independent of pyplot: save it with ``savefig``.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> from cdcp_igl.plot import picture
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+    >>> figure = picture(V, F, cdcp_igl.disk_map(V, F), name="cap")
+    >>> len(figure.axes)
+    3
     """
     scene = _Scene(V, F)
     figure = Figure(figsize=(15, 5.4), dpi=150, facecolor="white")
@@ -91,6 +100,19 @@ def side_by_side(rows: Sequence[MapRow]) -> Figure:
     matplotlib.figure.Figure
         A row a mesh: the surface coloured by its normals, then each map in the same
         colours, scaled to the same size and turned to match the view.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> from cdcp_igl.plot import side_by_side
+    >>> V, F, exact = cdcp_igl.datasets.spherical_cap(10)
+    >>> maps = [
+    ...     (name, cdcp_igl.angle_distortion(V, F, uv).mean(), uv)
+    ...     for name, uv in {"exact": exact, "cdcp": cdcp_igl.cdcp(V, F)}.items()
+    ... ]
+    >>> figure = side_by_side([(V, F, maps)])
+    >>> len(figure.axes)
+    3
     """
     columns = 1 + max(len(maps) for _, _, maps in rows)
     figure = Figure(figsize=(2.6 * columns, 2.9 * len(rows)), dpi=150, facecolor="white")

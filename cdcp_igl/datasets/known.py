@@ -25,6 +25,13 @@ def square(resolution: int) -> tuple[Floats, Ints, Floats]:
         Counterclockwise, no ears.
     uv : (n, 2) float64
         Exact conformal map of the vertices onto the unit disk, 0 to 0.
+
+    Examples
+    --------
+    >>> from cdcp_igl.datasets import square
+    >>> V, F, uv = square(4)
+    >>> len(V), len(F)
+    (81, 128)
     """
     t = np.linspace(-1, 1, 2 * resolution + 1)
     x, y = (grid.ravel() for grid in np.meshgrid(t, t))
@@ -65,6 +72,13 @@ def ellipse(resolution: int, aspect: float = 2.0) -> tuple[Floats, Ints, Floats]
     -------
     V, F, uv
         As `square`.
+
+    Examples
+    --------
+    >>> from cdcp_igl.datasets import ellipse
+    >>> V, F, uv = ellipse(10, aspect=3)
+    >>> V.max(axis=0)
+    array([3., 1., 0.])
     """
     z, F = _rings(resolution)
     V = np.column_stack([aspect * z.real, z.imag, 0 * z.real])
@@ -95,6 +109,13 @@ def spherical_cap(resolution: int, angle: float = 120.0) -> tuple[Floats, Ints, 
     -------
     V, F, uv
         As `square`; the unit sphere, the pole at the centre.
+
+    Examples
+    --------
+    >>> from cdcp_igl.datasets import spherical_cap
+    >>> V, F, uv = spherical_cap(10, angle=90)
+    >>> (V**2).sum(axis=1).round(12).min()
+    np.float64(1.0)
     """
     z, F = _rings(resolution)
     polar: Floats = np.abs(z) * np.radians(angle)
@@ -118,6 +139,13 @@ def paraboloid(resolution: int, steepness: float = 1.0) -> tuple[Floats, Ints, F
     -------
     V, F, uv
         As `square`; a surface of revolution, the apex at the centre.
+
+    Examples
+    --------
+    >>> from cdcp_igl.datasets import paraboloid
+    >>> V, F, uv = paraboloid(10, steepness=2)
+    >>> V[:, 2].max().round(12)
+    np.float64(2.0)
     """
     z, F = _rings(resolution)
     r: Floats = np.abs(z)

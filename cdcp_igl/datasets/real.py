@@ -73,6 +73,13 @@ def load(name: str) -> tuple[Floats, Ints]:
         If the surface is not at hand and cannot be downloaded.
     ImportError
         If the extra is missing; the message names it.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F = cdcp_igl.datasets.load("jacksboro_fault")
+    >>> len(V)
+    138632
     """
     if found := _in_data_directory(name):
         return read_mesh(found)

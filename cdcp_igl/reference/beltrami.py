@@ -37,6 +37,17 @@ def beltrami_coefficient(p: Complex, F: Ints, M: Floats) -> Complex:
     (m,) complex128
         One coefficient a face, at most 1 in modulus: surfaces have no orientation of
         their own in space.
+
+    Examples
+    --------
+    Stretched to twice its width, mu = (2 - 1) / (2 + 1):
+
+    >>> import numpy as np
+    >>> from cdcp_igl.reference import beltrami_coefficient
+    >>> p, F = np.array([0, 1, 1j]), np.array([[0, 1, 2]])
+    >>> M = np.array([[0.0, 0, 0], [2, 0, 0], [0, 1, 0]])
+    >>> beltrami_coefficient(p, F, M).round(4)
+    array([0.3333+0.j])
     """
     edges = _opposite_edges(p, F)
     # The hat function of corner k has the gradient i times edge k over twice the area.
@@ -77,6 +88,18 @@ def generalized_laplacian(p: Complex, F: Ints, mu: Complex) -> csr_matrix:
     ----------
     L. M. Lui, K. C. Lam, T. W. Wong, X. Gu. Texture map and video compression using
     Beltrami representation. SIAM J. Imaging Sci. 6(4), 2013.
+
+    Examples
+    --------
+    Without a coefficient it is the cotangent Laplacian of the chart:
+
+    >>> import numpy as np
+    >>> from cdcp_igl.reference import generalized_laplacian
+    >>> p, F = np.array([0, 1, 1j]), np.array([[0, 1, 2]])
+    >>> generalized_laplacian(p, F, np.zeros(1, complex)).toarray()
+    array([[ 1. , -0.5, -0.5],
+           [-0.5,  0.5,  0. ],
+           [-0.5,  0. ,  0.5]])
     """
     edges = _opposite_edges(p, F)
     edges = edges + mu[:, None] * edges.conj()
@@ -110,6 +133,19 @@ def linear_beltrami_solver(p: Complex, F: Ints, mu: Complex, S: Ints, c: Complex
     ------
     SolverError
         If the generalised Laplacian cannot be factored.
+
+    Examples
+    --------
+    Where every vertex but one has the stretch to twice the width, the last one gets it, too:
+
+    >>> import numpy as np
+    >>> from cdcp_igl.reference import linear_beltrami_solver
+    >>> p = np.array([0, 1, 1 + 1j, 1j, 0.4 + 0.3j])
+    >>> F = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+    >>> given = 2 * p[:4].real + 1j * p[:4].imag
+    >>> mu = np.full(4, 1 / 3 + 0j)
+    >>> linear_beltrami_solver(p, F, mu, np.arange(4), given)[4].round(4)
+    np.complex128(0.8+0.3j)
     """
     return Dirichlet(generalized_laplacian(p, F, mu), S).solve(c)
 

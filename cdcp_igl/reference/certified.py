@@ -25,6 +25,17 @@ class ReferenceMap:
     certificate : Certificate
         What was verified about `uv`. Of a map with free boundary only ``finite`` and
         ``flipped`` matter.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cdcp_igl.injectivity import certify
+    >>> from cdcp_igl.mesh import DiskMesh
+    >>> from cdcp_igl.reference import ReferenceMap
+    >>> uv = np.array([[0.0, 0], [0, 1], [1, 0]])
+    >>> mesh = DiskMesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]])
+    >>> ReferenceMap(uv, certify(mesh, uv)).certificate.flipped
+    array([0])
     """
 
     uv: Floats

@@ -53,6 +53,14 @@ def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
     References
     ----------
     M.-H. Yueh et al. A constructive algorithm for disk conformal parameterizations.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> from cdcp_igl.reference import double_cover
+    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
+    >>> bool(abs(double_cover(V, F) - cdcp_igl.cdcp(V, F)).max() < 1e-9)
+    True
     """
     mesh = DiskMesh(V, F)
     L = cotangent_laplacian(mesh)  # (8)
@@ -87,6 +95,23 @@ def double_cover_trace(mesh: DiskMesh, L: csr_matrix, face: int) -> Complex:
     -------
     (nB,) complex128
         In the order of ``mesh.loop``, 0 at the first; half of `dipole.boundary_trace`.
+
+    Examples
+    --------
+    Theorem 1: half of the solution of the pinned system of eq. (18).
+
+    >>> import cdcp_igl
+    >>> from cdcp_igl.dipole import boundary_trace
+    >>> from cdcp_igl.factor import Factor
+    >>> from cdcp_igl.laplacian import cotangent_laplacian
+    >>> from cdcp_igl.mesh import DiskMesh
+    >>> from cdcp_igl.reference import double_cover_trace
+    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
+    >>> mesh = DiskMesh(V, F)
+    >>> L = cotangent_laplacian(mesh)
+    >>> explicit, reduced = double_cover_trace(mesh, L, 0), boundary_trace(mesh, Factor(mesh, L), 0)
+    >>> bool(abs(2 * explicit - reduced).max() < 1e-12)
+    True
     """
     r = np.concatenate([dipole(mesh, face), np.zeros(len(mesh.interior))])
     pin = mesh.loop[:1]

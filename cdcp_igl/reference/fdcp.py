@@ -64,6 +64,16 @@ def fdcp(V: ArrayLike, F: ArrayLike, *, mirror_factor: float = 1 / 3) -> Floats:
     ----------
     P. T. Choi, L. M. Lui. Fast disk conformal parameterization of simply-connected open
     surfaces. J. Sci. Comput. 65, 2015.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cdcp_igl
+    >>> from cdcp_igl.reference import fdcp
+    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
+    >>> uv = fdcp(V, F)
+    >>> np.hypot(*uv.T).max().round(12)
+    np.float64(1.0)
     """
     if not 0 <= mirror_factor <= 1:
         raise ValueError(f"mirror_factor must lie between 0 and 1, not {mirror_factor!r}")

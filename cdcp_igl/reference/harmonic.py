@@ -52,6 +52,16 @@ def harmonic(V: ArrayLike, F: ArrayLike, *, tutte: bool = False) -> Floats:
     analysis of arbitrary meshes. SIGGRAPH 1995.
 
     W. T. Tutte. How to draw a graph. Proc. London Math. Soc. 13, 1963.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cdcp_igl
+    >>> from cdcp_igl.reference import harmonic
+    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
+    >>> uv = harmonic(V, F)
+    >>> np.hypot(*uv.T).max().round(12)
+    np.float64(1.0)
     """
     mesh = DiskMesh(V, F)
     f_B = by_arc_length(mesh)

@@ -60,6 +60,16 @@ def ldcp(V: ArrayLike, F: ArrayLike, *, pinned: int = 50) -> Floats:
     ----------
     G. P. T. Choi, L. M. Lui. A linear formulation for disk conformal parameterization of
     simply-connected open surfaces. Adv. Comput. Math. 44, 2018.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cdcp_igl
+    >>> from cdcp_igl.reference import ldcp
+    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
+    >>> uv = ldcp(V, F)
+    >>> np.hypot(*uv.T).max().round(12)
+    np.float64(1.0)
     """
     if index(pinned) < 3:
         raise ValueError(f"pinned must be at least 3, not {pinned!r}")

@@ -42,6 +42,16 @@ def lscm(V: ArrayLike, F: ArrayLike) -> Floats:
     ----------
     B. Lévy, S. Petitjean, N. Ray, J. Maillot. Least squares conformal maps for automatic
     texture atlas generation. ACM Trans. Graph. 21(3), 2002.
+
+    Examples
+    --------
+    A plane mesh keeps its angles:
+
+    >>> import cdcp_igl
+    >>> from cdcp_igl.reference import lscm
+    >>> V, F, _ = cdcp_igl.datasets.square(4)
+    >>> bool(cdcp_igl.angle_distortion(V, F, lscm(V, F)).max() < 1e-4)
+    True
     """
     mesh = DiskMesh(V, F)
     uv = libigl.lscm(mesh.V, mesh.F, _two_far_vertices(mesh), np.eye(2)[::-1] * [1, 0])

@@ -35,6 +35,12 @@ class Method:
         flip faces and is to be compared on angles only.
     citation : str
         Where it comes from.
+
+    Examples
+    --------
+    >>> from cdcp_igl.reference import METHODS
+    >>> METHODS["lscm"].boundary, METHODS["lscm"].citation
+    ('free', 'Lévy et al. 2002')
     """
 
     function: Callable[[ArrayLike, ArrayLike], Floats]

@@ -59,6 +59,16 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     ----------
     P. Mullen, Y. Tong, P. Alliez, M. Desbrun. Spectral conformal parameterization.
     Comput. Graph. Forum 27(5), 2008.
+
+    Examples
+    --------
+    A plane mesh keeps its angles:
+
+    >>> import cdcp_igl
+    >>> from cdcp_igl.reference import spectral
+    >>> V, F, _ = cdcp_igl.datasets.square(4)
+    >>> bool(cdcp_igl.angle_distortion(V, F, spectral(V, F)).max() < 1e-4)
+    True
     """
     mesh = DiskMesh(V, F)
     n, nB = len(mesh.V), len(mesh.loop)

@@ -14,8 +14,12 @@ import numpy as np
 
 import cdcp_igl
 
+V, _ = cdcp_igl.datasets.load("jacksboro_fault")
+V = np.ascontiguousarray(V.reshape(344, 403, 3)[::2, ::2])  # every other sample
+rows, columns, _ = V.shape
 folder = Path(mkdtemp())
-igl.write_triangle_mesh(str(folder / "mountain.obj"), *cdcp_igl.datasets.load("jacksboro_fault"))
+F = igl.triangulated_grid(columns, rows)[1][:, ::-1]  # the rows go south
+igl.write_triangle_mesh(str(folder / "mountain.obj"), V.reshape(-1, 3), F)
 
 # %%
 # What the tutorial does: read, find the boundary, map it to the circle by arc length, and

@@ -15,7 +15,7 @@ from cdcp_igl.viewpoint import viewpoint
 try:
     V, F = cdcp_igl.datasets.load("human_face")
 except OSError:  # it is downloaded once, and there is no network
-    V, F = cdcp_igl.datasets.load("jacksboro_fault")
+    V, F, _ = cdcp_igl.datasets.spherical_cap(60)
 
 view = viewpoint(V, F)  # rows point right, up and towards us
 uv = cdcp_igl.cdcp(V, F, mobius="area", align=view[0])
@@ -23,7 +23,7 @@ degrees = cdcp_igl.angle_distortion(V, F, uv)
 print(f"{len(V):,} vertices, angular distortion {degrees.mean():.2f} degrees in the mean")
 
 # %%
-# To see the board sharply, split every face into four, three times over. The map is linear
+# To see the board sharply, split every face into four, once or more. The map is linear
 # on each face, so the new vertices lie half-way between the old ones in the disk, too.
 
 
@@ -38,7 +38,7 @@ def split(P, F):
 
 
 P, faces = np.column_stack([V @ view.T, uv]), F
-while len(faces) < 500_000:
+while len(faces) < 130_000:
     P, faces = split(P, faces)
 
 # %%

@@ -6,6 +6,7 @@ Trace, zipper, harmonic interior, Möbius transformation: each with its own func
 order of Algorithm 1. See :doc:`/theory/algorithm` for the equations.
 """
 
+# sphinx_gallery_thumbnail_number = 2
 import matplotlib.pyplot as plt
 import numpy as np
 

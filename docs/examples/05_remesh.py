@@ -7,6 +7,7 @@ a conformal map keeps the shape of the triangles. Here a survey whose samples li
 closer in one direction than in the other gets triangles that are nearly equilateral.
 """
 
+import igl
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.tri import LinearTriInterpolator, Triangulation
@@ -18,7 +19,7 @@ V, F = cdcp_igl.datasets.load("jacksboro_fault")
 V = V.reshape(344, 403, 3)[60:260:12, 80:320:3]
 rows, columns, _ = V.shape
 V = V.reshape(-1, 3) / 1000  # kilometres
-F = Triangulation(*np.indices((rows, columns)).reshape(2, -1)[[1, 0]] * [[1], [-1]]).triangles
+F = igl.triangulated_grid(columns, rows)[1][:, ::-1]  # the rows go south
 
 uv = cdcp_igl.cdcp(V, F, mobius="area")  # the Möbius transformation that evens out the areas
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import ClassVar
 
+import igl
 import numpy as np
 from docutils import nodes
 from docutils.parsers.rst import directives
@@ -27,31 +28,21 @@ def _mountain():
     V, _ = cdcp_igl.datasets.load("jacksboro_fault")
     V = V.reshape(344, 403, 3)[::4, ::4]
     rows, columns, _ = V.shape
-    corner = np.arange(rows * columns).reshape(rows, columns)
-    nw, ne, sw, se = (
-        corner[i : rows - 1 + i, j : columns - 1 + j].ravel() for i in (0, 1) for j in (0, 1)
-    )
-    F = np.concatenate([np.column_stack([sw, se, ne]), np.column_stack([sw, ne, nw])])
-    return V.reshape(-1, 3), F
+    return V.reshape(-1, 3), igl.triangulated_grid(columns, rows)[1][:, ::-1]
 
 
 def _torn():
-    """The mountain with a hole, a face reversed, and a vertex that no face uses."""
+    """The mountain with a hole, where a vertex has lost its faces, and a face reversed."""
     V, F = _mountain()
-    F = np.delete(F, [4000, 4001], axis=0)
+    F = np.delete(F, np.flatnonzero((F == 4300).any(axis=1)), axis=0)
     F[10] = F[10, ::-1]
-    return np.vstack([V, [0, 0, 0]]), F
+    return V, F
 
 
 def _corridor():
     """A strip sixty times longer than wide."""
-    x, y = np.meshgrid(np.arange(241.0), np.arange(5.0))
-    corner = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = (
-        corner[i : i + 4, j : j + 240].ravel() for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
-    )
-    V = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])
-    return V, np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    V, F = igl.triangulated_grid(241, 5)
+    return np.column_stack([60 * V[:, 0], V[:, 1], 0 * V[:, 0]]), F
 
 
 SURFACES = {"mountain": _mountain, "torn": _torn, "corridor": _corridor}
@@ -80,6 +71,8 @@ class Console(SphinxDirective):
             output = [kept.rstrip() for kept in done.stdout.splitlines()]
             text += [f"$ {line}", *output]
         block = nodes.literal_block("\n".join(text), "\n".join(text), language="console")
+        if not any(mark in "\n".join(text) for mark in "│┃|"):  # no table
+            block["classes"].append("wrapped")
         return [block]
 
 

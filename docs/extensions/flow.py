@@ -19,6 +19,7 @@ STEPS = (
     ("injectivity", "exact signs", "Certificate"),
     ("result", "", "DiskMap: uv and all about it"),
 )
+STYLE = {"svg.hashsalt": "flow", "figure.constrained_layout.use": False}
 INK, BOX = "#1d2733", "#e6edf5"
 
 
@@ -52,7 +53,7 @@ def draw():
 
 
 def _write(app):
-    with mpl.rc_context({"svg.hashsalt": "flow", "svg.fonttype": "path"}):
+    with mpl.rc_context(STYLE):
         target = Path(app.srcdir, "generated", "flow.svg")
         target.parent.mkdir(exist_ok=True)
         draw().savefig(target, facecolor="white", metadata={"Date": None})
