@@ -30,15 +30,16 @@ print(f"{len(V):,} vertices, angular distortion {degrees.mean():.2f} degrees in 
 def split(P, F):
     """Halve every edge of a mesh whose vertices have any number of coordinates."""
     ends = np.sort(F[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2), axis=1)
-    edges, edge = np.unique(ends, axis=0, return_inverse=True)
+    edges, edge = np.unique(ends @ [len(P), 1], return_inverse=True)
+    middles = P[np.column_stack(np.divmod(edges, len(P)))].mean(axis=1)
     (i, j, k), (a, b, c) = F.T, len(P) + edge.reshape(-1, 3).T
-    return np.vstack([P, P[edges].mean(axis=1)]), np.column_stack(
-        [i, c, b, c, j, a, b, a, k, a, b, c]
-    ).reshape(-1, 3)
+    return np.vstack([P, middles]), np.column_stack([i, c, b, c, j, a, b, a, k, a, b, c]).reshape(
+        -1, 3
+    )
 
 
 P, faces = np.column_stack([V @ view.T, uv]), F
-while len(faces) < 130_000:
+while len(faces) < 300_000:
     P, faces = split(P, faces)
 
 # %%

@@ -56,7 +56,7 @@ for axes, P, T, title in zip(
     axes.plot_trisurf(*P.T, triangles=T, color="#b9c7d6", edgecolor="#00366c", linewidth=0.25)
     angle = np.median(smallest_angles(P, T))
     axes.set_title(f"{title}: {len(T):,} faces,\nmedian smallest angle {angle:.0f}°")
-    axes.set_box_aspect(np.ptp(P, axis=0) * [1, 1, 2], zoom=1.4)  # heights doubled
+    axes.set_box_aspect(np.ptp(P, axis=0) * [1, 1, 2], zoom=1.2)  # heights doubled
     axes.view_init(55, -70)
     axes.set_axis_off()
 plt.show()

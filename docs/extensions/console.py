@@ -71,7 +71,7 @@ class Console(SphinxDirective):
             output = [kept.rstrip() for kept in done.stdout.splitlines()]
             text += [f"$ {line}", *output]
         block = nodes.literal_block("\n".join(text), "\n".join(text), language="console")
-        if not any(mark in "\n".join(text) for mark in "│┃|"):  # no table
+        if not any(mark in "\n".join(text) for mark in "│┃"):  # no table
             block["classes"].append("wrapped")
         return [block]
 
