@@ -129,7 +129,8 @@ def examine(V: ArrayLike, F: ArrayLike) -> Examined:
         found.defects += error.defects
         return found
     found.defects += _topological_defects(found)
-    found.defects += _degenerate_faces(found.V, found.F)
+    if defect := degenerate_defect(found.V, found.F):
+        found.defects.append(defect)
     return found
 
 
@@ -483,16 +484,18 @@ def boundary_loops(tail: Ints, head: Ints) -> list[Ints]:
     return loops
 
 
-def _degenerate_faces(V: Floats, F: Ints) -> Iterator[Defect]:
+def degenerate_defect(V: Floats, F: Ints) -> Defect | None:
+    """Faces without area, as a defect; None if there are none."""
     bad = degenerate_faces(V, F)
-    if len(bad):
-        yield Defect(
-            "degenerate face",
-            f"{_count(bad, 'face has', 'faces have')} no area to speak of",
-            "Merge coinciding vertices, and collapse or flip the slivers.",
-            "faces",
-            bad,
-        )
+    if len(bad) == 0:
+        return None
+    return Defect(
+        "degenerate face",
+        f"{_count(bad, 'face has', 'faces have')} no area to speak of",
+        "Merge coinciding vertices, and collapse or flip the slivers.",
+        "faces",
+        bad,
+    )
 
 
 def degenerate_faces(V: Floats, F: Ints) -> Ints:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from copy import copy
 from importlib.metadata import version
 from typing import Any, Literal, TypeVar
 
@@ -78,6 +79,13 @@ class Cholesky:
                 self._factor.factorize(A)
             else:
                 self._factor.cholesky_inplace(A)
+
+    def refactored(self, A: spmatrix) -> Cholesky:
+        """Factor another matrix like `refactor`, and keep this factorization as well."""
+        other = copy(self)
+        other._factor = self._factor.copy()
+        other.refactor(A)
+        return other
 
     def solve(self, b: Numbers) -> Numbers:
         """Solve A x = b; b is real, one or several columns, or one complex vector."""

@@ -75,7 +75,9 @@ def _zip(z: Complex) -> Complex:
         y[0] = np.inf
         y, w = y / abs(w), w / abs(w)
         A, x = w * w, -y * y
-        f = np.where(abs(y) > 1, (1 - A / x) / (1 - A.conjugate() / x), (x - A) / (x - A.conjugate()))
+        f = np.where(
+            abs(y) > 1, (1 - A / x) / (1 - A.conjugate() / x), (x - A) / (x - A.conjugate())
+        )
         return f / abs(f)
 
 
