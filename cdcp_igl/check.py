@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-from .areas import parallelogram_areas
-from .arrays import Bools, Floats, Ints
+from .areas import corner_products
+from .arrays import Bools, Floats, Ints, blocks
 from .errors import Defect, MeshError, spell
 
 __all__ = ["MeshReport", "check"]
@@ -500,12 +500,13 @@ def degenerate_defect(V: Floats, F: Ints) -> Defect | None:
 
 def degenerate_faces(V: Floats, F: Ints) -> Ints:
     """Faces without area, by the square of their longest edge."""
-    corner, after, before = V[F[:, 0]], V[F[:, 1]], V[F[:, 2]]
-    a, b = after - corner, before - corner
-    c = b - a
-    longest_squared = np.maximum.reduce([np.einsum("ij,ij->i", e, e) for e in (a, b, c)])
-    area = parallelogram_areas(a, b) / 2
-    return np.flatnonzero(area <= DEGENERATE * longest_squared)
+    degenerate = np.empty(len(F), dtype=bool)
+    for part in blocks(len(F)):
+        products, twice_area = corner_products(V, F[part])
+        i, j, k = products.T
+        longest_squared = np.maximum(np.maximum(i + j, j + k), k + i)
+        degenerate[part] = twice_area / 2 <= DEGENERATE * longest_squared
+    return np.flatnonzero(degenerate)
 
 
 def _count(indices: Ints, one: str, many: str) -> str:

@@ -111,10 +111,11 @@ class Cholesky:
 def fill_reducing_order(A: spmatrix) -> NDArray[np.int32]:
     """(k,) approximate minimum degree order of the rows of A, postordered."""
     A = csc_matrix(A)
+    # The permutation is that of the supernodal mode, whose analysis takes longer.
     with _solver(A.shape[0]):
         if _MODERN:
-            return cholmod.CholeskyFactor(A, supernodal_mode=Cholesky.mode, order="amd").get_perm()
-        return cholmod.analyze(A, mode=Cholesky.mode, ordering_method="amd").P()
+            return cholmod.CholeskyFactor(A, supernodal_mode="simplicial", order="amd").get_perm()
+        return cholmod.analyze(A, mode="simplicial", ordering_method="amd").P()
 
 
 @contextmanager

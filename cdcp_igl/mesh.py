@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import libigl
+from .areas import corner_angles
 from .arrays import Floats, Ints
 from .check import as_vertices, degenerate_defect, examine
 from .errors import Defect, MeshError
@@ -73,7 +73,7 @@ class DiskMesh:
     @cached_property
     def angles(self) -> Floats:
         """(m, 3) corner angles of the surface in radians, column k at corner k; read-only."""
-        angles = libigl.internal_angles(self.V, self.F)
+        angles = corner_angles(self.V, self.F)
         angles.flags.writeable = False
         return angles
 
