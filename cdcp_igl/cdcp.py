@@ -133,6 +133,14 @@ def disk_map(
     References
     ----------
     M.-H. Yueh et al. A constructive algorithm for disk conformal parameterizations.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.ellipse(20)
+    >>> result = cdcp_igl.disk_map(V, F, mobius="area", refine=2)
+    >>> result.certificate.valid, result.refinement.steps
+    (True, 2)
     """
     options = Options(center, mobius, align, refine, refine_norm, preset)
     phase = Phases(progress, refine)
