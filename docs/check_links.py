@@ -1,4 +1,5 @@
-"""Look for broken links and anchors in the built pages, and for what other sites would serve.
+"""Look for broken links and anchors in the built pages, and for what other sites would serve or
+only this machine has.
 
     python docs/check_links.py docs/build/html
 
@@ -12,6 +13,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+CHECKOUT = Path(__file__).resolve().parents[1]
 LOADED = {"script": "src", "img": "src", "link": "href", "iframe": "src", "source": "src"}
 STYLE_URL = re.compile(r"(?:url\(\s*['\"]?|@import\s+['\"])((?:https?:)?//[^'\")]+)")
 
@@ -43,6 +45,8 @@ def complaints(root):
         yield f"{root} has no pages"
     for path, page in pages.items():
         here = path.relative_to(root)
+        if str(CHECKOUT) in path.read_text(encoding="utf-8"):
+            yield f"{here} names {CHECKOUT}, a folder of the machine that built it"
         for link in page.links + page.loaded:
             url = urlsplit(link)
             if url.scheme or url.netloc:

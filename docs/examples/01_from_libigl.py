@@ -51,8 +51,8 @@ corner_normals, no_faces = np.empty((0, 3)), np.empty((0, 3), dtype=F.dtype)
 igl.writeOBJ(str(folder / "disk.obj"), V, F, corner_normals, no_faces, texture, F)
 
 # %%
-# `disk_map` returns the same map with all that is known about it, and `cdcp_igl.plot` draws
-# it: the surface coloured by its normals, the same colours on the disk.
+# :func:`~cdcp_igl.disk_map` returns the same map with all that is known about it, and
+# :mod:`cdcp_igl.plot` draws it: the surface coloured by its normals, the same colours on the disk.
 
 from cdcp_igl.plot import picture
 

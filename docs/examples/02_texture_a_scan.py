@@ -54,7 +54,7 @@ light = 0.25 + 0.75 * np.clip(normals @ [-0.42, 0.42, 0.8], 0, 1)
 dark = np.floor(8 * P[:, 3:]).sum(axis=1) % 2 == 1
 shade = light * np.where(dark, 0.45, 1)
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4.8))
+figure, (left, right) = plt.subplots(1, 2, layout="constrained", figsize=(9, 4.8))
 nearest_last = faces[np.argsort(P[faces, 2].sum(axis=1))]
 for axes, xy, triangles in ((left, P[:, :2], nearest_last), (right, P[:, 3:], faces)):
     axes.tripcolor(*xy.T, triangles, shade, shading="gouraud", cmap="gray", vmin=0, vmax=1)

@@ -39,7 +39,7 @@ tau_c = central_face(mesh, L, factor, "torsion", well_shaped=True)
 h_B = boundary_trace(mesh, factor, tau_c.face)
 white = whiten(h_B)
 
-figure, panels = plt.subplots(1, 3, figsize=(9, 3))
+figure, panels = plt.subplots(1, 3, layout="constrained", figsize=(9, 3))
 panels[0].tripcolor(x, y, F, height, shading="gouraud")
 panels[0].plot(*V[F[tau_c.face], :2].mean(axis=0), "k*", markersize=9)
 panels[0].set_title("surface from above, centre")
@@ -84,7 +84,7 @@ for tip in range(2, len(curve)):
     q = zip_next(q, tip)
     frames[tip + 1] = q
 
-figure, panels = plt.subplots(1, 4, figsize=(11, 2.9))
+figure, panels = plt.subplots(1, 4, layout="constrained", figsize=(11, 2.9))
 n = len(curve)
 for axes, zipped in zip(panels, (n // 4, n // 2, 3 * n // 4), strict=False):
     q, base = frames[zipped][:-1], frames[zipped][-1]
@@ -112,7 +112,7 @@ plt.show()
 f = harmonic_extension(mesh, L, factor, f_B / f_B[0])
 moved, normalization = normalize(mesh, f, "angle")
 
-figure, panels = plt.subplots(1, 2, figsize=(8, 3.8))
+figure, panels = plt.subplots(1, 2, layout="constrained", figsize=(8, 3.8))
 for axes, z, title in zip(panels, (f, moved), ("harmonic", "after Möbius"), strict=True):
     uv = np.column_stack([z.real, z.imag])
     mean = cdcp_igl.angle_distortion(V, F, uv).mean()

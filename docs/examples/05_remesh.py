@@ -49,7 +49,9 @@ def smallest_angles(V, F):
     return np.degrees(np.arccos(cosine)).min(axis=1)
 
 
-figure, panels = plt.subplots(1, 2, figsize=(10, 5.2), subplot_kw={"projection": "3d"})
+figure, panels = plt.subplots(
+    1, 2, layout="constrained", figsize=(10, 5.2), subplot_kw={"projection": "3d"}
+)
 for axes, P, T, title in zip(
     panels, (V, points), (F, faces), ("as surveyed", "remeshed"), strict=True
 ):

@@ -53,7 +53,7 @@ print(
     f"error: median {np.ma.median(error):.4f}, at most {error.max():.4f}; length of the boulder 2.6"
 )
 
-figure, panels = plt.subplots(1, 3, figsize=(11, 3.9))
+figure, panels = plt.subplots(1, 3, layout="constrained", figsize=(11, 3.9))
 surveys = (("first survey", uv, F, V[:, 2]), ("second survey", uv_moved, G, W[:, 2]))
 for axes, (title, P, T, x) in zip(panels, surveys, strict=False):
     axes.tricontourf(*P.T, T, x, levels=12)

@@ -3,8 +3,8 @@ Clean a bad mesh and map it
 ===========================
 
 A surface as scanners deliver it: vertices doubled, faces reversed, holes, crumbs, an
-invalid coordinate. `check` names what is wrong, `clean` mends what can be mended without
-guessing, and says what it did.
+invalid coordinate. :func:`~cdcp_igl.check` names what is wrong; :func:`~cdcp_igl.clean` mends
+what can be mended without guessing, and says what it did.
 """
 
 import matplotlib.pyplot as plt
@@ -47,7 +47,7 @@ result = cdcp_igl.disk_map(W, G)
 print(result.distortion)
 
 filling = face_index < 0
-figure, (before, after) = plt.subplots(1, 2, figsize=(9, 4.5))
+figure, (before, after) = plt.subplots(1, 2, layout="constrained", figsize=(9, 4.5))
 lines = {"edgecolor": "white", "linewidth": 0.2}
 whole = F[np.isfinite(V[F]).all(axis=(1, 2))]
 before.tripcolor(*np.nan_to_num(V[:, :2]).T, whole, V[whole, 2].mean(axis=1), **lines)

@@ -35,7 +35,7 @@ for title, result in maps.items():
 # %%
 # Where the distortion sits, and how it is distributed (the paper's Figure 6).
 
-figure, (disk, histogram) = plt.subplots(1, 2, figsize=(9, 4))
+figure, (disk, histogram) = plt.subplots(1, 2, layout="constrained", figsize=(9, 4))
 uv = maps["default"].uv
 degrees = cdcp_igl.angle_distortion(V, F, uv)
 image = disk.tripcolor(*uv.T, F, facecolors=degrees.mean(axis=1), cmap="cividis_r", vmax=5)

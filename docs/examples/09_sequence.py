@@ -3,7 +3,7 @@ Reuse the factor for a sequence
 ===============================
 
 A surface that moves, or one that is mapped in several ways, need not be checked and analysed
-anew each time. A `DiskMapper` keeps what does not change. Here a mountain rises.
+anew each time. A :class:`~cdcp_igl.DiskMapper` keeps what does not change. Here a mountain rises.
 """
 
 from time import perf_counter
@@ -23,7 +23,7 @@ frames = {height: V * [1, 1, height] for height in (0, 3, 6, 9)}
 
 # %%
 # The same faces with moved vertices: no check of the topology, and no new ordering of the
-# unknowns. Each frame is the map that `disk_map` would return.
+# unknowns. Each frame is the map that :func:`~cdcp_igl.disk_map` would return.
 
 mapper = cdcp_igl.DiskMapper(V, F)
 maps = {height: mapper.moved(W).map(mobius="area") for height, W in frames.items()}
@@ -51,7 +51,7 @@ print(f"time: {(perf_counter() - start) / anew:.2f} of that without a mapper, in
 # %%
 # The same faces throughout, so one colouring serves all frames: levels of height.
 
-figure, panels = plt.subplots(1, 4, figsize=(11, 3.1))
+figure, panels = plt.subplots(1, 4, layout="constrained", figsize=(11, 3.1))
 for axes, (height, result) in zip(panels, maps.items(), strict=True):
     uv = result.uv
     axes.tricontourf(*uv.T, F, V[:, 2], levels=9)

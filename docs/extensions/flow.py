@@ -19,7 +19,7 @@ STEPS = (
     ("injectivity", "exact signs", "Certificate"),
     ("result", "", "DiskMap: uv and all about it"),
 )
-STYLE = {"svg.hashsalt": "flow", "figure.constrained_layout.use": False}
+STYLE = {"svg.hashsalt": "flow"}
 INK, BOX = "#1d2733", "#e6edf5"
 
 

@@ -15,7 +15,6 @@ def style(gallery_conf, fname):
         {
             "figure.dpi": 100,
             "savefig.dpi": 100,
-            "figure.constrained_layout.use": True,
             "image.cmap": "cividis",  # looks much the same to every kind of eye
         }
     )
