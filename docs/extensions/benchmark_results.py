@@ -2,14 +2,16 @@
 
 from pathlib import Path
 
-NONE_YET = "This checkout has no measured results. `make bench` writes them.\n"
+NONE_YET = "This checkout has no measured results. `python -m benchmarks` writes them.\n"
 
 
 def _gather(app):
     results = Path(app.srcdir).parent / "benchmarks" / "results"
     reports = sorted(results.glob("*.md"))
     page = [
-        f"```{{include}} /../benchmarks/results/{report.name}\n:heading-offset: 1\n```\n"
+        f"## {report.stem}\n\n"  # in place of the first line, which is the title
+        f"```{{include}} /../benchmarks/results/{report.name}\n"
+        ":start-line: 1\n:heading-offset: 1\n```\n"
         for report in reports
     ]
     parts = Path(app.srcdir, "generated", "parts")
