@@ -52,6 +52,14 @@ Out = Annotated[
     Path | None,
     typer.Option(metavar="FOLDER", help="For the results. [default: benchmarks/results]"),
 ]
+WorkFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--work",
+        metavar="FOLDER",
+        help="Of what is measured already. [default: build/benchmarks/...]",
+    ),
+]
 TimeLimit = Annotated[float, typer.Option(metavar="SECONDS", min=0, help="Of each case.")]
 MemoryLimit = Annotated[
     float, typer.Option(metavar="MIB", min=0, help="Of each case; 0: 3/4 of the memory.")
@@ -67,15 +75,16 @@ def tables(
     repeats: Repeats = 1,
     machine: Machine = MACHINE,
     out: Out = None,
+    work: WorkFolder = None,
     time_limit: TimeLimit = 300,
     memory_limit: MemoryLimit = 0,
     threads: Threads = 1,
 ) -> None:
     """Measure Tables 1 and 2: distortion and time of all methods on all models.
 
-    What is there already is not measured again. To start over, delete build/benchmarks.
+    What is there already is not measured again. To start over, delete the work folder.
     """
-    session = _Session(quick, machine, out, time_limit, memory_limit, threads)
+    session = _Session(quick, machine, out, work, time_limit, memory_limit, threads)
     session.run(
         "tables",
         session.models(models, ()),
@@ -93,6 +102,7 @@ def speed(
     repeats: Repeats = 5,
     machine: Machine = MACHINE,
     out: Out = None,
+    work: WorkFolder = None,
     time_limit: TimeLimit = 300,
     memory_limit: MemoryLimit = 0,
     threads: Threads = 1,
@@ -101,9 +111,9 @@ def speed(
 
     Above half a million vertices all but CDCP and the factorization run once.
 
-    What is there already is not measured again. To start over, delete build/benchmarks.
+    What is there already is not measured again. To start over, delete the work folder.
     """
-    session = _Session(quick, machine, out, time_limit, memory_limit, threads)
+    session = _Session(quick, machine, out, work, time_limit, memory_limit, threads)
 
     def runs(method: str, n: int) -> int:
         return 1 if n > LARGE and method not in REPEATED else repeats
@@ -122,15 +132,16 @@ def ablation(
     quick: Quick = False,
     machine: Machine = MACHINE,
     out: Out = None,
+    work: WorkFolder = None,
     time_limit: TimeLimit = 300,
     memory_limit: MemoryLimit = 0,
     threads: Threads = 1,
 ) -> None:
     """Measure CDCP with a step left out or replaced: Möbius, centre, trace, whitening, zipper.
 
-    What is there already is not measured again. To start over, delete build/benchmarks.
+    What is there already is not measured again. To start over, delete the work folder.
     """
-    session = _Session(quick, machine, out, time_limit, memory_limit, threads)
+    session = _Session(quick, machine, out, work, time_limit, memory_limit, threads)
     session.run(
         "ablation",
         session.models(models, ABLATION_MODELS),
@@ -161,12 +172,13 @@ class _Session:
         quick: bool,
         machine: str,
         out: Path | None,
+        work: Path | None,
         time_limit: float,
         memory_limit: float,
         threads: int,
     ) -> None:
         self._quick, self._threads = quick, threads
-        self._work = Work(WORK / f"quick-{code()}") if quick else Work()
+        self._work = Work(work or WORK / f"{'quick-' if quick else ''}{code()}")
         self._target = (out or (self._work.folder if quick else RESULTS)) / machine
         self._limits = Limits(time_limit, memory_limit or round(0.75 * memory_mib()))
 

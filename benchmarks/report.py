@@ -146,18 +146,24 @@ class _Notes:
 
 
 def _table(
-    results: Results, methods: Sequence[str], cell: Callable[[str, str], str], *, paper: str = ""
+    results: Results,
+    methods: Sequence[str],
+    cell: Callable[[str, str], str],
+    *,
+    models: Sequence[str] | None = None,
+    paper: str = "",
 ) -> str:
     """One row a model, one column a method; what failed is told below.
 
-    `paper` names the published quantity for columns beside, "" for none.
+    `models` are all unless given; `paper` names the published quantity for columns beside, ""
+    for none.
     """
     notes = _Notes()
     heading = ["surface", "n", *methods]
     if paper:
         heading += [f"*paper: {method}*" for method in PUBLISHED]
     rows = []
-    for model in results.models():
+    for model in results.models() if models is None else models:
         row = _model(results, model)
         for method in methods:
             failure = results.failure(model, method)
@@ -272,10 +278,10 @@ def _speed(results: Results) -> str:
         "turns.",
         _rows(["surface", "n", "F, s", "runs", "analysis, s", "peak, MiB"], _units(results, large)),
         "### Time as a multiple of F",
-        _table(results, methods, ratio("seconds")),
+        _table(results, methods, ratio("seconds"), models=large),
         "### Peak memory as a multiple of that of F",
         "Python and the mesh included in both.",
-        _table(results, methods, ratio("memory")),
+        _table(results, methods, ratio("memory"), models=large),
         "### T, the time of CDCP, and the others",
         _rows(
             ["surface", "n", "T, s", "lscm/T", "harmonic/T", "first step/T", "further steps/T"],
@@ -360,9 +366,11 @@ def _small(results: Results) -> str:
             seconds = [r.seconds for r in results.of(model, method) if r.ok]
             if not seconds:
                 continue
-            low, middle, high = (1000 * f(seconds) for f in (min, statistics.median, max))  # type: ignore[operator]
+            ms = 1000 * np.array(seconds)
             where = f" on {model}" if method == "cdcp warm" else ""
-            lines.append(f"- {text}{where}: {middle:.3g} ms ({low:.3g}–{high:.3g}).")
+            lines.append(
+                f"- {text}{where}: {np.median(ms):.4g} ms ({ms.min():.4g}–{ms.max():.4g})."
+            )
     return "\n".join(lines) or "Not measured."
 
 

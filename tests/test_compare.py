@@ -79,6 +79,12 @@ def test_memory_limit():
     assert case.outcome == "ok"
 
 
+def test_memory_is_not_that_of_the_caller():
+    hoard = np.ones(1 << 26)  # 512 MiB
+    case, _ = run_case("lscm", V, F, time_limit=60)
+    assert 20 < case.memory < hoard.nbytes / 2**20
+
+
 def test_phases_of_a_disk_map_and_of_a_clock():
     case, uv = run_case("phases", V, F, time_limit=60, table="failing_methods:METHODS")
     assert case.details["valid"]
