@@ -32,7 +32,7 @@ def slid(z, x):
 def unknowns(dz):
     """x and y of the interior, and the angles of the boundary."""
     angles = dz[MESH.loop] / (1j * Z[MESH.loop])
-    np.testing.assert_allclose(angles.imag, 0, atol=1e-15)
+    np.testing.assert_allclose(angles.imag, 0, atol=1e-12)
     return np.concatenate([dz[MESH.interior].real, dz[MESH.interior].imag, angles.real])
 
 
@@ -60,9 +60,13 @@ def test_a_step_is_that_of_the_normal_equations(J):
         laplacian = WeightedLaplacian(MESH, ORDER)
         return unknowns(gauss_newton_step(MESH, Z, errors(Z), 2, 0, laplacian, iterations))
 
-    np.testing.assert_allclose(J @ step(300), J @ direct, atol=1e-7)
-    gain = (value(0 * direct) - value(step(3))) / (value(0 * direct) - value(direct))
-    assert 0.9 < gain <= 1 + 1e-9
+    np.testing.assert_allclose(J @ step(150), J @ direct, atol=1e-7)
+    # A third of this mesh is boundary, for which the preconditioner is only a diagonal: three
+    # iterations must at least do more than can be done without moving it.
+    inner = J[:, : 2 * len(MESH.interior)]
+    fixed = np.zeros_like(direct)
+    fixed[: inner.shape[1]] = np.linalg.lstsq(inner, -r, rcond=None)[0]
+    assert value(direct) <= value(step(3)) < value(fixed) < value(0 * direct)
 
 
 def test_weights_of_a_step_with_a_smaller_norm(J):
@@ -70,7 +74,7 @@ def test_weights_of_a_step_with_a_smaller_norm(J):
     w = (r.ravel() ** 2 + np.radians(0.1) ** 2) ** -0.2  # the square root of the weights
     direct = np.linalg.lstsq(w[:, None] * J, -w * r.ravel(), rcond=1e-8)[0]
     laplacian = WeightedLaplacian(MESH, ORDER)
-    solved = unknowns(gauss_newton_step(MESH, Z, r, 1.2, 0, laplacian, iterations=300))
+    solved = unknowns(gauss_newton_step(MESH, Z, r, 1.2, 0, laplacian, iterations=150))
     np.testing.assert_allclose(J @ solved, J @ direct, atol=1e-7)
 
 
