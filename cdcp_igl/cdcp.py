@@ -71,6 +71,7 @@ def disk_map(
     align: int | ArrayLike | None = None,
     refine: int = 0,
     refine_norm: float = 1.5,
+    refine_seconds: float = np.inf,
     preset: Literal["paper"] | None = None,
     progress: Progress | None = None,
 ) -> DiskMap:
@@ -99,11 +100,15 @@ def disk_map(
         that way. None is the boundary vertex of smallest index.
     refine : int
         Steps of refinement, 0 for none: Gauss-Newton on the sum of |angle error|^p over all
-        corners, boundary fixed. Not in the paper. Most of the gain comes with the first two;
-        each costs about half as much again as the map.
+        corners; boundary vertices slide on the circle. Not in the paper. Most of the gain
+        comes with the first two; each costs less than the map itself.
     refine_norm : float
         The exponent p, from 1 to 2. The default lowers mean and SD; the nearer to 1, the
         lower the mean and the higher the SD.
+    refine_seconds : float
+        Time limit of the refinement: after so many seconds no step is begun. The map is the
+        best until then, ``result.refinement.stopped`` says so, and it depends on the speed of
+        the machine; without a limit, equal inputs have equal outputs.
     preset : {"paper"} or None
         ``"paper"`` follows the paper to the letter where it is right: coldest face by
         heat, no whitening of the trace, Nelder-Mead over all faces. Not to be combined
@@ -141,6 +146,8 @@ def disk_map(
         raise ValueError(f"refine must be a number of steps, 0 or more, not {refine!r}")
     if not 1 <= refine_norm <= 2:
         raise ValueError(f"refine_norm must be from 1 to 2, not {refine_norm!r}")
+    if not refine_seconds >= 0:
+        raise ValueError(f"refine_seconds must be 0 or more, not {refine_seconds!r}")
     paper = preset == "paper"
     if paper and (center, mobius) != ("torsion", "angle"):
         raise ValueError('preset="paper" sets center and mobius itself')
@@ -171,7 +178,16 @@ def disk_map(
     with phase("refine") as advance:
         refinement = None
         if refine:
-            f, refinement = lower_angle_distortion(mesh, f, refine, refine_norm, advance)
+            f, refinement = lower_angle_distortion(
+                mesh,
+                f,
+                factor.order,
+                refine,
+                refine_norm,
+                seconds=refine_seconds,
+                turn=partial(rotate, mesh, align=align),
+                advance=advance,
+            )
     with phase("certificate"):
         uv = np.column_stack([f.real, f.imag])
         certificate = certify(mesh, uv)
