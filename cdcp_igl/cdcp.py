@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_matrix
 
 from .arrays import Complex, Floats
-from .center import CenterMethod, central_face
-from .circle import blame_crowding, map_to_circle, spread
+from .center import Center, CenterMethod, central_face
+from .circle import BoundaryMethod, blame_crowding, map_to_circle, spread
 from .dipole import boundary_trace
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError
@@ -26,7 +27,7 @@ from .refine import lower_angle_distortion
 from .repair import unfold
 from .result import DiskMap
 
-__all__ = ["cdcp", "disk_map"]
+__all__ = ["HarmonicMap", "Options", "cdcp", "disk_map", "harmonic_map", "normalized_map"]
 
 
 def cdcp(V: ArrayLike, F: ArrayLike, **options: Any) -> Floats:
@@ -138,20 +139,7 @@ def disk_map(
     ----------
     M.-H. Yueh et al. A constructive algorithm for disk conformal parameterizations.
     """
-    if preset not in (None, "paper"):
-        raise ValueError(f'preset must be "paper" or None, not {preset!r}')
-    if mobius not in ("angle", "area", None):
-        raise ValueError(f'mobius must be "angle", "area" or None, not {mobius!r}')
-    if not isinstance(refine, int | np.integer) or refine < 0:
-        raise ValueError(f"refine must be a number of steps, 0 or more, not {refine!r}")
-    if not 1 <= refine_norm <= 2:
-        raise ValueError(f"refine_norm must be from 1 to 2, not {refine_norm!r}")
-    if not refine_seconds >= 0:
-        raise ValueError(f"refine_seconds must be 0 or more, not {refine_seconds!r}")
-    paper = preset == "paper"
-    if paper and (center, mobius) != ("torsion", "angle"):
-        raise ValueError('preset="paper" sets center and mobius itself')
-
+    options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
     phase = Phases(progress, refine)
     with phase("check"):
         mesh = DiskMesh(V, F)
@@ -159,8 +147,66 @@ def disk_map(
         L = cotangent_laplacian(mesh)  # (8)
     with phase("factor"):
         factor = Factor(mesh, L)
+    harmonic = harmonic_map(mesh, L, factor, options, phase)
+    return normalized_map(mesh, L, factor, harmonic, options, phase)
+
+
+@dataclass(frozen=True, eq=False)
+class Options:
+    """The options of `disk_map`; ValueError if one is none of those allowed."""
+
+    center: CenterMethod | int = "torsion"
+    mobius: Literal["angle", "area"] | None = "angle"
+    align: int | ArrayLike | None = None
+    refine: int = 0
+    refine_norm: float = 1.5
+    refine_seconds: float = np.inf
+    preset: Literal["paper"] | None = None
+
+    def __post_init__(self) -> None:
+        if self.preset not in (None, "paper"):
+            raise ValueError(f'preset must be "paper" or None, not {self.preset!r}')
+        if self.mobius not in ("angle", "area", None):
+            raise ValueError(f'mobius must be "angle", "area" or None, not {self.mobius!r}')
+        if not isinstance(self.refine, int | np.integer) or self.refine < 0:
+            raise ValueError(f"refine must be a number of steps, 0 or more, not {self.refine!r}")
+        if not 1 <= self.refine_norm <= 2:
+            raise ValueError(f"refine_norm must be from 1 to 2, not {self.refine_norm!r}")
+        if not self.refine_seconds >= 0:
+            raise ValueError(f"refine_seconds must be 0 or more, not {self.refine_seconds!r}")
+        if self.paper and (self.center, self.mobius) != ("torsion", "angle"):
+            raise ValueError('preset="paper" sets center and mobius itself')
+
+    @property
+    def paper(self) -> bool:
+        """Whether to follow the paper to the letter."""
+        return self.preset == "paper"
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicMap:
+    """The map before its normalisation: it depends on `center` and `preset` only.
+
+    Attributes
+    ----------
+    f : (n,) complex128
+    center : Center
+    trace : BoundaryMethod
+    """
+
+    f: Complex
+    center: Center
+    trace: BoundaryMethod
+
+
+def harmonic_map(
+    mesh: DiskMesh, L: csr_matrix, factor: Factor, options: Options, phase: Phases
+) -> HarmonicMap:
+    """Do the first half of Algorithm 1: from the factor to a harmonic map onto the disk."""
+    paper = options.paper
+    center = "heat" if paper else options.center
     with phase("center"):
-        tau_c = central_face(mesh, L, factor, "heat" if paper else center, well_shaped=not paper)
+        tau_c = central_face(mesh, L, factor, center, well_shaped=not paper)
     with phase("trace"):
         h_B = boundary_trace(mesh, factor, tau_c.face)  # (18), Theorem 1
     extend = partial(harmonic_extension, mesh, L, factor)
@@ -170,22 +216,36 @@ def disk_map(
         )  # (1)-(6)
     with phase("extension"):
         f = extend(f_B)  # (10)
+    return HarmonicMap(f, tau_c, boundary)
+
+
+def normalized_map(
+    mesh: DiskMesh,
+    L: csr_matrix,
+    factor: Factor,
+    harmonic: HarmonicMap,
+    options: Options,
+    phase: Phases,
+) -> DiskMap:
+    """Do the second half: the Möbius transformation, repair, refinement, certificate."""
+    extend = partial(harmonic_extension, mesh, L, factor)
     with phase("mobius"):
-        f, normalization = normalize(mesh, f, "nelder-mead" if paper else mobius)  # (19), (20)
+        method = "nelder-mead" if options.paper else options.mobius
+        f, normalization = normalize(mesh, harmonic.f, method)  # (19), (20)
     with phase("repair"):
         f, n_spread = spread(mesh, f, extend)
-        f, repair = unfold(mesh, rotate(mesh, f, align))
+        f, repair = unfold(mesh, rotate(mesh, f, options.align))
     with phase("refine") as advance:
         refinement = None
-        if refine:
+        if options.refine:
             f, refinement = lower_angle_distortion(
                 mesh,
                 f,
                 factor.order,
-                refine,
-                refine_norm,
-                seconds=refine_seconds,
-                turn=partial(rotate, mesh, align=align),
+                options.refine,
+                options.refine_norm,
+                seconds=options.refine_seconds,
+                turn=partial(rotate, mesh, align=options.align),
                 advance=advance,
             )
     with phase("certificate"):
@@ -203,8 +263,8 @@ def disk_map(
         certificate=certificate,
         distortion=distortion,
         distortion_free=free,
-        center=tau_c,
-        trace=replace(boundary, n_spread=n_spread),
+        center=harmonic.center,
+        trace=replace(harmonic.trace, n_spread=n_spread),
         repair=repair,
         mobius=normalization,
         refinement=refinement,

@@ -6,6 +6,8 @@ import numpy as np
 from scipy.sparse import csr_matrix, diags
 
 from . import libigl
+from .areas import corner_products
+from .arrays import Floats, blocks
 from .mesh import DiskMesh
 
 __all__ = ["cotangent_laplacian", "intrinsic_delaunay_laplacian"]
@@ -15,7 +17,7 @@ def cotangent_laplacian(mesh: DiskMesh) -> csr_matrix:
     """Assemble the positive semidefinite cotangent Laplacian, eq. (8).
 
     L_ij = -(cot a_ij + cot b_ij) / 2 on edges, rows sum to zero; the negative of
-    ``igl.cotmatrix(V, F)``, assembled from libigl's cotangents in a tenth of its time.
+    ``igl.cotmatrix(V, F)``, assembled in a tenth of its time.
 
     Parameters
     ----------
@@ -31,9 +33,18 @@ def cotangent_laplacian(mesh: DiskMesh) -> csr_matrix:
     # oriented manifold no two faces share a half-edge, so nothing is summed twice.
     start = mesh.F[:, [1, 2, 0]].ravel()
     end = mesh.F[:, [2, 0, 1]].ravel()
-    half = csr_matrix((-libigl.half_cotangents(mesh.V, mesh.F).ravel(), (start, end)), (n, n))
+    half = csr_matrix((-_half_cotangents(mesh).ravel(), (start, end)), (n, n))
     off_diagonal = half + half.T.tocsr()
     return off_diagonal - diags(np.asarray(off_diagonal.sum(axis=1)).ravel(), format="csr")
+
+
+def _half_cotangents(mesh: DiskMesh) -> Floats:
+    """(m, 3) half the cotangent at each corner."""
+    halves = np.empty(mesh.F.shape)
+    for part in blocks(len(halves)):
+        products, twice_area = corner_products(mesh.V, mesh.F[part])
+        np.divide(products, 2 * twice_area[:, None], out=halves[part])
+    return halves
 
 
 def intrinsic_delaunay_laplacian(mesh: DiskMesh) -> csr_matrix:
