@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Complex, Floats
+from .arrays import Floats
 from .center import CenterMethod, central_face
-from .circle import blame_crowding, map_to_circle, spread
+from .circle import maps_to_circle, spread
 from .dipole import boundary_trace
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError
-from .extension import harmonic_extension
 from .factor import Factor
 from .injectivity import certify
-from .laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
+from .laplacian import cotangent_laplacian
 from .mesh import DiskMesh
 from .mobius import normalize, rotate
 from .phases import Phases, Progress
@@ -124,8 +122,8 @@ def disk_map(
     SolverError
         If the Laplacian cannot be factored.
     MapError
-        If the map is not a bijection onto the disk; the map is its ``result``. Or if the
-        surface is too long and thin for double precision (crowding).
+        If no map is a bijection onto the disk, which the crowding of a surface that is too
+        long and thin for double precision may prevent; the last one is its ``result``.
     ValueError
         If an option is not one of those above.
 
@@ -156,30 +154,30 @@ def disk_map(
         tau_c = central_face(mesh, L, factor, "heat" if paper else center, well_shaped=not paper)
     with phase("trace"):
         h_B = boundary_trace(mesh, factor, tau_c.face)  # (18), Theorem 1
-    extend = partial(harmonic_extension, mesh, L, factor)
-    with phase("circle"):
-        f_B, boundary = map_to_circle(
-            mesh, h_B, lambda: _delaunay_trace(mesh, tau_c.face), extend, whitened=not paper
-        )  # (1)-(6)
-    with phase("extension"):
-        f = extend(f_B)  # (10)
-    with phase("mobius"):
-        f, normalization = normalize(mesh, f, "nelder-mead" if paper else mobius)  # (19), (20)
-    with phase("repair"):
-        f, n_spread = spread(mesh, f, extend)
-        f, repair = unfold(mesh, rotate(mesh, f, align))
-    with phase("refine") as advance:
-        refinement = None
-        if refine:
-            f, refinement = lower_angle_distortion(mesh, f, refine, refine_norm, advance)
-    with phase("certificate"):
-        uv = np.column_stack([f.real, f.imag])
-        certificate = certify(mesh, uv)
-        degrees = np.degrees(abs(angle_errors(mesh, f)))
-        distortion = AngleDistortion.of(degrees)
-        free = distortion
-        if 0 < len(mesh.inscribed) < len(mesh.F):
-            free = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
+    attempts = maps_to_circle(mesh, L, factor, h_B, tau_c.face, whitened=not paper)  # (1)-(6)
+    for f_B, extend, method in phase.each("circle", attempts):
+        with phase("extension"):
+            f = extend(f_B)  # (10)
+        with phase("mobius"):
+            f, normalization = normalize(mesh, f, "nelder-mead" if paper else mobius)  # (19), (20)
+        with phase("repair"):
+            f, n_spread = spread(mesh, f, extend)
+            boundary = replace(method, n_spread=n_spread)
+            f, repair = unfold(mesh, rotate(mesh, f, align))
+        with phase("refine") as advance:
+            refinement = None
+            if refine:
+                f, refinement = lower_angle_distortion(mesh, f, refine, refine_norm, advance)
+        with phase("certificate"):
+            uv = np.column_stack([f.real, f.imag])
+            certificate = certify(mesh, uv)
+            degrees = np.degrees(abs(angle_errors(mesh, f)))
+            distortion = AngleDistortion.of(degrees)
+            free = distortion
+            if 0 < len(mesh.inscribed) < len(mesh.F):
+                free = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
+        if certificate.valid:
+            break
     phase.done()
 
     result = DiskMap(
@@ -188,7 +186,7 @@ def disk_map(
         distortion=distortion,
         distortion_free=free,
         center=tau_c,
-        trace=replace(boundary, n_spread=n_spread),
+        trace=boundary,
         repair=repair,
         mobius=normalization,
         refinement=refinement,
@@ -197,12 +195,6 @@ def disk_map(
     )
     if not certificate.valid:
         raise MapError(
-            f"The map is not a bijection onto the disk: {certificate}"
-            + blame_crowding(uv, mesh.F, certificate.flipped),
-            result,
+            f"The map is not a bijection onto the disk: {certificate}. Boundary: {boundary}", result
         )
     return result
-
-
-def _delaunay_trace(mesh: DiskMesh, face: int) -> Complex:
-    return boundary_trace(mesh, Factor(mesh, intrinsic_delaunay_laplacian(mesh)), face)
