@@ -1,4 +1,4 @@
-"""Whitening, the geodesic algorithm, Theodorsen's method and the fallbacks."""
+"""Whitening, the geodesic algorithm, harmonic measure and the order of the methods."""
 
 import re
 import sys
@@ -12,7 +12,6 @@ from cdcp_igl.circle.fallback import by_arc_length, maps_to_circle
 from cdcp_igl.circle.geodesic import geodesic_map
 from cdcp_igl.circle.harmonic_measure import harmonic_measure
 from cdcp_igl.circle.spread import spread
-from cdcp_igl.circle.theodorsen import theodorsen_map
 from cdcp_igl.circle.whiten import whiten
 from cdcp_igl.distortion import AngleDistortion, angle_errors
 from cdcp_igl.extension import harmonic_extension
@@ -52,21 +51,6 @@ def test_geodesic_algorithm_converges_on_known_curves(curve):
     assert errors[0] / errors[2] > 4**1.8 or errors[2] < 1e-12  # second order
 
 
-@pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES.keys())
-def test_theodorsen_converges_on_known_curves(curve):
-    errors = [
-        error_up_to_rotation(theodorsen_map(curve(circle(n).conj())), circle(n)) for n in (100, 400)
-    ]
-    assert errors[0] < 5e-3
-    assert errors[0] / errors[1] > 4 or errors[1] < 1e-10
-
-
-@pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES.keys())
-def test_the_two_methods_agree_on_polygons(curve):
-    z = whiten(curve(circle(300).conj() * np.exp(0.2j * np.sin(3 * np.arange(300)) / 20)))
-    assert error_up_to_rotation(geodesic_map(z), theodorsen_map(z)) < 5e-3
-
-
 def test_coincident_points_are_spread_by_chord_length():
     w = circle(200)
     z = CURVES["ellipse"](w.conj())
@@ -97,12 +81,6 @@ def test_whitening_makes_the_moments_of_inertia_equal(curve):
 def test_whitening_takes_an_ellipse_to_a_circle():
     z = CURVES["ellipse"](circle(400).conj())
     np.testing.assert_allclose(abs(whiten(z)), 1, atol=1e-3)
-
-
-def test_theodorsen_refuses_what_is_not_star_shaped():
-    t = 2 * np.pi * np.arange(400) / 400
-    spiral = np.exp(-1j * (t + 2.5 * np.sin(t) ** 2)) * (1.2 + np.cos(t))
-    assert theodorsen_map(spiral) is None
 
 
 class TestFallbacks:
