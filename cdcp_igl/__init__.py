@@ -11,8 +11,10 @@ from .distortion import (
     quasi_conformal_dilatation,
 )
 from .errors import MapError, MeshError, SolverError
+from .mapper import DiskMapper
 
 __all__ = [
+    "DiskMapper",
     "MapError",
     "MeshError",
     "SolverError",

@@ -1,11 +1,21 @@
-"""Names of the array types used in signatures."""
+"""Names of the array types used in signatures, and blocks of long arrays."""
+
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Bools", "Complex", "Floats", "Ints"]
+__all__ = ["Bools", "Complex", "Floats", "Ints", "blocks"]
 
 Bools = NDArray[np.bool_]
 Complex = NDArray[np.complex128]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+BLOCK = 1 << 14  # faces
+
+
+def blocks(m: int) -> Iterator[slice]:
+    """Split m faces into blocks whose arrays stay in the cache."""
+    for start in range(0, m, BLOCK):
+        yield slice(start, start + BLOCK)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_matrix
 
-from .arrays import Floats
-from .center import CenterMethod, central_face
-from .circle import maps_to_circle, spread
+from .arrays import Complex, Floats
+from .center import Center, CenterMethod, central_face
+from .circle import BoundaryMethod, maps_to_circle, spread
 from .dipole import boundary_trace
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError
@@ -24,7 +26,7 @@ from .refine import lower_angle_distortion
 from .repair import unfold
 from .result import DiskMap
 
-__all__ = ["cdcp", "disk_map"]
+__all__ = ["HarmonicMap", "Options", "cdcp", "certified_map", "disk_map", "harmonic_maps"]
 
 
 def cdcp(V: ArrayLike, F: ArrayLike, **options: Any) -> Floats:
@@ -131,18 +133,7 @@ def disk_map(
     ----------
     M.-H. Yueh et al. A constructive algorithm for disk conformal parameterizations.
     """
-    if preset not in (None, "paper"):
-        raise ValueError(f'preset must be "paper" or None, not {preset!r}')
-    if mobius not in ("angle", "area", None):
-        raise ValueError(f'mobius must be "angle", "area" or None, not {mobius!r}')
-    if not isinstance(refine, int | np.integer) or refine < 0:
-        raise ValueError(f"refine must be a number of steps, 0 or more, not {refine!r}")
-    if not 1 <= refine_norm <= 2:
-        raise ValueError(f"refine_norm must be from 1 to 2, not {refine_norm!r}")
-    paper = preset == "paper"
-    if paper and (center, mobius) != ("torsion", "angle"):
-        raise ValueError('preset="paper" sets center and mobius itself')
-
+    options = Options(center, mobius, align, refine, refine_norm, preset)
     phase = Phases(progress, refine)
     with phase("check"):
         mesh = DiskMesh(V, F)
@@ -150,51 +141,127 @@ def disk_map(
         L = cotangent_laplacian(mesh)  # (8)
     with phase("factor"):
         factor = Factor(mesh, L)
+    maps = harmonic_maps(mesh, L, factor, options, phase)
+    return certified_map(mesh, factor, maps, options, phase)
+
+
+@dataclass(frozen=True, eq=False)
+class Options:
+    """The options of `disk_map`; ValueError if one is none of those allowed."""
+
+    center: CenterMethod | int = "torsion"
+    mobius: Literal["angle", "area"] | None = "angle"
+    align: int | ArrayLike | None = None
+    refine: int = 0
+    refine_norm: float = 1.5
+    preset: Literal["paper"] | None = None
+
+    def __post_init__(self) -> None:
+        if self.preset not in (None, "paper"):
+            raise ValueError(f'preset must be "paper" or None, not {self.preset!r}')
+        if self.mobius not in ("angle", "area", None):
+            raise ValueError(f'mobius must be "angle", "area" or None, not {self.mobius!r}')
+        if not isinstance(self.refine, int | np.integer) or self.refine < 0:
+            raise ValueError(f"refine must be a number of steps, 0 or more, not {self.refine!r}")
+        if not 1 <= self.refine_norm <= 2:
+            raise ValueError(f"refine_norm must be from 1 to 2, not {self.refine_norm!r}")
+        if self.paper and (self.center, self.mobius) != ("torsion", "angle"):
+            raise ValueError('preset="paper" sets center and mobius itself')
+
+    @property
+    def paper(self) -> bool:
+        """Whether to follow the paper to the letter."""
+        return self.preset == "paper"
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicMap:
+    """The map before its normalisation: it depends on `center` and `preset` only.
+
+    Attributes
+    ----------
+    f : (n,) complex128
+    extend : callable
+        Extends boundary values harmonically to all of the surface.
+    center : Center
+    trace : BoundaryMethod
+    """
+
+    f: Complex
+    extend: Callable[[Complex], Complex]
+    center: Center
+    trace: BoundaryMethod
+
+
+def harmonic_maps(
+    mesh: DiskMesh, L: csr_matrix, factor: Factor, options: Options, phase: Phases
+) -> Iterator[HarmonicMap]:
+    """Do the first half of Algorithm 1: from the factor to harmonic maps onto the disk.
+
+    The second and third are for where the one before cannot be certified.
+    """
+    paper = options.paper
+    center = "heat" if paper else options.center
     with phase("center"):
-        tau_c = central_face(mesh, L, factor, "heat" if paper else center, well_shaped=not paper)
+        tau_c = central_face(mesh, L, factor, center, well_shaped=not paper)
     with phase("trace"):
         h_B = boundary_trace(mesh, factor, tau_c.face)  # (18), Theorem 1
     attempts = maps_to_circle(mesh, L, factor, h_B, tau_c.face, whitened=not paper)  # (1)-(6)
-    for f_B, extend, method in phase.each("circle", attempts):
+    for f_B, extend, boundary in phase.each("circle", attempts):
         with phase("extension"):
             f = extend(f_B)  # (10)
-        with phase("mobius"):
-            f, normalization = normalize(mesh, f, "nelder-mead" if paper else mobius)  # (19), (20)
-        with phase("repair"):
-            f, n_spread = spread(mesh, f, extend)
-            boundary = replace(method, n_spread=n_spread)
-            f, repair = unfold(mesh, rotate(mesh, f, align))
-        with phase("refine") as advance:
-            refinement = None
-            if refine:
-                f, refinement = lower_angle_distortion(mesh, f, refine, refine_norm, advance)
-        with phase("certificate"):
-            uv = np.column_stack([f.real, f.imag])
-            certificate = certify(mesh, uv)
-            degrees = np.degrees(abs(angle_errors(mesh, f)))
-            distortion = AngleDistortion.of(degrees)
-            free = distortion
-            if 0 < len(mesh.inscribed) < len(mesh.F):
-                free = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
-        if certificate.valid:
-            break
-    phase.done()
+        yield HarmonicMap(f, extend, tau_c, boundary)
 
-    result = DiskMap(
+
+def certified_map(
+    mesh: DiskMesh, factor: Factor, maps: Iterator[HarmonicMap], options: Options, phase: Phases
+) -> DiskMap:
+    """Normalise one map after the other until one is certified; MapError if none is."""
+    for harmonic in maps:
+        result = normalized_map(mesh, factor, harmonic, options, phase)
+        if result.certificate.valid:
+            phase.done()
+            return result
+    raise MapError(
+        f"The map is not a bijection onto the disk: {result.certificate}. Boundary: {result.trace}",
+        result,
+    )
+
+
+def normalized_map(
+    mesh: DiskMesh, factor: Factor, harmonic: HarmonicMap, options: Options, phase: Phases
+) -> DiskMap:
+    """Do the second half: the Möbius transformation, repair, refinement, certificate."""
+    with phase("mobius"):
+        method = "nelder-mead" if options.paper else options.mobius
+        f, normalization = normalize(mesh, harmonic.f, method)  # (19), (20)
+    with phase("repair"):
+        f, n_spread = spread(mesh, f, harmonic.extend)
+        f, repair = unfold(mesh, rotate(mesh, f, options.align))
+    with phase("refine") as advance:
+        refinement = None
+        if options.refine:
+            f, refinement = lower_angle_distortion(
+                mesh, f, options.refine, options.refine_norm, advance
+            )
+    with phase("certificate"):
+        uv = np.column_stack([f.real, f.imag])
+        certificate = certify(mesh, uv)
+        degrees = np.degrees(abs(angle_errors(mesh, f)))
+        distortion = AngleDistortion.of(degrees)
+        free = distortion
+        if 0 < len(mesh.inscribed) < len(mesh.F):
+            free = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
+    return DiskMap(
         uv=uv,
         certificate=certificate,
         distortion=distortion,
         distortion_free=free,
-        center=tau_c,
-        trace=boundary,
+        center=harmonic.center,
+        trace=replace(harmonic.trace, n_spread=n_spread),
         repair=repair,
         mobius=normalization,
         refinement=refinement,
         solver=factor.solver,
         timings=phase.seconds,
     )
-    if not certificate.valid:
-        raise MapError(
-            f"The map is not a bijection onto the disk: {certificate}. Boundary: {boundary}", result
-        )
-    return result

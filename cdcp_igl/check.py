@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-from .areas import parallelogram_areas
-from .arrays import Bools, Floats, Ints
+from .areas import corner_products
+from .arrays import Bools, Floats, Ints, blocks
 from .errors import Defect, MeshError, spell
 
 __all__ = ["MeshReport", "check"]
@@ -129,7 +129,8 @@ def examine(V: ArrayLike, F: ArrayLike) -> Examined:
         found.defects += error.defects
         return found
     found.defects += _topological_defects(found)
-    found.defects += _degenerate_faces(found.V, found.F)
+    if defect := degenerate_defect(found.V, found.F):
+        found.defects.append(defect)
     return found
 
 
@@ -169,8 +170,8 @@ def vertex_array(V: ArrayLike, name: str = "V") -> NDArray[Any]:
 def as_vertices(V: ArrayLike, name: str = "V") -> Floats:
     """(n, 3) float64 copy of V, scaled to unit size; MeshError if that cannot be."""
     given = vertex_array(V, name)
-    bad = np.flatnonzero(~np.isfinite(given).all(axis=1))
-    if len(bad):
+    if not np.isfinite(given).all():
+        bad = np.flatnonzero(~np.isfinite(given).all(axis=1))
         raise MeshError(
             Defect(
                 "non-finite coordinate",
@@ -183,7 +184,7 @@ def as_vertices(V: ArrayLike, name: str = "V") -> Floats:
     positions = np.zeros((len(given), 3))
     positions[:, : given.shape[1]] = given
     # By a power of two, which is exact: products of lengths stay in range in any unit.
-    exponent = int(np.frexp(np.abs(positions).max())[1])
+    exponent = int(np.frexp(max(positions.max(), -positions.min()))[1])
     return np.ldexp(positions, -exponent, out=positions)
 
 
@@ -201,8 +202,8 @@ def face_array(F: ArrayLike, n: int) -> Ints:
             )
         )
     # Judged as given: a cast would wrap large unsigned numbers and truncate fractions.
-    outside = np.flatnonzero(~((given >= 0) & (given < n)).all(axis=1))
-    if len(outside):
+    if not (given.min() >= 0 and given.max() < n):
+        outside = np.flatnonzero(~((given >= 0) & (given < n)).all(axis=1))
         one_based = given.min() == 1 and given.max() == n
         raise MeshError(
             Defect(
@@ -214,8 +215,8 @@ def face_array(F: ArrayLike, n: int) -> Ints:
             )
         )
     faces = np.ascontiguousarray(given, dtype=np.int64)
-    fractional = np.flatnonzero((faces != given).any(axis=1))
-    if len(fractional):
+    if not np.array_equal(faces, given):
+        fractional = np.flatnonzero((faces != given).any(axis=1))
         raise MeshError(
             Defect(
                 "fractional index",
@@ -377,11 +378,19 @@ def edges(F: Ints, n: int) -> tuple[Ints, Ints, Ints, Ints, Ints]:
     """
     tail = F.T.ravel()
     head = np.roll(tail, -len(F))
-    edge = np.minimum(tail, head) * n + np.maximum(tail, head)
-    order = np.argsort(edge, kind="stable")
-    edge.sort()  # cheaper than to gather
+    low, high = np.minimum(tail, head), np.maximum(tail, head)
+    order = _counting_sort(high, n)
+    order = order[_counting_sort(low[order], n)]
+    edge = (low * n + high)[order]
     start = np.flatnonzero(np.diff(edge, prepend=-1))
     return tail, head, order, start, np.diff(start, append=F.size)
+
+
+def _counting_sort(keys: Ints, n: int) -> Ints:
+    """Stable order of keys from 0 to n - 1: the columns of a matrix with one entry a row."""
+    rows = len(keys)
+    matrix = csr_matrix((np.zeros(rows, bool), keys, np.arange(rows + 1)), (rows, n))
+    return matrix.tocsc().indices
 
 
 def duplicate_faces(F: Ints) -> Ints:
@@ -475,26 +484,29 @@ def boundary_loops(tail: Ints, head: Ints) -> list[Ints]:
     return loops
 
 
-def _degenerate_faces(V: Floats, F: Ints) -> Iterator[Defect]:
+def degenerate_defect(V: Floats, F: Ints) -> Defect | None:
+    """Faces without area, as a defect; None if there are none."""
     bad = degenerate_faces(V, F)
-    if len(bad):
-        yield Defect(
-            "degenerate face",
-            f"{_count(bad, 'face has', 'faces have')} no area to speak of",
-            "Merge coinciding vertices, and collapse or flip the slivers.",
-            "faces",
-            bad,
-        )
+    if len(bad) == 0:
+        return None
+    return Defect(
+        "degenerate face",
+        f"{_count(bad, 'face has', 'faces have')} no area to speak of",
+        "Merge coinciding vertices, and collapse or flip the slivers.",
+        "faces",
+        bad,
+    )
 
 
 def degenerate_faces(V: Floats, F: Ints) -> Ints:
     """Faces without area, by the square of their longest edge."""
-    corner, after, before = V[F[:, 0]], V[F[:, 1]], V[F[:, 2]]
-    a, b = after - corner, before - corner
-    c = b - a
-    longest_squared = np.maximum.reduce([np.einsum("ij,ij->i", e, e) for e in (a, b, c)])
-    area = parallelogram_areas(a, b) / 2
-    return np.flatnonzero(area <= DEGENERATE * longest_squared)
+    degenerate = np.empty(len(F), dtype=bool)
+    for part in blocks(len(F)):
+        products, twice_area = corner_products(V, F[part])
+        i, j, k = products.T
+        longest_squared = np.maximum(np.maximum(i + j, j + k), k + i)
+        degenerate[part] = twice_area / 2 <= DEGENERATE * longest_squared
+    return np.flatnonzero(degenerate)
 
 
 def _count(indices: Ints, one: str, many: str) -> str:

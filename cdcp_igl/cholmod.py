@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from copy import copy
 from importlib.metadata import version
 from typing import Any, Literal, TypeVar
 
@@ -79,6 +80,13 @@ class Cholesky:
             else:
                 self._factor.cholesky_inplace(A)
 
+    def refactored(self, A: spmatrix) -> Cholesky:
+        """Factor another matrix like `refactor`, and keep this factorization as well."""
+        other = copy(self)
+        other._factor = self._factor.copy()
+        other.refactor(A)
+        return other
+
     def solve(self, b: Numbers) -> Numbers:
         """Solve A x = b; b is real, one or several columns, or one complex vector."""
         return self._run(b, "A", lambda b: self._factor(b))
@@ -103,10 +111,11 @@ class Cholesky:
 def fill_reducing_order(A: spmatrix) -> NDArray[np.int32]:
     """(k,) approximate minimum degree order of the rows of A, postordered."""
     A = csc_matrix(A)
+    # The permutation is that of the supernodal mode, whose analysis takes longer.
     with _solver(A.shape[0]):
         if _MODERN:
-            return cholmod.CholeskyFactor(A, supernodal_mode=Cholesky.mode, order="amd").get_perm()
-        return cholmod.analyze(A, mode=Cholesky.mode, ordering_method="amd").P()
+            return cholmod.CholeskyFactor(A, supernodal_mode="simplicial", order="amd").get_perm()
+        return cholmod.analyze(A, mode="simplicial", ordering_method="amd").P()
 
 
 @contextmanager

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import libigl
-from .areas import area_products, face_areas
-from .arrays import Complex, Floats, Ints
+from .areas import area_products, corner_angles, face_areas
+from .arrays import Complex, Floats, Ints, blocks
 from .check import as_faces, as_vertices
 from .mesh import DiskMesh
 
@@ -19,14 +17,11 @@ __all__ = [
     "angle_distortion",
     "angle_errors",
     "area_distortion",
-    "blocks",
     "conformal_factor",
     "plane_angles",
     "quasi_conformal_dilatation",
     "wirtinger_derivative",
 ]
-
-BLOCK = 1 << 14  # faces
 
 
 @dataclass(frozen=True)
@@ -90,7 +85,7 @@ def angle_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
            [18.43, 18.43,  0.  ]])
     """
     positions, faces, z = _surface_and_image(V, F, uv)
-    angles = libigl.internal_angles(positions, faces)
+    angles = corner_angles(positions, faces)
     return np.degrees(abs(plane_angles(z, faces) - angles))
 
 
@@ -244,12 +239,6 @@ def angle_errors(mesh: DiskMesh, f: Complex) -> Floats:
     for part in blocks(len(errors)):
         errors[part] = plane_angles(f, mesh.F[part]) - mesh.angles[part]
     return errors
-
-
-def blocks(m: int) -> Iterator[slice]:
-    """Split m faces into blocks whose arrays stay in the cache."""
-    for start in range(0, m, BLOCK):
-        yield slice(start, start + BLOCK)
 
 
 def plane_angles(z: Complex, F: Ints) -> Floats:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
@@ -70,6 +72,24 @@ class Factor:
             f"CHOLMOD (scikit-sparse {cholmod.VERSION}, AMD ordering, "
             f"{Cholesky.mode} mode, {count})"
         )
+
+    def refactored(self, L: csr_matrix) -> Factor:
+        """Factor the Laplacian of the same connectivity elsewhere, without a new analysis.
+
+        Parameters
+        ----------
+        L : (n, n) csr_matrix of float64
+            With the same pattern of nonzeros.
+
+        Returns
+        -------
+        Factor
+        """
+        other = copy(self)
+        other._pinned = self._pinned.refactored(_block(L, self._rows))
+        if self._inner:
+            other._inner = self._inner.refactored(_block(L, self._interior))
+        return other
 
     def solve_pinned(self, r: Complex) -> Complex:
         """Solve L h = r with h = 0 at the first boundary vertex.

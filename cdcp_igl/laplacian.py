@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_matrix, diags
+from scipy.sparse import csr_matrix
 
 from . import libigl
+from .areas import corner_products
+from .arrays import Floats, blocks
 from .mesh import DiskMesh
 
 __all__ = ["cotangent_laplacian", "intrinsic_delaunay_laplacian"]
@@ -15,7 +17,7 @@ def cotangent_laplacian(mesh: DiskMesh) -> csr_matrix:
     """Assemble the positive semidefinite cotangent Laplacian, eq. (8).
 
     L_ij = -(cot a_ij + cot b_ij) / 2 on edges, rows sum to zero; the negative of
-    ``igl.cotmatrix(V, F)``, assembled from libigl's cotangents in a tenth of its time.
+    ``igl.cotmatrix(V, F)``, assembled in a tenth of its time.
 
     Parameters
     ----------
@@ -27,13 +29,26 @@ def cotangent_laplacian(mesh: DiskMesh) -> csr_matrix:
         Symmetric to the last bit.
     """
     n = len(mesh.V)
-    # Column k holds the cotangent of corner k, which belongs to the opposite edge. On an
-    # oriented manifold no two faces share a half-edge, so nothing is summed twice.
-    start = mesh.F[:, [1, 2, 0]].ravel()
-    end = mesh.F[:, [2, 0, 1]].ravel()
-    half = csr_matrix((-libigl.half_cotangents(mesh.V, mesh.F).ravel(), (start, end)), (n, n))
-    off_diagonal = half + half.T.tocsr()
-    return off_diagonal - diags(np.asarray(off_diagonal.sum(axis=1)).ravel(), format="csr")
+    # Column k holds the cotangent of corner k, which belongs to the opposite edge. Entries
+    # that happen to be zero stay: the pattern is that of the edges, wherever the vertices are.
+    faces = mesh.F.astype(np.int32)
+    start = faces[:, [1, 2, 0]].ravel()
+    end = faces[:, [2, 0, 1]].ravel()
+    weights = _half_cotangents(mesh).ravel()
+    diagonal = np.bincount(start, weights, n) + np.bincount(end, weights, n)
+    vertices = np.arange(n, dtype=np.int32)
+    row = np.concatenate([start, end, vertices])
+    column = np.concatenate([end, start, vertices])
+    return csr_matrix((np.concatenate([-weights, -weights, diagonal]), (row, column)), (n, n))
+
+
+def _half_cotangents(mesh: DiskMesh) -> Floats:
+    """(m, 3) half the cotangent at each corner."""
+    halves = np.empty(mesh.F.shape)
+    for part in blocks(len(halves)):
+        products, twice_area = corner_products(mesh.V, mesh.F[part])
+        np.divide(products, 2 * twice_area[:, None], out=halves[part])
+    return halves
 
 
 def intrinsic_delaunay_laplacian(mesh: DiskMesh) -> csr_matrix:

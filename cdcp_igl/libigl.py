@@ -20,9 +20,7 @@ from .arrays import Bools, Floats, Ints
 __all__ = [
     "VERSION",
     "adjacency_matrix",
-    "half_cotangents",
     "harmonic",
-    "internal_angles",
     "intrinsic_delaunay_cotangent_matrix",
     "is_counterclockwise",
     "lscm",
@@ -38,19 +36,9 @@ def adjacency_matrix(F: Ints) -> csc_matrix:
     return igl.adjacency_matrix(F)
 
 
-def half_cotangents(V: Floats, F: Ints) -> Floats:
-    """(m, 3) half cotangents; column k belongs to the angle at corner k."""
-    return np.asarray(igl.cotmatrix_entries(V, F))
-
-
 def harmonic(V: Floats, F: Ints, S: Ints, c: Floats) -> Floats:
     """(n, 2) cotangent-harmonic extension of the values c (k, 2) at the vertices S."""
     return igl.harmonic(V, F, S, c, 1)
-
-
-def internal_angles(V: Floats, F: Ints) -> Floats:
-    """(m, 3) angles in radians, unsigned; column k belongs to corner k."""
-    return np.asarray(igl.internal_angles(V, F))
 
 
 def intrinsic_delaunay_cotangent_matrix(V: Floats, F: Ints) -> csc_matrix:

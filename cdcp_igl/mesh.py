@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import libigl
+from .areas import corner_angles
 from .arrays import Floats, Ints
-from .check import examine
-from .errors import MeshError
+from .check import as_vertices, degenerate_defect, examine
+from .errors import Defect, MeshError
 
 __all__ = ["DiskMesh"]
 
@@ -72,7 +73,7 @@ class DiskMesh:
     @cached_property
     def angles(self) -> Floats:
         """(m, 3) corner angles of the surface in radians, column k at corner k; read-only."""
-        angles = libigl.internal_angles(self.V, self.F)
+        angles = corner_angles(self.V, self.F)
         angles.flags.writeable = False
         return angles
 
@@ -88,6 +89,39 @@ class DiskMesh:
         inscribed = np.flatnonzero(on_boundary[i] & on_boundary[j] & on_boundary[k])
         inscribed.flags.writeable = False
         return inscribed
+
+    def moved(self, V: ArrayLike) -> DiskMesh:
+        """Return the mesh with its vertices elsewhere; what is known of its faces is kept.
+
+        Parameters
+        ----------
+        V : (n, 3) or (n, 2) array_like of real numbers
+
+        Returns
+        -------
+        DiskMesh
+
+        Raises
+        ------
+        MeshError
+            If V has another number of rows, is not finite, or makes a face degenerate.
+        """
+        positions = as_vertices(V)
+        if len(positions) != len(self.V):
+            raise MeshError(
+                Defect(
+                    "shape of V",
+                    f"V has {len(positions):,} rows and the mesh {len(self.V):,} vertices",
+                    "Only vertices may move; for another connectivity make a new mesh.",
+                )
+            )
+        if defect := degenerate_defect(positions, self.F):
+            raise MeshError(defect)
+        positions.flags.writeable = False
+        mesh = copy(self)
+        mesh.__dict__.pop("angles", None)
+        mesh.__dict__["V"] = positions
+        return mesh
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"DiskMesh is immutable: cannot set {name!r}")

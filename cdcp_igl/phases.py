@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
 from typing import TypeVar
@@ -41,6 +41,8 @@ class Phases:
         done.
     refinement_steps : int
         Steps that the phase "refine" will take.
+    skipped : iterable of str
+        Phases that will not run, because their result is there already.
 
     Attributes
     ----------
@@ -48,10 +50,16 @@ class Phases:
         Wall time of each finished phase; of all its runs where it was repeated.
     """
 
-    def __init__(self, progress: Progress | None = None, refinement_steps: int = 0) -> None:
+    def __init__(
+        self,
+        progress: Progress | None = None,
+        refinement_steps: int = 0,
+        skipped: Iterable[str] = (),
+    ) -> None:
         self.seconds: dict[str, float] = {}
         self._progress = progress
         shares = PHASES | {"refine": REFINEMENT_STEP * refinement_steps}
+        shares |= dict.fromkeys(skipped, 0)
         self._shares = {phase: share / sum(shares.values()) for phase, share in shares.items()}
 
     @contextmanager

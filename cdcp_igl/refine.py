@@ -9,9 +9,9 @@ from typing import TypeVar
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
-from .arrays import Complex, Floats, Ints
+from .arrays import Complex, Floats, Ints, blocks
 from .cholmod import Cholesky
-from .distortion import angle_errors, blocks
+from .distortion import angle_errors
 from .injectivity import flipped_faces
 from .mesh import DiskMesh
 

@@ -1,13 +1,13 @@
 import meshes
 import numpy as np
 import pytest
+from igl import internal_angles
 
 import cdcp_igl
 from cdcp_igl.center import central_face
 from cdcp_igl.datasets import spherical_cap
 from cdcp_igl.factor import Factor
 from cdcp_igl.laplacian import cotangent_laplacian
-from cdcp_igl.libigl import internal_angles
 from cdcp_igl.mesh import DiskMesh
 
 

@@ -3,12 +3,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from igl import internal_angles
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 import cdcp_igl
 from cdcp_igl.distortion import plane_angles
-from cdcp_igl.libigl import internal_angles
 from cdcp_igl.mesh import DiskMesh
 from cdcp_igl.mobius import (
     angle_change,

@@ -1,0 +1,131 @@
+"""The prefactored object against `disk_map`."""
+
+import meshes
+import numpy as np
+import pytest
+
+import cdcp_igl
+from cdcp_igl import cholmod, factor
+from cdcp_igl.mapper import DiskMapper
+
+V, F = meshes.grid(9, 11)
+ONCE = {"check", "laplacian", "factor"}
+HARMONIC = {"center", "trace", "circle", "extension"}
+
+
+def test_every_map_is_that_of_disk_map():
+    mapper = DiskMapper(V, F)
+    for options in (
+        {},
+        {"mobius": "area"},
+        {"center": 7},
+        {"center": 7, "align": int(mapper.mesh.loop[3])},
+        {"center": "centroid", "mobius": None},
+        {"preset": "paper"},
+        {"refine": 2, "refine_norm": 1.2},
+        {},
+    ):
+        again, once = mapper.map(**options), cdcp_igl.disk_map(V, F, **options)
+        np.testing.assert_array_equal(again.uv, once.uv)
+        assert again.center == once.center
+        assert again.trace == once.trace
+        assert again.solver == once.solver
+
+
+def test_timings_are_of_what_was_done():
+    everything = set(cdcp_igl.disk_map(V, F).timings)
+    mapper = DiskMapper(V, F)
+    assert set(mapper.map().timings) == everything - ONCE
+    assert set(mapper.map(mobius="area").timings) == everything - ONCE - HARMONIC
+    assert set(mapper.map(center=7).timings) == everything - ONCE
+    assert set(mapper.map(center=7, refine=1).timings) == everything - ONCE - HARMONIC
+
+
+def test_progress_goes_from_0_to_1():
+    mapper = DiskMapper(V, F)
+    for _ in range(2):
+        seen = []
+        mapper.map(progress=lambda phase, fraction, seen=seen: seen.append(fraction))
+        assert seen == sorted(seen)
+        assert seen[0] == 0
+        assert seen[-2] > 0.8
+        assert seen[-1] == 1
+
+
+@pytest.mark.parametrize("bound", [factor.SHORT_BOUNDARY, 0], ids=["one", "two"])
+def test_moved_vertices_without_a_new_analysis(monkeypatch, bound):
+    monkeypatch.setattr(factor, "SHORT_BOUNDARY", bound)
+    monkeypatch.setattr(factor, "LONG_BOUNDARY", bound)
+    there = V + 0.2 * np.sin(3 * V[:, [1, 2, 0]])
+    expected = cdcp_igl.cdcp(there, F)
+    mapper = DiskMapper(V, F)
+    before = mapper.map()
+    monkeypatch.setattr(cholmod.Cholesky, "__init__", None)  # the only way to an analysis
+    monkeypatch.setattr(cholmod, "fill_reducing_order", None)
+    moved = mapper.moved(there)
+    np.testing.assert_allclose(moved.map().uv, expected, atol=1e-12)
+    np.testing.assert_allclose(moved.moved(V).map().uv, before.uv, atol=1e-12)
+    mapper.map(center="centroid", mobius=None)  # forget the first harmonic map
+    np.testing.assert_array_equal(mapper.map().uv, before.uv)
+
+
+def test_moved_from_right_angles_whose_cotangents_vanish():
+    """The pattern of the Laplacian depends on the faces alone."""
+    flat = V * [1, 1, 0]
+    there = V + 0.2 * np.sin(3 * V[:, [1, 2, 0]])
+    moved = DiskMapper(flat, F).moved(there).map().uv
+    np.testing.assert_allclose(moved, cdcp_igl.cdcp(there, F), atol=1e-12)
+
+
+def test_planar_vertices_may_move():
+    moved = DiskMapper(V, F).moved(V[:, :2] * [2, 1]).map().uv
+    np.testing.assert_allclose(moved, cdcp_igl.cdcp(V[:, :2] * [2, 1], F), atol=1e-12)
+
+
+def test_bad_vertices_are_mesh_errors():
+    mapper = DiskMapper(V, F)
+    with pytest.raises(cdcp_igl.MeshError, match="rows"):
+        mapper.moved(V[:-1])
+    with pytest.raises(cdcp_igl.MeshError, match=r"shape \(\d+, 1\)"):
+        mapper.moved(V[:, :1])
+    with pytest.raises(cdcp_igl.MeshError, match="NaN") as raised:
+        mapper.moved(np.where(np.arange(len(V))[:, None] == 5, np.nan, V))
+    assert list(raised.value.indices) == [5]
+    collapsed = V.copy()
+    collapsed[F[3, 0]] = collapsed[F[3, 1]]
+    with pytest.raises(cdcp_igl.MeshError, match="no area") as raised:
+        mapper.moved(collapsed)
+    assert 3 in raised.value.indices
+    with pytest.raises(cdcp_igl.MeshError):
+        DiskMapper(V, F[:, [0, 0, 1]])
+
+
+def test_bad_options_are_value_errors():
+    mapper = DiskMapper(V, F)
+    for options in ({"center": "middle"}, {"center": -1}, {"mobius": "x"}, {"refine": -1}):
+        with pytest.raises(ValueError, match=r"must be|faces"):
+            mapper.map(**options)
+
+
+def test_inputs_are_neither_modified_nor_kept():
+    v, faces = V.copy(), F.copy()
+    mapper = DiskMapper(v, faces)
+    np.testing.assert_array_equal(v, V)
+    np.testing.assert_array_equal(faces, F)
+    before = mapper.map().uv
+    v += 1
+    faces[:] = 0
+    np.testing.assert_array_equal(mapper.map().uv, before)
+    assert "99 vertices" in repr(mapper)
+
+
+def test_a_surface_that_needs_several_attempts():
+    thin = V * [30, 1, 1]
+    once = cdcp_igl.disk_map(thin, F)
+    assert once.trace.rejected
+    mapper = DiskMapper(thin, F)
+    for _ in range(2):
+        again = mapper.map()
+        np.testing.assert_array_equal(again.uv, once.uv)
+        assert again.trace == once.trace
+    assert not HARMONIC & set(again.timings)
