@@ -14,7 +14,6 @@ from cdcp_igl.center import central_face, centrality
 from cdcp_igl.cholmod import Cholesky
 from cdcp_igl.circle.fallback import _whitened_geodesic_map
 from cdcp_igl.circle.geodesic import geodesic_map
-from cdcp_igl.circle.theodorsen import theodorsen_map
 from cdcp_igl.circle.whiten import whiten
 from cdcp_igl.dipole import boundary_trace
 from cdcp_igl.errors import MapError
@@ -26,6 +25,8 @@ from cdcp_igl.mobius import normalize
 from cdcp_igl.reference import Method
 from cdcp_igl.reference.certified import certified_disk_map
 from cdcp_igl.repair import unfold
+
+from .theodorsen import theodorsen_map
 
 __all__ = ["ABLATIONS", "TABLE"]
 

@@ -83,15 +83,11 @@ class SolverError(RuntimeError):
 class MapError(RuntimeError):
     """There is no certified bijection onto the disk to return.
 
-    Either a map was computed and is none, or the surface is so long and thin that its map
-    is not to be had in double precision (crowding).
-
     Attributes
     ----------
     result : DiskMap, ReferenceMap or None
         The map as it is, with the certificate that says what is wrong with it; a
-        ReferenceMap from the methods of `cdcp_igl.reference`. None where none was made,
-        because of crowding.
+        ReferenceMap from the methods of `cdcp_igl.reference`.
     """
 
     def __init__(self, message: str, result: DiskMap | ReferenceMap | None = None) -> None:

@@ -120,3 +120,15 @@ def test_inputs_are_neither_modified_nor_kept():
     faces[:] = 0
     np.testing.assert_array_equal(mapper.map().uv, before)
     assert "99 vertices" in repr(mapper)
+
+
+def test_a_surface_that_needs_several_attempts():
+    thin = V * [30, 1, 1]
+    once = cdcp_igl.disk_map(thin, F)
+    assert once.trace.rejected
+    mapper = DiskMapper(thin, F)
+    for _ in range(2):
+        again = mapper.map()
+        np.testing.assert_array_equal(again.uv, once.uv)
+        assert again.trace == once.trace
+    assert not HARMONIC & set(again.timings)

@@ -266,7 +266,7 @@ FIVE_STEPS = {
 }
 ONE_STEP = {"chinese_lion_17334": (1.347, 1.872), "human_brain_48463": (1.343, 1.482)}
 TEN_STEPS = {"chinese_lion_17334": 1.275, "human_brain_48463": 1.25, "stanford_bunny_31593": 0.965}
-# Crowded, ears, slivers, and one that only arc length can map.
+# Few vertices, ears, slivers.
 HARD = ("nefertiti_299", "femur_2411", "face_1180_ears", "camelhead_11381")
 HARD = (*HARD, "cthead_115491")
 
