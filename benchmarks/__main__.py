@@ -2,9 +2,12 @@
 
 import typer
 
-from . import fuzz, readme
+from . import fuzz, measure, readme
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
+app.command("tables")(measure.tables)
+app.command("speed")(measure.speed)
+app.command("ablation")(measure.ablation)
 app.command("fuzz")(fuzz.fuzz)
 app.command("readme")(readme.write)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
@@ -12,14 +13,13 @@ from scipy.sparse import csr_matrix
 
 from .arrays import Complex, Floats
 from .center import Center, CenterMethod, central_face
-from .circle import BoundaryMethod, blame_crowding, map_to_circle, spread
+from .circle import BoundaryMethod, maps_to_circle, spread
 from .dipole import boundary_trace
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError
-from .extension import harmonic_extension
 from .factor import Factor
 from .injectivity import certify
-from .laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
+from .laplacian import cotangent_laplacian
 from .mesh import DiskMesh
 from .mobius import normalize, rotate
 from .phases import Phases, Progress
@@ -27,7 +27,7 @@ from .refine import lower_angle_distortion
 from .repair import unfold
 from .result import DiskMap
 
-__all__ = ["HarmonicMap", "Options", "cdcp", "disk_map", "harmonic_map", "normalized_map"]
+__all__ = ["HarmonicMap", "Options", "cdcp", "certified_map", "disk_map", "harmonic_maps"]
 
 
 def cdcp(V: ArrayLike, F: ArrayLike, **options: Any) -> Floats:
@@ -72,6 +72,7 @@ def disk_map(
     align: int | ArrayLike | None = None,
     refine: int = 0,
     refine_norm: float = 1.5,
+    refine_seconds: float = np.inf,
     preset: Literal["paper"] | None = None,
     progress: Progress | None = None,
 ) -> DiskMap:
@@ -100,11 +101,15 @@ def disk_map(
         that way. None is the boundary vertex of smallest index.
     refine : int
         Steps of refinement, 0 for none: Gauss-Newton on the sum of |angle error|^p over all
-        corners, boundary fixed. Not in the paper. Most of the gain comes with the first two;
-        each costs about half as much again as the map.
+        corners; boundary vertices slide on the circle. Not in the paper. Most of the gain
+        comes with the first two; each costs less than the map itself.
     refine_norm : float
         The exponent p, from 1 to 2. The default lowers mean and SD; the nearer to 1, the
         lower the mean and the higher the SD.
+    refine_seconds : float
+        Time limit of the refinement: after so many seconds no step is begun. The map is the
+        best until then, ``result.refinement.stopped`` says so, and it depends on the speed of
+        the machine; without a limit, equal inputs have equal outputs.
     preset : {"paper"} or None
         ``"paper"`` follows the paper to the letter where it is right: coldest face by
         heat, no whitening of the trace, Nelder-Mead over all faces. Not to be combined
@@ -125,8 +130,8 @@ def disk_map(
     SolverError
         If the Laplacian cannot be factored.
     MapError
-        If the map is not a bijection onto the disk; the map is its ``result``. Or if the
-        surface is too long and thin for double precision (crowding).
+        If no map is a bijection onto the disk, which the crowding of a surface that is too
+        long and thin for double precision may prevent; the last one is its ``result``.
     ValueError
         If an option is not one of those above.
 
@@ -142,7 +147,7 @@ def disk_map(
     >>> result.certificate.valid, result.refinement.steps
     (True, 2)
     """
-    options = Options(center, mobius, align, refine, refine_norm, preset)
+    options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
     phase = Phases(progress, refine)
     with phase("check"):
         mesh = DiskMesh(V, F)
@@ -150,8 +155,8 @@ def disk_map(
         L = cotangent_laplacian(mesh)  # (8)
     with phase("factor"):
         factor = Factor(mesh, L)
-    harmonic = harmonic_map(mesh, L, factor, options, phase)
-    return normalized_map(mesh, L, factor, harmonic, options, phase)
+    maps = harmonic_maps(mesh, L, factor, options, phase)
+    return certified_map(mesh, factor, maps, options, phase)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,6 +168,7 @@ class Options:
     align: int | ArrayLike | None = None
     refine: int = 0
     refine_norm: float = 1.5
+    refine_seconds: float = np.inf
     preset: Literal["paper"] | None = None
 
     def __post_init__(self) -> None:
@@ -174,6 +180,8 @@ class Options:
             raise ValueError(f"refine must be a number of steps, 0 or more, not {self.refine!r}")
         if not 1 <= self.refine_norm <= 2:
             raise ValueError(f"refine_norm must be from 1 to 2, not {self.refine_norm!r}")
+        if not self.refine_seconds >= 0:
+            raise ValueError(f"refine_seconds must be 0 or more, not {self.refine_seconds!r}")
         if self.paper and (self.center, self.mobius) != ("torsion", "angle"):
             raise ValueError('preset="paper" sets center and mobius itself')
 
@@ -190,56 +198,75 @@ class HarmonicMap:
     Attributes
     ----------
     f : (n,) complex128
+    extend : callable
+        Extends boundary values harmonically to all of the surface.
     center : Center
     trace : BoundaryMethod
     """
 
     f: Complex
+    extend: Callable[[Complex], Complex]
     center: Center
     trace: BoundaryMethod
 
 
-def harmonic_map(
+def harmonic_maps(
     mesh: DiskMesh, L: csr_matrix, factor: Factor, options: Options, phase: Phases
-) -> HarmonicMap:
-    """Do the first half of Algorithm 1: from the factor to a harmonic map onto the disk."""
+) -> Iterator[HarmonicMap]:
+    """Do the first half of Algorithm 1: from the factor to harmonic maps onto the disk.
+
+    The second and third are for where the one before cannot be certified.
+    """
     paper = options.paper
     center = "heat" if paper else options.center
     with phase("center"):
         tau_c = central_face(mesh, L, factor, center, well_shaped=not paper)
     with phase("trace"):
         h_B = boundary_trace(mesh, factor, tau_c.face)  # (18), Theorem 1
-    extend = partial(harmonic_extension, mesh, L, factor)
-    with phase("circle"):
-        f_B, boundary = map_to_circle(
-            mesh, h_B, lambda: _delaunay_trace(mesh, tau_c.face), extend, whitened=not paper
-        )  # (1)-(6)
-    with phase("extension"):
-        f = extend(f_B)  # (10)
-    return HarmonicMap(f, tau_c, boundary)
+    attempts = maps_to_circle(mesh, L, factor, h_B, tau_c.face, whitened=not paper)  # (1)-(6)
+    for f_B, extend, boundary in phase.each("circle", attempts):
+        with phase("extension"):
+            f = extend(f_B)  # (10)
+        yield HarmonicMap(f, extend, tau_c, boundary)
+
+
+def certified_map(
+    mesh: DiskMesh, factor: Factor, maps: Iterator[HarmonicMap], options: Options, phase: Phases
+) -> DiskMap:
+    """Normalise one map after the other until one is certified; MapError if none is."""
+    for harmonic in maps:
+        result = normalized_map(mesh, factor, harmonic, options, phase)
+        if result.certificate.valid:
+            phase.done()
+            return result
+    raise MapError(
+        f"The map is not a bijection onto the disk: {result.certificate}. Boundary: {result.trace}",
+        result,
+    )
 
 
 def normalized_map(
-    mesh: DiskMesh,
-    L: csr_matrix,
-    factor: Factor,
-    harmonic: HarmonicMap,
-    options: Options,
-    phase: Phases,
+    mesh: DiskMesh, factor: Factor, harmonic: HarmonicMap, options: Options, phase: Phases
 ) -> DiskMap:
     """Do the second half: the Möbius transformation, repair, refinement, certificate."""
-    extend = partial(harmonic_extension, mesh, L, factor)
     with phase("mobius"):
         method = "nelder-mead" if options.paper else options.mobius
         f, normalization = normalize(mesh, harmonic.f, method)  # (19), (20)
     with phase("repair"):
-        f, n_spread = spread(mesh, f, extend)
+        f, n_spread = spread(mesh, f, harmonic.extend)
         f, repair = unfold(mesh, rotate(mesh, f, options.align))
     with phase("refine") as advance:
         refinement = None
         if options.refine:
             f, refinement = lower_angle_distortion(
-                mesh, f, options.refine, options.refine_norm, advance
+                mesh,
+                f,
+                factor.order,
+                options.refine,
+                options.refine_norm,
+                seconds=options.refine_seconds,
+                turn=partial(rotate, mesh, align=options.align),
+                advance=advance,
             )
     with phase("certificate"):
         uv = np.column_stack([f.real, f.imag])
@@ -249,9 +276,7 @@ def normalized_map(
         free = distortion
         if 0 < len(mesh.inscribed) < len(mesh.F):
             free = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
-    phase.done()
-
-    result = DiskMap(
+    return DiskMap(
         uv=uv,
         certificate=certificate,
         distortion=distortion,
@@ -264,14 +289,3 @@ def normalized_map(
         solver=factor.solver,
         timings=phase.seconds,
     )
-    if not certificate.valid:
-        raise MapError(
-            f"The map is not a bijection onto the disk: {certificate}"
-            + blame_crowding(uv, mesh.F, certificate.flipped),
-            result,
-        )
-    return result
-
-
-def _delaunay_trace(mesh: DiskMesh, face: int) -> Complex:
-    return boundary_trace(mesh, Factor(mesh, intrinsic_delaunay_laplacian(mesh)), face)

@@ -79,8 +79,8 @@ class Cholesky:
         # From a copy of the symbolic analysis: scikit-sparse 0.5 leaves a simplicial factor
         # behind, and to factor in that takes 2.6 times as long as analysis and factorization
         # (216,000 vertices), in a copy 0.4 to 0.7 times. A solve takes 0.03 times as long in it.
-        self._factor = self._symbolic.copy()
         with _solver(A.shape[0]):
+            self._factor = self._symbolic.copy()
             if _MODERN:
                 self._factor.factorize(A)
             else:

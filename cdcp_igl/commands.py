@@ -169,6 +169,10 @@ def map_command(
         int,
         typer.Option(metavar="N", min=0, help="Steps of refinement after the harmonic map."),
     ] = 0,
+    refine_seconds: Annotated[
+        float | None,
+        typer.Option(metavar="S", min=0, help="Begin no step of refinement after S seconds."),
+    ] = None,
     preset: Annotated[
         Preset | None, typer.Option(help="Follow the paper; sets --center and --mobius itself.")
     ] = None,
@@ -202,6 +206,8 @@ def map_command(
         options["mobius"] = None
     if refine:
         options["refine"] = refine
+    if refine_seconds is not None:
+        options["refine_seconds"] = refine_seconds
 
     notes: list[str] = []
     with _exit_codes(), progress_bar() as progress:

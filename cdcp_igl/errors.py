@@ -103,29 +103,28 @@ class SolverError(RuntimeError):
 class MapError(RuntimeError):
     """There is no certified bijection onto the disk to return.
 
-    Either a map was computed and is none, or the surface is so long and thin that its map
-    is not to be had in double precision (crowding).
-
     Attributes
     ----------
     result : DiskMap, ReferenceMap or None
         The map as it is, with the certificate that says what is wrong with it; a
-        ReferenceMap from the methods of `cdcp_igl.reference`. None where none was made,
-        because of crowding.
+        ReferenceMap from the methods of `cdcp_igl.reference`.
 
     Examples
     --------
-    A corridor forty times longer than wide, as two rows of vertices:
+    A star with long and short arms, and a method that does not repair flipped faces:
 
+    >>> import numpy as np
     >>> import cdcp_igl
-    >>> V = [[x, y] for x in range(41) for y in (0, 1)]
-    >>> F = [[i, i + 2, i + 1] for i in range(0, 80, 2)]
-    >>> F += [[i + 2, i + 3, i + 1] for i in range(0, 80, 2)]
+    >>> z = np.exp(2j * np.pi * np.arange(8) / 8) * [1, 0.1, 1, 0.1, 1, 0.1, 1, 0.1]
+    >>> V = np.vstack([np.column_stack([z.real, z.imag]), [0.01, 0.005]])
+    >>> F = [[i, (i + 1) % 8, 8] for i in range(8)]
     >>> try:
-    ...     cdcp_igl.cdcp(V, F)
+    ...     cdcp_igl.reference.fdcp(V, F)
     ... except cdcp_igl.MapError as error:
-    ...     print(str(error)[:9], error.result)
-    Crowding: None
+    ...     print(error.result.certificate.valid)
+    False
+    >>> cdcp_igl.disk_map(V, F).certificate.valid
+    True
     """
 
     def __init__(self, message: str, result: DiskMap | ReferenceMap | None = None) -> None:

@@ -44,6 +44,8 @@ class Factor:
 
     Attributes
     ----------
+    order : (nI,) int64
+        The interior vertices in the fill-reducing order.
     solver : str
         Solver, version, ordering, mode and number of factorizations.
 
@@ -67,6 +69,10 @@ class Factor:
         # A postordering may have moved rows; the interior must still come first.
         if nI and (self._pinned.permutation[:nI] >= nI).any():
             self._inner = Cholesky(_block(L, interior), ordering="amd")
+        if self._inner:
+            self.order = interior[self._inner.permutation]
+        else:
+            self.order = self._rows[self._pinned.permutation[:nI]]
         count = "two factorizations" if self._inner else "one factorization"
         self.solver = (
             f"CHOLMOD (scikit-sparse {cholmod.VERSION}, AMD ordering, "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags
 
 from . import libigl
 from .areas import corner_products
@@ -29,17 +29,13 @@ def cotangent_laplacian(mesh: DiskMesh) -> csr_matrix:
         Symmetric to the last bit.
     """
     n = len(mesh.V)
-    # Column k holds the cotangent of corner k, which belongs to the opposite edge. Entries
-    # that happen to be zero stay: the pattern is that of the edges, wherever the vertices are.
-    faces = mesh.F.astype(np.int32)
-    start = faces[:, [1, 2, 0]].ravel()
-    end = faces[:, [2, 0, 1]].ravel()
-    weights = _half_cotangents(mesh).ravel()
-    diagonal = np.bincount(start, weights, n) + np.bincount(end, weights, n)
-    vertices = np.arange(n, dtype=np.int32)
-    row = np.concatenate([start, end, vertices])
-    column = np.concatenate([end, start, vertices])
-    return csr_matrix((np.concatenate([-weights, -weights, diagonal]), (row, column)), (n, n))
+    # Column k holds the cotangent of corner k, which belongs to the opposite edge. On an
+    # oriented manifold no two faces share a half-edge, so nothing is summed twice.
+    start = mesh.F[:, [1, 2, 0]].ravel()
+    end = mesh.F[:, [2, 0, 1]].ravel()
+    half = csr_matrix((-_half_cotangents(mesh).ravel(), (start, end)), (n, n))
+    off_diagonal = half + half.T.tocsr()
+    return off_diagonal - diags(np.asarray(off_diagonal.sum(axis=1)).ravel(), format="csr")
 
 
 def _half_cotangents(mesh: DiskMesh) -> Floats:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from copy import copy
+from itertools import islice
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 
-from .cdcp import HarmonicMap, Options, harmonic_map, normalized_map
+from .cdcp import HarmonicMap, Options, certified_map, harmonic_maps
 from .center import CenterMethod
 from .factor import Factor
 from .laplacian import cotangent_laplacian
@@ -66,7 +68,7 @@ class DiskMapper:
         self.mesh = DiskMesh(V, F.copy() if isinstance(F, np.ndarray) else F)
         self._L: csr_matrix = cotangent_laplacian(self.mesh)
         self._factor = Factor(self.mesh, self._L)
-        self._last: tuple[object, HarmonicMap] | None = None
+        self._last: tuple[object, list[HarmonicMap]] | None = None
 
     def map(
         self,
@@ -76,6 +78,7 @@ class DiskMapper:
         align: int | ArrayLike | None = None,
         refine: int = 0,
         refine_norm: float = 1.5,
+        refine_seconds: float = np.inf,
         preset: Literal["paper"] | None = None,
         progress: Progress | None = None,
     ) -> DiskMap:
@@ -83,7 +86,7 @@ class DiskMapper:
 
         Parameters
         ----------
-        center, mobius, align, refine, refine_norm, preset, progress
+        center, mobius, align, refine, refine_norm, refine_seconds, preset, progress
             As in `disk_map`.
 
         Returns
@@ -96,19 +99,30 @@ class DiskMapper:
         SolverError, MapError, ValueError
             As `disk_map`.
         """
-        options = Options(center, mobius, align, refine, refine_norm, preset)
+        options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
         key = (center, preset)
-        known = self._last[1] if self._last and self._last[0] == key else None
+        known = self._last[1] if self._last and self._last[0] == key else []
         skipped = ["check", "laplacian", "factor"]
         if known:
             skipped += ["center", "trace", "circle", "extension"]
         phase = Phases(progress, refine, skipped)
-        harmonic = known or harmonic_map(self.mesh, self._L, self._factor, options, phase)
-        self._last = key, harmonic
-        return normalized_map(self.mesh, self._L, self._factor, harmonic, options, phase)
+        self._last = key, known
+
+        def maps() -> Iterator[HarmonicMap]:
+            """Make those that are known, and then others if they are asked for."""
+            yield from tuple(known)
+            made = harmonic_maps(self.mesh, self._L, self._factor, options, phase)
+            for harmonic in islice(made, len(known), None):
+                known.append(harmonic)
+                yield harmonic
+
+        return certified_map(self.mesh, self._factor, maps(), options, phase)
 
     def moved(self, V: ArrayLike) -> DiskMapper:
         """Take the same faces with moved vertices: no topological checks, no new ordering.
+
+        Only where cotangents of the one surface vanish, and not of the other, is the ordering
+        computed again.
 
         Parameters
         ----------
@@ -130,7 +144,13 @@ class DiskMapper:
         other = copy(self)
         other.mesh = self.mesh.moved(V)
         other._L = cotangent_laplacian(other.mesh)
-        other._factor = self._factor.refactored(other._L)
+        # Sums of cotangents that vanish, as at right angles, are not stored.
+        same_pattern = np.array_equal(self._L.indptr, other._L.indptr) and np.array_equal(
+            self._L.indices, other._L.indices
+        )
+        other._factor = (
+            self._factor.refactored(other._L) if same_pattern else Factor(other.mesh, other._L)
+        )
         other._last = None
         return other
 

@@ -122,11 +122,11 @@ def rotate(mesh: DiskMesh, f: Complex, align: int | ArrayLike | None) -> Complex
     ----------
     mesh : DiskMesh
     f : (n,) complex128
-        Map onto the unit disk, first boundary vertex at 1.
+        Map onto the unit disk.
     align : int, (3,) array_like or None
         A boundary vertex, to go to 1; or a direction d in space: the height x.d of the
         surface, as a function on the disk, has its moment sum_v m_v x_v.d f_v about the
-        mean height, m_v the area at a vertex, at angle 0. None is no turn.
+        mean height, m_v the area at a vertex, at angle 0. None is the first boundary vertex.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def rotate(mesh: DiskMesh, f: Complex, align: int | ArrayLike | None) -> Complex
         If `align` is neither, or the height has no moment.
     """
     if align is None:
-        return f
+        align = mesh.loop[0]
     if isinstance(align, int | np.integer):
         if align not in mesh.loop:
             raise ValueError(f"align={align} is not a boundary vertex")

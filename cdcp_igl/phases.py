@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
+from typing import TypeVar
 
 __all__ = ["PHASES", "Phases", "Progress"]
 
 Progress = Callable[[str, float], None]
+Item = TypeVar("Item")
 
 # The phases in order, with their share of the time on a large mesh: what a progress bar
 # can honestly show.
@@ -45,7 +47,7 @@ class Phases:
     Attributes
     ----------
     seconds : dict of str to float
-        Wall time of each finished phase.
+        Wall time of each finished phase; of all its runs where it was repeated.
     """
 
     def __init__(
@@ -70,12 +72,21 @@ class Phases:
 
         def advance(done: float) -> None:
             if self._progress:
-                self._progress(phase, before + done * self._shares[phase])
+                self._progress(phase, min(before + done * self._shares[phase], 1.0))
 
         advance(0)
         start = perf_counter()
         yield advance
-        self.seconds[phase] = perf_counter() - start
+        self.seconds[phase] = self.seconds.get(phase, 0.0) + perf_counter() - start
+
+    def each(self, phase: str, items: Iterator[Item]) -> Iterator[Item]:
+        """Time the making of each item of an iterator as one phase."""
+        while True:
+            with self(phase):
+                item = next(items, None)
+            if item is None:
+                return
+            yield item
 
     def done(self) -> None:
         """Report the end."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from time import perf_counter
 from typing import TypeVar
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 from .arrays import Complex, Floats, Ints, blocks
 from .cholmod import Cholesky
 from .distortion import angle_errors
-from .injectivity import flipped_faces
+from .injectivity import flipped_faces, is_around
 from .mesh import DiskMesh
 
 Array = TypeVar("Array", Complex, Ints)
@@ -34,7 +35,9 @@ class Refinement:
     asked : int
         Steps that were asked for, at least 1.
     steps : int
-        Steps that were taken; fewer when no further step was an improvement.
+        Steps that were taken.
+    stopped : str
+        Why they are fewer: ``"no improvement"`` or ``"time limit"``; empty if they are not.
     norm : float
         The exponent p.
     before, after : float
@@ -44,15 +47,17 @@ class Refinement:
 
     asked: int
     steps: int
+    stopped: str
     norm: float
     before: float
     after: float
 
     def __str__(self) -> str:
         if self.steps == 0:
-            return "no improvement"
+            return self.stopped
+        note = f" ({self.stopped})" if self.stopped else ""
         return (
-            f"{self.steps} of {self.asked} steps, angle errors in the {self.norm:g}-norm "
+            f"{self.steps} of {self.asked} steps{note}, angle errors in the {self.norm:g}-norm "
             f"from {self.before:.4f} to {self.after:.4f} degrees"
         )
 
@@ -60,11 +65,15 @@ class Refinement:
 def lower_angle_distortion(
     mesh: DiskMesh,
     f: Complex,
+    order: Ints,
     steps: int,
     norm: float,
-    advance: Callable[[float], None],
+    *,
+    seconds: float = np.inf,
+    turn: Callable[[Complex], Complex] = lambda f: f,
+    advance: Callable[[float], None] = lambda done: None,
 ) -> tuple[Complex, Refinement]:
-    """Lower the sum of |angle error|^p over all corners by moving the interior vertices.
+    """Lower the sum of |angle error|^p over all corners; boundary vertices slide on the circle.
 
     Gauss-Newton with iteratively reweighted least squares. A step that flips a face or does
     not lower the objective is computed again with Levenberg-Marquardt damping of the shear
@@ -77,17 +86,23 @@ def lower_angle_distortion(
     mesh : DiskMesh
     f : (n,) complex128
         Map onto the disk without flipped faces. With flipped faces nothing is done.
+    order : (nI,) int64
+        The interior vertices in a fill-reducing order.
     steps : int
         At least 1.
     norm : float
         The exponent p, from 1 to 2.
+    seconds : float
+        After so many no step is begun; one that has been begun is finished.
+    turn : callable
+        Applied to the map after each step: angles do not tell a map from one turned about 0.
     advance : callable
         Called with the share of the steps that is done, after each.
 
     Returns
     -------
     f : (n,) complex128
-        The argument itself if no step was an improvement. The boundary stays.
+        The argument itself if no step was an improvement.
     Refinement
 
     Raises
@@ -100,25 +115,32 @@ def lower_angle_distortion(
     P. W. Holland, R. E. Welsch. Robust regression using iteratively reweighted
     least-squares. Communications in Statistics 6(9), 1977.
     """
+    deadline = perf_counter() + seconds
     r = angle_errors(mesh, f)
     before = objective = _power_mean(r, norm)
-    taken, attempt, settled = 0, 0, False
-    if len(mesh.interior) == 0 or _folds(mesh, f):
-        return f, Refinement(steps, taken, norm, before, objective)
-    laplacian = WeightedLaplacian(mesh)
-    while taken < steps and attempt < len(DAMPINGS):
-        p = norm if settled else 2
-        trial = f + gauss_newton_step(mesh, f, r, p, DAMPINGS[attempt], laplacian)
-        r_trial = angle_errors(mesh, trial)
-        value = _power_mean(r_trial, norm)
-        if value < objective and not _folds(mesh, trial):
-            f, r, objective = trial, r_trial, value
-            settled = settled or attempt == 0
-            taken, attempt = taken + 1, max(attempt - 1, 0)
-            advance(taken / steps)
+    taken, attempt, settled, stopped = 0, 0, False, ""
+    if len(mesh.interior) == 0 or not _is_bijective(mesh, f):
+        return f, Refinement(steps, taken, "no improvement", norm, before, objective)
+    laplacian = WeightedLaplacian(mesh, order)
+    while taken < steps and not stopped:
+        if attempt == len(DAMPINGS):
+            stopped = "no improvement"
+        elif perf_counter() >= deadline:
+            stopped = "time limit"
         else:
-            attempt += 1
-    return f, Refinement(steps, taken, norm, before, objective)
+            p = norm if settled else 2
+            step = gauss_newton_step(mesh, f, r, p, DAMPINGS[attempt], laplacian)
+            trial = turn(_slide(mesh, f, step))
+            r_trial = angle_errors(mesh, trial)
+            value = _power_mean(r_trial, norm)
+            if value < objective and _is_bijective(mesh, trial):
+                f, r, objective = trial, r_trial, value
+                settled = settled or attempt == 0
+                taken, attempt = taken + 1, max(attempt - 1, 0)
+                advance(taken / steps)
+            else:
+                attempt += 1
+    return f, Refinement(steps, taken, stopped, norm, before, objective)
 
 
 def gauss_newton_step(
@@ -141,6 +163,7 @@ def gauss_newton_step(
     with e_j, e_k the edges at corner c. With the complex numbers b = B dz of all faces, the
     normal equations are B^H H B dz = -B^H sum_c w_c r_c i conj(g_c), where
     H(b) = (s + damping) b + conj(t b), s = sum_c w_c |g_c|^2 / 2, t = -sum_c w_c g_c^2 / 2.
+    On the boundary dz is a real multiple of i z: it slides on the circle.
 
     Parameters
     ----------
@@ -159,9 +182,10 @@ def gauss_newton_step(
     Returns
     -------
     (n,) complex128
-        Zero on the boundary.
+        Tangential to the circle on the boundary.
     """
     m = len(mesh.F)
+    tangent = 1j * f[mesh.loop]
     beta, s, t, gradient = (
         np.empty((m, 3), complex),
         np.empty(m),
@@ -175,7 +199,7 @@ def gauss_newton_step(
 
     def adjoint(b: Complex) -> Complex:
         x = (B.T @ b.conj()).conj()
-        x[mesh.loop] = 0
+        x[mesh.loop] = (x[mesh.loop] * tangent.conj()).real * tangent
         return x
 
     def normal_matrix(x: Complex) -> Complex:
@@ -229,70 +253,68 @@ def _conjugate_gradients(
 
 
 class WeightedLaplacian:
-    """The interior block of the Laplacian with face weights s, factored.
+    """The Laplacian with face weights s: its interior block, factored, and its diagonal.
 
     B^H diag(s) B is the normal matrix without its second, conjugate-linear term. Its real
     part is the Laplacian sum_f s / 4 grad.grad of the plane triangles, one matrix for both
-    coordinates.
+    coordinates. The diagonal does for the boundary: with 3 iterations the whole matrix,
+    whose inverse knows nothing of the circle, is worse than a boundary that stays, and the
+    boundary block along the tangents is no better.
 
     Parameters
     ----------
     mesh : DiskMesh
         Has interior vertices.
+    order : (nI,) int64
+        The interior vertices in a fill-reducing order.
     """
 
-    def __init__(self, mesh: DiskMesh) -> None:
-        self._interior = mesh.interior
+    def __init__(self, mesh: DiskMesh, order: Ints) -> None:
+        self._F, self._n, self._order = mesh.F, len(mesh.V), order
         self._cholesky: Cholesky | None = None
-        k = len(mesh.interior)
-        diagonal = np.arange(k)
-        place = np.full(len(mesh.V), -1)
-        place[mesh.interior] = diagonal
-        corner = place[mesh.F]
-        start, end = _next(corner), _last(corner)
-        inside = (start >= 0) & (end >= 0)
-        # Every half-edge once, and the diagonal. Entries that should become zero stay, so
-        # that one symbolic analysis serves all steps.
-        row = np.concatenate([start[inside], diagonal])
-        column = np.concatenate([end[inside], diagonal])
-        half = csc_matrix((np.ones(len(row)), (row, column)), (k, k))
-        self._matrix = (half + half.T).tocsc()
-        number = self._matrix.copy()
-        number.data = np.arange(number.nnz)
-        edge, self._diagonal = np.split(number[row, column].A1, [-k])
-        # Where the nine products of a face go: both entries of each edge, then the
-        # diagonal; those of the boundary go behind the last entry.
-        entry = np.full((len(corner), 9), number.nnz)
-        entry[:, 0:3][inside] = edge
-        entry[:, 3:6][inside] = number.T.tocsc().data[edge]
-        entry[:, 6:9] = np.append(self._diagonal, number.nnz)[corner]
-        self._entry = entry.ravel()
+        k = len(order)
+        rank = np.full(self._n, -1)
+        rank[order] = np.arange(k)
+        corner = rank[mesh.F]
+        start, end = _next(corner).ravel(), _last(corner).ravel()
+        # Of the two half-edges of an edge one goes up in rank and one goes down; sorted by
+        # the entry below the diagonal to which they add, both come in the same order.
+        down = np.flatnonzero((start > end) & (end >= 0))
+        up = np.flatnonzero((end > start) & (start >= 0))
+        below = csc_matrix((down, (start[down], end[down])), (k, k))
+        self._down = below.data
+        self._up = csc_matrix((up, (end[up], start[up])), (k, k)).data
+        self._row, self._count = below.indices, np.diff(below.indptr)
+        # Entries that become zero stay, so that one symbolic analysis serves all steps.
+        first = below.indptr[:-1]
+        indices, data = np.insert(self._row, first, np.arange(k)), np.full(below.nnz + k, 1 + SHIFT)
+        self._matrix = csc_matrix((data, indices, below.indptr + np.arange(k + 1)), (k, k))
+        self._off_diagonal = np.insert(np.ones(below.nnz, dtype=bool), first, False)
 
     def factor(self, beta: Complex, s: Floats) -> None:
         """Set the weights: beta is (m, 3), s is (m,) and positive."""
-        products = np.empty((len(s), 9))
+        edge, corner = np.empty(beta.shape), np.empty(beta.shape)
         for part in blocks(len(s)):
-            edges = s[part, None] * (_next(beta[part]) * _last(beta[part]).conj()).real
-            products[part, 0:3] = products[part, 3:6] = edges
-            products[part, 6:9] = s[part, None] * abs(beta[part]) ** 2
-        entries = np.bincount(self._entry, products.ravel(), self._matrix.nnz + 1)[:-1]
+            edge[part] = s[part, None] * (_next(beta[part]) * _last(beta[part]).conj()).real
+            corner[part] = s[part, None] * abs(beta[part]) ** 2
+        self._diagonal = np.bincount(self._F.ravel(), corner.ravel(), self._n)
         # A unit diagonal: entries go with 1 / area, which may range over 20 digits.
-        scale = self._scale = 1 / np.sqrt(entries[self._diagonal])
-        entries *= scale[self._matrix.indices]
-        entries *= np.repeat(scale, np.diff(self._matrix.indptr))
-        entries[self._diagonal] = 1 + SHIFT
-        self._matrix.data = entries
+        scale = self._scale = 1 / np.sqrt(self._diagonal[self._order])
+        entries = edge.ravel()[self._down] + edge.ravel()[self._up]
+        entries *= scale[self._row]
+        entries *= np.repeat(scale, self._count)
+        self._matrix.data[self._off_diagonal] = entries
         if self._cholesky is None:
-            self._cholesky = Cholesky(self._matrix)
+            self._cholesky = Cholesky(self._matrix, ordering="natural")
         else:
             self._cholesky.refactor(self._matrix)
 
     def solve(self, x: Complex) -> Complex:
-        """Solve in the interior with the weights set last; zero on the boundary."""
+        """Solve with the weights set last."""
         if self._cholesky is None:
             raise ValueError("the weights have not been set: call factor first")
-        y = np.zeros_like(x)
-        y[self._interior] = self._scale * self._cholesky.solve(self._scale * x[self._interior])
+        y = x / self._diagonal
+        y[self._order] = self._scale * self._cholesky.solve(self._scale * x[self._order])
         return y
 
 
@@ -306,8 +328,17 @@ def _last(corners: Array) -> Array:
     return corners[:, [2, 0, 1]]
 
 
-def _folds(mesh: DiskMesh, f: Complex) -> bool:
-    return len(flipped_faces(np.column_stack([f.real, f.imag]), mesh.F)[0]) > 0
+def _slide(mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
+    """Move a map by a displacement; the boundary by its angle, so that it stays on the circle."""
+    moved, boundary = f + step, f[mesh.loop]
+    turned = boundary * np.exp(step[mesh.loop] / boundary)  # by i times a real number
+    moved[mesh.loop] = turned / abs(turned)
+    return moved
+
+
+def _is_bijective(mesh: DiskMesh, f: Complex) -> bool:
+    flipped, _ = flipped_faces(np.column_stack([f.real, f.imag]), mesh.F)
+    return len(flipped) == 0 and is_around(f[mesh.loop])
 
 
 def _power_mean(r: Floats, p: float) -> float:

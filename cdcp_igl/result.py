@@ -103,6 +103,7 @@ class DiskMap:
             "center": {"method": self.center.method, "face": self.center.face},
             "boundary": {
                 "method": self.trace.name,
+                "laplacian": self.trace.laplacian,
                 "rejected": list(self.trace.rejected),
                 "spread_faces": self.trace.n_spread,
             },

@@ -1,24 +1,26 @@
-"""Whitening, the geodesic algorithm, Theodorsen's method and the fallbacks."""
+"""Whitening, the geodesic algorithm, harmonic measure and the order of the methods."""
 
-from functools import partial
+import re
+import sys
 
 import meshes
 import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.circle.fallback import map_to_circle
+from cdcp_igl.circle.fallback import by_arc_length, maps_to_circle
 from cdcp_igl.circle.geodesic import geodesic_map
+from cdcp_igl.circle.harmonic_measure import harmonic_measure
 from cdcp_igl.circle.spread import spread
-from cdcp_igl.circle.theodorsen import theodorsen_map
 from cdcp_igl.circle.whiten import whiten
-from cdcp_igl.dipole import boundary_trace
-from cdcp_igl.distortion import plane_angles
+from cdcp_igl.distortion import AngleDistortion, angle_errors
 from cdcp_igl.extension import harmonic_extension
 from cdcp_igl.factor import Factor
 from cdcp_igl.injectivity import flipped_faces, increments
-from cdcp_igl.laplacian import cotangent_laplacian
+from cdcp_igl.laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
 from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.mobius import mobius
+from cdcp_igl.repair import Repair, unfold
 
 
 def circle(n):
@@ -47,21 +49,6 @@ def test_geodesic_algorithm_converges_on_known_curves(curve):
     ]
     assert errors[0] < 2e-3
     assert errors[0] / errors[2] > 4**1.8 or errors[2] < 1e-12  # second order
-
-
-@pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES.keys())
-def test_theodorsen_converges_on_known_curves(curve):
-    errors = [
-        error_up_to_rotation(theodorsen_map(curve(circle(n).conj())), circle(n)) for n in (100, 400)
-    ]
-    assert errors[0] < 5e-3
-    assert errors[0] / errors[1] > 4 or errors[1] < 1e-10
-
-
-@pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES.keys())
-def test_the_two_methods_agree_on_polygons(curve):
-    z = whiten(curve(circle(300).conj() * np.exp(0.2j * np.sin(3 * np.arange(300)) / 20)))
-    assert error_up_to_rotation(geodesic_map(z), theodorsen_map(z)) < 5e-3
 
 
 def test_coincident_points_are_spread_by_chord_length():
@@ -96,77 +83,117 @@ def test_whitening_takes_an_ellipse_to_a_circle():
     np.testing.assert_allclose(abs(whiten(z)), 1, atol=1e-3)
 
 
-def test_theodorsen_refuses_what_is_not_star_shaped():
-    t = 2 * np.pi * np.arange(400) / 400
-    spiral = np.exp(-1j * (t + 2.5 * np.sin(t) ** 2)) * (1.2 + np.cos(t))
-    assert theodorsen_map(spiral) is None
-
-
 class TestFallbacks:
     """Traces that defeat one method after the other."""
 
     mesh = DiskMesh(*meshes.grid(12, 16))
     L = cotangent_laplacian(mesh)
-    extend = staticmethod(partial(harmonic_extension, mesh, L, Factor(mesh, L)))
     n = len(mesh.loop)
     good = CURVES["ellipse"](circle(n).conj())
     crossing = circle(n).real + 1j * (circle(n) ** 2).imag  # figure of eight
-    folded = np.where(np.arange(n) % 2, circle(n).conj(), np.roll(circle(n).conj(), 3))
 
-    def run(self, trace, delaunay):
-        f, method = map_to_circle(self.mesh, trace, lambda: delaunay, self.extend, whitened=True)
-        assert np.isfinite(f).all()
-        np.testing.assert_allclose(abs(f), 1, atol=1e-14)
-        assert (increments(f) > 0).all()
-        assert increments(f).sum() == pytest.approx(2 * np.pi)
-        return method
+    def run(self, trace, face=None):
+        face = len(self.mesh.F) // 2 if face is None else face
+        attempts = maps_to_circle(
+            self.mesh, self.L, Factor(self.mesh, self.L), trace, face, whitened=True
+        )
+        methods = []
+        for f, extend, method in attempts:
+            assert np.isfinite(f).all()
+            np.testing.assert_allclose(abs(f), 1, atol=1e-14)
+            assert f[0] == 1
+            assert (increments(f) > 0).all()
+            assert increments(f).sum() == pytest.approx(2 * np.pi)
+            np.testing.assert_array_equal(extend(f)[self.mesh.loop], f)
+            methods.append(method)
+        return methods
 
-    def test_geodesic_first(self):
-        method = self.run(self.good, None)
-        assert (method.name, method.rejected, str(method)) == ("geodesic", (), "geodesic")
+    def test_each_is_offered_when_the_one_before_is_rejected(self):
+        first, second, third = self.run(self.good)
+        assert str(first) == "geodesic"
+        assert (second.name, second.laplacian) == ("harmonic measure", "intrinsic Delaunay")
+        assert second.rejected == ("geodesic: no certificate",)
+        assert (third.name, third.laplacian) == ("arc length", "intrinsic Delaunay")
+        assert third.rejected == (*second.rejected, "harmonic measure: no certificate")
 
-    def test_delaunay_trace_second(self):
-        method = self.run(self.crossing, self.good)
-        assert method.name == "geodesic on the intrinsic Delaunay trace"
-        assert len(method.rejected) == 1
-        assert method.rejected[0].startswith("geodesic: not ")
+    def test_a_curve_that_crosses_itself(self):
+        first, _ = self.run(self.crossing)
+        assert first.name == "harmonic measure"
+        assert first.rejected[0].startswith("geodesic: not ")
+        assert str(first).startswith("harmonic measure, intrinsic Delaunay Laplacian (rejected")
 
-    def test_the_least_distortion_of_the_later_ones(self):
-        V, F, _ = cdcp_igl.datasets.ellipse(12)
+    @pytest.mark.parametrize("value", [0, np.nan])
+    def test_no_curve_at_all(self, value):
+        first, _ = self.run(np.full(self.n, value, complex))
+        assert first.rejected == ("geodesic: not finite",)
+
+    def test_no_interior_vertex_at_the_centre(self):
+        corner = int(self.mesh.inscribed[0])
+        (only,) = self.run(self.crossing, corner)
+        assert only.name == "arc length"
+        assert only.rejected[1] == "harmonic measure: no interior vertex at the central face"
+
+
+@pytest.mark.parametrize("c", [0, 0.6 + 0.3j])
+def test_harmonic_measure_converges_to_the_poisson_kernel(c):
+    errors = []
+    for n in (10, 20, 40):
+        V, F, z = cdcp_igl.datasets.spherical_cap(n)
         mesh = DiskMesh(V, F)
-        L = cotangent_laplacian(mesh)
-        factor = Factor(mesh, L)
-        trace = boundary_trace(mesh, factor, 0)
-        trace[20] = 1.5 * trace[21] - 0.5 * trace[20]  # beyond its neighbour
-        maps = {}
-
-        def extend(f_B):
-            f = harmonic_extension(mesh, L, factor, f_B)
-            maps[abs(plane_angles(f, mesh.F) - mesh.angles).mean()] = f_B
-            return f
-
-        f_B, method = map_to_circle(mesh, trace, lambda: trace, extend, whitened=True)
-        assert method.name == "Theodorsen"
-        assert len(maps) > 2
-        np.testing.assert_array_equal(maps[min(maps)], f_B)
-
-    def test_arc_length_last(self):
-        method = self.run(0 * self.good, np.full(self.n, complex(np.nan)))
-        assert method.name == "arc length"
-        assert len(method.rejected) == 6
+        L = intrinsic_delaunay_laplacian(mesh)
+        z = z @ [1, 1j]
+        face = abs(z[F].mean(axis=1) - c).argmin()
+        steps = harmonic_measure(mesh, L, Factor(mesh, L), face)
+        exact = increments(mobius(z, z[F[face]].mean())[mesh.loop]) / (2 * np.pi)
+        assert (steps > 0).all()
+        assert steps.sum() == pytest.approx(1)
+        errors.append(abs(steps - exact).sum())
+    assert errors[0] < 0.1
+    assert errors[0] / errors[2] > 3.5
 
 
-def test_a_mesh_that_needs_the_delaunay_trace(real_mesh):
-    result = cdcp_igl.disk_map(*real_mesh("face_1180_ears"))
-    assert result.trace.name == "geodesic on the intrinsic Delaunay trace"
+def test_harmonic_measure_keeps_its_digits_where_it_is_tiny():
+    lengths = [6, 12, 24, 48]
+    smallest = []
+    for length in lengths:
+        V, F = corridor(length)
+        mesh = DiskMesh(V, F)
+        L = intrinsic_delaunay_laplacian(mesh)
+        face = np.linalg.norm(V[F].mean(axis=1) - V.mean(axis=0), axis=1).argmin()
+        smallest.append(harmonic_measure(mesh, L, Factor(mesh, L), face).min())
+    rate = np.diff(np.log(smallest)) / np.diff(lengths)
+    assert smallest[-1] < 1e-30
+    np.testing.assert_allclose(rate, -np.pi / 2, rtol=0.05)
+
+
+def test_harmonic_measure_on_a_mesh_whose_trace_crosses_itself(real_mesh):
+    V, F = real_mesh("face_1180_ears")
+    result = cdcp_igl.disk_map(V, F)
+    assert result.trace.name == "harmonic measure"
+    assert result.trace.rejected == ("geodesic: not monotone",)
     assert result.distortion.mean < 5.65
+    inner = ~np.isin(F, DiskMesh(V, F).loop).any(axis=1)
+    assert cdcp_igl.angle_distortion(V, F, result.uv)[inner].mean() < 1.30
 
 
-def test_crowding_is_an_error_that_says_where(real_mesh):
-    V, F = real_mesh("maze_6120")
-    with pytest.raises(cdcp_igl.MapError, match=r"Crowding: .* \(vertices \d+, \d+") as raised:
-        cdcp_igl.cdcp(V, F)
-    assert raised.value.result is None
+def test_harmonic_measure_is_far_better_than_arc_length():
+    rng = np.random.default_rng(0)
+    V, F, _ = cdcp_igl.datasets.paraboloid(20)
+    V = V * [8, 1, 1] + 0.02 * rng.normal(size=V.shape)
+    result = cdcp_igl.disk_map(V, F)
+    assert result.trace.name == "harmonic measure"
+    mesh = DiskMesh(V, F)
+    L = intrinsic_delaunay_laplacian(mesh)
+    f = harmonic_extension(mesh, L, Factor(mesh, L), by_arc_length(mesh))
+    arc = AngleDistortion.of(np.degrees(abs(angle_errors(mesh, unfold(mesh, f)[0]))))
+    assert result.distortion.mean < arc.mean / 1.5
+
+
+def test_a_crowded_surface_is_mapped_by_arc_length_and_told_so(real_mesh):
+    result = cdcp_igl.disk_map(*real_mesh("maze_6120"))
+    assert result.certificate.valid
+    assert result.trace.name == "arc length"
+    assert re.search(r"crowding, .* \(vertices \d+, \d+", str(result.trace))
 
 
 def corridor(length, width=4):
@@ -191,10 +218,45 @@ def test_a_long_corridor_is_mapped(length, width):
     assert ("opened" in str(trace)) == (trace.n_spread > 0)
 
 
-@pytest.mark.parametrize(("length", "width"), [(60, 4), (24, 4), (24, 2), (20, 4)])
+def test_corridors_too_long_for_the_geodesic_algorithm():
+    # Which method is the first to be certified is for rounding to say, one by one.
+    order = ["geodesic", "harmonic measure", "arc length"]
+    traces = [cdcp_igl.disk_map(*corridor(length)).trace for length in range(17, 23)]
+    assert all(len(trace.rejected) == order.index(trace.name) for trace in traces)
+    names = [trace.name for trace in traces]
+    assert "harmonic measure" in names
+    rejections = {reason for trace in traces for reason in trace.rejected[:1]}
+    assert "geodesic: no certificate" in rejections
+
+
+@pytest.mark.parametrize(("length", "width"), [(24, 4), (60, 4), (400, 2)])
 def test_until_it_crowds(length, width):
-    with pytest.raises(cdcp_igl.MapError, match="Crowding"):
-        cdcp_igl.disk_map(*corridor(length, width))
+    trace = cdcp_igl.disk_map(*corridor(length, width)).trace
+    assert trace.name == "arc length"
+    assert "crowding" in trace.rejected[-1]
+
+
+def test_progress_and_timings_of_several_attempts():
+    seen = []
+    result = cdcp_igl.disk_map(*corridor(60), progress=lambda *step: seen.append(step))
+    assert len(result.trace.rejected) == 2
+    fractions = [fraction for _, fraction in seen]
+    assert fractions == sorted(fractions)
+    assert (fractions[0], seen[-1]) == (0, ("done", 1))
+    assert list(result.timings)[-1] == "certificate"
+
+
+def test_no_map_that_can_be_certified_is_an_error_with_all_reasons(monkeypatch):
+    def collapse(mesh, f):
+        return np.where(np.isin(np.arange(len(f)), mesh.loop), f, 0), Repair()
+
+    monkeypatch.setattr(sys.modules["cdcp_igl.cdcp"], "unfold", collapse)
+    with pytest.raises(cdcp_igl.MapError, match=r"flipped faces .* arc length") as raised:
+        cdcp_igl.disk_map(*meshes.grid(12, 16))
+    assert raised.value.result.trace.rejected == (
+        "geodesic: no certificate",
+        "harmonic measure: no certificate",
+    )
 
 
 def test_spread_moves_nothing_that_need_not_move():

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import signal
 import subprocess
 import sys
 
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl import case as case_module
 from cdcp_igl.case import Case, run_case
 from cdcp_igl.reference import METHODS
 
@@ -57,22 +55,44 @@ def test_time_limit():
 
 
 @pytest.mark.parametrize(
-    ("code", "outcome"),
+    ("method", "outcome"),
     [
-        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "crashed: SIGSEGV"),
-        ("raise KeyError('what')", "failed: KeyError: 'what'"),
+        ("kills itself", "crashed: SIGSEGV"),
+        ("raises", "failed: KeyError: 'what'"),
+        ("not finite", "not valid: not finite"),
+        ("flipped", f"not valid: {len(F)} flipped faces"),
+        ("free, not finite", "not valid: not finite"),
     ],
 )
-def test_a_crash_is_an_outcome(monkeypatch, code, outcome):
-    run = subprocess.run
+def test_a_failure_is_an_outcome(method, outcome):
+    case, uv = run_case(method, V, F, time_limit=60, table="failing_methods:METHODS")
+    assert case.outcome.startswith(outcome)
+    assert uv is None
+    assert np.isnan([case.mean, case.sd, case.max, case.area, case.flips, case.seconds]).all()
 
-    def crash(command, **options):
-        return run([sys.executable, "-c", code], **options)
 
-    monkeypatch.setattr(case_module.subprocess, "run", crash)
-    case, uv = run_case("lscm", V, F, time_limit=60)
-    assert (case.outcome, uv) == (outcome, None)
-    assert signal.SIGSEGV.name in outcome or code.startswith("raise")
+def test_memory_limit():
+    limits = {"time_limit": 60, "memory_limit": 400}
+    case, uv = run_case("hog", V, F, **limits, table="failing_methods:METHODS")
+    assert (case.outcome, uv) == ("more than 400 MiB of memory", None)
+    case, _ = run_case("cdcp", V, F, **limits)
+    assert case.outcome == "ok"
+
+
+def test_memory_is_not_that_of_the_caller():
+    hoard = np.ones(1 << 26)  # 512 MiB
+    case, _ = run_case("lscm", V, F, time_limit=60)
+    assert 20 < case.memory < hoard.nbytes / 2**20
+
+
+def test_phases_of_a_disk_map_and_of_a_clock():
+    case, uv = run_case("phases", V, F, time_limit=60, table="failing_methods:METHODS")
+    assert case.details["valid"]
+    assert uv.shape == (len(V), 2)
+    assert 0 < sum(case.details["seconds"].values()) < case.seconds
+    case, uv = run_case("clock", V, F, time_limit=60, table="failing_methods:METHODS")
+    assert (case.outcome, case.seconds, uv) == ("ok", 42, None)
+    assert case.details["seconds"] == {"half": 21}
 
 
 def test_json_has_no_nan():

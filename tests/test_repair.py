@@ -66,7 +66,7 @@ def test_mean_value_weights_are_positive_and_reproduce_the_plane():
 
 def test_disk_map_repairs_and_says_so(monkeypatch):
     monkeypatch.setattr(
-        sys.modules["cdcp_igl.cdcp"],
+        sys.modules["cdcp_igl.circle.fallback"],
         "harmonic_extension",
         lambda mesh, L, factor, f_B: np.where(np.isin(np.arange(120), mesh.loop), Z, 0.3),
     )

@@ -4,43 +4,30 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints
-from ..errors import MapError, spell
+from ..arrays import Floats
+from ..errors import spell
 from ..mesh import DiskMesh
 
-__all__ = ["blame_crowding", "refuse_crowding"]
+__all__ = ["crowding"]
 
-# A trace is crowded when more than this share of its steps is below this part of its size.
-# On a corridor n times longer than wide, steps at the ends shrink like exp(-pi n).
-CROWDED, MANY_CROWDED = 1e-14, 0.1
-TINY = 1e-12  # shortest by longest edge of a face in the unit disk, which bound its area
-
-REMEDY = (
-    "The surface is too long and thin for a disk: cut it into shorter parts, or use a map "
-    "with a free boundary."
-)
+# A boundary is crowded when more than MANY_CROWDED of its edges get less than this share of
+# the circle. On a corridor n times longer than wide, those at the ends get about exp(-pi n / 2).
+CROWDED = 1e-14
+MANY_CROWDED = 0.1
 
 
-def refuse_crowding(mesh: DiskMesh, trace: Complex) -> None:
-    """Raise MapError if the images of many boundary vertices coincide in double precision."""
-    with np.errstate(invalid="ignore"):
-        steps = abs(np.roll(trace, -1) - trace)
-        crowded = mesh.loop[steps < CROWDED * abs(trace - trace.mean()).max()]
-    if len(crowded) > MANY_CROWDED * len(trace):
-        raise MapError(
-            f"Crowding: the conformal map puts {len(crowded):,} of {len(trace):,} boundary "
-            "vertices closer to their neighbours than double precision can tell apart "
-            f"(vertices {spell(crowded)}). {REMEDY}"
-        )
+def crowding(mesh: DiskMesh, steps: Floats) -> str:
+    """Say so if many boundary vertices coincide in double precision; empty otherwise.
 
-
-def blame_crowding(uv: Floats, F: Ints, flipped: Ints) -> str:
-    """Say so if all flipped faces are tiny; empty where crowding is not the cause."""
-    corners = uv[F[flipped]]
-    edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-    if len(flipped) == 0 or not (edges.min(axis=1) * edges.max(axis=1) < TINY).all():
+    `steps` (nB,) are the shares of the circle from each boundary vertex to the next by
+    harmonic measure. Zero is the share of what hangs on a surface without an interior of its
+    own: that has nothing to do with how far away it is.
+    """
+    crowded = mesh.loop[(steps > 0) & (steps < CROWDED)]
+    if len(crowded) <= MANY_CROWDED * np.count_nonzero(steps):
         return ""
     return (
-        f". Crowding: the flipped faces (faces {spell(flipped)}) are too small in the disk for "
-        f"double precision. {REMEDY}"
+        f"crowding, {len(crowded):,} of {len(steps):,} boundary vertices (vertices "
+        f"{spell(crowded)}) closer to their neighbours than double precision can tell apart; "
+        "to lower the distortion, cut the surface into shorter parts"
     )

@@ -2,31 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from ..arrays import Complex
-from ..distortion import angle_errors
+from ..extension import harmonic_extension
+from ..factor import Factor
 from ..injectivity import is_around
+from ..laplacian import intrinsic_delaunay_laplacian
 from ..mesh import DiskMesh
-from .crowding import refuse_crowding
+from .crowding import crowding
 from .geodesic import geodesic_map
+from .harmonic_measure import arc_length, harmonic_measure
 from .spread import around
-from .theodorsen import theodorsen_map
 from .whiten import whiten
 
-__all__ = ["BoundaryMethod", "by_arc_length", "map_to_circle"]
+__all__ = ["BoundaryMethod", "by_arc_length", "maps_to_circle"]
 
 
 # On nefertiti_299 (34 boundary vertices) subdivision lowers the mean angular distortion
 # from 2.500 to 2.463 degrees; from about 200 points on it changes less than 0.02 %.
 ENOUGH_POINTS = 200
 
-DELAUNAY = " on the intrinsic Delaunay trace"
-
-LEAST_STEP = 1e-12  # of directions that are made monotone
+# Shares of the circle are at least this part of those by arc length. Less, and fewer crowded
+# maps can be certified (corridors 20 times longer than wide still are); more, and they get
+# worse by degrees. Elsewhere only edges without flux are concerned.
+LEAST = 1e-8
 
 
 @dataclass(frozen=True)
@@ -36,101 +41,98 @@ class BoundaryMethod:
     Attributes
     ----------
     name : str
-        The method whose result was used; ``"geodesic"`` unless something went wrong.
+        The method whose result was used: ``"geodesic"`` unless something went wrong, else
+        ``"harmonic measure"`` or, at last, ``"arc length"``, which is not conformal.
     rejected : tuple of str
         The methods that gave no map, each with the reason for its rejection.
     n_spread : int
         Faces inscribed in the circle whose corners were moved apart, by some 1e-7, lest they
         collapse in double precision.
+    laplacian : str
+        Whose harmonic functions the map is made of: ``"cotangent"``, or, after the geodesic
+        algorithm has failed, ``"intrinsic Delaunay"``.
     """
 
     name: str
     rejected: tuple[str, ...] = ()
     n_spread: int = 0
+    laplacian: str = "cotangent"
 
     def __str__(self) -> str:
+        laplacian = "" if self.laplacian == "cotangent" else f", {self.laplacian} Laplacian"
         opened = f", arcs of {self.n_spread:,} faces opened" if self.n_spread else ""
-        return self.name + opened + "".join(f" (rejected {reason})" for reason in self.rejected)
+        reasons = "".join(f" (rejected {reason})" for reason in self.rejected)
+        return self.name + laplacian + opened + reasons
 
 
-def map_to_circle(
+def maps_to_circle(
     mesh: DiskMesh,
+    L: csr_matrix,
+    factor: Factor,
     trace: Complex,
-    delaunay_trace: Callable[[], Complex],
-    extend: Callable[[Complex], Complex],
+    face: int,
     *,
     whitened: bool,
-) -> tuple[Complex, BoundaryMethod]:
-    """Map the exterior of the boundary trace onto the disk, eqs. (1)-(6).
+) -> Iterator[tuple[Complex, Callable[[Complex], Complex], BoundaryMethod]]:
+    """Map the exterior of the boundary trace onto the disk, eqs. (1)-(6), or make do without.
 
-    The geodesic algorithm needs a simple curve. Where slivers or a bad dipole have made
-    the trace cross itself, that of the intrinsic Delaunay Laplacian is tried. Where that
-    does too, the map with the least angular distortion is taken of these: the directions
-    of either trace from its centroid, made monotone; Theodorsen's method on either, made
-    star-shaped in this way; arc length on the surface, which always works and is not
-    conformal.
+    The geodesic algorithm needs a simple curve. Where slivers or a bad dipole have made the
+    trace cross itself, or its map cannot be certified, the next one is by harmonic measure,
+    which needs no curve. Where crowding spoils that too, the last one is by arc length: on
+    such surfaces it has lower angular distortion than conformal boundaries that are opened
+    as far as double precision requires.
 
     Parameters
     ----------
     mesh : DiskMesh
+    L : (n, n) csr_matrix
+        Cotangent Laplacian.
+    factor : Factor
+        Its factorization.
     trace : (nB,) complex128
-        Boundary trace of the cotangent Laplacian, clockwise.
-    delaunay_trace : callable
-        Computes that of the intrinsic Delaunay Laplacian; called only when needed.
-    extend : callable
-        Extends boundary values to all of the surface; called only when needed.
+        Boundary trace, clockwise.
+    face : int
+        Central face.
     whitened : bool
-        Whiten the traces first, and subdivide the edges of short ones. The paper does
+        Whiten the trace first, and subdivide the edges of a short one. The paper does
         neither.
 
-    Returns
-    -------
+    Yields
+    ------
     f_B : (nB,) complex128
         On the unit circle, strictly counterclockwise, once around, the first at 1.
+    extend : callable
+        Extends boundary values harmonically to all of the surface.
     BoundaryMethod
-
-    Raises
-    ------
-    MapError
-        If the geodesic algorithm fails because of crowding: the exact map is not to be had
-        in double precision, and the others would be nothing like it.
+        Asking for the next map means that this one was rejected.
     """
-    geodesic = _whitened_geodesic_map if whitened else geodesic_map
     rejected: list[str] = []
 
-    def accepted(name: str, f_B: Complex | None) -> Complex | None:
-        objection = _objection(f_B)
-        if f_B is None or objection is not None:
-            rejected.append(f"{name}: {objection}")
-            return None
+    f_B = (_whitened_geodesic_map if whitened else geodesic_map)(trace)
+    if objection := _objection(f_B):
+        rejected.append(f"geodesic: {objection}")
+    else:
         f_B = f_B / f_B[0]
-        return f_B / abs(f_B)
+        extend = partial(harmonic_extension, mesh, L, factor)
+        yield f_B / abs(f_B), extend, BoundaryMethod("geodesic")
+        rejected.append("geodesic: no certificate")
 
-    name = "geodesic"
-    if (f_B := accepted(name, geodesic(trace))) is not None:
-        return f_B, BoundaryMethod(name)
-    traces = {"": trace, DELAUNAY: delaunay_trace()}
-    name += DELAUNAY
-    if (f_B := accepted(name, geodesic(traces[DELAUNAY]))) is not None:
-        return f_B, BoundaryMethod(name, tuple(rejected))
+    delaunay = intrinsic_delaunay_laplacian(mesh)
+    delaunay_factor = Factor(mesh, delaunay)
+    extend = partial(harmonic_extension, mesh, delaunay, delaunay_factor)
+    method = partial(BoundaryMethod, laplacian="intrinsic Delaunay")
 
-    refuse_crowding(mesh, trace)
-    maps: dict[str, Complex | None] = {}
-    for which, curve in traces.items():
-        z = whiten(curve)
-        radial = _radial(z)
-        maps["radial" + which] = accepted("radial" + which, radial)
-        maps["Theodorsen" + which] = accepted(
-            "Theodorsen" + which, theodorsen_map(abs(z) * radial.conj())
-        )
-    maps["arc length"] = by_arc_length(mesh)
-    valid = {name: f_B for name, f_B in maps.items() if f_B is not None}
-    best = min(valid, key=lambda name: _mean_distortion(mesh, extend(valid[name])))
-    return valid[best], BoundaryMethod(best, tuple(rejected))
+    steps = harmonic_measure(mesh, delaunay, delaunay_factor, face)
+    if not np.isfinite(steps).all():
+        rejected.append("harmonic measure: no interior vertex at the central face")
+    elif crowded := crowding(mesh, steps):
+        rejected.append(f"harmonic measure: {crowded}")
+    else:
+        steps = np.maximum(steps, LEAST * arc_length(mesh))
+        yield around(steps), extend, method("harmonic measure", tuple(rejected))
+        rejected.append("harmonic measure: no certificate")
 
-
-def _mean_distortion(mesh: DiskMesh, f: Complex) -> float:
-    return float(abs(angle_errors(mesh, f)).mean())
+    yield by_arc_length(mesh), extend, method("arc length", tuple(rejected))
 
 
 def _whitened_geodesic_map(trace: Complex) -> Complex:
@@ -146,10 +148,8 @@ def _whitened_geodesic_map(trace: Complex) -> Complex:
     return geodesic_map(polygon.ravel())[::pieces]
 
 
-def _objection(f_B: Complex | None) -> str | None:
+def _objection(f_B: Complex) -> str | None:
     """Why these are not points once around the circle, strictly counterclockwise."""
-    if f_B is None:
-        return "the curve is not star-shaped, or no convergence"
     if not np.isfinite(f_B).all():
         return "not finite"
     if not is_around(f_B):
@@ -157,16 +157,6 @@ def _objection(f_B: Complex | None) -> str | None:
     return None
 
 
-def _radial(z: Complex) -> Complex:
-    """Directions of a clockwise curve from 0, reversed, steps back made small ones on."""
-    steps = np.angle(z * np.roll(z, -1).conj())
-    chords = abs(np.roll(z, -1) - z)
-    with np.errstate(invalid="ignore"):  # of a trace without area
-        floor = np.maximum(1e-3 * chords / chords.sum(), LEAST_STEP)
-        return around(np.maximum(steps, floor))
-
-
 def by_arc_length(mesh: DiskMesh) -> Complex:
     """(nB,) boundary vertices around the circle in proportion to their distances, from 1."""
-    points = mesh.V[mesh.loop]
-    return around(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1))
+    return around(arc_length(mesh))

@@ -8,11 +8,10 @@ from scipy.sparse import csr_matrix
 
 from ..arrays import Complex, Floats
 from ..center import central_face
-from ..circle import map_to_circle
+from ..circle import maps_to_circle
 from ..dipole import dipole
-from ..extension import harmonic_extension
 from ..factor import Factor
-from ..laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
+from ..laplacian import cotangent_laplacian
 from ..mesh import DiskMesh
 from ..mobius import normalize
 from ..repair import unfold
@@ -67,14 +66,8 @@ def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
     factor = Factor(mesh, L)
     tau_c = central_face(mesh, L, factor, "torsion", well_shaped=True).face
     h_B = double_cover_trace(mesh, L, tau_c)  # (17)
-    f_B, _ = map_to_circle(
-        mesh,
-        h_B,
-        lambda: double_cover_trace(mesh, intrinsic_delaunay_laplacian(mesh), tau_c),
-        lambda f_B: harmonic_extension(mesh, L, factor, f_B),
-        whitened=True,
-    )  # (1)-(6)
-    f = harmonic_extension(mesh, L, factor, f_B)  # (10)
+    f_B, extend, _ = next(maps_to_circle(mesh, L, factor, h_B, tau_c, whitened=True))  # (1)-(6)
+    f = extend(f_B)  # (10)
     f, _ = normalize(mesh, f, "angle")  # (19), (20)
     f, _ = unfold(mesh, f)
     return certified_disk_map(mesh, f)

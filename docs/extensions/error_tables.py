@@ -27,6 +27,7 @@ CALLS = (
     "disk_map(flat, F, align=[0, 0, 1])",
     "disk_map(V, F, refine=-1)",
     "disk_map(V, F, refine=1, refine_norm=3)",
+    "disk_map(V, F, refine=1, refine_seconds=-1)",
     'disk_map(V, F, preset="fast")',
     'disk_map(V, F, preset="paper", center="heat")',
     "angle_distortion(V, F, uv[:-1])",

@@ -1,0 +1,53 @@
+"""Methods that fail, for runs in processes of their own."""
+
+import os
+import signal
+import time
+
+import numpy as np
+
+from cdcp_igl import cdcp, disk_map
+from cdcp_igl.case import Timed
+from cdcp_igl.reference import Method
+
+
+def kills_itself(V, F):
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def raises(V, F):
+    raise KeyError("what")
+
+
+def not_finite(V, F):
+    uv = cdcp(V, F)
+    uv[len(uv) // 2] = np.nan
+    return uv
+
+
+def flipped(V, F):
+    return cdcp(V, F) * [1, -1]
+
+
+def hangs(V, F):
+    time.sleep(600)
+
+
+def hog(V, F):
+    hoard = []
+    while True:
+        hoard.append(np.ones(1 << 20))
+        time.sleep(0.002)
+
+
+METHODS = {
+    "kills itself": Method(kills_itself, "disk", ""),
+    "raises": Method(raises, "disk", ""),
+    "not finite": Method(not_finite, "disk", ""),
+    "free, not finite": Method(not_finite, "free", ""),
+    "flipped": Method(flipped, "disk", ""),
+    "hangs": Method(hangs, "disk", ""),
+    "hog": Method(hog, "disk", ""),
+    "phases": Method(disk_map, "disk", ""),
+    "clock": Method(lambda V, F: Timed(42, {"half": 21}), "none", ""),
+}

@@ -1,0 +1,259 @@
+"""The benchmark harness: every row is there, whatever becomes of the cases."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import failing_methods
+import meshes
+import numpy as np
+import pytest
+
+from benchmarks import models, report, store
+from benchmarks.ablation import ABLATIONS
+from benchmarks.machine import describe
+from benchmarks.methods import METHODS, TABLE, maps
+from benchmarks.models import Model
+from benchmarks.paper import PAPER
+from benchmarks.runner import Limits, run
+from benchmarks.store import Record, Work, read_results
+
+ROOT = Path(__file__).parents[1]
+V, F = meshes.grid(8, 9)
+GRID = Model("grid", lambda: (V, F))
+LIMITS = Limits(60, 4000)
+
+
+def benchmarks(*arguments, data=None, timeout=300):
+    environment = {k: v for k, v in os.environ.items() if k != "CDCP_IGL_DATA"}
+    return subprocess.run(
+        [sys.executable, "-m", "benchmarks", *map(str, arguments)],
+        **{"cwd": ROOT, "env": environment | ({"CDCP_IGL_DATA": str(data)} if data else {})},
+        **{"capture_output": True, "text": True, "timeout": timeout},
+    )
+
+
+def measure(tmp_path, names, table=METHODS, where=TABLE, model=GRID, **options):
+    work = Work(tmp_path)
+    chosen = {name: table[name] for name in names}
+    run("tables", [model], chosen, table=where, work=work, **{"limits": LIMITS, **options})
+    return work
+
+
+def failing(tmp_path, name, **options):
+    where = "failing_methods:METHODS"
+    work = measure(tmp_path, [name], failing_methods.METHODS, where, **options)
+    (record,) = work.records()
+    assert work.map("grid", name) is None
+    assert record.histogram == []
+    return record
+
+
+def page(work):
+    machine = describe(1, "again") | {"time_limit": 60, "memory_limit": 4000}
+    return report.markdown(machine, work.records())
+
+
+def test_quick_without_any_data(tmp_path):
+    done = benchmarks(
+        *("tables", "--quick", "--out", tmp_path, "--work", tmp_path / "w", "--machine", "here")
+    )
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "here.md").read_text()
+    machine, records = read_results(tmp_path / "here.json")
+    names = [model.name for model in models.GENERATED if model.name in text]
+    assert names == ["spherical_cap_20", "ellipse_20", "terrain_coarse"]
+    assert {(r.model, r.method) for r in records if r.section == "tables"} == {
+        (model, method) for model in names for method in [*maps(), "factor"]
+    }
+    for record in records:
+        assert record.outcome == "ok", record
+    assert all(sum(r.histogram) == 3 * r.faces for r in records if r.boundary != "none")
+    assert machine["blas_threads"] == 1
+    assert machine["commit"].split()[0] != ""
+    for row in text.splitlines():  # every table is rectangular
+        if row.startswith("| ---"):
+            width = row.count("|")
+        elif row.startswith("| ") and "surface" not in row:
+            assert row.count("|") == width, row
+
+
+def test_what_a_record_says_is_what_the_map_is(tmp_path):
+    import cdcp_igl
+
+    work = measure(tmp_path, ["cdcp", "factor"])
+    record, factor = work.records()
+    uv = work.map("grid", "cdcp")
+    np.testing.assert_array_equal(uv, cdcp_igl.cdcp(V, F))
+    degrees = cdcp_igl.angle_distortion(V, F, uv)
+    assert record.mean == pytest.approx(degrees.mean())
+    assert (record.vertices, record.faces, record.boundary_vertices) == (len(V), len(F), 30)
+    assert record.histogram == np.histogram(degrees, [*store.EDGES, np.inf])[0].tolist()
+    assert set(record.details["seconds"]) >= {"factor", "trace", "circle", "mobius"}
+    assert set(factor.details["seconds"]) == {"analyse", "factor"}
+    assert factor.boundary == "none"
+    assert np.isnan(factor.mean)
+
+
+def test_records_survive_json(tmp_path):
+    record = Record(*("tables", "m", "d", 3, 1, 3, "cdcp", 0, "disk", "ok"), mean=1.25)
+    row = json.loads(json.dumps(record.as_json(), allow_nan=False))
+    assert row["sd"] is None
+    again = Record.of_json(row)
+    assert again.mean == 1.25
+    assert np.isnan(again.sd)
+    store.write_results(tmp_path / "new" / "r.json", {"cpu": "this"}, [record, record])
+    machine, records = read_results(tmp_path / "new" / "r.json")
+    assert (machine, len(records)) == ({"cpu": "this"}, 2)
+
+
+@pytest.mark.parametrize(
+    ("name", "outcome"),
+    [
+        ("kills itself", "crashed: SIGSEGV"),
+        ("raises", "failed: KeyError: 'what'"),
+        ("not finite", "not valid: not finite"),
+        ("free, not finite", "not valid: not finite"),
+        ("flipped", "not valid: "),
+    ],
+)
+def test_a_failure_is_a_row_without_numbers(tmp_path, name, outcome):
+    record = failing(tmp_path, name)
+    assert record.outcome.startswith(outcome)
+    numbers = [record.mean, record.sd, record.max, record.area, record.flips, record.seconds]
+    assert np.isnan(numbers).all()
+
+
+def test_limits_are_rows(tmp_path):
+    assert failing(tmp_path / "t", "hangs", limits=Limits(2, 4000)).outcome == (
+        "no result within 2 s"
+    )
+    assert failing(tmp_path / "m", "hog", limits=Limits(60, 400)).outcome == (
+        "more than 400 MiB of memory"
+    )
+
+
+def test_a_failure_is_told_below_the_table(tmp_path):
+    work = measure(tmp_path, ["fdcp", "ldcp", "cdcp", "factor"])
+    lost = Record(*("tables", "grid", "x", 72, 112, 30, "fdcp", 0, "disk", "crashed: SIGSEGV"))
+    work.append(lost)  # the latest counts
+    text = page(work)
+    assert "| grid | 72 | failed [1] |" in text
+    assert "[1] crashed: SIGSEGV" in text
+    assert "All three are valid on 0 surfaces" in text
+    assert "Not compared, because one is missing or failed: grid." in text
+
+
+def test_the_comparison_names_where_cdcp_is_worse(tmp_path):
+    work = Work(tmp_path)
+    for model, means in (("good", (1.0, 1.0, 1.0049)), ("bad", (1.0, 2.0, 1.0051))):
+        for method, mean in zip(("fdcp", "ldcp", "cdcp"), means, strict=True):
+            sizes = ("d", 100, 180, 18)
+            work.append(Record("tables", model, *sizes, method, 0, "disk", "ok", mean=mean, sd=1))
+    text = page(work)
+    assert "valid on 2 surfaces" in text
+    assert "bad: 1.0051 against 1.0000 of FDCP." in text
+
+
+def test_a_model_that_is_not_to_be_had_is_a_row(tmp_path, monkeypatch):
+    monkeypatch.delenv("CDCP_IGL_DATA", raising=False)
+    (missing,) = models.find(["no_such_model"])
+    work = measure(tmp_path, ["cdcp", "fdcp"], model=missing)
+    records = work.records()
+    assert [r.outcome for r in records] == ["not to be had: no mesh of this name"] * 2
+    assert "| no_such_model | – | failed [1] | failed [1] |" in page(work)
+
+
+def test_every_model_of_the_paper_has_a_row(monkeypatch, tmp_path):
+    monkeypatch.setenv("CDCP_IGL_DATA", str(tmp_path))
+    names = [model.name for model in models.find()]
+    assert [row.model or row.name for row in PAPER] == names[: len(PAPER)]
+    assert sum(row.own == "own" for row in PAPER) == 3
+
+
+def test_models_by_name_path_and_pattern(tmp_path, monkeypatch):
+    monkeypatch.setenv("CDCP_IGL_DATA", str(tmp_path))
+    for name in ("cat", "cow", "dog"):
+        np.savez(tmp_path / f"{name}.npz", V=V, F=F)
+    assert {"cat", "cow", "dog"} <= {model.name for model in models.find()}
+    assert [model.name for model in models.find(["c?[tw]", "cat"])] == ["cat", "cow"]
+    other = tmp_path / "other"
+    other.mkdir()
+    np.savez(other / "fox.npz", V=V, F=F)
+    for text in (str(other / "fox.npz"), str(other / "*.npz")):
+        (fox,) = models.find([text])
+        assert fox.name == "fox"
+        np.testing.assert_array_equal(fox.load()[1], F)
+
+
+def test_a_changed_mesh_is_measured_again(tmp_path):
+    work = measure(tmp_path, ["cdcp"])
+    measure(tmp_path, ["cdcp"])
+    assert len(work.records()) == 1
+    measure(tmp_path, ["cdcp"], model=Model("grid", lambda: (2 * V, F)))
+    assert len(work.records()) == 2
+
+
+def test_methods_take_turns(tmp_path):
+    work = measure(tmp_path, ["harmonic", "lscm"], repeats=lambda method, n: 2)
+    assert [(r.method, r.repeat) for r in work.records()] == [
+        *(("harmonic", 0), ("lscm", 0), ("harmonic", 1), ("lscm", 1)),
+    ]
+
+
+def test_a_killed_run_goes_on_where_it_stopped(tmp_path):
+    code = (
+        "import sys; from pathlib import Path; from test_benchmarks import measure;"
+        "measure(Path(sys.argv[1]), ['harmonic', 'lscm', 'cdcp', 'factor', 'ldcp'])"
+    )
+    path = os.pathsep.join([str(ROOT), str(ROOT / "tests")])
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)],
+        **{"env": os.environ | {"PYTHONPATH": path}, "stderr": subprocess.DEVNULL},
+    )
+    try:
+        end = time.monotonic() + 120
+        while len(Work(tmp_path).records()) < 2:
+            assert time.monotonic() < end
+            assert process.poll() is None
+            time.sleep(0.01)
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    before = (tmp_path / "records.jsonl").read_bytes()
+    kept = before[: before.rfind(b"\n") + 1]
+    assert 2 <= kept.count(b"\n") < 5
+    with (tmp_path / "records.jsonl").open("ab") as file:
+        file.write(b'{"section": "tab')  # as if killed while writing
+    work = measure(tmp_path, ["harmonic", "lscm", "cdcp", "factor", "ldcp"])
+    assert (tmp_path / "records.jsonl").read_bytes().startswith(kept)
+    assert [r.method for r in work.records()] == ["harmonic", "lscm", "cdcp", "factor", "ldcp"]
+
+
+def test_every_ablation_gives_a_map():
+    for name, method in ABLATIONS.items():
+        assert method.function(V, F).shape == (len(V), 2), name
+
+
+def test_speed_and_ablation_pages(tmp_path):
+    arguments = (
+        *("--quick", "--out", tmp_path, "--work", tmp_path / "w", "--machine", "here"),
+        *("--models", "ellipse_20"),
+    )
+    for command in (("speed", "--repeats", "2"), ("ablation", "--methods", "default,no Möbius")):
+        done = benchmarks(*command, *arguments)
+        assert done.returncode == 0, done.stderr
+    text = (tmp_path / "here.md").read_text()
+    assert "| default | 1.00 |" in text
+    assert "once imported, median of many calls" in text
+    assert "## Ablation" in text
+
+
+def test_unknown_method():
+    done = benchmarks("tables", "--methods", "magic")
+    assert done.returncode == 2
+    assert "'magic' is not one of" in " ".join(done.stderr.split())
