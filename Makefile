@@ -28,8 +28,10 @@ lint: setup
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m mypy
 
-# The pages, into docs/build/html; a warning or a broken link is an error.
+# The pages, into docs/build/html; a warning or a broken link is an error. From scratch, as
+# their pictures and outputs depend on the whole package.
 docs: .venv/docs
+	rm -rf docs/build docs/gallery docs/generated
 	$(PYTHON) -m sphinx -W --keep-going -n -q -b html docs docs/build/html
 	$(PYTHON) docs/check_links.py docs/build/html
 

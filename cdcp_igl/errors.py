@@ -115,11 +115,12 @@ class MapError(RuntimeError):
 
     >>> import numpy as np
     >>> import cdcp_igl
+    >>> from cdcp_igl.reference import fdcp
     >>> z = np.exp(2j * np.pi * np.arange(8) / 8) * [1, 0.1, 1, 0.1, 1, 0.1, 1, 0.1]
     >>> V = np.vstack([np.column_stack([z.real, z.imag]), [0.01, 0.005]])
     >>> F = [[i, (i + 1) % 8, 8] for i in range(8)]
     >>> try:
-    ...     cdcp_igl.reference.fdcp(V, F)
+    ...     fdcp(V, F)
     ... except cdcp_igl.MapError as error:
     ...     print(error.result.certificate.valid)
     False
