@@ -23,14 +23,13 @@ extensions = [
     "cited_tests",
     "console",
     "equations",
+    "error_tables",
     "flow",
     "gallery_style",
     "viewcode_anchors",
-    "error_tables",
 ]
 exclude_patterns = ["examples", "generated/parts", "build"]
 nitpicky = True
-nitpick_ignore_regex = [("py:.*", r"(numpy|np|scipy|matplotlib|collections|typing)\..*")]
 
 # -- pages -----------------------------------------------------------------------------
 
@@ -49,9 +48,8 @@ html_theme_options = {
 }
 html_sidebars = {"index": [], "changelog": [], "benchmarks": []}
 
-myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
+myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
-math_eqref_format = "({number})"
 
 # -- reference -------------------------------------------------------------------------
 

@@ -110,3 +110,17 @@ def test_every_bad_option_in_the_table_is_refused(monkeypatch):
 def test_the_version_is_in_one_place():
     assert "version" not in (ROOT / "CITATION.cff").read_text().replace("cff-version", "")
     assert cdcp_igl.__version__ in (ROOT / "CHANGELOG.md").read_text()
+
+
+def test_links_are_checked(tmp_path):
+    complaints = runpy.run_path(str(DOCS / "check_links.py"))["complaints"]
+    good = '<p id="here"><a href="#here"></a><a href="b.html#top"></a><a href="https://c.org"></a>'
+    (tmp_path / "a.html").write_text(good)
+    (tmp_path / "b.html").write_text('<p id="top"><img src="data:,">')
+    assert list(complaints(tmp_path)) == []
+    bad = ('<a href="#away">', '<a href="no.html">', '<script src="https://c.org/x.js">', str(ROOT))
+    for n, text in enumerate(bad, 1):
+        (tmp_path / f"bad{n}.html").write_text(text)
+        assert len(list(complaints(tmp_path))) == n
+    (tmp_path / "style.css").write_text("@import url('https://c.org/x.css')")
+    assert len(list(complaints(tmp_path))) == len(bad) + 1
