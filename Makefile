@@ -21,6 +21,7 @@ demo/jacksboro_fault.npz: | .venv/ready
 	$(PYTHON) -c 'import numpy, cdcp_igl.datasets as d; V, F = d.load("jacksboro_fault"); numpy.savez("$@", V=V, F=F)'
 
 test: setup
+	sh .ci/setup-browser
 	$(PYTHON) -m pytest
 
 lint: setup

@@ -2,12 +2,13 @@
 
 import typer
 
-from . import fuzz, measure, readme
+from . import draw, fuzz, measure, readme
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
 app.command("tables")(measure.tables)
 app.command("speed")(measure.speed)
 app.command("ablation")(measure.ablation)
+app.command("figures")(draw.figures)
 app.command("fuzz")(fuzz.fuzz)
 app.command("readme")(readme.write)
 

@@ -28,7 +28,7 @@ from cdcp_igl.repair import unfold
 
 from .theodorsen import theodorsen_map
 
-__all__ = ["ABLATIONS", "TABLE"]
+__all__ = ["ABLATIONS", "CENTERS", "TABLE"]
 
 TABLE = "benchmarks.ablation:ABLATIONS"
 
@@ -94,7 +94,7 @@ def _map(
     return certified_disk_map(mesh, f)
 
 
-_CENTERS: dict[str, Center] = {
+CENTERS: dict[str, Center] = {
     "torsion": partial(_most_central, method="torsion"),
     "heat t=1e3": partial(_coldest, t=1e3),
     "heat t=1e4": partial(_coldest, t=1e4),
@@ -104,15 +104,15 @@ _CENTERS: dict[str, Center] = {
 
 _VARIANTS = {
     "default": partial(_map),
-    "no Möbius": partial(_map, mobius=None),
-    **{f"center {name}": partial(_map, center=of) for name, of in _CENTERS.items()},
+    "without Möbius": partial(_map, mobius=None),
+    **{f"center {name}": partial(_map, center=of) for name, of in CENTERS.items()},
     **{
-        f"center {name}, no Möbius": partial(_map, center=of, mobius=None)
-        for name, of in _CENTERS.items()
+        f"center {name} without Möbius": partial(_map, center=of, mobius=None)
+        for name, of in CENTERS.items()
     },
     "not whitened": partial(_map, circle=geodesic_map),
     "interior trace": partial(_map, circle=partial(_interior, whitened=False)),
-    "interior trace, whitened": partial(_map, circle=partial(_interior, whitened=True)),
+    "interior trace whitened": partial(_map, circle=partial(_interior, whitened=True)),
     "Theodorsen": partial(_map, circle=_theodorsen),
 }
 

@@ -24,7 +24,7 @@ from .report import markdown
 from .runner import Limits, run
 from .store import RESULTS, WORK, Work, code, write_results
 
-__all__ = ["ablation", "speed", "tables"]
+__all__ = ["Session", "ablation", "speed", "tables"]
 
 SPEED_METHODS = ("factor", "cdcp", "cdcp refine=1", "cdcp refine=5", "lscm", "harmonic")
 SPEED_MODELS = (
@@ -84,7 +84,7 @@ def tables(
 
     What is there already is not measured again. To start over, delete the work folder.
     """
-    session = _Session(quick, machine, out, work, time_limit, memory_limit, threads)
+    session = Session(quick, machine, out, work, time_limit, memory_limit, threads)
     session.run(
         "tables",
         session.models(models, ()),
@@ -113,7 +113,7 @@ def speed(
 
     What is there already is not measured again. To start over, delete the work folder.
     """
-    session = _Session(quick, machine, out, work, time_limit, memory_limit, threads)
+    session = Session(quick, machine, out, work, time_limit, memory_limit, threads)
 
     def runs(method: str, n: int) -> int:
         return 1 if n > LARGE and method not in REPEATED else repeats
@@ -141,7 +141,7 @@ def ablation(
 
     What is there already is not measured again. To start over, delete the work folder.
     """
-    session = _Session(quick, machine, out, work, time_limit, memory_limit, threads)
+    session = Session(quick, machine, out, work, time_limit, memory_limit, threads)
     session.run(
         "ablation",
         session.models(models, ABLATION_MODELS),
@@ -164,7 +164,7 @@ def _chosen(table: Mapping[str, Method], wanted: str, default: Sequence[str]) ->
     return {name: table[name] for name in names}
 
 
-class _Session:
+class Session:
     """Where to work, within which limits, and where the results go."""
 
     def __init__(
@@ -183,6 +183,7 @@ class _Session:
         self._limits = Limits(time_limit, memory_limit or round(0.75 * memory_mib()))
 
     def models(self, wanted: str, default: Sequence[str]) -> list[Model]:
+        """Find those wanted, or the default; of a quick run, three small ones."""
         if self._quick and not wanted:
             return surfaces.quick()
         return surfaces.find(_split(wanted) or default)
@@ -195,6 +196,7 @@ class _Session:
         table: str,
         repeats: Callable[[str, int], int],
     ) -> None:
+        """Measure what is missing of a section."""
         pin_threads(self._threads)
         run(
             *(section, models, methods),

@@ -13,7 +13,7 @@ from .methods import METHODS, maps
 from .paper import PAPER, PUBLISHED, published
 from .store import Record
 
-__all__ = ["Results", "markdown"]
+__all__ = ["Results", "claim", "markdown"]
 
 MARGIN = 0.005  # degrees by which CDCP's mean may be above that of FDCP or LDCP
 REFINED = ("cdcp", "cdcp refine=1", "cdcp refine=5", "cdcp refine=10 p=1.2")
@@ -216,7 +216,7 @@ def _tables(results: Results) -> str:
         "### Refinement",
         _table(results, refined, distortion),
         "### CDCP against FDCP and LDCP",
-        _claim(results),
+        claim(results),
         "## Table 2: seconds",
         "From arrays to map, in brackets as a multiple of F, one CHOLMOD analysis (AMD) and "
         "factorization of L_II. The paper's are of MATLAB on another machine: compare ratios.",
@@ -229,7 +229,7 @@ def _tables(results: Results) -> str:
     return "\n\n".join(parts)
 
 
-def _claim(results: Results) -> str:
+def claim(results: Results) -> str:
     """Whether CDCP's mean is at most those of FDCP and LDCP plus the margin."""
     compared, above = [], []
     for model in results.models():

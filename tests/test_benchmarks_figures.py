@@ -1,0 +1,224 @@
+"""The pictures of the benchmarks."""
+
+from dataclasses import replace
+from io import BytesIO
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from benchmarks.figures import PLOTS, Measured, NotMeasured, accuracy, encode, surfaces
+from benchmarks.figures.accuracy import histograms, table_1
+from benchmarks.figures.cost import STACK, factorizations, phases
+from benchmarks.figures.measured import growth
+from benchmarks.figures.style import HATCHES, STYLES
+from benchmarks.findings import findings
+from benchmarks.methods import maps
+from benchmarks.raster import SAMPLES, rasterize
+from benchmarks.scene import Scene
+from benchmarks.store import EDGES, Record
+from cdcp_igl import cdcp, datasets
+from cdcp_igl.phases import PHASES
+
+TWO = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]), np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def test_a_pixel_shows_the_face_it_lies_in():
+    points, F = TWO
+    raster = rasterize(points, F, 20)
+    side = 20 * SAMPLES
+    assert raster.face.shape == (side, side)
+    assert raster.face[side // 2 + 3, side - 4] == 0  # right, below the diagonal
+    assert raster.face[side // 2 - 3, 3] == 1
+    assert raster.face[0, 0] == -1
+    assert raster.seen.mean() == pytest.approx(0.96**2, abs=0.05)
+
+
+def test_interpolation_is_linear():
+    points, F = TWO
+    raster = rasterize(points, F, 20)
+    row, column = np.nonzero(raster.seen)
+    xy = raster.at_vertices(points)
+    scale = 0.96 * 20 * SAMPLES
+    np.testing.assert_allclose(np.diff(xy[:, 0]), np.diff(column) / scale, atol=1e-12)
+    np.testing.assert_allclose(np.diff(xy[:, 1]), -np.diff(row) / scale, atol=1e-12)
+
+
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
+def test_the_nearer_face_hides_the_other(order):
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]])
+    F = np.array([[0, 1, 2], [3, 4, 5]])[order]
+    shown = rasterize(points, F, 16).face
+    assert set(shown.ravel()) == {-1, order.index(1)}
+
+
+def test_small_and_large_faces_leave_no_gap():
+    _, F, uv = datasets.square(40)
+    whole = rasterize(uv, F, 50)
+    row, column = np.indices(whole.face.shape)
+    side = len(whole.face)
+    radius = np.hypot(row - (side - 1) / 2, column - (side - 1) / 2) / (0.48 * side)
+    assert whole.seen[radius < 0.97].all()
+    assert not whole.seen[radius > 1.01].any()
+
+
+def test_scene_has_the_same_outline_in_all_colours():
+    V, F, _ = datasets.spherical_cap(12)
+    scene, uv = Scene(V, F, 40), cdcp(V, F)
+    pictures = [scene.by_normal(), scene.plain(), scene.checkerboard(uv), scene.distortion(uv, 5)]
+    for picture in pictures:
+        assert picture.shape == (40, 40, 4)
+        np.testing.assert_array_equal(picture[..., 3], pictures[0][..., 3])
+
+
+def test_distortion_is_painted_where_it_is():
+    V, F, _ = datasets.square(10)
+    uv = V[:, :2].copy()
+    uv[V[:, 0] > 0, 0] *= 3  # the right half is stretched
+    scene = Scene(V, F, 40)
+    light = scene.distortion(uv, 40)[..., :3].sum(axis=2, dtype=float)
+    assert light[10:30, 25:35].mean() > 1.5 * light[10:30, 5:15].mean()
+
+
+# -- charts ----------------------------------------------------------------------------
+
+SIZES = {"small": 20_000, "large": 80_000, "largest": 320_000}
+SECONDS = {"factor": 0.5, "cdcp": 1.0, "fdcp": 7.0, "ldcp": 2.0, "harmonic": 0.5}
+MEANS = {"factor": np.nan, "cdcp": 1.2, "fdcp": 1.1, "ldcp": 1.3, "harmonic": 5.0}
+
+
+def record(model, method, section="tables", repeat=0, **changed):
+    """A record as if seconds grew like n^1.1."""
+    n = SIZES[model]
+    seconds = SECONDS[method] * (n / 20_000) ** 1.1
+    counts = np.zeros(len(EDGES), dtype=int)
+    counts[: 10 * (2 + len(method))] = 100
+    boundary = "none" if method == "factor" else "disk"
+    shares = dict.fromkeys(PHASES, seconds / len(PHASES))
+    made = Record(
+        *(section, model, "digest", n, 2 * n, 100, method, repeat, boundary, "ok"),
+        *(MEANS[method], 2.0, 50.0, 1.0, 0.0, 1e-16, seconds, 200.0),
+        histogram=[] if method == "factor" else counts.tolist(),
+        details={"seconds": shares} if method == "cdcp" else {},
+    )
+    return replace(made, **changed)
+
+
+def failure(model, method, section="tables"):
+    nothing = dict.fromkeys(("mean", "sd", "max", "area", "flips", "boundary_error"), np.nan)
+    nothing |= {"seconds": np.nan, "memory": np.nan, "histogram": [], "details": {}}
+    return record(model, method, section, outcome="crashed: SIGSEGV", **nothing)
+
+
+def measured(*extra):
+    """All methods on all models; fdcp fails on the large one."""
+    records = [
+        failure(model, method)
+        if (model, method) == ("large", "fdcp")
+        else record(model, method, section, repeat)
+        for model in SIZES
+        for method in SECONDS
+        for section, repeat in (("tables", 0), ("speed", 0), ("speed", 1))
+    ]
+    return Measured([*records, *extra], None, lambda model, method: None)
+
+
+def line(axes, method):
+    return next(one for one in axes.lines if one.get_label() == STYLES[method].label)
+
+
+def test_numbers_are_drawn_where_they_belong():
+    axes = table_1(measured()).axes[0]
+    for method in ("cdcp", "ldcp", "harmonic"):
+        np.testing.assert_allclose(line(axes, method).get_xdata(), MEANS[method])
+    assert [text.get_text() for text in axes.get_yticklabels()] == [
+        "small  20,000",
+        "large  80,000",
+        "largest  320,000",
+    ]
+
+
+def test_a_failure_is_drawn_as_such():
+    axes = table_1(measured()).axes[0]
+    np.testing.assert_array_equal(np.isnan(line(axes, "fdcp").get_xdata()), [False, True, False])
+    assert [text.get_text() for text in axes.texts] == ["no map"]
+    y = axes.texts[0].get_position()[1]
+    assert y == line(axes, "fdcp").get_ydata()[1]
+
+
+def test_a_failed_repeat_counts_as_a_failure():
+    values = measured(failure("small", "cdcp", "speed")).values("speed", "cdcp", "seconds")
+    np.testing.assert_array_equal(np.isnan(values), [True, False, False])
+
+
+def test_times_are_multiples_of_a_factorization_of_the_same_model():
+    axes = factorizations(measured()).axes[0]
+    np.testing.assert_allclose(line(axes, "cdcp").get_xdata(), 2)
+    np.testing.assert_allclose(line(axes, "harmonic").get_xdata(), 1)
+
+
+def test_the_phases_add_up():
+    axes = phases(measured()).axes[0]
+    assert {name for names, _ in STACK.values() for name in names} == set(PHASES)
+    widths = np.array([[bar.get_width() for bar in bars] for bars in axes.containers])
+    np.testing.assert_allclose(widths.sum(axis=0), 2)
+    assert len({bars[0].get_hatch() for bars in axes.containers}) == len(HATCHES)
+
+
+def test_histograms_show_densities():
+    panel = histograms(measured()).axes[0]
+    for stairs in panel.patches:
+        density, edges, _ = stairs.get_data()
+        assert (density * np.diff(edges)).sum() == pytest.approx(100)
+
+
+@pytest.mark.parametrize("exponent", [0.5, 1.0, 1.2])
+def test_growth_is_the_exponent(exponent):
+    n = np.array([100.0, 20_000, 40_000, 90_000, 1e6])
+    values = 3e-5 * n**exponent
+    values[0] = 17  # too small to count
+    assert growth(n, values) == pytest.approx((exponent, 3e-5))
+    assert np.isnan(growth(n[:3], values[:3])).all()
+    assert growth(n, np.append(values[:-1], np.nan))[0] == pytest.approx(exponent)
+
+
+def test_what_was_not_measured_says_by_what_it_would_be():
+    nothing = Measured([], None, None)
+    for plot in PLOTS:
+        with pytest.raises(NotMeasured, match=r"run: python -m benchmarks (tables|speed|ablation)"):
+            plot.draw(nothing)
+
+
+def test_where_everything_failed_a_chart_says_so():
+    records = [
+        failure(model, method, section)
+        for model in SIZES
+        for method in SECONDS
+        for section in ("tables", "speed")
+    ]
+    of_failures = Measured(records, None, lambda model, method: None)
+    for draw in (plot.draw for plot in PLOTS if plot.draw.__module__ != surfaces.__name__):
+        with pytest.raises(NotMeasured, match=r"failed|no method has|not measured yet"):
+            draw(of_failures)
+
+
+def test_methods_differ_without_colour():
+    for together in (maps(), accuracy.CENTERS, accuracy.MOBIUS):
+        assert len({STYLES[method].marker for method in together}) == len(together)
+
+
+def test_files_are_small():
+    for suffix, kind in ((".png", "PNG"), (".jpg", "JPEG")):
+        content = encode(table_1(measured()), suffix)
+        assert Image.open(BytesIO(content)).format == kind
+        assert len(content) < 150_000
+
+
+def test_findings_are_what_the_records_say():
+    text = "\n".join(findings(measured()))
+    assert "FDCP on 2 of 3, LDCP on 3 of 3, CDCP on 3 of 3" in text
+    assert "There is none by FDCP on large." in text
+    assert "small: 1.2000 against 1.1000 of FDCP" in text
+    assert "FDCP takes 7.0 to 7.0 times as long as CDCP (median 7.0), on 2 surfaces" in text
+    assert "CDCP takes 2.00 to 2.00 times as long as one factorization" in text
+    assert "grows like n^1.10" in text

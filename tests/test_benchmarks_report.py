@@ -1,0 +1,223 @@
+"""The report for the browser, drawn by ``figures --quick`` and opened in Chromium."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass, replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.figures import PLOTS, Measured, NotMeasured
+from benchmarks.pages import write_pages
+from benchmarks.store import read_results
+
+ROOT = Path(__file__).parents[1]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """The folder that ``figures --quick`` wrote, and where the results are."""
+
+    folder: Path
+    results: Path
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    out = tmp_path_factory.mktemp("results")
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "benchmarks", "figures", "--quick", "--machine", "here"),
+            *("--out", str(out), "--work", str(out / "work")),
+        ],
+        **{"cwd": ROOT, "capture_output": True, "text": True, "timeout": 600},
+        env={name: value for name, value in os.environ.items() if name != "CDCP_IGL_DATA"},
+    )
+    assert done.returncode == 0, done.stderr
+    assert str(out / "here" / "index.html") in done.stdout.replace("\n", "")
+    return Drawn(out / "here", out / "here.json")
+
+
+class Links(HTMLParser):
+    """What a page refers to, and its identifiers."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.references, self.identifiers, self.alternatives = [], [], []
+        self.feed(page.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attributes):
+        attributes = dict(attributes)
+        self.references += [attributes[name] for name in ("src", "href") if name in attributes]
+        self.identifiers += [attributes["id"]] if "id" in attributes else []
+        if tag == "img":
+            self.alternatives.append(attributes.get("alt"))
+
+
+def test_every_figure_is_there_and_small(drawn):
+    for plot in PLOTS:
+        size = (drawn.folder / plot.file).stat().st_size
+        assert 2_000 < size < 150_000, plot.file
+    text = (drawn.folder / "README.md").read_text()
+    assert re.findall(r"\]\((.*?)\)", text) == [plot.file for plot in PLOTS]
+
+
+def test_pages_need_nothing_from_elsewhere(drawn):
+    pages = sorted(drawn.folder.glob("*.html"))
+    assert len(pages) == 4  # the index and three surfaces
+    for page in pages:
+        links = Links(page)
+        assert len(set(links.identifiers)) == len(links.identifiers)
+        assert None not in links.alternatives
+        for reference in links.references:
+            if reference.startswith("#"):
+                assert reference[1:] in links.identifiers
+            elif not reference.startswith("data:"):
+                assert drawn.folder / reference in pages
+        assert not re.search(r"url\(|@import|https?://", page.read_text(encoding="utf-8"))
+
+
+def test_the_numbers_are_those_of_the_records(drawn):
+    page = (drawn.folder / "index.html").read_text(encoding="utf-8")
+    about, records = read_results(drawn.results)
+    for record in records:
+        if record.section == "tables" and record.boundary != "none":
+            assert f"{record.mean:.3f} / {record.sd:.3f}</td>" in page
+            assert f'data-value="{record.mean}"' in page
+    for text in (about["cpu"], about["commit"], about["date"], about["versions"]["libigl"]):
+        assert text in page
+
+
+def test_without_results_it_says_what_to_run(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmarks", "figures", "--out", str(tmp_path)],
+        **{"cwd": ROOT, "capture_output": True, "text": True, "timeout": 60},
+    )
+    assert done.returncode == 2
+    assert "python -m benchmarks tables" in " ".join(done.stderr.replace("│", "").split())
+
+
+# -- in the browser --------------------------------------------------------------------
+
+FAILED = "crashed: SIGSEGV"
+
+
+@pytest.fixture(scope="module")
+def index(drawn, tmp_path_factory):
+    """A report of the same records, except that LDCP failed on one surface."""
+    about, records = read_results(drawn.results)
+    nothing = dict.fromkeys(("mean", "sd", "max", "area", "flips", "seconds", "memory"), np.nan)
+    records = [
+        replace(record, outcome=FAILED, **nothing)
+        if (record.section, record.model, record.method) == ("tables", "ellipse_20", "ldcp")
+        else record
+        for record in records
+    ]
+
+    def surface(model):
+        raise NotMeasured("not needed here")
+
+    measured = Measured(records, surface, lambda model, method: None)
+    folder = tmp_path_factory.mktemp("report")
+    return write_pages(folder, about, measured, [], lambda model: None)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    programs = shutil.which("chromium"), shutil.which("chromedriver")
+    if None in programs:
+        if os.environ.get("CDCP_IGL_REQUIRE_BROWSER") == "1":
+            pytest.fail("no chromium or chromedriver, and CDCP_IGL_REQUIRE_BROWSER=1")
+        pytest.skip("needs chromium and chromedriver on the path (Debian: sh .ci/setup-browser)")
+    from selenium import webdriver
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = programs[0]
+    for argument in ("headless=new", "no-sandbox", "disable-gpu", "disable-dev-shm-usage"):
+        options.add_argument(f"--{argument}")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(programs[1]))
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture
+def opened(browser, index):
+    browser.set_window_size(1400, 1000)
+    browser.get(index.as_uri())
+    yield browser
+    assert browser.get_log("browser") == []
+
+
+def column(browser, table, heading):
+    """The button of a heading, and a function that reads its column."""
+    from selenium.webdriver.common.by import By
+
+    headings = browser.find_elements(By.CSS_SELECTOR, f"#{table} thead th")
+    k = next(k for k, th in enumerate(headings) if th.text.startswith(heading))
+
+    def read():
+        cells = browser.find_elements(By.CSS_SELECTOR, f"#{table} tbody tr > :nth-child({k + 1})")
+        return [cell.text for cell in cells]
+
+    return headings[k].find_element(By.TAG_NAME, "button"), headings[k], read
+
+
+def test_a_click_sorts_by_number_and_failures_stay_last(opened):
+    button, heading, read = column(opened, "cases-table", "mean")
+    before = read()
+    for direction in ("ascending", "descending"):
+        opened.execute_script("arguments[0].scrollIntoView()", button)
+        button.click()
+        assert heading.get_attribute("aria-sort") == direction
+        shown = read()
+        assert shown[-1] == "–"
+        values = [float(text) for text in shown[:-1]]
+        assert values == sorted(values, reverse=direction == "descending")
+        assert sorted(shown) == sorted(before)
+        assert shown != before
+    _, _, outcomes = column(opened, "cases-table", "outcome")
+    assert outcomes()[-1] == FAILED
+
+
+def test_the_keyboard_sorts_too_and_rows_stay_whole(opened):
+    from selenium.webdriver.common.keys import Keys
+
+    _, _, surfaces = column(opened, "cases-table", "surface")
+    _, _, methods = column(opened, "cases-table", "method")
+    _, _, seconds = column(opened, "cases-table", "s ")
+    before = set(zip(surfaces(), methods(), seconds(), strict=True))
+    button, heading, names = column(opened, "cases-table", "method")
+    button.send_keys(Keys.ENTER)
+    assert heading.get_attribute("aria-sort") == "ascending"
+    assert names() == sorted(names(), key=str.lower)
+    assert set(zip(surfaces(), methods(), seconds(), strict=True)) == before
+
+
+def test_only_one_column_says_it_is_sorted(opened):
+    for heading in ("n", "CDCP", "LDCP"):
+        button, _, _ = column(opened, "distortion-table", heading)
+        opened.execute_script("arguments[0].click()", button)
+    _, _, read = column(opened, "distortion-table", "LDCP")
+    assert read()[-1] == "no map"
+    script = "return document.querySelectorAll('#distortion-table [aria-sort]').length"
+    assert opened.execute_script(script) == 1
+
+
+@pytest.mark.parametrize("width", [400, 1400])
+def test_a_window_scrolls_in_one_direction_only(opened, drawn, width):
+    metrics = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    for page in (drawn.folder / "index.html", drawn.folder / "terrain_coarse.html"):
+        opened.get(page.as_uri())
+        assert opened.execute_script("return document.documentElement.scrollWidth") <= width
+        images = "return [...document.images].every(i => i.complete && i.naturalWidth > 0)"
+        assert opened.execute_script(images)
+    opened.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    loaded = "return performance.getEntriesByType('resource').map(e => e.name)"
+    assert [name for name in opened.execute_script(loaded) if not name.startswith("data:")] == []
