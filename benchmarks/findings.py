@@ -104,7 +104,7 @@ def _speed(measured: Measured) -> Iterator[str]:
 
 def _mobius(measured: Measured) -> Iterator[str]:
     with_it, without = (
-        measured.values("ablation", method, "mean") for method in ("default", "no Möbius")
+        measured.values("ablation", method, "mean") for method in ("default", "without Möbius")
     )
     gain = (without - with_it)[np.isfinite(without - with_it)]
     if len(gain):

@@ -244,7 +244,7 @@ def test_speed_and_ablation_pages(tmp_path):
         *("--quick", "--out", tmp_path, "--work", tmp_path / "w", "--machine", "here"),
         *("--models", "ellipse_20"),
     )
-    for command in (("speed", "--repeats", "2"), ("ablation", "--methods", "default,no Möbius")):
+    for command in (("speed", "--repeats", "2"), ("ablation", "--methods", "default,without Möbius")):
         done = benchmarks(*command, *arguments)
         assert done.returncode == 0, done.stderr
     text = (tmp_path / "here.md").read_text()

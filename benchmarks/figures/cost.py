@@ -29,7 +29,7 @@ from .style import (
 
 COMPARED = ("fdcp", "ldcp", "double_cover", "cdcp", "cdcp refine=5", "harmonic", "lscm")
 REPEATED = ("cdcp", "cdcp refine=1", "cdcp refine=5", "harmonic", "lscm")
-MOBIUS = ("default", "no Möbius")
+MOBIUS = ("default", "without Möbius")
 UNIT = "one factorization of $L_{II}$"
 # Phases of CDCP that are drawn together, from first to last.
 STACK = {
