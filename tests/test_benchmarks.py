@@ -244,7 +244,8 @@ def test_speed_and_ablation_pages(tmp_path):
         *("--quick", "--out", tmp_path, "--work", tmp_path / "w", "--machine", "here"),
         *("--models", "ellipse_20"),
     )
-    for command in (("speed", "--repeats", "2"), ("ablation", "--methods", "default,without Möbius")):
+    variants = "default,without Möbius"
+    for command in (("speed", "--repeats", "2"), ("ablation", "--methods", variants)):
         done = benchmarks(*command, *arguments)
         assert done.returncode == 0, done.stderr
     text = (tmp_path / "here.md").read_text()
