@@ -17,7 +17,7 @@ from threadpoolctl import ThreadpoolController
 from .arrays import Complex, Floats
 from .errors import SolverError
 
-__all__ = ["VERSION", "Cholesky", "Numbers", "Ordering", "fill_reducing_order"]
+__all__ = ["VERSION", "Cholesky", "Numbers", "fill_reducing_order"]
 
 VERSION = version("scikit-sparse")
 

@@ -44,9 +44,8 @@ class Factor:
 
     Attributes
     ----------
-    order : (nI,) int64 or None
-        The interior vertices in a fill-reducing order of the mesh. None if cotangents that
-        cancel, as on regular grids, hide edges from it: their fill would be far from reduced.
+    order : (nI,) int64
+        The interior vertices in the fill-reducing order.
     solver : str
         Solver, version, ordering, mode and number of factorizations.
 
@@ -70,13 +69,10 @@ class Factor:
         # A postordering may have moved rows; the interior must still come first.
         if nI and (self._pinned.permutation[:nI] >= nI).any():
             self._inner = Cholesky(_block(L, interior), ordering="amd")
-        self.order: Ints | None = None
-        if L.nnz == self._n + mesh.F.size + len(mesh.loop):  # the diagonal, and every edge twice
-            self.order = (
-                interior[self._inner.permutation]
-                if self._inner
-                else self._rows[self._pinned.permutation[:nI]]
-            )
+        if self._inner:
+            self.order = interior[self._inner.permutation]
+        else:
+            self.order = self._rows[self._pinned.permutation[:nI]]
         count = "two factorizations" if self._inner else "one factorization"
         self.solver = (
             f"CHOLMOD (scikit-sparse {cholmod.VERSION}, AMD ordering, "

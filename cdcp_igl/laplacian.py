@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_matrix, diags
+from scipy.sparse import csr_matrix
 
 from . import libigl
 from .areas import corner_products
@@ -29,13 +29,21 @@ def cotangent_laplacian(mesh: DiskMesh) -> csr_matrix:
         Symmetric to the last bit.
     """
     n = len(mesh.V)
-    # Column k holds the cotangent of corner k, which belongs to the opposite edge. On an
-    # oriented manifold no two faces share a half-edge, so nothing is summed twice.
+    # Column k holds the cotangent of corner k, which belongs to the opposite edge. Every edge
+    # is a half-edge of two faces, one for each direction; those outside the boundary weigh 0.
+    # So the halves of the matrix have the same pattern, with entries for cotangents that
+    # cancel, too: orders that reduce fill, and analyses, hold wherever the vertices are.
     start = mesh.F[:, [1, 2, 0]].ravel()
     end = mesh.F[:, [2, 0, 1]].ravel()
-    half = csr_matrix((-_half_cotangents(mesh).ravel(), (start, end)), (n, n))
-    off_diagonal = half + half.T.tocsr()
-    return off_diagonal - diags(np.asarray(off_diagonal.sum(axis=1)).ravel(), format="csr")
+    weights = _half_cotangents(mesh).ravel()
+    diagonal = np.bincount(start, weights, n) + np.bincount(end, weights, n)
+    vertices = np.arange(n)
+    rows = np.concatenate([start, np.roll(mesh.loop, -1), vertices])
+    columns = np.concatenate([end, mesh.loop, vertices])
+    halves = np.concatenate([-weights, np.zeros(len(mesh.loop)), diagonal / 2])
+    L = csr_matrix((halves, (rows, columns)), (n, n))
+    L.data += L.T.tocsr().data
+    return L
 
 
 def _half_cotangents(mesh: DiskMesh) -> Floats:

@@ -121,9 +121,6 @@ class DiskMapper:
     def moved(self, V: ArrayLike) -> DiskMapper:
         """Take the same faces with moved vertices: no topological checks, no new ordering.
 
-        Only where cotangents of the one surface vanish, and not of the other, is the ordering
-        computed again.
-
         Parameters
         ----------
         V : (n, 3) or (n, 2) array_like of real numbers
@@ -144,13 +141,7 @@ class DiskMapper:
         other = copy(self)
         other.mesh = self.mesh.moved(V)
         other._L = cotangent_laplacian(other.mesh)
-        # Sums of cotangents that vanish, as at right angles, are not stored.
-        same_pattern = np.array_equal(self._L.indptr, other._L.indptr) and np.array_equal(
-            self._L.indices, other._L.indices
-        )
-        other._factor = (
-            self._factor.refactored(other._L) if same_pattern else Factor(other.mesh, other._L)
-        )
+        other._factor = self._factor.refactored(other._L)
         other._last = None
         return other
 

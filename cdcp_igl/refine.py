@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
 from .arrays import Complex, Floats, Ints, blocks
-from .cholmod import Cholesky, Ordering
+from .cholmod import Cholesky
 from .distortion import angle_errors
 from .injectivity import flipped_faces, is_around
 from .mesh import DiskMesh
@@ -65,7 +65,7 @@ class Refinement:
 def lower_angle_distortion(
     mesh: DiskMesh,
     f: Complex,
-    order: Ints | None,
+    order: Ints,
     steps: int,
     norm: float,
     *,
@@ -86,8 +86,8 @@ def lower_angle_distortion(
     mesh : DiskMesh
     f : (n,) complex128
         Map onto the disk without flipped faces. With flipped faces nothing is done.
-    order : (nI,) int64 or None
-        The interior vertices in a fill-reducing order, if one is known.
+    order : (nI,) int64
+        The interior vertices in a fill-reducing order.
     steps : int
         At least 1.
     norm : float
@@ -265,14 +265,11 @@ class WeightedLaplacian:
     ----------
     mesh : DiskMesh
         Has interior vertices.
-    order : (nI,) int64 or None
-        The interior vertices in a fill-reducing order, if one is known.
+    order : (nI,) int64
+        The interior vertices in a fill-reducing order.
     """
 
-    def __init__(self, mesh: DiskMesh, order: Ints | None) -> None:
-        self._ordering: Ordering = "natural"
-        if order is None:
-            order, self._ordering = mesh.interior, "amd"
+    def __init__(self, mesh: DiskMesh, order: Ints) -> None:
         self._F, self._n, self._order = mesh.F, len(mesh.V), order
         self._cholesky: Cholesky | None = None
         k = len(order)
@@ -308,7 +305,7 @@ class WeightedLaplacian:
         entries *= np.repeat(scale, self._count)
         self._matrix.data[self._off_diagonal] = entries
         if self._cholesky is None:
-            self._cholesky = Cholesky(self._matrix, ordering=self._ordering)
+            self._cholesky = Cholesky(self._matrix, ordering="natural")
         else:
             self._cholesky.refactor(self._matrix)
 

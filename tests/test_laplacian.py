@@ -23,6 +23,15 @@ def test_symmetric_to_the_last_bit_with_zero_row_sums(mesh):
     assert abs(L.sum(axis=1)).max() < 1e-13
 
 
+def test_cotangents_that_cancel_stay_in_the_pattern():
+    _, F = meshes.grid(9, 11)
+    right_angles = np.column_stack(np.divmod(np.arange(99), 11))[:, ::-1]
+    mesh = DiskMesh(right_angles, F)
+    L = cotangent_laplacian(mesh)
+    assert (L.data == 0).any()
+    assert L.nnz == len(mesh.V) + mesh.F.size + len(mesh.loop)  # every edge twice
+
+
 def test_intrinsic_delaunay_laplacian_has_no_negative_weight_inside():
     V, F = meshes.grid()
     mesh = DiskMesh(V * [9, 1, 1], F)

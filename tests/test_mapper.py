@@ -6,9 +6,7 @@ import pytest
 
 import cdcp_igl
 from cdcp_igl import cholmod, factor
-from cdcp_igl.laplacian import cotangent_laplacian
 from cdcp_igl.mapper import DiskMapper
-from cdcp_igl.mesh import DiskMesh
 
 V, F = meshes.grid(9, 11)
 ONCE = {"check", "laplacian", "factor"}
@@ -71,10 +69,8 @@ def test_moved_vertices_without_a_new_analysis(monkeypatch, bound):
     np.testing.assert_array_equal(mapper.map().uv, before.uv)
 
 
-def test_moved_from_right_angles_whose_cotangents_vanish():
-    """The pattern of the Laplacian is another."""
+def test_moved_from_right_angles_whose_cotangents_cancel():
     flat = np.column_stack(np.divmod(np.arange(99), 11))[:, ::-1]  # a square grid
-    assert cotangent_laplacian(DiskMesh(flat, F)).nnz < cotangent_laplacian(DiskMesh(V, F)).nnz
     there = V + 0.2 * np.sin(3 * V[:, [1, 2, 0]])
     moved = DiskMapper(flat, F).moved(there).map().uv
     np.testing.assert_allclose(moved, cdcp_igl.cdcp(there, F), atol=1e-12)
