@@ -7,7 +7,7 @@ from matplotlib import colormaps
 
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.distortion import angle_distortion
-from cdcp_igl.plot import LIGHT, _normal_colors, _vertex_normals
+from cdcp_igl.plot import LIGHT, normal_colors, vertex_normals
 from cdcp_igl.viewpoint import viewpoint
 
 from .raster import Bytes, in_picture, rasterize
@@ -33,8 +33,8 @@ class Scene:
         self._V, self._F, self._pixels = V, F, pixels
         self.points = V @ viewpoint(V, F).T
         self.surface = rasterize(self.points, F, pixels)
-        self._normals = _vertex_normals(self.points, F)
-        self._colors = _normal_colors(self._normals)[:, :3]
+        self._normals = vertex_normals(self.points, F)
+        self._colors = normal_colors(self._normals)[:, :3]
         towards = self.surface.at_vertices(self._normals) @ (LIGHT / np.linalg.norm(LIGHT))
         self._light = np.clip(0.72 + 0.3 * towards, 0, 1)[:, None]
 

@@ -102,7 +102,8 @@ def disk_map(
     refine : int
         Steps of refinement, 0 for none: Gauss-Newton on the sum of |angle error|^p over all
         corners; boundary vertices slide on the circle. Not in the paper. Most of the gain
-        comes with the first two; each costs less than the map itself.
+        comes with the first two; the first costs about two thirds of the map itself, each further
+        one half.
     refine_norm : float
         The exponent p, from 1 to 2. The default lowers mean and SD; the nearer to 1, the
         lower the mean and the higher the SD.

@@ -140,9 +140,9 @@ class _Scene:
         positions = as_vertices(V)
         self._faces = as_faces(F, len(positions))
         self._seen = positions @ viewpoint(positions, self._faces).T
-        normals = _vertex_normals(self._seen, self._faces)
+        normals = vertex_normals(self._seen, self._faces)
         self._front = normals[:, 2] > 0
-        self._colors = _normal_colors(normals)
+        self._colors = normal_colors(normals)
 
     def draw_surface(self, axes: Axes) -> None:
         """Draw the surface, far faces first."""
@@ -195,7 +195,7 @@ def _draw_histogram(axes: Axes, degrees: Floats, result: DiskMap) -> None:
     axes.tick_params(color=FAINT, labelcolor=INK)
 
 
-def _vertex_normals(V: Floats, F: Ints) -> Floats:
+def vertex_normals(V: Floats, F: Ints) -> Floats:
     """(n, 3) unit normals, faces weighted by area."""
     i, j, k = F.T
     across = np.cross(V[j] - V[i], V[k] - V[i])
@@ -207,7 +207,7 @@ def _vertex_normals(V: Floats, F: Ints) -> Floats:
     return normals / np.where(lengths > 0, lengths, 1)
 
 
-def _normal_colors(normals: Floats) -> Floats:
+def normal_colors(normals: Floats) -> Floats:
     """(n, 4) RGBA: each axis of the normal, as the viewer has it, on a primary; lit."""
     base = 0.5 + 0.5 * normals
     light = LIGHT / np.linalg.norm(LIGHT)
