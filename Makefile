@@ -3,7 +3,7 @@ PYTHON := .venv/bin/python
 MESH   ?= demo/jacksboro_fault.npz
 NAME    = $(basename $(notdir $(MESH)))
 
-.PHONY: setup demo test lint docs dist clean
+.PHONY: setup demo test lint bench docs dist clean
 setup: .venv/ready
 
 .venv/ready: pyproject.toml .ci/setup
@@ -28,6 +28,14 @@ lint: setup
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m mypy
+
+# What benchmarks/results has: half an hour on all surfaces. What is measured already is kept.
+bench: setup
+	$(PYTHON) -m benchmarks speed
+	$(PYTHON) -m benchmarks tables
+	$(PYTHON) -m benchmarks ablation
+	$(PYTHON) -m benchmarks figures
+	$(PYTHON) -m benchmarks readme
 
 # The pages, into docs/build/html; a warning or a broken link is an error. From scratch, as
 # their pictures and outputs depend on the whole package.

@@ -10,7 +10,7 @@ app.command("speed")(measure.speed)
 app.command("ablation")(measure.ablation)
 app.command("figures")(draw.figures)
 app.command("fuzz")(fuzz.fuzz)
-app.command("readme")(readme.write)
+app.command("readme")(readme.readme)
 
 
 @app.callback()

@@ -1,84 +1,75 @@
-"""The table of measured numbers in the README."""
+"""The table of measured numbers in the README, from the results."""
 
 from __future__ import annotations
 
-import os
-import platform
-import statistics
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
-from time import perf_counter
 
-from cdcp_igl import angle_distortion, cdcp, cholmod, datasets, libigl
-from cdcp_igl.arrays import Floats, Ints
-from cdcp_igl.injectivity import certify
-from cdcp_igl.mesh import DiskMesh
-from cdcp_igl.reference import METHODS
+import typer
+
+from cdcp_igl.io import whole_file
+
+from .measure import MACHINE, Machine
+from .paper import published
+from .report import Results
+from .store import RESULTS, read_results
+
+__all__ = ["readme"]
 
 README = Path(__file__).parents[1] / "README.md"
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
 
-MODELS = ("chinese_lion", "human_face", "human_brain", "left_hand")
+MODELS = ("chinese_lion", "human_face", "human_brain", "left_hand", "gcanyon_996999")
 COLUMNS = {
-    "**CDCP**": cdcp,
-    "**CDCP, refine=5**": partial(cdcp, refine=5),
-    "FDCP": METHODS["fdcp"].function,
-    "LDCP": METHODS["ldcp"].function,
-    "harmonic, arc length": METHODS["harmonic"].function,
-    "LSCM, *free boundary*": METHODS["lscm"].function,
+    "cdcp": "**CDCP**",
+    "cdcp refine=5": "**CDCP, refine=5**",
+    "fdcp": "FDCP",
+    "ldcp": "LDCP",
+    "harmonic": "harmonic, arc length",
+    "lscm": "LSCM, *free boundary*",
 }
-REPEATS = 3
 
 
-def write() -> None:
-    """Measure and rewrite the table between the two markers of README.md."""
+def readme(machine: Machine = MACHINE) -> None:
+    """Rewrite the table between the two markers of README.md from the results."""
+    results = RESULTS / f"{machine}.json"
+    if not results.exists():
+        raise typer.BadParameter(f"there is no {results}; first run: python -m benchmarks tables")
+    about, records = read_results(results)
     text = README.read_text(encoding="utf-8")
     head, rest = text.split(BEGIN)
     _, tail = rest.split(END)
-    README.write_text(f"{head}{BEGIN}\n{_table()}\n{END}{tail}", encoding="utf-8")
+    table = _table(Results(records, "tables"))
+    note = (
+        "Mean / SD of the angular distortion in degrees, and time as a multiple of F, one CHOLMOD "
+        f"analysis and factorization of L_II ({about['cores']} cores, {about['cpu']}, libigl "
+        f"{about['versions']['libigl']}, scikit-sparse {about['versions']['scikit-sparse']}). "
+        "LSCM is conformal but its image is no disk; the harmonic map is a disk but not "
+        "conformal. Written by `python -m benchmarks readme`; all surfaces, the paper's own "
+        f"numbers and the figures: [benchmarks/results](benchmarks/results/{machine}.md)."
+    )
+    with whole_file(README) as unfinished:
+        unfinished.write_text(f"{head}{BEGIN}\n{table}\n\n{note}\n{END}{tail}", encoding="utf-8")
 
 
-def _table() -> str:
+def _table(results: Results) -> str:
     rows = [
-        "| surface | vertices | " + " | ".join(COLUMNS) + " |",
+        "| surface | vertices | " + " | ".join(COLUMNS.values()) + " |",
         "|---" * (2 + len(COLUMNS)) + "|",
     ]
     for model in MODELS:
-        V, F = datasets.load(model)
-        seconds, cells = {}, {}
-        for name, method in COLUMNS.items():
-            uv, seconds[name] = _timed(method, V, F)
-            degrees = angle_distortion(V, F, uv)
-            flips = len(certify(DiskMesh(V, F), uv).flipped)
-            cells[name] = f"{degrees.mean():.3f} / {degrees.std():.3f}" + (
-                f", {flips} flips" if flips else ""
-            )
-        rows.append(
-            f"| {model.replace('_', ' ')} | {len(V):,} | "
-            + " | ".join(
-                f"{cells[name]} ({seconds[name] / seconds['**CDCP**']:.1f} ×)" for name in COLUMNS
-            )
-            + " |"
-        )
-    return "\n".join(
-        [
-            *rows,
-            "",
-            "Mean / SD of the angular distortion in degrees, and time as a multiple of CDCP's "
-            f"(medians of {REPEATS}, one run, {os.cpu_count()} cores, {platform.machine()}, "
-            f"Python {platform.python_version()}, libigl {libigl.VERSION}, scikit-sparse "
-            f"{cholmod.VERSION}). No map flips a face unless it says so. LSCM is conformal but "
-            "its image is no disk; the harmonic map is a disk but not conformal. Written by "
-            "`python -m benchmarks readme`.",
-        ]
+        row = published(model)
+        name = row.name if row and row.own != "stand-in" else model.rsplit("_", 1)[0]
+        cells = [_cell(results, model, method) for method in COLUMNS]
+        vertices = results.first(model).vertices
+        rows.append(f"| {name.replace('_', ' ')} | {vertices:,} | " + " | ".join(cells) + " |")
+    return "\n".join(rows)
+
+
+def _cell(results: Results, model: str, method: str) -> str:
+    if results.failure(model, method):
+        return "no map"
+    mean, sd, flips, seconds = (
+        results.median(model, method, of) for of in ("mean", "sd", "flips", "seconds")
     )
-
-
-def _timed(method: Callable[..., Floats], V: Floats, F: Ints) -> tuple[Floats, float]:
-    seconds = []
-    for _ in range(REPEATS):
-        start = perf_counter()
-        uv = method(V, F)
-        seconds.append(perf_counter() - start)
-    return uv, statistics.median(seconds)
+    folded = f", {flips:,.0f} flips" if flips else ""
+    return f"{mean:.3f} / {sd:.3f}{folded} ({seconds / results.median(model, 'factor'):.1f} F)"

@@ -6,21 +6,23 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import failing_methods
 import meshes
 import numpy as np
 import pytest
+import typer
 
-from benchmarks import models, report, store
+from benchmarks import models, readme, report, store
 from benchmarks.ablation import ABLATIONS
 from benchmarks.machine import describe
 from benchmarks.methods import METHODS, TABLE, maps
 from benchmarks.models import Model
 from benchmarks.paper import PAPER
 from benchmarks.runner import Limits, run
-from benchmarks.store import Record, Work, read_results
+from benchmarks.store import Record, Work, read_results, write_results
 
 ROOT = Path(__file__).parents[1]
 V, F = meshes.grid(8, 9)
@@ -258,3 +260,26 @@ def test_unknown_method():
     done = benchmarks("tables", "--methods", "magic")
     assert done.returncode == 2
     assert "'magic' is not one of" in " ".join(done.stderr.split())
+
+
+def test_the_table_of_the_readme_is_that_of_the_results(tmp_path, monkeypatch):
+    made = {"factor": 0.5, "cdcp": 1.0, "lscm": 2.0}
+    records = [
+        Record("tables", model, "", 99, 160, 36, method, 0, "disk", "ok", 1.25, 2.5, flips=0)
+        for model in readme.MODELS
+        for method in made
+    ]
+    records = [replace(record, seconds=made[record.method]) for record in records]
+    write_results(tmp_path / "here.json", describe(1, "again"), records)
+    page = tmp_path / "README.md"
+    page.write_text(f"before\n{readme.BEGIN}\nold\n{readme.END}\nafter\n", encoding="utf-8")
+    monkeypatch.setattr(readme, "RESULTS", tmp_path)
+    monkeypatch.setattr(readme, "README", page)
+    readme.readme("here")
+    lines = page.read_text(encoding="utf-8").splitlines()
+    assert (lines[0], lines[-1]) == ("before", "after")
+    assert "old" not in lines
+    assert lines[4].startswith("| Chinese Lion | 99 | 1.250 / 2.500 (2.0 F) | no map |")
+    assert lines[4].endswith("| 1.250 / 2.500 (4.0 F) |")
+    with pytest.raises(typer.BadParameter, match="first run"):
+        readme.readme("elsewhere")
