@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cdcp_igl import angle_distortion, disk_map
 from cdcp_igl.center import central_face
 from cdcp_igl.circle.geodesic import geodesic_map
 from cdcp_igl.circle.whiten import whiten
@@ -86,3 +87,16 @@ def test_only_the_boundary_values_of_the_pinned_solution_are_of_use(name, inside
     degrees = np.degrees(abs(angle_errors(steps.mesh, h)))
     assert degrees.mean() == pytest.approx(inside, abs=0.01)
     assert steps.distortion(geodesic_map(steps.trace)) < 0.2 * degrees.mean()
+
+
+@pytest.mark.parametrize(
+    ("name", "faces", "before", "after"), [(LION, 1.5, 52.0, 50.7), (BRAIN, 0.26, 5.9, 6.2)]
+)
+def test_what_refinement_leaves_lies_at_the_boundary(name, faces, before, after, real_mesh):
+    """Faces with a boundary vertex: their share of all faces, and of the squared errors, in %."""
+    V, F = real_mesh(name)
+    at_boundary = np.isin(F, DiskMesh(V, F).loop).any(axis=1)
+    assert 100 * at_boundary.mean() == pytest.approx(faces, rel=0.1)
+    for steps, share in ((0, before), (5, after)):
+        squares = angle_distortion(V, F, disk_map(V, F, refine=steps).uv) ** 2
+        assert 100 * squares[at_boundary].sum() / squares.sum() == pytest.approx(share, abs=0.5)
