@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import typer
@@ -58,7 +59,7 @@ def _table(results: Results) -> str:
     ]
     for model in MODELS:
         row = published(model)
-        name = row.name if row and row.own != "stand-in" else model.rsplit("_", 1)[0]
+        name = row.name if row and row.own != "stand-in" else re.sub(r"_\d+$", "", model)
         cells = [_cell(results, model, method) for method in COLUMNS]
         vertices = results.first(model).vertices
         rows.append(f"| {name.replace('_', ' ')} | {vertices:,} | " + " | ".join(cells) + " |")

@@ -139,7 +139,8 @@ class _Notes:
             return NOTHING
         if text not in self._texts:
             self._texts.append(text)
-        return f"failed [{self._texts.index(text) + 1}]"
+        missing = text.startswith("not to be had")
+        return f"{NOTHING if missing else 'failed'} [{self._texts.index(text) + 1}]"
 
     def __str__(self) -> str:
         return "\n".join(f"[{k}] {text}  " for k, text in enumerate(self._texts, 1))
