@@ -1,23 +1,26 @@
 """Gather the reports of the benchmarks, one a machine, for the page that includes them."""
 
+import re
 from pathlib import Path
 
 NONE_YET = "This checkout has no measured results. `python -m benchmarks` writes them.\n"
-INCLUDE = (
-    "```{{include}} /../benchmarks/results/{path}\n"
-    ":start-line: 1\n:heading-offset: {offset}\n:relative-images:\n```\n"
-)  # without the first line, which is the title
+# Without the first line, which is the title.
+REPORT = (
+    "## {name}\n\n```{{include}} /../benchmarks/results/{name}.md\n"
+    ":start-line: 1\n:heading-offset: 1\n```\n"
+)
 
 
 def _gather(app):
     results = Path(app.srcdir).parent / "benchmarks" / "results"
     page = []
     for report in sorted(results.glob("*.md")):
-        page.append(f"## {report.stem}\n\n" + INCLUDE.format(path=report.name, offset=1))
+        page.append(REPORT.format(name=report.stem))
         figures = results / report.stem / "README.md"
         if figures.exists():
-            path = figures.relative_to(results)
-            page.append("### Figures\n\n" + INCLUDE.format(path=path, offset=2))
+            text = figures.read_text(encoding="utf-8").replace("\n## ", "\n#### ")
+            there = f"](/../benchmarks/results/{report.stem}/"
+            page.append("##" + re.sub(r"(!\[[^]]*)\]\(", rf"\1{there}", text))
     parts = Path(app.srcdir, "generated", "parts")
     parts.mkdir(parents=True, exist_ok=True)
     (parts / "benchmarks.md").write_text("\n".join(page) or NONE_YET, encoding="utf-8")
