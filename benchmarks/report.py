@@ -199,7 +199,7 @@ def _tables(results: Results) -> str:
 
     def seconds(model: str, method: str) -> str:
         time, unit = results.median(model, method), results.median(model, "factor")
-        return f"{time:.3g} ({time / unit:.1f} F)" if unit > 0 else f"{time:.3g}"
+        return f"{time:.3g} ({time / unit:.1f}\N{NO-BREAK SPACE}F)" if unit > 0 else f"{time:.3g}"
 
     main = results.methods(PUBLISHED)
     others = results.methods(m for m in maps() if m not in PUBLISHED and m not in REFINED)
