@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from .figures.measured import FROM, Measured, growth
+from .figures.measured import Measured
 from .figures.style import style
 from .paper import PUBLISHED, published
-from .report import Results, claim
+from .report import FROM, Results, claim, growth
 
 __all__ = ["findings"]
 

@@ -23,7 +23,7 @@ from .figures.accuracy import histogram
 from .figures.style import STYLES, model_name, style
 from .findings import findings
 from .methods import maps
-from .paper import PAPER, PUBLISHED, published
+from .paper import PUBLISHED, published, row_of
 from .raster import Bytes
 from .scene import SCALE, Scene
 from .store import EDGES, Record
@@ -263,7 +263,7 @@ def _best(cells: list[Cell], methods: Sequence[str]) -> list[Cell]:
 
 
 def _published(model: str, quantity: str) -> list[Cell]:
-    row = published(model) or next((row for row in PAPER if row.name == model), None)
+    row = row_of(model)
     if row is None:
         return [Cell("–") for _ in PUBLISHED]
     form = "{}" if row.own == "own" else "({})"

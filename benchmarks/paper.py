@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["PAPER", "PUBLISHED", "Published", "published"]
+__all__ = ["PAPER", "PUBLISHED", "Published", "published", "row_of"]
 
 PUBLISHED = ("fdcp", "ldcp", "cdcp")  # methods, in the order of the numbers below
 
@@ -99,3 +99,8 @@ PAPER = (
 def published(model: str) -> Published | None:
     """Row of the paper that a model stands for."""
     return next((row for row in PAPER if row.model == model), None)
+
+
+def row_of(model: str) -> Published | None:
+    """Row of the paper that a model stands for, or whose name it has where nothing does."""
+    return published(model) or next((row for row in PAPER if row.name == model), None)

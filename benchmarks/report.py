@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from cdcp_igl.arrays import Floats
+
 from .ablation import ABLATIONS
 from .methods import METHODS, maps
-from .paper import PAPER, PUBLISHED, published
+from .paper import PAPER, PUBLISHED, published, row_of
 from .store import Record
 
-__all__ = ["Results", "claim", "markdown"]
+__all__ = ["FROM", "Results", "claim", "growth", "markdown"]
 
 MARGIN = 0.005  # degrees by which CDCP's mean may be above that of FDCP or LDCP
 REFINED = ("cdcp", "cdcp refine=1", "cdcp refine=5", "cdcp refine=10 p=1.2")
@@ -176,7 +178,7 @@ def _table(
 
 
 def _published(model: str, quantity: str) -> list[str]:
-    row = published(model) or next((row for row in PAPER if row.name == model), None)
+    row = row_of(model)
     if row is None:
         return [NOTHING] * len(PUBLISHED)
     values = (
@@ -334,27 +336,40 @@ def _by_cdcp(results: Results, model: str) -> list[str]:
 
 
 def _growth(results: Results) -> str:
+    models = results.models()
+    n = np.array([results.first(model).vertices for model in models])
     lines = []
     for name, method in (("CDCP", "cdcp"), ("F", "factor")):
-        points = [
-            (
-                results.first(m).vertices,
-                results.median(m, method),
-                results.median(m, method, "memory"),
-            )
-            for m in results.models()
-            if FROM <= results.first(m).vertices <= TO
-        ]
-        n, seconds, memory = np.array([p for p in points if np.isfinite(p).all()] or [(1, 1, 1)]).T
-        if len(n) < 3:
+        seconds, memory = (
+            np.array([results.median(model, method, of) for model in models])
+            for of in ("seconds", "memory")
+        )
+        used = np.isfinite(seconds) & (n >= FROM) & (n <= TO)
+        if used.sum() < 3:
             lines.append(f"- {name}: fewer than three surfaces of {FROM:,} vertices or more.")
             continue
-        time, space = (np.polyfit(np.log(n), np.log(y), 1)[0] for y in (seconds, memory))
+        (time, _), (space, _) = (growth(n[used], values[used]) for values in (seconds, memory))
         lines.append(
-            f"- {name}: seconds grow like n^{time:.2f}, peak memory like n^{space:.2f} "
-            f"(least squares over {len(n)} surfaces of {n.min():,.0f} to {n.max():,.0f} vertices)."
+            f"- {name}: seconds grow like n^{time:.2f}, peak memory like n^{space:.2f} (least "
+            f"squares over {used.sum()} surfaces of {n[used].min():,} to {n[used].max():,} "
+            "vertices)."
         )
     return "\n".join(lines)
+
+
+def growth(n: Floats, values: Floats) -> tuple[float, float]:
+    """Fit values = c n^p by least squares, over models with `FROM` vertices or more.
+
+    Returns
+    -------
+    p, c : float
+        NaN if there are fewer than three such models.
+    """
+    used = np.isfinite(values) & (n >= FROM)
+    if used.sum() < 3:
+        return np.nan, np.nan
+    p, log_c = np.polyfit(np.log(n[used]), np.log(values[used]), 1)
+    return float(p), float(np.exp(log_c))
 
 
 def _small(results: Results) -> str:

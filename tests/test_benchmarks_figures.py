@@ -10,11 +10,11 @@ from PIL import Image
 from benchmarks.figures import PLOTS, Measured, NotMeasured, accuracy, encode, surfaces
 from benchmarks.figures.accuracy import histograms, table_1
 from benchmarks.figures.cost import STACK, factorizations, phases
-from benchmarks.figures.measured import growth
 from benchmarks.figures.style import HATCHES, STYLES
 from benchmarks.findings import findings
 from benchmarks.methods import maps
 from benchmarks.raster import SAMPLES, rasterize
+from benchmarks.report import growth
 from benchmarks.scene import Scene
 from benchmarks.store import EDGES, Record
 from cdcp_igl import cdcp, datasets

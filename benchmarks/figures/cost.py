@@ -8,6 +8,7 @@ from statistics import median
 import numpy as np
 from matplotlib.figure import Figure
 
+from .accuracy import COMPARED, MOBIUS
 from .measured import Measured, NotMeasured
 from .style import (
     BLUE,
@@ -27,9 +28,7 @@ from .style import (
     trend,
 )
 
-COMPARED = ("fdcp", "ldcp", "double_cover", "cdcp", "cdcp refine=5", "harmonic", "lscm")
 REPEATED = ("cdcp", "cdcp refine=1", "cdcp refine=5", "harmonic", "lscm")
-MOBIUS = ("default", "without Möbius")
 UNIT = "one factorization of $L_{II}$"
 # Phases of CDCP that are drawn together, from first to last.
 STACK = {

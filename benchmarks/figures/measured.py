@@ -8,10 +8,10 @@ import numpy as np
 
 from cdcp_igl.arrays import Floats, Ints
 
-from ..report import FROM, Results
+from ..report import Results
 from ..store import Record
 
-__all__ = ["FROM", "Measured", "NotMeasured", "growth"]
+__all__ = ["Measured", "NotMeasured"]
 
 
 class NotMeasured(Exception):
@@ -81,18 +81,3 @@ class Measured:
         """Models of the section on which the method was run and gave nothing."""
         failure = self.sections[section].failure
         return [model for model in self.models(section, method) if failure(model, method)]
-
-
-def growth(n: Floats, values: Floats) -> tuple[float, float]:
-    """Fit values = c n^p by least squares, over models with `FROM` vertices or more.
-
-    Returns
-    -------
-    p, c : float
-        NaN if there are fewer than three such models.
-    """
-    used = np.isfinite(values) & (n >= FROM)
-    if used.sum() < 3:
-        return np.nan, np.nan
-    p, log_c = np.polyfit(np.log(n[used]), np.log(values[used]), 1)
-    return float(p), float(np.exp(log_c))

@@ -16,7 +16,8 @@ from PIL import Image
 
 from cdcp_igl.arrays import Floats
 
-from .measured import FROM, Measured, NotMeasured, growth
+from ..report import FROM, growth
+from .measured import Measured, NotMeasured
 
 INK, FAINT, BAND = "#222222", "#8a8a8a", "#f3f3f3"
 # M. Okabe, K. Ito. Color Universal Design, 2008.
