@@ -7,7 +7,7 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-from scipy.sparse import csr_matrix, identity
+from scipy.sparse import identity
 
 from cdcp_igl.arrays import Complex, Floats, Ints
 from cdcp_igl.center import central_face, centrality
@@ -19,7 +19,7 @@ from cdcp_igl.dipole import boundary_trace
 from cdcp_igl.errors import MapError
 from cdcp_igl.extension import harmonic_extension
 from cdcp_igl.factor import Factor
-from cdcp_igl.laplacian import cotangent_laplacian
+from cdcp_igl.laplacian import Laplacian, cotangent_laplacian
 from cdcp_igl.mesh import DiskMesh
 from cdcp_igl.mobius import normalize
 from cdcp_igl.reference import Method
@@ -33,25 +33,25 @@ __all__ = ["ABLATIONS", "CENTERS", "TABLE"]
 TABLE = "benchmarks.ablation:ABLATIONS"
 
 Circle = Callable[[Complex], Complex | None]
-Center = Callable[[DiskMesh, csr_matrix, Factor], int]
+Center = Callable[[DiskMesh, Laplacian, Factor], int]
 
 
-def _default_center(mesh: DiskMesh, L: csr_matrix, factor: Factor) -> int:
+def _default_center(mesh: DiskMesh, L: Laplacian, factor: Factor) -> int:
     return central_face(mesh, L, factor, "torsion", well_shaped=True).face
 
 
 def _most_central(
-    mesh: DiskMesh, L: csr_matrix, factor: Factor, *, method: Literal["torsion", "centroid"]
+    mesh: DiskMesh, L: Laplacian, factor: Factor, *, method: Literal["torsion", "centroid"]
 ) -> int:
     """Find the most central face, well shaped or not."""
     return int(centrality(mesh, L, factor, method).argmax())
 
 
-def _coldest(mesh: DiskMesh, L: csr_matrix, factor: Factor, *, t: float) -> int:
+def _coldest(mesh: DiskMesh, L: Laplacian, factor: Factor, *, t: float) -> int:
     """Eqs. (14), (15) with any t."""
     on_boundary = np.zeros(len(mesh.V))
     on_boundary[mesh.loop] = 1
-    heat = Cholesky(identity(len(mesh.V)) + t * L).solve(on_boundary)
+    heat = Cholesky(identity(len(mesh.V)) + t * L.matrix()).solve(on_boundary)
     return int(heat[mesh.F].sum(axis=1).argmin())
 
 

@@ -6,7 +6,14 @@ import numpy as np
 
 from .arrays import Floats, Ints, blocks
 
-__all__ = ["area_products", "corner_angles", "corner_products", "face_areas", "parallelogram_areas"]
+__all__ = [
+    "area_products",
+    "corner_angles",
+    "corner_cotangents",
+    "corner_products",
+    "face_areas",
+    "parallelogram_areas",
+]
 
 
 def face_areas(V: Floats, F: Ints) -> Floats:
@@ -39,6 +46,16 @@ def corner_products(V: Floats, F: Ints) -> tuple[Floats, Floats]:
         np.einsum("ij,ij->i", e[k - 2], e[k - 1], out=products[:, k])
     np.negative(products, out=products)
     return products, parallelogram_areas(e[1], e[2])
+
+
+def corner_cotangents(V: Floats, F: Ints) -> Floats:
+    """(m, 3) cotangents of triangles in space, column k at corner k; not finite without area."""
+    cotangents = np.empty((3, len(F)))  # by corner, like half-edges
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for part in blocks(len(F)):
+            products, twice_area = corner_products(V, F[part])
+            np.divide(products.T, twice_area, out=cotangents[:, part])
+    return cotangents.T
 
 
 def corner_angles(V: Floats, F: Ints) -> Floats:

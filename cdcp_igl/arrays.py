@@ -1,16 +1,18 @@
 """Names of the array types used in signatures, and blocks of long arrays."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Bools", "Complex", "Floats", "Ints", "blocks"]
+__all__ = ["Bools", "Complex", "Floats", "Indices", "Ints", "blocks"]
 
 Bools = NDArray[np.bool_]
 Complex = NDArray[np.complex128]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Indices = NDArray[np.signedinteger[Any]]  # 32 bits where that is enough
 
 BLOCK = 1 << 14  # faces
 

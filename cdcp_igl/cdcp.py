@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_matrix
 
 from .arrays import Complex, Floats
 from .center import Center, CenterMethod, central_face
@@ -19,7 +18,7 @@ from .distortion import AngleDistortion, angle_errors
 from .errors import MapError
 from .factor import Factor
 from .injectivity import certify
-from .laplacian import cotangent_laplacian
+from .laplacian import Laplacian, cotangent_laplacian
 from .mesh import DiskMesh
 from .mobius import normalize, rotate
 from .phases import Phases, Progress
@@ -157,7 +156,7 @@ def disk_map(
     with phase("factor"):
         factor = Factor(mesh, L)
     maps = harmonic_maps(mesh, L, factor, options, phase)
-    return certified_map(mesh, factor, maps, options, phase)
+    return certified_map(mesh, factor, maps, options, phase, keep_factor=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +211,7 @@ class HarmonicMap:
 
 
 def harmonic_maps(
-    mesh: DiskMesh, L: csr_matrix, factor: Factor, options: Options, phase: Phases
+    mesh: DiskMesh, L: Laplacian, factor: Factor, options: Options, phase: Phases
 ) -> Iterator[HarmonicMap]:
     """Do the first half of Algorithm 1: from the factor to harmonic maps onto the disk.
 
@@ -232,11 +231,17 @@ def harmonic_maps(
 
 
 def certified_map(
-    mesh: DiskMesh, factor: Factor, maps: Iterator[HarmonicMap], options: Options, phase: Phases
+    mesh: DiskMesh,
+    factor: Factor,
+    maps: Iterator[HarmonicMap],
+    options: Options,
+    phase: Phases,
+    *,
+    keep_factor: bool,
 ) -> DiskMap:
     """Normalise one map after the other until one is certified; MapError if none is."""
     for harmonic in maps:
-        result = normalized_map(mesh, factor, harmonic, options, phase)
+        result = normalized_map(mesh, factor, harmonic, options, phase, keep_factor=keep_factor)
         if result.certificate.valid:
             phase.done()
             return result
@@ -247,7 +252,13 @@ def certified_map(
 
 
 def normalized_map(
-    mesh: DiskMesh, factor: Factor, harmonic: HarmonicMap, options: Options, phase: Phases
+    mesh: DiskMesh,
+    factor: Factor,
+    harmonic: HarmonicMap,
+    options: Options,
+    phase: Phases,
+    *,
+    keep_factor: bool,
 ) -> DiskMap:
     """Do the second half: the Möbius transformation, repair, refinement, certificate."""
     with phase("mobius"):
@@ -259,6 +270,8 @@ def normalized_map(
     with phase("refine") as advance:
         refinement = None
         if options.refine:
+            if not keep_factor:  # refinement makes its own, and no fallback needs this one
+                factor.release()
             f, refinement = lower_angle_distortion(
                 mesh,
                 f,
@@ -272,7 +285,8 @@ def normalized_map(
     with phase("certificate"):
         uv = np.column_stack([f.real, f.imag])
         certificate = certify(mesh, uv)
-        degrees = np.degrees(abs(angle_errors(mesh, f)))
+        degrees = angle_errors(mesh, f)
+        np.degrees(np.abs(degrees, out=degrees), out=degrees)
         distortion = AngleDistortion.of(degrees)
         free = distortion
         if 0 < len(mesh.inscribed) < len(mesh.F):

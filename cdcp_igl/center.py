@@ -7,12 +7,13 @@ from operator import index
 from typing import Literal
 
 import numpy as np
-from scipy.sparse import csr_matrix, identity
+from scipy.sparse import identity
 
 from .areas import face_areas
 from .arrays import Floats
 from .cholmod import Cholesky
 from .factor import Factor
+from .laplacian import Laplacian
 from .mesh import DiskMesh
 
 __all__ = ["Center", "CenterMethod", "central_face", "centrality"]
@@ -45,7 +46,7 @@ class Center:
 
 def central_face(
     mesh: DiskMesh,
-    L: csr_matrix,
+    L: Laplacian,
     factor: Factor,
     center: CenterMethod | int,
     *,
@@ -56,8 +57,7 @@ def central_face(
     Parameters
     ----------
     mesh : DiskMesh
-    L : (n, n) csr_matrix
-        Cotangent Laplacian.
+    L : Laplacian
     factor : Factor
         Its factorization.
     center : {"torsion", "heat", "centroid"} or int
@@ -80,14 +80,13 @@ def central_face(
     return Center(center, _well_shaped(mesh, central) if well_shaped else int(central.argmax()))
 
 
-def centrality(mesh: DiskMesh, L: csr_matrix, factor: Factor, method: CenterMethod) -> Floats:
+def centrality(mesh: DiskMesh, L: Laplacian, factor: Factor, method: CenterMethod) -> Floats:
     """How central each face is, by one of three measures.
 
     Parameters
     ----------
     mesh : DiskMesh
-    L : (n, n) csr_matrix
-        Cotangent Laplacian.
+    L : Laplacian
     factor : Factor
         Its factorization.
     method : {"torsion", "heat", "centroid"}
@@ -105,7 +104,7 @@ def centrality(mesh: DiskMesh, L: csr_matrix, factor: Factor, method: CenterMeth
     if method == "heat":
         on_boundary = np.zeros(len(mesh.V))
         on_boundary[mesh.loop] = 1
-        heat = Cholesky(identity(len(mesh.V)) + HEAT_TIME * L).solve(on_boundary)  # (14)
+        heat = Cholesky(identity(len(mesh.V)) + HEAT_TIME * L.matrix()).solve(on_boundary)  # (14)
         return -heat[mesh.F].sum(axis=1)  # (15)
     if method == "torsion":
         u = np.zeros(len(mesh.V))

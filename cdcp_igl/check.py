@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-from .areas import corner_products
-from .arrays import Bools, Floats, Ints, blocks
+from .areas import corner_cotangents
+from .arrays import Bools, Floats, Indices, Ints
+from .edges import Edges, group_by_edge, half_edges
 from .errors import Defect, MeshError, spell
 
 __all__ = ["MeshReport", "check"]
@@ -109,10 +110,15 @@ def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
 
 @dataclass
 class Examined:
-    """Arrays in their final form (V scaled to unit size), boundary loops, all defects."""
+    """Arrays in their final form (V scaled to unit size), what comes from them, all defects.
+
+    The edges and cotangents are there if the surface could be examined.
+    """
 
     V: Floats = field(default_factory=lambda: np.empty((0, 3)))
     F: Ints = field(default_factory=lambda: np.empty((0, 3), np.int64))
+    edges: Edges = field(init=False)
+    cotangents: Floats = field(init=False)
     loops: list[Ints] = field(default_factory=list)
     ears: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     chords: Ints = field(default_factory=lambda: np.empty((0, 2), np.int64))
@@ -129,7 +135,8 @@ def examine(V: ArrayLike, F: ArrayLike) -> Examined:
         found.defects += error.defects
         return found
     found.defects += _topological_defects(found)
-    if defect := degenerate_defect(found.V, found.F):
+    found.cotangents = corner_cotangents(found.V, found.F)
+    if defect := degenerate_defect(found.cotangents):
         found.defects.append(defect)
     return found
 
@@ -215,7 +222,7 @@ def face_array(F: ArrayLike, n: int) -> Ints:
             )
         )
     faces = np.ascontiguousarray(given, dtype=np.int64)
-    if not np.array_equal(faces, given):
+    if given.dtype.kind == "f" and not np.array_equal(faces, given):
         fractional = np.flatnonzero((faces != given).any(axis=1))
         raise MeshError(
             Defect(
@@ -256,7 +263,7 @@ def repeated_corners(F: Ints) -> Ints:
 
 
 def _topological_defects(found: Examined) -> Iterator[Defect]:
-    """Yield what is wrong with the surface, and fill in its boundary loops, ears and chords.
+    """Yield what is wrong with the surface, and fill in its edges, loops, ears and chords.
 
     One sort of undirected edges answers it all. If the faces hang together across
     edges, no edge is singular, there is one simple boundary loop and the Euler
@@ -265,9 +272,11 @@ def _topological_defects(found: Examined) -> Iterator[Defect]:
     that fails are the corners grouped around their vertices to name the culprits.
     """
     F, n, m = found.F, len(found.V), len(found.F)
-    tail, head, order, start, valence = edges(F, n)
+    tail, head = half_edges(F, n)
+    edges = found.edges = group_by_edge(tail, head, n)
+    start, valence = edges.start, edges.valence
 
-    used = np.bincount(tail, minlength=n) > 0
+    used = np.bincount(F.ravel(), minlength=n) > 0
     unused = np.flatnonzero(~used)
     if len(unused):
         yield Defect(
@@ -278,8 +287,8 @@ def _topological_defects(found: Examined) -> Iterator[Defect]:
             unused,
         )
 
-    singular = order[start[valence > 2]]
-    duplicates = duplicate_faces(F) if len(singular) or (valence == 2).all() else unused[:0]
+    singular = valence > 2
+    duplicates = duplicate_faces(F) if singular.any() or (valence == 2).all() else unused[:0]
     if len(duplicates):
         yield Defect(
             "duplicate face",
@@ -288,23 +297,24 @@ def _topological_defects(found: Examined) -> Iterator[Defect]:
             "faces",
             duplicates,
         )
-    if len(singular):
+    if singular.any():
+        ends = _ends(edges, singular)
         yield Defect(
             "non-manifold edge",
-            f"{_count(singular, 'edge lies', 'edges lie')} on three or more faces",
+            f"{_count(ends, 'edge lies', 'edges lie')} on three or more faces",
             "Drop the surplus faces, or cut the surface along these edges.",
             "edges",
-            np.sort(np.column_stack([tail[singular], head[singular]]), axis=1),
+            ends,
         )
         return
 
-    one, other = order[start[valence == 2]], order[start[valence == 2] + 1]
-    border = order[start[valence == 1]]
+    inner = valence == 2
+    one, other = edges.sides[start[inner]], edges.sides[start[inner] + 1]
+    border = edges.sides[start[~inner]]
     found.ears = np.flatnonzero(np.bincount(border % m, minlength=m) > 1)
     on_boundary = np.zeros(n, dtype=bool)
     on_boundary[tail[border]] = on_boundary[head[border]] = True
-    chord = one[on_boundary[tail[one]] & on_boundary[head[one]]]
-    found.chords = np.sort(np.column_stack([tail[chord], head[chord]]), axis=1)
+    found.chords = _ends(edges, inner & on_boundary[edges.low] & on_boundary[edges.high])
 
     clash = tail[one] == tail[other]
     if clash.any():
@@ -364,33 +374,9 @@ def _topological_defects(found: Examined) -> Iterator[Defect]:
         )
 
 
-def edges(F: Ints, n: int) -> tuple[Ints, Ints, Ints, Ints, Ints]:
-    """Group the half-edges by undirected edge.
-
-    Returns
-    -------
-    tail, head : (3m,) int64
-        Half-edge k m + f leaves corner k of face f.
-    order : (3m,) int64
-        The half-edges, those of an edge in succession.
-    start, valence : (e,) int64
-        Where each edge begins in `order`, and how many half-edges it has.
-    """
-    tail = F.T.ravel()
-    head = np.roll(tail, -len(F))
-    low, high = np.minimum(tail, head), np.maximum(tail, head)
-    order = _counting_sort(high, n)
-    order = order[_counting_sort(low[order], n)]
-    edge = (low * n + high)[order]
-    start = np.flatnonzero(np.diff(edge, prepend=-1))
-    return tail, head, order, start, np.diff(start, append=F.size)
-
-
-def _counting_sort(keys: Ints, n: int) -> Ints:
-    """Stable order of keys from 0 to n - 1: the columns of a matrix with one entry a row."""
-    rows = len(keys)
-    matrix = csr_matrix((np.zeros(rows, bool), keys, np.arange(rows + 1)), (rows, n))
-    return matrix.tocsc().indices
+def _ends(edges: Edges, chosen: Bools) -> Ints:
+    """(k, 2) vertices of some of the edges."""
+    return np.column_stack([edges.low[chosen], edges.high[chosen]]).astype(np.int64)
 
 
 def duplicate_faces(F: Ints) -> Ints:
@@ -398,7 +384,7 @@ def duplicate_faces(F: Ints) -> Ints:
     return np.setdiff1d(np.arange(len(F)), first)
 
 
-def _orientation_defect(left: Ints, right: Ints, clash: Bools, m: int) -> Defect:
+def _orientation_defect(left: Indices, right: Indices, clash: Bools, m: int) -> Defect:
     """Name the faces to reverse."""
     against = faces_to_reverse(left, right, clash, m)
     if against is None:
@@ -416,7 +402,7 @@ def _orientation_defect(left: Ints, right: Ints, clash: Bools, m: int) -> Defect
     )
 
 
-def faces_to_reverse(left: Ints, right: Ints, clash: Bools, m: int) -> Ints | None:
+def faces_to_reverse(left: Indices, right: Indices, clash: Bools, m: int) -> Ints | None:
     """Find the smaller side of each component's orientation cover; None if it has one side.
 
     Node f stands for face f as it is, node f + m for its reversal.
@@ -433,21 +419,21 @@ def faces_to_reverse(left: Ints, right: Ints, clash: Bools, m: int) -> Ints | No
     return np.flatnonzero((mine < theirs) | ((mine == theirs) & (side[:m] > side[m:])))
 
 
-def face_components(one: Ints, other: Ints, m: int) -> tuple[int, NDArray[np.int32]]:
+def face_components(one: Indices, other: Indices, m: int) -> tuple[int, NDArray[np.int32]]:
     """Components of faces that share edges; `one` and `other` are twin half-edges."""
     # Every face has three neighbours, itself where one is missing, so the adjacency can
-    # be written down in CSR form without sorting.
+    # be written down in CSR form without sorting. Nobody reads its entries.
     neighbour = np.tile(np.arange(m, dtype=np.int32), 3)
     neighbour[one], neighbour[other] = other % m, one % m
     graph = csr_matrix(
-        (np.ones(3 * m), neighbour.reshape(3, m).T.ravel(), np.arange(0, 3 * m + 1, 3)), (m, m)
+        (np.zeros(3 * m), neighbour.reshape(3, m).T.ravel(), np.arange(0, 3 * m + 1, 3)), (m, m)
     )
     if len(breadth_first_order(graph, 0, return_predecessors=False)) == m:
         return 1, np.zeros(m, np.int32)
     return connected_components(graph, directed=False)
 
 
-def _pinched_vertices(F: Ints, one: Ints, other: Ints, n: int) -> Ints:
+def _pinched_vertices(F: Ints, one: Indices, other: Indices, n: int) -> Ints:
     """Vertices whose corners form more than one fan across shared edges."""
     n_fans, fan = fans(F, one, other)
     vertex_of_fan = np.empty(n_fans, np.int64)
@@ -455,10 +441,10 @@ def _pinched_vertices(F: Ints, one: Ints, other: Ints, n: int) -> Ints:
     return np.flatnonzero(np.bincount(vertex_of_fan, minlength=n) > 1)
 
 
-def fans(F: Ints, one: Ints, other: Ints) -> tuple[int, NDArray[np.int32]]:
+def fans(F: Ints, one: Indices, other: Indices) -> tuple[int, NDArray[np.int32]]:
     """Group the corners, (3m,) in the order of ``F.T``, around each vertex across twins."""
 
-    def after(half: Ints) -> Ints:  # the next half-edge of the same face
+    def after(half: Indices) -> Indices:  # the next half-edge of the same face
         return (half + len(F)) % F.size
 
     corner = F.T.ravel()
@@ -471,7 +457,7 @@ def fans(F: Ints, one: Ints, other: Ints) -> tuple[int, NDArray[np.int32]]:
     return connected_components(graph, directed=False)
 
 
-def boundary_loops(tail: Ints, head: Ints) -> list[Ints]:
+def boundary_loops(tail: Indices, head: Indices) -> list[Ints]:
     """Cycles of the permutation tail -> head, each from its smallest vertex."""
     by_tail = np.argsort(tail)
     following = dict(zip(tail[by_tail].tolist(), head[by_tail].tolist(), strict=True))
@@ -484,9 +470,9 @@ def boundary_loops(tail: Ints, head: Ints) -> list[Ints]:
     return loops
 
 
-def degenerate_defect(V: Floats, F: Ints) -> Defect | None:
+def degenerate_defect(cotangents: Floats) -> Defect | None:
     """Faces without area, as a defect; None if there are none."""
-    bad = degenerate_faces(V, F)
+    bad = degenerate_faces(cotangents)
     if len(bad) == 0:
         return None
     return Defect(
@@ -498,15 +484,13 @@ def degenerate_defect(V: Floats, F: Ints) -> Defect | None:
     )
 
 
-def degenerate_faces(V: Floats, F: Ints) -> Ints:
+def degenerate_faces(cotangents: Floats) -> Ints:
     """Faces without area, by the square of their longest edge."""
-    degenerate = np.empty(len(F), dtype=bool)
-    for part in blocks(len(F)):
-        products, twice_area = corner_products(V, F[part])
-        i, j, k = products.T
+    # The cotangents at the ends of an edge add up to its squared length by twice the area.
+    i, j, k = cotangents.T
+    with np.errstate(invalid="ignore"):  # of faces without any area
         longest_squared = np.maximum(np.maximum(i + j, j + k), k + i)
-        degenerate[part] = twice_area / 2 <= DEGENERATE * longest_squared
-    return np.flatnonzero(degenerate)
+    return np.flatnonzero(~(longest_squared < 1 / (2 * DEGENERATE)))
 
 
 def _count(indices: Ints, one: str, many: str) -> str:

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .areas import corner_cotangents
 from .arrays import Bools, Floats, Ints
 from .check import (
     boundary_loops,
     check,
     degenerate_faces,
     duplicate_faces,
-    edges,
     face_array,
     face_components,
     faces_to_reverse,
@@ -23,6 +23,7 @@ from .check import (
     repeated_corners,
     vertex_array,
 )
+from .edges import group_by_edge, half_edges
 from .errors import Defect, MeshError
 
 __all__ = ["Cleaned", "clean"]
@@ -165,7 +166,8 @@ class _Surface:
     def drop_faces(self) -> None:
         self._drop_faces(repeated_corners(self.F), "with a repeated corner")
         self._drop_faces(duplicate_faces(self.F), "that repeated another")
-        self._drop_faces(degenerate_faces(self._scaled(), self.F), "without area")
+        cotangents = corner_cotangents(self._scaled(), self.F)
+        self._drop_faces(degenerate_faces(cotangents), "without area")
 
     def split_vertices(self) -> None:
         """Give each fan of faces at a vertex its own copy; the first keeps the vertex."""
@@ -206,8 +208,11 @@ class _Surface:
         self.V, self.vertex_index = self.V[used], self.vertex_index[used]
 
     def fill_holes(self) -> None:
-        tail, head, order, start, valence = edges(self.F, len(self.V))
-        border = order[start[valence == 1]]
+        n = len(self.V)
+        tail, head = half_edges(self.F, n)
+        edges = group_by_edge(tail, head, n)
+        valence = edges.valence
+        border = edges.sides[edges.start[valence == 1]]
         if (valence > 2).any() or len(np.unique(tail[border])) < len(border):
             return  # not a manifold, or not oriented: no loops to follow
         loops = boundary_loops(tail[border], head[border])
@@ -252,9 +257,10 @@ class _Surface:
 
     def _twins(self) -> tuple[Ints, Ints]:
         """Half-edges on either side of each edge that has two faces."""
-        _, _, order, start, valence = edges(self.F, len(self.V))
-        two = start[valence == 2]
-        return order[two], order[two + 1]
+        n = len(self.V)
+        edges = group_by_edge(*half_edges(self.F, n), n)
+        two = edges.start[edges.valence == 2]
+        return edges.sides[two], edges.sides[two + 1]
 
     def _from(self, half: Ints) -> tuple[Ints, Ints, Ints]:
         """Corners of the faces of half-edges: tail, head, the one opposite."""

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from .arrays import Complex
 from .factor import Factor
+from .laplacian import Laplacian
 from .mesh import DiskMesh
 
 __all__ = ["harmonic_extension"]
 
 
-def harmonic_extension(mesh: DiskMesh, L: csr_matrix, factor: Factor, f_B: Complex) -> Complex:
+def harmonic_extension(mesh: DiskMesh, L: Laplacian, factor: Factor, f_B: Complex) -> Complex:
     """Extend boundary values harmonically: L_II f_I = -L_IB f_B, eq. (10).
 
     Parameters
     ----------
     mesh : DiskMesh
-    L : (n, n) csr_matrix
-        Cotangent Laplacian.
+    L : Laplacian
     factor : Factor
         Its factorization.
     f_B : (nB,) complex128
@@ -31,5 +30,12 @@ def harmonic_extension(mesh: DiskMesh, L: csr_matrix, factor: Factor, f_B: Compl
     """
     f = np.zeros(len(mesh.V), dtype=complex)
     f[mesh.loop] = f_B
-    f[mesh.interior] = -factor.solve_interior((L @ f)[mesh.interior])
+    on_boundary = np.zeros(len(f), dtype=bool)
+    on_boundary[mesh.loop] = True
+    between = np.flatnonzero(on_boundary[L.low] != on_boundary[L.high])
+    low, high, weights = L.low[between], L.high[between], L.weights[between]
+    pull = np.zeros_like(f)  # -L_IB f_B, as f is still zero inside
+    np.add.at(pull, low, weights * f[high])
+    np.add.at(pull, high, weights * f[low])
+    f[mesh.interior] = factor.solve_interior(pull[mesh.interior])
     return f

@@ -5,20 +5,21 @@ from __future__ import annotations
 from copy import copy
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix
 
 from . import cholmod
-from .arrays import Complex, Ints
+from .arrays import Complex
 from .cholmod import Cholesky, Numbers
+from .laplacian import Laplacian
 from .mesh import DiskMesh
+from .ordering import elimination_order
 
 __all__ = ["Factor"]
 
 # With more boundary vertices than this times sqrt(n), two factorizations cost less than
 # one in which the boundary comes last: it leaves a dense block, while a surface has
 # separators of about sqrt(n) vertices. Measured on grids of 20,000 and 200,000 vertices
-# with sides of ratio 1 to 16: at 4.0 one costs 0.78 times two, at 5.0 0.9-1.2, at 6.3 1.3
-# or more.
+# with sides of ratio 1 to 16: at 4.0 one costs 0.7-0.8 times two, at 5.0 0.85-1.0, at 6.3
+# 1.0-1.3, at 8.5 1.4 or more.
 LONG_BOUNDARY = 5
 # Up to this many the block takes a tenth of a second at most. One factor is then preferred
 # for its accuracy: on long surfaces the trace is 1e-12 times the interior values of h, and
@@ -39,12 +40,12 @@ class Factor:
     Parameters
     ----------
     mesh : DiskMesh
-    L : (n, n) csr_matrix of float64
-        A Laplacian of the mesh: symmetric, positive semidefinite, rows sum to zero.
+    L : Laplacian
+        Positive semidefinite.
 
     Attributes
     ----------
-    order : (nI,) int64
+    order : (nI,) ndarray of int
         The interior vertices in the fill-reducing order.
     solver : str
         Solver, version, ordering, mode and number of factorizations.
@@ -55,47 +56,53 @@ class Factor:
         If L pinned is numerically not positive definite.
     """
 
-    def __init__(self, mesh: DiskMesh, L: csr_matrix) -> None:
-        interior, nI = mesh.interior, len(mesh.interior)
-        self._n, self._interior = len(mesh.V), interior
-        self._inner: Cholesky | None = None
-        if nI and len(mesh.loop) <= max(SHORT_BOUNDARY, LONG_BOUNDARY * np.sqrt(self._n)):
-            first = interior[cholmod.fill_reducing_order(_block(L, interior))]
-            self._rows = np.concatenate([first, mesh.loop[1:]])
-            self._pinned = Cholesky(_block(L, self._rows), ordering="natural")
-        else:
-            self._rows = np.concatenate([interior, mesh.loop[1:]])
-            self._pinned = Cholesky(_block(L, self._rows), ordering="amd")
+    def __init__(self, mesh: DiskMesh, L: Laplacian) -> None:
+        self._n, self._interior = len(mesh.V), mesh.interior
+        nI = len(mesh.interior)
+        inside = np.zeros(self._n, dtype=bool)
+        inside[mesh.interior] = True
+        # The order of all vertices serves both systems: restricted to the interior, it is as
+        # good as the interior's own.
+        order, name = elimination_order(L, mesh.V)
+        self._inner_rows = order[inside[order]]
+        self._rows = order[order != mesh.loop[0]]
+        if len(mesh.loop) <= max(SHORT_BOUNDARY, LONG_BOUNDARY * np.sqrt(self._n)):
+            self._rows = self._rows[np.argsort(~inside[self._rows], kind="stable")]
+        self._pinned = Cholesky(L.block(self._rows), ordering="natural")
         # A postordering may have moved rows; the interior must still come first.
-        if nI and (self._pinned.permutation[:nI] >= nI).any():
-            self._inner = Cholesky(_block(L, interior), ordering="amd")
-        if self._inner:
-            self.order = interior[self._inner.permutation]
-        else:
-            self.order = self._rows[self._pinned.permutation[:nI]]
+        self._inner: Cholesky | None = None
+        first = self._rows[self._pinned.permutation[:nI]]
+        if not inside[first].all():
+            self._inner = Cholesky(L.block(self._inner_rows), ordering="natural")
+            first = self._inner_rows[self._inner.permutation]
+        self.order = first
         count = "two factorizations" if self._inner else "one factorization"
         self.solver = (
-            f"CHOLMOD (scikit-sparse {cholmod.VERSION}, AMD ordering, "
+            f"CHOLMOD (scikit-sparse {cholmod.VERSION}, {name} ordering, "
             f"{Cholesky.mode} mode, {count})"
         )
 
-    def refactored(self, L: csr_matrix) -> Factor:
+    def refactored(self, L: Laplacian) -> Factor:
         """Factor the Laplacian of the same connectivity elsewhere, without a new analysis.
 
         Parameters
         ----------
-        L : (n, n) csr_matrix of float64
-            With the same pattern of nonzeros.
+        L : Laplacian
+            With the same edges.
 
         Returns
         -------
         Factor
         """
         other = copy(self)
-        other._pinned = self._pinned.refactored(_block(L, self._rows))
+        other._pinned = self._pinned.refactored(L.block(self._rows))
         if self._inner:
-            other._inner = self._inner.refactored(_block(L, self._interior))
+            other._inner = self._inner.refactored(L.block(self._inner_rows))
         return other
+
+    def release(self) -> None:
+        """Give back the memory, which is most of what a map takes. Nothing can be solved then."""
+        del self._pinned, self._inner
 
     def solve_pinned(self, r: Complex) -> Complex:
         """Solve L h = r with h = 0 at the first boundary vertex.
@@ -125,21 +132,15 @@ class Factor:
         -------
         (nI,) of the same type
         """
-        if self._inner is not None:
-            return self._inner.solve(b)
-        nI = len(self._interior)
-        if nI == 0:
-            return b.copy()
-        # Forward with b in the leading block, backward with the boundary block zeroed:
-        # exactly the two substitutions with the factor of L_II.
-        vertex = self._rows[self._pinned.permutation]
         x = np.zeros(self._n, dtype=b.dtype)
         x[self._interior] = b
-        y = self._pinned.solve_lower(x[vertex])
-        y[nI:] = 0
-        x[vertex] = self._pinned.solve_upper(y)
+        if self._inner is not None:
+            x[self._inner_rows] = self._inner.solve(x[self._inner_rows])
+        else:
+            # Forward with b in the leading block, backward with the boundary block zeroed:
+            # exactly the two substitutions with the factor of L_II.
+            vertex = self._rows[self._pinned.permutation]
+            y = self._pinned.solve_lower(x[vertex])
+            y[len(b) :] = 0
+            x[vertex] = self._pinned.solve_upper(y)
         return x[self._interior]
-
-
-def _block(L: csr_matrix, rows: Ints) -> csc_matrix:
-    return L[rows][:, rows].T  # symmetric: the transpose only renames CSR to CSC

@@ -8,7 +8,7 @@ import numpy as np
 
 from . import libigl
 from .areas import area_products
-from .arrays import Complex, Floats, Ints
+from .arrays import Complex, Floats, Ints, blocks
 from .mesh import DiskMesh
 
 __all__ = ["Certificate", "certify", "flipped_faces", "increments", "is_around"]
@@ -131,9 +131,13 @@ def is_around(f_B: Complex) -> bool:
 
 def flipped_faces(uv: Floats, F: Ints) -> tuple[Ints, int]:
     """Faces that are not positively oriented, exactly, and how many were in doubt."""
-    left, right = area_products(uv[:, 0], uv[:, 1], F)
-    twice_area = left - right
-    doubtful = np.flatnonzero(abs(twice_area) <= ORIENTATION_BOUND * (abs(left) + abs(right)))
-    positive = twice_area > 0
+    u, v = uv.T
+    positive, in_doubt = np.empty(len(F), dtype=bool), np.empty(len(F), dtype=bool)
+    for part in blocks(len(F)):
+        left, right = area_products(u, v, F[part])
+        twice_area = left - right
+        in_doubt[part] = abs(twice_area) <= ORIENTATION_BOUND * (abs(left) + abs(right))
+        positive[part] = twice_area > 0
+    doubtful = np.flatnonzero(in_doubt)
     positive[doubtful] = libigl.is_counterclockwise(uv[F[doubtful]])
     return np.flatnonzero(~positive), len(doubtful)

@@ -9,7 +9,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_matrix
 
 from .cdcp import HarmonicMap, Options, certified_map, harmonic_maps
 from .center import CenterMethod
@@ -66,7 +65,7 @@ class DiskMapper:
     def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
         # A mesh may keep the very array of faces; this object outlives the call.
         self.mesh = DiskMesh(V, F.copy() if isinstance(F, np.ndarray) else F)
-        self._L: csr_matrix = cotangent_laplacian(self.mesh)
+        self._L = cotangent_laplacian(self.mesh)
         self._factor = Factor(self.mesh, self._L)
         self._last: tuple[object, list[HarmonicMap]] | None = None
 
@@ -116,7 +115,7 @@ class DiskMapper:
                 known.append(harmonic)
                 yield harmonic
 
-        return certified_map(self.mesh, self._factor, maps(), options, phase)
+        return certified_map(self.mesh, self._factor, maps(), options, phase, keep_factor=True)
 
     def moved(self, V: ArrayLike) -> DiskMapper:
         """Take the same faces with moved vertices: no topological checks, no new ordering.

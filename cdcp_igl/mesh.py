@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .areas import corner_angles
+from .areas import corner_cotangents
 from .arrays import Floats, Ints
 from .check import as_vertices, degenerate_defect, examine
+from .edges import Edges
 from .errors import Defect, MeshError
 
 __all__ = ["DiskMesh"]
@@ -42,6 +43,10 @@ class DiskMesh:
         Boundary vertices in order, the surface on their left, from the smallest index.
     interior : (nI,) int64, read-only
         The other vertices, ascending.
+    edges : Edges
+        Its undirected edges.
+    cotangents : (m, 3) float64, read-only
+        Cotangents of the corner angles, column k at corner k.
 
     Raises
     ------
@@ -54,6 +59,8 @@ class DiskMesh:
     F: Ints
     loop: Ints
     interior: Ints
+    edges: Edges
+    cotangents: Floats
 
     def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
         examined = examine(V, F)
@@ -66,14 +73,19 @@ class DiskMesh:
             "F": examined.F.view(),  # may be the caller's own array, whose flag stays his
             "loop": examined.loops[0],
             "interior": np.flatnonzero(~on_boundary),
+            "cotangents": examined.cotangents,
         }.items():
             array.flags.writeable = False
             object.__setattr__(self, name, array)
+        edges = examined.edges
+        for indices in (edges.low, edges.high, edges.sides, edges.start):
+            indices.flags.writeable = False
+        object.__setattr__(self, "edges", edges)
 
     @cached_property
     def angles(self) -> Floats:
         """(m, 3) corner angles of the surface in radians, column k at corner k; read-only."""
-        angles = corner_angles(self.V, self.F)
+        angles = np.arctan2(1, self.cotangents)
         angles.flags.writeable = False
         return angles
 
@@ -115,12 +127,13 @@ class DiskMesh:
                     "Only vertices may move; for another connectivity make a new mesh.",
                 )
             )
-        if defect := degenerate_defect(positions, self.F):
+        cotangents = corner_cotangents(positions, self.F)
+        if defect := degenerate_defect(cotangents):
             raise MeshError(defect)
-        positions.flags.writeable = False
+        positions.flags.writeable = cotangents.flags.writeable = False
         mesh = copy(self)
         mesh.__dict__.pop("angles", None)
-        mesh.__dict__["V"] = positions
+        mesh.__dict__.update(V=positions, cotangents=cotangents)
         return mesh
 
     def __setattr__(self, name: str, value: Any) -> None:

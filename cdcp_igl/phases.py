@@ -15,13 +15,13 @@ Item = TypeVar("Item")
 # The phases in order, with their share of the time on a large mesh: what a progress bar
 # can honestly show.
 PHASES = {
-    "check": 0.10,
-    "laplacian": 0.08,
-    "factor": 0.55,
+    "check": 0.11,
+    "laplacian": 0.02,
+    "factor": 0.60,
     "center": 0.05,
     "trace": 0.05,
-    "circle": 0.05,
-    "extension": 0.04,
+    "circle": 0.03,
+    "extension": 0.06,
     "mobius": 0.05,
     "repair": 0.02,
     "refine": 0.0,

@@ -8,12 +8,13 @@ from time import perf_counter
 from typing import TypeVar
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 
 from .arrays import Complex, Floats, Ints, blocks
 from .cholmod import Cholesky
 from .distortion import angle_errors
 from .injectivity import flipped_faces, is_around
+from .laplacian import Laplacian
 from .mesh import DiskMesh
 
 Array = TypeVar("Array", Complex, Ints)
@@ -86,7 +87,7 @@ def lower_angle_distortion(
     mesh : DiskMesh
     f : (n,) complex128
         Map onto the disk without flipped faces. With flipped faces nothing is done.
-    order : (nI,) int64
+    order : (nI,) ndarray of int
         The interior vertices in a fill-reducing order.
     steps : int
         At least 1.
@@ -265,49 +266,32 @@ class WeightedLaplacian:
     ----------
     mesh : DiskMesh
         Has interior vertices.
-    order : (nI,) int64
+    order : (nI,) ndarray of int
         The interior vertices in a fill-reducing order.
     """
 
     def __init__(self, mesh: DiskMesh, order: Ints) -> None:
-        self._F, self._n, self._order = mesh.F, len(mesh.V), order
+        self._F, self._edges, self._n, self._order = mesh.F, mesh.edges, len(mesh.V), order
         self._cholesky: Cholesky | None = None
-        k = len(order)
-        rank = np.full(self._n, -1)
-        rank[order] = np.arange(k)
-        corner = rank[mesh.F]
-        start, end = _next(corner).ravel(), _last(corner).ravel()
-        # Of the two half-edges of an edge one goes up in rank and one goes down; sorted by
-        # the entry below the diagonal to which they add, both come in the same order.
-        down = np.flatnonzero((start > end) & (end >= 0))
-        up = np.flatnonzero((end > start) & (start >= 0))
-        below = csc_matrix((down, (start[down], end[down])), (k, k))
-        self._down = below.data
-        self._up = csc_matrix((up, (end[up], start[up])), (k, k)).data
-        self._row, self._count = below.indices, np.diff(below.indptr)
-        # Entries that become zero stay, so that one symbolic analysis serves all steps.
-        first = below.indptr[:-1]
-        indices, data = np.insert(self._row, first, np.arange(k)), np.full(below.nnz + k, 1 + SHIFT)
-        self._matrix = csc_matrix((data, indices, below.indptr + np.arange(k + 1)), (k, k))
-        self._off_diagonal = np.insert(np.ones(below.nnz, dtype=bool), first, False)
 
     def factor(self, beta: Complex, s: Floats) -> None:
         """Set the weights: beta is (m, 3), s is (m,) and positive."""
-        edge, corner = np.empty(beta.shape), np.empty(beta.shape)
+        opposite, corner = np.empty((3, len(s))).T, np.empty(beta.shape)
         for part in blocks(len(s)):
-            edge[part] = s[part, None] * (_next(beta[part]) * _last(beta[part]).conj()).real
+            opposite[part] = s[part, None] * (_next(beta[part]) * _last(beta[part]).conj()).real
             corner[part] = s[part, None] * abs(beta[part]) ** 2
         self._diagonal = np.bincount(self._F.ravel(), corner.ravel(), self._n)
         # A unit diagonal: entries go with 1 / area, which may range over 20 digits.
-        scale = self._scale = 1 / np.sqrt(self._diagonal[self._order])
-        entries = edge.ravel()[self._down] + edge.ravel()[self._up]
-        entries *= scale[self._row]
-        entries *= np.repeat(scale, self._count)
-        self._matrix.data[self._off_diagonal] = entries
+        scale = 1 / np.sqrt(self._diagonal)
+        self._scale = scale[self._order]
+        low, high = self._edges.low, self._edges.high
+        weights = -self._edges.sum_opposite(opposite) * scale[low] * scale[high]
+        unit = np.full(self._n, 1 + SHIFT)
+        matrix = Laplacian(low, high, weights, unit).block(self._order)
         if self._cholesky is None:
-            self._cholesky = Cholesky(self._matrix, ordering="natural")
-        else:
-            self._cholesky.refactor(self._matrix)
+            self._cholesky = Cholesky(matrix, ordering="natural")
+        else:  # the pattern is that of the edges, whatever the weights
+            self._cholesky.refactor(matrix)
 
     def solve(self, x: Complex) -> Complex:
         """Solve with the weights set last."""

@@ -3,6 +3,7 @@ import pytest
 import scipy.sparse as sp
 from threadpoolctl import threadpool_info, threadpool_limits
 
+import cdcp_igl.cholmod
 from cdcp_igl.cholmod import Cholesky, fill_reducing_order
 from cdcp_igl.errors import SolverError
 
@@ -89,3 +90,37 @@ def test_callers_thread_setting_is_restored(A):
         before = [pool["num_threads"] for pool in threadpool_info()]
         Cholesky(A).solve(np.ones(40))
         assert [pool["num_threads"] for pool in threadpool_info()] == before
+
+
+class Runtime:
+    """Stands for an OpenMP library and keeps what it was told."""
+
+    def __init__(self):
+        self.levels = [3]
+
+    def omp_get_max_active_levels(self):
+        return self.levels[-1]
+
+    def omp_set_max_active_levels(self, level):
+        self.levels.append(level)
+
+
+def test_openmp_loops_are_serial_and_the_callers_setting_is_restored(A, monkeypatch):
+    runtime = Runtime()
+    monkeypatch.setattr(cdcp_igl.cholmod, "_OPENMP", [runtime])
+    factor = Cholesky(A)
+    runtime.levels = [3]
+    factor.solve(np.ones(40))
+    assert runtime.levels == [3, 0, 3]
+    with pytest.raises(SolverError):
+        factor.refactor(-A)
+    assert runtime.levels[-1] == 3
+
+
+def test_only_the_lower_triangle_is_read(A):
+    b = np.ones(40)
+    lower = sp.tril(A, format="csc")
+    x = Cholesky(lower).solve(b)
+    np.testing.assert_allclose(A @ x, b, atol=1e-12)
+    more = (lower + 7 * sp.triu(A, 1)).tocsc()
+    np.testing.assert_array_equal(Cholesky(more).solve(b), x)

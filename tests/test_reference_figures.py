@@ -57,7 +57,7 @@ def test_angular_distortion(method, name, mean, sd, tolerance, real_mesh):
 
 def test_north_step_makes_the_map_by_arc_length_more_conformal(real_mesh):
     mesh = DiskMesh(*real_mesh(FACE))
-    L = cotangent_laplacian(mesh)
+    L = cotangent_laplacian(mesh).matrix()
     before = _best_edge_to_one(mesh, Dirichlet(L, mesh.loop).solve(by_arc_length(mesh)))
     after = _north_step(mesh, L, before)
     mu_before, mu_after = (

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from ..arrays import Complex
 from ..extension import harmonic_extension
 from ..factor import Factor
 from ..injectivity import is_around
-from ..laplacian import intrinsic_delaunay_laplacian
+from ..laplacian import Laplacian, intrinsic_delaunay_laplacian
 from ..mesh import DiskMesh
 from .crowding import crowding
 from .geodesic import geodesic_map
@@ -67,7 +66,7 @@ class BoundaryMethod:
 
 def maps_to_circle(
     mesh: DiskMesh,
-    L: csr_matrix,
+    L: Laplacian,
     factor: Factor,
     trace: Complex,
     face: int,
@@ -85,8 +84,8 @@ def maps_to_circle(
     Parameters
     ----------
     mesh : DiskMesh
-    L : (n, n) csr_matrix
-        Cotangent Laplacian.
+    L : Laplacian
+        Of cotangents.
     factor : Factor
         Its factorization.
     trace : (nB,) complex128

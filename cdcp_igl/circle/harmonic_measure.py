@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from ..arrays import Floats
 from ..factor import Factor
+from ..laplacian import Laplacian
 from ..mesh import DiskMesh
 
 __all__ = ["arc_length", "harmonic_measure"]
 
 
-def harmonic_measure(mesh: DiskMesh, L: csr_matrix, factor: Factor, face: int) -> Floats:
+def harmonic_measure(mesh: DiskMesh, L: Laplacian, factor: Factor, face: int) -> Floats:
     """Share of the circle that belongs to every boundary edge when a face goes to its centre.
 
     log|f| of a conformal map f onto the disk is harmonic, 0 on the boundary, and has its pole
@@ -24,8 +24,8 @@ def harmonic_measure(mesh: DiskMesh, L: csr_matrix, factor: Factor, face: int) -
     Parameters
     ----------
     mesh : DiskMesh
-    L : (n, n) csr_matrix
-        Laplacian without negative weights at interior vertices.
+    L : Laplacian
+        Without negative weights at interior vertices.
     factor : Factor
         Its factorization.
     face : int
@@ -46,7 +46,7 @@ def harmonic_measure(mesh: DiskMesh, L: csr_matrix, factor: Factor, face: int) -
     source[mesh.F[face]] = 1
     heat = np.zeros(len(mesh.V))
     heat[mesh.interior] = factor.solve_interior(source[mesh.interior])
-    flux = np.maximum(-(L @ heat)[mesh.loop], 0)
+    flux = np.maximum(-(L.matrix() @ heat)[mesh.loop], 0)
     with np.errstate(invalid="ignore"):
         return (flux + np.roll(flux, -1)) / (2 * flux.sum())
 

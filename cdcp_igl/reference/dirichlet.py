@@ -41,7 +41,7 @@ class Dirichlet:
     >>> from cdcp_igl.reference import Dirichlet
     >>> V, F, _ = cdcp_igl.datasets.square(4)
     >>> mesh, x = DiskMesh(V, F), V[:, 0]
-    >>> u = Dirichlet(cotangent_laplacian(mesh), mesh.loop).solve(x[mesh.loop])
+    >>> u = Dirichlet(cotangent_laplacian(mesh).matrix(), mesh.loop).solve(x[mesh.loop])
     >>> bool(abs(u - x).max() < 1e-12)
     True
     """

@@ -65,7 +65,7 @@ def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
     L = cotangent_laplacian(mesh)  # (8)
     factor = Factor(mesh, L)
     tau_c = central_face(mesh, L, factor, "torsion", well_shaped=True).face
-    h_B = double_cover_trace(mesh, L, tau_c)  # (17)
+    h_B = double_cover_trace(mesh, L.matrix(), tau_c)  # (17)
     f_B, extend, _ = next(maps_to_circle(mesh, L, factor, h_B, tau_c, whitened=True))  # (1)-(6)
     f = extend(f_B)  # (10)
     f, _ = normalize(mesh, f, "angle")  # (19), (20)
@@ -102,7 +102,8 @@ def double_cover_trace(mesh: DiskMesh, L: csr_matrix, face: int) -> Complex:
     >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
     >>> mesh = DiskMesh(V, F)
     >>> L = cotangent_laplacian(mesh)
-    >>> explicit, reduced = double_cover_trace(mesh, L, 0), boundary_trace(mesh, Factor(mesh, L), 0)
+    >>> explicit = double_cover_trace(mesh, L.matrix(), 0)
+    >>> reduced = boundary_trace(mesh, Factor(mesh, L), 0)
     >>> bool(abs(2 * explicit - reduced).max() < 1e-12)
     True
     """

@@ -85,7 +85,7 @@ def fdcp(V: ArrayLike, F: ArrayLike, *, mirror_factor: float = 1 / 3) -> Floats:
 
 def _fdcp(mesh: DiskMesh, mirror_factor: float) -> Complex:
     B = mesh.loop
-    L = cotangent_laplacian(mesh)
+    L = cotangent_laplacian(mesh).matrix()
     disk_problem = Dirichlet(L, B)
     z = disk_problem.solve(by_arc_length(mesh))
     z = _north_step(mesh, L, _best_edge_to_one(mesh, z))

@@ -74,7 +74,7 @@ def ldcp(V: ArrayLike, F: ArrayLike, *, pinned: int = 50) -> Floats:
     if index(pinned) < 3:
         raise ValueError(f"pinned must be at least 3, not {pinned!r}")
     mesh = DiskMesh(V, F)
-    L = cotangent_laplacian(mesh)
+    L = cotangent_laplacian(mesh).matrix()
     L2 = doubled_laplacian(mesh, L)
 
     corners, triangle = _most_regular_face(mesh)

@@ -72,7 +72,7 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     """
     mesh = DiskMesh(V, F)
     n, nB = len(mesh.V), len(mesh.loop)
-    L = cotangent_laplacian(mesh)
+    L = cotangent_laplacian(mesh).matrix()
     energy = block_diag([L, L]) - 2 * libigl.vector_area_matrix(mesh.F)
     on_boundary = np.zeros(2 * n)
     boundary = np.concatenate([mesh.loop, mesh.loop + n])  # of the vector [u; v]

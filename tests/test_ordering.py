@@ -1,0 +1,50 @@
+import meshes
+import numpy as np
+import pytest
+
+from cdcp_igl import ordering
+from cdcp_igl.factor import Factor
+from cdcp_igl.laplacian import cotangent_laplacian
+from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.ordering import dissected, elimination_order
+
+
+@pytest.fixture
+def mesh():
+    return DiskMesh(*meshes.grid(40, 60))
+
+
+def test_separators_separate(mesh):
+    low, high, levels = mesh.edges.low, mesh.edges.high, 3
+    part = dissected(low, high, mesh.V, levels)
+    for level in range(levels):
+        before, digit = np.divmod(part // 3 ** (levels - 1 - level), 3)
+        neighbours = before[low] == before[high]
+        across = neighbours & (digit[low] != digit[high])
+        assert across.any()
+        assert (np.maximum(digit[low], digit[high])[across] == 2).all()
+    top = part // 3 ** (levels - 1)
+    left, right, separator = np.bincount(top)
+    assert separator < 3 * np.sqrt(len(mesh.V))
+    assert min(left, right) > len(mesh.V) / 3
+
+
+def test_parts_come_before_their_separator(mesh, monkeypatch):
+    monkeypatch.setattr(ordering, "LARGE", 0)
+    order, name = elimination_order(cotangent_laplacian(mesh), mesh.V)
+    assert name == "nested dissection and AMD"
+    assert (np.sort(order) == np.arange(len(mesh.V))).all()
+    part = dissected(mesh.edges.low, mesh.edges.high, mesh.V, ordering.LEVELS)
+    assert (np.diff(part[order]) >= 0).all()
+
+
+def test_the_order_changes_solutions_by_rounding_only(mesh, monkeypatch):
+    L = cotangent_laplacian(mesh)
+    b = np.random.default_rng(0).normal(size=len(mesh.interior))
+    plain = Factor(mesh, L)
+    monkeypatch.setattr(ordering, "LARGE", 0)
+    cut = Factor(mesh, L)
+    assert "AMD ordering" in plain.solver
+    assert "nested dissection" not in plain.solver
+    assert "nested dissection and AMD ordering" in cut.solver
+    np.testing.assert_allclose(cut.solve_interior(b), plain.solve_interior(b), rtol=1e-10)
