@@ -23,6 +23,13 @@ def test_symmetric_to_the_last_bit_with_zero_row_sums(mesh):
     assert abs(L.sum(axis=1)).max() < 1e-13
 
 
+def test_a_block_is_the_lower_triangle_of_some_rows_and_columns(mesh):
+    L = cotangent_laplacian(mesh)
+    chosen = np.random.default_rng(0).permutation(len(mesh.V))[:-1]
+    expected = np.tril(L.matrix().toarray()[np.ix_(chosen, chosen)])
+    np.testing.assert_array_equal(L.block(chosen).toarray(), expected)
+
+
 def test_cotangents_that_cancel_stay_in_the_pattern():
     _, F = meshes.grid(9, 11)
     right_angles = np.column_stack(np.divmod(np.arange(99), 11))[:, ::-1]

@@ -41,6 +41,13 @@ def test_timings_are_of_what_was_done():
     assert set(mapper.map(center=7, refine=1).timings) == everything - ONCE - HARMONIC
 
 
+def test_refinement_leaves_the_factor_alone():
+    mapper = DiskMapper(V, F)
+    mapper.map(refine=1)
+    again = mapper.map(center=7)
+    np.testing.assert_array_equal(again.uv, cdcp_igl.disk_map(V, F, center=7).uv)
+
+
 def test_progress_goes_from_0_to_1():
     mapper = DiskMapper(V, F)
     for _ in range(2):
