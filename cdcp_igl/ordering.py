@@ -94,4 +94,5 @@ def dissected(low: Indices, high: Indices, V: Floats, levels: int) -> Ints:
 def _pattern(low: Indices, high: Indices, n: int) -> csc_matrix:
     """(n, n) zeros below the diagonal where edges are."""
     ends = np.append(0, np.cumsum(np.bincount(low, minlength=n))).astype(low.dtype)
-    return csc_matrix((np.zeros(len(low)), high, ends), (n, n))
+    # A copy, as scikit-sparse 0.5 refuses arrays that are read-only.
+    return csc_matrix((np.zeros(len(low)), high.copy(), ends), (n, n))
