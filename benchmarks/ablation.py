@@ -49,9 +49,8 @@ def _most_central(
 
 def _coldest(mesh: DiskMesh, L: Laplacian, factor: Factor, *, t: float) -> int:
     """Eqs. (14), (15) with any t."""
-    on_boundary = np.zeros(len(mesh.V))
-    on_boundary[mesh.loop] = 1
-    heat = Cholesky(identity(len(mesh.V)) + t * L.matrix()).solve(on_boundary)
+    initial = mesh.on_boundary.astype(float)
+    heat = Cholesky(identity(len(mesh.V)) + t * L.matrix()).solve(initial)
     return int(heat[mesh.F].sum(axis=1).argmin())
 
 

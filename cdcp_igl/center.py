@@ -102,9 +102,8 @@ def centrality(mesh: DiskMesh, L: Laplacian, factor: Factor, method: CenterMetho
         Larger is more central.
     """
     if method == "heat":
-        on_boundary = np.zeros(len(mesh.V))
-        on_boundary[mesh.loop] = 1
-        heat = Cholesky(identity(len(mesh.V)) + HEAT_TIME * L.matrix()).solve(on_boundary)  # (14)
+        initial = mesh.on_boundary.astype(float)
+        heat = Cholesky(identity(len(mesh.V)) + HEAT_TIME * L.matrix()).solve(initial)  # (14)
         return -heat[mesh.F].sum(axis=1)  # (15)
     if method == "torsion":
         u = np.zeros(len(mesh.V))

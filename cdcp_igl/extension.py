@@ -30,9 +30,7 @@ def harmonic_extension(mesh: DiskMesh, L: Laplacian, factor: Factor, f_B: Comple
     """
     f = np.zeros(len(mesh.V), dtype=complex)
     f[mesh.loop] = f_B
-    on_boundary = np.zeros(len(f), dtype=bool)
-    on_boundary[mesh.loop] = True
-    between = np.flatnonzero(on_boundary[L.low] != on_boundary[L.high])
+    between = np.flatnonzero(mesh.on_boundary[L.low] != mesh.on_boundary[L.high])
     low, high, weights = L.low[between], L.high[between], L.weights[between]
     pull = np.zeros_like(f)  # -L_IB f_B, as f is still zero inside
     np.add.at(pull, low, weights * f[high])

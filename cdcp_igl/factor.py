@@ -59,20 +59,18 @@ class Factor:
     def __init__(self, mesh: DiskMesh, L: Laplacian) -> None:
         self._n, self._interior = len(mesh.V), mesh.interior
         nI = len(mesh.interior)
-        inside = np.zeros(self._n, dtype=bool)
-        inside[mesh.interior] = True
         # The order of all vertices serves both systems: restricted to the interior, it is as
         # good as the interior's own.
         order, name = elimination_order(L, mesh.V)
-        self._inner_rows = order[inside[order]]
+        self._inner_rows = order[~mesh.on_boundary[order]]
         self._rows = order[order != mesh.loop[0]]
         if len(mesh.loop) <= max(SHORT_BOUNDARY, LONG_BOUNDARY * np.sqrt(self._n)):
-            self._rows = self._rows[np.argsort(~inside[self._rows], kind="stable")]
+            self._rows = self._rows[np.argsort(mesh.on_boundary[self._rows], kind="stable")]
         self._pinned = Cholesky(L.block(self._rows), ordering="natural")
         # A postordering may have moved rows; the interior must still come first.
         self._inner: Cholesky | None = None
         first = self._rows[self._pinned.permutation[:nI]]
-        if not inside[first].all():
+        if mesh.on_boundary[first].any():
             self._inner = Cholesky(L.block(self._inner_rows), ordering="natural")
             first = self._inner_rows[self._inner.permutation]
         self.order = first

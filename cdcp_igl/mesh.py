@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .areas import corner_cotangents
-from .arrays import Floats, Ints
+from .arrays import Bools, Floats, Ints
 from .check import as_vertices, degenerate_defect, examine
 from .edges import Edges
 from .errors import Defect, MeshError
@@ -43,6 +43,8 @@ class DiskMesh:
         Boundary vertices in order, the surface on their left, from the smallest index.
     interior : (nI,) int64, read-only
         The other vertices, ascending.
+    on_boundary : (n,) bool, read-only
+        Which vertices are on the boundary.
     edges : Edges
         Its undirected edges.
     cotangents : (m, 3) float64, read-only
@@ -59,6 +61,7 @@ class DiskMesh:
     F: Ints
     loop: Ints
     interior: Ints
+    on_boundary: Bools
     edges: Edges
     cotangents: Floats
 
@@ -73,6 +76,7 @@ class DiskMesh:
             "F": examined.F.view(),  # may be the caller's own array, whose flag stays his
             "loop": examined.loops[0],
             "interior": np.flatnonzero(~on_boundary),
+            "on_boundary": on_boundary,
             "cotangents": examined.cotangents,
         }.items():
             array.flags.writeable = False
@@ -95,10 +99,8 @@ class DiskMesh:
 
         On the disk they are inscribed in the circle, and the circle fixes their angles.
         """
-        on_boundary = np.zeros(len(self.V), dtype=bool)
-        on_boundary[self.loop] = True
-        i, j, k = self.F.T
-        inscribed = np.flatnonzero(on_boundary[i] & on_boundary[j] & on_boundary[k])
+        i, j, k = self.on_boundary[self.F.T]
+        inscribed = np.flatnonzero(i & j & k)
         inscribed.flags.writeable = False
         return inscribed
 
