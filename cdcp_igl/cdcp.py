@@ -285,8 +285,7 @@ def normalized_map(
     with phase("certificate"):
         uv = np.column_stack([f.real, f.imag])
         certificate = certify(mesh, uv)
-        degrees = angle_errors(mesh, f)
-        np.degrees(np.abs(degrees, out=degrees), out=degrees)
+        degrees = np.degrees(abs(angle_errors(mesh, f)))
         distortion = AngleDistortion.of(degrees)
         free = distortion
         if 0 < len(mesh.inscribed) < len(mesh.F):
