@@ -48,13 +48,12 @@ def elimination_order(L: Laplacian, V: Floats) -> tuple[Indices, str]:
     n = len(V)
     if n < LARGE:
         return fill_reducing_order(_pattern(L.low, L.high, n)), "AMD"
-    part = dissected(L.low, L.high, V, LEVELS)
-    within = part[L.low] == part[L.high]
-    order = fill_reducing_order(_pattern(L.low[within], L.high[within], n))
+    part, low, high = dissected(L.low, L.high, V, LEVELS)
+    order = fill_reducing_order(_pattern(low, high, n))
     return order[np.argsort(part[order], kind="stable")], "nested dissection and AMD"
 
 
-def dissected(low: Indices, high: Indices, V: Floats, levels: int) -> Ints:
+def dissected(low: Indices, high: Indices, V: Floats, levels: int) -> tuple[Ints, Indices, Indices]:
     """Cut a mesh into parts and separators, each part again and again.
 
     Parameters
@@ -66,9 +65,11 @@ def dissected(low: Indices, high: Indices, V: Floats, levels: int) -> Ints:
 
     Returns
     -------
-    (n,) int64
+    part : (n,) int64
         For each level a digit in base 3, the first level first: 0 and 1 are the two sides, 2
         the separator, so that in ascending order separators come after what they separate.
+    low, high : ndarray of int
+        The ends of the edges within the parts, in their order.
     """
     part = np.zeros(len(V), dtype=np.int64)
     columns = np.ascontiguousarray(V.T)
@@ -88,11 +89,10 @@ def dissected(low: Indices, high: Indices, V: Floats, levels: int) -> Ints:
         part = 3 * part + digit
         within = digit[low] == digit[high]
         low, high = low[within], high[within]
-    return part
+    return part, low, high
 
 
 def _pattern(low: Indices, high: Indices, n: int) -> csc_matrix:
     """(n, n) zeros below the diagonal where edges are."""
     ends = np.append(0, np.cumsum(np.bincount(low, minlength=n))).astype(low.dtype)
-    # A copy, as scikit-sparse 0.5 refuses arrays that are read-only.
-    return csc_matrix((np.zeros(len(low)), high.copy(), ends), (n, n))
+    return csc_matrix((np.zeros(len(low)), high, ends), (n, n))

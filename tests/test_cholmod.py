@@ -70,6 +70,15 @@ def test_inputs_are_not_modified(A):
     np.testing.assert_array_equal(b, kept)
 
 
+def test_a_read_only_matrix(A):
+    for array in (A.data, A.indices, A.indptr):
+        array.flags.writeable = False
+    factor = Cholesky(A)
+    factor.refactor(A)
+    np.testing.assert_allclose(A @ factor.solve(np.ones(40)), np.ones(40), atol=1e-12)
+    assert sorted(fill_reducing_order(A)) == list(range(40))
+
+
 def test_order_is_a_permutation_that_saves_fill():
     n = 30
     arrow = sp.lil_matrix(2 * n * sp.identity(n))
