@@ -10,21 +10,21 @@ import numpy as np
 from scipy.sparse import identity
 
 from cdcp_igl.arrays import Complex, Floats, Ints
-from cdcp_igl.center import central_face, centrality
-from cdcp_igl.cholmod import Cholesky
-from cdcp_igl.circle.fallback import _whitened_geodesic_map
-from cdcp_igl.circle.geodesic import geodesic_map
-from cdcp_igl.circle.whiten import whiten
-from cdcp_igl.dipole import boundary_trace
 from cdcp_igl.errors import MapError
-from cdcp_igl.extension import harmonic_extension
-from cdcp_igl.factor import Factor
-from cdcp_igl.laplacian import Laplacian, cotangent_laplacian
-from cdcp_igl.mesh import DiskMesh
-from cdcp_igl.mobius import normalize
 from cdcp_igl.reference import Method
 from cdcp_igl.reference.certified import certified_disk_map
-from cdcp_igl.repair import unfold
+from cdcp_igl.solve.cholmod import Cholesky
+from cdcp_igl.solve.factor import Factor
+from cdcp_igl.solve.laplacian import Laplacian, cotangent_laplacian
+from cdcp_igl.steps.center import central_face, centrality
+from cdcp_igl.steps.circle.fallback import _whitened_geodesic_map
+from cdcp_igl.steps.circle.geodesic import geodesic_map
+from cdcp_igl.steps.circle.whiten import whiten
+from cdcp_igl.steps.dipole import boundary_trace
+from cdcp_igl.steps.extension import harmonic_extension
+from cdcp_igl.steps.mobius import normalize
+from cdcp_igl.steps.repair import unfold
+from cdcp_igl.surface.mesh import DiskMesh
 
 from .theodorsen import theodorsen_map
 

@@ -21,10 +21,10 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, dijkstra
 
 from cdcp_igl import MapError, MeshError, SolverError, check, clean, datasets, disk_map, libigl
-from cdcp_igl.areas import face_areas
 from cdcp_igl.arrays import Floats, Ints
-from cdcp_igl.injectivity import certify
-from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.certificate import certify
+from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.surface.triangles import face_areas
 
 SECONDS = 60.0  # after which a case hangs
 FEWEST, MOST = 8, 4_000  # vertices of a patch

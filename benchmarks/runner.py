@@ -11,9 +11,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from cdcp_igl import MeshError, angle_distortion
 from cdcp_igl.arrays import Floats, Ints
-from cdcp_igl.case import run_case
-from cdcp_igl.mesh import DiskMesh
 from cdcp_igl.reference import Method
+from cdcp_igl.reference.case import run_case
+from cdcp_igl.surface.mesh import DiskMesh
 
 from .methods import COST
 from .models import Model, digest

@@ -7,8 +7,8 @@ from matplotlib import colormaps
 
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.distortion import angle_distortion
-from cdcp_igl.plot import LIGHT, normal_colors, vertex_normals
-from cdcp_igl.viewpoint import viewpoint
+from cdcp_igl.plot.pictures import LIGHT, normal_colors, vertex_normals
+from cdcp_igl.plot.viewpoint import viewpoint
 
 from .raster import Bytes, in_picture, rasterize
 

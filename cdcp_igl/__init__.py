@@ -1,9 +1,7 @@
 """Disk conformal maps of triangulated surfaces, accurate, fast and certified."""
 
 from . import datasets
-from .cdcp import cdcp, disk_map
-from .check import check
-from .clean import clean
+from .algorithm import cdcp, disk_map
 from .distortion import (
     angle_distortion,
     area_distortion,
@@ -12,6 +10,8 @@ from .distortion import (
 )
 from .errors import MapError, MeshError, SolverError
 from .mapper import DiskMapper
+from .surface.cleaning import clean
+from .surface.report import check
 
 __all__ = [
     "DiskMapper",

@@ -1,5 +1,5 @@
 """Run the command line as ``python -m cdcp_igl``."""
 
-from .cli import main
+from .command_line.entry import main
 
 main()

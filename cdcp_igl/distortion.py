@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .areas import area_products, corner_angles, face_areas
 from .arrays import Complex, Floats, Ints, blocks
-from .check import as_faces, as_vertices
-from .mesh import DiskMesh
+from .surface.mesh import DiskMesh
+from .surface.report import as_faces, as_vertices
+from .surface.triangles import area_products, corner_angles, face_areas
 
 __all__ = [
     "AngleDistortion",

@@ -10,13 +10,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .cdcp import HarmonicMap, Options, certified_map, harmonic_maps
-from .center import CenterMethod
-from .factor import Factor
-from .laplacian import cotangent_laplacian
-from .mesh import DiskMesh
+from .algorithm import HarmonicMap, Options, certified_map, harmonic_maps
 from .phases import Phases, Progress
 from .result import DiskMap
+from .solve.factor import Factor
+from .solve.laplacian import cotangent_laplacian
+from .steps.center import CenterMethod
+from .surface.mesh import DiskMesh
 
 __all__ = ["DiskMapper"]
 

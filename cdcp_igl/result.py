@@ -6,13 +6,13 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from .arrays import Floats
-from .center import Center
-from .circle import BoundaryMethod
+from .certificate import Certificate
 from .distortion import AngleDistortion
-from .injectivity import Certificate
-from .mobius import Normalization
-from .refine import Refinement
-from .repair import Repair
+from .steps.center import Center
+from .steps.circle import BoundaryMethod
+from .steps.mobius import Normalization
+from .steps.refine import Refinement
+from .steps.repair import Repair
 
 __all__ = ["DiskMap"]
 

@@ -7,8 +7,8 @@ import time
 import numpy as np
 
 from cdcp_igl import cdcp, disk_map
-from cdcp_igl.case import Timed
 from cdcp_igl.reference import Method
+from cdcp_igl.reference.case import Timed
 
 
 def kills_itself(V, F):

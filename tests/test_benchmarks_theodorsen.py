@@ -5,8 +5,8 @@ import pytest
 from test_circle import CURVES, circle, error_up_to_rotation
 
 from benchmarks.theodorsen import theodorsen_map
-from cdcp_igl.circle.geodesic import geodesic_map
-from cdcp_igl.circle.whiten import whiten
+from cdcp_igl.steps.circle.geodesic import geodesic_map
+from cdcp_igl.steps.circle.whiten import whiten
 
 
 @pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES.keys())

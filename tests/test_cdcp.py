@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import cdcp_igl
-from cdcp_igl.laplacian import cotangent_laplacian
-from cdcp_igl.mesh import DiskMesh
-from cdcp_igl.repair import Repair
+from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.steps.repair import Repair
+from cdcp_igl.surface.mesh import DiskMesh
 
 # Mean and SD of the angular distortion in degrees that an independent prototype reached.
 PROTOTYPE = {
@@ -121,7 +121,7 @@ def test_invalid_map_is_an_error_that_carries_the_map(monkeypatch):
         f[mesh.interior] = 0
         return f, Repair()
 
-    monkeypatch.setattr(sys.modules["cdcp_igl.cdcp"], "unfold", fold)
+    monkeypatch.setattr(sys.modules["cdcp_igl.algorithm"], "unfold", fold)
     with pytest.raises(cdcp_igl.MapError, match="flipped faces") as raised:
         cdcp_igl.cdcp(V, F)
     result = raised.value.result

@@ -4,11 +4,11 @@ import pytest
 from igl import internal_angles
 
 import cdcp_igl
-from cdcp_igl.center import central_face
 from cdcp_igl.datasets import spherical_cap
-from cdcp_igl.factor import Factor
-from cdcp_igl.laplacian import cotangent_laplacian
-from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.solve.factor import Factor
+from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.steps.center import central_face
+from cdcp_igl.surface.mesh import DiskMesh
 
 
 def center_of(V, F, method, well_shaped=True):

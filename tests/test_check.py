@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.surface.mesh import DiskMesh
 
 NASTY = pytest.mark.parametrize("case", meshes.NASTY.values(), ids=meshes.NASTY.keys())
 

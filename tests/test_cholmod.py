@@ -3,9 +3,9 @@ import pytest
 import scipy.sparse as sp
 from threadpoolctl import threadpool_info, threadpool_limits
 
-import cdcp_igl.cholmod
-from cdcp_igl.cholmod import Cholesky, fill_reducing_order
+import cdcp_igl.solve.cholmod
 from cdcp_igl.errors import SolverError
+from cdcp_igl.solve.cholmod import Cholesky, fill_reducing_order
 
 RNG = np.random.default_rng(0)
 
@@ -116,7 +116,7 @@ class Runtime:
 
 def test_openmp_loops_are_serial_and_the_callers_setting_is_restored(A, monkeypatch):
     runtime = Runtime()
-    monkeypatch.setattr(cdcp_igl.cholmod, "_OPENMP", [runtime])
+    monkeypatch.setattr(cdcp_igl.solve.cholmod, "_OPENMP", [runtime])
     factor = Cholesky(A)
     runtime.levels = [3]
     factor.solve(np.ones(40))

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.circle.fallback import by_arc_length, maps_to_circle
-from cdcp_igl.circle.geodesic import geodesic_map
-from cdcp_igl.circle.harmonic_measure import harmonic_measure
-from cdcp_igl.circle.spread import spread
-from cdcp_igl.circle.whiten import whiten
+from cdcp_igl.certificate import flipped_faces, increments
 from cdcp_igl.distortion import AngleDistortion, angle_errors
-from cdcp_igl.extension import harmonic_extension
-from cdcp_igl.factor import Factor
-from cdcp_igl.injectivity import flipped_faces, increments
-from cdcp_igl.laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
-from cdcp_igl.mesh import DiskMesh
-from cdcp_igl.mobius import mobius
-from cdcp_igl.repair import Repair, unfold
+from cdcp_igl.solve.factor import Factor
+from cdcp_igl.solve.laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
+from cdcp_igl.steps.circle.fallback import by_arc_length, maps_to_circle
+from cdcp_igl.steps.circle.geodesic import geodesic_map
+from cdcp_igl.steps.circle.harmonic_measure import harmonic_measure
+from cdcp_igl.steps.circle.spread import spread
+from cdcp_igl.steps.circle.whiten import whiten
+from cdcp_igl.steps.extension import harmonic_extension
+from cdcp_igl.steps.mobius import mobius
+from cdcp_igl.steps.repair import Repair, unfold
+from cdcp_igl.surface.mesh import DiskMesh
 
 
 def circle(n):
@@ -250,7 +250,7 @@ def test_no_map_that_can_be_certified_is_an_error_with_all_reasons(monkeypatch):
     def collapse(mesh, f):
         return np.where(np.isin(np.arange(len(f)), mesh.loop), f, 0), Repair()
 
-    monkeypatch.setattr(sys.modules["cdcp_igl.cdcp"], "unfold", collapse)
+    monkeypatch.setattr(sys.modules["cdcp_igl.algorithm"], "unfold", collapse)
     with pytest.raises(cdcp_igl.MapError, match=r"flipped faces .* arc length") as raised:
         cdcp_igl.disk_map(*meshes.grid(12, 16))
     assert raised.value.result.trace.rejected == (

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cdcp_igl import MapError, MeshError, SolverError, __version__, commands
+from cdcp_igl import MapError, MeshError, SolverError, __version__
+from cdcp_igl.command_line import commands
 from cdcp_igl.errors import Defect
 from cdcp_igl.io import read_mesh
 
@@ -270,7 +271,7 @@ def test_progress_and_panel_on_a_terminal(tmp_path):
     np.savez(path, V=V, F=F)
     code = """
 import time
-from cdcp_igl import cli, commands
+from cdcp_igl.command_line import commands, entry as cli
 real = commands.disk_map
 def slow(V, F, progress):
     progress("factor", 0.5)
@@ -312,7 +313,8 @@ def test_a_killed_process_leaves_the_old_output(cap, number):
     out.write_text("old")
     code = """
 import time
-from cdcp_igl import cli, io
+from cdcp_igl.command_line import entry as cli
+from cdcp_igl.io import files as io
 def stall(path, *args):
     path.write_text("half")
     time.sleep(60)
@@ -334,7 +336,8 @@ cli.main()
     ("module", "extra"), [("typer", "cli"), ("rich", "cli"), ("matplotlib", "plot")]
 )
 def test_missing_extras_are_named(cap, module, extra):
-    code = f"import sys; sys.modules[{module!r}] = None; from cdcp_igl.cli import main; main()"
+    program = "from cdcp_igl.command_line.entry import main; main()"
+    code = f"import sys; sys.modules[{module!r}] = None; {program}"
     arguments = ["map", cap, cap.with_name("o.obj"), "--picture", cap.with_name("p.png")]
     result = subprocess.run(
         [sys.executable, "-c", code, *arguments], capture_output=True, text=True

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.case import Case, run_case
 from cdcp_igl.reference import METHODS
+from cdcp_igl.reference.case import Case, run_case
 
 V, F = meshes.grid(8, 9)
 

@@ -2,10 +2,10 @@ import meshes
 import numpy as np
 import pytest
 
-from cdcp_igl.dipole import boundary_trace, dipole
-from cdcp_igl.factor import Factor
-from cdcp_igl.laplacian import cotangent_laplacian
-from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.solve.factor import Factor
+from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.steps.dipole import boundary_trace, dipole
+from cdcp_igl.surface.mesh import DiskMesh
 
 
 @pytest.mark.parametrize("face", [0, 33, 69])

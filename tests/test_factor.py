@@ -2,10 +2,10 @@ import meshes
 import numpy as np
 import pytest
 
-from cdcp_igl import factor as factor_module
-from cdcp_igl.factor import Factor
-from cdcp_igl.laplacian import cotangent_laplacian
-from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.solve import factor as factor_module
+from cdcp_igl.solve.factor import Factor
+from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.surface.mesh import DiskMesh
 
 RNG = np.random.default_rng(0)
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 import cdcp_igl
 from benchmarks import fuzz
-from cdcp_igl.injectivity import certify
-from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.certificate import certify
+from cdcp_igl.surface.mesh import DiskMesh
 
 
 @pytest.fixture(autouse=True)

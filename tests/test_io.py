@@ -10,10 +10,10 @@ import pytest
 from scipy.io import savemat
 
 from cdcp_igl import MeshError, disk_map
-from cdcp_igl.formats.stl import merge_duplicates
-from cdcp_igl.injectivity import certify
+from cdcp_igl.certificate import certify
 from cdcp_igl.io import read_mesh, whole_file, write_map
-from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.io.stl import merge_duplicates
+from cdcp_igl.surface.mesh import DiskMesh
 
 
 def bumpy_grid(n=9):

@@ -5,7 +5,7 @@ import pytest
 
 import cdcp_igl
 from cdcp_igl import datasets
-from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.surface.mesh import DiskMesh
 
 SURFACES = [datasets.square, datasets.ellipse, datasets.spherical_cap, datasets.paraboloid]
 

@@ -3,8 +3,8 @@ import meshes
 import numpy as np
 import pytest
 
-from cdcp_igl.laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
-from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.solve.laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
+from cdcp_igl.surface.mesh import DiskMesh
 
 
 @pytest.fixture(params=[meshes.grid(), meshes.fan(5), meshes.strip(), meshes.TRIANGLE])

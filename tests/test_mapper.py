@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl import cholmod, factor
 from cdcp_igl.mapper import DiskMapper
+from cdcp_igl.solve import cholmod, factor
 
 V, F = meshes.grid(9, 11)
 ONCE = {"check", "laplacian", "factor"}

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.surface.mesh import DiskMesh
 
 V, F = meshes.grid()
 

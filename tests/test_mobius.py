@@ -9,14 +9,14 @@ from scipy.spatial.transform import Rotation
 
 import cdcp_igl
 from cdcp_igl.distortion import plane_angles
-from cdcp_igl.mesh import DiskMesh
-from cdcp_igl.mobius import (
+from cdcp_igl.steps.mobius import (
     angle_change,
     conformal_barycenter,
     least_angle_distortion,
     least_angle_distortion_nelder_mead,
     mobius,
 )
+from cdcp_igl.surface.mesh import DiskMesh
 
 V, F = meshes.grid(10, 12)
 UV = cdcp_igl.cdcp(V, F)
@@ -152,7 +152,7 @@ def test_bad_alignment():
 
 
 def test_a_transformation_that_does_harm_is_not_applied(monkeypatch):
-    monkeypatch.setattr("cdcp_igl.mobius.least_angle_distortion", lambda *_: 0.5j)
+    monkeypatch.setattr("cdcp_igl.steps.mobius.least_angle_distortion", lambda *_: 0.5j)
     harmed, none = cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(V, F, mobius=None)
     assert (harmed.mobius.w, harmed.mobius.rejected) == (0, "no improvement")
     assert "rejected: no improvement" in str(harmed)

@@ -2,11 +2,11 @@ import meshes
 import numpy as np
 import pytest
 
-from cdcp_igl import ordering
-from cdcp_igl.factor import Factor
-from cdcp_igl.laplacian import cotangent_laplacian
-from cdcp_igl.mesh import DiskMesh
-from cdcp_igl.ordering import dissected, elimination_order
+from cdcp_igl.solve import ordering
+from cdcp_igl.solve.factor import Factor
+from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.solve.ordering import dissected, elimination_order
+from cdcp_igl.surface.mesh import DiskMesh
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 
 from cdcp_igl import cdcp, disk_map
 from cdcp_igl.plot import picture, side_by_side
-from cdcp_igl.viewpoint import viewpoint
+from cdcp_igl.plot.viewpoint import viewpoint
 
 
 def grid(n, height):

@@ -6,14 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from cdcp_igl.laplacian import cotangent_laplacian
-from cdcp_igl.mesh import DiskMesh
 from cdcp_igl.reference import (
     Dirichlet,
     beltrami_coefficient,
     generalized_laplacian,
     linear_beltrami_solver,
 )
+from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.surface.mesh import DiskMesh
 
 SIDE = 5
 N = SIDE * SIDE

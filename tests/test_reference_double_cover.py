@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.center import central_face
-from cdcp_igl.dipole import boundary_trace
-from cdcp_igl.factor import Factor
-from cdcp_igl.laplacian import cotangent_laplacian
-from cdcp_igl.mesh import DiskMesh
 from cdcp_igl.reference import double_cover, double_cover_trace
 from cdcp_igl.reference.doubled import doubled_faces, doubled_laplacian
+from cdcp_igl.solve.factor import Factor
+from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.steps.center import central_face
+from cdcp_igl.steps.dipole import boundary_trace
+from cdcp_igl.surface.mesh import DiskMesh
 
 PYRAMID = (
     [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 1, 1]],

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from cdcp_igl import angle_distortion
-from cdcp_igl.circle import by_arc_length
-from cdcp_igl.injectivity import certify
-from cdcp_igl.laplacian import cotangent_laplacian
-from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.certificate import certify
 from cdcp_igl.reference import (
     METHODS,
     Dirichlet,
@@ -20,7 +17,10 @@ from cdcp_igl.reference import (
     lscm,
     spectral,
 )
-from cdcp_igl.reference.fdcp import _best_edge_to_one, _north_step
+from cdcp_igl.reference.fast import _best_edge_to_one, _north_step
+from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.steps.circle import by_arc_length
+from cdcp_igl.surface.mesh import DiskMesh
 
 LION, FACE = "chinese_lion_17334", "human_face_17157"
 BRAIN, HAND = "human_brain_48463", "left_hand_53054"

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from cdcp_igl import MapError, MeshError, angle_distortion
-from cdcp_igl.injectivity import certify
-from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.certificate import certify
 from cdcp_igl.reference import METHODS, fdcp, harmonic, ldcp
 from cdcp_igl.reference.certified import certified_disk_map, checked_free_map
+from cdcp_igl.surface.mesh import DiskMesh
 
 SIDE = 9
 

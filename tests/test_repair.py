@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.injectivity import certify
-from cdcp_igl.mesh import DiskMesh
-from cdcp_igl.repair import mean_value_weights, unfold
+from cdcp_igl.certificate import certify
+from cdcp_igl.steps.repair import mean_value_weights, unfold
+from cdcp_igl.surface.mesh import DiskMesh
 
 V, F = meshes.grid(10, 12)
 MESH = DiskMesh(V, F)
@@ -66,7 +66,7 @@ def test_mean_value_weights_are_positive_and_reproduce_the_plane():
 
 def test_disk_map_repairs_and_says_so(monkeypatch):
     monkeypatch.setattr(
-        sys.modules["cdcp_igl.circle.fallback"],
+        sys.modules["cdcp_igl.steps.circle.fallback"],
         "harmonic_extension",
         lambda mesh, L, factor, f_B: np.where(np.isin(np.arange(120), mesh.loop), Z, 0.3),
     )

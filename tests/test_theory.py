@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from cdcp_igl import angle_distortion, disk_map
-from cdcp_igl.center import central_face
-from cdcp_igl.circle.geodesic import geodesic_map
-from cdcp_igl.circle.whiten import whiten
-from cdcp_igl.dipole import boundary_trace, dipole
 from cdcp_igl.distortion import angle_errors
-from cdcp_igl.extension import harmonic_extension
-from cdcp_igl.factor import Factor
-from cdcp_igl.laplacian import cotangent_laplacian
-from cdcp_igl.mesh import DiskMesh
-from cdcp_igl.mobius import normalize
+from cdcp_igl.solve.factor import Factor
+from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.steps.center import central_face
+from cdcp_igl.steps.circle.geodesic import geodesic_map
+from cdcp_igl.steps.circle.whiten import whiten
+from cdcp_igl.steps.dipole import boundary_trace, dipole
+from cdcp_igl.steps.extension import harmonic_extension
+from cdcp_igl.steps.mobius import normalize
+from cdcp_igl.surface.mesh import DiskMesh
 
 LION, FACE, BRAIN = "chinese_lion_17334", "human_face_17157", "human_brain_48463"
 

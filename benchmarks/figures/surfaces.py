@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from cdcp_igl.factor import Factor
-from cdcp_igl.laplacian import cotangent_laplacian
-from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.solve.factor import Factor
+from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.surface.mesh import DiskMesh
 
 from ..ablation import CENTERS
 from ..scene import Scene

@@ -12,16 +12,16 @@ Examples
 ['lscm', 'spectral']
 """
 
+from .arc_length import harmonic
 from .beltrami import beltrami_coefficient, generalized_laplacian, linear_beltrami_solver
 from .certified import ReferenceMap
 from .dirichlet import Dirichlet
-from .double_cover import double_cover, double_cover_trace
-from .fdcp import fdcp
-from .harmonic import harmonic
-from .ldcp import ldcp
-from .lscm import lscm
+from .explicit_cover import double_cover, double_cover_trace
+from .fast import fdcp
+from .free_boundary import spectral
+from .least_squares import lscm
+from .linear import ldcp
 from .methods import METHODS, Method
-from .spectral import spectral
 
 __all__ = [
     "METHODS",

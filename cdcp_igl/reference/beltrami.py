@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
-from ..areas import face_areas
 from ..arrays import Complex, Floats, Ints
+from ..surface.triangles import face_areas
 from .dirichlet import Dirichlet
 
 __all__ = ["beltrami_coefficient", "generalized_laplacian", "linear_beltrami_solver"]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Complex, Floats
+from ..certificate import Certificate, certify
 from ..errors import MapError
-from ..injectivity import Certificate, certify
-from ..mesh import DiskMesh
+from ..surface.mesh import DiskMesh
 
 __all__ = ["ReferenceMap", "certified_disk_map", "checked_free_map"]
 
@@ -29,8 +29,8 @@ class ReferenceMap:
     Examples
     --------
     >>> import numpy as np
-    >>> from cdcp_igl.injectivity import certify
-    >>> from cdcp_igl.mesh import DiskMesh
+    >>> from cdcp_igl.certificate import certify
+    >>> from cdcp_igl.surface.mesh import DiskMesh
     >>> from cdcp_igl.reference import ReferenceMap
     >>> uv = np.array([[0.0, 0], [0, 1], [1, 0]])
     >>> mesh = DiskMesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]])

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from ..arrays import Complex, Floats, Ints
-from ..cholmod import Cholesky
+from ..solve.cholmod import Cholesky
 
 __all__ = ["Dirichlet"]
 
@@ -36,8 +36,8 @@ class Dirichlet:
 
     >>> import numpy as np
     >>> import cdcp_igl
-    >>> from cdcp_igl.laplacian import cotangent_laplacian
-    >>> from cdcp_igl.mesh import DiskMesh
+    >>> from cdcp_igl.solve.laplacian import cotangent_laplacian
+    >>> from cdcp_igl.surface.mesh import DiskMesh
     >>> from cdcp_igl.reference import Dirichlet
     >>> V, F, _ = cdcp_igl.datasets.square(4)
     >>> mesh, x = DiskMesh(V, F), V[:, 0]

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
 from ..arrays import Ints
-from ..mesh import DiskMesh
+from ..surface.mesh import DiskMesh
 
 __all__ = ["doubled_faces", "doubled_laplacian", "mirror_images"]
 

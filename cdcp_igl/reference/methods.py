@@ -9,14 +9,14 @@ from typing import Literal
 
 from numpy.typing import ArrayLike
 
+from ..algorithm import cdcp
 from ..arrays import Floats
-from ..cdcp import cdcp
-from .double_cover import double_cover
-from .fdcp import fdcp
-from .harmonic import harmonic
-from .ldcp import ldcp
-from .lscm import lscm
-from .spectral import spectral
+from .arc_length import harmonic
+from .explicit_cover import double_cover
+from .fast import fdcp
+from .free_boundary import spectral
+from .least_squares import lscm
+from .linear import ldcp
 
 __all__ = ["METHODS", "Method"]
 

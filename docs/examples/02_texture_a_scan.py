@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import cdcp_igl
-from cdcp_igl.viewpoint import viewpoint
+from cdcp_igl.plot.viewpoint import viewpoint
 
 try:
     V, F = cdcp_igl.datasets.load("human_face")

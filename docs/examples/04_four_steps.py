@@ -11,15 +11,15 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import cdcp_igl
-from cdcp_igl.center import central_face
-from cdcp_igl.circle.geodesic import geodesic_map
-from cdcp_igl.circle.whiten import whiten
-from cdcp_igl.dipole import boundary_trace
-from cdcp_igl.extension import harmonic_extension
-from cdcp_igl.factor import Factor
-from cdcp_igl.laplacian import cotangent_laplacian
-from cdcp_igl.mesh import DiskMesh
-from cdcp_igl.mobius import normalize
+from cdcp_igl.solve.factor import Factor
+from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.steps.center import central_face
+from cdcp_igl.steps.circle.geodesic import geodesic_map
+from cdcp_igl.steps.circle.whiten import whiten
+from cdcp_igl.steps.dipole import boundary_trace
+from cdcp_igl.steps.extension import harmonic_extension
+from cdcp_igl.steps.mobius import normalize
+from cdcp_igl.surface.mesh import DiskMesh
 
 V, F, _ = cdcp_igl.datasets.ellipse(24, aspect=1.7)
 x, y, _ = V.T

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.tri import LinearTriInterpolator, Triangulation
 
 import cdcp_igl
-from cdcp_igl.mesh import DiskMesh
+from cdcp_igl.surface.mesh import DiskMesh
 
 V, F = cdcp_igl.datasets.load("jacksboro_fault")
 V = V.reshape(344, 403, 3)[60:260:12, 80:320:3]

@@ -1,0 +1,143 @@
+"""The certificate that a map is a bijection onto the polygon inscribed in the circle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import libigl
+from .arrays import Complex, Floats, Ints, blocks
+from .surface.mesh import DiskMesh
+from .surface.triangles import area_products
+
+__all__ = ["Certificate", "certify", "flipped_faces", "increments", "is_around"]
+
+
+BOUNDARY_TOLERANCE = 1e-12
+# Neighbours on the boundary must be this far apart to stay so when rounding has moved them.
+SMALLEST_STEP = 1e-14
+EPS = np.finfo(float).eps / 2
+# Shewchuk's bound: beyond it, the rounded determinant has the sign of the exact one.
+ORIENTATION_BOUND = (3 + 16 * EPS) * EPS
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """What was verified on the coordinates as they are returned.
+
+    If the boundary runs once around the circle, strictly monotone, and every face is
+    positively oriented, the map is a bijection onto the polygon inscribed in the circle.
+
+    Attributes
+    ----------
+    finite : bool
+        All coordinates are finite.
+    boundary_error : float
+        Largest deviation of a boundary vertex from the unit circle.
+    boundary_monotone : bool
+        Each boundary vertex lies strictly counterclockwise of the one before and the
+        loop goes around once.
+    winding_number : int
+        Turns of the boundary, arcs between neighbours taken counterclockwise.
+    flipped : (k,) ndarray of int64
+        Faces that are not positively oriented, collapsed ones included.
+    n_exact : int
+        Faces whose sign was in doubt and decided in exact arithmetic.
+    """
+
+    finite: bool
+    boundary_error: float
+    boundary_monotone: bool
+    winding_number: int
+    flipped: Ints
+    n_exact: int
+
+    @property
+    def valid(self) -> bool:
+        """True for a bijection onto the polygon inscribed in the unit circle."""
+        return self.on_circle and len(self.flipped) == 0
+
+    @property
+    def on_circle(self) -> bool:
+        """True if the boundary runs once around the unit circle, whatever is inside."""
+        return (
+            self.finite
+            and self.boundary_error <= BOUNDARY_TOLERANCE
+            and self.boundary_monotone
+            and self.winding_number == 1
+        )
+
+    def __str__(self) -> str:
+        if not self.finite:
+            return "not finite"
+        return (
+            f"{len(self.flipped):,} flipped faces ({self.n_exact:,} decided exactly), "
+            f"boundary error {self.boundary_error:.1e}, "
+            f"boundary {'monotone' if self.boundary_monotone else 'not monotone'}, "
+            f"winding number {self.winding_number}"
+        )
+
+
+def certify(mesh: DiskMesh, uv: Floats) -> Certificate:
+    """Verify a map of a mesh onto the unit disk.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    uv : (n, 2) float64
+
+    Returns
+    -------
+    Certificate
+    """
+    if not np.isfinite(uv).all():
+        return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)
+    boundary = uv[mesh.loop]
+    turns, monotone = _around(boundary)
+    flipped, n_exact = flipped_faces(uv, mesh.F)
+    return Certificate(
+        finite=True,
+        boundary_error=float(abs(np.hypot(*boundary.T) - 1).max()),
+        boundary_monotone=monotone,
+        winding_number=turns,
+        flipped=flipped,
+        n_exact=n_exact,
+    )
+
+
+def _around(boundary: Floats) -> tuple[int, bool]:
+    """Winding number about 0, and whether it is 1 with every step forward."""
+    steps = increments(boundary[:, 0] + 1j * boundary[:, 1])
+    turns = round(steps.sum() / (2 * np.pi))
+    # Rounding may give a step of zero either sign, so the orientation of the triangles
+    # with 0 decides, exactly; only a step of more than a half turn has it reversed.
+    n = len(boundary)
+    fan = np.column_stack([np.full(n, n), np.arange(n), np.roll(np.arange(n), -1)])
+    not_forward, _ = flipped_faces(np.vstack([boundary, [0, 0]]), fan)
+    return turns, turns == 1 and bool((steps[not_forward] > 1).all())
+
+
+def increments(z: Complex) -> Floats:
+    """(N,) angle from each point of a closed curve about 0 to the next, in [0, 2 pi)."""
+    return np.angle(np.roll(z, -1) * z.conj()) % (2 * np.pi)
+
+
+def is_around(f_B: Complex) -> bool:
+    """Whether points run once around the circle, counterclockwise, no step too small."""
+    steps = increments(f_B)
+    return bool((steps > SMALLEST_STEP).all()) and round(steps.sum() / (2 * np.pi)) == 1
+
+
+def flipped_faces(uv: Floats, F: Ints) -> tuple[Ints, int]:
+    """Faces that are not positively oriented, exactly, and how many were in doubt."""
+    u, v = uv.T
+    positive, in_doubt = np.empty(len(F), dtype=bool), np.empty(len(F), dtype=bool)
+    for part in blocks(len(F)):
+        left, right = area_products(u, v, F[part])
+        twice_area = left - right
+        in_doubt[part] = abs(twice_area) <= ORIENTATION_BOUND * (abs(left) + abs(right))
+        positive[part] = twice_area > 0
+    doubtful = np.flatnonzero(in_doubt)
+    positive[doubtful] = libigl.is_counterclockwise(uv[F[doubtful]])
+    return np.flatnonzero(~positive), len(doubtful)

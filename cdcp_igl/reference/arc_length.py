@@ -1,0 +1,79 @@
+"""Harmonic map with the boundary on the circle by arc length, by libigl; Tutte embedding."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_matrix, diags
+
+from .. import libigl
+from ..arrays import Complex, Floats
+from ..steps.circle import by_arc_length
+from ..surface.mesh import DiskMesh
+from .certified import certified_disk_map
+from .dirichlet import Dirichlet
+
+__all__ = ["harmonic"]
+
+
+def harmonic(V: ArrayLike, F: ArrayLike, *, tutte: bool = False) -> Floats:
+    """Map a triangulated disk harmonically onto the unit disk, the boundary by arc length.
+
+    Onto the disk, but not conformal: nothing makes the boundary fit the angles.
+
+    Parameters
+    ----------
+    V : (n, 3) or (n, 2) array_like of real numbers
+        Vertex positions, in any unit.
+    F : (m, 3) array_like of integers
+        Corners of the faces, counterclockwise seen from outside.
+    tutte : bool
+        Uniform weights instead of cotangents: every interior vertex in the middle of its
+        neighbours, so that no face can flip.
+
+    Returns
+    -------
+    (n, 2) float64
+        Rows as in V, faces counterclockwise, the boundary vertex of smallest index at
+        (1, 0).
+
+    Raises
+    ------
+    MeshError
+        If the input is not a triangulated disk.
+    SolverError
+        If the uniform Laplacian cannot be factored.
+    MapError
+        If the map is not a bijection onto the disk; its ``result`` is a `ReferenceMap`.
+
+    References
+    ----------
+    M. Eck, T. DeRose, T. Duchamp, H. Hoppe, M. Lounsbery, W. Stuetzle. Multiresolution
+    analysis of arbitrary meshes. SIGGRAPH 1995.
+
+    W. T. Tutte. How to draw a graph. Proc. London Math. Soc. 13, 1963.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cdcp_igl
+    >>> from cdcp_igl.reference import harmonic
+    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
+    >>> uv = harmonic(V, F)
+    >>> np.hypot(*uv.T).max().round(12)
+    np.float64(1.0)
+    """
+    mesh = DiskMesh(V, F)
+    f_B = by_arc_length(mesh)
+    return certified_disk_map(mesh, _tutte(mesh, f_B) if tutte else _harmonic(mesh, f_B))
+
+
+def _harmonic(mesh: DiskMesh, f_B: Complex) -> Complex:
+    uv = libigl.harmonic(mesh.V, mesh.F, mesh.loop, np.column_stack([f_B.real, f_B.imag]))
+    return uv[:, 0] + 1j * uv[:, 1]
+
+
+def _tutte(mesh: DiskMesh, f_B: Complex) -> Complex:
+    edges = csr_matrix(libigl.adjacency_matrix(mesh.F), dtype=float)
+    valence = np.asarray(edges.sum(axis=1)).ravel()
+    return Dirichlet(diags(valence, format="csr") - edges, mesh.loop).solve(f_B)

@@ -1,0 +1,267 @@
+"""One method on one mesh, in a process of its own: what comparisons are made of.
+
+Run as ``python -m cdcp_igl.reference.case TABLE METHOD MESH.npz RESULT.npz`` it is that process.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import monotonic, perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Floats, Ints
+from ..certificate import certify
+from ..distortion import AngleDistortion, angle_distortion, area_distortion
+from ..errors import MapError, SolverError
+from ..result import DiskMap
+from ..surface.mesh import DiskMesh
+
+__all__ = ["OK", "Case", "Timed", "run_case"]
+
+OK = "ok"
+POLL = 0.05  # seconds between two looks at the memory of the process
+
+
+@dataclass(frozen=True)
+class Timed:
+    """What a function returns that has its own clock and makes no map.
+
+    Attributes
+    ----------
+    seconds : float
+    phases : dict of str to float
+        Seconds of its parts.
+    """
+
+    seconds: float
+    phases: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Case:
+    """What one method made of one mesh.
+
+    Attributes
+    ----------
+    method : str
+        Name in the table of methods.
+    boundary : str
+        ``"disk"`` or ``"free"``, a map that is no disk; or ``"none"``, a time and no map.
+    outcome : str
+        ``"ok"``, or why there is no valid map: the error, the signal, a limit, what is wrong.
+    mean, sd, max : float
+        Angular distortion in degrees; NaN, as everything below, where there is no map.
+    area : float
+        Area distortion: mean |log of the ratio of areas| of the faces, both areas as shares
+        of their totals; infinite if a face has collapsed or flipped.
+    flips : float
+        Number of faces that are not positively oriented.
+    boundary_error : float
+        Largest deviation of a boundary vertex from the unit circle.
+    seconds : float
+        Wall time of the method, from arrays to map, in a fresh process.
+    memory : float
+        Peak memory of that process in MiB, Python and the mesh included.
+    details : dict
+        `DiskMap.report` where the method returns a `DiskMap`, with the seconds per phase.
+    """
+
+    method: str
+    boundary: str
+    outcome: str
+    mean: float = np.nan
+    sd: float = np.nan
+    max: float = np.nan
+    area: float = np.nan
+    flips: float = np.nan
+    boundary_error: float = np.nan
+    seconds: float = np.nan
+    memory: float = np.nan
+    details: Mapping[str, Any] = field(default_factory=dict)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return all but the details as JSON types, None for what is not a finite number."""
+        return {
+            name: None if isinstance(value, float) and not np.isfinite(value) else value
+            for name, value in asdict(self).items()
+            if name in FIELDS
+        }
+
+
+FIELDS = tuple(field.name for field in fields(Case) if field.name != "details")
+
+
+def run_case(
+    method: str,
+    V: ArrayLike,
+    F: ArrayLike,
+    *,
+    time_limit: float,
+    memory_limit: float = np.inf,
+    table: str = "cdcp_igl.reference:METHODS",
+) -> tuple[Case, Floats | None]:
+    """Run a method in a fresh process, which it may crash.
+
+    Parameters
+    ----------
+    method : str
+        Name in the table.
+    V : (n, 3) array_like
+        Vertex positions.
+    F : (m, 3) array_like of integers
+        Corners of the faces.
+    time_limit : float
+        Seconds after which the process is killed.
+    memory_limit : float
+        Resident MiB beyond which it is killed. (Address space, which the system could limit by
+        itself, says little: thread pools and mapped libraries reserve much that they never use.)
+    table : str
+        ``"module:name"`` of a mapping from names to `reference.Method`. A function in it may
+        also return a `DiskMap`, or a `Timed` with boundary ``"none"``.
+
+    Returns
+    -------
+    Case
+    uv : (n, 2) float64 or None
+        The map, if there is a valid one.
+    """
+    boundary = _table(table)[method].boundary
+    with TemporaryDirectory(prefix="cdcp_igl-") as folder:
+        mesh, result, errors = (Path(folder, name) for name in ("mesh.npz", "result.npz", "errors"))
+        np.savez(mesh, V=V, F=F)
+        command = [
+            sys.executable,
+            "-m",
+            "cdcp_igl.reference.case",
+            table,
+            method,
+            str(mesh),
+            str(result),
+        ]
+        # It has to find the same modules as this process.
+        path = os.pathsep.join(entry for entry in sys.path if entry)
+        with errors.open("wb") as stderr:
+            process = subprocess.Popen(
+                command,
+                stdout=subprocess.DEVNULL,
+                stderr=stderr,
+                env=os.environ | {"PYTHONPATH": path},
+            )
+            try:
+                excess = _watch(process, time_limit, memory_limit)
+            finally:
+                process.kill()
+                process.wait()
+        if excess:
+            return Case(method, boundary, excess), None
+        if process.returncode or not result.exists():
+            return Case(method, boundary, _why(process.returncode, errors.read_text())), None
+        with np.load(result) as saved:
+            measured = json.loads(str(saved["measured"]))
+            uv = saved.get("uv")
+    return Case(method, boundary, **measured), uv
+
+
+def _table(name: str) -> Mapping[str, Any]:
+    module, _, attribute = name.partition(":")
+    return getattr(import_module(module), attribute)
+
+
+def _watch(process: subprocess.Popen[bytes], time_limit: float, memory_limit: float) -> str:
+    """Wait for a process to end; say which limit it passed, if one, leaving it running."""
+    end = monotonic() + time_limit
+    while True:
+        try:
+            process.wait(max(min(POLL, end - monotonic()), 0))
+            return ""
+        except subprocess.TimeoutExpired:
+            if monotonic() >= end:
+                return f"no result within {time_limit:g} s"
+        if np.isfinite(memory_limit) and _resident(process.pid) > memory_limit:
+            return f"more than {memory_limit:,.0f} MiB of memory"
+
+
+def _resident(pid: int) -> float:
+    """Resident memory of a process in MiB, 0 once it has ended."""
+    pages = Path(f"/proc/{pid}/statm")
+    try:
+        if pages.parent.parent.joinpath("self").exists():
+            return int(pages.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+        shown = subprocess.run(["ps", "-o", "rss=", "-p", str(pid)], capture_output=True, text=True)
+        return int(shown.stdout) / 2**10
+    except (OSError, ValueError, IndexError):
+        return 0
+
+
+def _why(returncode: int, errors: str) -> str:
+    if returncode < 0:
+        return f"crashed: {signal.Signals(-returncode).name}"
+    return f"failed: {(errors.strip().splitlines() or ['no message'])[-1]}"
+
+
+def _measure(table: str, method: str, V: Floats, F: Ints) -> tuple[dict[str, Any], Floats | None]:
+    chosen = _table(table)[method]
+    start = perf_counter()
+    try:
+        made = chosen.function(V, F)
+    except (MapError, SolverError) as error:
+        return {"outcome": f"{type(error).__name__}: {error}"}, None
+    cost = {"seconds": perf_counter() - start, "memory": _peak_memory()}
+    if isinstance(made, Timed):
+        details = {"seconds": dict(made.phases)}
+        return {"outcome": OK, **cost, "seconds": made.seconds, "details": details}, None
+    uv, details = (made.uv, made.report()) if isinstance(made, DiskMap) else (made, {})
+    certificate = certify(DiskMesh(V, F), uv)
+    if not (certificate.valid if chosen.boundary == "disk" else certificate.finite):
+        return {"outcome": f"not valid: {certificate}"}, None
+    distortion = AngleDistortion.of(angle_distortion(V, F, uv))
+    if not np.isfinite([distortion.mean, distortion.sd, distortion.max]).all():
+        return {"outcome": f"not valid: angular distortion {distortion}"}, None
+    return {
+        "outcome": OK,
+        **asdict(distortion),
+        "area": float(abs(area_distortion(V, F, uv)).mean()),
+        "flips": len(certificate.flipped),
+        "boundary_error": certificate.boundary_error,
+        **cost,
+        "details": details,
+    }, uv
+
+
+def _peak_memory() -> float:
+    status = Path("/proc/self/status")
+    if status.exists():  # on Linux ru_maxrss includes that of the process that started this one
+        (line,) = (x for x in status.read_text().splitlines() if x.startswith("VmHWM:"))
+        return int(line.split()[1]) / 2**10
+    import resource  # not on every system, and needed only here
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
+
+
+def _main(table: str, method: str, mesh: str, result: str) -> None:
+    with np.load(mesh) as saved:
+        V, F = saved["V"], saved["F"]
+    measured, uv = _measure(table, method, V, F)
+    arrays: dict[str, Any] = {} if uv is None else {"uv": uv}
+    np.savez(result, measured=json.dumps(measured), **arrays)
+
+
+if __name__ == "__main__":
+    from cdcp_igl.reference import (
+        case,  # the module that tables of methods import, not a copy of it
+    )
+
+    case._main(*sys.argv[1:])

@@ -1,0 +1,112 @@
+"""CDCP by the system of the doubly covered surface, eq. (17), solved as it stands."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_matrix
+
+from ..arrays import Complex, Floats
+from ..solve.factor import Factor
+from ..solve.laplacian import cotangent_laplacian
+from ..steps.center import central_face
+from ..steps.circle import maps_to_circle
+from ..steps.dipole import dipole
+from ..steps.mobius import normalize
+from ..steps.repair import unfold
+from ..surface.mesh import DiskMesh
+from .certified import certified_disk_map
+from .dirichlet import Dirichlet
+from .doubled import doubled_laplacian
+
+__all__ = ["double_cover", "double_cover_trace"]
+
+
+def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
+    """Map a triangulated disk as `cdcp` does, with the trace of eq. (17) instead of (18).
+
+    By Theorem 1 the result is the same; it takes a system of nearly twice the size.
+
+    Parameters
+    ----------
+    V : (n, 3) or (n, 2) array_like of real numbers
+        Vertex positions, in any unit.
+    F : (m, 3) array_like of integers
+        Corners of the faces, counterclockwise seen from outside.
+
+    Returns
+    -------
+    (n, 2) float64
+        Rows as in V, faces counterclockwise, the boundary vertex of smallest index at
+        (1, 0).
+
+    Raises
+    ------
+    MeshError
+        If the input is not a triangulated disk.
+    SolverError
+        If a Laplacian cannot be factored.
+    MapError
+        If the map is not a bijection onto the disk; its ``result`` is a `ReferenceMap`.
+
+    References
+    ----------
+    M.-H. Yueh et al. A constructive algorithm for disk conformal parameterizations.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> from cdcp_igl.reference import double_cover
+    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
+    >>> bool(abs(double_cover(V, F) - cdcp_igl.cdcp(V, F)).max() < 1e-9)
+    True
+    """
+    mesh = DiskMesh(V, F)
+    L = cotangent_laplacian(mesh)  # (8)
+    factor = Factor(mesh, L)
+    tau_c = central_face(mesh, L, factor, "torsion", well_shaped=True).face
+    h_B = double_cover_trace(mesh, L.matrix(), tau_c)  # (17)
+    f_B, extend, _ = next(maps_to_circle(mesh, L, factor, h_B, tau_c, whitened=True))  # (1)-(6)
+    f = extend(f_B)  # (10)
+    f, _ = normalize(mesh, f, "angle")  # (19), (20)
+    f, _ = unfold(mesh, f)
+    return certified_disk_map(mesh, f)
+
+
+def double_cover_trace(mesh: DiskMesh, L: csr_matrix, face: int) -> Complex:
+    """Boundary values of the harmonic map of the doubly covered surface, eq. (17).
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    L : (n, n) csr_matrix of float64
+        Laplacian of the surface.
+    face : int
+        Central face, which carries the dipole on one of the two sheets.
+
+    Returns
+    -------
+    (nB,) complex128
+        In the order of ``mesh.loop``, 0 at the first; half of `dipole.boundary_trace`.
+
+    Examples
+    --------
+    Theorem 1: half of the solution of the pinned system of eq. (18).
+
+    >>> import cdcp_igl
+    >>> from cdcp_igl.steps.dipole import boundary_trace
+    >>> from cdcp_igl.solve.factor import Factor
+    >>> from cdcp_igl.solve.laplacian import cotangent_laplacian
+    >>> from cdcp_igl.surface.mesh import DiskMesh
+    >>> from cdcp_igl.reference import double_cover_trace
+    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
+    >>> mesh = DiskMesh(V, F)
+    >>> L = cotangent_laplacian(mesh)
+    >>> explicit = double_cover_trace(mesh, L.matrix(), 0)
+    >>> reduced = boundary_trace(mesh, Factor(mesh, L), 0)
+    >>> bool(abs(2 * explicit - reduced).max() < 1e-12)
+    True
+    """
+    r = np.concatenate([dipole(mesh, face), np.zeros(len(mesh.interior))])
+    pin = mesh.loop[:1]
+    return Dirichlet(doubled_laplacian(mesh, L), pin).solve(np.zeros(1), r)[mesh.loop]

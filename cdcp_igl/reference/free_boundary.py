@@ -1,0 +1,106 @@
+"""Spectral conformal map: the least conformal energy for a given size of the boundary."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import block_diag, diags
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
+
+from .. import libigl
+from ..arrays import Floats
+from ..errors import SolverError
+from ..solve.cholmod import Cholesky
+from ..solve.laplacian import cotangent_laplacian
+from ..steps.circle import by_arc_length
+from ..surface.mesh import DiskMesh
+from .certified import checked_free_map
+
+__all__ = ["spectral"]
+
+
+SHIFT = 1e-9  # makes the energy definite; its own eigenvalues have no unit
+
+
+def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
+    """Map a triangulated disk to the plane by the eigenvector of least conformal energy.
+
+    Conformal, but onto no disk: the boundary is free and nothing is pinned. The map may
+    overlap itself and flip faces. To be compared on angles only.
+
+    The map minimises Dirichlet energy minus area, both by libigl, among those whose
+    boundary vertices have their mean at 0 and squares that sum to 1. (libigl's own
+    ``igl.spectra.lscm`` measures the size of the whole map instead, by vertex areas, which
+    distorts angles more on surfaces with large changes of scale.)
+
+    Parameters
+    ----------
+    V : (n, 3) or (n, 2) array_like of real numbers
+        Vertex positions, in any unit.
+    F : (m, 3) array_like of integers
+        Corners of the faces, counterclockwise seen from outside.
+
+    Returns
+    -------
+    (n, 2) float64
+        Rows as in V, faces counterclockwise but for flips, the boundary vertex of smallest
+        index on the positive real axis.
+
+    Raises
+    ------
+    MeshError
+        If the input is not a triangulated disk.
+    SolverError
+        If the energy's matrix cannot be factored, or the eigensolver fails.
+    MapError
+        If the map is not finite or has collapsed; its ``result`` is a `ReferenceMap`.
+
+    References
+    ----------
+    P. Mullen, Y. Tong, P. Alliez, M. Desbrun. Spectral conformal parameterization.
+    Comput. Graph. Forum 27(5), 2008.
+
+    Examples
+    --------
+    A plane mesh keeps its angles:
+
+    >>> import cdcp_igl
+    >>> from cdcp_igl.reference import spectral
+    >>> V, F, _ = cdcp_igl.datasets.square(4)
+    >>> bool(cdcp_igl.angle_distortion(V, F, spectral(V, F)).max() < 1e-4)
+    True
+    """
+    mesh = DiskMesh(V, F)
+    n, nB = len(mesh.V), len(mesh.loop)
+    L = cotangent_laplacian(mesh).matrix()
+    energy = block_diag([L, L]) - 2 * libigl.vector_area_matrix(mesh.F)
+    on_boundary = np.zeros(2 * n)
+    boundary = np.concatenate([mesh.loop, mesh.loop + n])  # of the vector [u; v]
+    on_boundary[boundary] = 1
+    shifted = Cholesky(energy + SHIFT * diags(on_boundary))
+
+    def extend(b: Floats) -> Floats:
+        """Solve (E + s B) x = B b."""
+        x = np.zeros(2 * n)
+        x[boundary] = b
+        return shifted.solve(x)
+
+    def centered(b: Floats) -> Floats:
+        return (b.reshape(2, nB) - b.reshape(2, nB).mean(axis=1, keepdims=True)).ravel()
+
+    # E x = lambda B x reads x_B / (lambda + s) = (extension of x_B) on the boundary: an
+    # ordinary eigenproblem of size 2 nB, in which the constants are projected out.
+    operator = LinearOperator(
+        (2 * nB, 2 * nB), lambda b: centered(extend(centered(b))[boundary]), dtype=float
+    )
+    circle = by_arc_length(mesh)
+    start = np.concatenate([circle.real, circle.imag])
+    try:
+        _, vectors = eigsh(operator, k=1, which="LA", v0=start)
+    except ArpackError as error:
+        raise SolverError(f"ARPACK found no conformal eigenvector: {error}") from error
+    u, v = extend(vectors[:, 0]).reshape(2, n)
+    f = u + 1j * v
+    f -= f[mesh.loop].mean()
+    f *= abs(f[mesh.loop[0]]) / f[mesh.loop[0]] / np.linalg.norm(f[mesh.loop])
+    return checked_free_map(mesh, f)

@@ -1,0 +1,1 @@
+"""The Laplacian, its factorization, and the order of elimination."""

@@ -1,0 +1,62 @@
+"""The dipole on the central face and the boundary trace of the double cover, eq. (18)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import Complex
+from ..solve.factor import Factor
+from ..surface.mesh import DiskMesh
+
+__all__ = ["boundary_trace", "dipole"]
+
+
+def dipole(mesh: DiskMesh, face: int) -> Complex:
+    """Right-hand side of eq. (18): the derivative of a point mass on one face.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    face : int
+        The face [v_i, v_j, v_k] that is sent to infinity.
+
+    Returns
+    -------
+    (n,) complex128
+        Zero off the face; sums to zero. Scaled by |v_j - v_i|, which the shape of the
+        trace does not depend on.
+    """
+    i, j, k = mesh.F[face]
+    e = mesh.V[j] - mesh.V[i]
+    length = np.linalg.norm(e)
+    alpha = (mesh.V[k] - mesh.V[i]) @ e / length**2
+    height = np.linalg.norm(mesh.V[k] - mesh.V[i] - alpha * e)
+    r = np.zeros(len(mesh.V), dtype=complex)
+    r[i] = -1 + 1j * (1 - alpha) * length / height
+    r[j] = 1 + 1j * alpha * length / height
+    r[k] = -1j * length / height
+    return r
+
+
+def boundary_trace(mesh: DiskMesh, factor: Factor, face: int) -> Complex:
+    """Boundary values of the harmonic map of the doubly covered surface, Theorem 1.
+
+    The double cover would need a system of size 2 nI + nB; by symmetry, the pinned system
+    of size n gives the same boundary values up to scale and shift.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    factor : Factor
+        Of the cotangent Laplacian.
+    face : int
+        Central face.
+
+    Returns
+    -------
+    (nB,) complex128
+        In the order of ``mesh.loop``. It runs **clockwise**: with the pole at infinity,
+        the image of the surface is the exterior of this curve. (Inside the surface, h is
+        not conformal and of no use.)
+    """
+    return factor.solve_pinned(dipole(mesh, face))[mesh.loop]

@@ -1,0 +1,303 @@
+"""Möbius transformations of the disk: least angular distortion, eqs. (19)-(20), or area."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import Complex, Floats, Ints
+from ..certificate import is_around
+from ..distortion import plane_angles
+from ..surface.mesh import DiskMesh
+from ..surface.triangles import face_areas
+
+__all__ = [
+    "MobiusMethod",
+    "Normalization",
+    "angle_change",
+    "conformal_barycenter",
+    "least_angle_distortion",
+    "least_angle_distortion_nelder_mead",
+    "mobius",
+    "normalize",
+    "rotate",
+]
+
+MobiusMethod = Literal["angle", "area", "nelder-mead"]
+
+
+# Faces on which Newton's method looks. On meshes of up to 430,000 faces, 100,000 instead
+# take three times as long and change the mean angular distortion by less than 2e-5 degrees.
+SAMPLE = 30_000
+SOFT = 0.2  # corner of the pseudo-Huber function, by the median residual
+MAX_STEPS = 30
+TOLERANCE = 1e-8  # steps of w below this change the objective by its last digits only
+
+
+@dataclass(frozen=True)
+class Normalization:
+    """The Möbius transformation that was applied.
+
+    Attributes
+    ----------
+    method : str
+        What chose it: ``"angle"``, ``"nelder-mead"``, ``"area"`` or ``"none"``.
+    w : complex
+        The point that went to 0, eq. (19); 0 where nothing was applied.
+    rejected : str
+        Why the method's result was not used; empty where it was.
+    """
+
+    method: str
+    w: complex
+    rejected: str = ""
+
+    def __str__(self) -> str:
+        note = f" (rejected: {self.rejected})" if self.rejected else ""
+        return f"{self.method}, |w| = {abs(self.w):.4f}{note}"
+
+
+def normalize(
+    mesh: DiskMesh, f: Complex, method: MobiusMethod | None
+) -> tuple[Complex, Normalization]:
+    """Apply the best Möbius transformation, unless it does harm.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    f : (n,) complex128
+        Map onto the unit disk, first boundary vertex at 1.
+    method : {"angle", "nelder-mead", "area"} or None
+        Least angular distortion by Newton or by Nelder-Mead; conformal barycentre; none.
+
+    Returns
+    -------
+    f : (n,) complex128
+        The transformed map, boundary on the unit circle, first boundary vertex at 1.
+    Normalization
+    """
+    if method == "angle":
+        w = least_angle_distortion(mesh.F, f, mesh.angles)
+    elif method == "nelder-mead":
+        w = least_angle_distortion_nelder_mead(mesh.F, f, mesh.angles)
+    elif method == "area":
+        w = conformal_barycenter(f, _vertex_areas(mesh))
+    else:
+        return f, Normalization("none", 0j)
+
+    moved = _at_one(mesh, mobius(f, w), mesh.loop[0])
+    if not is_around(moved[mesh.loop]):
+        return f, Normalization(method, 0j, "crowding")
+    if method != "area" and not _mean_distortion(mesh, moved) < _mean_distortion(mesh, f):
+        return f, Normalization(method, 0j, "no improvement")
+    return moved, Normalization(method, w)
+
+
+def _mean_distortion(mesh: DiskMesh, f: Complex) -> float:
+    """Mean angular distortion over a sample of the faces, in radians."""
+    judges = _sample(mesh.F)
+    return float(abs(plane_angles(f, mesh.F[judges]) - mesh.angles[judges]).mean())
+
+
+def _sample(F: Ints) -> Ints:
+    """(k,) rows of at most 30,000 faces, spread evenly."""
+    return np.linspace(0, len(F) - 1, min(SAMPLE, len(F))).astype(np.int64)
+
+
+def _at_one(mesh: DiskMesh, f: Complex, vertex: int) -> Complex:
+    """Put a boundary vertex at 1, and the boundary on the circle to the last bit."""
+    f = f / f[vertex]
+    f[mesh.loop] /= abs(f[mesh.loop])
+    return f
+
+
+def rotate(mesh: DiskMesh, f: Complex, align: int | ArrayLike | None) -> Complex:
+    """Turn a map about 0.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    f : (n,) complex128
+        Map onto the unit disk.
+    align : int, (3,) array_like or None
+        A boundary vertex, to go to 1; or a direction d in space: the height x.d of the
+        surface, as a function on the disk, has its moment sum_v m_v x_v.d f_v about the
+        mean height, m_v the area at a vertex, at angle 0. None is the first boundary vertex.
+
+    Returns
+    -------
+    (n,) complex128
+
+    Raises
+    ------
+    ValueError
+        If `align` is neither, or the height has no moment.
+    """
+    if align is None:
+        align = mesh.loop[0]
+    if isinstance(align, int | np.integer):
+        if align not in mesh.loop:
+            raise ValueError(f"align={align} is not a boundary vertex")
+        return _at_one(mesh, f, int(align))
+    direction = np.asarray(align)
+    if direction.shape != (3,) or direction.dtype.kind not in "iuf":
+        raise ValueError(f"align must be a boundary vertex or a 3-vector, not {align!r}")
+    mass = _vertex_areas(mesh)
+    height = mesh.V @ direction
+    moment = np.vdot(mass * (height - np.average(height, weights=mass)), f)
+    if not abs(moment) > 1e-12 * mass.sum() * np.ptp(height):
+        raise ValueError(f"align={align!r}: the surface has no slope in this direction")
+    f = f * (abs(moment) / moment)
+    f[mesh.loop] /= abs(f[mesh.loop])
+    return f
+
+
+def _vertex_areas(mesh: DiskMesh) -> Floats:
+    areas = np.zeros(len(mesh.V))
+    np.add.at(areas, mesh.F, face_areas(mesh.V, mesh.F)[:, None] / 3)
+    return areas
+
+
+def mobius(z: Complex, w: complex) -> Complex:
+    """Apply psi_w(z) = (z - w) / (1 - conj(w) z), eq. (19): the disk onto itself, w to 0."""
+    return (z - w) / (1 - np.conj(w) * z)
+
+
+def angle_change(F: Ints, z: Complex, w: complex) -> Floats:
+    """(m, 3) exact change of every corner angle under psi_w, in radians.
+
+    The angle at corner i of a face [i, j, k] grows by a_j - a_k, a = arg(1 - conj(w) z):
+    one argument a vertex replaces three angles a face.
+    """
+    return _differences(np.angle(1 - np.conj(w) * z)[F])
+
+
+def least_angle_distortion(F: Ints, z: Complex, angles: Floats) -> complex:
+    """Find w that minimises the angular distortion of psi_w o f, eq. (20), by Newton.
+
+    The sum of absolute values is replaced by a pseudo-Huber function, over at most 30,000
+    faces spread evenly through F.
+
+    Parameters
+    ----------
+    F : (m, 3) int64
+    z : (n,) complex128
+        The map f.
+    angles : (m, 3) float64
+        Corner angles of the surface in radians.
+
+    Returns
+    -------
+    complex
+        |w| < 1.
+    """
+    chosen = _sample(F)
+    z, r0 = z[F[chosen]], plane_angles(z, F[chosen]) - angles[chosen]
+    soft = max(SOFT * float(np.median(abs(r0))), np.finfo(float).eps)
+
+    def value(w: complex) -> float:
+        return float(np.hypot((r0 + _differences(np.angle(1 - w.conjugate() * z))) / soft, 1).sum())
+
+    def gradient_and_hessian(w: complex) -> tuple[Floats, Floats]:
+        below = 1 - w.conjugate() * z
+        r = (r0 + _differences(np.angle(below))) / soft
+        # a = Im log(1 - conj(w) z) is harmonic in w = x + iy: with g = -z / (1 - conj(w) z),
+        # a_x = Im g, a_y = -Re g, a_xx = -a_yy = -Im g^2, a_xy = Re g^2.
+        g = -z / below
+        dg, dgg = _differences(g), _differences(g * g)
+        root = np.hypot(r, 1)
+        first, second = r / root, 1 / (root**3 * soft)
+        gradient = np.array([(first * dg.imag).sum(), -(first * dg.real).sum()])
+        xx, xy = (second * dg.imag**2).sum(), -(second * dg.imag * dg.real).sum()
+        yy = (second * dg.real**2).sum()
+        cxx, cxy = -(first * dgg.imag).sum(), (first * dgg.real).sum()
+        hessian = np.array([[xx + cxx, xy + cxy], [xy + cxy, yy - cxx]])
+        if np.linalg.eigvalsh(hessian)[0] <= 0:  # far from the minimum: Gauss-Newton
+            hessian = np.array([[xx, xy], [xy, yy]])
+        return gradient, hessian
+
+    w, best = 0j, value(0j)
+    for _ in range(MAX_STEPS):
+        gradient, hessian = gradient_and_hessian(w)
+        dx, dy = np.linalg.lstsq(hessian, -gradient, rcond=None)[0]
+        step, best = _backtrack(value, w, complex(dx, dy), best)
+        if step == 0:
+            break
+        w += step
+    return w
+
+
+def _differences(a: NDArray[Any]) -> NDArray[Any]:
+    """(m, 3) a_j - a_k at each corner i of the faces [i, j, k]."""
+    i, j, k = a.T
+    return np.stack([j - k, k - i, i - j], axis=1)
+
+
+def _backtrack(
+    value: Callable[[complex], float], w: complex, step: complex, best: float
+) -> tuple[complex, float]:
+    """Halve the step until it stays in the disk and descends; 0 once it is negligible."""
+    while abs(step) > TOLERANCE:
+        if abs(w + step) < 1 and (trial := value(w + step)) < best:
+            return step, trial
+        step /= 2
+    return 0j, best
+
+
+def least_angle_distortion_nelder_mead(F: Ints, z: Complex, angles: Floats) -> complex:
+    """Find w of eq. (20) as the paper does: Nelder-Mead on the mean over all faces.
+
+    Parameters and return value as in `least_angle_distortion`.
+    """
+    from scipy.optimize import minimize  # slow to import, and only the paper's preset uses it
+
+    residual = plane_angles(z, F) - angles
+
+    def mean_distortion(x: Floats) -> float:
+        w = complex(*x)
+        return float(abs(residual + angle_change(F, z, w)).mean()) if abs(w) < 1 else np.inf
+
+    start = np.array([[0.0, 0.0], [0.05, 0.0], [0.0, 0.05]])
+    options = {"initial_simplex": start, "xatol": 1e-6, "fatol": 1e-10}
+    return complex(*minimize(mean_distortion, start[0], method="Nelder-Mead", options=options).x)
+
+
+def conformal_barycenter(z: Complex, mass: Floats) -> complex:
+    """Find w that puts the centre of mass of psi_w o f at 0, by Newton's method.
+
+    This evens out the area; it is canonical, so that maps of different meshes of one
+    surface agree up to a rotation.
+
+    Parameters
+    ----------
+    z : (n,) complex128
+        The map f.
+    mass : (n,) float64
+        Positive weights, areas on the surface.
+
+    Returns
+    -------
+    complex
+        |w| < 1.
+
+    References
+    ----------
+    J. Cantarella, H. Schumacher. Computing the conformal barycenter. SIAM J. Appl.
+    Algebra Geometry 6(3), 2022.
+    """
+    mass = mass / mass.sum()
+    w = 0j
+    for _ in range(MAX_STEPS):
+        moved = mobius(z, w)
+        c, q = complex(mass @ moved), complex(mass @ (moved * moved))
+        # To first order psi_d moves the centre of mass by -d + q conj(d).
+        d = (c + q * c.conjugate()) / max(1 - abs(q) ** 2, np.finfo(float).eps)
+        d /= max(1, 2 * abs(d))  # stay well inside the disk
+        w = (d + w) / (1 + w.conjugate() * d)  # psi_d o psi_w, up to a rotation
+        if abs(d) < 1e-14:
+            break
+    return w

@@ -1,0 +1,292 @@
+"""Mend a surface that is nearly a disk, and say what was changed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import Bools, Floats, Ints
+from ..errors import Defect, MeshError
+from .edges import group_by_edge, half_edges
+from .report import (
+    boundary_loops,
+    check,
+    degenerate_faces,
+    duplicate_faces,
+    face_array,
+    face_components,
+    faces_to_reverse,
+    fans,
+    repeated_corners,
+    vertex_array,
+)
+from .triangles import corner_cotangents
+
+__all__ = ["Cleaned", "clean"]
+
+
+@dataclass(frozen=True, eq=False)
+class Cleaned:
+    """A mended surface; unpacks as ``V, F, vertex_index, face_index``.
+
+    Attributes
+    ----------
+    V : (n, 3) or (n, 2) float64
+        Vertices that were kept, in their order; then copies of vertices that were split;
+        then new vertices in the holes.
+    F : (m, 3) int64
+        Faces that were kept, in their order; then those that fill holes.
+    vertex_index : (n,) int64
+        The row of the given V that each row comes from, -1 for a new vertex.
+    face_index : (m,) int64
+        The row of the given F that each row comes from, -1 for a face that fills a hole.
+    flipped : (k,) int64
+        Rows of F whose edge was flipped, so that they are not the faces they come from.
+    changes : tuple of str
+        What was done, a sentence each; empty if the surface came back as it was.
+    """
+
+    V: Floats
+    F: Ints
+    vertex_index: Ints
+    face_index: Ints
+    flipped: Ints
+    changes: tuple[str, ...]
+
+    def __iter__(self) -> Iterator[NDArray[Any]]:
+        return iter((self.V, self.F, self.vertex_index, self.face_index))
+
+
+def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
+    """Mend what can be mended without guessing, so that the surface may become a disk.
+
+    In this order: faces at a vertex with a NaN or infinite coordinate are dropped;
+    vertices with equal coordinates merged; faces with a repeated corner, duplicate and
+    degenerate faces dropped; vertices where several fans of faces meet split, which also
+    parts the sheets that meet in a non-manifold edge; the largest component kept, its
+    faces oriented like the majority, and all boundary loops but the longest filled, each
+    by a fan around a new vertex. A surface that is a disk already comes back as it is,
+    even if vertices coincide, as they do along a cut.
+
+    Parameters
+    ----------
+    V : (n, 3) or (n, 2) array_like
+        Vertex positions.
+    F : (m, 3) array_like of integers
+        Corners of the faces, rows of V.
+    flip_ears : bool
+        Also flip the inner edge of each ear (a face with two boundary edges) that has an
+        interior vertex behind it. The corner of an ear cannot move on the circle without
+        all three of its angles changing; that of a flipped one can. The surface changes
+        slightly, by the two faces of each flipped edge.
+
+    Returns
+    -------
+    Cleaned
+        What it cannot mend is left for `check` to find and `disk_map` to refuse: a handle,
+        a closed or a one-sided surface, sheets that hang together around both ends of a
+        non-manifold edge, and slits of dropped faces that no fan can fill.
+
+    Raises
+    ------
+    MeshError
+        If V and F are not numeric, have the wrong shape, an index is out of range or
+        fractional, or no face is left.
+
+    Examples
+    --------
+    A map of the surface as it was given, with its holes:
+
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
+    >>> V, F, vertex_index, face_index = cdcp_igl.clean(V, F[10:])
+    >>> uv = cdcp_igl.cdcp(V, F)[vertex_index >= 0]
+    >>> F = F[face_index >= 0]
+    """
+    positions = vertex_array(V).astype(np.float64)
+    faces = face_array(F, len(positions))
+    surface = _Surface(positions, faces)
+    if not check(V, F).is_disk:
+        for mend in (
+            surface.drop_non_finite,
+            surface.merge_vertices,
+            surface.drop_faces,
+            surface.split_vertices,
+            surface.keep_largest_component,
+            surface.orient,
+            surface.drop_unreferenced,
+            surface.fill_holes,
+        ):
+            mend()
+            if len(surface.F) == 0:
+                what = f"Cleaning {', '.join(surface.changes)}, and no face is left"
+                raise MeshError(Defect("nothing left", what, "Restore the mesh."))
+    if flip_ears:
+        surface.flip_ears()
+    return Cleaned(
+        surface.V,
+        surface.F,
+        surface.vertex_index,
+        surface.face_index,
+        surface.flipped,
+        tuple(surface.changes),
+    )
+
+
+class _Surface:
+    """The surface while it is being mended."""
+
+    def __init__(self, V: Floats, F: Ints) -> None:
+        self.V, self.F = V, F.copy()
+        self.vertex_index, self.face_index = np.arange(len(V)), np.arange(len(F))
+        self.flipped = np.empty(0, np.int64)
+        self.changes: list[str] = []
+
+    def drop_non_finite(self) -> None:
+        bad = np.flatnonzero(~np.isfinite(self.V).all(axis=1))
+        at_bad = np.flatnonzero(np.isin(self.F, bad).any(axis=1))
+        self._drop_faces(at_bad, "with a NaN or infinite coordinate")
+
+    def merge_vertices(self) -> None:
+        used = self._used()
+        rows = np.flatnonzero(used)
+        # The first of equal rows stands for them all; + 0.0 makes -0.0 equal to 0.0.
+        _, first, group = np.unique(
+            self.V[rows] + 0.0, axis=0, return_index=True, return_inverse=True
+        )
+        merged = np.arange(len(self.V))
+        merged[rows] = rows[first[group.ravel()]]
+        self.F = merged[self.F]
+        self._say(len(rows) - len(first), "merged {} with an equal one", "vertex", "vertices")
+
+    def drop_faces(self) -> None:
+        self._drop_faces(repeated_corners(self.F), "with a repeated corner")
+        self._drop_faces(duplicate_faces(self.F), "that repeated another")
+        cotangents = corner_cotangents(self._scaled(), self.F)
+        self._drop_faces(degenerate_faces(cotangents), "without area")
+
+    def split_vertices(self) -> None:
+        """Give each fan of faces at a vertex its own copy; the first keeps the vertex."""
+        n, corner = len(self.V), self.F.T.ravel()
+        one, other = self._twins()
+        _, fan = fans(self.F, one, other)
+        # Each fan by its first corner, those of a vertex in succession.
+        _, first = np.unique(fan, return_index=True)
+        order = np.lexsort((first, corner[first]))
+        vertex = corner[first[order]]
+        surplus = np.diff(vertex, prepend=-1) == 0
+        name = vertex.copy()
+        name[surplus] = n + np.arange(surplus.sum())
+        vertex_of_fan = np.empty(len(first), np.int64)
+        vertex_of_fan[order] = name
+        self.F = np.ascontiguousarray(vertex_of_fan[fan].reshape(3, -1).T)
+        self.V = np.vstack([self.V, self.V[vertex[surplus]]])
+        self.vertex_index = np.append(self.vertex_index, self.vertex_index[vertex[surplus]])
+        self._say(int(surplus.sum()), "split off {} where fans of faces met", "vertex", "vertices")
+
+    def keep_largest_component(self) -> None:
+        _, part = face_components(*self._twins(), len(self.F))
+        smaller = np.flatnonzero(part != np.bincount(part).argmax())
+        self._drop_faces(smaller, "of smaller components")
+
+    def orient(self) -> None:
+        one, other = self._twins()
+        tail, m = self.F.T.ravel(), len(self.F)
+        against = faces_to_reverse(one % m, other % m, tail[one] == tail[other], m)
+        if against is not None:
+            self.F[against] = self.F[against, ::-1]
+            self._say(len(against), "reversed {}", "face", "faces")
+
+    def drop_unreferenced(self) -> None:
+        used = self._used()
+        self.F = (np.cumsum(used) - 1)[self.F]
+        self._say(int((~used).sum()), "dropped {} that no face uses", "vertex", "vertices")
+        self.V, self.vertex_index = self.V[used], self.vertex_index[used]
+
+    def fill_holes(self) -> None:
+        n = len(self.V)
+        tail, head = half_edges(self.F, n)
+        edges = group_by_edge(tail, head, n)
+        valence = edges.valence
+        border = edges.sides[edges.start[valence == 1]]
+        if (valence > 2).any() or len(np.unique(tail[border])) < len(border):
+            return  # not a manifold, or not oriented: no loops to follow
+        loops = boundary_loops(tail[border], head[border])
+        longest = max(loops, key=len, default=None)
+        for loop in loops:
+            if loop is not longest:
+                # The loop has the surface on its left, the fan lies on its right.
+                center = np.full(len(loop), len(self.V))
+                fan = np.column_stack([np.roll(loop, -1), loop, center])
+                self.F = np.vstack([self.F, fan])
+                self.V = np.vstack([self.V, self.V[loop].mean(axis=0)])
+                self.vertex_index = np.append(self.vertex_index, -1)
+                self.face_index = np.append(self.face_index, np.full(len(loop), -1))
+        self._say(len(loops) - 1, "filled {}", "hole", "holes")
+
+    def flip_ears(self) -> None:
+        one, other = self._twins()
+        m = len(self.F)
+        inner = np.zeros(3 * m, dtype=bool)
+        inner[one] = inner[other] = True
+        sides = inner.reshape(3, m).sum(axis=0)
+        at_border = np.zeros(len(self.V), dtype=bool)
+        at_border[self.F.T[~inner.reshape(3, m)]] = True
+        mine, theirs = np.append(one, other), np.append(other, one)
+        ear = sides[mine % m] == 1
+        mine, theirs = mine[ear], theirs[ear]
+        a, b, tip = self._from(mine)
+        c, d, back = self._from(theirs)
+        can = (a == d) & (b == c) & ~at_border[back]
+        V = self._scaled()
+        # Both new faces must look the same way as the two old ones.
+        before = _area_vectors(V, a, b, tip) + _area_vectors(V, b, a, back)
+        for after in (_area_vectors(V, tip, a, back), _area_vectors(V, tip, back, b)):
+            can &= (after * before).sum(axis=1) > 0
+        a, b, tip, back = a[can], b[can], tip[can], back[can]
+        self.F[mine[can] % m] = np.column_stack([tip, a, back])
+        self.F[theirs[can] % m] = np.column_stack([tip, back, b])
+        self.flipped = np.sort(np.concatenate([mine[can] % m, theirs[can] % m]))
+        self._say(int(can.sum()), "flipped the inner edge of {}", "ear", "ears")
+
+    # -- what the steps share ----------------------------------------------------------
+
+    def _twins(self) -> tuple[Ints, Ints]:
+        """Half-edges on either side of each edge that has two faces."""
+        n = len(self.V)
+        edges = group_by_edge(*half_edges(self.F, n), n)
+        two = edges.start[edges.valence == 2]
+        return edges.sides[two], edges.sides[two + 1]
+
+    def _from(self, half: Ints) -> tuple[Ints, Ints, Ints]:
+        """Corners of the faces of half-edges: tail, head, the one opposite."""
+        k, face = np.divmod(half, len(self.F))
+        return self.F[face, k], self.F[face, (k + 1) % 3], self.F[face, (k + 2) % 3]
+
+    def _scaled(self) -> Floats:
+        """Positions in three columns and of unit size, as `check` judges them."""
+        finite = np.where(np.isfinite(self.V), self.V, 0)
+        exponent = int(np.frexp(abs(finite).max())[1])
+        return np.pad(np.ldexp(finite, -exponent), ((0, 0), (0, 3 - self.V.shape[1])))
+
+    def _used(self) -> Bools:
+        used = np.zeros(len(self.V), dtype=bool)
+        used[self.F] = True
+        return used
+
+    def _drop_faces(self, rows: Ints, why: str) -> None:
+        self.F = np.delete(self.F, rows, axis=0)
+        self.face_index = np.delete(self.face_index, rows)
+        self._say(len(rows), f"dropped {{}} {why}", "face", "faces")
+
+    def _say(self, count: int, what: str, one: str, many: str) -> None:
+        if count > 0:
+            self.changes.append(what.format(f"{count:,} {one if count == 1 else many}"))
+
+
+def _area_vectors(V: Floats, a: Ints, b: Ints, c: Ints) -> Floats:
+    return np.cross(V[b] - V[a], V[c] - V[a])

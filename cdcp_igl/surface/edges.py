@@ -1,0 +1,69 @@
+"""The edges of a triangle mesh, and the half-edges on their sides."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_matrix, get_index_dtype
+
+from ..arrays import Floats, Indices, Ints
+
+__all__ = ["Edges", "group_by_edge", "half_edges"]
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """Undirected edges, by their smaller vertex and then by the larger.
+
+    Attributes
+    ----------
+    low, high : (e,) ndarray of int
+        The ends of each edge, the smaller index first.
+    sides : (3m,) ndarray of int
+        The half-edges, those of an edge in succession.
+    start : (e,) ndarray of int
+        Where each edge begins in `sides`.
+    """
+
+    low: Indices
+    high: Indices
+    sides: Indices
+    start: Indices
+
+    @property
+    def valence(self) -> Indices:
+        """(e,) number of half-edges, which is that of faces, of each edge."""
+        return np.diff(self.start, append=self.start.dtype.type(len(self.sides)))
+
+    def sum_opposite(self, x: Floats) -> Floats:
+        """(e,) sums of the values x (m, 3) at the corners opposite each edge."""
+        # Half-edge k m + f leaves corner k of face f, so it lies opposite corner k - 1.
+        opposite = np.roll(x.T, 1, axis=0).ravel()
+        return np.add.reduceat(opposite[self.sides], self.start)
+
+
+def half_edges(F: Ints, n: int) -> tuple[Indices, Indices]:
+    """(3m,) tails and heads: half-edge k m + f leaves corner k of face f for the next corner."""
+    # Sorting them is most of the work of all checks, and takes half the time on 32 bits.
+    tail = F.T.astype(get_index_dtype(maxval=max(2 * F.size, n)), order="C").ravel()
+    return tail, np.roll(tail, -len(F))
+
+
+def group_by_edge(tail: Indices, head: Indices, n: int) -> Edges:
+    """Sort the half-edges of a mesh of n vertices by undirected edge; stable."""
+    low, high = np.minimum(tail, head), np.maximum(tail, head)
+    sides = _counting_sort(high, n)
+    sides = sides[_counting_sort(low[sides], n)]
+    low, high = low[sides], high[sides]
+    first = np.ones(len(sides), dtype=bool)
+    first[1:] = (low[1:] != low[:-1]) | (high[1:] != high[:-1])
+    start = np.flatnonzero(first).astype(sides.dtype)
+    return Edges(low[start], high[start], sides, start)
+
+
+def _counting_sort(keys: Indices, n: int) -> Indices:
+    """Stable order of keys from 0 to n - 1: the columns of a matrix with one entry a row."""
+    rows = len(keys)
+    ends = np.arange(rows + 1, dtype=keys.dtype)
+    return csr_matrix((np.zeros(rows, bool), keys, ends), (rows, n)).tocsc().indices

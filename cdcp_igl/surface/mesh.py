@@ -1,0 +1,148 @@
+"""The checked input: a triangulated topological disk."""
+
+from __future__ import annotations
+
+from copy import copy
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Bools, Floats, Ints
+from ..errors import Defect, MeshError
+from .edges import Edges
+from .report import as_vertices, degenerate_defect, examine
+from .triangles import corner_cotangents
+
+__all__ = ["DiskMesh"]
+
+
+class DiskMesh:
+    """A triangulated disk: checked, indexed, immutable.
+
+    The only way into the algorithm. One component, every edge on one or two faces,
+    consistently oriented, every vertex a manifold vertex, one boundary loop, Euler
+    characteristic 1, every vertex used, coordinates finite, no degenerate face.
+
+    Parameters
+    ----------
+    V : (n, 3) or (n, 2) array_like of real numbers
+        Vertex positions, in any unit. Two columns are a planar mesh.
+    F : (m, 3) array_like of integers
+        Corners of the faces, rows of V, counterclockwise seen from outside.
+
+    Attributes
+    ----------
+    V : (n, 3) float64, read-only
+        The positions, scaled by a power of two (which is exact) so that the largest
+        coordinate lies between 1/2 and 1.
+    F : (m, 3) int64, read-only
+        The faces.
+    loop : (nB,) int64, read-only
+        Boundary vertices in order, the surface on their left, from the smallest index.
+    interior : (nI,) int64, read-only
+        The other vertices, ascending.
+    on_boundary : (n,) bool, read-only
+        Which vertices are on the boundary.
+    edges : Edges
+        Its undirected edges.
+    cotangents : (m, 3) float64, read-only
+        Cotangents of the corner angles, column k at corner k.
+
+    Raises
+    ------
+    MeshError
+        If the input is no disk. It names the defect, the offending rows and the
+        remedy, and lists the other defects.
+    """
+
+    V: Floats
+    F: Ints
+    loop: Ints
+    interior: Ints
+    on_boundary: Bools
+    edges: Edges
+    cotangents: Floats
+
+    def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
+        examined = examine(V, F)
+        if examined.defects:
+            raise MeshError(*examined.defects)
+        on_boundary = np.zeros(len(examined.V), dtype=bool)
+        on_boundary[examined.loops[0]] = True
+        for name, array in {
+            "V": examined.V,
+            "F": examined.F.view(),  # may be the caller's own array, whose flag stays his
+            "loop": examined.loops[0],
+            "interior": np.flatnonzero(~on_boundary),
+            "on_boundary": on_boundary,
+            "cotangents": examined.cotangents,
+        }.items():
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        edges = examined.edges
+        for indices in (edges.low, edges.high, edges.sides, edges.start):
+            indices.flags.writeable = False
+        object.__setattr__(self, "edges", edges)
+
+    @cached_property
+    def angles(self) -> Floats:
+        """(m, 3) corner angles of the surface in radians, column k at corner k; read-only."""
+        angles = np.arctan2(1, self.cotangents)
+        angles.flags.writeable = False
+        return angles
+
+    @cached_property
+    def inscribed(self) -> Ints:
+        """(k,) faces with all three corners on the boundary, read-only.
+
+        On the disk they are inscribed in the circle, and the circle fixes their angles.
+        """
+        i, j, k = self.on_boundary[self.F.T]
+        inscribed = np.flatnonzero(i & j & k)
+        inscribed.flags.writeable = False
+        return inscribed
+
+    def moved(self, V: ArrayLike) -> DiskMesh:
+        """Return the mesh with its vertices elsewhere; what is known of its faces is kept.
+
+        Parameters
+        ----------
+        V : (n, 3) or (n, 2) array_like of real numbers
+
+        Returns
+        -------
+        DiskMesh
+
+        Raises
+        ------
+        MeshError
+            If V has another number of rows, is not finite, or makes a face degenerate.
+        """
+        positions = as_vertices(V)
+        if len(positions) != len(self.V):
+            raise MeshError(
+                Defect(
+                    "shape of V",
+                    f"V has {len(positions):,} rows and the mesh {len(self.V):,} vertices",
+                    "Only vertices may move; for another connectivity make a new mesh.",
+                )
+            )
+        cotangents = corner_cotangents(positions, self.F)
+        if defect := degenerate_defect(cotangents):
+            raise MeshError(defect)
+        positions.flags.writeable = cotangents.flags.writeable = False
+        mesh = copy(self)
+        mesh.__dict__.pop("angles", None)
+        mesh.__dict__.update(V=positions, cotangents=cotangents)
+        return mesh
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"DiskMesh is immutable: cannot set {name!r}")
+
+    def __repr__(self) -> str:
+        return (
+            f"DiskMesh({len(self.V):,} vertices, {len(self.F):,} faces, "
+            f"{len(self.loop):,} boundary vertices)"
+        )
