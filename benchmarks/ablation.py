@@ -19,7 +19,7 @@ from cdcp_igl.solve.laplacian import Laplacian, cotangent_laplacian
 from cdcp_igl.steps.center import central_face, centrality
 from cdcp_igl.steps.circle.fallback import _whitened_geodesic_map
 from cdcp_igl.steps.circle.geodesic import geodesic_map
-from cdcp_igl.steps.circle.whiten import whiten
+from cdcp_igl.steps.circle.whiten import whiten_trace
 from cdcp_igl.steps.dipole import boundary_trace
 from cdcp_igl.steps.extension import harmonic_extension
 from cdcp_igl.steps.mobius import normalize
@@ -56,7 +56,7 @@ def _coldest(mesh: DiskMesh, L: Laplacian, factor: Factor, *, t: float) -> int:
 
 def _interior(trace: Complex, *, whitened: bool) -> Complex:
     """Take the surface for the inside of the trace: the outside of its mirrored inverse."""
-    z = whiten(trace) if whitened else trace - _centroid(trace)
+    z = whiten_trace(trace) if whitened else trace - _centroid(trace)
     return geodesic_map(1 / z.conj())
 
 
@@ -68,7 +68,7 @@ def _centroid(z: Complex) -> complex:
 
 
 def _theodorsen(trace: Complex) -> Complex | None:
-    return theodorsen_map(whiten(trace))
+    return theodorsen_map(whiten_trace(trace))
 
 
 def _map(

@@ -19,7 +19,7 @@ from .result import DiskMap
 from .solve.factor import Factor
 from .solve.laplacian import Laplacian, cotangent_laplacian
 from .steps.center import Center, CenterMethod, central_face
-from .steps.circle import BoundaryMethod, maps_to_circle, spread
+from .steps.circle import BoundaryMethod, maps_to_circle, spread_corners
 from .steps.dipole import boundary_trace
 from .steps.mobius import normalize, rotate
 from .steps.refine import lower_angle_distortion
@@ -265,7 +265,7 @@ def normalized_map(
         method = "nelder-mead" if options.paper else options.mobius
         f, normalization = normalize(mesh, harmonic.f, method)  # (19), (20)
     with phase("repair"):
-        f, n_spread = spread(mesh, f, harmonic.extend)
+        f, n_spread = spread_corners(mesh, f, harmonic.extend)
         f, repair = unfold(mesh, rotate(mesh, f, options.align))
     with phase("refine") as advance:
         refinement = None

@@ -9,8 +9,8 @@ from cdcp_igl.solve.factor import Factor
 from cdcp_igl.solve.laplacian import cotangent_laplacian
 from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.circle.geodesic import geodesic_map
-from cdcp_igl.steps.circle.whiten import whiten
-from cdcp_igl.steps.dipole import boundary_trace, dipole
+from cdcp_igl.steps.circle.whiten import whiten_trace
+from cdcp_igl.steps.dipole import boundary_trace, face_dipole
 from cdcp_igl.steps.extension import harmonic_extension
 from cdcp_igl.steps.mobius import normalize
 from cdcp_igl.surface.mesh import DiskMesh
@@ -66,7 +66,7 @@ def test_the_surface_is_the_outside_of_the_trace(name, outside, inside, real_mes
 def test_the_error_of_the_trace_is_in_the_first_negative_power(name, first, real_mesh):
     """Coefficients of the trace in powers of zeta, the exterior map of its curve."""
     steps = Steps(*real_mesh(name))
-    zeta = 1 / geodesic_map(whiten(steps.trace))
+    zeta = 1 / geodesic_map(whiten_trace(steps.trace))
     arcs = -np.angle(np.roll(zeta, -1) / zeta)
 
     def coefficient(k):
@@ -82,7 +82,7 @@ def test_the_error_of_the_trace_is_in_the_first_negative_power(name, first, real
 @pytest.mark.parametrize(("name", "inside"), [(LION, 17.05), (FACE, 17.89), (BRAIN, 7.69)])
 def test_only_the_boundary_values_of_the_pinned_solution_are_of_use(name, inside, real_mesh):
     steps = Steps(*real_mesh(name))
-    h = steps.factor.solve_pinned(dipole(steps.mesh, steps.face))
+    h = steps.factor.solve_pinned(face_dipole(steps.mesh, steps.face))
     assert h[steps.mesh.loop[0]] == 0  # the pin lies on the curve, not inside it
     degrees = np.degrees(abs(angle_errors(steps.mesh, h)))
     assert degrees.mean() == pytest.approx(inside, abs=0.01)

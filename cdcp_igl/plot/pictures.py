@@ -12,7 +12,7 @@ from ..distortion import angle_distortion
 from ..extras import from_extra
 from ..result import DiskMap
 from ..surface.report import as_faces, as_vertices
-from .viewpoint import viewpoint
+from .viewpoint import choose_viewpoint
 
 with from_extra("plot"):
     from matplotlib.axes import Axes
@@ -139,7 +139,7 @@ class _Scene:
     def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
         positions = as_vertices(V)
         self._faces = as_faces(F, len(positions))
-        self._seen = positions @ viewpoint(positions, self._faces).T
+        self._seen = positions @ choose_viewpoint(positions, self._faces).T
         normals = vertex_normals(self._seen, self._faces)
         self._front = normals[:, 2] > 0
         self._colors = normal_colors(normals)

@@ -11,7 +11,7 @@ from ..solve.factor import Factor
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.center import central_face
 from ..steps.circle import maps_to_circle
-from ..steps.dipole import dipole
+from ..steps.dipole import face_dipole
 from ..steps.mobius import normalize
 from ..steps.repair import unfold
 from ..surface.mesh import DiskMesh
@@ -107,6 +107,6 @@ def double_cover_trace(mesh: DiskMesh, L: csr_matrix, face: int) -> Complex:
     >>> bool(abs(2 * explicit - reduced).max() < 1e-12)
     True
     """
-    r = np.concatenate([dipole(mesh, face), np.zeros(len(mesh.interior))])
+    r = np.concatenate([face_dipole(mesh, face), np.zeros(len(mesh.interior))])
     pin = mesh.loop[:1]
     return Dirichlet(doubled_laplacian(mesh, L), pin).solve(np.zeros(1), r)[mesh.loop]

@@ -8,10 +8,10 @@ from ..arrays import Complex
 from ..solve.factor import Factor
 from ..surface.mesh import DiskMesh
 
-__all__ = ["boundary_trace", "dipole"]
+__all__ = ["boundary_trace", "face_dipole"]
 
 
-def dipole(mesh: DiskMesh, face: int) -> Complex:
+def face_dipole(mesh: DiskMesh, face: int) -> Complex:
     """Right-hand side of eq. (18): the derivative of a point mass on one face.
 
     Parameters
@@ -59,4 +59,4 @@ def boundary_trace(mesh: DiskMesh, factor: Factor, face: int) -> Complex:
         the image of the surface is the exterior of this curve. (Inside the surface, h is
         not conformal and of no use.)
     """
-    return factor.solve_pinned(dipole(mesh, face))[mesh.loop]
+    return factor.solve_pinned(face_dipole(mesh, face))[mesh.loop]

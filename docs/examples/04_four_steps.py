@@ -15,7 +15,7 @@ from cdcp_igl.solve.factor import Factor
 from cdcp_igl.solve.laplacian import cotangent_laplacian
 from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.circle.geodesic import geodesic_map
-from cdcp_igl.steps.circle.whiten import whiten
+from cdcp_igl.steps.circle.whiten import whiten_trace
 from cdcp_igl.steps.dipole import boundary_trace
 from cdcp_igl.steps.extension import harmonic_extension
 from cdcp_igl.steps.mobius import normalize
@@ -37,7 +37,7 @@ factor = Factor(mesh, L)
 
 tau_c = central_face(mesh, L, factor, "torsion", well_shaped=True)
 h_B = boundary_trace(mesh, factor, tau_c.face)
-white = whiten(h_B)
+white = whiten_trace(h_B)
 
 figure, panels = plt.subplots(1, 3, layout="constrained", figsize=(9, 3))
 panels[0].tripcolor(x, y, F, height, shading="gouraud")

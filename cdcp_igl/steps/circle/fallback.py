@@ -14,11 +14,11 @@ from ...solve.factor import Factor
 from ...solve.laplacian import Laplacian, intrinsic_delaunay_laplacian
 from ...surface.mesh import DiskMesh
 from ..extension import harmonic_extension
-from .crowding import crowding
+from .crowding import crowding_reason
 from .geodesic import geodesic_map
-from .harmonic_measure import arc_length, harmonic_measure
+from .harmonic_measure import arc_length_shares, harmonic_shares
 from .spread import around
-from .whiten import whiten
+from .whiten import whiten_trace
 
 __all__ = ["BoundaryMethod", "by_arc_length", "maps_to_circle"]
 
@@ -121,13 +121,13 @@ def maps_to_circle(
     extend = partial(harmonic_extension, mesh, delaunay, delaunay_factor)
     method = partial(BoundaryMethod, laplacian="intrinsic Delaunay")
 
-    steps = harmonic_measure(mesh, delaunay, delaunay_factor, face)
+    steps = harmonic_shares(mesh, delaunay, delaunay_factor, face)
     if not np.isfinite(steps).all():
         rejected.append("harmonic measure: no interior vertex at the central face")
-    elif crowded := crowding(mesh, steps):
+    elif crowded := crowding_reason(mesh, steps):
         rejected.append(f"harmonic measure: {crowded}")
     else:
-        steps = np.maximum(steps, LEAST * arc_length(mesh))
+        steps = np.maximum(steps, LEAST * arc_length_shares(mesh))
         yield around(steps), extend, method("harmonic measure", tuple(rejected))
         rejected.append("harmonic measure: no certificate")
 
@@ -140,7 +140,7 @@ def _whitened_geodesic_map(trace: Complex) -> Complex:
     The algorithm follows circular arcs from point to point; on a short boundary, points
     along the edges of the trace keep it to the harmonic map, which is linear there.
     """
-    z = whiten(trace)
+    z = whiten_trace(trace)
     pieces = -(-ENOUGH_POINTS // len(z))
     along = np.arange(pieces) / pieces
     polygon = np.outer(z, 1 - along) + np.outer(np.roll(z, -1), along)
@@ -158,4 +158,4 @@ def _objection(f_B: Complex) -> str | None:
 
 def by_arc_length(mesh: DiskMesh) -> Complex:
     """(nB,) boundary vertices around the circle in proportion to their distances, from 1."""
-    return around(arc_length(mesh))
+    return around(arc_length_shares(mesh))
