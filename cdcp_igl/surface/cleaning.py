@@ -48,6 +48,13 @@ class Cleaned:
         Rows of F whose edge was flipped, so that they are not the faces they come from.
     changes : tuple of str
         What was done, a sentence each; empty if the surface came back as it was.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
+    >>> cdcp_igl.clean(V, F[1:]).changes
+    ('filled 1 hole',)
     """
 
     V: Floats

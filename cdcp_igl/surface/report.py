@@ -46,6 +46,14 @@ class MeshReport:
         ears lie behind chords, and so do longer parts of the surface.
     defects : tuple of Defect
         Everything that keeps the mesh from being a disk; empty for a disk.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
+    >>> report = cdcp_igl.check(V, F)
+    >>> report.is_disk, report.n_vertices, report.n_boundary
+    (True, 91, 30)
     """
 
     n_vertices: int
