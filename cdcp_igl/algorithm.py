@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from .arrays import Complex, Floats
 from .certificate import certify
-from .distortion import AngleDistortion, angle_errors
+from .distortion import AngleDistortion, disk_map_distortion
 from .errors import MapError
 from .phases import Phases, Progress
 from .result import DiskMap
@@ -285,7 +285,7 @@ def normalized_map(
     with phase("certificate"):
         uv = np.column_stack([f.real, f.imag])
         certificate = certify(mesh, uv)
-        degrees = np.degrees(abs(angle_errors(mesh, f)))
+        degrees = disk_map_distortion(mesh, uv)
         distortion = AngleDistortion.of(degrees)
         free = distortion
         if 0 < len(mesh.inscribed) < len(mesh.F):

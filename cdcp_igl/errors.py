@@ -9,7 +9,7 @@ import numpy as np
 
 from .arrays import Floats, Ints
 
-__all__ = ["Defect", "MapError", "MeshError", "SolverError", "spell"]
+__all__ = ["Defect", "MapError", "MeshError", "SolverError", "counted", "spell"]
 
 _SHOWN = 8  # indices spelled out in a message; the attribute holds them all
 
@@ -76,7 +76,7 @@ class MeshError(ValueError):
     ...     print(error.defect, error.indices)
     ...     print(error.remedy)
     unreferenced vertex [3]
-    Remove them and renumber F.
+    Drop them and renumber F, as cdcp_igl.clean does.
     """
 
     def __init__(self, *defects: Defect) -> None:
@@ -168,3 +168,8 @@ def spell(indices: Ints) -> str:
     )
     hidden = len(indices) - _SHOWN
     return shown + (f" and {hidden:,} more" if hidden > 0 else "")
+
+
+def counted(indices: Ints, one: str, many: str) -> str:
+    """Say how many there are: ``"1 face has"``, ``"2 faces have"``."""
+    return f"{len(indices):,} {one if len(indices) == 1 else many}"
