@@ -95,12 +95,12 @@ def angle_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     """
     positions, faces, z = _surface_and_image(V, F, uv)
     uv = np.column_stack([z.real, z.imag])
-    return np.degrees(abs(_signed_angles(uv, faces) - _angles(positions, faces)))
+    return _change_in_degrees(uv, faces, _angles(positions, faces))
 
 
 def disk_map_distortion(mesh: DiskMesh, uv: Floats) -> Floats:
     """(m, 3) `angle_distortion` of a map (n, 2) of a mesh, without checks."""
-    return np.degrees(abs(_signed_angles(uv, mesh.F) - mesh.angles))
+    return _change_in_degrees(uv, mesh.F, mesh.angles)
 
 
 def quasi_conformal_dilatation(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
@@ -256,15 +256,22 @@ def _surface_and_image(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> tuple[Float
     return positions, faces, u + 1j * v
 
 
+def _change_in_degrees(uv: Floats, F: Ints, angles: Floats) -> Floats:
+    """(m, 3) differences of the angles in the plane, negative in clockwise faces, from others."""
+    change = _angles(uv, F)
+    clockwise = libigl.double_areas(uv, F) < 0
+    if clockwise.any():
+        change[clockwise] *= -1
+    change -= angles
+    np.abs(change, out=change)
+    return np.degrees(change, out=change)
+
+
 def _angles(V: Floats, F: Ints) -> Floats:
     """(m, 3) unsigned corner angles in radians; 0 at the ends of edges without length."""
-    return np.nan_to_num(libigl.angles(V, F), copy=False, nan=0.0)
-
-
-def _signed_angles(uv: Floats, F: Ints) -> Floats:
-    """(m, 3) corner angles in radians, negative in clockwise triangles."""
-    angles = _angles(uv, F)
-    angles[libigl.double_areas(uv, F) < 0] *= -1
+    angles = libigl.angles(V, F)
+    if np.isnan(angles.sum()):
+        angles[np.isnan(angles)] = 0
     return angles
 
 

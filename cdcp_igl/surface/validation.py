@@ -38,12 +38,12 @@ def refuse_swapped(V: ArrayLike, F: ArrayLike) -> None:
     They have if V can only be faces of F and F cannot be faces of V.
     """
     try:
-        vertices, faces = _numeric("F", F), _numeric("V", V)
-        face_array(faces, len(vertex_array(vertices)))
+        vertices = vertex_array(F)
+        if vertices.dtype.kind != "f" or (vertices == np.rint(vertices)).all():
+            return  # they are faces
+        face_array(V, len(vertices))
     except MeshError:
         return
-    if (vertices == np.rint(vertices)).all() and vertices.min() >= 0:
-        return  # both could be faces
     raise MeshError(
         Defect(
             "V and F swapped",
