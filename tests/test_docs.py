@@ -27,7 +27,8 @@ PUBLIC = (
 )
 NOT_CALLED = {
     "MapRow",  # a type
-    "whole_file",  # for the command line
+    "remove_stale",  # for the command line
+    "whole_file",
 }
 
 
