@@ -12,7 +12,7 @@ import numpy as np
 
 __all__ = ["Image", "checkerboard", "read_image"]
 
-CELLS, CELL = 32, 32  # along a side; pixels of each
+CELLS, CELL = 64, 16  # along a side; pixels of each
 COLOURS = ((238, 238, 234), (70, 105, 150))
 PNG, JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
 
