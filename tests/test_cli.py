@@ -12,7 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 from cdcp_igl import MapError, MeshError, SolverError, __version__
-from cdcp_igl.command_line import commands
+from cdcp_igl.command_line import mapping
+from cdcp_igl.command_line.program import app
 from cdcp_igl.errors import Defect
 from cdcp_igl.io import read_mesh
 
@@ -36,7 +37,7 @@ def spherical_cap(n):
 
 
 def invoke(*arguments):
-    return CliRunner().invoke(commands.app, [str(a) for a in arguments])
+    return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
 def run(*arguments, **options):
@@ -133,7 +134,7 @@ def test_picture(cap):
 def test_bad_arguments(cap, monkeypatch, arguments):
     monkeypatch.chdir(cap.parent)
     Path("folder.obj").mkdir()
-    monkeypatch.setattr(commands, "disk_map", lambda *args, **options: pytest.fail("computed"))
+    monkeypatch.setattr(mapping, "disk_map", lambda *args, **options: pytest.fail("computed"))
     result = invoke("map", cap, *arguments)
     assert result.exit_code == 2
     assert result.stderr
@@ -172,7 +173,7 @@ def test_no_valid_map(cap, monkeypatch, error):
     def fail(*args, **options):
         raise error
 
-    monkeypatch.setattr(commands, "disk_map", fail)
+    monkeypatch.setattr(mapping, "disk_map", fail)
     out = cap.with_name("out.obj")
     out.write_text("old")
     result = invoke("map", cap, out, "--report", cap.with_name("r.json"))
@@ -186,7 +187,7 @@ def test_unexpected_errors_are_not_swallowed(cap, monkeypatch):
     def fail(*args, **options):
         raise ZeroDivisionError
 
-    monkeypatch.setattr(commands, "disk_map", fail)
+    monkeypatch.setattr(mapping, "disk_map", fail)
     assert isinstance(invoke("map", cap, cap.with_name("o.obj")).exception, ZeroDivisionError)
 
 
@@ -194,7 +195,7 @@ def test_unwritable_output(cap, monkeypatch):
     def fail(*args, **options):
         raise OSError(28, "No space left on device", "o.obj")
 
-    monkeypatch.setattr(commands, "write_map", fail)
+    monkeypatch.setattr(mapping, "write_map", fail)
     result = invoke("map", cap, cap.with_name("o.obj"))
     assert result.exit_code == 1
     assert result.stderr == "Not written: o.obj: No space left on device\n"
@@ -235,7 +236,7 @@ def test_every_defect_is_named(cap, monkeypatch):
     def fail(*args, **options):
         raise MeshError(*defects)
 
-    monkeypatch.setattr(commands, "disk_map", fail)
+    monkeypatch.setattr(mapping, "disk_map", fail)
     assert invoke("map", cap, cap.with_name("o.obj")).stderr.splitlines() == [
         "one: First. Mend.",
         "two: Second. Mend.",
@@ -271,13 +272,13 @@ def test_progress_and_panel_on_a_terminal(tmp_path):
     np.savez(path, V=V, F=F)
     code = """
 import time
-from cdcp_igl.command_line import commands, entry as cli
-real = commands.disk_map
+from cdcp_igl.command_line import mapping, entry as cli
+real = mapping.disk_map
 def slow(V, F, progress):
     progress("factor", 0.5)
     time.sleep(1.6)
     return real(V, F, progress=progress)
-commands.disk_map = slow
+mapping.disk_map = slow
 cli.main()
 """
     try:

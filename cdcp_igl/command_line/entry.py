@@ -1,4 +1,4 @@
-"""Entry point of the command line; `commands` holds the commands."""
+"""Entry point of the command line; `program` holds the commands."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def main() -> None:
     """Run ``cdcp-igl``."""
     try:
         with from_extra("cli"):
-            from .commands import app
+            from .program import app
     except MissingExtra as error:
         sys.exit(f"cdcp-igl: {error}")
     # Leave by an exception, so that no unfinished file stays behind.

@@ -1,0 +1,156 @@
+"""``cdcp-igl map``."""
+
+from __future__ import annotations
+
+import json
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..algorithm import disk_map
+from ..extras import from_extra
+from ..io import WRITABLE, read_mesh, whole_file, write_map
+from ..surface.cleaning import clean
+from .arguments import Input, target
+from .messages import exit_codes, show, writing
+from .progress import progress_bar
+
+__all__ = ["map_command"]
+
+MAPPED = 0.8  # of the progress, when the map is computed
+
+
+class Mobius(StrEnum):
+    """Values of --mobius."""
+
+    angle = "angle"
+    area = "area"
+    none = "none"
+
+
+class Preset(StrEnum):
+    """Values of --preset."""
+
+    paper = "paper"
+
+
+def _center(text: str | None) -> str | int | None:
+    if text is None or text in ("torsion", "heat", "centroid"):
+        return text
+    if not text.isdecimal():
+        raise typer.BadParameter("must be torsion, heat, centroid or a face counted from 0.")
+    return int(text)
+
+
+def map_command(
+    mesh: Input,
+    out: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUT",
+            callback=target(*WRITABLE),
+            help="The map: texture coordinates (.obj .ply), or V, F and uv (.npz).",
+        ),
+    ],
+    clean_first: Annotated[
+        bool,
+        typer.Option(
+            "--clean",
+            help="Mend the surface first and say how: merge equal vertices, drop bad faces, "
+            "orient, keep the largest component, fill holes. OUT has what is left of IN, in its "
+            "order, without the filling.",
+        ),
+    ] = False,
+    disk: Annotated[
+        bool,
+        typer.Option("--disk", help="Texture coordinates in the unit disk, not in [0, 1]^2."),
+    ] = False,
+    center: Annotated[
+        str | None,
+        typer.Option(
+            metavar="torsion|heat|centroid|FACE",
+            callback=_center,
+            help="The face that carries the dipole, or how to find it. [default: torsion]",
+        ),
+    ] = None,
+    mobius: Annotated[
+        Mobius | None,
+        typer.Option(help="What the Möbius transformation minimises. [default: angle]"),
+    ] = None,
+    refine: Annotated[
+        int,
+        typer.Option(metavar="N", min=0, help="Steps of refinement after the harmonic map."),
+    ] = 0,
+    refine_seconds: Annotated[
+        float | None,
+        typer.Option(metavar="S", min=0, help="Begin no step of refinement after S seconds."),
+    ] = None,
+    preset: Annotated[
+        Preset | None, typer.Option(help="Follow the paper; sets --center and --mobius itself.")
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="R.json", callback=target(".json"), help="Certificate, distortion, timings."
+        ),
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="P.png",
+            callback=target(".png"),
+            help="Surface, disk and histogram of the angular distortion.",
+        ),
+    ] = None,
+) -> None:
+    """Map a triangulated disk conformally onto the unit disk.
+
+    Files appear whole or not at all, and only if the map is valid.
+
+    Exit codes: 0 a valid map; 1 a file could not be written, or an extra is missing;
+    2 bad input; 3 no valid map.
+    """
+    if preset and (center, mobius) != (None, None):
+        raise typer.BadParameter("--preset paper sets --center and --mobius itself.")
+    given = {"center": center, "mobius": mobius, "preset": preset}
+    options: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    if mobius is Mobius.none:
+        options["mobius"] = None
+    if refine:
+        options["refine"] = refine
+    if refine_seconds is not None:
+        options["refine_seconds"] = refine_seconds
+
+    notes: list[str] = []
+    with exit_codes(), progress_bar() as progress:
+        if picture:
+            with from_extra("plot"):
+                from ..plot import picture as draw
+        progress("read", 0)
+        V, F = read_mesh(mesh, notes.append)
+        n, m = len(V), len(F)
+        if clean_first:
+            V, F, vertex_index, face_index = cleaned = clean(V, F)
+            notes += cleaned.changes
+            n, m = int((vertex_index >= 0).sum()), int((face_index >= 0).sum())
+            if m < len(F):
+                notes.append(f"The filling is not in {out.name}.")
+        if isinstance(center, int) and center >= len(F):
+            raise typer.BadParameter(f"--center {center}: the mesh has {len(F):,} faces.")
+        result = disk_map(
+            V, F, **options, progress=lambda phase, done: progress(phase, MAPPED * done)
+        )
+        with writing():
+            if picture:
+                progress("draw", MAPPED)
+                figure = draw(V, F, result, name=mesh.name)
+                with whole_file(picture) as unfinished:
+                    figure.savefig(unfinished)
+            progress("write", 0.9)
+            if report:
+                with whole_file(report) as unfinished:
+                    unfinished.write_text(json.dumps(result.report(), indent=2) + "\n")
+            write_map(out, V[:n], F[:m], result.uv[:n], disk=disk)  # the filling comes last
+    show(str(result), notes, "green")
