@@ -8,13 +8,16 @@ from typing import Annotated
 
 import typer
 
-from ..io import READABLE
+__all__ = ["READABLE", "WRITABLE", "Input", "Quiet", "target"]
 
-__all__ = ["Input", "target"]
+# Those of `io`, spelled out: `--help` shows them, and must not wait for NumPy.
+READABLE = (".mat", ".npz", ".obj", ".off", ".ply", ".stl")
+WRITABLE = (".npz", ".obj", ".ply")
 
 Input = Annotated[
     Path, typer.Argument(metavar="IN", help=f"Triangulated surface ({' '.join(READABLE)}).")
 ]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but what went wrong.")]
 
 
 def target(*suffixes: str) -> Callable[[Path | None], Path | None]:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import typer
 
-from ..io import read_mesh
-from ..surface.report import check
 from .arguments import Input
 from .messages import BAD_INPUT, exit_codes, show
 
@@ -17,6 +15,9 @@ def check_command(mesh: Input) -> None:
 
     Exit codes: 0 a disk, 2 not a disk or not readable.
     """
+    from ..io import read_mesh
+    from ..surface.report import check
+
     notes: list[str] = []
     with exit_codes():
         V, F = read_mesh(mesh, notes.append)

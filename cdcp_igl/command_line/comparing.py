@@ -7,22 +7,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from ..extras import from_extra
-from ..io import READABLE, read_mesh, whole_file
-from ..reference import METHODS
-from ..reference.case import Case, run_case
-from ..surface.mesh import DiskMesh
-from .arguments import target
+from .arguments import READABLE, target
 from .messages import exit_codes, writing
 from .progress import progress_bar
-from .tables import table, write_csv, write_json
 
 if TYPE_CHECKING:
     from ..plot import MapRow
+    from ..reference.case import Case
 
 __all__ = ["compare_command"]
+
+# Those of `reference`, spelled out: `--help` shows them, and must not wait for NumPy.
+METHODS = ("cdcp", "double_cover", "fdcp", "ldcp", "harmonic", "lscm", "spectral")
 
 
 def _methods(text: str | None) -> str | None:
@@ -70,6 +68,13 @@ def compare_command(
     Exit codes: 0 all rows are there; 1 a file could not be written, or an extra is missing;
     2 bad input.
     """
+    from rich.console import Console
+
+    from ..io import read_mesh, whole_file
+    from ..reference.case import run_case
+    from ..surface.mesh import DiskMesh
+    from .tables import table, write_csv, write_json
+
     names = (methods or ",".join(METHODS)).split(",")
     cases: dict[str, list[Case]] = {}
     rows: list[MapRow] = []

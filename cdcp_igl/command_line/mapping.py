@@ -3,45 +3,29 @@
 from __future__ import annotations
 
 import json
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from ..algorithm import disk_map
 from ..extras import from_extra
-from ..io import WRITABLE, read_mesh, whole_file, write_map
-from ..surface.cleaning import clean
-from .arguments import Input, target
+from .arguments import WRITABLE, Input, Quiet, target
+from .map_options import (
+    Align,
+    Center,
+    Mobius,
+    Preset,
+    Refine,
+    RefineNorm,
+    RefineSeconds,
+    map_options,
+)
 from .messages import exit_codes, show, writing
 from .progress import progress_bar
 
 __all__ = ["map_command"]
 
 MAPPED = 0.8  # of the progress, when the map is computed
-
-
-class Mobius(StrEnum):
-    """Values of --mobius."""
-
-    angle = "angle"
-    area = "area"
-    none = "none"
-
-
-class Preset(StrEnum):
-    """Values of --preset."""
-
-    paper = "paper"
-
-
-def _center(text: str | None) -> str | int | None:
-    if text is None or text in ("torsion", "heat", "centroid"):
-        return text
-    if not text.isdecimal():
-        raise typer.BadParameter("must be torsion, heat, centroid or a face counted from 0.")
-    return int(text)
 
 
 def map_command(
@@ -67,29 +51,13 @@ def map_command(
         bool,
         typer.Option("--disk", help="Texture coordinates in the unit disk, not in [0, 1]^2."),
     ] = False,
-    center: Annotated[
-        str | None,
-        typer.Option(
-            metavar="torsion|heat|centroid|FACE",
-            callback=_center,
-            help="The face that carries the dipole, or how to find it. [default: torsion]",
-        ),
-    ] = None,
-    mobius: Annotated[
-        Mobius | None,
-        typer.Option(help="What the Möbius transformation minimises. [default: angle]"),
-    ] = None,
-    refine: Annotated[
-        int,
-        typer.Option(metavar="N", min=0, help="Steps of refinement after the harmonic map."),
-    ] = 0,
-    refine_seconds: Annotated[
-        float | None,
-        typer.Option(metavar="S", min=0, help="Begin no step of refinement after S seconds."),
-    ] = None,
-    preset: Annotated[
-        Preset | None, typer.Option(help="Follow the paper; sets --center and --mobius itself.")
-    ] = None,
+    center: Center = None,
+    mobius: Mobius = None,
+    align: Align = None,
+    refine: Refine = 0,
+    refine_norm: RefineNorm = None,
+    refine_seconds: RefineSeconds = None,
+    preset: Preset = None,
     report: Annotated[
         Path | None,
         typer.Option(
@@ -104,6 +72,7 @@ def map_command(
             help="Surface, disk and histogram of the angular distortion.",
         ),
     ] = None,
+    quiet: Quiet = False,
 ) -> None:
     """Map a triangulated disk conformally onto the unit disk.
 
@@ -112,16 +81,11 @@ def map_command(
     Exit codes: 0 a valid map; 1 a file could not be written, or an extra is missing;
     2 bad input; 3 no valid map.
     """
-    if preset and (center, mobius) != (None, None):
-        raise typer.BadParameter("--preset paper sets --center and --mobius itself.")
-    given = {"center": center, "mobius": mobius, "preset": preset}
-    options: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-    if mobius is Mobius.none:
-        options["mobius"] = None
-    if refine:
-        options["refine"] = refine
-    if refine_seconds is not None:
-        options["refine_seconds"] = refine_seconds
+    options = map_options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
+
+    from ..algorithm import disk_map
+    from ..io import read_mesh, whole_file, write_map
+    from ..surface.cleaning import clean
 
     notes: list[str] = []
     with exit_codes(), progress_bar() as progress:
@@ -153,4 +117,5 @@ def map_command(
                 with whole_file(report) as unfinished:
                     unfinished.write_text(json.dumps(result.report(), indent=2) + "\n")
             write_map(out, V[:n], F[:m], result.uv[:n], disk=disk)  # the filling comes last
-    show(str(result), notes, "green")
+    if not quiet:
+        show(str(result), notes, "green")

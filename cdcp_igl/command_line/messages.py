@@ -8,12 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import typer
-from rich.console import Console
-from rich.panel import Panel
-from rich.table import Table
-from rich.text import Text
 
-from ..errors import MapError, MeshError, SolverError
 from ..extras import MissingExtra
 
 __all__ = ["BAD_INPUT", "exit_codes", "show", "writing"]
@@ -34,12 +29,16 @@ def writing() -> Iterator[None]:
 @contextmanager
 def exit_codes() -> Iterator[None]:
     """Turn the errors that users can mend into a message and an exit code."""
+    from ..errors import MapError, MeshError, SolverError
+
     try:
         yield
     except MeshError as error:
         message, code = "\n".join(f"{defect.name}: {defect}" for defect in error.defects), BAD_INPUT
     except OSError as error:
         message, code = reason(error), BAD_INPUT
+    except ValueError as error:  # an option does not fit this mesh
+        message, code = str(error), BAD_INPUT
     except (MapError, SolverError) as error:
         message, code = str(error), NO_MAP
     except MissingExtra as error:
@@ -60,6 +59,11 @@ def show(summary: str, notes: list[str], color: str) -> None:
     if not sys.stdout.isatty():
         typer.echo("\n".join([title, *lines]))
         return
+    from rich.console import Console
+    from rich.panel import Panel
+    from rich.table import Table
+    from rich.text import Text
+
     table = Table.grid(padding=(0, 2))
     for line in lines:
         table.add_row(*map(Text, re.split("  +", line.strip(), maxsplit=1)))

@@ -14,7 +14,6 @@ from .mapping import map_command
 __all__ = ["app"]
 
 app = typer.Typer(
-    add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     no_args_is_help=True,
     pretty_exceptions_enable=False,
