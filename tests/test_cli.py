@@ -248,8 +248,8 @@ def test_check_reports_every_defect(cap):
 def test_indices_from_one_are_announced(cap):
     V, F = spherical_cap(12)
     np.savez(cap, V=V, F=F + 1)
-    for arguments in (("check", cap), ("map", cap, cap.with_name("o.obj"))):
-        result = invoke(*arguments)
+    for command in (("check", cap), ("map", cap, cap.with_name("o.obj"))):
+        result = invoke(*command)
         assert result.exit_code == 0
         assert "from 1" in result.stdout
 

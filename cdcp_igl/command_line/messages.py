@@ -11,9 +11,9 @@ import typer
 
 from ..extras import MissingExtra
 
-__all__ = ["BAD_INPUT", "exit_codes", "show", "writing"]
+__all__ = ["BAD_INPUT", "SOME_FAILED", "exit_codes", "show", "writing"]
 
-FAILED, BAD_INPUT, NO_MAP = 1, 2, 3  # exit codes
+FAILED, BAD_INPUT, NO_MAP, SOME_FAILED = 1, 2, 3, 4  # exit codes
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from .. import __version__
+from .batches import batch_command
 from .checking import check_command
 from .comparing import compare_command
 from .mapping import map_command
@@ -40,3 +41,4 @@ def cdcp_igl(
 app.command("check")(check_command)
 app.command("map")(map_command)
 app.command("compare")(compare_command)
+app.command("batch")(batch_command)
