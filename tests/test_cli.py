@@ -120,9 +120,16 @@ def test_alignment_and_norm_of_the_refinement(cap):
         np.testing.assert_array_equal(np.load(out)["uv"], expected)
 
 
-def test_an_option_that_does_not_fit_the_mesh(cap):
-    result = invoke("map", cap, cap.with_name("o.obj"), "--align", 70)
-    assert (result.exit_code, result.stderr) == (2, "align=70 is not a boundary vertex\n")
+@pytest.mark.parametrize(
+    ("option", "row", "message"),
+    [
+        ("--align", 70, "align=70 is not a boundary vertex\n"),
+        ("--center", 99999, "center is face 99999; the mesh has faces 0..241\n"),
+    ],
+)
+def test_an_option_that_does_not_fit_the_mesh(cap, option, row, message):
+    result = invoke("map", cap, cap.with_name("o.obj"), option, row)
+    assert (result.exit_code, result.stderr) == (2, message)
 
 
 def test_quiet(cap):
@@ -146,7 +153,6 @@ def test_picture(cap):
         ("o.obj", "--report", "missing/r.json"),
         ("o.obj", "--picture", "p.jpg"),
         ("o.obj", "--center", "middle"),
-        ("o.obj", "--center", "99999"),
         ("o.obj", "--center", "0", "--preset", "paper"),
         ("o.obj", "--mobius", "both"),
         ("o.obj", "--align", "up"),

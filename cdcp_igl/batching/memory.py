@@ -10,9 +10,9 @@ import numpy as np
 
 __all__ = ["memory_needed"]
 
-# Peak memory of a map. `python -m benchmarks speed` measures it: on surfaces from 100,000 to a
-# million vertices it is less than this.
-MIB_PER_VERTEX = 2.5e-3
+# Peak memory of a map; `cdcp-igl batch` writes it down for every surface, and on those from
+# 100,000 to a million vertices it is less than this.
+MIB_PER_VERTEX = 2e-3
 MIB_OF_PYTHON = 150.0
 
 # The fewest bytes that a vertex and its two faces take in each kind of file.

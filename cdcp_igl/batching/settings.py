@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..algorithm import Options
 from ..io import WRITABLE
+from ..steps.options import Options
 
 __all__ = ["Settings"]
 

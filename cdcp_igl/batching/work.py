@@ -151,6 +151,6 @@ def _mapped(task: Task, stamp: Stamp, record: Record) -> Record:
         mean=result.distortion.mean,
         sd=result.distortion.sd,
         area=float(np.abs(area_distortion(V, F, result.uv)).mean()),
-        conformal=result.trace.name != "arc length",
+        conformal=result.conformal,
         boundary=result.trace.name,
     )

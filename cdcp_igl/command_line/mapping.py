@@ -101,8 +101,6 @@ def map_command(
             n, m = int((vertex_index >= 0).sum()), int((face_index >= 0).sum())
             if m < len(F):
                 notes.append(f"The filling is not in {out.name}.")
-        if isinstance(center, int) and center >= len(F):
-            raise typer.BadParameter(f"--center {center}: the mesh has {len(F):,} faces.")
         result = disk_map(
             V, F, **options, progress=lambda phase, done: progress(phase, MAPPED * done)
         )

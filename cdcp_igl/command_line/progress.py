@@ -9,7 +9,7 @@ from threading import Timer
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..phases import Progress
+    from ..steps.phases import Progress
 
 __all__ = ["progress_bar"]
 
