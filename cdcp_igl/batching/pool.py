@@ -8,7 +8,7 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from queue import Empty, SimpleQueue
 from tempfile import TemporaryFile
 from threading import Thread
@@ -84,8 +84,8 @@ class Pool:
                         yield answer
                         continue
                     attempts[task.name] += 1
-                    loss = worker.loss(task, attempts[task.name])
-                    worker.close()
+                    with closing(worker):
+                        loss = worker.loss(task, attempts[task.name])
                     if loss:
                         yield loss
                     else:

@@ -37,10 +37,11 @@ MARK = re.compile(rb"cdcp_igl: input ([0-9a-f]{64}) options ([0-9a-f]{16})")
 def read_stamp(path: Path) -> Stamp | None:
     """Return the mark of a file, None if it has none."""
     with path.open("rb") as file:
-        head = file.read(ENDS)
+        found = MARK.findall(file.read(ENDS))
         file.seek(max(file.seek(0, 2) - ENDS, 0))
-        found = MARK.search(head) or MARK.search(file.read())
-    return Stamp(*(group.decode() for group in found.groups())) if found else None
+        found += MARK.findall(file.read())
+    # An obj file may have kept, among its comments, the mark of the one it was made from.
+    return Stamp(*(digest.decode() for digest in found[-1])) if found else None
 
 
 def put_stamp(path: Path, stamp: Stamp) -> None:
