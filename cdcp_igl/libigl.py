@@ -8,7 +8,6 @@ some inputs that break this.
 from __future__ import annotations
 
 from importlib.metadata import version
-from pathlib import Path
 
 import igl
 import igl.predicates
@@ -24,7 +23,6 @@ __all__ = [
     "intrinsic_delaunay_cotangent_matrix",
     "is_counterclockwise",
     "lscm",
-    "read_stl",
     "vector_area_matrix",
 ]
 
@@ -55,11 +53,6 @@ def is_counterclockwise(triangles: Floats) -> Bools:
 def lscm(V: Floats, F: Ints, S: Ints, c: Floats) -> Floats:
     """(n, 2) least squares conformal map with the vertices S pinned at c (k, 2)."""
     return igl.lscm(V, F, S, c)[0]
-
-
-def read_stl(path: Path) -> tuple[Floats, Ints]:
-    """(3m, 3) vertices and (m, 3) faces of an stl file; RuntimeError if it is damaged."""
-    return igl.read_triangle_mesh(str(path))
 
 
 def vector_area_matrix(F: Ints) -> csc_matrix:
