@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..io import remove_stale
 from .executors import run_on
 from .journal import Journal, read_journals, write_summary
 from .names import result_names, surface_files
@@ -109,7 +110,7 @@ def batch(
         where memory would not do for both.
     executor : concurrent.futures.Executor or dask.distributed.Client, optional
         Maps the surfaces instead, perhaps on many machines that share the file system.
-    format : {"npz", "obj", "ply"}
+    format : {"npz", "obj", "ply", "glb"}
         Type of the results, see `cdcp_igl.io.write_map`.
     disk : bool
         Texture coordinates in the unit disk, not in the unit square.
@@ -185,6 +186,8 @@ def batch(
                     count[record.status] += 1
                     report(count[DONE], count.total() - count[DONE], len(tasks))
         finally:
+            for place in {os.path.dirname(task.target) for task in tasks}:
+                remove_stale(place)  # of workers that were killed
             summary = read_journals(folder, settings.digest)
             write_summary(folder / "summary.csv", (summary[name] for name in sorted(summary)))
     return Batch(folder, tuple(records[task.name] for task in tasks))

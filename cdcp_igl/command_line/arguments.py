@@ -12,7 +12,7 @@ __all__ = ["READABLE", "WRITABLE", "Input", "Quiet", "target"]
 
 # Those of `io`, spelled out: `--help` shows them, and must not wait for NumPy.
 READABLE = (".mat", ".npz", ".obj", ".off", ".ply", ".stl")
-WRITABLE = (".npz", ".obj", ".ply")
+WRITABLE = (".glb", ".npz", ".obj", ".ply")
 
 Input = Annotated[
     Path, typer.Argument(metavar="IN", help=f"Triangulated surface ({' '.join(READABLE)}).")

@@ -41,6 +41,7 @@ NOW_AND_THEN = 10.0  # seconds between two lines where there is no terminal
 class Format(StrEnum):
     """Values of --format."""
 
+    glb = "glb"
     npz = "npz"
     obj = "obj"
     ply = "ply"
