@@ -3,62 +3,19 @@
 import csv
 import json
 import os
-import subprocess
-import sys
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from pathlib import Path
 
 import meshes
 import numpy as np
 import pytest
+from batches import contents, lines, write_surfaces
 
 import cdcp_igl
-from cdcp_igl.batching import Record, batch, journal, pool
-from cdcp_igl.batching.memory import memory_needed
-from cdcp_igl.batching.names import result_names, shown, surface_files
-
-WORKERS = Path(__file__).parent / "workers"
-
-
-def write_surfaces(folder, count):
-    folder.mkdir(exist_ok=True)
-    for i in range(count):
-        V, F = meshes.grid(5 + i % 4, 6, seed=i)
-        np.savez(folder / f"surface_{i:03}.npz", V=V, F=F)
-    return folder
+from cdcp_igl.batching import Record, batch, journal
 
 
 @pytest.fixture
 def scans(tmp_path):
     return write_surfaces(tmp_path / "scans", 5)
-
-
-@pytest.fixture
-def unruly(monkeypatch):
-    """Workers that die, hang and grow, by the name of the surface."""
-    path = os.environ.get("PYTHONPATH", "")
-    here = Path(cdcp_igl.__file__).parents[1]
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(WORKERS), str(here), path]))
-
-
-def contents(folder):
-    return {path.name: path.read_bytes() for path in Path(folder).glob("*.npz")}
-
-
-def lines(folder):
-    return [json.loads(line) for line in (Path(folder) / "results.jsonl").read_text().splitlines()]
-
-
-def command(*arguments, **options):
-    here = str(Path(cdcp_igl.__file__).parents[1])
-    return subprocess.run(
-        [sys.executable, "-m", "cdcp_igl", "batch", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        errors="surrogateescape",
-        cwd=here,
-        **options,
-    )
 
 
 # -- what is made ----------------------------------------------------------------------
@@ -257,144 +214,6 @@ def test_two_batches_in_one_folder(scans, tmp_path):
     ):
         batch([scans], out)
     assert len(batch([scans], out).done) == 5
-
-
-# -- names -----------------------------------------------------------------------------
-
-
-def test_names_do_not_collide(tmp_path):
-    files = ["a/face.obj", "b/face.obj", "b/Face.ply", "b/hand.obj", "face.npz"]
-    files += ["hand.obj.off", "c/x.obj", "c/x.ply", "c/x.obj.ply"]
-    paths = [tmp_path / file for file in files]
-    names = result_names(paths)
-    assert names[0] == "a/face"
-    assert names[1] == "b/face.obj"
-    assert names[3] == "b/hand" or names[3] == "hand"
-    assert len({name.casefold() for name in names}) == len(names)
-    assert result_names([tmp_path / "one.obj"]) == ["one"]
-    assert result_names([]) == []
-
-
-def test_large_and_small_letters_count_as_equal(tmp_path):
-    names = result_names([tmp_path / "Face.obj", tmp_path / "face.obj"])
-    assert len({name.casefold() for name in names}) == 2
-
-
-def test_folders_and_patterns(scans, tmp_path):
-    out = scans / "maps"
-    (scans / "below" / ".hidden").mkdir(parents=True)
-    for name in ("below/a.obj", "below/notes.txt", "below/.b.obj", "below/.hidden/c.obj"):
-        (scans / name).touch()
-    out.mkdir()
-    (out / "surface_000.npz").touch()
-    expected = [scans / "below" / "a.obj", *(scans / f"surface_{i:03}.npz" for i in range(5))]
-    assert surface_files([scans], out) == expected
-    assert surface_files([scans, scans / "surface_003.npz"], out) == expected
-    assert surface_files([f"{scans}/*_00[12].npz"], out) == expected[2:4]
-    assert surface_files([f"{scans}/**/*.obj"], out) == expected[:1]
-    assert surface_files([tmp_path / "missing.obj"], out) == [tmp_path / "missing.obj"]
-    for nothing in (f"{scans}/*.stl", out.parent / "below" / ".hidden" / "none*.obj"):
-        with pytest.raises(ValueError, match="no surface there"):
-            surface_files([nothing], out)
-    with pytest.raises(ValueError, match="folder of the results"):
-        surface_files([scans], scans)
-
-
-def test_names_that_are_no_text(scans, tmp_path):
-    name = os.fsdecode(b"Stra\xdfe 5\n.npz")  # Latin-1
-    try:
-        (scans / "surface_000.npz").rename(scans / name)
-    except OSError:  # a file system that takes UTF-8 only
-        pytest.skip("no such names here")
-    done = command(scans, tmp_path / "maps")
-    assert done.returncode == 0, done.stderr
-    assert "Stra\\xdfe 5" in done.stdout
-    assert (tmp_path / "maps" / name).exists()
-    assert len(batch([scans], tmp_path / "maps").done) == 5
-    assert len(lines(tmp_path / "maps")) == 5
-    assert "\\xdf" in shown(name)
-
-
-# -- workers that die ------------------------------------------------------------------
-
-
-@pytest.mark.usefixtures("unruly")
-def test_one_surface_does_not_cost_the_others(scans, tmp_path):
-    for name in ("kill", "segfault", "once", "words", "hang", "hog", "chatty"):
-        V, F = meshes.grid()
-        np.savez(scans / f"{name}_x.npz", V=V, F=F)
-    limits = {"time_limit": 4, "memory_limit": 500}
-    made = batch([scans], tmp_path / "maps", jobs=2, **limits)
-    said = {record.name: (record.error, record.message) for record in made.failed}
-    assert said == {
-        "kill_x": ("Crash", "crashed: SIGKILL (3 times)"),
-        "segfault_x": ("Crash", "crashed: SIGSEGV (3 times)"),
-        "words_x": ("Crash", "failed: last words (3 times)"),
-        "hang_x": ("TimeLimit", "no result within 4 s"),
-        "hog_x": ("MemoryLimit", "more than 500 MiB of memory"),
-    }
-    assert len(made.done) == 7
-    seen = []
-    batch([scans], tmp_path / "maps", progress=lambda *counts: seen.append(counts), **limits)
-    assert seen == [(7, 5, 12)]
-
-
-def test_a_worker_that_cannot_start(scans, tmp_path, monkeypatch):
-    broken = tmp_path / "broken"
-    broken.mkdir()
-    (broken / "numpy.py").write_text("raise ImportError('no numpy today')")
-    monkeypatch.setenv("PYTHONPATH", str(broken))
-    monkeypatch.chdir(Path(cdcp_igl.__file__).parents[1])
-    with pytest.raises(RuntimeError, match="no numpy today"):
-        batch([scans], tmp_path / "maps")
-    assert lines(tmp_path / "maps") == []
-
-
-def test_large_surfaces_wait_for_each_other(scans, tmp_path, monkeypatch):
-    running, most = set(), []
-
-    class Watched(pool._Worker):
-        def begin(self, task):
-            running.add(task.name)
-            most.append(len(running))
-            super().begin(task)
-
-    monkeypatch.setattr(pool, "_Worker", Watched)
-
-    def finished(done, failed, total):
-        for line in lines(tmp_path / "maps"):
-            running.discard(line["name"])
-
-    monkeypatch.setattr(pool, "available_memory", lambda: 1000.0)
-    monkeypatch.setattr(pool, "memory_needed", lambda path: 600.0)
-    assert len(batch([scans], tmp_path / "maps", jobs=3, progress=finished).done) == 5
-    assert max(most) == 1
-
-
-@pytest.mark.parametrize("suffix", ["npz", "obj", "off", "ply", "stl"])
-def test_the_memory_is_guessed_from_above(tmp_path, suffix):
-    V, F = meshes.grid(40, 50)
-    path = tmp_path / f"grid.{suffix}"
-    if suffix == "npz":
-        np.savez_compressed(path, V=V, F=F)
-    else:
-        trimesh = pytest.importorskip("trimesh")
-        trimesh.Trimesh(V, F, process=False).export(path)
-    least = memory_needed(str(tmp_path / "missing.obj"))
-    assert least + 2000 * 1e-3 < memory_needed(str(path)) < least + 2000 * 1e-2
-
-
-# -- executors -------------------------------------------------------------------------
-
-
-def test_any_executor(scans, tmp_path):
-    batch([scans], tmp_path / "whole")
-    for number, kind in enumerate((ThreadPoolExecutor, ProcessPoolExecutor)):
-        with kind(2) as executor:
-            made = batch([scans], tmp_path / f"maps{number}", executor=executor)
-        assert len(made.done) == 5
-        assert contents(tmp_path / f"maps{number}") == contents(tmp_path / "whole")
-        assert not list((tmp_path / f"maps{number}").glob(".*"))
 
 
 # -- records ---------------------------------------------------------------------------

@@ -8,28 +8,20 @@ import sys
 import time
 from pathlib import Path
 
-import meshes
-import numpy as np
 import pytest
+from batches import ROOT, contents, write_surfaces
 
-import cdcp_igl
 from cdcp_igl.batching import batch
 from cdcp_igl.batching.journal import read_journals
 from cdcp_igl.batching.settings import Settings
 
-ROOT = Path(cdcp_igl.__file__).parents[1]
 SURFACES = 60
 KILLS = 50
 
 
 @pytest.fixture
 def scans(tmp_path):
-    folder = tmp_path / "scans"
-    folder.mkdir()
-    for i in range(SURFACES):
-        V, F = meshes.grid(8 + i % 5, 12, seed=i)
-        np.savez(folder / f"surface_{i:03}.npz", V=V, F=F)
-    return folder
+    return write_surfaces(tmp_path / "scans", SURFACES, rows=8, columns=12)
 
 
 def start(scans, out, *options):
@@ -40,11 +32,6 @@ def start(scans, out, *options):
         text=True,
         cwd=ROOT,
     )
-
-
-def results(out):
-    """Of all files that are called like results, whatever is in them."""
-    return {path.name: path.read_bytes() for path in out.glob("[!.]*.npz")}
 
 
 def numbers(out):
@@ -74,7 +61,7 @@ def wait_for_lines(out, count, process):
 
 def kill_at_random(chance, process, out):
     """Kill the batch or one of its workers, once it has come some way; return what was killed."""
-    known = len(results(out)) if out.exists() else 0
+    known = len(contents(out)) if out.exists() else 0
     wait_for_lines(out, known + chance.randrange(8), process)
     time.sleep(chance.uniform(0, 0.03))
     if process.poll() is not None:
@@ -93,7 +80,7 @@ def kill_at_random(chance, process, out):
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux to find workers")
 def test_killed_at_random_the_results_are_those_of_an_undisturbed_run(scans, tmp_path):
     batch([scans], tmp_path / "whole", jobs=2)
-    expected, records = results(tmp_path / "whole"), numbers(tmp_path / "whole")
+    expected, records = contents(tmp_path / "whole"), numbers(tmp_path / "whole")
     assert len(expected) == SURFACES
     chance = random.Random(1)
     killed, rounds = {"worker": 0, "batch": 0, "": 0}, 0
@@ -105,14 +92,14 @@ def test_killed_at_random_the_results_are_those_of_an_undisturbed_run(scans, tmp
             process = start(scans, out)
             while process.poll() is None and (what := kill_at_random(chance, process, out)):
                 killed[what] += 1
-                for name, data in results(out).items():  # whole, at every moment
+                for name, data in contents(out).items():  # whole, at every moment
                     assert data == expected[name]
                 if what == "batch":
                     break
             _, errors = process.communicate()
             done = process.returncode == 0
             assert process.returncode in (0, -signal.SIGKILL), errors
-        assert results(out) == expected
+        assert contents(out) == expected
         assert numbers(out) == records
         assert sorted(path.name for path in out.iterdir() if path.name not in expected) == [
             "results.jsonl",
@@ -139,7 +126,7 @@ def test_interrupted(scans, tmp_path, number):
             os.kill(pid, 0)
     again = start(scans, out)
     _, errors = again.communicate(timeout=60)
-    assert (again.returncode, len(results(out))) == (0, SURFACES), errors
+    assert (again.returncode, len(contents(out))) == (0, SURFACES), errors
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux to find workers")

@@ -1,6 +1,6 @@
-"""Makes the workers of a batch misbehave on some surfaces; found before the tests' Python starts.
+"""Makes the workers of a batch misbehave, by the name of the result, up to its underscore.
 
-What happens is in the name of the result: kill, segfault, once, hang, hog or words.
+Python imports a module of this name when it starts, where it finds one.
 """
 
 import os
@@ -13,17 +13,10 @@ import numpy as np
 
 from cdcp_igl.batching import work
 
-real = work.disk_map
-task = None
+real = work._mapped
 
 
-def map_file(given):
-    global task
-    task = given
-    return real_map_file(given)
-
-
-def disk_map(V, F, **options):
+def mapped(task, *rest):
     name = task.name.partition("_")[0]
     if name == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
@@ -35,7 +28,6 @@ def disk_map(V, F, **options):
             mark.touch()
             os.kill(os.getpid(), signal.SIGKILL)
     if name == "words":
-        print("on standard output", flush=True)
         print("last words", file=sys.stderr)
         os._exit(3)
     if name == "hang":
@@ -47,8 +39,7 @@ def disk_map(V, F, **options):
             time.sleep(0.002)
     if name == "chatty":
         print("on standard output", flush=True)
-    return real(V, F, **options)
+    return real(task, *rest)
 
 
-work.disk_map = disk_map
-real_map_file, work.map_file = work.map_file, map_file
+work._mapped = mapped
