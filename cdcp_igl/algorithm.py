@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -19,10 +18,11 @@ from .result import DiskMap
 from .solve.factor import Factor
 from .solve.laplacian import Laplacian, cotangent_laplacian
 from .steps.center import Center, CenterMethod, central_face
-from .steps.circle import BoundaryMethod, maps_to_circle, spread
+from .steps.circle import BoundaryMethod, bulge, maps_to_circle
 from .steps.dipole import boundary_trace
 from .steps.mobius import normalize, rotate
 from .steps.refine import lower_angle_distortion
+from .steps.remote import Remote, remote_parts
 from .steps.repair import unfold
 from .surface.mesh import DiskMesh
 
@@ -198,14 +198,14 @@ class HarmonicMap:
     Attributes
     ----------
     f : (n,) complex128
-    extend : callable
-        Extends boundary values harmonically to all of the surface.
+    remote : Remote or None
+        What is too close to the circle for f to tell its vertices apart.
     center : Center
     trace : BoundaryMethod
     """
 
     f: Complex
-    extend: Callable[[Complex], Complex]
+    remote: Remote | None
     center: Center
     trace: BoundaryMethod
 
@@ -224,10 +224,11 @@ def harmonic_maps(
     with phase("trace"):
         h_B = boundary_trace(mesh, factor, tau_c.face)  # (18), Theorem 1
     attempts = maps_to_circle(mesh, L, factor, h_B, tau_c.face, whitened=not paper)  # (1)-(6)
-    for f_B, extend, boundary in phase.each("circle", attempts):
+    for circle in phase.each("circle", attempts):
         with phase("extension"):
-            f = extend(f_B)  # (10)
-        yield HarmonicMap(f, extend, tau_c, boundary)
+            f = circle.extend(circle.f_B)  # (10)
+            remote = remote_parts(mesh, circle.steps, circle.f_B, circle.extend)
+        yield HarmonicMap(f, remote, tau_c, circle.method)
 
 
 def certified_map(
@@ -265,8 +266,11 @@ def normalized_map(
         method = "nelder-mead" if options.paper else options.mobius
         f, normalization = normalize(mesh, harmonic.f, method)  # (19), (20)
     with phase("repair"):
-        f, n_spread = spread(mesh, f, harmonic.extend)
-        f, repair = unfold(mesh, rotate(mesh, f, options.align))
+        f = rotate(mesh, f, options.align)
+        if harmonic.remote:
+            f = harmonic.remote.placed(f, normalization.w)
+        f, n_spread = bulge(mesh, f)
+        f, repair = unfold(mesh, f)
     with phase("refine") as advance:
         refinement = None
         if options.refine:
@@ -279,7 +283,7 @@ def normalized_map(
                 options.refine,
                 options.refine_norm,
                 seconds=options.refine_seconds,
-                turn=partial(rotate, mesh, align=options.align),
+                turn=lambda f: bulge(mesh, rotate(mesh, f, options.align))[0],
                 advance=advance,
             )
     with phase("certificate"):

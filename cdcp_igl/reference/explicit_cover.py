@@ -66,8 +66,8 @@ def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
     factor = Factor(mesh, L)
     tau_c = central_face(mesh, L, factor, "torsion", well_shaped=True).face
     h_B = double_cover_trace(mesh, L.matrix(), tau_c)  # (17)
-    f_B, extend, _ = next(maps_to_circle(mesh, L, factor, h_B, tau_c, whitened=True))  # (1)-(6)
-    f = extend(f_B)  # (10)
+    circle = next(maps_to_circle(mesh, L, factor, h_B, tau_c, whitened=True))  # (1)-(6)
+    f = circle.extend(circle.f_B)  # (10)
     f, _ = normalize(mesh, f, "angle")  # (19), (20)
     f, _ = unfold(mesh, f)
     return certified_disk_map(mesh, f)

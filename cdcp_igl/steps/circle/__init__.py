@@ -1,6 +1,6 @@
 """From the boundary trace to the unit circle."""
 
-from .fallback import BoundaryMethod, by_arc_length, maps_to_circle
-from .spread import spread
+from .bulge import bulge
+from .fallback import BoundaryMethod, OnCircle, by_arc_length, maps_to_circle
 
-__all__ = ["BoundaryMethod", "by_arc_length", "maps_to_circle", "spread"]
+__all__ = ["BoundaryMethod", "OnCircle", "bulge", "by_arc_length", "maps_to_circle"]

@@ -8,19 +8,18 @@ from functools import partial
 
 import numpy as np
 
-from ...arrays import Complex
-from ...certificate import is_around
+from ...arrays import Complex, Floats
+from ...certificate import increments, is_around
 from ...solve.factor import Factor
 from ...solve.laplacian import Laplacian, intrinsic_delaunay_laplacian
 from ...surface.mesh import DiskMesh
 from ..extension import harmonic_extension
-from .crowding import crowding
+from .crowding import balanced, crowding
 from .geodesic import geodesic_map
-from .harmonic_measure import arc_length, harmonic_measure
-from .spread import around
+from .harmonic_measure import arc_length, around, harmonic_measure
 from .whiten import whiten
 
-__all__ = ["BoundaryMethod", "by_arc_length", "maps_to_circle"]
+__all__ = ["BoundaryMethod", "OnCircle", "by_arc_length", "maps_to_circle"]
 
 
 # On nefertiti_299 (34 boundary vertices) subdivision lowers the mean angular distortion
@@ -31,6 +30,10 @@ ENOUGH_POINTS = 200
 # maps can be certified (corridors 20 times longer than wide still are); more, and they get
 # worse by degrees. Elsewhere only edges without flux are concerned.
 LEAST = 1e-8
+
+# The trace is known to some 1e-16 of its size, so that arcs shorter than this, in radians, have
+# lost more than four digits. Harmonic measure keeps them.
+RESOLVED = 1e-11
 
 
 @dataclass(frozen=True)
@@ -45,8 +48,8 @@ class BoundaryMethod:
     rejected : tuple of str
         The methods that gave no map, each with the reason for its rejection.
     n_spread : int
-        Faces inscribed in the circle whose corners were moved apart, by some 1e-7, lest they
-        collapse in double precision.
+        Faces inscribed in the circle that had collapsed in double precision, and are held
+        open by the last digits of their corners.
     laplacian : str
         Whose harmonic functions the map is made of: ``"cotangent"``, or, after the geodesic
         algorithm has failed, ``"intrinsic Delaunay"``.
@@ -59,9 +62,30 @@ class BoundaryMethod:
 
     def __str__(self) -> str:
         laplacian = "" if self.laplacian == "cotangent" else f", {self.laplacian} Laplacian"
-        opened = f", arcs of {self.n_spread:,} faces opened" if self.n_spread else ""
+        opened = f", {self.n_spread:,} inscribed faces held open" if self.n_spread else ""
         reasons = "".join(f" (rejected {reason})" for reason in self.rejected)
         return self.name + laplacian + opened + reasons
+
+
+@dataclass(frozen=True, eq=False)
+class OnCircle:
+    """The boundary on the circle.
+
+    Attributes
+    ----------
+    steps : (nB,) float64
+        From each boundary vertex to the next, in proportion to the angles.
+    f_B : (nB,) complex128
+        On the unit circle, strictly counterclockwise, once around, the first at 1.
+    extend : callable
+        Extends boundary values harmonically to all of the surface.
+    method : BoundaryMethod
+    """
+
+    steps: Floats
+    f_B: Complex
+    extend: Callable[[Complex], Complex]
+    method: BoundaryMethod
 
 
 def maps_to_circle(
@@ -72,7 +96,7 @@ def maps_to_circle(
     face: int,
     *,
     whitened: bool,
-) -> Iterator[tuple[Complex, Callable[[Complex], Complex], BoundaryMethod]]:
+) -> Iterator[OnCircle]:
     """Map the exterior of the boundary trace onto the disk, eqs. (1)-(6), or make do without.
 
     The geodesic algorithm needs a simple curve. Where slivers or a bad dipole have made the
@@ -98,40 +122,44 @@ def maps_to_circle(
 
     Yields
     ------
-    f_B : (nB,) complex128
-        On the unit circle, strictly counterclockwise, once around, the first at 1.
-    extend : callable
-        Extends boundary values harmonically to all of the surface.
-    BoundaryMethod
+    OnCircle
         Asking for the next map means that this one was rejected.
     """
-    rejected: list[str] = []
-
     f_B = (_whitened_geodesic_map if whitened else geodesic_map)(trace)
-    if objection := _objection(f_B):
-        rejected.append(f"geodesic: {objection}")
-    else:
+    objection = _objection(f_B)
+    geodesic = None
+    if not objection:
         f_B = f_B / f_B[0]
         extend = partial(harmonic_extension, mesh, L, factor)
-        yield f_B / abs(f_B), extend, BoundaryMethod("geodesic")
-        rejected.append("geodesic: no certificate")
+        geodesic = OnCircle(increments(f_B), f_B / abs(f_B), extend, BoundaryMethod("geodesic"))
+        if geodesic.steps.min() < RESOLVED:
+            objection = "arcs too short for the digits of the trace"
+        else:
+            yield geodesic
+            geodesic, objection = None, "no certificate"
+    rejected = [f"geodesic: {objection}"]
 
     delaunay = intrinsic_delaunay_laplacian(mesh)
     delaunay_factor = Factor(mesh, delaunay)
     extend = partial(harmonic_extension, mesh, delaunay, delaunay_factor)
     method = partial(BoundaryMethod, laplacian="intrinsic Delaunay")
 
-    steps = harmonic_measure(mesh, delaunay, delaunay_factor, face)
+    steps = balanced(mesh, partial(harmonic_measure, mesh, delaunay, delaunay_factor), extend, face)
     if not np.isfinite(steps).all():
         rejected.append("harmonic measure: no interior vertex at the central face")
     elif crowded := crowding(mesh, steps):
         rejected.append(f"harmonic measure: {crowded}")
     else:
-        steps = np.maximum(steps, LEAST * arc_length(mesh))
-        yield around(steps), extend, method("harmonic measure", tuple(rejected))
+        yield OnCircle(steps, around(steps), extend, method("harmonic measure", tuple(rejected)))
         rejected.append("harmonic measure: no certificate")
+        steps = np.maximum(steps, LEAST * steps.sum() * arc_length(mesh))
+        yield OnCircle(steps, around(steps), extend, method("harmonic measure", tuple(rejected)))
+        rejected.append("harmonic measure, short arcs opened: no certificate")
 
-    yield by_arc_length(mesh), extend, method("arc length", tuple(rejected))
+    if geodesic:
+        yield geodesic
+    steps = arc_length(mesh)
+    yield OnCircle(steps, around(steps), extend, method("arc length", tuple(rejected)))
 
 
 def _whitened_geodesic_map(trace: Complex) -> Complex:
