@@ -1,6 +1,23 @@
 """From the boundary trace to the unit circle."""
 
 from .bulge import bulge
-from .fallback import BoundaryMethod, OnCircle, by_arc_length, maps_to_circle
+from .fallback import (
+    FALLBACKS,
+    BoundaryMethod,
+    CircleMap,
+    Rejected,
+    arc_length_map,
+    by_trace,
+    whitened_geodesic_map,
+)
 
-__all__ = ["BoundaryMethod", "OnCircle", "bulge", "by_arc_length", "maps_to_circle"]
+__all__ = [
+    "FALLBACKS",
+    "BoundaryMethod",
+    "CircleMap",
+    "Rejected",
+    "arc_length_map",
+    "bulge",
+    "by_trace",
+    "whitened_geodesic_map",
+]

@@ -1,8 +1,8 @@
-"""From the boundary trace to the unit circle: the geodesic algorithm and its fallbacks."""
+"""From the boundary trace to the unit circle: the geodesic algorithm and what stands in for it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,8 +10,7 @@ import numpy as np
 
 from ...arrays import Complex, Floats
 from ...certificate import increments, is_around
-from ...solve.factor import Factor
-from ...solve.laplacian import Laplacian, intrinsic_delaunay_laplacian
+from ...solve.factored import FactoredSurface
 from ...surface.mesh import DiskMesh
 from ..extension import harmonic_extension
 from .crowding import balanced, crowding
@@ -19,21 +18,35 @@ from .geodesic import geodesic_map
 from .harmonic_measure import arc_length, around, harmonic_measure
 from .whiten import whiten
 
-__all__ = ["BoundaryMethod", "OnCircle", "by_arc_length", "maps_to_circle"]
+__all__ = [
+    "FALLBACKS",
+    "BoundaryMethod",
+    "CircleMap",
+    "Rejected",
+    "arc_length_map",
+    "by_arc_length",
+    "by_harmonic_measure",
+    "by_opened_arcs",
+    "by_trace",
+    "whitened_geodesic_map",
+]
 
 
 # On nefertiti_299 (34 boundary vertices) subdivision lowers the mean angular distortion
 # from 2.500 to 2.463 degrees; from about 200 points on it changes less than 0.02 %.
 ENOUGH_POINTS = 200
 
-# Shares of the circle are at least this part of those by arc length. Less, and fewer crowded
-# maps can be certified (corridors 20 times longer than wide still are); more, and they get
-# worse by degrees. Elsewhere only edges without flux are concerned.
-LEAST = 1e-8
+# Opened arcs are at least this part of those by arc length. Less, and fewer crowded maps can be
+# certified; more, and they get worse by degrees.
+LEAST_SHARE = 1e-8
 
 # The trace is known to some 1e-16 of its size, so that arcs shorter than this, in radians, have
 # lost more than four digits. Harmonic measure keeps them.
 RESOLVED = 1e-11
+
+
+class Rejected(Exception):
+    """A method that gives no map of the boundary onto the circle; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +57,10 @@ class BoundaryMethod:
     ----------
     name : str
         The method whose result was used: ``"geodesic"`` unless something went wrong, else
-        ``"harmonic measure"`` or, at last, ``"arc length"``, which is not conformal.
+        ``"harmonic measure"``, ``"opened arcs"`` or, at last, ``"arc length"``, which is not
+        conformal.
     rejected : tuple of str
-        The methods that gave no map, each with the reason for its rejection.
+        The other methods that were tried, each with the reason why its map was not used.
     n_spread : int
         Faces inscribed in the circle that had collapsed in double precision, and are held
         open by the last digits of their corners.
@@ -68,15 +82,15 @@ class BoundaryMethod:
 
 
 @dataclass(frozen=True, eq=False)
-class OnCircle:
-    """The boundary on the circle.
+class CircleMap:
+    """The boundary on the circle, and how to go on from there.
 
     Attributes
     ----------
     steps : (nB,) float64
         From each boundary vertex to the next, in proportion to the angles.
     f_B : (nB,) complex128
-        On the unit circle, strictly counterclockwise, once around, the first at 1.
+        On the unit circle by these steps, counterclockwise, once around, the first at 1.
     extend : callable
         Extends boundary values harmonically to all of the surface.
     method : BoundaryMethod
@@ -88,81 +102,43 @@ class OnCircle:
     method: BoundaryMethod
 
 
-def maps_to_circle(
-    mesh: DiskMesh,
-    L: Laplacian,
-    factor: Factor,
-    trace: Complex,
-    face: int,
-    *,
-    whitened: bool,
-) -> Iterator[OnCircle]:
-    """Map the exterior of the boundary trace onto the disk, eqs. (1)-(6), or make do without.
-
-    The geodesic algorithm needs a simple curve. Where slivers or a bad dipole have made the
-    trace cross itself, or its map cannot be certified, the next one is by harmonic measure,
-    which needs no curve. Where crowding spoils that too, the last one is by arc length: on
-    such surfaces it has lower angular distortion than conformal boundaries that are opened
-    as far as double precision requires.
+def by_trace(
+    surface: FactoredSurface, trace: Complex, circle: Callable[[Complex], Complex]
+) -> CircleMap:
+    """Map the exterior of the boundary trace onto the disk, eqs. (1)-(6).
 
     Parameters
     ----------
-    mesh : DiskMesh
-    L : Laplacian
-        Of cotangents.
-    factor : Factor
-        Its factorization.
+    surface : FactoredSurface
     trace : (nB,) complex128
         Boundary trace, clockwise.
-    face : int
-        Central face.
-    whitened : bool
-        Whiten the trace first, and subdivide the edges of a short one. The paper does
-        neither.
+    circle : callable
+        Takes a closed curve to the circle: `geodesic_map`, or with whitening before it.
 
-    Yields
+    Returns
+    -------
+    CircleMap
+
+    Raises
     ------
-    OnCircle
-        Asking for the next map means that this one was rejected.
+    Rejected
+        If slivers or a bad dipole have made the trace cross itself, or the surface is so long
+        that the trace has too few digits.
     """
-    f_B = (_whitened_geodesic_map if whitened else geodesic_map)(trace)
-    objection = _objection(f_B)
-    geodesic = None
-    if not objection:
-        f_B = f_B / f_B[0]
-        extend = partial(harmonic_extension, mesh, L, factor)
-        geodesic = OnCircle(increments(f_B), f_B / abs(f_B), extend, BoundaryMethod("geodesic"))
-        if geodesic.steps.min() < RESOLVED:
-            objection = "arcs too short for the digits of the trace"
-        else:
-            yield geodesic
-            geodesic, objection = None, "no certificate"
-    rejected = [f"geodesic: {objection}"]
-
-    delaunay = intrinsic_delaunay_laplacian(mesh)
-    delaunay_factor = Factor(mesh, delaunay)
-    extend = partial(harmonic_extension, mesh, delaunay, delaunay_factor)
-    method = partial(BoundaryMethod, laplacian="intrinsic Delaunay")
-
-    steps = balanced(mesh, partial(harmonic_measure, mesh, delaunay, delaunay_factor), extend, face)
-    if not np.isfinite(steps).all():
-        rejected.append("harmonic measure: no interior vertex at the central face")
-    elif crowded := crowding(mesh, steps):
-        rejected.append(f"harmonic measure: {crowded}")
-    else:
-        yield OnCircle(steps, around(steps), extend, method("harmonic measure", tuple(rejected)))
-        rejected.append("harmonic measure: no certificate")
-        steps = np.maximum(steps, LEAST * steps.sum() * arc_length(mesh))
-        yield OnCircle(steps, around(steps), extend, method("harmonic measure", tuple(rejected)))
-        rejected.append("harmonic measure, short arcs opened: no certificate")
-
-    if geodesic:
-        yield geodesic
-    steps = arc_length(mesh)
-    yield OnCircle(steps, around(steps), extend, method("arc length", tuple(rejected)))
+    f_B = circle(trace)
+    if not np.isfinite(f_B).all():
+        raise Rejected("geodesic: not finite")
+    if not is_around(f_B):
+        raise Rejected("geodesic: not monotone")
+    steps = increments(f_B)
+    if steps.min() < RESOLVED and len(surface.mesh.interior):
+        raise Rejected("geodesic: arcs too short for the digits of the trace")
+    f_B = f_B / f_B[0]
+    extend = _extension(surface)
+    return CircleMap(steps, f_B / abs(f_B), extend, BoundaryMethod("geodesic"))
 
 
-def _whitened_geodesic_map(trace: Complex) -> Complex:
+def whitened_geodesic_map(trace: Complex) -> Complex:
     """Run the geodesic algorithm on the trace as a round polygon with enough points.
 
     The algorithm follows circular arcs from point to point; on a short boundary, points
@@ -175,15 +151,73 @@ def _whitened_geodesic_map(trace: Complex) -> Complex:
     return geodesic_map(polygon.ravel())[::pieces]
 
 
-def _objection(f_B: Complex) -> str | None:
-    """Why these are not points once around the circle, strictly counterclockwise."""
-    if not np.isfinite(f_B).all():
-        return "not finite"
-    if not is_around(f_B):
-        return "not monotone"
-    return None
+def by_harmonic_measure(surface: FactoredSurface, face: int) -> CircleMap:
+    """Place the boundary as it is seen from the central face; needs no curve.
+
+    Where remote parts would be too small, it is seen from where they are equally far away.
+
+    Parameters
+    ----------
+    surface : FactoredSurface
+    face : int
+        The central face.
+
+    Returns
+    -------
+    CircleMap
+
+    Raises
+    ------
+    Rejected
+        If crowding spoils it: many boundary vertices would coincide.
+    """
+    steps = _seen(surface, face)
+    if crowded := crowding(surface.mesh, steps):
+        raise Rejected(f"harmonic measure: {crowded}")
+    return _on_delaunay(surface, steps, "harmonic measure")
 
 
-def by_arc_length(mesh: DiskMesh) -> Complex:
+def by_opened_arcs(surface: FactoredSurface, face: int) -> CircleMap:
+    """Place the boundary by harmonic measure, and open its shortest arcs."""
+    steps = _seen(surface, face)
+    if crowded := crowding(surface.mesh, steps):
+        raise Rejected(f"opened arcs: {crowded}")
+    steps = np.maximum(steps, LEAST_SHARE * arc_length(surface.mesh))
+    return _on_delaunay(surface, steps, "opened arcs")
+
+
+def _seen(surface: FactoredSurface, face: int) -> Floats:
+    """(nB,) harmonic measure of the boundary edges."""
+    mesh, delaunay = surface.mesh, surface.delaunay
+    measure = partial(harmonic_measure, mesh, delaunay.laplacian, delaunay.factor)
+    steps = balanced(mesh, measure, _extension(delaunay), face)
+    if not np.isfinite(steps).all():
+        raise Rejected("harmonic measure: no interior vertex at the central face")
+    return steps
+
+
+def by_arc_length(surface: FactoredSurface, face: int) -> CircleMap:
+    """Place the boundary by its length: not conformal, but always possible.
+
+    On very crowded surfaces it has lower angular distortion than conformal boundaries that
+    are opened as far as double precision requires. `face` is not looked at.
+    """
+    return _on_delaunay(surface, arc_length(surface.mesh), "arc length")
+
+
+def _on_delaunay(surface: FactoredSurface, steps: Floats, name: str) -> CircleMap:
+    method = BoundaryMethod(name, laplacian="intrinsic Delaunay")
+    return CircleMap(steps, around(steps), _extension(surface.delaunay), method)
+
+
+def _extension(surface: FactoredSurface) -> Callable[[Complex], Complex]:
+    return partial(harmonic_extension, surface.mesh, surface.laplacian, surface.factor)
+
+
+def arc_length_map(mesh: DiskMesh) -> Complex:
     """(nB,) boundary vertices around the circle in proportion to their distances, from 1."""
     return around(arc_length(mesh))
+
+
+# In the order in which they are tried.
+FALLBACKS = (by_harmonic_measure, by_opened_arcs, by_arc_length)
