@@ -150,9 +150,10 @@ def test_nothing_is_remote_on_ordinary_surfaces(monkeypatch):
     assert cdcp_igl.disk_map(V, F).certificate.valid
 
 
-def test_the_centre_is_moved_to_where_both_ends_are_equally_far():
-    parts = Parts(20, width=6, middle=0.1)
-    assert parts.steps.min() < 1e-24
+@pytest.mark.parametrize("middle", [0.03, 0.1, 0.8])
+def test_the_centre_is_moved_to_where_both_ends_are_equally_far(middle):
+    parts = Parts(20, width=6, middle=middle)
+    assert parts.steps.min() < 1e-20
     steps = balanced(parts.mesh, parts.measure, parts.extend, parts.face)
     middle = Parts(20, width=6)
     assert steps.min() > middle.steps.min() / 3

@@ -20,7 +20,8 @@ CROWDED = 2e-17
 MANY_CROWDED = 0.1
 # The centre of the map is moved where shares smaller than this might become larger.
 SMALL = 1e-14
-ROUNDS = 4  # of moving it: one is enough unless the first centre is far off
+ROUNDS = 8  # of moving it: one is enough unless the first centre is far off
+FARTHEST = 1 - 1e-6  # that it is moved to in one round: still among faces of a size to tell apart
 
 
 def crowding(mesh: DiskMesh, steps: Floats) -> str:
@@ -79,6 +80,8 @@ def balanced(
         weights = least / np.maximum(shorter, least)
         klein = complex(np.average(f_B, weights=weights))
         w = klein / (1 + np.sqrt(max(1 - abs(klein) ** 2, 0)))
+        if abs(w) > FARTHEST:
+            w *= FARTHEST / abs(w)
         face = int(abs(f[mesh.F].mean(axis=1) - w).argmin())
         moved = measure(face)
         if not moved.min() / moved.sum() > steps.min() / steps.sum():
