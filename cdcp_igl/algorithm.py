@@ -292,6 +292,7 @@ def normalized_map(
             free = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
     return DiskMap(
         uv=uv,
+        mesh=mesh,
         certificate=certificate,
         distortion=distortion,
         distortion_free=free,

@@ -5,20 +5,26 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from .arrays import Floats
-from .certificate import Certificate
+from .certificate import Certificate, certify
 from .distortion import AngleDistortion
+from .errors import MapError
 from .steps.center import Center
 from .steps.circle import BoundaryMethod
+from .steps.landmarks import landmark_automorphism
 from .steps.mobius import Normalization
 from .steps.refine import Refinement
 from .steps.repair import Repair
+from .surface.bijection import Bijection
 
 __all__ = ["DiskMap"]
 
 
 @dataclass(frozen=True, eq=False)
-class DiskMap:
+class DiskMap(Bijection):
     """A disk conformal map. Printing it gives a summary.
 
     Attributes
@@ -27,6 +33,8 @@ class DiskMap:
         Row i is the image of row i of V, in the closed unit disk. Faces are
         counterclockwise; what `align` named, or else the boundary vertex of smallest
         index at (1, 0), lies at angle 0.
+    mesh : DiskMesh
+        The surface.
     certificate : Certificate
         What was verified about `uv`.
     distortion : AngleDistortion
@@ -52,7 +60,6 @@ class DiskMap:
         Seconds per phase.
     """
 
-    uv: Floats
     certificate: Certificate
     distortion: AngleDistortion
     distortion_free: AngleDistortion
@@ -83,6 +90,66 @@ class DiskMap:
                 f"  seconds             {sum(self.timings.values()):.2f} ({phases})",
             ]
         )
+
+    def register(self, to: DiskMap, landmarks: ArrayLike) -> Floats:
+        """Lay the map over that of another surface, by landmarks.
+
+        A map onto the disk is unique up to a Möbius transformation of the disk. The one
+        here brings the landmarks of this map nearest to those of the other: it minimises
+        the sum of their squared distances, once the disk has been moved so that the
+        landmarks of the other have their conformal barycentre at 0, so that the
+        normalisations of the two maps do not matter.
+
+        Parameters
+        ----------
+        to : DiskMap
+            Of the other surface.
+        landmarks : (k, 2) array_like of integers
+            In each row a vertex of this surface and the vertex of the other that
+            corresponds to it; at least two rows. Two on the boundary leave one degree of
+            freedom, for which the smallest change is taken.
+
+        Returns
+        -------
+        (n, 2) float64
+            The vertices of this surface in the disk of the other, still a certified map:
+            ``to.interpolate(values, uv)`` carries what lives on the other surface to them.
+
+        Raises
+        ------
+        ValueError
+            If `landmarks` is none of that.
+        MapError
+            If the landmarks ask for a transformation so strong that vertices coincide.
+
+        Examples
+        --------
+        One surface, turned and centred in two ways:
+
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> one, other = cdcp_igl.disk_map(V, F, align=[0, 1, 0]), cdcp_igl.disk_map(V, F)
+        >>> uv = one.register(other, [[5, 5], [70, 70], [200, 200]])
+        >>> bool(abs(uv - other.uv).max() < 1e-6)
+        True
+        """
+        pairs = np.asarray(landmarks)
+        if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
+            raise ValueError(f"landmarks must be (k, 2) integers, not {pairs.dtype} {pairs.shape}")
+        if not ((pairs >= 0) & (pairs < [len(self.uv), len(to.uv)])).all():
+            raise ValueError("landmarks must be vertices of the two surfaces")
+        if min(len(np.unique(column)) for column in pairs.T) < 2:
+            raise ValueError("two landmarks or more are needed, at different vertices")
+        here, there = (
+            map_.uv[column] @ [1, 1j] for map_, column in zip((self, to), pairs.T, strict=True)
+        )
+        f = landmark_automorphism(here, there)(self.uv @ np.array([1, 1j]))
+        f[self.mesh.loop] /= abs(f[self.mesh.loop])
+        uv = np.column_stack([f.real, f.imag])
+        certificate = certify(self.mesh, uv)
+        if not certificate.valid:
+            raise MapError(f"The landmarks lie too far apart to register: {certificate}", self)
+        return uv
 
     def report(self) -> dict[str, Any]:
         """Everything but the coordinates, as JSON types."""

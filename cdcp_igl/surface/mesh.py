@@ -64,6 +64,7 @@ class DiskMesh:
     on_boundary: Bools
     edges: Edges
     cotangents: Floats
+    _exponent: int
 
     def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
         examined = examine(V, F)
@@ -85,6 +86,12 @@ class DiskMesh:
         for indices in (edges.low, edges.high, edges.sides, edges.start):
             indices.flags.writeable = False
         object.__setattr__(self, "edges", edges)
+        object.__setattr__(self, "_exponent", _exponent(V))
+
+    @property
+    def positions(self) -> Floats:
+        """(n, 3) the vertices in the unit in which they were given."""
+        return np.ldexp(self.V, self._exponent)
 
     @cached_property
     def angles(self) -> Floats:
@@ -135,7 +142,7 @@ class DiskMesh:
         positions.flags.writeable = cotangents.flags.writeable = False
         mesh = copy(self)
         mesh.__dict__.pop("angles", None)
-        mesh.__dict__.update(V=positions, cotangents=cotangents)
+        mesh.__dict__.update(V=positions, cotangents=cotangents, _exponent=_exponent(V))
         return mesh
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -146,3 +153,8 @@ class DiskMesh:
             f"DiskMesh({len(self.V):,} vertices, {len(self.F):,} faces, "
             f"{len(self.loop):,} boundary vertices)"
         )
+
+
+def _exponent(V: ArrayLike) -> int:
+    """Of the power of two by which the positions were divided."""
+    return int(np.frexp(np.abs(np.asarray(V, dtype=np.float64)).max())[1])

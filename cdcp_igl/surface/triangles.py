@@ -7,6 +7,7 @@ import numpy as np
 from ..arrays import Floats, Ints, blocks
 
 __all__ = [
+    "ORIENTATION_BOUND",
     "area_products",
     "corner_angles",
     "corner_cotangents",
@@ -14,6 +15,11 @@ __all__ = [
     "face_areas",
     "parallelogram_areas",
 ]
+
+EPS = np.finfo(float).eps / 2
+# Shewchuk's bound: beyond it, the rounded determinant of an orientation has the sign of the
+# exact one.
+ORIENTATION_BOUND = (3 + 16 * EPS) * EPS
 
 
 def face_areas(V: Floats, F: Ints) -> Floats:
