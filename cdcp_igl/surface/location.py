@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Bools, Complex, Floats, Ints
 from .mesh import DiskMesh
-from .triangles import ORIENTATION_BOUND
+from .triangles import ORIENTATION_BOUND, area_products
 
 __all__ = ["FaceFinder"]
 
@@ -15,6 +15,7 @@ Codes = NDArray[np.uint64]
 
 BITS = 31  # of each coordinate in a Morton code: a cell of 1e-9
 ON_CIRCLE = 1e-12  # points this far outside the circle have left it by rounding
+RESOLUTION = 2.0**-52  # of coordinates in the disk
 BLOCK = 1 << 17  # points that walk at a time: their arrays stay in the cache
 
 
@@ -46,11 +47,12 @@ class FaceFinder:
     def __init__(self, mesh: DiskMesh, z: Complex) -> None:
         self._corners = z[mesh.F]
         self._across = _faces_across(mesh)
-        middle = self._corners.mean(axis=1)
-        areas, beyond = _orientations(self._corners - middle[:, None])
-        if beyond.any() or areas.sum() > 2 * np.pi * (1 + ON_CIRCLE):
+        self._angles, self._rim = _rim(mesh, z)
+        left, right = area_products(z.real, z.imag, mesh.F)
+        flipped = left - right < -ORIENTATION_BOUND * (abs(left) + abs(right))
+        if flipped.any() or (left - right).sum() > 2 * np.pi * (1 + ON_CIRCLE):
             raise ValueError("the map is no bijection onto the disk: points have no one place")
-        codes = _morton(middle)
+        codes = _morton(self._corners.mean(axis=1))
         self._start = np.argsort(codes, kind="stable")
         self._codes = codes[self._start]
 
@@ -94,16 +96,27 @@ class FaceFinder:
             areas, beyond = _orientations(seen)
             blocked = beyond.any(axis=1)
             arrived, ahead = np.flatnonzero(~blocked), np.flatnonzero(blocked)
-            barycentric[on_way[arrived]] = _normalized(areas[arrived])
+            barycentric[on_way[arrived]] = _weights(seen[arrived], areas[arrived])
 
             edge = (beyond[ahead] * lots.random((len(ahead), 3))).argmax(axis=1)
             rows = on_way[ahead]
             following = self._across[face[rows], edge]
-            outside = following < 0
-            barycentric[rows[outside]] = _nearest_on_edge(seen[ahead[outside]], edge[outside])
-            on_way = rows[~outside]
-            face[on_way] = following[~outside]
+            out = np.flatnonzero(following < 0)
+            nearest = _nearest_on_edge(seen[ahead[out]], edge[out])
+            # Where the boundary is crowded, rounding turns its edges, and their lines cut through
+            # the disk. Only the edge below the arc that the point is nearest to sends it out.
+            below = self._below(points[rows[out]])
+            follows = below != 3 * face[rows[out]] + edge[out]
+            follows &= nearest.max(axis=1) == 1  # not beside this edge
+            following[out[follows]] = below[follows] // 3
+            barycentric[rows[out]] = nearest
+            on_way = rows[following >= 0]
+            face[on_way] = following[following >= 0]
         return face, barycentric
+
+    def _below(self, points: Complex) -> Ints:
+        """(k,) the boundary edge in the direction of each point: 3 times its face, plus corner."""
+        return self._rim[np.searchsorted(self._angles, np.angle(points), side="right") - 1]
 
 
 def _faces_across(mesh: DiskMesh) -> Ints:
@@ -115,6 +128,16 @@ def _faces_across(mesh: DiskMesh) -> Ints:
     across[one], across[other] = other % m, one % m
     # Half-edge k m + f leaves corner k of face f, so it lies opposite corner k - 1.
     return np.roll(across.reshape(3, m), -1, axis=0).T.copy()
+
+
+def _rim(mesh: DiskMesh, z: Complex) -> tuple[Floats, Ints]:
+    """Where on the circle each boundary edge begins, ascending, and 3 face + opposite corner."""
+    m, edges = len(mesh.F), mesh.edges
+    half = edges.sides[edges.start[edges.valence == 1]].astype(np.int64)
+    corner, face = half // m, half % m
+    angles = np.angle(z[mesh.F[face, corner]])
+    order = np.argsort(angles)
+    return angles[order], (3 * face + (corner - 1) % 3)[order]
 
 
 def _orientations(seen: Complex) -> tuple[Floats, Bools]:
@@ -132,10 +155,22 @@ def _orientations(seen: Complex) -> tuple[Floats, Bools]:
     return areas, beyond
 
 
-def _normalized(areas: Floats) -> Floats:
-    """(k, 3) barycentric coordinates: those that rounding has made negative are 0."""
+def _weights(seen: Complex, areas: Floats) -> Floats:
+    """(k, 3) barycentric coordinates of the origin: those that rounding made negative are 0."""
     areas = np.maximum(areas, 0)
-    return areas / areas.sum(axis=1, keepdims=True)
+    weights = areas / areas.sum(axis=1, keepdims=True)
+    # Along a needle the ratios of its areas say little: a projection on its longest edge does.
+    left = (weights * seen).sum(axis=1)
+    needles = np.flatnonzero(abs(left) > RESOLUTION)
+    seen, left, rows = seen[needles], left[needles], np.arange(len(needles))
+    apex = abs(np.roll(seen, -1, axis=1) - np.roll(seen, 1, axis=1)).argmax(axis=1)
+    tail, head = (apex + 1) % 3, (apex + 2) % 3
+    along = seen[rows, head] - seen[rows, tail]
+    step = (left * along.conj()).real / abs(along) ** 2
+    step = np.clip(step, -weights[needles, tail], weights[needles, head])
+    weights[needles, tail] += step
+    weights[needles, head] -= step
+    return weights
 
 
 def _nearest_on_edge(seen: Complex, edge: Ints) -> Floats:
