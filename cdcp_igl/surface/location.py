@@ -9,7 +9,7 @@ from ..arrays import Bools, Complex, Floats, Ints
 from .mesh import DiskMesh
 from .triangles import ORIENTATION_BOUND, area_products
 
-__all__ = ["FaceFinder"]
+__all__ = ["FaceFinder", "z_order"]
 
 Codes = NDArray[np.uint64]
 
@@ -182,6 +182,11 @@ def _nearest_on_edge(seen: Complex, edge: Ints) -> Floats:
     barycentric = np.zeros(seen.shape)
     barycentric[rows, tail], barycentric[rows, head] = 1 - share, share
     return barycentric
+
+
+def z_order(z: Complex) -> Ints:
+    """(k,) the rows of points of the disk along a Z-shaped curve; stable."""
+    return np.argsort(_morton(z), kind="stable")
 
 
 def _morton(z: Complex) -> Codes:
