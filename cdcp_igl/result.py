@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .arrays import Floats
 from .certificate import Certificate, certify
@@ -14,6 +17,7 @@ from .distortion import AngleDistortion
 from .errors import MapError
 from .steps.center import Center
 from .steps.circle import BoundaryMethod
+from .steps.conformality import Conformality
 from .steps.landmarks import landmark_automorphism
 from .steps.mobius import Normalization
 from .steps.refine import Refinement
@@ -37,6 +41,9 @@ class DiskMap(Bijection):
         The surface.
     certificate : Certificate
         What was verified about `uv`.
+    conformality : Conformality
+        Whether the map is what a conformal map of this mesh should be; if not, the reasons
+        and what would help.
     distortion : AngleDistortion
         Mean, SD and maximum of the angular distortion (7) in degrees.
     distortion_free : AngleDistortion
@@ -61,6 +68,7 @@ class DiskMap(Bijection):
     """
 
     certificate: Certificate
+    conformality: Conformality
     distortion: AngleDistortion
     distortion_free: AngleDistortion
     center: Center
@@ -71,15 +79,27 @@ class DiskMap(Bijection):
     solver: str
     timings: dict[str, float]
 
+    @property
+    def valid(self) -> bool:
+        """True for a bijection onto the polygon inscribed in the unit circle."""
+        return self.certificate.valid
+
+    @property
+    def conformal(self) -> bool:
+        """True for a map that is as conformal as the mesh lets it be, see `conformality`."""
+        return bool(self.conformality)
+
     def __str__(self) -> str:
         phases = ", ".join(f"{name} {seconds:.2f}" for name, seconds in self.timings.items())
         free = self.distortion_free
         return "\n".join(
             [
                 f"disk map of {len(self.uv):,} vertices: "
-                + ("valid" if self.certificate.valid else "NOT VALID"),
+                + ("valid" if self.valid else "NOT VALID")
+                + (", NOT CONFORMAL" if self.valid and not self.conformal else ""),
                 f"  angular distortion  {self.distortion}",
                 *([f"  of free faces       {free}"] if free != self.distortion else []),
+                *([] if self.conformal else [f"  conformal           {self.conformality}"]),
                 f"  certificate         {self.certificate}",
                 f"  center              {self.center}",
                 f"  boundary            {self.trace}",
@@ -90,6 +110,68 @@ class DiskMap(Bijection):
                 f"  seconds             {sum(self.timings.values()):.2f} ({phases})",
             ]
         )
+
+    def view(
+        self,
+        path: str | PathLike[str] | None = None,
+        *,
+        fields: Mapping[str, ArrayLike] | None = None,
+        texture: str | PathLike[str] | ArrayLike | None = None,
+        title: str = "",
+    ) -> Path:
+        """Write a page that shows the map, or open it in the browser.
+
+        Parameters
+        ----------
+        path, fields, texture, title
+            As in `cdcp_igl.plot.view`.
+
+        Returns
+        -------
+        Path
+            Where the page is.
+
+        Raises
+        ------
+        ValueError, OSError
+            As `cdcp_igl.plot.view`.
+        """
+        from .plot.viewer import view  # an upper floor, and slow to import
+
+        return view(self, path, fields=fields, texture=texture, title=title)
+
+    def plot(self) -> NDArray[Any]:
+        """Draw the surface, its image and the angular distortion, as `cdcp_igl.plot.picture`.
+
+        Returns
+        -------
+        (3,) ndarray of matplotlib.axes.Axes
+            In a figure that does not depend on pyplot: ``axes[0].figure.savefig``.
+        """
+        from .plot.pictures import picture
+
+        return np.array(picture(self.mesh.positions, self.mesh.F, self).axes)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the map to a file whose suffix says what.
+
+        Parameters
+        ----------
+        path : path-like
+            The surface with its map for the types of `cdcp_igl.io.write_map`; a picture for
+            .png, .svg and .pdf; the page of `view` for .html; the report for .json. An
+            existing file is replaced once the new one is complete.
+
+        Raises
+        ------
+        ValueError
+            If the file is not of a known type.
+        OSError
+            If it cannot be written; nothing is left behind.
+        """
+        from .io.saving import save
+
+        save(self, path)
 
     def register(self, to: DiskMap, landmarks: ArrayLike) -> Floats:
         """Lay the map over that of another surface, by landmarks.
@@ -156,7 +238,10 @@ class DiskMap(Bijection):
         certificate = self.certificate
         return {
             "vertices": len(self.uv),
-            "valid": certificate.valid,
+            "valid": self.valid,
+            "conformal": self.conformal,
+            "not_conformal_because": list(self.conformality.reasons),
+            "remedies": list(self.conformality.remedies),
             "angular_distortion_degrees": asdict(self.distortion),
             "angular_distortion_of_free_faces_degrees": asdict(self.distortion_free),
             "certificate": {

@@ -17,7 +17,7 @@ STEPS = 2**16 - 1  # of a coordinate
 
 
 def quantized(x: Floats, low: float, high: float, steps: int = STEPS) -> Ints:
-    """(n,) whole steps of x from `low`, 0, to `high`; what lies outside or is NaN goes to the ends."""
+    """(n,) whole steps of x from `low`, which is 0, to `high`; the ends for all beyond, and NaN."""
     share = (x - low) / (high - low if high > low else 1)
     return np.rint(steps * np.clip(np.nan_to_num(share, nan=0.0), 0, 1)).astype(np.int64)
 

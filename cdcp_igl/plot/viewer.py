@@ -25,7 +25,7 @@ from ..io.files import whole_file
 from ..result import DiskMap
 from ..surface.triangles import face_areas
 from .packing import ordered, pack, quantized
-from .pictures import side_by_side
+from .pictures import side_by_side, vertex_normals
 from .viewpoint import viewpoint
 
 with from_extra("plot"):
@@ -187,15 +187,27 @@ def _geometry(V: Floats, F: Ints, uv: Floats) -> tuple[dict[str, Any], dict[str,
     """Describe the surface, its image and its boundary."""
     low, high = V.min(axis=0), V.max(axis=0)
     size = float((high - low).max())
-    arrays = {name: quantized(x, x.min(), x.min() + size) for name, x in zip("xyz", V.T, strict=True)}
+    arrays = {
+        name: quantized(x, x.min(), x.min() + size) for name, x in zip("xyz", V.T, strict=True)
+    }
     arrays |= {name: quantized(x, -1, 1) for name, x in zip("uv", uv.T, strict=True)}
     arrays["faces"] = F.ravel()
     rim, cut = _rim_and_cut(V, F)
+    home = viewpoint(V, F)
     arrays |= {"rim": rim.ravel(), "cut": cut.ravel()}
     return {
         "extent": ((high - low) / size).tolist(),
-        "home": viewpoint(V, F).ravel().tolist(),
+        "home": home.ravel().tolist(),
+        "spin": _spin(V, F, uv, home),
     }, arrays
+
+
+def _spin(V: Floats, F: Ints, uv: Floats, home: Floats) -> float:
+    """Angle by which to turn the image so that what one sees of the surface keeps its direction."""
+    seen = V @ home.T
+    front = (vertex_normals(V, F) @ home[2]) > 0
+    x = seen[front, :2] @ np.array([1, 1j])
+    return float(np.angle(np.vdot(uv[front] @ np.array([1, 1j]), x - x.mean()))) if len(x) else 0.0
 
 
 def _rim_and_cut(V: Floats, F: Ints) -> tuple[Ints, Ints]:
@@ -234,7 +246,9 @@ def _measured(V: Floats, F: Ints, uv: Floats) -> list[tuple[dict[str, Any], Floa
     corners = np.bincount(F.ravel(), minlength=len(V))
     error = np.bincount(F.ravel(), degrees.ravel(), len(V)) / corners
     high = max(float(np.quantile(error, 1 - BEYOND)), 1e-6)
-    angle = _coloring("angle error", "mean angular distortion at the corners of a vertex", "inferno")
+    angle = _coloring(
+        "angle error", "mean angular distortion at the corners of a vertex", "magma_r"
+    )
     angle |= {"low": 0.0, "high": high, "unit": "°", "ends": ["0°", f"≥ {high:.3g}°"]}
 
     factor = conformal_factor(V, F, uv)

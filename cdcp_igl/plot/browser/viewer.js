@@ -51,7 +51,7 @@ in vec3 position, normal; in vec2 uv; in float value;
 uniform mat3 turn; uniform vec2 shift, aspect; uniform float zoom; uniform bool plane;
 out vec3 n; out vec2 at; out float x;
 void main() {
-  vec3 p = plane ? vec3(uv, 0) : turn * position;
+  vec3 p = turn * (plane ? vec3(uv, 0) : position);
   gl_Position = vec4((p.xy * zoom + shift) * aspect, -0.9 * p.z, 1);
   n = normal; at = uv; x = value;
 }`;
@@ -92,7 +92,7 @@ const PEN = `#version 300 es
 in vec3 startPoint, endPoint; in vec2 startUv, endUv;
 uniform mat3 turn; uniform vec2 shift, aspect, pixel; uniform float zoom, width; uniform bool plane;
 void main() {
-  vec3 a = plane ? vec3(startUv, 0) : turn * startPoint, b = plane ? vec3(endUv, 0) : turn * endPoint;
+  vec3 a = turn * (plane ? vec3(startUv, 0) : startPoint), b = turn * (plane ? vec3(endUv, 0) : endPoint);
   vec2 A = (a.xy * zoom + shift) * aspect, B = (b.xy * zoom + shift) * aspect;
   vec2 along = (B - A) / pixel; float length_ = length(along);
   along = length_ > 0.0 ? along / length_ : vec2(1, 0);
@@ -154,8 +154,9 @@ const product = (a, b) => { // 3 x 3, by rows
   for (let i = 0; i < 9; i++) for (let k = 0; k < 3; k++) c[i] += a[3 * Math.floor(i / 3) + k] * b[3 * k + (i % 3)];
   return c;
 };
-const about_y = (t) => [Math.cos(t), 0, Math.sin(t), 0, 1, 0, -Math.sin(t), 0, Math.cos(t)];
-const about_x = (t) => [1, 0, 0, 0, Math.cos(t), -Math.sin(t), 0, Math.sin(t), Math.cos(t)];
+const aboutZ = (t) => [Math.cos(t), -Math.sin(t), 0, Math.sin(t), Math.cos(t), 0, 0, 0, 1];
+const aboutY = (t) => [Math.cos(t), 0, Math.sin(t), 0, 1, 0, -Math.sin(t), 0, Math.cos(t)];
+const aboutX = (t) => [1, 0, 0, 0, Math.cos(t), -Math.sin(t), 0, Math.sin(t), Math.cos(t)];
 const times = (turn, P, i) => [0, 3, 6].map((r) => turn[r] * P[i] + turn[r + 1] * P[i + 1] + turn[r + 2] * P[i + 2]);
 
 // The nearest face at (x, y) among vertices (X, Y, Z), with barycentric coordinates.
@@ -199,7 +200,7 @@ function start(scene, gl, image) {
   gl.enable(gl.DEPTH_TEST);
   gl.enable(gl.SCISSOR_TEST);
 
-  const home = new Float32Array(about.home);
+  const home = new Float32Array(about.home), spin = new Float32Array(aboutZ(about.spin));
   const views = {};
   for (const name of ["surface", "plane"]) {
     const panel = byId(name);
@@ -208,7 +209,7 @@ function start(scene, gl, image) {
   const lines = { rim: strokes(gl, pen, scene, scene.rim), cut: strokes(gl, pen, scene, scene.cut), mark: null };
   const state = { coloring: null, squares: 32, marked: null };
 
-  const reset = (view) => Object.assign(view, { turn: home, shift: [0, 0], zoom: view.plane ? 0.92 : 0.95, X: null });
+  const reset = (view) => Object.assign(view, { turn: view.plane ? spin : home, shift: [0, 0], zoom: view.plane ? 0.92 : 0.95, X: null });
   Object.values(views).forEach(reset);
 
   function frame(view) { // where the panel lies on the canvas, and what is one unit in it
@@ -232,7 +233,7 @@ function start(scene, gl, image) {
     const { n, P, UV } = scene;
     view.X = new Float32Array(n); view.Y = new Float32Array(n); view.Z = view.plane ? null : new Float32Array(n);
     for (let i = 0; i < n; i++)
-      if (view.plane) { view.X[i] = UV[2 * i]; view.Y[i] = UV[2 * i + 1]; }
+      if (view.plane) [view.X[i], view.Y[i]] = times(view.turn, [UV[2 * i], UV[2 * i + 1], 0], 0);
       else [view.X[i], view.Y[i], view.Z[i]] = times(view.turn, P, 3 * i);
     return view;
   }
@@ -310,9 +311,9 @@ function start(scene, gl, image) {
       const [i, j, k] = scene.F.slice(3 * found.face, 3 * found.face + 3);
       lines.mark = strokes(gl, pen, scene, [i, j, j, k, k, i]);
       const nearest = [i, j, k][found.weights.indexOf(Math.max(...found.weights))];
-      const { faceOrder, vertexOrder } = scene.arrays, { plane } = views;
+      const { faceOrder, vertexOrder } = scene.arrays;
       const face = faceOrder ? faceOrder[found.face] : found.face;
-      const [u, v] = place(plane, found);
+      const [u, v] = [0, 1].map((c) => [i, j, k].reduce((sum, at, n) => sum + found.weights[n] * scene.UV[2 * at + c], 0));
       const values = about.colorings.filter((c) => c.kind === "values").map((c) => {
         const x = c.low + ((c.high - c.low) * scene.arrays[c.array][nearest]) / 255;
         return `${c.name} ${x.toPrecision(3)}${c.unit}`;
@@ -361,7 +362,7 @@ function start(scene, gl, image) {
     redraw();
   }
   function turn(view, dx, dy) {
-    view.turn = product(product(about_x(dy * 0.008), about_y(dx * 0.008)), view.turn);
+    view.turn = product(product(aboutX(dy * 0.008), aboutY(dx * 0.008)), view.turn);
     view.X = null;
     redraw();
   }
