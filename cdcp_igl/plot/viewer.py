@@ -255,7 +255,7 @@ def _measured(V: Floats, F: Ints, uv: Floats) -> list[tuple[dict[str, Any], Floa
     mass = np.bincount(F.ravel(), np.repeat(face_areas(V, F), 3), len(V))
     finite = np.isfinite(factor)
     factor = factor - np.average(factor[finite], weights=mass[finite])
-    reach = max(float(np.quantile(abs(factor[finite]), 1 - 2 * BEYOND)), 1e-6)
+    reach = max(float(np.quantile(abs(factor[finite]), 1 - 4 * BEYOND)), 1e-6)
     scale = _coloring(
         "conformal factor", "log of the scale of the map, 0 on the average over the area", "RdBu_r"
     )
