@@ -89,14 +89,28 @@ class DiskMap(Bijection):
         """True for a map that is as conformal as the mesh lets it be, see `conformality`."""
         return bool(self.conformality)
 
+    @property
+    def verdict(self) -> str:
+        """In a word or two, whether the map is valid and conformal."""
+        if not self.valid:
+            return "NOT VALID"
+        return "valid" if self.conformal else "valid, NOT CONFORMAL"
+
+    def __repr__(self) -> str:
+        mean = self.distortion.mean
+        return f"DiskMap({len(self.uv):,} vertices: {self.verdict}, mean distortion {mean:.3g}°)"
+
+    def _repr_html_(self) -> str:
+        from .plot.notebook import disk_map_html
+
+        return disk_map_html(self)
+
     def __str__(self) -> str:
         phases = ", ".join(f"{name} {seconds:.2f}" for name, seconds in self.timings.items())
         free = self.distortion_free
         return "\n".join(
             [
-                f"disk map of {len(self.uv):,} vertices: "
-                + ("valid" if self.valid else "NOT VALID")
-                + (", NOT CONFORMAL" if self.valid and not self.conformal else ""),
+                f"disk map of {len(self.uv):,} vertices: {self.verdict}",
                 f"  angular distortion  {self.distortion}",
                 *([f"  of free faces       {free}"] if free != self.distortion else []),
                 *([] if self.conformal else [f"  conformal           {self.conformality}"]),

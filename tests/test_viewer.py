@@ -237,12 +237,16 @@ def test_hovering_marks_the_face_that_invert_finds(opened, bumps, page):
         assert abs(mark(opened, "plane") - [round(there.real), round(there.imag)]).max() < 1
         seen = (barycentric @ V[F[face]] - middle) @ home.T / radius
         assert abs(mark(opened, "surface") - scale(opened, "surface", 0.95) * seen[:2]).max() < 1.5
-    # And back: on the surface, at the last mark, is the same face.
-    if seen[2] > 0:
-        x, y = mark(opened, "surface")
-        point_at(opened, "surface", x, -y)
+    # And from the surface: the face under the pointer is there.
+    for x, y in ((0, 0), (60, -40), (-50, 70)):
+        point_at(opened, "surface", x, y)
         found = int(find(opened, "#readout").get_attribute("data-face"))
-        assert len(set(F[found]) & set(F[face])) > 0  # it, or one at a pixel's distance
+        corners = scale(opened, "surface", 0.95) * ((V[F[found]] - middle) @ home.T / radius)[:, :2]
+        assert (corners.min(axis=0) - 1 < [x, -y]).all()
+        assert (corners.max(axis=0) + 1 > [x, -y]).all()
+        u, v = result.uv[F[found]].mean(axis=0)
+        disk = scale(opened, "plane", 0.92) * complex(u, v) * turn
+        assert abs(mark(opened, "plane") - [disk.real, disk.imag]).max() < 8
     point_at(opened, "plane", -scale(opened, "plane", 1) + 3, 0)
     assert find(opened, "#readout").get_attribute("data-face") is None
 

@@ -17,6 +17,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 from ..arrays import Bools, Floats, Indices, Ints
 from ..errors import Defect, MeshError, spell
 from .edges import Edges, group_by_edge, half_edges
+from .notebook import html_table
 from .triangles import corner_cotangents
 
 __all__ = ["MeshReport", "check"]
@@ -59,6 +60,19 @@ class MeshReport:
     def is_disk(self) -> bool:
         """True if the mesh can be mapped."""
         return not self.defects
+
+    def __repr__(self) -> str:
+        found = "a disk" if self.is_disk else ", ".join(d.name for d in self.defects)
+        return f"MeshReport({self.n_vertices:,} vertices, {self.n_faces:,} faces: {found})"
+
+    def _repr_html_(self) -> str:
+        counts = f"{self.n_vertices:,} vertices, {self.n_faces:,} faces"
+        rows = {
+            "triangulated disk": "yes" if self.is_disk else "no",
+            "boundary vertices": f"{self.n_boundary:,}",
+            "ears": f"{len(self.ears):,}",
+        }
+        return html_table(counts, rows | {defect.name: str(defect) for defect in self.defects})
 
     def __str__(self) -> str:
         counts = (
