@@ -12,6 +12,7 @@ from .distortion import (
 )
 from .errors import MapError, MeshError, SolverError
 from .mapper import DiskMapper
+from .quadrilateral import rectangle_map
 from .surface.cleaning import clean
 from .surface.report import check
 
@@ -29,6 +30,7 @@ __all__ = [
     "datasets",
     "disk_map",
     "quasi_conformal_dilatation",
+    "rectangle_map",
 ]
 
 logging.getLogger(__name__).addHandler(logging.NullHandler())

@@ -14,7 +14,7 @@ from .location import FaceFinder
 from .mesh import DiskMesh
 from .raster import bilinear, pixel_centers
 
-__all__ = ["Bijection"]
+__all__ = ["Bijection", "as_complex", "as_rows"]
 
 SUM_TOLERANCE = 1e-6  # barycentric coordinates that add up to 1 no better are a mistake
 
@@ -117,7 +117,7 @@ class Bijection:
             raise ValueError(f"uv has shape {points.shape}; it must have two columns")
         if not np.isfinite(points).all():
             raise ValueError("uv must be finite")
-        face, barycentric = self._finder.locate(_complex(points.reshape(-1, 2)))
+        face, barycentric = self._finder.locate(as_complex(points.reshape(-1, 2)))
         return face.reshape(points.shape[:-1]), barycentric.reshape(*points.shape[:-1], 3)
 
     def interpolate(self, values: ArrayLike, uv: ArrayLike) -> Floats:
@@ -189,7 +189,7 @@ class Bijection:
             raise ValueError(f"size must be at least 1, not {size!r}")
         z = pixel_centers(size)
         z /= np.maximum(abs(z), 1)
-        baked = self.interpolate(values, _columns(z))
+        baked = self.interpolate(values, as_rows(z))
         return baked.reshape(size, size, *baked.shape[1:])
 
     def pull_back(self, values: ArrayLike) -> Floats:
@@ -264,12 +264,12 @@ class Bijection:
         if not 0 < side <= 1:
             raise ValueError(f"side must be between 0 and 1, not {side!r}")
         z, F = disk_lattice(side)
-        uv = _columns(z)
+        uv = as_rows(z)
         return self.interpolate(self.mesh.positions, uv), F, uv
 
     @cached_property
     def _z(self) -> Complex:
-        return _complex(self.uv)
+        return as_complex(self.uv)
 
     @cached_property
     def _finder(self) -> FaceFinder:
@@ -289,9 +289,11 @@ def _rows(corners: NDArray[np.float64], face: Ints) -> Floats:
     return corners.reshape(face.size, *corners.shape[face.ndim :])
 
 
-def _complex(uv: Floats) -> Complex:
+def as_complex(uv: Floats) -> Complex:
+    """(k,) u + iv of points (k, 2)."""
     return uv @ np.array([1, 1j])
 
 
-def _columns(z: Complex) -> Floats:
+def as_rows(z: Complex) -> Floats:
+    """(k, 2) real and imaginary parts."""
     return np.column_stack([z.real, z.imag])
