@@ -7,7 +7,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .files import WRITABLE, whole_file, write_map
+from .output import whole_file
+from .writing import WRITABLE, write_map
 
 if TYPE_CHECKING:
     from ..result import DiskMap

@@ -21,12 +21,12 @@ from numpy.typing import ArrayLike
 from ..arrays import Floats, Ints
 from ..distortion import angle_distortion, conformal_factor
 from ..extras import from_extra
-from ..io.files import whole_file
+from ..io import whole_file
 from ..result import DiskMap
 from ..surface.triangles import face_areas
 from .packing import ordered, pack, quantized
 from .pictures import side_by_side, vertex_normals
-from .viewpoint import viewpoint
+from .viewpoint import choose_viewpoint
 
 with from_extra("plot"):
     from matplotlib import colormaps
@@ -193,7 +193,7 @@ def _geometry(V: Floats, F: Ints, uv: Floats) -> tuple[dict[str, Any], dict[str,
     arrays |= {name: quantized(x, -1, 1) for name, x in zip("uv", uv.T, strict=True)}
     arrays["faces"] = F.ravel()
     rim, cut = _rim_and_cut(V, F)
-    home = viewpoint(V, F)
+    home = choose_viewpoint(V, F)
     arrays |= {"rim": rim.ravel(), "cut": cut.ravel()}
     return {
         "extent": ((high - low) / size).tolist(),
