@@ -14,6 +14,7 @@ from .steps.conformality import Conformality
 from .steps.mobius import Normalization
 from .steps.refine import Refinement
 from .steps.repair import Repair
+from .steps.straighten import Straightening
 
 __all__ = ["DiskMap"]
 
@@ -43,6 +44,8 @@ class DiskMap:
         The central face, sect. 4.1, and how it was found.
     trace : BoundaryMethod
         How the boundary got onto the circle, with all fallbacks.
+    straightening : Straightening
+        What was done about the shear that all faces have in common.
     repair : Repair
         What was done about faces that the harmonic map had flipped.
     mobius : Normalization
@@ -63,6 +66,7 @@ class DiskMap:
     distortion_free: AngleDistortion
     center: Center
     trace: BoundaryMethod
+    straightening: Straightening
     repair: Repair
     mobius: Normalization
     refinement: Refinement | None
@@ -93,6 +97,11 @@ class DiskMap:
                 f"  certificate         {self.certificate}",
                 f"  center              {self.center}",
                 f"  boundary            {self.trace}",
+                *(
+                    [f"  straightening       {self.straightening}"]
+                    if self.straightening.before
+                    else []
+                ),
                 f"  repair              {self.repair}",
                 f"  Möbius              {self.mobius}",
                 f"  refinement          {self.refinement or 'not asked for'}",
@@ -127,6 +136,7 @@ class DiskMap:
                 "rejected": list(self.trace.rejected),
                 "spread_faces": self.trace.n_spread,
             },
+            "straightening": asdict(self.straightening),
             "repair": {
                 "flipped_faces": self.repair.n_flipped,
                 "moved_vertices": self.repair.n_moved,

@@ -18,17 +18,21 @@ from .solve.factored import FactoredSurface
 from .steps.center import Center
 from .steps.circle import BoundaryMethod, CircleMap, Rejected, spread
 from .steps.conformality import Conformality, judge
-from .steps.mobius import Normalization, normalize, rotate
+from .steps.mobius import MobiusMethod, Normalization, normalize, rotate
 from .steps.options import Options
 from .steps.phases import Phases
 from .steps.refine import Refinement, lower_angle_distortion
 from .steps.repair import Repair, unfold
+from .steps.straighten import Straightening
 from .surface.mesh import DiskMesh
 
 __all__ = ["HarmonicMap", "best_map"]
 
 log = logging.getLogger("cdcp_igl")
 
+# Where straightening removes more than this share of the distortion, the boundary is a polygon
+# so coarse that the harmonic map is not near the conformal one: one step of refinement is due.
+SHEARED = 0.2
 REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
 
 
@@ -41,11 +45,13 @@ class HarmonicMap:
     f : (n,) complex128
     boundary : CircleMap
     center : Center
+    straightening : Straightening
     """
 
     f: Complex
     boundary: CircleMap
     center: Center
+    straightening: Straightening
 
 
 Way = Callable[[Phases], HarmonicMap]  # to a harmonic map; raises Rejected where there is none
@@ -61,6 +67,7 @@ class Candidate:
     conformality: Conformality
     center: Center
     trace: BoundaryMethod
+    straightening: Straightening
     mobius: Normalization
     repair: Repair
     refinement: Refinement | None = None
@@ -123,10 +130,11 @@ def best_map(
     for objection in rejected:
         log.info("boundary by %s, rejected %s", best.trace.name, objection)
     best = replace(best, trace=replace(best.trace, rejected=tuple(rejected)))
-    if options.refine and best.certificate.valid:
+    steps = options.refine or int(best.straightening.gain > SHEARED)
+    if steps and best.certificate.valid:
         if not keep_factor:
             surface.release()
-        best = _refined(surface.mesh, best, surface.factor.order, options, phase)
+        best = _refined(surface.mesh, best, surface.factor.order, steps, options, phase)
     result = _disk_map(surface, best, phase)
     if not result.valid:
         raise MapError(
@@ -143,17 +151,44 @@ def best_map(
 def _normalized(
     mesh: DiskMesh, harmonic: HarmonicMap, options: Options, phase: Phases
 ) -> Candidate:
-    """Do the second half of Algorithm 1, the Möbius transformation; then repair and judge."""
+    """Do the second half of Algorithm 1, the Möbius transformation; then repair and judge.
+
+    A transformed map that had to be repaired is held against the repaired map without the
+    transformation, and the better one is taken.
+    """
+    candidate = _repaired(mesh, harmonic, options, options.mobius_method, phase)
+    if candidate.repair.n_flipped and candidate.mobius.w:
+        plain = _repaired(mesh, harmonic, options, None, phase)
+        if plain.rank < candidate.rank:
+            mobius = Normalization(candidate.mobius.method, 0j, "repair")
+            return replace(plain, mobius=mobius)
+    return candidate
+
+
+def _repaired(
+    mesh: DiskMesh,
+    harmonic: HarmonicMap,
+    options: Options,
+    method: MobiusMethod | None,
+    phase: Phases,
+) -> Candidate:
+    opened: dict[str, int] = {}
+
+    def open_arcs(f: Complex) -> Complex:
+        f, opened["faces"] = spread(mesh, f, harmonic.boundary.extend)
+        return f
+
     with phase("mobius"):
-        f, normalization = normalize(mesh, harmonic.f, options.mobius_method)  # (19), (20)
+        f, normalization = normalize(mesh, harmonic.f, method, open_arcs)  # (19), (20)
     with phase("repair"):
-        f, n_spread = spread(mesh, f, harmonic.boundary.extend)
         f, repair = unfold(mesh, rotate(mesh, f, options.align))
     if repair.n_flipped:
         log.info("%s", repair)
-    trace = replace(harmonic.boundary.method, n_spread=n_spread)
+    trace = replace(harmonic.boundary.method, n_spread=opened["faces"])
     known = _judged(mesh, f, phase)
-    return Candidate(f, *known, harmonic.center, trace, normalization, repair)
+    return Candidate(
+        f, *known, harmonic.center, trace, harmonic.straightening, normalization, repair
+    )
 
 
 def _judged(mesh: DiskMesh, f: Complex, phase: Phases) -> tuple[Certificate, Floats, Conformality]:
@@ -166,7 +201,12 @@ def _judged(mesh: DiskMesh, f: Complex, phase: Phases) -> tuple[Certificate, Flo
 
 
 def _refined(
-    mesh: DiskMesh, candidate: Candidate, order: Ints, options: Options, phase: Phases
+    mesh: DiskMesh,
+    candidate: Candidate,
+    order: Ints,
+    steps: int,
+    options: Options,
+    phase: Phases,
 ) -> Candidate:
     """Lower the angular distortion beyond that of the harmonic map."""
     with phase("refine") as advance:
@@ -174,7 +214,7 @@ def _refined(
             mesh,
             candidate.f,
             order,
-            options.refine,
+            steps,
             options.refine_norm,
             seconds=options.refine_seconds,
             turn=partial(rotate, mesh, align=options.align),
@@ -212,6 +252,7 @@ def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskM
         center=best.center,
         trace=best.trace,
         repair=best.repair,
+        straightening=best.straightening,
         mobius=best.mobius,
         refinement=best.refinement,
         solver=surface.factor.solver,

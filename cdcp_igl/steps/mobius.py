@@ -64,7 +64,10 @@ class Normalization:
 
 
 def normalize(
-    mesh: DiskMesh, f: Complex, method: MobiusMethod | None
+    mesh: DiskMesh,
+    f: Complex,
+    method: MobiusMethod | None,
+    opened: Callable[[Complex], Complex] = lambda f: f,
 ) -> tuple[Complex, Normalization]:
     """Apply the best Möbius transformation that does no harm.
 
@@ -80,6 +83,8 @@ def normalize(
         Map onto the unit disk, first boundary vertex at 1.
     method : {"angle", "nelder-mead", "area"} or None
         Least angular distortion by Newton or by Nelder-Mead; conformal barycentre; none.
+    opened : callable
+        What will be done to the map before its faces count as turned over.
 
     Returns
     -------
@@ -94,24 +99,28 @@ def normalize(
     elif method == "area":
         w = conformal_barycenter(f, _vertex_areas(mesh))
     else:
-        return f, Normalization("none", 0j)
+        return opened(f), Normalization("none", 0j)
 
     judges = _sample(mesh.F)
     z, errors = f[mesh.F[judges]], plane_angles(f, mesh.F[judges]) - mesh.angles[judges]
-    flipped = _flipped(mesh, f)
+    allowed: Ints | None = None  # faces that are turned over anyway
     reason = "no improvement"
     for _ in range(HALVINGS):
         if method != "area" and not _is_improvement(z, errors, w):
             break
         moved = _at_one(mesh, mobius(f, w), mesh.loop[0])
-        if not is_around(moved[mesh.loop]):
-            reason = "crowding"
-        elif np.isin(_flipped(mesh, moved), flipped).all():
-            return moved, Normalization(method, w)
-        else:
+        if is_around(moved[mesh.loop]):
+            moved = opened(moved)
+            turned = _flipped(mesh, moved)
+            if len(turned) and allowed is None:
+                allowed = _flipped(mesh, opened(f))
+            if allowed is None or np.isin(turned, allowed).all():
+                return moved, Normalization(method, w)
             reason = "flipped faces"
+        else:
+            reason = "crowding"
         w /= 2
-    return f, Normalization(method, 0j, reason)
+    return opened(f), Normalization(method, 0j, reason)
 
 
 def _is_improvement(z: Complex, errors: Floats, w: complex) -> bool:

@@ -24,7 +24,7 @@ __all__ = ["Refinement", "WeightedLaplacian", "gauss_newton_step", "lower_angle_
 ROUNDING = np.radians(0.1)  # below this angle |r|^p is rounded off to a parabola
 CG_ITERATIONS = 3  # lower the objective to within 0.3 % of what the solved system would
 DAMPINGS = (0, 1, 10, 100)  # tried in turn
-HALVINGS = 3  # of a step, before it is computed again with more damping
+HALVINGS = 6  # of a step, before it is computed again with more damping
 LOWERING = 0.5  # of p from 2 to the norm, with each step that needs no damping
 SHIFT = 1e-10  # of the unit diagonal: keeps rounding from an indefinite matrix
 
@@ -152,13 +152,22 @@ def _line_search(
     objective: float,
     turn: Callable[[Complex], Complex],
 ) -> tuple[Complex, Floats, float] | None:
-    """Halve a step until no face flips and the objective falls; None if it does not."""
-    for halvings in range(HALVINGS):
-        trial = turn(_slide(mesh, f, step / 2**halvings))
+    """Halve a step until the objective falls, and at faces that it flips until it does not.
+
+    None if that does not help.
+    """
+    scale = np.ones(len(f))
+    for _ in range(HALVINGS):
+        trial = turn(_slide(mesh, f, scale * step))
+        flipped, _ = flipped_faces(np.column_stack([trial.real, trial.imag]), mesh.F)
+        if len(flipped):
+            scale[np.unique(mesh.F[flipped])] /= 2
+            continue
         r = angle_errors(mesh, trial)
         value = _power_mean(r, norm)
-        if value < objective and _is_bijective(mesh, trial):
+        if value < objective and is_around(trial[mesh.loop]):
             return trial, r, value
+        scale /= 2
     return None
 
 
