@@ -31,8 +31,15 @@ __all__ = ["HarmonicMap", "best_map"]
 log = logging.getLogger("cdcp_igl")
 
 # Where straightening removes more than this share of the distortion, the boundary is a polygon
-# so coarse that the harmonic map is not near the conformal one: one step of refinement is due.
-SHEARED = 0.2
+# so coarse that the harmonic map is not near the conformal one;
+COARSE = 0.2
+# and so it is where the errors are more than this times what the scale explains. Such maps have
+# steps of refinement even if none are asked for.
+EXCESS = 1.1
+STEPS_DUE = 2
+# If a larger share of the faces is flipped, other maps come first: those of the intrinsic
+# Delaunay Laplacian have a hundredth of the flipped faces of the cotangent one on slivers.
+MANY_FLIPPED = 0.003
 REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
 
 
@@ -77,6 +84,12 @@ class Candidate:
         """Valid maps come first, then those of low mean distortion."""
         return not self.certificate.valid, float(abs(self.errors).mean())
 
+    @property
+    def steps_due(self) -> int:
+        """Steps of refinement for a map that is measurably not near the conformal one."""
+        unlike = self.straightening.gain > COARSE or self.conformality.excess > EXCESS
+        return STEPS_DUE if unlike else 0
+
     def objection(self) -> str:
         """Why another map was sought after this one."""
         name = self.trace.name
@@ -115,22 +128,29 @@ def best_map(
     MapError
         If no map is valid.
     """
-    candidates, rejected = [], []
+    candidates, rejected, postponed = [], [], []
     for way in ways:
         try:
             harmonic = way(phase)
         except Rejected as reason:
             rejected.append(str(reason))
             continue
-        candidates.append(_normalized(surface.mesh, harmonic, options, phase))
-        if not candidates[-1].conformality.sheared:
+        candidate = _normalized(surface.mesh, harmonic, options, MANY_FLIPPED, phase)
+        candidates.append(candidate)
+        if candidate.repair.is_left_undone:
+            postponed.append(harmonic)
+        if not candidate.conformality.sheared:
             break
+    else:
+        for harmonic in postponed:
+            candidates.append(_normalized(surface.mesh, harmonic, options, 1, phase))
     best = min(candidates, key=lambda candidate: candidate.rank)
-    rejected += [other.objection() for other in candidates if other is not best]
+    others = [other for other in candidates if other is not best]
+    rejected += list(dict.fromkeys(other.objection() for other in others))
     for objection in rejected:
         log.info("boundary by %s, rejected %s", best.trace.name, objection)
     best = replace(best, trace=replace(best.trace, rejected=tuple(rejected)))
-    steps = options.refine or int(best.straightening.gain > SHEARED)
+    steps = options.refine or best.steps_due
     if steps and best.certificate.valid:
         if not keep_factor:
             surface.release()
@@ -149,16 +169,16 @@ def best_map(
 
 
 def _normalized(
-    mesh: DiskMesh, harmonic: HarmonicMap, options: Options, phase: Phases
+    mesh: DiskMesh, harmonic: HarmonicMap, options: Options, share: float, phase: Phases
 ) -> Candidate:
     """Do the second half of Algorithm 1, the Möbius transformation; then repair and judge.
 
-    A transformed map that had to be repaired is held against the repaired map without the
-    transformation, and the better one is taken.
+    At most this share of the faces is repaired. A transformed map that had to be repaired is
+    held against the repaired map without the transformation, and the better one is taken.
     """
-    candidate = _repaired(mesh, harmonic, options, options.mobius_method, phase)
-    if candidate.repair.n_flipped and candidate.mobius.w:
-        plain = _repaired(mesh, harmonic, options, None, phase)
+    candidate = _repaired(mesh, harmonic, options, options.mobius_method, share, phase)
+    if candidate.repair.rounds and candidate.mobius.w:
+        plain = _repaired(mesh, harmonic, options, None, share, phase)
         if plain.rank < candidate.rank:
             mobius = Normalization(candidate.mobius.method, 0j, "repair")
             return replace(plain, mobius=mobius)
@@ -170,6 +190,7 @@ def _repaired(
     harmonic: HarmonicMap,
     options: Options,
     method: MobiusMethod | None,
+    share: float,
     phase: Phases,
 ) -> Candidate:
     opened: dict[str, int] = {}
@@ -181,7 +202,7 @@ def _repaired(
     with phase("mobius"):
         f, normalization = normalize(mesh, harmonic.f, method, open_arcs)  # (19), (20)
     with phase("repair"):
-        f, repair = unfold(mesh, rotate(mesh, f, options.align))
+        f, repair = unfold(mesh, rotate(mesh, f, options.align), share * len(mesh.F))
     if repair.n_flipped:
         log.info("%s", repair)
     trace = replace(harmonic.boundary.method, n_spread=opened["faces"])
