@@ -23,7 +23,7 @@ from .steps.dipole import boundary_trace
 from .steps.mobius import MobiusMethod, normalize
 from .steps.options import Options
 from .steps.phases import Phases, Progress
-from .steps.straighten import Straightening, straighten
+from .steps.straightening import Straightening, straighten
 from .surface.mesh import DiskMesh
 
 __all__ = ["Attempts", "Steps", "algorithm_1", "cdcp", "disk_map"]

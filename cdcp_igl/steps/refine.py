@@ -79,7 +79,8 @@ def lower_angle_distortion(
     """Lower the sum of |angle error|^p over all corners; boundary vertices slide on the circle.
 
     Gauss-Newton with iteratively reweighted least squares. A step that flips a face or does
-    not lower the objective is halved, and then computed again with Levenberg-Marquardt damping of the shear
+    not lower the objective is halved, and then computed again with Levenberg-Marquardt damping
+    of the shear
     of every face; when the strongest damping does not help, the refinement ends. The weights
     begin with those of p = 2, which bring the large errors down that a smaller p would take for
     outliers; each step without damping lowers p until it is the norm.

@@ -19,6 +19,7 @@ __all__ = ["Repair", "mean_value_weights", "unfold"]
 
 RINGS = 10  # largest radius of a patch around a flipped face
 ATTEMPTS = 4  # to unfold what is left when the patches have reached another third of that
+FEW = 10  # faces that are worth another attempt even if the last one mended none
 SOFTNESSES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the relaxation that pulls faces over, in turn
 SWEEPS = 4  # of that relaxation with each
 # Moves of vertices in the relaxation at the end: 30 sweeps of what a few flipped faces take, and
@@ -104,7 +105,7 @@ def unfold(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, R
         rounds += tried
         g = near.pull_over(g, attempt)
         left = len(near.flipped(g))
-        if left == 0 or left > before / 2:
+        if left == 0 or left > max(before / 2, FEW):
             break
     if left:
         near = _Neighbourhood(mesh, np.ones(len(f), dtype=bool))
@@ -189,6 +190,9 @@ class _Neighbourhood:
             patch = self.free & self._within(folded, reach)
             part = _connected(self.F, patch)
             trial = self.combine(g, patch)
+            if rounds:  # what the means leave folded, or fold
+                around = self.free & _grow(self.F, patch, 2)
+                trial = Relaxation(self.V, self.F, around).sweep(trial, SWEEPS)
             # Flipped faces by patch; the first count is that of faces without one.
             counts = [
                 np.bincount(part[self.F[rows]].max(axis=1) + 1, minlength=part.max() + 2)
@@ -240,7 +244,7 @@ class _Neighbourhood:
 
     def relaxed(self, g: Complex) -> Complex:
         """Relax what has been moved towards conformality, unless rounding flips a face then."""
-        moving = self.free & _grow(self.F, self.moved, 2)
+        moving = self.free & _grow(self.F, self.moved, 6)
         sweeps = min(MOST_SWEEPS, 1 + MOVES // (1 + int(moving.sum())))
         trial = Relaxation(self.V, self.F, moving).sweep(g, sweeps)
         if len(self.flipped(trial)) > len(self.flipped(g)):
