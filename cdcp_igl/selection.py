@@ -22,7 +22,7 @@ from .steps.mobius import MobiusMethod, Normalization, normalize, rotate
 from .steps.options import Options
 from .steps.phases import Phases
 from .steps.refine import Refinement, lower_angle_distortion
-from .steps.repair import Repair, unfold
+from .steps.repair import Repair, mend, unfold
 from .steps.straightening import Straightening
 from .surface.mesh import DiskMesh
 
@@ -37,9 +37,12 @@ COARSE = 0.2
 # steps of refinement even if none are asked for.
 EXCESS = 1.1
 STEPS_DUE = 2
+# So are these, of a map whose interior had to be replaced.
+STEPS_AFTER_REPAIR = 5
 # If a larger share of the faces is flipped, other maps come first: those of the intrinsic
 # Delaunay Laplacian have a hundredth of the flipped faces of the cotangent one on slivers.
 MANY_FLIPPED = 0.003
+MUCH_REPAIRED = 0.5
 REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
 
 
@@ -87,6 +90,8 @@ class Candidate:
     @property
     def steps_due(self) -> int:
         """Steps of refinement for a map that is measurably not near the conformal one."""
+        if self.repair.n_moved > MUCH_REPAIRED * len(self.f):
+            return STEPS_AFTER_REPAIR
         unlike = self.straightening.gain > COARSE or self.conformality.excess > EXCESS
         return STEPS_DUE if unlike else 0
 
@@ -128,29 +133,26 @@ def best_map(
     MapError
         If no map is valid.
     """
-    candidates, rejected, postponed = [], [], []
+    mesh, candidates, rejected, known = surface.mesh, [], [], []
     for way in ways:
         try:
             harmonic = way(phase)
         except Rejected as reason:
             rejected.append(str(reason))
             continue
-        candidate = _normalized(surface.mesh, harmonic, options, MANY_FLIPPED, phase)
-        candidates.append(candidate)
-        if candidate.repair.is_left_undone:
-            postponed.append(harmonic)
-        if not candidate.conformality.sheared:
+        known.append(harmonic)
+        candidates.append(_normalized(mesh, harmonic, options, phase))
+        if not candidates[-1].conformality.sheared:
             break
-    else:
-        for harmonic in postponed:
-            candidates.append(_normalized(surface.mesh, harmonic, options, 1, phase))
+    if not any(candidate.certificate.valid for candidate in candidates):
+        candidates += [_unfolded(mesh, harmonic, options, phase) for harmonic in known]
     best = min(candidates, key=lambda candidate: candidate.rank)
     others = [other for other in candidates if other is not best]
     rejected += list(dict.fromkeys(other.objection() for other in others))
     for objection in rejected:
         log.info("boundary by %s, rejected %s", best.trace.name, objection)
     best = replace(best, trace=replace(best.trace, rejected=tuple(rejected)))
-    steps = options.refine or best.steps_due
+    steps = options.refine or (0 if options.paper else best.steps_due)
     if steps and best.certificate.valid:
         if not keep_factor:
             surface.release()
@@ -169,20 +171,28 @@ def best_map(
 
 
 def _normalized(
-    mesh: DiskMesh, harmonic: HarmonicMap, options: Options, share: float, phase: Phases
+    mesh: DiskMesh, harmonic: HarmonicMap, options: Options, phase: Phases
 ) -> Candidate:
     """Do the second half of Algorithm 1, the Möbius transformation; then repair and judge.
 
-    At most this share of the faces is repaired. A transformed map that had to be repaired is
-    held against the repaired map without the transformation, and the better one is taken.
+    A transformed map that had to be repaired is held against the repaired map without the
+    transformation, and the better one is taken.
     """
-    candidate = _repaired(mesh, harmonic, options, options.mobius_method, share, phase)
+    repair = partial(mend, most=MANY_FLIPPED * len(mesh.F))
+    candidate = _repaired(mesh, harmonic, options, options.mobius_method, repair, phase)
     if candidate.repair.rounds and candidate.mobius.w:
-        plain = _repaired(mesh, harmonic, options, None, share, phase)
+        plain = _repaired(mesh, harmonic, options, None, repair, phase)
         if plain.rank < candidate.rank:
-            mobius = Normalization(candidate.mobius.method, 0j, "repair")
-            return replace(plain, mobius=mobius)
+            return replace(plain, mobius=Normalization(candidate.mobius.method, 0j, "repair"))
     return candidate
+
+
+def _unfolded(mesh: DiskMesh, harmonic: HarmonicMap, options: Options, phase: Phases) -> Candidate:
+    """Repair a map at whatever cost, and judge it; without a Möbius transformation."""
+    candidate = _repaired(mesh, harmonic, options, None, unfold, phase)
+    if options.mobius_method is None:
+        return candidate
+    return replace(candidate, mobius=Normalization(options.mobius_method, 0j, "repair"))
 
 
 def _repaired(
@@ -190,7 +200,7 @@ def _repaired(
     harmonic: HarmonicMap,
     options: Options,
     method: MobiusMethod | None,
-    share: float,
+    repaired: Callable[[DiskMesh, Complex], tuple[Complex, Repair]],
     phase: Phases,
 ) -> Candidate:
     opened: dict[str, int] = {}
@@ -202,7 +212,7 @@ def _repaired(
     with phase("mobius"):
         f, normalization = normalize(mesh, harmonic.f, method, open_arcs)  # (19), (20)
     with phase("repair"):
-        f, repair = unfold(mesh, rotate(mesh, f, options.align), share * len(mesh.F))
+        f, repair = repaired(mesh, rotate(mesh, f, options.align))
     if repair.n_flipped:
         log.info("%s", repair)
     trace = replace(harmonic.boundary.method, n_spread=opened["faces"])

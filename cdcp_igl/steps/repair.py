@@ -1,4 +1,4 @@
-"""Repair of flipped faces: mean-value patches and relaxation, both near the faces."""
+"""Repair of flipped faces: mean-value patches and relaxation near them, or everywhere."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from ..certificate import flipped_faces
 from ..surface.mesh import DiskMesh
 from .relaxation import Relaxation
 
-__all__ = ["Repair", "mean_value_weights", "unfold"]
+__all__ = ["Repair", "mean_value_weights", "mend", "unfold"]
 
 RINGS = 10  # largest radius of a patch around a flipped face
-ATTEMPTS = 4  # to unfold what is left when the patches have reached another third of that
+ATTEMPTS = 4  # with patches up to a quarter of that, a half and so on
+MANY = 0.03  # of the faces: so many flipped faces are not near each other, but everywhere
 FEW = 10  # faces that are worth another attempt even if the last one mended none
 SOFTNESSES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the relaxation that pulls faces over, in turn
 SWEEPS = 4  # of that relaxation with each
-# Moves of vertices in the relaxation at the end: 30 sweeps of what a few flipped faces take, and
-# a few over 50,000 vertices.
-MOVES, MOST_SWEEPS = 200_000, 30
+RELAXED = 6  # rings around what was moved, that are relaxed with it
+MOVES, MOST_SWEEPS = 200_000, 30  # of vertices at most, in these sweeps at most
 
 
 @dataclass(frozen=True)
@@ -54,24 +54,52 @@ class Repair:
         if self.n_flipped == 0:
             return "not needed"
         if self.is_left_undone:
-            return f"{self.n_flipped:,} flipped faces, too many"
+            return f"{self.n_flipped:,} flipped faces, too many to be repaired"
         return (
             f"{self.n_flipped:,} flipped faces unfolded by moving {self.n_moved:,} vertices "
             f"in {self.rounds} rounds"
         )
 
 
-def unfold(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:
-    """Make every face positively oriented, boundary fixed.
+def unfold(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
+    """Make every face positively oriented, boundary fixed, at whatever cost.
+
+    Where `mend` cannot, because of many flipped faces or stubborn ones, the whole interior
+    is set to mean values, and Floater's theorem applies: positive weights and a convex
+    boundary give an embedding, as far as double precision goes.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    f : (n,) complex128
+        Map onto the disk, boundary strictly counterclockwise on the circle.
+
+    Returns
+    -------
+    f : (n,) complex128
+        The argument itself if it has no flipped face.
+    Repair
+
+    References
+    ----------
+    M. S. Floater. Mean value coordinates. Comput. Aided Geom. Design 20(1), 2003.
+    """
+    g, repair = mend(mesh, f, MANY * len(mesh.F))
+    if len(_flipped(mesh.F, g)) == 0:
+        return g, repair
+    whole = _Neighbourhood(mesh, np.ones(len(f), dtype=bool))
+    f = whole.combine(f, whole.free)
+    return f, Repair(repair.n_flipped, len(mesh.interior), repair.rounds + 1)
+
+
+def mend(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:
+    """Unfold flipped faces by moving vertices near them and no others.
 
     Cotangents of obtuse angles are negative, and a harmonic map with negative weights may
     fold. The vertices of the flipped faces are set to mean-value combinations of their
     neighbours, whose weights are positive; a patch of them is kept if it has fewer flipped
     faces then, and larger the next time if it has not. What no patch mends, a relaxation
-    that pulls faces over may. Everything outside of the patches stays. Should all that fail,
-    the patch becomes the whole interior, where Floater's theorem applies: positive weights
-    and a convex boundary give an embedding, as far as double precision goes. At the end what
-    was moved is relaxed towards conformality.
+    that pulls faces over may. At the end what was moved is relaxed towards conformality.
 
     Parameters
     ----------
@@ -84,34 +112,25 @@ def unfold(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, R
     Returns
     -------
     f : (n,) complex128
-        The argument itself if nothing was done.
+        It may still have flipped faces; the argument itself if nothing was done.
     Repair
-
-    References
-    ----------
-    M. S. Floater. Mean value coordinates. Comput. Aided Geom. Design 20(1), 2003.
     """
     flipped = _flipped(mesh.F, f)
     if len(flipped) == 0 or len(flipped) > most:
         return f, Repair(len(flipped))
     folded = np.zeros(len(f), dtype=bool)
     folded[mesh.F[flipped]] = True
-    near = _Neighbourhood(mesh, _grow(mesh.F, folded, RINGS + ATTEMPTS + 3))
+    near = _Neighbourhood(mesh, _grow(mesh.F, folded, RINGS + RELAXED + 1))
     g = near.of(f)
     rounds = 0
     for attempt in range(1, ATTEMPTS + 1):
         before = len(near.flipped(g))
-        g, tried = near.mend(g, attempt * RINGS // ATTEMPTS)
+        g, tried = near.average(g, attempt * RINGS // ATTEMPTS)
         rounds += tried
         g = near.pull_over(g, attempt)
         left = len(near.flipped(g))
         if left == 0 or left > max(before / 2, FEW):
             break
-    if left:
-        near = _Neighbourhood(mesh, np.ones(len(f), dtype=bool))
-        g = near.combine(f, near.free)
-        rounds += 1
-        near.moved = near.free
     f = f.copy()
     f[near.vertices] = near.relaxed(g)
     return f, Repair(len(flipped), int(near.moved.sum()), rounds)
@@ -177,7 +196,7 @@ class _Neighbourhood:
         """Rows of F that are not positively oriented."""
         return _flipped(self.F, g)
 
-    def mend(self, g: Complex, rings: int) -> tuple[Complex, int]:
+    def average(self, g: Complex, rings: int) -> tuple[Complex, int]:
         """Set patches around flipped faces to mean values, and keep those that are better then.
 
         A patch that is not is larger by a ring the next time, up to so many.
@@ -244,7 +263,7 @@ class _Neighbourhood:
 
     def relaxed(self, g: Complex) -> Complex:
         """Relax what has been moved towards conformality, unless rounding flips a face then."""
-        moving = self.free & _grow(self.F, self.moved, 6)
+        moving = self.free & _grow(self.F, self.moved, RELAXED)
         sweeps = min(MOST_SWEEPS, 1 + MOVES // (1 + int(moving.sum())))
         trial = Relaxation(self.V, self.F, moving).sweep(g, sweeps)
         if len(self.flipped(trial)) > len(self.flipped(g)):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Complex, Floats
+from ..arrays import Complex, Floats, Ints
 from ..certificate import is_around
 from ..distortion import plane_angles
 from ..surface.mesh import DiskMesh
@@ -17,6 +17,7 @@ __all__ = ["Straightening", "common_shear", "straighten"]
 FEW_FACES = 1_000  # enough to tell whether there is anything to gain
 MANY_FACES = 30_000  # for the gain itself
 WORTH = 0.02  # of the mean angular distortion: a smaller gain is not worth two solves
+STEPS = 8  # of Gauss-Newton; one is enough but for the strongest shear
 ROUNDS = 8  # of reweighted least squares
 SOFT = 0.2  # corner of the pseudo-Huber function, by the median residual
 HALVINGS = 5
@@ -72,8 +73,8 @@ def straighten(
     f : (n,) complex128
         Harmonic map onto the disk.
     extend : callable
-        Extends boundary values harmonically to all of the surface; called twice or more where
-        there is something to gain.
+        Extends boundary values harmonically to all of the surface; called twice or more for
+        each step.
 
     Returns
     -------
@@ -81,23 +82,39 @@ def straighten(
         The argument itself where less than 2 % of the mean angular distortion can be gained.
     Straightening
     """
-    _, possible = common_shear(mesh, f, FEW_FACES)
+    shear, possible = common_shear(mesh, f, FEW_FACES)
     if possible < WORTH:
         return f, Straightening()
-    faces = mesh.F[_spread_evenly(len(mesh.F), MANY_FACES)]
-    angles = mesh.angles[_spread_evenly(len(mesh.F), MANY_FACES)]
-    errors = plane_angles(f, faces) - angles
-    shear, _ = common_shear(mesh, f, MANY_FACES)
+    judges = _spread_evenly(len(mesh.F), MANY_FACES)
+    faces, angles = mesh.F[judges], mesh.angles[judges]
+    first = last = float(abs(plane_angles(f, faces) - angles).mean())
+    for _ in range(STEPS):
+        straight = _straighter(mesh, f, extend, faces, angles, last)
+        if straight is None:
+            break
+        before, (f, last) = last, straight
+        if last > (1 - WORTH) * before:
+            break
+    degrees = np.degrees([first, last])
+    return f, Straightening(abs(shear), *degrees.tolist()) if last < first else Straightening()
 
+
+def _straighter(
+    mesh: DiskMesh,
+    f: Complex,
+    extend: Callable[[Complex], Complex],
+    faces: Ints,
+    angles: Floats,
+    before: float,
+) -> tuple[Complex, float] | None:
+    """Take one step of Gauss-Newton: the map and its mean distortion; None if not lower."""
     boundary = f[mesh.loop]
     third = extend(boundary**3)
     # To first order in a = x + iy, i zeta theta = i (a conj(zeta) + conj(a) zeta^3) / 2, and
     # the extension of conj(zeta) is conj(f).
     moves = [(f.conj() + third) / 2 * 1j, (third - f.conj()) / 2]
     responses = [_angle_response(f[faces], move[faces]) for move in moves]
-    a, _ = _least_errors(errors, *responses)
-
-    before = float(abs(errors).mean())
+    a, _ = _least_errors(plane_angles(f, faces) - angles, *responses)
     for _ in range(HALVINGS):
         turned = boundary * np.exp(1j * (a * boundary.conj() ** 2).real)
         turned /= turned[0]
@@ -106,10 +123,9 @@ def straighten(
             straight = extend(turned)
             after = float(abs(plane_angles(straight, faces) - angles).mean())
             if after < before:
-                degrees = np.degrees([before, after])
-                return straight, Straightening(abs(shear), *degrees.tolist())
+                return straight, after
         a /= 2
-    return f, Straightening()
+    return None
 
 
 def common_shear(mesh: DiskMesh, f: Complex, most: int) -> tuple[complex, float]:
@@ -137,7 +153,8 @@ def common_shear(mesh: DiskMesh, f: Complex, most: int) -> tuple[complex, float]
     return mu, float(1 - after / before) if before > 0 else 0.0
 
 
-def _spread_evenly(m: int, most: int) -> np.ndarray:
+def _spread_evenly(m: int, most: int) -> Ints:
+    """(k,) rows of at most so many of m faces."""
     return np.linspace(0, m - 1, min(most, m)).astype(np.int64)
 
 
