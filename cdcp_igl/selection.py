@@ -38,7 +38,7 @@ COARSE = 0.2
 EXCESS = 1.1
 STEPS_DUE = 2
 # So are these, of a map whose interior had to be replaced.
-STEPS_AFTER_REPAIR = 5
+STEPS_AFTER_REPAIR = 10
 # If a larger share of the faces is flipped, other maps come first: those of the intrinsic
 # Delaunay Laplacian have a hundredth of the flipped faces of the cotangent one on slivers.
 MANY_FLIPPED = 0.003
