@@ -23,6 +23,7 @@ from .steps.dipole import boundary_trace
 from .steps.mobius import MobiusMethod, normalize
 from .steps.options import Options
 from .steps.phases import Phases, Progress
+from .steps.remote import remote_parts
 from .steps.straightening import Straightening, straighten
 from .surface.mesh import DiskMesh
 
@@ -272,9 +273,12 @@ class Attempts:
         with phase("extension"):
             f = boundary.extend(boundary.f_B)  # (10)
             straightening = Straightening()
-            if steps.straightened:
+            if steps.straightened and not boundary.is_crowded:
                 f, straightening = straighten(surface.mesh, f, boundary.extend)
-        return HarmonicMap(f, boundary, tau_c, straightening)
+                if straightening.before:
+                    boundary = boundary.turned(f[surface.mesh.loop])
+            remote = remote_parts(surface.mesh, boundary.steps, boundary.f_B, boundary.extend)
+        return HarmonicMap(f, boundary, remote, tau_c, straightening)
 
     @property
     def started(self) -> bool:

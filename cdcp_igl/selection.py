@@ -16,12 +16,13 @@ from .errors import MapError
 from .result import DiskMap
 from .solve.factored import FactoredSurface
 from .steps.center import Center
-from .steps.circle import BoundaryMethod, CircleMap, Rejected, spread_corners
+from .steps.circle import BoundaryMethod, CircleMap, Rejected, hold_open
 from .steps.conformality import Conformality, judge
 from .steps.mobius import MobiusMethod, Normalization, normalize, rotate
 from .steps.options import Options
 from .steps.phases import Phases
 from .steps.refine import Refinement, lower_angle_distortion
+from .steps.remote import Remote
 from .steps.repair import Repair, mend, unfold
 from .steps.straightening import Straightening
 from .surface.mesh import DiskMesh
@@ -54,12 +55,15 @@ class HarmonicMap:
     ----------
     f : (n,) complex128
     boundary : CircleMap
+    remote : Remote or None
+        What is too close to the circle for f to tell its vertices apart.
     center : Center
     straightening : Straightening
     """
 
     f: Complex
     boundary: CircleMap
+    remote: Remote | None
     center: Center
     straightening: Straightening
 
@@ -203,19 +207,23 @@ def _repaired(
     repaired: Callable[[DiskMesh, Complex], tuple[Complex, Repair]],
     phase: Phases,
 ) -> Candidate:
-    opened: dict[str, int] = {}
+    n_held = 0
 
-    def open_arcs(f: Complex) -> Complex:
-        f, opened["faces"] = spread_corners(mesh, f, harmonic.boundary.extend)
+    def finished(f: Complex, w: complex) -> Complex:
+        nonlocal n_held
+        f = rotate(mesh, f, options.align)
+        if harmonic.remote:
+            f = harmonic.remote.placed(f, w)
+        f, n_held = hold_open(mesh, f)
         return f
 
     with phase("mobius"):
-        f, normalization = normalize(mesh, harmonic.f, method, open_arcs)  # (19), (20)
+        f, normalization = normalize(mesh, harmonic.f, method, finished)  # (19), (20)
     with phase("repair"):
-        f, repair = repaired(mesh, rotate(mesh, f, options.align))
+        f, repair = repaired(mesh, f)
     if repair.n_flipped:
         log.info("%s", repair)
-    trace = replace(harmonic.boundary.method, n_spread=opened["faces"])
+    trace = replace(harmonic.boundary.method, n_spread=n_held)
     # What repair leaves behind is in few places.
     known = _judged(mesh, f, phase, closely=repair.n_flipped > 0)
     return Candidate(
@@ -251,7 +259,7 @@ def _refined(
             steps,
             options.refine_norm,
             seconds=options.refine_seconds,
-            turn=partial(rotate, mesh, align=options.align),
+            turn=lambda f: hold_open(mesh, rotate(mesh, f, options.align))[0],
             advance=advance,
         )
     if refinement.stopped:
@@ -281,6 +289,7 @@ def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskM
         conformality = replace(conformality, reasons=conformality.reasons + causes)
     return DiskMap(
         uv=uv,
+        mesh=mesh,
         certificate=best.certificate,
         conformality=conformality,
         distortion=distortion,
@@ -301,8 +310,6 @@ def _causes(trace: BoundaryMethod, repair: Repair, n: int) -> Iterator[str]:
     if trace.name == "arc length":
         yield "the boundary lies by arc length"
         yield from (reason for reason in trace.rejected if "crowding" in reason)
-    if trace.n_spread:
-        yield f"the corners of {trace.n_spread:,} faces at the boundary had to be moved apart"
     if repair.n_moved > REPAIRED_SHARE * n:
         yield f"repair of flipped faces moved {repair.n_moved / n:.0%} of the vertices"
 

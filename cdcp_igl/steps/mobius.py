@@ -67,7 +67,7 @@ def normalize(
     mesh: DiskMesh,
     f: Complex,
     method: MobiusMethod | None,
-    opened: Callable[[Complex], Complex] = lambda f: f,
+    finished: Callable[[Complex, complex], Complex] = lambda f, w: f,
 ) -> tuple[Complex, Normalization]:
     """Apply the best Möbius transformation that does no harm.
 
@@ -83,13 +83,13 @@ def normalize(
         Map onto the unit disk, first boundary vertex at 1.
     method : {"angle", "nelder-mead", "area"} or None
         Least angular distortion by Newton or by Nelder-Mead; conformal barycentre; none.
-    opened : callable
-        What will be done to the map before its faces count as turned over.
+    finished : callable
+        What is done to the map after psi_w, given w, before its faces count as turned over.
 
     Returns
     -------
     f : (n,) complex128
-        The transformed map, boundary on the unit circle, first boundary vertex at 1.
+        The transformed map, finished, boundary on the unit circle.
     Normalization
     """
     if method == "angle":
@@ -99,7 +99,7 @@ def normalize(
     elif method == "area":
         w = conformal_barycenter(f, _vertex_areas(mesh))
     else:
-        return opened(f), Normalization("none", 0j)
+        return finished(f, 0j), Normalization("none", 0j)
 
     judges = _sample(mesh.F)
     z, errors = f[mesh.F[judges]], plane_angles(f, mesh.F[judges]) - mesh.angles[judges]
@@ -110,17 +110,17 @@ def normalize(
             break
         moved = _at_one(mesh, mobius_transformation(f, w), mesh.loop[0])
         if is_around(moved[mesh.loop]):
-            moved = opened(moved)
+            moved = finished(moved, w)
             turned = _flipped(mesh, moved)
             if len(turned) and allowed is None:
-                allowed = _flipped(mesh, opened(f))
+                allowed = _flipped(mesh, finished(f, 0j))
             if allowed is None or np.isin(turned, allowed).all():
                 return moved, Normalization(method, w)
             reason = "flipped faces"
         else:
             reason = "crowding"
         w /= 2
-    return opened(f), Normalization(method, 0j, reason)
+    return finished(f, 0j), Normalization(method, 0j, reason)
 
 
 def _is_improvement(z: Complex, errors: Floats, w: complex) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from ..arrays import Complex, Floats, Ints, blocks
-from ..certificate import flipped_faces, is_around
+from ..certificate import certify
 from ..distortion import angle_errors
 from ..solve.cholmod import Cholesky
 from ..solve.laplacian import Laplacian
@@ -79,11 +79,11 @@ def lower_angle_distortion(
     """Lower the sum of |angle error|^p over all corners; boundary vertices slide on the circle.
 
     Gauss-Newton with iteratively reweighted least squares. A step that flips a face or does
-    not lower the objective is halved, and then computed again with Levenberg-Marquardt damping
-    of the shear
-    of every face; when the strongest damping does not help, the refinement ends. The weights
-    begin with those of p = 2, which bring the large errors down that a smaller p would take for
-    outliers; each step without damping lowers p until it is the norm.
+    not lower the objective is halved, where it flips or everywhere, and then computed again with
+    Levenberg-Marquardt damping of the shear of every face; when the strongest damping does not
+    help, the refinement ends. The weights begin with those of p = 2, which bring the large
+    errors down that a smaller p would take for outliers; each step without damping lowers p
+    until it is the norm.
 
     Parameters
     ----------
@@ -99,7 +99,8 @@ def lower_angle_distortion(
     seconds : float
         After so many no step is begun; one that has been begun is finished.
     turn : callable
-        Applied to the map after each step: angles do not tell a map from one turned about 0.
+        Applied to the map after each step: angles do not tell a map from one turned about 0,
+        and boundary vertices come back onto the circle with rounding errors of their own.
     advance : callable
         Called with the share of the steps that is done, after each.
 
@@ -160,13 +161,13 @@ def _line_search(
     scale = np.ones(len(f))
     for _ in range(HALVINGS):
         trial = turn(_slide(mesh, f, scale * step))
-        flipped, _ = flipped_faces(np.column_stack([trial.real, trial.imag]), mesh.F)
-        if len(flipped):
-            scale[np.unique(mesh.F[flipped])] /= 2
+        certificate = certify(mesh, np.column_stack([trial.real, trial.imag]))
+        if len(certificate.flipped):
+            scale[np.unique(mesh.F[certificate.flipped])] /= 2
             continue
         r = angle_errors(mesh, trial)
         value = _power_mean(r, norm)
-        if value < objective and is_around(trial[mesh.loop]):
+        if value < objective and certificate.on_circle:
             return trial, r, value
         scale /= 2
     return None
@@ -354,8 +355,7 @@ def _slide(mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
 
 
 def _is_bijective(mesh: DiskMesh, f: Complex) -> bool:
-    flipped, _ = flipped_faces(np.column_stack([f.real, f.imag]), mesh.F)
-    return len(flipped) == 0 and is_around(f[mesh.loop])
+    return certify(mesh, np.column_stack([f.real, f.imag])).valid
 
 
 def _power_mean(r: Floats, p: float) -> float:
