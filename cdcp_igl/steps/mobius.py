@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Complex, Floats, Ints
-from ..certificate import is_around
+from ..certificate import flipped_faces, is_around
 from ..distortion import plane_angles
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import face_areas
@@ -35,6 +35,8 @@ MobiusMethod = Literal["angle", "area", "nelder-mead"]
 SAMPLE = 30_000
 SOFT = 0.2  # corner of the pseudo-Huber function, by the median residual
 MAX_STEPS = 30
+HALVINGS = 10  # of w, until no face is turned over
+LAST_STEP = 1e-6  # so short that Newton's method has converged
 TOLERANCE = 1e-8  # steps of w below this change the objective by its last digits only
 
 
@@ -62,9 +64,17 @@ class Normalization:
 
 
 def normalize(
-    mesh: DiskMesh, f: Complex, method: MobiusMethod | None
+    mesh: DiskMesh,
+    f: Complex,
+    method: MobiusMethod | None,
+    finished: Callable[[Complex, complex], Complex] = lambda f, w: f,
 ) -> tuple[Complex, Normalization]:
-    """Apply the best Möbius transformation, unless it does harm.
+    """Apply the best Möbius transformation that does no harm.
+
+    psi_w turns a face over exactly when 1 / conj(w) lies in its circumdisk. A transformation
+    that does so, or that crowds the boundary beyond double precision, is halved until it does
+    not: what can be gained on the way is gained. It is not applied where it does not lower
+    the angular distortion.
 
     Parameters
     ----------
@@ -73,11 +83,13 @@ def normalize(
         Map onto the unit disk, first boundary vertex at 1.
     method : {"angle", "nelder-mead", "area"} or None
         Least angular distortion by Newton or by Nelder-Mead; conformal barycentre; none.
+    finished : callable
+        What is done to the map after psi_w, given w, before its faces count as turned over.
 
     Returns
     -------
     f : (n,) complex128
-        The transformed map, boundary on the unit circle, first boundary vertex at 1.
+        The transformed map, finished, boundary on the unit circle.
     Normalization
     """
     if method == "angle":
@@ -87,20 +99,42 @@ def normalize(
     elif method == "area":
         w = conformal_barycenter(f, _vertex_areas(mesh))
     else:
-        return f, Normalization("none", 0j)
+        return finished(f, 0j), Normalization("none", 0j)
 
-    moved = _at_one(mesh, mobius_transformation(f, w), mesh.loop[0])
-    if not is_around(moved[mesh.loop]):
-        return f, Normalization(method, 0j, "crowding")
-    if method != "area" and not _mean_distortion(mesh, moved) < _mean_distortion(mesh, f):
-        return f, Normalization(method, 0j, "no improvement")
-    return moved, Normalization(method, w)
-
-
-def _mean_distortion(mesh: DiskMesh, f: Complex) -> float:
-    """Mean angular distortion over a sample of the faces, in radians."""
     judges = _sample(mesh.F)
-    return float(abs(plane_angles(f, mesh.F[judges]) - mesh.angles[judges]).mean())
+    z, errors = f[mesh.F[judges]], plane_angles(f, mesh.F[judges]) - mesh.angles[judges]
+    allowed: Ints | None = None  # faces that are turned over anyway
+    reason = "no improvement"
+    for _ in range(HALVINGS):
+        if method != "area" and not _is_improvement(z, errors, w):
+            break
+        moved = _at_one(mesh, mobius_transformation(f, w), mesh.loop[0])
+        if is_around(moved[mesh.loop]):
+            moved = finished(moved, w)
+            turned = _flipped(mesh, moved)
+            if len(turned) and allowed is None:
+                allowed = _flipped(mesh, finished(f, 0j))
+            if allowed is None or np.isin(turned, allowed).all():
+                return moved, Normalization(method, w)
+            reason = "flipped faces"
+        else:
+            reason = "crowding"
+        w /= 2
+    return finished(f, 0j), Normalization(method, 0j, reason)
+
+
+def _is_improvement(z: Complex, errors: Floats, w: complex) -> bool:
+    """Whether psi_w lowers the mean of |errors| (k, 3) on faces with corners z (k, 3).
+
+    The change of the angles is exact, also in faces that are as good as collapsed, whose
+    angles are rounding errors and would decide otherwise.
+    """
+    change = _differences(np.angle(1 - np.conj(w) * z))
+    return bool(abs(errors + change).mean() < abs(errors).mean())
+
+
+def _flipped(mesh: DiskMesh, f: Complex) -> Ints:
+    return flipped_faces(np.column_stack([f.real, f.imag]), mesh.F)[0]
 
 
 def _sample(F: Ints) -> Ints:
@@ -224,9 +258,10 @@ def least_angle_distortion(F: Ints, z: Complex, angles: Floats) -> complex:
     for _ in range(MAX_STEPS):
         gradient, hessian = gradient_and_hessian(w)
         dx, dy = np.linalg.lstsq(hessian, -gradient, rcond=None)[0]
-        step, best = _backtrack(value, w, complex(dx, dy), best)
-        if step == 0:
-            break
+        newton = complex(dx, dy)
+        step, best = _backtrack(value, w, newton, best)
+        if step == 0:  # the last one, whose descent is lost in rounding, by the gradient alone
+            return w + newton if abs(newton) < LAST_STEP and abs(w + newton) < 1 else w
         w += step
     return w
 
