@@ -152,17 +152,20 @@ def _normalized(
     if repair.n_flipped:
         log.info("%s", repair)
     trace = replace(harmonic.boundary.method, n_spread=n_spread)
-    known = _judged(mesh, f, phase)
+    # What repair leaves behind is in few places.
+    known = _judged(mesh, f, phase, closely=repair.n_flipped > 0)
     return Candidate(f, *known, harmonic.center, trace, normalization, repair)
 
 
-def _judged(mesh: DiskMesh, f: Complex, phase: Phases) -> tuple[Certificate, Floats, Conformality]:
+def _judged(
+    mesh: DiskMesh, f: Complex, phase: Phases, *, closely: bool
+) -> tuple[Certificate, Floats, Conformality]:
     with phase("certificate"):
         certificate = certify(mesh, _coordinates(f))
         errors = angle_errors(mesh, f)
         if not certificate.valid:
             return certificate, errors, Conformality(True, ("it is not valid",))
-        return certificate, errors, judge(mesh, f, errors)
+        return certificate, errors, judge(mesh, f, errors, closely=closely)
 
 
 def _refined(
@@ -182,7 +185,8 @@ def _refined(
         )
     if refinement.stopped:
         log.info("refinement: %s", refinement)
-    certificate, errors, conformality = _judged(mesh, f, phase)
+    closely = candidate.repair.n_flipped > 0
+    certificate, errors, conformality = _judged(mesh, f, phase, closely=closely)
     return replace(
         candidate,
         f=f,
