@@ -33,7 +33,7 @@ FLOORS = (
     {"command_line", "__init__", "__main__"},
 )
 FLOOR = {name: number for number, floor in enumerate(FLOORS) for name in floor}
-MODULES_AT_THE_TOP = 14
+MODULES_AT_THE_TOP, LINES_OF_A_MODULE, LINES_OF_A_FUNCTION = 14, 350, 60
 
 
 def dotted(path: Path) -> str:
@@ -95,6 +95,17 @@ def test_no_module_is_hidden_by_a_function():
 
 def test_modules_at_the_top_can_be_counted():
     assert len(list(PACKAGE.glob("*.py"))) <= MODULES_AT_THE_TOP
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_modules_and_functions_are_short(name):
+    text = SOURCES[name].read_text()
+    assert len(text.splitlines()) < LINES_OF_A_MODULE
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef):
+            docstring = ast.get_docstring(node, clean=False) or ""
+            lines = node.end_lineno - node.lineno + 1 - len(docstring.splitlines())
+            assert lines < LINES_OF_A_FUNCTION, node.name
 
 
 def run(code: str) -> None:

@@ -102,7 +102,11 @@ class MeshReport:
         found = {defect.name for defect in self.defects}
         if not found:
             return "cdcp_igl.disk_map maps it (cdcp-igl map)."
-        if found <= MENDED:
+        nothing_left = any(
+            defect.name == "degenerate face" and len(defect.indices) == self.n_faces
+            for defect in self.defects
+        )
+        if found <= MENDED and not nothing_left:
             step = "cdcp_igl.clean mends it (cdcp-igl map --clean)"
             return step + ("; or: " + _CUT_STEP if found & CUT else ".")
         if found <= MENDED | CUT:
