@@ -1,5 +1,6 @@
 from . import datasets, io, plot, reference
 from .algorithm import cdcp, disk_map
+from .batching import Batch, Record, batch
 from .certificate import Certificate
 from .distortion import (
     AngleDistortion,
@@ -16,6 +17,7 @@ from .surface.report import MeshReport, check
 
 __all__ = [
     "AngleDistortion",
+    "Batch",
     "Certificate",
     "Cleaned",
     "Defect",
@@ -24,9 +26,11 @@ __all__ = [
     "MapError",
     "MeshError",
     "MeshReport",
+    "Record",
     "SolverError",
     "angle_distortion",
     "area_distortion",
+    "batch",
     "cdcp",
     "check",
     "clean",

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 import cdcp_igl
-from cdcp_igl.command_line.commands import app
+from cdcp_igl.command_line.program import app
 from cdcp_igl.surface.filling import least_triangulation
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas

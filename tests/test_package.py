@@ -18,7 +18,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 FLOORS = (
     {"arrays"},
     {"errors"},
-    {"libigl", "extras"},
+    {"libigl", "extras", "processes"},
     {"surface"},
     {"certificate", "distortion"},
     {"solve"},
@@ -63,6 +63,8 @@ def imported(name: str) -> Iterator[str]:
         else:
             continue
         for alias in node.names:
+            if alias.name == "__version__":  # stands in the package itself
+                continue
             member = ".".join([*target, alias.name])
             yield member if member in SOURCES else ".".join(target) or "__init__"
 
