@@ -108,6 +108,8 @@ class MeshReport:
             return self.defects[0].remedy  # nothing would be left
         if found <= MENDED:
             step = "cdcp_igl.clean mends it (cdcp-igl map --clean)"
+            if self.genus is None or self.n_components > 1:
+                step = "cdcp_igl.clean mends its largest part (cdcp-igl map --clean)"
             return step + ("; or: " + _CUT_STEP if found & CUT else ".")
         if found <= MENDED | CUT:
             return _CUT_STEP
