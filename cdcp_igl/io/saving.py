@@ -5,13 +5,10 @@ from __future__ import annotations
 import json
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from ..result import DiskMap
 from .output import whole_file
 from .writing import WRITABLE, write_map
-
-if TYPE_CHECKING:
-    from ..result import DiskMap
 
 __all__ = ["save"]
 
