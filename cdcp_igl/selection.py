@@ -10,12 +10,12 @@ import numpy as np
 
 from .arrays import Complex, Floats, Ints
 from .certificate import Certificate, certify
-from .distortion import AngleDistortion, angle_errors
+from .distortion import AngleDistortion, angle_errors, disk_map_distortion
 from .errors import MapError
 from .result import DiskMap
 from .solve.factored import FactoredSurface
 from .steps.center import Center
-from .steps.circle import BoundaryMethod, CircleMap, Rejected, bulge
+from .steps.circle import BoundaryMethod, CircleMap, Rejected, hold_open
 from .steps.conformality import Conformality, judge
 from .steps.mobius import Normalization, normalize, rotate
 from .steps.options import Options
@@ -153,22 +153,25 @@ def _normalized(
         f = rotate(mesh, f, options.align)
         if harmonic.remote:
             f = harmonic.remote.placed(f, normalization.w)
-        f, n_spread = bulge(mesh, f)
+        f, n_spread = hold_open(mesh, f)
         f, repair = unfold(mesh, f)
     if repair.n_flipped:
         log.info("%s", repair)
     trace = replace(harmonic.boundary.method, n_spread=n_spread)
-    known = _judged(mesh, f, phase)
+    # What repair leaves behind is in few places.
+    known = _judged(mesh, f, phase, closely=repair.n_flipped > 0)
     return Candidate(f, *known, harmonic.center, trace, normalization, repair)
 
 
-def _judged(mesh: DiskMesh, f: Complex, phase: Phases) -> tuple[Certificate, Floats, Conformality]:
+def _judged(
+    mesh: DiskMesh, f: Complex, phase: Phases, *, closely: bool
+) -> tuple[Certificate, Floats, Conformality]:
     with phase("certificate"):
         certificate = certify(mesh, _coordinates(f))
         errors = angle_errors(mesh, f)
         if not certificate.valid:
             return certificate, errors, Conformality(True, ("it is not valid",))
-        return certificate, errors, judge(mesh, f, errors)
+        return certificate, errors, judge(mesh, f, errors, closely=closely)
 
 
 def _refined(
@@ -183,12 +186,13 @@ def _refined(
             options.refine,
             options.refine_norm,
             seconds=options.refine_seconds,
-            turn=lambda f: bulge(mesh, rotate(mesh, f, options.align))[0],
+            turn=lambda f: hold_open(mesh, rotate(mesh, f, options.align))[0],
             advance=advance,
         )
     if refinement.stopped:
         log.info("refinement: %s", refinement)
-    certificate, errors, conformality = _judged(mesh, f, phase)
+    closely = candidate.repair.n_flipped > 0
+    certificate, errors, conformality = _judged(mesh, f, phase, closely=closely)
     return replace(
         candidate,
         f=f,
@@ -200,17 +204,18 @@ def _refined(
 
 
 def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskMap:
-    mesh = surface.mesh
-    degrees = np.degrees(abs(best.errors))
-    distortion = free = AngleDistortion.of(degrees)
-    if 0 < len(mesh.inscribed) < len(mesh.F):
-        free = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
+    mesh, uv = surface.mesh, _coordinates(best.f)
+    with phase("distortion"):
+        degrees = disk_map_distortion(mesh, uv)
+        distortion = free = AngleDistortion.of(degrees)
+        if 0 < len(mesh.inscribed) < len(mesh.F):
+            free = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
     conformality = best.conformality
     if not conformality:
         causes = tuple(_causes(best.trace, best.repair, len(mesh.V)))
         conformality = replace(conformality, reasons=conformality.reasons + causes)
     return DiskMap(
-        uv=_coordinates(best.f),
+        uv=uv,
         certificate=best.certificate,
         conformality=conformality,
         distortion=distortion,
@@ -230,6 +235,8 @@ def _causes(trace: BoundaryMethod, repair: Repair, n: int) -> Iterator[str]:
     if trace.name == "arc length":
         yield "the boundary lies by arc length"
         yield from (reason for reason in trace.rejected if "crowding" in reason)
+    if trace.reason:
+        yield trace.reason
     if repair.n_moved > REPAIRED_SHARE * n:
         yield f"repair of flipped faces moved {repair.n_moved / n:.0%} of the vertices"
 

@@ -1,6 +1,6 @@
 """From the boundary trace to the unit circle."""
 
-from .bulge import bulge
+from .bulge import hold_open
 from .fallback import (
     FALLBACKS,
     BoundaryMethod,
@@ -17,7 +17,7 @@ __all__ = [
     "CircleMap",
     "Rejected",
     "arc_length_map",
-    "bulge",
     "by_trace",
+    "hold_open",
     "whitened_geodesic_map",
 ]

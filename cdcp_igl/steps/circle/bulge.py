@@ -8,13 +8,13 @@ from ...arrays import Complex, Ints
 from ...certificate import flipped_faces, increments
 from ...surface.mesh import DiskMesh
 
-__all__ = ["bulge"]
+__all__ = ["hold_open"]
 
 LAST_DIGIT = 2.0**-53  # of a coordinate between 1/2 and 1
 MOST = 1e-13  # that a corner may leave the circle by; a certificate allows 1e-12
 
 
-def bulge(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
+def hold_open(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
     """Move corners of collapsed inscribed faces outwards, by no more than rounding errors.
 
     A triangle inscribed in the unit circle with arcs p and q, both short, is p q / 2 high. In a

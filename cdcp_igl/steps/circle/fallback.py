@@ -13,10 +13,11 @@ from ...certificate import increments, is_around
 from ...solve.factored import FactoredSurface
 from ...surface.mesh import DiskMesh
 from ..extension import harmonic_extension
-from .crowding import balanced, crowding
+from .crowding import balanced, crowding_reason
 from .geodesic import geodesic_map
-from .harmonic_measure import arc_length, around, harmonic_measure
-from .whiten import whiten
+from .harmonic_measure import arc_length_shares, around, harmonic_shares
+from .shorten import Shortened
+from .whiten import whiten_trace
 
 __all__ = [
     "FALLBACKS",
@@ -26,7 +27,7 @@ __all__ = [
     "arc_length_map",
     "by_arc_length",
     "by_harmonic_measure",
-    "by_opened_arcs",
+    "by_shortening",
     "by_trace",
     "whitened_geodesic_map",
 ]
@@ -35,10 +36,6 @@ __all__ = [
 # On nefertiti_299 (34 boundary vertices) subdivision lowers the mean angular distortion
 # from 2.500 to 2.463 degrees; from about 200 points on it changes less than 0.02 %.
 ENOUGH_POINTS = 200
-
-# Opened arcs are at least this part of those by arc length. Less, and fewer crowded maps can be
-# certified; more, and they get worse by degrees.
-LEAST_SHARE = 1e-8
 
 # The trace is known to some 1e-16 of its size, so that arcs shorter than this, in radians, have
 # lost more than four digits. Harmonic measure keeps them.
@@ -57,7 +54,7 @@ class BoundaryMethod:
     ----------
     name : str
         The method whose result was used: ``"geodesic"`` unless something went wrong, else
-        ``"harmonic measure"``, ``"opened arcs"`` or, at last, ``"arc length"``, which is not
+        ``"harmonic measure"``, ``"shortened"`` or, at last, ``"arc length"``, which is not
         conformal.
     rejected : tuple of str
         The other methods that were tried, each with the reason why its map was not used.
@@ -67,12 +64,15 @@ class BoundaryMethod:
     laplacian : str
         Whose harmonic functions the map is made of: ``"cotangent"``, or, after the geodesic
         algorithm has failed, ``"intrinsic Delaunay"``.
+    reason : str
+        Why the map of this boundary cannot be conformal everywhere; empty if it can.
     """
 
     name: str
     rejected: tuple[str, ...] = ()
     n_spread: int = 0
     laplacian: str = "cotangent"
+    reason: str = ""
 
     def __str__(self) -> str:
         laplacian = "" if self.laplacian == "cotangent" else f", {self.laplacian} Laplacian"
@@ -144,7 +144,7 @@ def whitened_geodesic_map(trace: Complex) -> Complex:
     The algorithm follows circular arcs from point to point; on a short boundary, points
     along the edges of the trace keep it to the harmonic map, which is linear there.
     """
-    z = whiten(trace)
+    z = whiten_trace(trace)
     pieces = -(-ENOUGH_POINTS // len(z))
     along = np.arange(pieces) / pieces
     polygon = np.outer(z, 1 - along) + np.outer(np.roll(z, -1), along)
@@ -171,29 +171,51 @@ def by_harmonic_measure(surface: FactoredSurface, face: int) -> CircleMap:
     Rejected
         If crowding spoils it: many boundary vertices would coincide.
     """
-    steps = _seen(surface, face)
-    if crowded := crowding(surface.mesh, steps):
+    _, steps = _balanced(surface, face)
+    if crowded := crowding_reason(surface.mesh, steps):
         raise Rejected(f"harmonic measure: {crowded}")
     return _on_delaunay(surface, steps, "harmonic measure")
 
 
-def by_opened_arcs(surface: FactoredSurface, face: int) -> CircleMap:
-    """Place the boundary by harmonic measure, and open its shortest arcs."""
-    steps = _seen(surface, face)
-    if crowded := crowding(surface.mesh, steps):
-        raise Rejected(f"opened arcs: {crowded}")
-    steps = np.maximum(steps, LEAST_SHARE * arc_length(surface.mesh))
-    return _on_delaunay(surface, steps, "opened arcs")
+def by_shortening(surface: FactoredSurface, face: int) -> CircleMap:
+    """Place the boundary by harmonic measure of a surface that is short enough for doubles.
+
+    Conformal where the faces of the disk are large enough, and not in remote parts.
+
+    Parameters
+    ----------
+    surface : FactoredSurface
+    face : int
+        The central face.
+
+    Returns
+    -------
+    CircleMap
+
+    Raises
+    ------
+    Rejected
+        If nothing is too small to be told apart, or so small that nothing helps.
+    """
+    face, steps = _balanced(surface, face)
+    shortened = Shortened(surface.delaunay, face)
+    if shortened.part == 1:
+        raise Rejected("shortened: no face is too small")
+    reason = crowding_reason(surface.mesh, steps, few=True)
+    if shortened.part == 0:
+        raise Rejected(f"shortened: {reason}")
+    method = BoundaryMethod("shortened", laplacian="intrinsic Delaunay", reason=reason)
+    return CircleMap(shortened.steps, around(shortened.steps), shortened.extend, method)
 
 
-def _seen(surface: FactoredSurface, face: int) -> Floats:
-    """(nB,) harmonic measure of the boundary edges."""
+def _balanced(surface: FactoredSurface, face: int) -> tuple[int, Floats]:
+    """Return the central face, moved if need be, and the harmonic measure (nB,) from there."""
     mesh, delaunay = surface.mesh, surface.delaunay
-    measure = partial(harmonic_measure, mesh, delaunay.laplacian, delaunay.factor)
-    steps = balanced(mesh, measure, _extension(delaunay), face)
+    measure = partial(harmonic_shares, mesh, delaunay.laplacian, delaunay.factor)
+    face, steps = balanced(mesh, measure, _extension(delaunay), face)
     if not np.isfinite(steps).all():
         raise Rejected("harmonic measure: no interior vertex at the central face")
-    return steps
+    return face, steps
 
 
 def by_arc_length(surface: FactoredSurface, face: int) -> CircleMap:
@@ -202,7 +224,7 @@ def by_arc_length(surface: FactoredSurface, face: int) -> CircleMap:
     On very crowded surfaces it has lower angular distortion than conformal boundaries that
     are opened as far as double precision requires. `face` is not looked at.
     """
-    return _on_delaunay(surface, arc_length(surface.mesh), "arc length")
+    return _on_delaunay(surface, arc_length_shares(surface.mesh), "arc length")
 
 
 def _on_delaunay(surface: FactoredSurface, steps: Floats, name: str) -> CircleMap:
@@ -216,8 +238,8 @@ def _extension(surface: FactoredSurface) -> Callable[[Complex], Complex]:
 
 def arc_length_map(mesh: DiskMesh) -> Complex:
     """(nB,) boundary vertices around the circle in proportion to their distances, from 1."""
-    return around(arc_length(mesh))
+    return around(arc_length_shares(mesh))
 
 
 # In the order in which they are tried.
-FALLBACKS = (by_harmonic_measure, by_opened_arcs, by_arc_length)
+FALLBACKS = (by_harmonic_measure, by_shortening, by_arc_length)

@@ -9,14 +9,14 @@ from ...solve.factor import Factor
 from ...solve.laplacian import Laplacian
 from ...surface.mesh import DiskMesh
 
-__all__ = ["arc_length", "around", "harmonic_measure"]
+__all__ = ["arc_length_shares", "around", "edge_shares", "flow", "harmonic_shares"]
 
 # What a face behind an edge receives, as part of what its neighbours do. On scans with ears, whose
 # shares are known from finer meshes of the same surface, 0.01 to 0.1 are equally good.
 BEHIND = 0.1
 
 
-def harmonic_measure(mesh: DiskMesh, L: Laplacian, factor: Factor, face: int) -> Floats:
+def harmonic_shares(mesh: DiskMesh, L: Laplacian, factor: Factor, face: int) -> Floats:
     """Share of the circle that belongs to every boundary edge when a face goes to its centre.
 
     log|f| of a conformal map f onto the disk is harmonic, 0 on the boundary, and has its pole
@@ -25,7 +25,7 @@ def harmonic_measure(mesh: DiskMesh, L: Laplacian, factor: Factor, face: int) ->
     negative weights there is no negative flux (maximum principle), and even the smallest keep
     their digits, however crowded.
 
-    A vertex stands for parts of both its edges. Next to a corner of angle a, where the
+    What leaves at a vertex belongs to both its edges. Next to a corner of angle a, where the
     conformal map is like z^(pi/a), they get heat in proportion to their lengths to the power
     pi/a: to the lengths themselves where the boundary is straight.
 
@@ -54,11 +54,20 @@ def harmonic_measure(mesh: DiskMesh, L: Laplacian, factor: Factor, face: int) ->
     source[mesh.F[face]] = 1
     heat = np.zeros(len(mesh.V))
     heat[mesh.interior] = factor.solve_interior(source[mesh.interior])
-    flux = np.maximum(-(L.matrix() @ heat)[mesh.loop], 0)
+    return edge_shares(mesh, flow(mesh, L, heat))
+
+
+def flow(mesh: DiskMesh, L: Laplacian, heat: Floats) -> Floats:
+    """(nB,) what leaves through each boundary vertex at temperatures (n,), 0 on the boundary."""
+    return np.maximum(-(L.matrix() @ heat)[mesh.loop], 0)
+
+
+def edge_shares(mesh: DiskMesh, flux: Floats) -> Floats:
+    """(nB,) what leaves through each boundary edge, by what leaves through the vertices."""
     if not flux.any():
         return np.full(len(flux), np.nan)
     exponent = np.pi / np.bincount(mesh.F.ravel(), mesh.angles.ravel())[mesh.loop]
-    length = arc_length(mesh)
+    length = arc_length_shares(mesh)
     # The part of the edge that follows, at most 1 / (1 + 0): a power of a ratio may overflow.
     with np.errstate(over="ignore"):
         following = 1 / (1 + (np.roll(length, 1) / length) ** exponent)
@@ -78,7 +87,7 @@ def _filled(steps: Floats) -> Floats:
     return np.where(steps > 0, steps, BEHIND * smaller / np.maximum(run, 1))
 
 
-def arc_length(mesh: DiskMesh) -> Floats:
+def arc_length_shares(mesh: DiskMesh) -> Floats:
     """(nB,) shares of the boundary edges in its length."""
     points = mesh.V[mesh.loop]
     lengths = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
