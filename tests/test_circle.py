@@ -13,7 +13,11 @@ from cdcp_igl.certificate import flipped_faces, increments
 from cdcp_igl.distortion import AngleDistortion, angle_errors
 from cdcp_igl.solve.factor import Factor
 from cdcp_igl.solve.factored import FactoredSurface
-from cdcp_igl.solve.laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
+from cdcp_igl.solve.laplacian import (
+    Laplacian,
+    cotangent_laplacian,
+    intrinsic_delaunay_laplacian,
+)
 from cdcp_igl.steps.circle import (
     FALLBACKS,
     Rejected,
@@ -25,6 +29,7 @@ from cdcp_igl.steps.circle import (
 from cdcp_igl.steps.circle.geodesic import geodesic_map
 from cdcp_igl.steps.circle.harmonic_measure import harmonic_shares
 from cdcp_igl.steps.circle.whiten import whiten_trace
+from cdcp_igl.steps.dipole import boundary_trace
 from cdcp_igl.steps.extension import harmonic_extension
 from cdcp_igl.steps.mobius import mobius_transformation
 from cdcp_igl.steps.repair import Repair, unfold
@@ -281,3 +286,20 @@ def test_a_collapsed_ear_is_held_open_by_the_last_digits(turn):
     assert len(flipped) == 0
     assert abs(g - f).max() < 3e-15
     assert np.flatnonzero(g != f).tolist() == [mesh.loop[tip]]
+
+
+def test_harmonic_measure_does_not_see_the_boundary_edges():
+    """Obtuse angles opposite the boundary make negative weights, which the trace does see."""
+    V, F, _ = cdcp_igl.datasets.paraboloid(8)
+    mesh = DiskMesh(V, F)
+    L = cotangent_laplacian(mesh)
+    along = mesh.on_boundary[L.low] & mesh.on_boundary[L.high]
+    other = Laplacian.of(L.low, L.high, np.where(along, 0.5, 1) * L.weights, len(V))
+    one, two = (FactoredSurface(mesh, M, Factor(mesh, M)) for M in (L, other))
+    face = len(F) // 2
+    np.testing.assert_allclose(
+        harmonic_shares(mesh, one.laplacian, one.factor, face),
+        harmonic_shares(mesh, two.laplacian, two.factor, face),
+        rtol=1e-12,
+    )
+    assert abs(boundary_trace(one, face) - boundary_trace(two, face)).max() > 0.01

@@ -15,7 +15,7 @@ from .harmonic_measure import edge_shares, flow
 __all__ = ["Shortened", "image_scale"]
 
 # Faces whose size in the disk is this at least survive the rounding of their corners.
-SMALLEST_FACE = 3e-16
+SMALLEST_FACE = 5e-16
 # What is shortened becomes this part of its length, unless more is needed: stronger, and the faces
 # fold; weaker, and more of the surface is concerned.
 COMPRESSION = 0.6
