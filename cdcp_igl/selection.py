@@ -216,6 +216,7 @@ def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskM
         conformality = replace(conformality, reasons=conformality.reasons + causes)
     return DiskMap(
         uv=uv,
+        mesh=mesh,
         certificate=best.certificate,
         conformality=conformality,
         distortion=distortion,
