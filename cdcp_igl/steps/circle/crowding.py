@@ -75,7 +75,7 @@ def balanced(
     """
     steps = measure(face)
     for _ in range(ROUNDS):
-        if not steps.min() < SMALL * steps.sum():  # NaN included
+        if steps.min() >= SMALL * steps.sum():
             break
         f_B = around(steps)
         f = extend(f_B)

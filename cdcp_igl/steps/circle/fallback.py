@@ -26,6 +26,7 @@ __all__ = [
     "Rejected",
     "arc_length_map",
     "by_arc_length",
+    "by_balanced_measure",
     "by_harmonic_measure",
     "by_shortening",
     "by_trace",
@@ -41,6 +42,9 @@ ENOUGH_POINTS = 200
 # lost more than four digits. Harmonic measure keeps them.
 RESOLVED = 1e-11
 
+# How many times larger the smallest share must become for another centre to be tried.
+WORTH_MOVING = 10
+
 
 class Rejected(Exception):
     """A method that gives no map of the boundary onto the circle; the message says why."""
@@ -54,8 +58,8 @@ class BoundaryMethod:
     ----------
     name : str
         The method whose result was used: ``"geodesic"`` unless something went wrong, else
-        ``"harmonic measure"``, ``"shortened"`` or, at last, ``"arc length"``, which is not
-        conformal.
+        ``"harmonic measure"``, ``"balanced harmonic measure"``, ``"shortened"`` or, at last,
+        ``"arc length"``; the last two are not conformal everywhere.
     rejected : tuple of str
         The other methods that were tried, each with the reason why its map was not used.
     n_spread : int
@@ -154,8 +158,6 @@ def whitened_geodesic_map(trace: Complex) -> Complex:
 def by_harmonic_measure(surface: FactoredSurface, face: int) -> CircleMap:
     """Place the boundary as it is seen from the central face; needs no curve.
 
-    Where remote parts would be too small, it is seen from where they are equally far away.
-
     Parameters
     ----------
     surface : FactoredSurface
@@ -171,10 +173,40 @@ def by_harmonic_measure(surface: FactoredSurface, face: int) -> CircleMap:
     Rejected
         If crowding spoils it: many boundary vertices would coincide.
     """
-    _, steps = _balanced(surface, face)
-    if crowded := crowding_reason(surface.mesh, steps):
-        raise Rejected(f"harmonic measure: {crowded}")
-    return _on_delaunay(surface, steps, "harmonic measure")
+    return _by_shares(surface, _shares(surface, face), "harmonic measure")
+
+
+def by_balanced_measure(surface: FactoredSurface, face: int) -> CircleMap:
+    """Place the boundary as it is seen from where remote parts are equally far away.
+
+    Not the first choice: the discrete map is at its best around the face that it is seen from,
+    and that should not be a narrow part of the surface unless there is nothing but narrow parts.
+
+    Parameters
+    ----------
+    surface : FactoredSurface
+    face : int
+        The central face.
+
+    Returns
+    -------
+    CircleMap
+
+    Raises
+    ------
+    Rejected
+        If that is near the central face, or crowding spoils it nevertheless.
+    """
+    _, shares = _balanced(surface, face)
+    if shares.min() < WORTH_MOVING * _shares(surface, face).min():
+        raise Rejected("balanced harmonic measure: remote parts are equally far away")
+    return _by_shares(surface, shares, "balanced harmonic measure")
+
+
+def _by_shares(surface: FactoredSurface, shares: Floats, name: str) -> CircleMap:
+    if crowded := crowding_reason(surface.mesh, shares):
+        raise Rejected(f"{name}: {crowded}")
+    return _on_delaunay(surface, shares, name)
 
 
 def by_shortening(surface: FactoredSurface, face: int) -> CircleMap:
@@ -210,12 +242,17 @@ def by_shortening(surface: FactoredSurface, face: int) -> CircleMap:
 
 def _balanced(surface: FactoredSurface, face: int) -> tuple[int, Floats]:
     """Return the central face, moved if need be, and the harmonic measure (nB,) from there."""
-    mesh, delaunay = surface.mesh, surface.delaunay
-    measure = partial(harmonic_shares, mesh, delaunay.laplacian, delaunay.factor)
-    face, steps = balanced(mesh, measure, _extension(delaunay), face)
-    if not np.isfinite(steps).all():
+    extend = _extension(surface.delaunay)
+    return balanced(surface.mesh, partial(_shares, surface), extend, face)
+
+
+def _shares(surface: FactoredSurface, face: int) -> Floats:
+    """(nB,) harmonic measure of the boundary edges seen from a face."""
+    delaunay = surface.delaunay
+    shares = harmonic_shares(surface.mesh, delaunay.laplacian, delaunay.factor, face)
+    if not np.isfinite(shares).all():
         raise Rejected("harmonic measure: no interior vertex at the central face")
-    return face, steps
+    return shares
 
 
 def by_arc_length(surface: FactoredSurface, face: int) -> CircleMap:
@@ -242,4 +279,4 @@ def arc_length_map(mesh: DiskMesh) -> Complex:
 
 
 # In the order in which they are tried.
-FALLBACKS = (by_harmonic_measure, by_shortening, by_arc_length)
+FALLBACKS = (by_harmonic_measure, by_balanced_measure, by_shortening, by_arc_length)
