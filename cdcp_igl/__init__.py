@@ -2,6 +2,7 @@
 
 from . import datasets
 from .algorithm import cdcp, disk_map
+from .atlas import surface_map
 from .distortion import (
     angle_distortion,
     area_distortion,
@@ -11,6 +12,7 @@ from .distortion import (
 from .errors import MapError, MeshError, SolverError
 from .mapper import DiskMapper
 from .surface.cleaning import clean
+from .surface.cutting import cut
 from .surface.report import check
 
 __all__ = [
@@ -24,9 +26,11 @@ __all__ = [
     "check",
     "clean",
     "conformal_factor",
+    "cut",
     "datasets",
     "disk_map",
     "quasi_conformal_dilatation",
+    "surface_map",
 ]
 
 __version__ = "0.1.0"
