@@ -71,14 +71,15 @@ def _laid_anew(surface: CutSurface, arc: Ints) -> Ints:
     """Half-edges of the best path in place of an arc that has just been joined."""
     opened = surface.opened()
     ends = [_label(opened, surface.tail[arc[0]]), _label(opened, surface.head[arc[-1]])]
-    loose = [end for end in ends if not opened.on_boundary[end]]
-    if len(loose) == 2:
-        return straight_path(opened, _only(opened, loose[0]), _only(opened, loose[1]))
-    if len(loose) == 1:
-        return straight_path(opened, _only(opened, loose[0]), opened.on_boundary)
-    if opened.loop.max() != 1:
+    loose = [_only(opened, end) for end in ends if not opened.on_boundary[end]]
+    if loose:
+        start, end = loose[0], loose[1] if len(loose) == 2 else opened.on_boundary
+    elif opened.loop.max() == 1:
+        start, end = opened.loop == 0, opened.loop == 1
+    else:
         return arc[:0]
-    return straight_path(opened, opened.loop == 0, opened.loop == 1)
+    longest = surface.length[arc].sum() * (1 + 1e-9)
+    return straight_path(opened, start, end, longest)
 
 
 def _label(opened: Opened, vertex: int) -> int:

@@ -12,12 +12,14 @@ from .cut_surface import Opened
 __all__ = ["STRETCH", "straight_path"]
 
 # What an edge of mean length on the cut costs, in radians of bend.
-STRETCH = 0.25
+STRETCH = 0.5
 # Rings of vertices around a shortest path within which a straight one is looked for.
 CORRIDOR = 5
 
 
-def straight_path(opened: Opened, start: Bools, end: Bools) -> Ints:
+def straight_path(
+    opened: Opened, start: Bools, end: Bools, longest: float = np.inf
+) -> Ints:
     """Find a short and straight path from one set of vertices to another.
 
     The cost of a path is what it adds to `Opened.bend` when the surface is cut along it,
@@ -30,16 +32,16 @@ def straight_path(opened: Opened, start: Bools, end: Bools) -> Ints:
     opened : Opened
     start, end : (n,) bool
         Vertices of the boundary or of the interior; a path touches the boundary only there.
+    longest : float
+        A shortest path is not longer than this.
 
     Returns
     -------
     (k,) int64
         Half-edges from start to end.
     """
-    surface = opened.surface
-    weight = surface.length
     blocked = opened.on_boundary & ~start & ~end
-    shortest = _shortest(opened, weight, start, end, blocked)
+    shortest = _shortest(opened, start, end, blocked, longest)
     if len(shortest) == 0:
         return shortest
     corridor = np.zeros(opened.n, dtype=bool)
@@ -55,16 +57,18 @@ def straight_path(opened: Opened, start: Bools, end: Bools) -> Ints:
     return path
 
 
-def _shortest(opened: Opened, weight: Floats, start: Bools, end: Bools, blocked: Bools) -> Ints:
+def _shortest(
+    opened: Opened, start: Bools, end: Bools, blocked: Bools, longest: float
+) -> Ints:
     """Half-edges of a shortest path between two sets of vertices; none if there is no path."""
     tail, head = opened.tail[opened.inner], opened.head[opened.inner]
     # Into a start and out of an end no path goes, and along the boundary neither.
     use = ~(blocked[tail] | blocked[head] | end[tail] | start[head])
     half = opened.inner[use]
     tail, head = tail[use], head[use]
-    graph = csr_matrix((weight[half], (tail, head)), (opened.n, opened.n))
+    graph = csr_matrix((opened.surface.length[half], (tail, head)), (opened.n, opened.n))
     sources = np.flatnonzero(start)
-    distance, parent, _ = dijkstra(graph, indices=sources, return_predecessors=True, min_only=True)
+    distance, parent, _ = dijkstra(graph, indices=sources, return_predecessors=True, min_only=True, limit=longest)
     targets = np.flatnonzero(end)
     v = int(targets[distance[targets].argmin()])
     if not np.isfinite(distance[v]):

@@ -11,7 +11,6 @@ from scipy.sparse.csgraph import connected_components
 
 from ..arrays import Bools, Floats, Ints
 from .edges import group_by_edge, half_edges
-from .report import fans
 from .triangles import corner_angles
 
 __all__ = ["CutSurface", "Opened"]
@@ -78,9 +77,23 @@ class CutSurface:
 
     def opened(self) -> Opened:
         """Open the surface along the edges that are cut."""
-        joined = np.flatnonzero(~self.is_cut & (np.arange(len(self.twin)) < self.twin))
-        n, vertex = fans(self.F, joined, self.twin[joined])
-        return Opened(self, self.is_cut.copy(), n, vertex.astype(np.int64))
+        # Only there the half-edges out of a vertex can fall into several fans.
+        touched = np.zeros(len(self.V), dtype=bool)
+        touched[self.tail[self.is_cut]] = touched[self.head[self.is_cut]] = True
+        number = np.cumsum(~touched) - 1
+        vertex = number[self.tail]
+        spokes = np.flatnonzero(touched[self.tail])
+        place = np.empty(len(self.tail), np.int64)
+        place[spokes] = np.arange(len(spokes))
+        joined = spokes[~self.is_cut[spokes]]
+        neighbour = self.after(self.twin[joined])
+        graph = coo_matrix(
+            (np.ones(len(joined)), (place[joined], place[neighbour])), (len(spokes), len(spokes))
+        )
+        n_fans, fan = connected_components(graph, directed=False)
+        untouched = len(touched) - int(touched.sum())
+        vertex[spokes] = untouched + fan
+        return Opened(self, self.is_cut.copy(), untouched + n_fans, vertex)
 
 
 @dataclass(eq=False)
