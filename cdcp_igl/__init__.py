@@ -1,5 +1,7 @@
 """Disk conformal maps of triangulated surfaces, accurate, fast and certified."""
 
+import logging
+
 from . import datasets
 from .algorithm import cdcp, disk_map
 from .atlas import surface_map
@@ -32,5 +34,7 @@ __all__ = [
     "quasi_conformal_dilatation",
     "surface_map",
 ]
+
+logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 __version__ = "0.1.0"

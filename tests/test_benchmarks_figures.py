@@ -18,7 +18,7 @@ from benchmarks.report import growth
 from benchmarks.scene import Scene
 from benchmarks.store import EDGES, Record
 from cdcp_igl import cdcp, datasets
-from cdcp_igl.phases import PHASES
+from cdcp_igl.steps.phases import PHASES
 
 TWO = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]), np.array([[0, 1, 2], [0, 2, 3]])
 
