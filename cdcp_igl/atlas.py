@@ -13,26 +13,24 @@ from numpy.typing import ArrayLike
 from .algorithm import disk_map
 from .arrays import Floats, Ints
 from .distortion import AngleDistortion, conformal_factor, plane_angles
-from .errors import MapError
-from .phases import Progress
+from .errors import MapError, counted
 from .result import DiskMap
 from .steps.center import CenterMethod
 from .steps.mobius import conformal_barycenter
+from .steps.phases import Progress
 from .surface.cut_growth import grow
 from .surface.cut_surface import CutSurface, Opened
 from .surface.cutting import Cut, cut_along, open_to_disk, split_components
-from .surface.holes import fill_small_holes
+from .surface.holes import fill_holes
 from .surface.packing import packed_circles
-from .surface.report import face_array, vertex_array
-from .surface.sheets import Sheets, counted, oriented_sheets
+from .surface.sheets import Sheets, oriented_sheets
 from .surface.triangles import face_areas
+from .surface.validation import face_array, vertex_array
 
 __all__ = ["SurfaceMap", "surface_map"]
 
 # A round of growth is kept if it lowers the spread by more than this share.
 GAIN = 0.03
-# Rounds of growth; more than six have not been seen to lower the spread by `GAIN`.
-MOST_ROUNDS = 10
 # Where an edge has collapsed the conformal factor is minus infinity: counted as this.
 LEAST_FACTOR = -50.0
 
@@ -129,7 +127,7 @@ def surface_map(
     V: ArrayLike,
     F: ArrayLike,
     *,
-    fill: float = 0.01,
+    fill: bool = True,
     spread: float = 1.0,
     center: CenterMethod = "torsion",
     mobius: Literal["angle", "area"] | None = "angle",
@@ -153,10 +151,10 @@ def surface_map(
         Vertex positions, in any unit. Those that no face uses are ignored.
     F : (m, 3) array_like of integers
         Corners of the faces.
-    fill : float
-        Fill a boundary loop, but for the longest of a component, if a round hole as long has
-        at most this share of the component's area; 0 fills none. Filled holes distort less than
-        cuts to them, as long as they are no part of the shape; those faces are not returned.
+    fill : bool
+        Fill all boundary loops but the longest of each component while mapping; those faces are
+        not returned. False cuts to them. A filled hole distorts less than a cut to it, whatever
+        its size, since a cut can still grow to it.
     spread : float
         Grow the cut until the standard deviation of the conformal factor is at most this, or
         nothing is gained: see ``SurfaceMap.spread``. With infinity, no cut grows.
@@ -190,8 +188,6 @@ def surface_map(
     >>> result.valid, result.uv.shape, result.changes
     (True, (4, 3, 2), ('cut open along 2 edges',))
     """
-    if not fill >= 0:
-        raise ValueError(f"fill must be 0 or more, not {fill!r}")
     if not spread >= 0:
         raise ValueError(f"spread must be 0 or more, not {spread!r}")
     options = {
@@ -243,7 +239,7 @@ def _charts(
     sheets: Sheets,
     options: dict[str, Any],
     refine: int,
-    fill: float,
+    fill: bool,
     spread: float,
     progress: Progress | None,
 ) -> Iterator[_Chart]:
@@ -256,37 +252,38 @@ def _charts(
             if progress and phase != "done":
                 progress(phase, done + share * fraction)
 
-        surface, n_filled = fill_small_holes(component.surface, fill)
+        surface, n_filled = fill_holes(component.surface) if fill else (component.surface, 0)
         open_to_disk(surface)
-        chart = _grown(surface, {**options, "progress": advance}, refine, spread)
+        n_faces = len(component.rows)
+        chart = _grown(surface, {**options, "progress": advance}, n_faces, refine, spread)
         yield replace(chart, rows=component.rows, n_filled=n_filled)
         done += share
     if progress:
         progress("done", 1.0)
 
 
-def _grown(surface: CutSurface, options: dict[str, Any], refine: int, spread: float) -> _Chart:
+def _grown(
+    surface: CutSurface, options: dict[str, Any], n_faces: int, refine: int, spread: float
+) -> _Chart:
     """Map a component that is cut to a disk, and grow the cut while that evens out the scale."""
-    best, n_edges = _chart(surface, options, refine), len(surface.cut_edges)
-    for _ in range(MOST_ROUNDS):
-        if best.spread <= spread:
-            break
+    best, n_edges = _chart(surface, options, n_faces, refine), len(surface.cut_edges)
+    while best.spread > spread:
         before = surface.is_cut.copy()
         if not grow(surface, best.factor, best.average):
             break
-        grown = _chart(surface, options, refine=0)
+        grown = _chart(surface, options, n_faces, refine=0)
         if not grown.spread < (1 - GAIN) * best.spread:
             surface.is_cut = before
             break
         best = grown
     if refine and len(surface.cut_edges) != n_edges:
-        best = _chart(surface, options, refine)
+        best = _chart(surface, options, n_faces, refine)
     if best.failure:
         raise MapError(best.failure, best.disk)
     return best
 
 
-def _chart(surface: CutSurface, options: dict[str, Any], refine: int) -> _Chart:
+def _chart(surface: CutSurface, options: dict[str, Any], n_faces: int, refine: int) -> _Chart:
     """Map a component that is cut to a disk once, and measure how its scale varies."""
     opened = surface.opened()
     V, F, failure = opened.positions, opened.F, ""
@@ -296,7 +293,9 @@ def _chart(surface: CutSurface, options: dict[str, Any], refine: int) -> _Chart:
         if not isinstance(error.result, DiskMap) or not np.isfinite(error.result.uv).all():
             raise
         disk, failure = error.result, str(error)
-    area = np.bincount(F.ravel(), np.repeat(face_areas(V, F), 3), len(V)).astype(np.float64)
+    given = F[:n_faces]  # others fill holes
+    corner_areas: Floats = np.repeat(face_areas(V, given), 3)
+    area: Floats = np.bincount(given.ravel(), corner_areas, len(V)).astype(np.float64)
     z = disk.uv[:, 0] + 1j * disk.uv[:, 1]
     w = conformal_barycenter(z, area)
     scale = (1 - abs(w) ** 2) / abs(1 - w.conjugate() * z) ** 2
@@ -326,10 +325,10 @@ def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[_Chart]) -> Surfa
     for array in (corners, uv):
         array[turned] = array[turned, ::-1]
     opened, changes = cut_along(V, F, corners), list(sheets.changes)
-    if n_filled := sum(chart.n_filled for chart in charts):
-        changes.append(f"filled {counted(n_filled, 'hole', 'holes')}")
+    if filled := sum(chart.n_filled for chart in charts):
+        changes.append(f"filled {filled:,} hole" + "s" * (filled > 1))
     if len(opened.edges):
-        changes.append(f"cut open along {counted(len(opened.edges), 'edge', 'edges')}")
+        changes.append(f"cut open along {counted(opened.edges, 'edge', 'edges')}")
     return SurfaceMap(
         uv=uv,
         disks=tuple(chart.disk for chart in charts),

@@ -55,7 +55,7 @@ def test_progress_goes_from_0_to_1():
         mapper.map(progress=lambda phase, fraction, seen=seen: seen.append(fraction))
         assert seen == sorted(seen)
         assert seen[0] == 0
-        assert seen[-2] > 0.8
+        assert seen[-2] > 0.6  # the last phase is a third of a map that is known already
         assert seen[-1] == 1
 
 

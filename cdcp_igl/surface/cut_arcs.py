@@ -45,9 +45,10 @@ def straighten(surface: CutSurface) -> None:
     cost = _cost(surface)
     for _ in range(ROUNDS):
         before = cost
-        for representative in [arc[len(arc) // 2] for arc in _arcs(surface)]:
-            arc = next((a for a in _arcs(surface) if representative in a), None)
-            if arc is None:
+        for middle in [arc[len(arc) // 2] for arc in _arcs(surface)]:
+            # The arcs laid anew before may have changed this one.
+            arc = next((arc for arc in _arcs(surface) if middle in arc), None)
+            if arc is None or _name(surface, arc) in surface.settled:
                 continue
             old = np.array(arc)
             surface.set_cut(old, cut=False)
@@ -59,8 +60,14 @@ def straighten(surface: CutSurface) -> None:
             else:
                 surface.set_cut(new, cut=False)
                 surface.set_cut(old, cut=True)
+                surface.settled.add(_name(surface, arc))
         if not cost < before:
             return
+
+
+def _name(surface: CutSurface, arc: list[int]) -> tuple[int, ...]:
+    """Whichever way one goes along an arc, its name is the same."""
+    return tuple(sorted(min(half, int(surface.twin[half])) for half in arc))
 
 
 def _cost(surface: CutSurface) -> float:

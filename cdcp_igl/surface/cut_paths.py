@@ -17,9 +17,7 @@ STRETCH = 0.5
 CORRIDOR = 5
 
 
-def straight_path(
-    opened: Opened, start: Bools, end: Bools, longest: float = np.inf
-) -> Ints:
+def straight_path(opened: Opened, start: Bools, end: Bools, longest: float = np.inf) -> Ints:
     """Find a short and straight path from one set of vertices to another.
 
     The cost of a path is what it adds to `Opened.bend` when the surface is cut along it,
@@ -57,9 +55,7 @@ def straight_path(
     return path
 
 
-def _shortest(
-    opened: Opened, start: Bools, end: Bools, blocked: Bools, longest: float
-) -> Ints:
+def _shortest(opened: Opened, start: Bools, end: Bools, blocked: Bools, longest: float) -> Ints:
     """Half-edges of a shortest path between two sets of vertices; none if there is no path."""
     tail, head = opened.tail[opened.inner], opened.head[opened.inner]
     # Into a start and out of an end no path goes, and along the boundary neither.
@@ -68,7 +64,9 @@ def _shortest(
     tail, head = tail[use], head[use]
     graph = csr_matrix((opened.surface.length[half], (tail, head)), (opened.n, opened.n))
     sources = np.flatnonzero(start)
-    distance, parent, _ = dijkstra(graph, indices=sources, return_predecessors=True, min_only=True, limit=longest)
+    distance, parent, _ = dijkstra(
+        graph, indices=sources, return_predecessors=True, min_only=True, limit=longest
+    )
     targets = np.flatnonzero(end)
     v = int(targets[distance[targets].argmin()])
     if not np.isfinite(distance[v]):

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..arrays import Bools, Floats, Ints
 from .edges import group_by_edge, half_edges
-from .triangles import corner_angles
+from .triangles import corner_cotangents
 
 __all__ = ["CutSurface", "Opened"]
 
@@ -30,12 +30,15 @@ class CutSurface:
         The half-edge on the other side of each edge, -1 on the boundary.
     is_cut : (3m,) bool
         Half-edges on either side of the edges that are cut; those of the boundary as well.
+    settled : set
+        Arcs of the cut that were found to be where they should be.
     """
 
     V: Floats
     F: Ints
     twin: Ints = field(init=False)
     is_cut: Bools = field(init=False)
+    settled: set[tuple[int, ...]] = field(init=False, default_factory=set)
 
     def __post_init__(self) -> None:
         n = len(self.V)
@@ -56,7 +59,7 @@ class CutSurface:
     @cached_property
     def angle(self) -> Floats:
         """(3m,) angle between each half-edge and the edge before it in its face, in radians."""
-        return corner_angles(self.V, self.F).T.ravel()
+        return np.arctan2(1, corner_cotangents(self.V, self.F)).T.ravel()
 
     def after(self, half: Ints) -> Ints:
         """Return the next half-edges of the same faces."""

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints
-from ..errors import Defect, MeshError
+from ..errors import Defect, MeshError, counted
 from .cut_arcs import slit, straighten
 from .cut_surface import CutSurface
 from .cut_system import cut_to_disk
 from .edges import group_by_edge, half_edges
-from .report import as_faces, face_components, fans, vertex_array
-from .sheets import orient, part_sheets, twins, used_positions
+from .sheets import orient, part_sheets, used_positions
+from .topology import Topology
+from .validation import as_faces, vertex_array
 
 __all__ = ["Component", "Cut", "cut", "cut_along", "open_to_disk", "split_components"]
 
@@ -102,15 +103,13 @@ def cut(V: ArrayLike, F: ArrayLike, path: ArrayLike | None = None) -> Cut:
     if path is not None:
         return cut_along(given, faces, _corners_cut_at(faces, len(given), path))
     sheets = part_sheets(faces, len(given))
-    n = int(sheets.max()) + 1
-    turned = orient(sheets, n)
+    turned = orient(sheets)
     if len(turned):
         raise MeshError(
             Defect(
                 "inconsistent orientation",
-                f"{len(turned):,} face{'s are' if len(turned) > 1 else ' is'} oriented against "
-                "the others",
-                "Reverse the corners of these faces; clean(V, F) and surface_map(V, F) do it.",
+                f"{counted(turned, 'face is', 'faces are')} oriented against the others",
+                "Reverse the corners of these faces, as cdcp_igl.clean and surface_map do.",
                 "faces",
                 turned,
             )
@@ -167,9 +166,7 @@ class Component:
 
 def split_components(V: Floats, F: Ints, sheets: Ints) -> Iterator[Component]:
     """Take an oriented manifold apart; `sheets` (m, 3) numbers its vertices, F those of V."""
-    m = len(F)
-    one, other, _ = twins(sheets, int(sheets.max()) + 1)
-    count, part = face_components(one, other, m)
+    count, part = Topology(sheets, int(sheets.max()) + 1).components
     order = np.argsort(part, kind="stable")
     for rows in np.split(order, np.cumsum(np.bincount(part, minlength=count))[:-1]):
         _, first, corner = np.unique(sheets[rows], return_index=True, return_inverse=True)
@@ -198,7 +195,8 @@ def _corners_cut_at(F: Ints, n: int, path: ArrayLike) -> Ints:
     if steps.ndim == 1:
         steps = np.column_stack([steps[:-1], steps[1:]])
     steps = np.sort(steps.astype(np.int64), axis=1)
-    edges = group_by_edge(*half_edges(F, n), n)
+    surface = Topology(F, n)
+    edges = surface.edges
     inner = edges.valence > 1
     # Numbers of the edges by their ends: out of range stays out of range.
     key = edges.low.astype(np.int64) * n + edges.high
@@ -218,5 +216,5 @@ def _corners_cut_at(F: Ints, n: int, path: ArrayLike) -> Ints:
     joined = edges.valence == 2
     joined[at] = False
     one, other = edges.sides[edges.start[joined]], edges.sides[edges.start[joined] + 1]
-    _, vertex = fans(F, one, other)
-    return np.ascontiguousarray(vertex.reshape(3, -1).T.astype(np.int64))
+    _, fan = surface.fans_across(one, other)
+    return np.ascontiguousarray(fan.reshape(3, -1).T, dtype=np.int64)

@@ -8,30 +8,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
-from ..errors import Defect, MeshError
-from .edges import group_by_edge, half_edges
-from .report import (
-    as_vertices,
-    degenerate_faces,
-    duplicate_faces,
+from ..errors import Defect, MeshError, counted
+from .defects import degenerate_faces
+from .topology import Topology, duplicate_faces
+from .triangles import corner_cotangents
+from .validation import (
     face_array,
-    face_components,
-    faces_to_reverse,
-    fans,
+    non_finite_defect,
+    refuse_swapped,
     repeated_corners,
+    unit_size,
     vertex_array,
 )
-from .triangles import corner_cotangents
 
-__all__ = [
-    "Sheets",
-    "counted",
-    "orient",
-    "oriented_sheets",
-    "part_sheets",
-    "twins",
-    "used_positions",
-]
+__all__ = ["Sheets", "orient", "oriented_sheets", "part_sheets", "used_positions"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,62 +62,47 @@ def oriented_sheets(V: ArrayLike, F: ArrayLike) -> Sheets:
     """
     positions = used_positions(V, F)
     faces = face_array(F, len(positions))
-    rows, changes = proper_faces(positions, faces)
+    rows, changes = _proper_faces(positions, faces)
     faces = faces[rows]
     vertices = part_sheets(faces, len(positions))
-    split = len(np.unique(vertices)) - len(np.unique(faces))
-    if split:
-        changes.append(f"split off {counted(split, 'vertex', 'vertices')} where sheets met")
-    turned = orient(vertices, int(vertices.max()) + 1)
+    copies = np.arange(len(np.unique(faces)), len(np.unique(vertices)))
+    if len(copies):
+        changes.append(f"split off {counted(copies, 'vertex', 'vertices')} where sheets met")
+    turned = orient(vertices)
     if len(turned):
-        changes.append(f"reversed {counted(len(turned), 'face', 'faces')}")
+        changes.append(f"reversed {counted(turned, 'face', 'faces')}")
     for corners in (faces, vertices):
         corners[turned] = corners[turned, ::-1]
     return Sheets(positions, faces, vertices, rows, turned, tuple(changes))
 
 
-def counted(number: int, one: str, many: str) -> str:
-    """Write out a number of things."""
-    return f"{number:,} {one if number == 1 else many}"
-
-
 def used_positions(V: ArrayLike, F: ArrayLike) -> Floats:
     """V scaled to unit size, rows that no face uses 0; MeshError if the others are not finite."""
+    refuse_swapped(V, F)
     given = vertex_array(V).astype(np.float64)
     unused = np.ones(len(given), dtype=bool)
     unused[face_array(F, len(given))] = False
     given[unused] = 0
-    return as_vertices(given)
+    if defect := non_finite_defect(given):
+        raise MeshError(defect)
+    return unit_size(given)
 
 
-def proper_faces(V: Floats, F: Ints) -> tuple[Ints, list[str]]:
-    """Find the faces that have an area and repeat no other; say which were left out.
-
-    Raises
-    ------
-    MeshError
-        If there are none.
-    """
+def _proper_faces(V: Floats, F: Ints) -> tuple[Ints, list[str]]:
+    """Find the faces that have an area and repeat no other; say which were left out."""
     kept, changes = np.arange(len(F)), []
     for find, why in (
         (repeated_corners, "with a repeated corner"),
-        (duplicate_faces, "that repeat another"),
+        (duplicate_faces, "that repeated another"),
         (lambda faces: degenerate_faces(corner_cotangents(V, faces)), "without area"),
     ):
         bad = find(F[kept])
         if len(bad):
-            changes.append(f"left out {counted(len(bad), 'face', 'faces')} {why}")
+            changes.append(f"left out {counted(bad, 'face', 'faces')} {why}")
             kept = np.delete(kept, bad)
     if len(kept) == 0:
-        raise MeshError(
-            Defect(
-                "nothing left",
-                "No face has an area",
-                "Restore the mesh.",
-                "faces",
-                np.arange(len(F)),
-            )
-        )
+        what = f"cdcp_igl.surface_map {', '.join(changes)}, and no face is left"
+        raise MeshError(Defect("nothing left", what, "Restore the mesh."))
     return kept, changes
 
 
@@ -149,34 +124,22 @@ def part_sheets(F: Ints, n: int) -> Ints:
         The same faces, their corners numbered anew: corners with the same number are one
         vertex of the manifold.
     """
-    m = len(F)
-    alone = np.zeros(m, dtype=bool)
     while True:
-        one, other, singular = twins(F, n)
-        together = ~alone[one % m] & ~alone[other % m]
-        count, vertex = fans(F, one[together], other[together])
-        F, n, before = np.ascontiguousarray(vertex.reshape(3, m).T.astype(np.int64)), count, n
-        if len(singular) == 0 and count == before:
-            return F
-        if count == before:
-            alone[singular % m] = True
+        surface = Topology(F, n)
+        count, fan = surface.fans
+        F = np.ascontiguousarray(fan.reshape(3, -1).T, dtype=np.int64)
+        if count == int(surface.used.sum()):  # nothing was split
+            if not surface.singular.any():
+                return F
+            first = np.zeros(F.size, dtype=bool)
+            first[surface.edges.start] = True
+            surplus = ~first & np.repeat(surface.singular, surface.edges.valence)
+            alone = np.unique(surface.edges.sides[surplus] % len(F))
+            F[alone] = count + np.arange(3 * len(alone)).reshape(-1, 3)
+        n = int(F.max()) + 1
 
 
-def twins(F: Ints, n: int) -> tuple[Ints, Ints, Ints]:
-    """Half-edges on either side of each edge of two faces; and all but one of other edges.
-
-    Those of an edge of three or more faces come third, without the first.
-    """
-    edges = group_by_edge(*half_edges(F, n), n)
-    start, valence = edges.start, edges.valence
-    two = start[valence == 2]
-    first = np.zeros(len(edges.sides), dtype=bool)
-    first[start] = True
-    surplus = ~first & np.repeat(valence > 2, valence)
-    return edges.sides[two], edges.sides[two + 1], edges.sides[surplus]
-
-
-def orient(F: Ints, n: int) -> Ints:
+def orient(F: Ints) -> Ints:
     """Find the faces of a manifold that are turned over, in each component the fewer.
 
     Raises
@@ -184,24 +147,21 @@ def orient(F: Ints, n: int) -> Ints:
     MeshError
         If a component is one-sided.
     """
-    m, tail = len(F), F.T.ravel()
-    one, other, _ = twins(F, n)
-    clash = tail[one] == tail[other]
-    turned = faces_to_reverse(one % m, other % m, clash, m)
-    if turned is not None:
-        return turned
-    _, part = face_components(one, other, m)
-    one_sided = np.zeros(m, dtype=bool)
-    for k in np.unique(part[one[clash] % m]):
-        inside = part[one % m] == k
-        if faces_to_reverse(one[inside] % m, other[inside] % m, clash[inside], m) is None:
-            one_sided |= part == k
+    surface = Topology(F, int(F.max()) + 1)
+    if surface.against is not None:
+        return surface.against
+    _, part = surface.components
+    one_sided = [
+        rows
+        for rows in (np.flatnonzero(part == k) for k in range(int(part.max()) + 1))
+        if Topology(F[rows], surface.n).against is None
+    ]
     raise MeshError(
         Defect(
             "not orientable",
             "The surface is one-sided, like a Möbius strip",
-            "Cut it across with cut(V, F, path).",
+            "Cut it across with cdcp_igl.cut(V, F, path).",
             "faces",
-            np.flatnonzero(one_sided),
+            np.sort(np.concatenate(one_sided)),
         )
     )

@@ -1,0 +1,48 @@
+from . import datasets, io, plot, reference
+from .algorithm import cdcp, disk_map
+from .atlas import SurfaceMap, surface_map
+from .certificate import Certificate
+from .distortion import (
+    AngleDistortion,
+    angle_distortion,
+    area_distortion,
+    conformal_factor,
+    quasi_conformal_dilatation,
+)
+from .errors import Defect, MapError, MeshError, SolverError
+from .mapper import DiskMapper
+from .result import DiskMap
+from .surface.cleaning import Cleaned, clean
+from .surface.cutting import Cut, cut
+from .surface.report import MeshReport, check
+
+__all__ = [
+    "AngleDistortion",
+    "Certificate",
+    "Cleaned",
+    "Cut",
+    "Defect",
+    "DiskMap",
+    "DiskMapper",
+    "MapError",
+    "MeshError",
+    "MeshReport",
+    "SolverError",
+    "SurfaceMap",
+    "angle_distortion",
+    "area_distortion",
+    "cdcp",
+    "check",
+    "clean",
+    "conformal_factor",
+    "cut",
+    "datasets",
+    "disk_map",
+    "io",
+    "plot",
+    "quasi_conformal_dilatation",
+    "reference",
+    "surface_map",
+]
+
+__version__: str
