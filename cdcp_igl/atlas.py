@@ -17,6 +17,7 @@ from .errors import MapError, counted
 from .result import DiskMap
 from .steps.center import CenterMethod
 from .steps.mobius import conformal_barycenter
+from .steps.options import Options
 from .steps.phases import Progress
 from .surface.cut_growth import grow
 from .surface.cut_surface import CutSurface, Opened
@@ -190,6 +191,11 @@ def surface_map(
     """
     if not spread >= 0:
         raise ValueError(f"spread must be 0 or more, not {spread!r}")
+    if not isinstance(center, str):
+        raise ValueError(f"center must be a method, since each disk has a face, not {center!r}")
+    if align is not None and np.ndim(align) == 0:
+        raise ValueError(f"align must be a direction in space or None, not {align!r}")
+    Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
     options = {
         "center": center,
         "mobius": mobius,
