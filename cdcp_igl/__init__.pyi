@@ -1,6 +1,7 @@
 from . import datasets, io, plot, reference
 from .algorithm import cdcp, disk_map
 from .atlas import SurfaceMap, surface_map
+from .batching import Batch, Record, batch
 from .certificate import Certificate
 from .distortion import (
     AngleDistortion,
@@ -11,6 +12,7 @@ from .distortion import (
 )
 from .errors import Defect, MapError, MeshError, SolverError
 from .mapper import DiskMapper
+from .quadrilateral import RectangleMap, rectangle_map
 from .result import DiskMap
 from .surface.cleaning import Cleaned, clean
 from .surface.cutting import Cut, cut
@@ -18,6 +20,7 @@ from .surface.report import MeshReport, check
 
 __all__ = [
     "AngleDistortion",
+    "Batch",
     "Certificate",
     "Cleaned",
     "Cut",
@@ -27,10 +30,13 @@ __all__ = [
     "MapError",
     "MeshError",
     "MeshReport",
+    "Record",
+    "RectangleMap",
     "SolverError",
     "SurfaceMap",
     "angle_distortion",
     "area_distortion",
+    "batch",
     "cdcp",
     "check",
     "clean",
@@ -41,6 +47,7 @@ __all__ = [
     "io",
     "plot",
     "quasi_conformal_dilatation",
+    "rectangle_map",
     "reference",
     "surface_map",
 ]

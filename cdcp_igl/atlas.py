@@ -79,6 +79,11 @@ class SurfaceMap:
         """True if every disk has a valid certificate."""
         return all(disk.certificate.valid for disk in self.disks)
 
+    @property
+    def conformal(self) -> bool:
+        """True if every disk is as conformal as its mesh lets it be, see `DiskMap.conformal`."""
+        return all(disk.conformal for disk in self.disks)
+
     @cached_property
     def uv_cut(self) -> Floats:
         """(n, 2) image of each vertex of ``cut``: ``uv_cut[cut.F]`` is ``uv``."""
@@ -114,7 +119,7 @@ class SurfaceMap:
         return "\n".join(
             [
                 f"surface map of {len(self.uv):,} faces onto {len(self.disks):,} disks: "
-                f"{certified:,} valid",
+                f"{certified:,} valid" + ("" if self.conformal else ", NOT CONFORMAL"),
                 f"  angular distortion  {self.distortion}",
                 f"  spread of scale     {self.spread:.2f}",
                 f"  cut                 {len(self.cut.edges):,} edges, length "

@@ -8,7 +8,6 @@ some inputs that break this.
 from __future__ import annotations
 
 from importlib.metadata import version
-from pathlib import Path
 
 import igl
 import igl.predicates
@@ -29,7 +28,6 @@ __all__ = [
     "is_counterclockwise",
     "lscm",
     "path",
-    "read_stl",
     "squared_edge_lengths",
     "vector_area_matrix",
     "vertex_normals",
@@ -97,11 +95,6 @@ def path(edges: Ints) -> Ints:
     """(k,) vertices of one closed loop of directed edges (k, 2), in their direction."""
     vertices, _, column = igl.edges_to_path(edges)
     return vertices[:-1] if column[0] == 0 else vertices[:0:-1]
-
-
-def read_stl(path: Path) -> tuple[Floats, Ints]:
-    """(3m, 3) vertices and (m, 3) faces of an stl file; RuntimeError if it is damaged."""
-    return igl.read_triangle_mesh(str(path))
 
 
 def squared_edge_lengths(V: Floats, F: Ints) -> Floats:

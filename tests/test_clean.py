@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 import cdcp_igl
-from cdcp_igl.command_line.commands import app
+from cdcp_igl.command_line.program import app
 
 # What is left of each nasty mesh: "disk", a defect that clean cannot mend, or a refusal.
 UNMENDED = {"Moebius strip": "not orientable", "closed": "closed surface", "handle": "handle"}
