@@ -313,7 +313,7 @@ function start(scene, gl, image) {
       const nearest = [i, j, k][found.weights.indexOf(Math.max(...found.weights))];
       const { faceOrder, vertexOrder } = scene.arrays;
       const face = faceOrder ? faceOrder[found.face] : found.face;
-      const [u, v] = [0, 1].map((c) => [i, j, k].reduce((sum, at, n) => sum + found.weights[n] * scene.UV[2 * at + c], 0));
+      const [u, v] = [0, 1].map((c) => [i, j, k].reduce((sum, at, n) => sum + about.scale * found.weights[n] * scene.UV[2 * at + c], about.middle[c]));
       const values = about.colorings.filter((c) => c.kind === "values").map((c) => {
         const x = c.low + ((c.high - c.low) * scene.arrays[c.array][nearest]) / 255;
         return `${c.name} ${x.toPrecision(3)}${c.unit}`;
