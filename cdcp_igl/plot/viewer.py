@@ -24,6 +24,7 @@ from ..extras import from_extra
 from ..io import whole_file
 from ..quadrilateral import RectangleMap
 from ..result import DiskMap
+from ..surface.edges import group_by_edge, half_edges
 from ..surface.triangles import face_areas
 from .layout import Opened, lay_out
 from .packing import ordered, pack, quantized
@@ -212,10 +213,10 @@ def _spin(V: Floats, F: Ints, uv: Floats, home: Floats) -> float:
 
 def _rim_and_cut(V: Floats, F: Ints) -> tuple[Ints, Ints]:
     """Edges with one face; where two of them lie in one place, the surface was cut there."""
-    tails, heads = F.ravel(), np.roll(F, -1, axis=1).ravel()
-    n = len(V)
-    single = np.flatnonzero(~np.isin(tails * n + heads, heads * n + tails))
-    edges = np.column_stack([tails[single], heads[single]])
+    tails, heads = half_edges(F, len(V))
+    by_edge = group_by_edge(tails, heads, len(V))
+    single = by_edge.sides[by_edge.start[by_edge.valence == 1]]
+    edges = np.column_stack([tails[single], heads[single]]).astype(np.int64)
     ends, place = np.unique(edges), V[np.unique(edges)]
     where = np.unique(place, axis=0, return_inverse=True)[1].ravel()
     name = np.sort(where[np.searchsorted(ends, edges)], axis=1)
