@@ -268,7 +268,8 @@ def test_hovering_marks_the_face_that_invert_finds(opened, bumps, page):
     V, F, result = bumps
     about, _ = contents(page.read_text())
     turn = np.exp(1j * about["spin"])
-    middle, radius = (V.min(0) + V.max(0)) / 2, np.linalg.norm(np.ptp(V, axis=0)) / 2
+    middle = (V.min(axis=0) + V.max(axis=0)) / 2
+    radius = np.linalg.norm(V - middle, axis=1).max()
     home = np.reshape(about["home"], (3, 3))
     for z in (0.1 + 0.2j, -0.55 + 0.3j, 0.2 - 0.8j):
         there = scale(opened, "plane", 0.92) * z * turn

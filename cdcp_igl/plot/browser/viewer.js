@@ -41,7 +41,8 @@ function makeScene(arrays) {
     const x = ay * bz - az * by, y = az * bx - ax * bz, z = ax * by - ay * bx;
     for (const c of [i, j, k]) { N[c] += x; N[c + 1] += y; N[c + 2] += z; }
   }
-  const radius = Math.hypot(...about.extent);
+  let radius = 0;
+  for (let i = 0; i < 3 * n; i += 3) radius = Math.max(radius, Math.hypot(P[i], P[i + 1], P[i + 2]));
   for (let i = 0; i < 3 * n; i++) P[i] /= radius;
   return { n, m, F, P, UV, N, rim: arrays.rim, cut: arrays.cut, arrays };
 }
