@@ -2,29 +2,54 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 
 from ..arrays import Floats, Ints
+from ..certificate import Certificate
 from ..distortion import AngleDistortion
-from ..quadrilateral import RectangleMap
-from ..result import DiskMap
+from ..surface.mesh import DiskMesh
 from ..surface.triangles import area_products
 
-__all__ = ["Layout", "Opened", "lay_out"]
+__all__ = ["Layout", "Mapped", "Opened", "lay_out"]
+
+
+class Mapped(Protocol):
+    """A map of a disk: a DiskMap, or a RectangleMap, which has a ``modulus`` besides."""
+
+    @property
+    def uv(self) -> Floats:
+        """(n, 2) images of the vertices."""
+
+    @property
+    def mesh(self) -> DiskMesh:
+        """The surface."""
+
+    @property
+    def certificate(self) -> Certificate:
+        """What was verified."""
+
+    @property
+    def distortion(self) -> AngleDistortion:
+        """Of all faces."""
+
+    @property
+    def valid(self) -> bool:
+        """True for a bijection."""
 
 
 class Opened(Protocol):
-    """A map of a surface that was cut open: `cdcp_igl.SurfaceMap`."""
+    """A map of a surface that was cut open: a SurfaceMap."""
 
     @property
     def cut(self) -> Any:
         """The opened surface: ``V``, ``F`` and ``vertex_index``."""
 
     @property
-    def disks(self) -> tuple[DiskMap, ...]:
+    def disks(self) -> Sequence[Mapped]:
         """The maps of its components."""
 
     @property
@@ -70,30 +95,32 @@ class Layout:
     facts: tuple[str, ...]
 
 
-def lay_out(result: DiskMap | RectangleMap | Opened) -> Layout:
+def lay_out(result: Mapped | Opened) -> Layout:
     """Lay out a map of any kind."""
-    if isinstance(result, DiskMap | RectangleMap):
-        V, F, vertices = result.mesh.positions, result.mesh.F, np.arange(len(result.uv))
-    else:
-        cut = result.cut
-        V, F, vertices = np.zeros((len(cut.V), 3)), cut.F, cut.vertex_index
-        V[:, : cut.V.shape[1]] = cut.V
     verdict = "certified bijection" if result.valid else "NOT VALID"
-    facts = (
-        f"{len(V):,} vertices",
-        f"angular distortion {result.distortion.mean:.3g}° ± {result.distortion.sd:.3g}°",
-    )
-    if isinstance(result, DiskMap):
-        return Layout(V, F, result.uv, vertices, "Disk", (0.0, 0.0), 1.0, (*facts, verdict))
-    if isinstance(result, RectangleMap):
-        middle, scale = (result.modulus / 2, 0.5), max(result.modulus, 1) / 2
-        uv = (result.uv - middle) / scale
-        modulus = f"modulus {result.modulus:.6g}"
-        named = (*facts, modulus, verdict)
-        return Layout(V, F, uv, vertices, "Rectangle", middle, scale, named)
+    distortion = f"{result.distortion.mean:.3g}° ± {result.distortion.sd:.3g}°"
+    facts = [f"angular distortion {distortion}", verdict]
+    if hasattr(result, "packed"):
+        return _laid_out_opened(cast(Opened, result), facts)
+    V, F, uv = result.mesh.positions, result.mesh.F, result.uv
+    plane, middle, scale = "Disk", (0.0, 0.0), 1.0
+    if modulus := getattr(result, "modulus", None):
+        plane, middle, scale = "Rectangle", (modulus / 2, 0.5), max(modulus, 1) / 2
+        facts.insert(1, f"modulus {modulus:.6g}")
+    facts.insert(0, f"{len(V):,} vertices")
+    uv = (uv - middle) / scale
+    return Layout(V, F, uv, np.arange(len(V)), plane, middle, scale, tuple(facts))
+
+
+def _laid_out_opened(result: Opened, facts: Sequence[str]) -> Layout:
+    cut, count = result.cut, len(result.disks)
+    V = np.zeros((len(cut.V), 3))
+    V[:, : cut.V.shape[1]] = cut.V
     uv = np.zeros((len(V), 2))
-    uv[F] = 2 * result.packed() - 1
-    left, right = area_products(uv[:, 0], uv[:, 1], F)
-    F = np.where((left < right)[:, None], F[:, ::-1], F)  # of a surface with faces turned over
-    plane = f"{len(result.disks):,} disks" if len(result.disks) > 1 else "Disk"
-    return Layout(V, F, uv, vertices, plane, (0.5, 0.5), 0.5, (*facts, verdict))
+    uv[cut.F] = 2 * result.packed() - 1
+    left, right = area_products(uv[:, 0], uv[:, 1], cut.F)
+    # Faces of a surface with faces turned over, as the disks have them.
+    F = np.where((left < right)[:, None], cut.F[:, ::-1], cut.F)
+    plane = f"{count:,} disks" if count > 1 else "Disk"
+    named = (f"{len(np.unique(cut.vertex_index)):,} vertices", *facts)
+    return Layout(V, F, uv, cut.vertex_index, plane, (0.5, 0.5), 0.5, named)

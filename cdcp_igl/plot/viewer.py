@@ -22,11 +22,9 @@ from ..arrays import Floats, Ints
 from ..distortion import angle_distortion, conformal_factor
 from ..extras import from_extra
 from ..io import whole_file
-from ..quadrilateral import RectangleMap
-from ..result import DiskMap
 from ..surface.edges import group_by_edge, half_edges
 from ..surface.triangles import face_areas
-from .layout import Opened, lay_out
+from .layout import Layout, Mapped, Opened, lay_out
 from .packing import ordered, pack, quantized
 from .pictures import side_by_side, vertex_normals
 from .viewpoint import choose_viewpoint
@@ -36,7 +34,7 @@ with from_extra("plot"):
     from matplotlib.colors import to_hex
     from matplotlib.image import imsave
 
-__all__ = ["view", "view_html"]
+__all__ = ["poster", "view", "view_html"]
 
 IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".webp": "webp"}
 VALUE_STEPS = 255  # of a field: no eye tells more colours apart
@@ -44,7 +42,7 @@ BEYOND = 0.005  # share of the vertices, at either end, that may lie beyond the 
 
 
 def view(
-    result: DiskMap | RectangleMap | Opened,
+    result: Mapped | Opened,
     path: str | PathLike[str] | None = None,
     *,
     fields: Mapping[str, ArrayLike] | None = None,
@@ -108,7 +106,7 @@ def view(
 
 
 def view_html(
-    result: DiskMap | RectangleMap | Opened,
+    result: Mapped | Opened,
     *,
     fields: Mapping[str, ArrayLike] | None = None,
     texture: str | PathLike[str] | ArrayLike | None = None,
@@ -175,7 +173,7 @@ def view_html(
         plane=layout.plane,
         style=(source / "viewer.css").read_text("utf-8"),
         script=(source / "viewer.js").read_text("utf-8"),
-        poster=_poster(V, F, uv, result.distortion.mean),
+        poster=_poster(layout, result.distortion.mean),
         # A closing tag in a name would end the script element.
         about=json.dumps(about).replace("<", "\\u003c"),
         data=data,
@@ -304,9 +302,15 @@ def _image(texture: str | PathLike[str] | ArrayLike) -> str:
     return _uri(file.getvalue(), "png")
 
 
-def _poster(V: Floats, F: Ints, uv: Floats, mean: float) -> str:
+def poster(result: Mapped | Opened) -> str:
+    """Return an image element with a picture of a map."""
+    source = _poster(lay_out(result), result.distortion.mean)
+    return f'<img alt="The surface and its image" src="{source}">'
+
+
+def _poster(layout: Layout, mean: float) -> str:
     """Return the picture that stands where the browser cannot draw."""
-    figure = side_by_side([(V, F, [("image", mean, uv)])])
+    figure = side_by_side([(layout.V, layout.F, [(layout.plane, mean, layout.uv)])])
     file = BytesIO()
     figure.savefig(file, format="jpeg", dpi=120, pil_kwargs={"quality": 75})
     return _uri(file.getvalue(), "jpeg")
