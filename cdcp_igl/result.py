@@ -22,6 +22,7 @@ from .steps.landmarks import landmark_automorphism
 from .steps.mobius import Normalization
 from .steps.refine import Refinement
 from .steps.repair import Repair
+from .steps.straightening import Straightening
 from .surface.bijection import Bijection
 from .surface.notebook import html_table
 
@@ -55,6 +56,8 @@ class DiskMap(Bijection):
         The central face, sect. 4.1, and how it was found.
     trace : BoundaryMethod
         How the boundary got onto the circle, with all fallbacks.
+    straightening : Straightening
+        What was done about the shear that all faces have in common.
     repair : Repair
         What was done about faces that the harmonic map had flipped.
     mobius : Normalization
@@ -82,6 +85,7 @@ class DiskMap(Bijection):
     distortion_free: AngleDistortion
     center: Center
     trace: BoundaryMethod
+    straightening: Straightening
     repair: Repair
     mobius: Normalization
     refinement: Refinement | None
@@ -137,6 +141,11 @@ class DiskMap(Bijection):
                 f"  certificate         {self.certificate}",
                 f"  center              {self.center}",
                 f"  boundary            {self.trace}",
+                *(
+                    [f"  straightening       {self.straightening}"]
+                    if self.straightening.before
+                    else []
+                ),
                 f"  repair              {self.repair}",
                 f"  Möbius              {self.mobius}",
                 f"  refinement          {self.refinement or 'not asked for'}",
@@ -293,6 +302,7 @@ class DiskMap(Bijection):
                 "rejected": list(self.trace.rejected),
                 "spread_faces": self.trace.n_spread,
             },
+            "straightening": asdict(self.straightening),
             "repair": {
                 "flipped_faces": self.repair.n_flipped,
                 "moved_vertices": self.repair.n_moved,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .. import libigl
 from ..arrays import Floats, Ints
 from ..distortion import angle_distortion
 from ..extras import from_extra
@@ -195,15 +196,8 @@ def _draw_histogram(axes: Axes, degrees: Floats, result: Mapped) -> None:
 
 
 def vertex_normals(V: Floats, F: Ints) -> Floats:
-    """(n, 3) unit normals, faces weighted by area."""
-    i, j, k = F.T
-    across = np.cross(V[j] - V[i], V[k] - V[i])
-    corners = F.ravel()
-    normals = np.column_stack(
-        [np.bincount(corners, np.repeat(across[:, axis], 3), len(V)) for axis in range(3)]
-    )
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return normals / np.where(lengths > 0, lengths, 1)
+    """(n, 3) unit normals, faces weighted by area; zero at vertices without area."""
+    return np.nan_to_num(libigl.vertex_normals(V, F), nan=0.0)
 
 
 def normal_colors(normals: Floats) -> Floats:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -100,6 +100,15 @@ class CircleMap:
     f_B: Complex
     extend: Callable[[Complex], Complex]
     method: BoundaryMethod
+
+    @property
+    def is_crowded(self) -> bool:
+        """Whether there are arcs that positions on the circle do not describe well."""
+        return bool(self.steps.min() < RESOLVED * self.steps.sum())
+
+    def turned(self, f_B: Complex) -> CircleMap:
+        """Take other places for the boundary; not for a crowded one."""
+        return replace(self, steps=increments(f_B), f_B=f_B)
 
 
 def by_trace(
