@@ -11,8 +11,8 @@ from .. import libigl
 from ..arrays import Floats, Ints
 from ..distortion import angle_distortion
 from ..extras import from_extra
-from ..result import DiskMap
 from ..surface.validation import as_surface
+from .layout import Mapped
 from .viewpoint import choose_viewpoint
 
 with from_extra("plot"):
@@ -32,7 +32,7 @@ INK, FAINT = "#222222", "#9a9a9a"
 LIGHT = np.array([-0.35, 0.5, 0.79])  # from above left, behind the viewer
 
 
-def picture(V: ArrayLike, F: ArrayLike, result: DiskMap, *, name: str = "") -> Figure:
+def picture(V: ArrayLike, F: ArrayLike, result: Mapped, *, name: str = "") -> Figure:
     """Draw the surface, its image and the angular distortion side by side.
 
     Parameters
@@ -168,7 +168,7 @@ class _Scene:
         axes.set_axis_off()
 
 
-def _draw_histogram(axes: Axes, degrees: Floats, result: DiskMap) -> None:
+def _draw_histogram(axes: Axes, degrees: Floats, result: Mapped) -> None:
     """Draw the shares of the corners by distortion, the long tail cut off."""
     mean, sd = result.distortion.mean, result.distortion.sd
     end = max(float(np.quantile(degrees, 0.99)), mean + 2 * sd, 1e-9)
