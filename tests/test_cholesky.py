@@ -5,7 +5,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import cdcp_igl.solve.threads
 from cdcp_igl.errors import SolverError
-from cdcp_igl.solve.cholmod import Cholesky, fill_reducing_order
+from cdcp_igl.solve.cholesky import Cholesky, fill_reducing_order
 from cdcp_igl.solve.threads import one_thread
 
 RNG = np.random.default_rng(0)
