@@ -19,7 +19,7 @@ from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.steps.center import Center, central_face
 from cdcp_igl.steps.circle import Rejected
 from cdcp_igl.steps.circle.geodesic import geodesic_map
-from cdcp_igl.steps.circle.whiten import whiten
+from cdcp_igl.steps.circle.whiten import whiten_trace
 from cdcp_igl.steps.repair import unfold
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -45,7 +45,7 @@ def _coldest(surface: FactoredSurface, *, t: float) -> Center:
 
 def _interior(trace: Complex, *, whitened: bool) -> Complex:
     """Take the surface for the inside of the trace: the outside of its mirrored inverse."""
-    z = whiten(trace) if whitened else trace - _centroid(trace)
+    z = whiten_trace(trace) if whitened else trace - _centroid(trace)
     return geodesic_map(1 / z.conj())
 
 
@@ -57,7 +57,7 @@ def _centroid(z: Complex) -> complex:
 
 
 def _theodorsen(trace: Complex) -> Complex:
-    f_B = theodorsen_map(whiten(trace))
+    f_B = theodorsen_map(whiten_trace(trace))
     return np.full_like(trace, np.nan) if f_B is None else f_B
 
 

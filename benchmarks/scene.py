@@ -8,7 +8,7 @@ from matplotlib import colormaps
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.distortion import angle_distortion
 from cdcp_igl.plot.pictures import LIGHT, normal_colors, vertex_normals
-from cdcp_igl.plot.viewpoint import viewpoint
+from cdcp_igl.plot.viewpoint import choose_viewpoint
 
 from .raster import Bytes, in_picture, rasterize
 
@@ -31,7 +31,7 @@ class Scene:
 
     def __init__(self, V: Floats, F: Ints, pixels: int) -> None:
         self._V, self._F, self._pixels = V, F, pixels
-        self.points = V @ viewpoint(V, F).T
+        self.points = V @ choose_viewpoint(V, F).T
         self.surface = rasterize(self.points, F, pixels)
         self._normals = vertex_normals(self.points, F)
         self._colors = normal_colors(self._normals)[:, :3]

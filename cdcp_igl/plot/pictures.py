@@ -11,8 +11,8 @@ from ..arrays import Floats, Ints
 from ..distortion import angle_distortion
 from ..extras import from_extra
 from ..result import DiskMap
-from ..surface.report import as_faces, as_vertices
-from .viewpoint import viewpoint
+from ..surface.validation import as_surface
+from .viewpoint import choose_viewpoint
 
 with from_extra("plot"):
     from matplotlib.axes import Axes
@@ -137,9 +137,8 @@ class _Scene:
     """A surface as the viewer sees it, coloured by its normals."""
 
     def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
-        positions = as_vertices(V)
-        self._faces = as_faces(F, len(positions))
-        self._seen = positions @ viewpoint(positions, self._faces).T
+        positions, self._faces = as_surface(V, F)
+        self._seen = positions @ choose_viewpoint(positions, self._faces).T
         normals = vertex_normals(self._seen, self._faces)
         self._front = normals[:, 2] > 0
         self._colors = normal_colors(normals)
