@@ -115,9 +115,11 @@ def _errors(used: Solver, size: int) -> Iterator[None]:
     try:
         with one_thread():
             yield
-    except (*used.ERRORS, MemoryError) as error:
+    except Exception as error:
+        if not isinstance(error, (MemoryError, *used.ERRORS)):
+            raise
         raise SolverError(
-            f"{used.NAME} failed on a Laplacian of size {size:,}: "
+            f"{used.LIBRARY} ({used.PACKAGE}) failed on a Laplacian of size {size:,}: "
             f"{error or type(error).__name__}. If the mesh has slivers, remesh it; if memory "
             "ran out, decimate it."
         ) from error

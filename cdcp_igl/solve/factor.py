@@ -75,7 +75,7 @@ class Factor:
         self.order = first
         count = "two factorizations" if self._inner else "one factorization"
         used = self._pinned.solver
-        self.solver = f"{used.NAME}, {name} ordering, {used.MODE} mode, {count}"
+        self.solver = f"{used.LIBRARY} ({used.PACKAGE}, {name} ordering, {used.MODE} mode, {count})"
 
     def refactored(self, L: Laplacian) -> Factor:
         """Factor the Laplacian of the same connectivity elsewhere, without a new analysis.

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from ..arrays import Floats
-from ..extras import from_extra
+from ..extras import MissingExtra
 from .threads import libraries_were_loaded
 
-__all__ = ["SOLVERS", "Factorization", "Solver", "solver", "using"]
+__all__ = ["SOLVERS", "Factorization", "Solver", "SolverName", "checked", "solver", "using"]
 
 # From the fastest to the slowest, with the module here that knows it.
 SOLVERS = {
@@ -26,6 +26,7 @@ SOLVERS = {
     "cvxopt": "with_cvxopt",
     "scipy": "with_scipy",
 }
+SolverName = Literal["scikit-sparse", "cvxopt", "scipy"]
 VARIABLE = "CDCP_IGL_SOLVER"
 
 _asked_for: ContextVar[str | None] = ContextVar("solver", default=None)
@@ -51,8 +52,9 @@ class Factorization(Protocol):
 class Solver(Protocol):
     """What each of the modules offers."""
 
-    NAME: str  # with the version
-    MODE: str  # what else is to be known of the method
+    LIBRARY: str
+    PACKAGE: str  # by which Python has the library, with its version
+    MODE: str  # of its methods, the one that is used
     ERRORS: tuple[type[Exception], ...]  # what it raises if A is not positive definite
     ORDERS: bool  # whether it factors in the order that it is given
     TRIANGULAR: bool  # whether it solves with L and L^T alone
@@ -73,32 +75,39 @@ def solver() -> Solver:
         If it is not installed.
     """
     name = _asked_for.get() or os.environ.get(VARIABLE)
-    return _load(_checked(name)) if name else _fastest()
+    return _load(checked(name)) if name else _fastest()
 
 
 @contextmanager
-def using(name: str | None) -> Iterator[None]:
+def using(name: SolverName | None) -> Iterator[None]:
     """Let the body use a solver, one of `SOLVERS`; None asks for none.
 
     Other threads are not concerned, and what was factored stays with its solver.
     """
-    token = _asked_for.set(_checked(name) if name else _asked_for.get())
+    token = _asked_for.set(checked(name) if name else _asked_for.get())
     try:
         yield
     finally:
         _asked_for.reset(token)
 
 
-def _checked(name: str) -> str:
+def checked(name: str) -> str:
+    """Return the name; ValueError if no solver has it."""
     if name not in SOLVERS:
-        raise ValueError(f"solver is {name!r}; it must be one of {', '.join(SOLVERS)}.")
+        known = ", ".join(f'"{solver}"' for solver in SOLVERS)
+        raise ValueError(f"solver must be one of {known}, not {name!r}")
     return name
 
 
 @cache
 def _load(name: str) -> Solver:
-    with from_extra(name):
+    try:
         module = import_module(f".{SOLVERS[name]}", __package__)
+    except ImportError as error:
+        raise MissingExtra(
+            f"solver={name!r}: {error}. Install it: pip install {name}; "
+            f"or take another: {', '.join(other for other in SOLVERS if other != name)}."
+        ) from error
     libraries_were_loaded()
     return cast(Solver, module)
 

@@ -16,11 +16,12 @@ from scipy.sparse import csc_matrix
 
 from ..arrays import Floats
 
-__all__ = ["ERRORS", "MODE", "NAME", "ORDERS", "TRIANGULAR", "Factorization", "order"]
+__all__ = ["ERRORS", "LIBRARY", "MODE", "ORDERS", "PACKAGE", "TRIANGULAR", "Factorization", "order"]
 
-NAME = f"CHOLMOD (cvxopt {version('cvxopt')})"
+LIBRARY = "CHOLMOD"
+PACKAGE = f"cvxopt {version('cvxopt')}"
 MODE = "supernodal"
-ERRORS = (ArithmeticError,)
+ERRORS: tuple[type[Exception], ...] = (ArithmeticError,)
 ORDERS = TRIANGULAR = True
 
 SYSTEMS = {"A": 0, "L": 4, "Lt": 5}  # by CHOLMOD's numbers

@@ -19,13 +19,14 @@ from sksparse import cholmod
 
 from ..arrays import Floats
 
-__all__ = ["ERRORS", "MODE", "NAME", "ORDERS", "TRIANGULAR", "Factorization", "order"]
+__all__ = ["ERRORS", "LIBRARY", "MODE", "ORDERS", "PACKAGE", "TRIANGULAR", "Factorization", "order"]
 
-NAME = f"CHOLMOD (scikit-sparse {version('scikit-sparse')})"
+LIBRARY = "CHOLMOD"
+PACKAGE = f"scikit-sparse {version('scikit-sparse')}"
 # The fastest on all but the smallest meshes, and the one in which both versions notice a matrix
 # that is not positive definite.
 MODE = "supernodal"
-ERRORS = (cholmod.CholmodError,)
+ERRORS: tuple[type[Exception], ...] = (cholmod.CholmodError,)
 ORDERS = TRIANGULAR = True
 
 # scikit-sparse 0.5 replaced `analyze` and `Factor` by `CholeskyFactor`.

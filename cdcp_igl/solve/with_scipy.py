@@ -18,11 +18,12 @@ from scipy.sparse.linalg import splu
 
 from ..arrays import Floats
 
-__all__ = ["ERRORS", "MODE", "NAME", "ORDERS", "TRIANGULAR", "Factorization", "order"]
+__all__ = ["ERRORS", "LIBRARY", "MODE", "ORDERS", "PACKAGE", "TRIANGULAR", "Factorization", "order"]
 
-NAME = f"SuperLU (scipy {scipy.__version__})"
+LIBRARY = "SuperLU"
+PACKAGE = f"scipy {scipy.__version__}"
 MODE = "symmetric"
-ERRORS = (RuntimeError, np.linalg.LinAlgError)
+ERRORS: tuple[type[Exception], ...] = (RuntimeError, np.linalg.LinAlgError)
 # It has one triangle too many: L of L U is not that of Cholesky. And it finds an order within
 # the factorization only.
 ORDERS = TRIANGULAR = False

@@ -1,0 +1,152 @@
+"""The same maps by each solver, and how one is chosen."""
+
+import os
+import pickle
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+import cdcp_igl
+from cdcp_igl import DiskMapper, datasets, disk_map
+from cdcp_igl.extras import MissingExtra
+from cdcp_igl.solve import solvers
+from cdcp_igl.solve.solvers import SOLVERS, solver, using
+
+LIBRARIES = {"scikit-sparse": "CHOLMOD", "cvxopt": "CHOLMOD", "scipy": "SuperLU"}
+
+
+@pytest.fixture(params=SOLVERS)
+def name(request):
+    return request.param
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"refine": 2}, {"center": "heat", "mobius": "area"}, {"preset": "paper"}]
+)
+def test_the_same_map_by_each(name, options):
+    V, F, _ = datasets.spherical_cap(12)
+    V = V * [1, 1.5, 2]
+    result = disk_map(V, F, solver=name, **options)
+    assert result.certificate.valid
+    expected = disk_map(V, F, solver="scikit-sparse", **options).uv
+    np.testing.assert_allclose(result.uv, expected, atol=1e-7 if options.get("refine") else 1e-9)
+
+
+@pytest.mark.parametrize("model", ["nefertiti_299", "femur_2411", "chinese_lion_17334"])
+def test_the_same_distortion_of_scans(name, model, real_mesh):
+    V, F = real_mesh(model)
+    result, expected = (disk_map(V, F, solver=s) for s in (name, "scikit-sparse"))
+    assert abs(result.distortion.mean - expected.distortion.mean) < 1e-6
+
+
+def test_the_result_says_it(name):
+    V, F, _ = datasets.spherical_cap(4)
+    said = disk_map(V, F, solver=name).solver
+    assert said.startswith(f"{LIBRARIES[name]} ({name} ")
+    assert ("two factorizations" in said) == (name == "scipy")
+    assert DiskMapper(V, F, solver=name).map().solver == said
+    mapper = pickle.loads(pickle.dumps(DiskMapper(V, F, solver=name)))
+    assert mapper.moved(V * [1, 1, 2]).map(center="heat").solver == said
+
+
+def test_the_variable_chooses_and_the_argument_has_the_last_word(monkeypatch):
+    V, F, _ = datasets.spherical_cap(4)
+    monkeypatch.setenv("CDCP_IGL_SOLVER", "cvxopt")
+    assert "cvxopt" in disk_map(V, F).solver
+    assert "scipy" in disk_map(V, F, solver="scipy").solver
+    assert "cvxopt" in disk_map(V, F).solver
+    monkeypatch.setenv("CDCP_IGL_SOLVER", "umfpack")
+    with pytest.raises(ValueError, match='solver must be one of "scikit-sparse", "cvxopt"'):
+        disk_map(V, F)
+
+
+def test_unknown_solvers_are_refused_first():
+    with pytest.raises(ValueError, match="not 'umfpack'"):
+        disk_map(None, None, solver="umfpack")
+
+
+def test_what_is_asked_for_in_one_thread_is_not_asked_for_in_another():
+    seen = []
+    with using("scipy"):
+        thread = threading.Thread(target=lambda: seen.append(solver()))
+        thread.start()
+        thread.join()
+        assert solver() is not seen[0]
+
+
+def hide(monkeypatch, *packages):
+    """As if they were not installed."""
+    for package in packages:
+        monkeypatch.setitem(sys.modules, package, None)
+    for module in SOLVERS.values():
+        monkeypatch.delitem(sys.modules, f"cdcp_igl.solve.{module}", raising=False)
+        monkeypatch.delattr(f"cdcp_igl.solve.{module}", raising=False)
+    solvers._load.cache_clear()
+    solvers._fastest.cache_clear()
+
+
+@pytest.fixture
+def forget():
+    yield
+    solvers._load.cache_clear()
+    solvers._fastest.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("missing", "used"),
+    [((), "sksparse"), (("sksparse",), "cvxopt"), (("sksparse", "cvxopt"), "scipy")],
+)
+def test_the_fastest_that_is_installed(monkeypatch, forget, missing, used):
+    hide(monkeypatch, *missing)
+    assert used in disk_map(*datasets.spherical_cap(4)[:2]).solver.replace("scikit-", "sk")
+
+
+def test_a_missing_solver_is_named_with_what_to_do(monkeypatch, forget):
+    hide(monkeypatch, "cvxopt")
+    with pytest.raises(MissingExtra, match="pip install cvxopt; or take another: scikit-sparse"):
+        disk_map(*datasets.spherical_cap(4)[:2], solver="cvxopt")
+
+
+def test_the_options_of_cvxopt_stay_the_callers():
+    from cvxopt import cholmod
+
+    cholmod.options["nmethods"] = 2
+    try:
+        disk_map(*datasets.spherical_cap(4)[:2], solver="cvxopt")
+        assert cholmod.options == {"nmethods": 2}
+    finally:
+        cholmod.options.clear()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a limit of address space is needed")
+def test_memory_that_is_too_small_is_a_solver_error(name):
+    code = f"""
+import resource, cdcp_igl
+from cdcp_igl import datasets, disk_map
+from cdcp_igl.solve.solvers import using
+V, F, _ = datasets.spherical_cap(150)
+disk_map(*datasets.spherical_cap(4)[:2], solver={name!r})
+from cdcp_igl.solve.factored import FactoredSurface
+from cdcp_igl.surface.mesh import DiskMesh
+mesh = DiskMesh(V, F)
+with open("/proc/self/statm") as file:
+    used = int(file.read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (used + (24 << 20),) * 2)
+with using({name!r}):
+    try:
+        FactoredSurface.of(mesh)
+    except cdcp_igl.SolverError as error:
+        print(error)
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+    )
+    assert "decimate" in run.stdout, run.stderr
+    assert cdcp_igl.SolverError.__name__ not in run.stderr
