@@ -9,7 +9,6 @@ import threading
 import numpy as np
 import pytest
 
-import cdcp_igl
 from cdcp_igl import DiskMapper, datasets, disk_map
 from cdcp_igl.extras import MissingExtra
 from cdcp_igl.solve import solvers
@@ -28,14 +27,14 @@ def name(request):
 )
 def test_the_same_map_by_each(name, options):
     V, F, _ = datasets.spherical_cap(12)
-    V = V * [1, 1.5, 2]
+    V = V + 0.2 * np.sin(3 * V[:, [1, 2, 0]] + [1, 2, 3])  # no symmetry, no ties
     result = disk_map(V, F, solver=name, **options)
     assert result.certificate.valid
     expected = disk_map(V, F, solver="scikit-sparse", **options).uv
     np.testing.assert_allclose(result.uv, expected, atol=1e-7 if options.get("refine") else 1e-9)
 
 
-@pytest.mark.parametrize("model", ["nefertiti_299", "femur_2411", "chinese_lion_17334"])
+@pytest.mark.parametrize("model", ["nefertiti_299", "chinese_lion_17334"])
 def test_the_same_distortion_of_scans(name, model, real_mesh):
     V, F = real_mesh(model)
     result, expected = (disk_map(V, F, solver=s) for s in (name, "scikit-sparse"))
@@ -123,22 +122,25 @@ def test_the_options_of_cvxopt_stay_the_callers():
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a limit of address space is needed")
 def test_memory_that_is_too_small_is_a_solver_error(name):
+    # The factor of a random graph is nearly full.
     code = f"""
-import resource, cdcp_igl
-from cdcp_igl import datasets, disk_map
+import resource
+import numpy as np, scipy.sparse as sp
+from cdcp_igl import SolverError
+from cdcp_igl.solve.cholesky import Cholesky
 from cdcp_igl.solve.solvers import using
-V, F, _ = datasets.spherical_cap(150)
-disk_map(*datasets.spherical_cap(4)[:2], solver={name!r})
-from cdcp_igl.solve.factored import FactoredSurface
-from cdcp_igl.surface.mesh import DiskMesh
-mesh = DiskMesh(V, F)
-with open("/proc/self/statm") as file:
-    used = int(file.read().split()[0]) * resource.getpagesize()
-resource.setrlimit(resource.RLIMIT_AS, (used + (24 << 20),) * 2)
+n = 10_000
+ends = np.random.default_rng(0).integers(n, size=(2, 3 * n))
+edges = sp.coo_matrix((np.ones(3 * n), ends), (n, n))
+A = (sp.tril(-(edges + edges.T), -1) + 30 * sp.identity(n)).tocsc()
 with using({name!r}):
+    Cholesky(sp.identity(3, format="csc"))
+    with open("/proc/self/statm") as file:
+        used = int(file.read().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + (96 << 20),) * 2)
     try:
-        FactoredSurface.of(mesh)
-    except cdcp_igl.SolverError as error:
+        Cholesky(A)
+    except SolverError as error:
         print(error)
 """
     run = subprocess.run(
@@ -148,5 +150,6 @@ with using({name!r}):
         timeout=60,
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
     )
-    assert "decimate" in run.stdout, run.stderr
-    assert cdcp_igl.SolverError.__name__ not in run.stderr
+    assert run.stdout.startswith(f"{LIBRARIES[name]} ({name} "), run.stderr
+    assert "size 10,000" in run.stdout
+    assert "decimate" in run.stdout

@@ -120,6 +120,6 @@ def _errors(used: Solver, size: int) -> Iterator[None]:
             raise
         raise SolverError(
             f"{used.LIBRARY} ({used.PACKAGE}) failed on a Laplacian of size {size:,}: "
-            f"{error or type(error).__name__}. If the mesh has slivers, remesh it; if memory "
+            f"{str(error) or type(error).__name__}. If the mesh has slivers, remesh it; if memory "
             "ran out, decimate it."
         ) from error
