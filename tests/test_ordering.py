@@ -5,8 +5,8 @@ import pytest
 from cdcp_igl.solve import ordering
 from cdcp_igl.solve.factor import Factor
 from cdcp_igl.solve.laplacian import cotangent_laplacian
-from cdcp_igl.solve.solvers import solver
 from cdcp_igl.solve.ordering import dissected, elimination_order
+from cdcp_igl.solve.solvers import solver
 from cdcp_igl.surface.mesh import DiskMesh
 
 ordered = pytest.mark.skipif(not solver().ORDERS, reason="this solver has its own order")
