@@ -400,7 +400,7 @@ def test_a_killed_process_leaves_the_old_output(cap, number):
     code = """
 import time
 from cdcp_igl.command_line import entry as cli
-from cdcp_igl.io import files as io
+from cdcp_igl.io import writing as io
 def stall(path, *args):
     path.write_text("half")
     time.sleep(60)
