@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
-from ..surface.report import as_faces, as_vertices
+from ..surface.validation import as_faces, as_vertices
 from .corners import indexed
 from .glb import write_glb
 from .images import Image, checkerboard, read_image
