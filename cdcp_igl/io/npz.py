@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 from .damage import Damage
 from .unpacking import check_unpacking
 
-__all__ = ["arrays", "write_npz"]
+__all__ = ["stored_arrays", "write_npz"]
 
 ENCRYPTED = 1  # flag of a member
 
 
-def arrays(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[Any] | None]:
+def stored_arrays(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[Any] | None]:
     """Those of the arrays that are there; the others by name only, with None."""
     try:
         archive = ZipFile(path)
