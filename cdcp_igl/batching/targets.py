@@ -20,7 +20,7 @@ def digest_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def objection(target: Path, source: Path, ours: Callable[[Stamp], bool], remedy: str) -> str:
+def objection(target: Path, source: Path, ours: Callable[[Stamp | None], bool], remedy: str) -> str:
     """Say why what is there must not be replaced; nothing if it may.
 
     Parameters
@@ -28,7 +28,7 @@ def objection(target: Path, source: Path, ours: Callable[[Stamp], bool], remedy:
     target, source : Path
         The file to write, and the surface it is made from.
     ours : callable
-        Whether a file with this mark may be made again.
+        Whether a file with this mark, or None, may be made again.
     remedy : str
         For the message.
     """
@@ -38,8 +38,7 @@ def objection(target: Path, source: Path, ours: Callable[[Stamp], bool], remedy:
         return f"{shown(target)} is the surface itself; give the result another place."
     if not target.is_file():
         return ""  # a device or a pipe, which is written to and not replaced
-    stamp = read_stamp(target)
-    if stamp is not None and ours(stamp):
+    if ours(read_stamp(target)):
         return ""
     return f"{shown(target)} is there, and was not made from {shown(source.name)}; {remedy}."
 
