@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .. import __version__
 from ..io import read_mesh
-from ..processes import forget_peak_memory, peak_memory
+from ..reference.processes import forget_peak_memory, peak_memory
 from .mapped import map_surface
 from .records import DONE, FAILED, REFUSED, Record
 from .settings import Settings
