@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
 
 import numpy as np
 from numpy.lib import format as npy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..algorithm import disk_map
-from ..arrays import Floats
+from ..atlas import SurfaceMap, surface_map
 from ..distortion import area_distortion
 from ..io import whole_file, write_map
 from ..result import DiskMap
@@ -33,22 +33,28 @@ class Mapped:
     V : (n, 3) ndarray
     F : (m, 3) ndarray
         The surface that was mapped: that of the file, or what it was mended to.
-    result : DiskMap
+    result : DiskMap or SurfaceMap
     changes : tuple of str
         What was changed on mending, a sentence each.
     indices : dict of str to ndarray
-        Where the rows come from, if they are not those of the file.
+        Of a mended surface, the rows of the file that its vertices and faces come from; of one
+        that was cut, the disk of each face.
     n, m : int
         The rows that are written; others fill holes.
     """
 
     V: NDArray[Any]
     F: NDArray[Any]
-    result: DiskMap
+    result: DiskMap | SurfaceMap
     changes: tuple[str, ...]
     indices: dict[str, NDArray[Any]]
     n: int
     m: int
+
+    @property
+    def disks(self) -> tuple[DiskMap, ...]:
+        """The maps, that of the part with most faces first."""
+        return (self.result,) if isinstance(self.result, DiskMap) else self.result.disks
 
     def write(self, target: Path, source: Path, settings: Settings, stamp: Stamp) -> None:
         """Write the map, with the mark of what it was made from.
@@ -61,8 +67,11 @@ class Mapped:
         obj = {target.suffix.lower(), source.suffix.lower()} == {".obj"}
         like = source if obj and not settings.clean else None
         with whole_file(target) as unfinished:
-            V, F, uv = self.V[: self.n], self.F[: self.m], self.result.uv[: self.n]
-            write_map(unfinished, V, F, uv, disk=settings.disk, like=like)
+            V, F, uv = self.V[: self.n], self.F[: self.m], self.result
+            if isinstance(uv, DiskMap):
+                write_map(unfinished, V, F, uv.uv[: self.n], disk=settings.disk, like=like)
+            else:
+                write_map(unfinished, V, F, uv, disk=settings.disk, like=like)
             if target.suffix.lower() == ".npz":
                 _add_arrays(unfinished, self.indices)
             put_stamp(unfinished, stamp)
@@ -70,28 +79,51 @@ class Mapped:
     def measures(self) -> dict[str, Any]:
         """Return what a `Record` has of the map."""
         result = self.result
+        if isinstance(result, DiskMap):
+            area = area_distortion(self.V, self.F, result.uv)
+        else:  # the disks side by side, by area, and each corner on its own
+            corners = np.arange(self.F.size).reshape(-1, 3)
+            packed = result.packed().reshape(-1, 2)
+            area = area_distortion(self.V[self.F].reshape(len(packed), -1), corners, packed)
         return {
             "changes": self.changes,
-            "disks": 1,
-            "flips": len(result.certificate.flipped),
+            "disks": len(self.disks),
+            "flips": sum(len(disk.certificate.flipped) for disk in self.disks),
             "mean": result.distortion.mean,
             "sd": result.distortion.sd,
-            "area": _area(self.V, self.F, result.uv),
-            "conformal": result.conformal,
-            "boundary": result.trace.name,
+            "area": float(np.abs(area).mean()),
+            "conformal": all(disk.conformal for disk in self.disks),
+            "boundary": ", ".join(dict.fromkeys(disk.trace.name for disk in self.disks)),
+        }
+
+    def report(self) -> dict[str, Any]:
+        """Return everything but the coordinates, as JSON types."""
+        if isinstance(self.result, DiskMap):
+            return self.result.report()
+        disks = [disk.report() for disk in self.disks]
+        return {
+            "faces": self.m,
+            "valid": self.result.valid,
+            "changes": list(self.changes),
+            "angular_distortion_degrees": asdict(self.result.distortion),
+            "spread": self.result.spread,
+            "disks": disks,
         }
 
 
 def map_surface(
     V: NDArray[Any], F: NDArray[Any], settings: Settings, progress: Progress | None = None
 ) -> Mapped:
-    """Mend a surface if that is asked for, and map it.
+    """Mend a surface or cut it open, if that is asked for, and map it.
 
     Raises
     ------
     MeshError, SolverError, MapError, ValueError
-        As `disk_map`.
+        As `disk_map` and `surface_map`.
     """
+    if settings.cut:
+        cut = surface_map(V, F, progress=progress, **settings.options)
+        return Mapped(V, F, cut, cut.changes, {"face_disk": cut.face_disk}, len(V), len(F))
     n, m, changes, indices = len(V), len(F), list[str](), dict[str, NDArray[Any]]()
     if settings.clean:
         V, F, vertex_index, face_index = cleaned = clean(V, F)
@@ -102,10 +134,6 @@ def map_surface(
             changes.append("The filling is not in the file.")
     result = disk_map(V, F, progress=progress, **settings.options)
     return Mapped(V, F, result, tuple(changes), indices, n, m)
-
-
-def _area(V: ArrayLike, F: ArrayLike, uv: Floats) -> float:
-    return float(np.abs(area_distortion(V, F, uv)).mean())
 
 
 def _add_arrays(path: Path, arrays: dict[str, NDArray[Any]]) -> None:

@@ -83,6 +83,7 @@ def batch(
     format: str = "npz",
     disk: bool = False,
     clean: bool = False,
+    cut: bool = False,
     retry: bool = False,
     time_limit: float = np.inf,
     memory_limit: float = np.inf,
@@ -117,6 +118,8 @@ def batch(
     clean : bool
         Mend each surface first, see `cdcp_igl.clean`. A result has what is left of the surface,
         in its order.
+    cut : bool
+        Map surfaces that are no disks as well, see `cdcp_igl.surface_map`.
     retry : bool
         Try again what failed in a former run.
     time_limit, memory_limit : float
@@ -128,7 +131,7 @@ def batch(
     progress : callable, optional
         Called as ``progress(done, failed, total)``, at first with what former runs have done.
     **options
-        Those of `cdcp_igl.disk_map`.
+        Those of `cdcp_igl.disk_map`, or of `cdcp_igl.surface_map`.
 
     Returns
     -------
@@ -156,7 +159,7 @@ def batch(
     >>> [(record.name, record.status, record.error) for record in made.records]
     [('cap', 'done', ''), ('torn', 'failed', 'MeshError')]
     """
-    settings = Settings(format=format, disk=disk, clean=clean, options=options)
+    settings = Settings(format=format, disk=disk, clean=clean, cut=cut, options=options)
     limits = {"time_limit": time_limit, "memory_limit": memory_limit}
     if executor is not None and (jobs, *limits.values()) != (1, np.inf, np.inf):
         raise ValueError("jobs and limits are those of the executor; give one or the other")

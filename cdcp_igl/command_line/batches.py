@@ -73,6 +73,9 @@ def batch_command(
         bool, typer.Option("--disk", help="Texture coordinates in the unit disk.")
     ] = False,
     clean: Annotated[bool, typer.Option("--clean", help="Mend each surface first.")] = False,
+    cut: Annotated[
+        bool, typer.Option("--cut", help="Cut surfaces open that are no disks.")
+    ] = False,
     retry: Annotated[
         bool, typer.Option("--retry", help="Try again what failed in a former run.")
     ] = False,
@@ -121,6 +124,7 @@ def batch_command(
             format=format.value,
             disk=disk,
             clean=clean,
+            cut=cut,
             retry=retry,
             shard=shard,  # type: ignore[arg-type] # what the callback has made of it
             progress=progress,

@@ -25,6 +25,7 @@ from .messages import BAD_INPUT, SOME_FAILED, exit_codes, show, writing
 from .progress import progress_bar
 
 if TYPE_CHECKING:
+    from ..atlas import SurfaceMap
     from ..batching.mapped import Mapped
     from ..batching.stamps import Stamp
     from ..result import DiskMap
@@ -64,6 +65,14 @@ def map_command(
             "order, without the filling.",
         ),
     ] = False,
+    cut: Annotated[
+        bool,
+        typer.Option(
+            "--cut",
+            help="Map a surface that is no disk: closed, with handles, holes or several parts. It "
+            "is cut open, and each part mapped; texture coordinates show the disks side by side.",
+        ),
+    ] = False,
     disk: Annotated[
         bool,
         typer.Option("--disk", help="Texture coordinates in the unit disk, not in [0, 1]^2."),
@@ -89,6 +98,14 @@ def map_command(
             help="Surface, disk and histogram of the angular distortion (.png .svg .pdf).",
         ),
     ] = None,
+    view: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="V.html",
+            callback=target(".html"),
+            help="A page in which the surface turns beside the disk.",
+        ),
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Map a triangulated disk conformally onto the unit disk.
@@ -101,11 +118,11 @@ def map_command(
     """
     options = map_options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
     pairs = _pairs(files, out_dir)
-    if len(pairs) > 1 and (report or picture):
-        raise typer.BadParameter("--report and --picture are for one surface.")
+    if len(pairs) > 1 and (report or picture or view):
+        raise typer.BadParameter("--report, --picture and --view are for one surface.")
     failed = 0
     for source, out in pairs:
-        job = _Job(source, out, report, picture, disk, clean, options, force)
+        job = _Job(source, out, report, picture, view, disk, clean, cut, options, force)
         try:
             with exit_codes(source if len(pairs) > 1 else None):
                 result, notes = job.run()
@@ -146,49 +163,56 @@ class _Job:
     out: Path
     report: Path | None
     picture: Path | None
+    view: Path | None
     disk: bool
     clean: bool
+    cut: bool
     options: dict[str, Any]
     force: bool
 
-    def run(self) -> tuple[DiskMap, list[str]]:
+    def run(self) -> tuple[DiskMap | SurfaceMap, list[str]]:
         """Map the surface; typer.Exit, with its code, if something is wrong."""
         from ..batching.mapped import map_surface
         from ..batching.settings import Settings
         from ..batching.stamps import Stamp
         from ..batching.targets import digest_of
-        from ..io import read_mesh
+        from ..io import read_mesh, whole_file
 
         notes: list[str] = []
         with progress_bar() as progress:
             progress("read", 0)
-            settings = Settings(self.out.suffix[1:].lower(), self.disk, self.clean, self.options)
+            settings = Settings(
+                self.out.suffix[1:].lower(), self.disk, self.clean, self.cut, self.options
+            )
             V, F = read_mesh(self.source, notes.append)
             stamp = Stamp(digest_of(self.source), settings.digest)
             self._check_targets(stamp)
             mapped = map_surface(V, F, settings, lambda phase, done: progress(phase, MAPPED * done))
             with writing():
-                if self.picture:
-                    progress("draw", MAPPED)
-                    self._draw(mapped, self.picture, stamp)
+                progress("draw", MAPPED)
+                self._draw(mapped, stamp)
                 progress("write", 0.9)
                 if self.report:
-                    self._write_report(mapped, self.report, stamp)
+                    report = json.dumps(mapped.report() | {"made": str(stamp)}, indent=2)
+                    with whole_file(self.report) as unfinished:
+                        unfinished.write_text(f"{report}\n", encoding="utf-8")
                 mapped.write(self.out, self.source, settings, stamp)
-        return mapped.result, [*notes, *mapped.changes]
+        if not self.cut:  # the summary of a surface that was cut has them
+            notes += mapped.changes
+        return mapped.result, notes
 
     def _check_targets(self, stamp: Stamp) -> None:
         """Know before the map whether everything can be written afterwards."""
         from ..batching.targets import objection, try_to_write
 
-        if self.picture:
+        if self.picture or self.view:
             with from_extra("plot"):
                 import matplotlib  # noqa: F401
 
         def ours(found: Stamp | None) -> bool:
             return self.force or (found is not None and found.input == stamp.input)
 
-        for path in filter(None, (self.out, self.report, self.picture)):
+        for path in filter(None, (self.out, self.report, self.picture, self.view)):
             if message := objection(path, self.source, ours, "--force replaces it"):
                 typer.echo(message, err=True)
                 raise typer.Exit(BAD_INPUT)
@@ -196,19 +220,22 @@ class _Job:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 try_to_write(path)
 
-    def _draw(self, mapped: Mapped, path: Path, stamp: Stamp) -> None:
+    def _draw(self, mapped: Mapped, stamp: Stamp) -> None:
+        """Draw the picture and the page; of several disks, that of the largest part."""
         from ..batching.stamps import put_stamp
         from ..io import whole_file
-        from ..plot import picture
 
-        figure = picture(mapped.V, mapped.F, mapped.result, name=self.source.name)
-        with whole_file(path) as unfinished:
-            figure.savefig(unfinished)
-            put_stamp(unfinished, stamp)
+        disk, name = mapped.disks[0], self.source.name
+        if self.picture:
+            from ..plot import picture
 
-    def _write_report(self, mapped: Mapped, path: Path, stamp: Stamp) -> None:
-        from ..io import whole_file
+            figure = picture(disk.mesh.positions, disk.mesh.F, disk, name=name)
+            with whole_file(self.picture) as unfinished:
+                figure.savefig(unfinished)
+                put_stamp(unfinished, stamp)
+        if self.view:
+            from ..plot import view_html
 
-        report = mapped.result.report() | {"made": str(stamp)}
-        with whole_file(path) as unfinished:
-            unfinished.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+            with whole_file(self.view) as unfinished:
+                unfinished.write_text(view_html(disk, title=name), encoding="utf-8")
+                put_stamp(unfinished, stamp)
