@@ -40,7 +40,7 @@ def objection(target: Path, source: Path, ours: Callable[[Stamp | None], bool], 
         return ""  # a device or a pipe, which is written to and not replaced
     if ours(read_stamp(target)):
         return ""
-    return f"{shown(target)} is there, and was not made from {shown(source.name)}; {remedy}."
+    return f"{shown(target)} is there, and was not made from {shown(source.name)}{remedy}."
 
 
 class _Tried(Exception):

@@ -19,10 +19,13 @@ from .records import DONE, FAILED, REFUSED, Record
 from .settings import Settings
 from .stamps import Stamp
 from .targets import digest_of, objection
+from .thumbnails import draw_thumbnail
 
 __all__ = ["Task", "Unwritten", "map_file"]
 
 Array = NDArray[Any]
+
+ANOTHER = " with these options; move it, or take another folder"
 
 
 @dataclass(frozen=True)
@@ -36,12 +39,15 @@ class Task:
     source, target : str
         Absolute paths of the surface and of the result.
     settings : Settings
+    thumbnail : str
+        Path of a picture of the disks; empty for none.
     """
 
     name: str
     source: str
     target: str
     settings: Settings
+    thumbnail: str = ""
 
     def state(self) -> tuple[int, int]:
         """Return size and time of the surface's file, -1 if there is none."""
@@ -92,7 +98,7 @@ def map_file(task: Task) -> Record:
         stamp = Stamp(digest_of(source), task.settings.digest)
         record = replace(record, input_digest=stamp.input)
         # With the right mark, it is from a run that was killed before it could say so.
-        if message := objection(target, source, stamp.__eq__, "take another folder"):
+        if message := objection(target, source, lambda found: found == stamp, ANOTHER):
             record = replace(record, status=REFUSED, error="FileExistsError", message=message)
         else:
             notes: list[str] = []
@@ -120,6 +126,8 @@ def _mapped(task: Task, V: Array, F: Array, stamp: Stamp, record: Record) -> Rec
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         mapped.write(target, Path(task.source), task.settings, stamp)
+        if task.thumbnail:
+            draw_thumbnail(Path(task.thumbnail), mapped.disks)
     except OSError as error:
         raise Unwritten(error.errno, error.strerror, task.target) from error
     return replace(record, **mapped.measures())

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..extras import from_extra
-from .arguments import READABLE, Quiet
+from .arguments import READABLE, Quiet, target
 from .map_options import (
     Align,
     Center,
@@ -89,6 +89,14 @@ def batch_command(
         str | None,
         typer.Option(metavar="I/N", callback=_shard, help="Map part I of N only: for job arrays."),
     ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="R.html",
+            callback=target(".html"),
+            help="One page with a histogram, a table and a picture of every disk.",
+        ),
+    ] = None,
     scheduler: Annotated[
         str | None,
         typer.Option(metavar="tcp://...", help="Address of a Dask scheduler: map on its workers."),
@@ -127,6 +135,7 @@ def batch_command(
             cut=cut,
             retry=retry,
             shard=shard,  # type: ignore[arg-type] # what the callback has made of it
+            report=report,
             progress=progress,
             **options,
         )

@@ -213,7 +213,7 @@ class _Job:
             return self.force or (found is not None and found.input == stamp.input)
 
         for path in filter(None, (self.out, self.report, self.picture, self.view)):
-            if message := objection(path, self.source, ours, "--force replaces it"):
+            if message := objection(path, self.source, ours, "; --force replaces it"):
                 typer.echo(message, err=True)
                 raise typer.Exit(BAD_INPUT)
             with writing():
