@@ -246,6 +246,41 @@ def test_check_reports_every_defect(cap):
     assert "repeated corner" in invoke("check", cap).stdout
 
 
+def test_several_files_are_checked(cap):
+    V, F = spherical_cap(12)
+    torn, missing = cap.with_name("torn.npz"), cap.with_name("missing.obj")
+    np.savez(torn, V=V, F=F[:-50])
+    np.savez(cap.with_name("closed.npz"), V=V[:4], F=[[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    result = invoke("check", torn, missing, cap)
+    assert result.exit_code == 2
+    assert f"{torn}: 144 vertices" in result.stdout
+    assert f"{cap}: 144 vertices" in result.stdout
+    assert result.stderr == f"{missing}: No such file or directory\n"
+    assert invoke("check", cap, cap).exit_code == 0
+    result = invoke("check", cap.with_name("closed.npz"))
+    assert "genus 0, closed" in result.stdout
+    assert "map --cut" in result.stdout
+
+
+def test_checks_as_json(cap):
+    V, F = spherical_cap(12)
+    torn, text = cap.with_name("torn.npz"), cap.with_name("text.off")
+    np.savez(torn, V=np.vstack([V, [[9, 9, 9]]]), F=F)
+    text.write_text("no surface")
+    result = invoke("check", "--json", cap, torn, text)
+    assert result.exit_code == 2
+    rows = json.loads(result.stdout)
+    assert [(row["file"], row["disk"]) for row in rows] == [
+        (str(cap), True),
+        (str(torn), False),
+        (str(text), False),
+    ]
+    assert (rows[0]["kind"], rows[0]["genus"], rows[0]["defects"]) == ("disk", 0, [])
+    assert rows[1]["defects"][0]["indices"] == [144]
+    assert "clean" in rows[1]["next_step"]
+    assert rows[2]["defects"][0]["name"] == "unreadable file"
+
+
 def test_indices_from_one_are_announced(cap):
     V, F = spherical_cap(12)
     np.savez(cap, V=V, F=F + 1)
