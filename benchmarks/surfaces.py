@@ -39,8 +39,8 @@ COLUMNS = (
 PUNCHED = ("chinese_lion_17334", "human_face_17157")
 HOLES = (0.001, 0.01, 0.05)
 
-NOTE = """Angular distortion in degrees. Cut length by the square root of the area. Least mean: no map
-onto disks with this cut can be below it, by the angles around the vertices. Spread: standard
+NOTE = """Angular distortion in degrees. Cut length by the square root of the area. Least mean: no
+map onto disks with this cut can be below it, by the angles around the vertices. Spread: standard
 deviation of the conformal factor. Area SD: that of the logarithm of the scale of area, over the
 area. By disk_map: seconds by those of one `disk_map` of the opened components, in the same run.
 """
