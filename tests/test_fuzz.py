@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cdcp_igl
-from benchmarks import fuzz
+from benchmarks.measure import fuzzing as fuzz
 from cdcp_igl.certificate import certify
 from cdcp_igl.surface.mesh import DiskMesh
 
