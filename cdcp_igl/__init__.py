@@ -1,5 +1,7 @@
 """Disk conformal maps of triangulated surfaces, accurate, fast and certified."""
 
+import logging
+
 from . import datasets
 from .algorithm import cdcp, disk_map
 from .distortion import (
@@ -28,5 +30,7 @@ __all__ = [
     "disk_map",
     "quasi_conformal_dilatation",
 ]
+
+logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 __version__ = "0.1.0"

@@ -3,33 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .arrays import Complex, Floats
-from .certificate import certify
-from .distortion import AngleDistortion, angle_errors
-from .errors import MapError
-from .phases import Phases, Progress
 from .result import DiskMap
+from .selection import HarmonicMap, best_map
 from .solve.factor import Factor
-from .solve.laplacian import Laplacian, cotangent_laplacian
+from .solve.factored import FactoredSurface
+from .solve.laplacian import cotangent_laplacian
 from .steps.center import Center, CenterMethod, central_face
-from .steps.circle import BoundaryMethod, maps_to_circle, spread
+from .steps.circle import FALLBACKS, Rejected, by_trace, whitened_geodesic_map
+from .steps.circle.geodesic import geodesic_map
 from .steps.dipole import boundary_trace
-from .steps.mobius import normalize, rotate
-from .steps.refine import lower_angle_distortion
-from .steps.repair import unfold
+from .steps.mobius import MobiusMethod, normalize
+from .steps.options import Options
+from .steps.phases import Phases, Progress
 from .surface.mesh import DiskMesh
 
-__all__ = ["HarmonicMap", "Options", "cdcp", "certified_map", "disk_map", "harmonic_maps"]
+__all__ = ["Attempts", "Steps", "algorithm_1", "cdcp", "disk_map"]
 
 
-def cdcp(V: ArrayLike, F: ArrayLike, **options: Any) -> Floats:
+def cdcp(
+    V: ArrayLike,
+    F: ArrayLike,
+    *,
+    center: CenterMethod | int = "torsion",
+    mobius: Literal["angle", "area"] | None = "angle",
+    align: int | ArrayLike | None = None,
+    refine: int = 0,
+    refine_norm: float = 1.5,
+    refine_seconds: float = np.inf,
+    preset: Literal["paper"] | None = None,
+    progress: Progress | None = None,
+) -> Floats:
     """Map a triangulated disk conformally onto the unit disk.
 
     Parameters
@@ -38,17 +49,17 @@ def cdcp(V: ArrayLike, F: ArrayLike, **options: Any) -> Floats:
         Vertex positions, in any unit.
     F : (m, 3) array_like of integers
         Corners of the faces, counterclockwise seen from outside.
-    **options
-        Those of `disk_map`.
+    center, mobius, align, refine, refine_norm, refine_seconds, preset, progress
+        As in `disk_map`.
 
     Returns
     -------
     (n, 2) float64
-        ``disk_map(V, F, **options).uv``.
+        ``disk_map(V, F, ...).uv``: row i is the image of row i of V, on the closed unit disk.
 
     Raises
     ------
-    MeshError, SolverError, MapError
+    MeshError, SolverError, MapError, ValueError
         As `disk_map`.
 
     Examples
@@ -59,7 +70,8 @@ def cdcp(V: ArrayLike, F: ArrayLike, **options: Any) -> Floats:
     >>> uv.shape == (len(V), 2)
     True
     """
-    return disk_map(V, F, **options).uv
+    options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
+    return _disk_map(V, F, options, progress).uv
 
 
 def disk_map(
@@ -121,7 +133,10 @@ def disk_map(
     Returns
     -------
     DiskMap
-        ``uv`` (n, 2) with the certificate, the distortion, and what was used.
+        ``uv`` (n, 2) with the certificate, the distortion, and what was used. Where the
+        geodesic algorithm gives no valid map, or one that is not conformal, others are tried,
+        and the valid map with the lowest mean distortion is returned; ``conformal`` says
+        whether it is what a conformal map of this mesh should be.
 
     Raises
     ------
@@ -133,7 +148,7 @@ def disk_map(
         If no map is a bijection onto the disk, which the crowding of a surface that is too
         long and thin for double precision may prevent; the last one is its ``result``.
     ValueError
-        If an option is not one of those above.
+        If an option is not one of those above; nothing has been computed then.
 
     References
     ----------
@@ -148,158 +163,132 @@ def disk_map(
     (True, 2)
     """
     options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
-    phase = Phases(progress, refine)
+    return _disk_map(V, F, options, progress)
+
+
+def _disk_map(V: ArrayLike, F: ArrayLike, options: Options, progress: Progress | None) -> DiskMap:
+    phase = Phases(progress, options.refine)
+    surface = factored_surface(V, F, options, phase)
+    attempts = Attempts(surface, Steps.of(options))
+    return best_map(surface, attempts, options, phase, keep_factor=False)
+
+
+def factored_surface(
+    V: ArrayLike, F: ArrayLike, options: Options, phase: Phases
+) -> FactoredSurface:
+    """Check the surface and the options, and factor the Laplacian."""
     with phase("check"):
         mesh = DiskMesh(V, F)
+        options.check_rows(mesh)
     with phase("laplacian"):
         L = cotangent_laplacian(mesh)  # (8)
     with phase("factor"):
-        factor = Factor(mesh, L)
-    maps = harmonic_maps(mesh, L, factor, options, phase)
-    return certified_map(mesh, factor, maps, options, phase, keep_factor=False)
+        return FactoredSurface(mesh, L, Factor(mesh, L))
 
 
-@dataclass(frozen=True, eq=False)
-class Options:
-    """The options of `disk_map`; ValueError if one is none of those allowed."""
-
-    center: CenterMethod | int = "torsion"
-    mobius: Literal["angle", "area"] | None = "angle"
-    align: int | ArrayLike | None = None
-    refine: int = 0
-    refine_norm: float = 1.5
-    refine_seconds: float = np.inf
-    preset: Literal["paper"] | None = None
-
-    def __post_init__(self) -> None:
-        if self.preset not in (None, "paper"):
-            raise ValueError(f'preset must be "paper" or None, not {self.preset!r}')
-        if self.mobius not in ("angle", "area", None):
-            raise ValueError(f'mobius must be "angle", "area" or None, not {self.mobius!r}')
-        if not isinstance(self.refine, int | np.integer) or self.refine < 0:
-            raise ValueError(f"refine must be a number of steps, 0 or more, not {self.refine!r}")
-        if not 1 <= self.refine_norm <= 2:
-            raise ValueError(f"refine_norm must be from 1 to 2, not {self.refine_norm!r}")
-        if not self.refine_seconds >= 0:
-            raise ValueError(f"refine_seconds must be 0 or more, not {self.refine_seconds!r}")
-        if self.paper and (self.center, self.mobius) != ("torsion", "angle"):
-            raise ValueError('preset="paper" sets center and mobius itself')
-
-    @property
-    def paper(self) -> bool:
-        """Whether to follow the paper to the letter."""
-        return self.preset == "paper"
-
-
-@dataclass(frozen=True, eq=False)
-class HarmonicMap:
-    """The map before its normalisation: it depends on `center` and `preset` only.
+@dataclass(frozen=True)
+class Steps:
+    """The steps of Algorithm 1 that can be taken in more than one way.
 
     Attributes
     ----------
-    f : (n,) complex128
-    extend : callable
-        Extends boundary values harmonically to all of the surface.
-    center : Center
-    trace : BoundaryMethod
+    center : callable
+        The central face of a `FactoredSurface`, sect. 4.1.
+    trace : callable
+        The boundary trace (nB,) for a surface and its central face, eq. (18).
+    circle : callable
+        The exterior map of a closed curve (nB,) onto the circle, eqs. (1)-(6).
+    mobius : {"angle", "area", "nelder-mead"} or None
+        What the Möbius transformation minimises, eqs. (19)-(20).
     """
 
-    f: Complex
-    extend: Callable[[Complex], Complex]
-    center: Center
-    trace: BoundaryMethod
+    center: Callable[[FactoredSurface], Center] = central_face
+    trace: Callable[[FactoredSurface, int], Complex] = boundary_trace
+    circle: Callable[[Complex], Complex] = whitened_geodesic_map
+    mobius: MobiusMethod | None = "angle"
+
+    @classmethod
+    def of(cls, options: Options) -> Steps:
+        """Choose the steps that the options of `disk_map` ask for."""
+        if options.paper:
+            coldest = partial(central_face, center="heat", well_shaped=False)
+            return cls(coldest, circle=geodesic_map, mobius=options.mobius_method)
+        return cls(partial(central_face, center=options.center), mobius=options.mobius_method)
 
 
-def harmonic_maps(
-    mesh: DiskMesh, L: Laplacian, factor: Factor, options: Options, phase: Phases
-) -> Iterator[HarmonicMap]:
-    """Do the first half of Algorithm 1: from the factor to harmonic maps onto the disk.
+class Attempts:
+    """The harmonic maps of one surface, each made when it is first asked for.
 
-    The second and third are for where the one before cannot be certified.
+    The first is that of Algorithm 1; the others stand in for it where its trace gives no map,
+    or one that cannot be certified or is not conformal.
+
+    Parameters
+    ----------
+    surface : FactoredSurface
+    steps : Steps
     """
-    paper = options.paper
-    center = "heat" if paper else options.center
-    with phase("center"):
-        tau_c = central_face(mesh, L, factor, center, well_shaped=not paper)
-    with phase("trace"):
-        h_B = boundary_trace(mesh, factor, tau_c.face)  # (18), Theorem 1
-    attempts = maps_to_circle(mesh, L, factor, h_B, tau_c.face, whitened=not paper)  # (1)-(6)
-    for f_B, extend, boundary in phase.each("circle", attempts):
+
+    def __init__(self, surface: FactoredSurface, steps: Steps) -> None:
+        self.surface, self.steps = surface, steps
+        self._center: Center | None = None
+        self._made: dict[int, HarmonicMap | Rejected] = {}
+
+    def __iter__(self) -> Iterator[Callable[[Phases], HarmonicMap]]:
+        return (partial(self.make, number) for number in range(1 + len(FALLBACKS)))
+
+    def make(self, number: int, phase: Phases) -> HarmonicMap:
+        """Do the first half of Algorithm 1, from the factor to a harmonic map; or Rejected."""
+        if number not in self._made:
+            try:
+                self._made[number] = self._harmonic_map(number, phase)
+            except Rejected as rejected:
+                self._made[number] = rejected
+        made = self._made[number]
+        if isinstance(made, Rejected):
+            raise made
+        return made
+
+    def _harmonic_map(self, number: int, phase: Phases) -> HarmonicMap:
+        surface, steps = self.surface, self.steps
+        if self._center is None:
+            with phase("center"):
+                self._center = steps.center(surface)  # sect. 4.1
+        tau_c = self._center
+        if number == 0:
+            with phase("trace"):
+                h_B = steps.trace(surface, tau_c.face)  # (18), Theorem 1
+            with phase("circle"):
+                boundary = by_trace(surface, h_B, steps.circle)  # (1)-(6)
+        else:
+            with phase("circle"):
+                boundary = FALLBACKS[number - 1](surface, tau_c.face)
         with phase("extension"):
-            f = extend(f_B)  # (10)
-        yield HarmonicMap(f, extend, tau_c, boundary)
+            f = boundary.extend(boundary.f_B)  # (10)
+        return HarmonicMap(f, boundary, tau_c)
+
+    @property
+    def started(self) -> bool:
+        """Whether the first map has been made."""
+        return 0 in self._made
 
 
-def certified_map(
-    mesh: DiskMesh,
-    factor: Factor,
-    maps: Iterator[HarmonicMap],
-    options: Options,
-    phase: Phases,
-    *,
-    keep_factor: bool,
-) -> DiskMap:
-    """Normalise one map after the other until one is certified; MapError if none is."""
-    for harmonic in maps:
-        result = normalized_map(mesh, factor, harmonic, options, phase, keep_factor=keep_factor)
-        if result.certificate.valid:
-            phase.done()
-            return result
-    raise MapError(
-        f"The map is not a bijection onto the disk: {result.certificate}. Boundary: {result.trace}",
-        result,
-    )
+def algorithm_1(surface: FactoredSurface, steps: Steps) -> Complex:
+    """Algorithm 1 as it stands: no fallback, no repair, no certificate.
 
+    Parameters
+    ----------
+    surface : FactoredSurface
+    steps : Steps
 
-def normalized_map(
-    mesh: DiskMesh,
-    factor: Factor,
-    harmonic: HarmonicMap,
-    options: Options,
-    phase: Phases,
-    *,
-    keep_factor: bool,
-) -> DiskMap:
-    """Do the second half: the Möbius transformation, repair, refinement, certificate."""
-    with phase("mobius"):
-        method = "nelder-mead" if options.paper else options.mobius
-        f, normalization = normalize(mesh, harmonic.f, method)  # (19), (20)
-    with phase("repair"):
-        f, n_spread = spread(mesh, f, harmonic.extend)
-        f, repair = unfold(mesh, rotate(mesh, f, options.align))
-    with phase("refine") as advance:
-        refinement = None
-        if options.refine:
-            if not keep_factor:  # refinement makes its own, and no fallback needs this one
-                factor.release()
-            f, refinement = lower_angle_distortion(
-                mesh,
-                f,
-                factor.order,
-                options.refine,
-                options.refine_norm,
-                seconds=options.refine_seconds,
-                turn=partial(rotate, mesh, align=options.align),
-                advance=advance,
-            )
-    with phase("certificate"):
-        uv = np.column_stack([f.real, f.imag])
-        certificate = certify(mesh, uv)
-        degrees = np.degrees(abs(angle_errors(mesh, f)))
-        distortion = AngleDistortion.of(degrees)
-        free = distortion
-        if 0 < len(mesh.inscribed) < len(mesh.F):
-            free = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
-    return DiskMap(
-        uv=uv,
-        certificate=certificate,
-        distortion=distortion,
-        distortion_free=free,
-        center=harmonic.center,
-        trace=replace(harmonic.trace, n_spread=n_spread),
-        repair=repair,
-        mobius=normalization,
-        refinement=refinement,
-        solver=factor.solver,
-        timings=phase.seconds,
-    )
+    Returns
+    -------
+    (n,) complex128
+
+    Raises
+    ------
+    Rejected
+        If the trace gives no map of the boundary onto the circle.
+    """
+    harmonic = Attempts(surface, steps).make(0, Phases())
+    f, _ = normalize(surface.mesh, harmonic.f, steps.mobius)  # (19), (20)
+    return f

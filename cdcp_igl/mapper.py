@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from copy import copy
-from itertools import islice
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .algorithm import HarmonicMap, Options, certified_map, harmonic_maps
-from .phases import Phases, Progress
+from .algorithm import Attempts, Steps
 from .result import DiskMap
-from .solve.factor import Factor
-from .solve.laplacian import cotangent_laplacian
+from .selection import best_map
+from .solve.factored import FactoredSurface
 from .steps.center import CenterMethod
+from .steps.options import Options
+from .steps.phases import Phases, Progress
 from .surface.mesh import DiskMesh
 
 __all__ = ["DiskMapper"]
@@ -60,14 +59,16 @@ class DiskMapper:
     True
     """
 
-    mesh: DiskMesh
-
     def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
         # A mesh may keep the very array of faces; this object outlives the call.
-        self.mesh = DiskMesh(V, F.copy() if isinstance(F, np.ndarray) else F)
-        self._L = cotangent_laplacian(self.mesh)
-        self._factor = Factor(self.mesh, self._L)
-        self._last: tuple[object, list[HarmonicMap]] | None = None
+        mesh = DiskMesh(V, F.copy() if isinstance(F, np.ndarray) else F)
+        self._surface = FactoredSurface.of(mesh)
+        self._last: tuple[object, Attempts] | None = None
+
+    @property
+    def mesh(self) -> DiskMesh:
+        """The checked surface."""
+        return self._surface.mesh
 
     def map(
         self,
@@ -99,23 +100,15 @@ class DiskMapper:
             As `disk_map`.
         """
         options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
-        key = (center, preset)
-        known = self._last[1] if self._last and self._last[0] == key else []
+        options.check_rows(self.mesh)
+        if self._last is None or self._last[0] != (center, preset):
+            self._last = (center, preset), Attempts(self._surface, Steps.of(options))
+        attempts = self._last[1]
         skipped = ["check", "laplacian", "factor"]
-        if known:
+        if attempts.started:
             skipped += ["center", "trace", "circle", "extension"]
         phase = Phases(progress, refine, skipped)
-        self._last = key, known
-
-        def maps() -> Iterator[HarmonicMap]:
-            """Make those that are known, and then others if they are asked for."""
-            yield from tuple(known)
-            made = harmonic_maps(self.mesh, self._L, self._factor, options, phase)
-            for harmonic in islice(made, len(known), None):
-                known.append(harmonic)
-                yield harmonic
-
-        return certified_map(self.mesh, self._factor, maps(), options, phase, keep_factor=True)
+        return best_map(self._surface, attempts, options, phase, keep_factor=True)
 
     def moved(self, V: ArrayLike) -> DiskMapper:
         """Take the same faces with moved vertices: no topological checks, no new ordering.
@@ -138,9 +131,7 @@ class DiskMapper:
             If the Laplacian cannot be factored.
         """
         other = copy(self)
-        other.mesh = self.mesh.moved(V)
-        other._L = cotangent_laplacian(other.mesh)
-        other._factor = self._factor.refactored(other._L)
+        other._surface = self._surface.moved(V)
         other._last = None
         return other
 

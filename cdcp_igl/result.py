@@ -10,6 +10,7 @@ from .certificate import Certificate
 from .distortion import AngleDistortion
 from .steps.center import Center
 from .steps.circle import BoundaryMethod
+from .steps.conformality import Conformality
 from .steps.mobius import Normalization
 from .steps.refine import Refinement
 from .steps.repair import Repair
@@ -29,6 +30,9 @@ class DiskMap:
         index at (1, 0), lies at angle 0.
     certificate : Certificate
         What was verified about `uv`.
+    conformality : Conformality
+        Whether the map is what a conformal map of this mesh should be; if not, the reasons
+        and what would help.
     distortion : AngleDistortion
         Mean, SD and maximum of the angular distortion (7) in degrees.
     distortion_free : AngleDistortion
@@ -54,6 +58,7 @@ class DiskMap:
 
     uv: Floats
     certificate: Certificate
+    conformality: Conformality
     distortion: AngleDistortion
     distortion_free: AngleDistortion
     center: Center
@@ -64,15 +69,27 @@ class DiskMap:
     solver: str
     timings: dict[str, float]
 
+    @property
+    def valid(self) -> bool:
+        """True for a bijection onto the polygon inscribed in the unit circle."""
+        return self.certificate.valid
+
+    @property
+    def conformal(self) -> bool:
+        """True for a map that is as conformal as the mesh lets it be, see `conformality`."""
+        return bool(self.conformality)
+
     def __str__(self) -> str:
         phases = ", ".join(f"{name} {seconds:.2f}" for name, seconds in self.timings.items())
         free = self.distortion_free
         return "\n".join(
             [
                 f"disk map of {len(self.uv):,} vertices: "
-                + ("valid" if self.certificate.valid else "NOT VALID"),
+                + ("valid" if self.valid else "NOT VALID")
+                + (", NOT CONFORMAL" if self.valid and not self.conformal else ""),
                 f"  angular distortion  {self.distortion}",
                 *([f"  of free faces       {free}"] if free != self.distortion else []),
+                *([] if self.conformal else [f"  conformal           {self.conformality}"]),
                 f"  certificate         {self.certificate}",
                 f"  center              {self.center}",
                 f"  boundary            {self.trace}",
@@ -89,7 +106,10 @@ class DiskMap:
         certificate = self.certificate
         return {
             "vertices": len(self.uv),
-            "valid": certificate.valid,
+            "valid": self.valid,
+            "conformal": self.conformal,
+            "not_conformal_because": list(self.conformality.reasons),
+            "remedies": list(self.conformality.remedies),
             "angular_distortion_degrees": asdict(self.distortion),
             "angular_distortion_of_free_faces_degrees": asdict(self.distortion_free),
             "certificate": {

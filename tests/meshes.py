@@ -189,3 +189,15 @@ NASTY = {
     "on a line": ("degenerate face", [[0, 0, 0], [1, 1, 1], [3, 3, 3]], [[0, 1, 2]], [0]),
     "sliver": ("degenerate face", [[0, 0, 0], [1, 0, 0], [0.5, 1e-11, 0]], [[0, 1, 2]], [0]),
 }
+
+
+def corridor(length, width=4):
+    """Rectangle `length` times longer than wide."""
+    x, y = np.meshgrid(np.arange(width * length + 1), np.arange(width + 1))
+    corner = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = (
+        corner[i : i + width, j : j + width * length].ravel()
+        for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
+    )
+    F = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    return np.column_stack([x.ravel(), y.ravel()]), F

@@ -16,10 +16,10 @@ from benchmarks.write.figures.accuracy import histograms, table_1
 from benchmarks.write.figures.cost import STACK, factorizations, phases
 from benchmarks.write.figures.style import HATCHES, STYLES, encode
 from cdcp_igl import cdcp, datasets
-from cdcp_igl.phases import PHASES
 from cdcp_igl.plot.raster import SAMPLES, rasterize
 from cdcp_igl.plot.scene import Scene
 from cdcp_igl.reference.case import Case
+from cdcp_igl.steps.phases import PHASES
 
 TWO = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]), np.array([[0, 1, 2], [0, 2, 3]])
 

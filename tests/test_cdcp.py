@@ -121,7 +121,7 @@ def test_invalid_map_is_an_error_that_carries_the_map(monkeypatch):
         f[mesh.interior] = 0
         return f, Repair()
 
-    monkeypatch.setattr(sys.modules["cdcp_igl.algorithm"], "unfold", fold)
+    monkeypatch.setattr(sys.modules["cdcp_igl.selection"], "unfold", fold)
     with pytest.raises(cdcp_igl.MapError, match="flipped faces") as raised:
         cdcp_igl.cdcp(V, F)
     result = raised.value.result

@@ -5,16 +5,13 @@ from igl import internal_angles
 
 import cdcp_igl
 from cdcp_igl.datasets import spherical_cap
-from cdcp_igl.solve.factor import Factor
-from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.steps.center import central_face
 from cdcp_igl.surface.mesh import DiskMesh
 
 
 def center_of(V, F, method, well_shaped=True):
-    mesh = DiskMesh(V, F)
-    L = cotangent_laplacian(mesh)
-    return central_face(mesh, L, Factor(mesh, L), method, well_shaped=well_shaped)
+    return central_face(FactoredSurface.of(DiskMesh(V, F)), method, well_shaped=well_shaped)
 
 
 @pytest.mark.parametrize("method", ["heat", "torsion", "centroid"])

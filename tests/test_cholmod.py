@@ -3,9 +3,10 @@ import pytest
 import scipy.sparse as sp
 from threadpoolctl import threadpool_info, threadpool_limits
 
-import cdcp_igl.solve.cholmod
+import cdcp_igl.solve.threads
 from cdcp_igl.errors import SolverError
 from cdcp_igl.solve.cholmod import Cholesky, fill_reducing_order
+from cdcp_igl.solve.threads import one_thread
 
 RNG = np.random.default_rng(0)
 
@@ -101,6 +102,23 @@ def test_callers_thread_setting_is_restored(A):
         assert [pool["num_threads"] for pool in threadpool_info()] == before
 
 
+def test_calls_that_overlap_in_threads_restore_the_callers_setting():
+    """The first to enter is the first to leave, as two threads may do."""
+
+    def threads():
+        return [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
+
+    with threadpool_limits(2, "blas"):
+        before = threads()
+        one, other = one_thread(), one_thread()
+        one.__enter__()
+        other.__enter__()
+        one.__exit__(None, None, None)
+        assert set(threads()) == {1}
+        other.__exit__(None, None, None)
+        assert threads() == before
+
+
 class Runtime:
     """Stands for an OpenMP library and keeps what it was told."""
 
@@ -116,7 +134,7 @@ class Runtime:
 
 def test_openmp_loops_are_serial_and_the_callers_setting_is_restored(A, monkeypatch):
     runtime = Runtime()
-    monkeypatch.setattr(cdcp_igl.solve.cholmod, "_OPENMP", [runtime])
+    monkeypatch.setattr(cdcp_igl.solve.threads, "_OPENMP", [runtime])
     factor = Cholesky(A)
     runtime.levels = [3]
     factor.solve(np.ones(40))

@@ -2,8 +2,7 @@ import meshes
 import numpy as np
 import pytest
 
-from cdcp_igl.solve.factor import Factor
-from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.steps.dipole import boundary_trace, dipole
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -26,7 +25,6 @@ def test_dipole_is_the_gradient_on_its_face(face):
 
 
 def test_trace_is_clockwise():
-    mesh = DiskMesh(*meshes.grid())
-    L = cotangent_laplacian(mesh)
-    z = boundary_trace(mesh, Factor(mesh, L), 33)
+    surface = FactoredSurface.of(DiskMesh(*meshes.grid()))
+    z = boundary_trace(surface, 33)
     assert (z.conj() * np.roll(z, -1)).imag.sum() < 0

@@ -19,7 +19,7 @@ from cdcp_igl.reference import (
 )
 from cdcp_igl.reference.fast import _best_edge_to_one, _north_step
 from cdcp_igl.solve.laplacian import cotangent_laplacian
-from cdcp_igl.steps.circle import by_arc_length
+from cdcp_igl.steps.circle import arc_length_map
 from cdcp_igl.surface.mesh import DiskMesh
 
 LION, FACE = "chinese_lion_17334", "human_face_17157"
@@ -58,7 +58,7 @@ def test_angular_distortion(method, name, mean, sd, tolerance, real_mesh):
 def test_north_step_makes_the_map_by_arc_length_more_conformal(real_mesh):
     mesh = DiskMesh(*real_mesh(FACE))
     L = cotangent_laplacian(mesh).matrix()
-    before = _best_edge_to_one(mesh, Dirichlet(L, mesh.loop).solve(by_arc_length(mesh)))
+    before = _best_edge_to_one(mesh, Dirichlet(L, mesh.loop).solve(arc_length_map(mesh)))
     after = _north_step(mesh, L, before)
     mu_before, mu_after = (
         abs(beltrami_coefficient(z, mesh.F, mesh.V)).mean() for z in (before, after)

@@ -4,34 +4,31 @@ import numpy as np
 import pytest
 
 from cdcp_igl import angle_distortion, disk_map
+from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.distortion import angle_errors
-from cdcp_igl.solve.factor import Factor
-from cdcp_igl.solve.laplacian import cotangent_laplacian
-from cdcp_igl.steps.center import central_face
+from cdcp_igl.solve.factored import FactoredSurface
+from cdcp_igl.steps.center import Center, central_face
 from cdcp_igl.steps.circle.geodesic import geodesic_map
 from cdcp_igl.steps.circle.whiten import whiten
 from cdcp_igl.steps.dipole import boundary_trace, dipole
-from cdcp_igl.steps.extension import harmonic_extension
-from cdcp_igl.steps.mobius import normalize
 from cdcp_igl.surface.mesh import DiskMesh
 
 LION, FACE, BRAIN = "chinese_lion_17334", "human_face_17157", "human_brain_48463"
 
 
-class Steps:
+class Surface:
     """The steps of Algorithm 1, to be put together in other ways."""
 
     def __init__(self, V, F):
-        self.mesh = DiskMesh(V, F)
-        self.L = cotangent_laplacian(self.mesh)
-        self.factor = Factor(self.mesh, self.L)
-        self.face = central_face(self.mesh, self.L, self.factor, "torsion", well_shaped=True).face
-        self.trace = boundary_trace(self.mesh, self.factor, self.face)
+        self.surface = FactoredSurface.of(DiskMesh(V, F))
+        self.mesh = self.surface.mesh
+        self.face = central_face(self.surface).face
+        self.trace = boundary_trace(self.surface, self.face)
 
     def distortion(self, f_B):
         """Mean angular distortion in degrees of the map with these boundary values."""
-        f = harmonic_extension(self.mesh, self.L, self.factor, f_B / f_B[0])
-        f, _ = normalize(self.mesh, f, "angle")
+        steps = Steps(lambda _: Center("given", self.face), circle=lambda _: f_B)
+        f = algorithm_1(self.surface, steps)
         return np.degrees(abs(angle_errors(self.mesh, f)).mean())
 
 
@@ -56,7 +53,7 @@ def test_interior_map_of_a_known_curve():
     [(LION, 1.420, 1.436), (FACE, 1.209, 1.421), (BRAIN, 1.458, 4.262)],
 )
 def test_the_surface_is_the_outside_of_the_trace(name, outside, inside, real_mesh):
-    steps = Steps(*real_mesh(name))
+    steps = Surface(*real_mesh(name))
     exterior, interior = geodesic_map(steps.trace), interior_map(steps.trace)
     assert steps.distortion(exterior) == pytest.approx(outside, abs=0.001)
     assert steps.distortion(interior) == pytest.approx(inside, abs=0.002)
@@ -65,7 +62,7 @@ def test_the_surface_is_the_outside_of_the_trace(name, outside, inside, real_mes
 @pytest.mark.parametrize(("name", "first"), [(LION, 2.95e-3), (FACE, 1.10e-2), (BRAIN, 6.66e-2)])
 def test_the_error_of_the_trace_is_in_the_first_negative_power(name, first, real_mesh):
     """Coefficients of the trace in powers of zeta, the exterior map of its curve."""
-    steps = Steps(*real_mesh(name))
+    steps = Surface(*real_mesh(name))
     zeta = 1 / geodesic_map(whiten(steps.trace))
     arcs = -np.angle(np.roll(zeta, -1) / zeta)
 
@@ -81,8 +78,8 @@ def test_the_error_of_the_trace_is_in_the_first_negative_power(name, first, real
 
 @pytest.mark.parametrize(("name", "inside"), [(LION, 17.05), (FACE, 17.89), (BRAIN, 7.69)])
 def test_only_the_boundary_values_of_the_pinned_solution_are_of_use(name, inside, real_mesh):
-    steps = Steps(*real_mesh(name))
-    h = steps.factor.solve_pinned(dipole(steps.mesh, steps.face))
+    steps = Surface(*real_mesh(name))
+    h = steps.surface.factor.solve_pinned(dipole(steps.mesh, steps.face))
     assert h[steps.mesh.loop[0]] == 0  # the pin lies on the curve, not inside it
     degrees = np.degrees(abs(angle_errors(steps.mesh, h)))
     assert degrees.mean() == pytest.approx(inside, abs=0.01)

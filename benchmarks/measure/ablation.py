@@ -9,19 +9,16 @@ from typing import Literal
 import numpy as np
 from scipy.sparse import identity
 
+from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.arrays import Complex, Floats, Ints
 from cdcp_igl.errors import MapError
 from cdcp_igl.reference.certified import certified_disk_map
 from cdcp_igl.solve.cholmod import Cholesky
-from cdcp_igl.solve.factor import Factor
-from cdcp_igl.solve.laplacian import Laplacian, cotangent_laplacian
-from cdcp_igl.steps.center import central_face, centrality
-from cdcp_igl.steps.circle.fallback import _whitened_geodesic_map
+from cdcp_igl.solve.factored import FactoredSurface
+from cdcp_igl.steps.center import Center, central_face
+from cdcp_igl.steps.circle import Rejected
 from cdcp_igl.steps.circle.geodesic import geodesic_map
 from cdcp_igl.steps.circle.whiten import whiten
-from cdcp_igl.steps.dipole import boundary_trace
-from cdcp_igl.steps.extension import harmonic_extension
-from cdcp_igl.steps.mobius import normalize
 from cdcp_igl.steps.repair import unfold
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -31,26 +28,18 @@ __all__ = ["ABLATIONS", "CENTERS", "TABLE"]
 
 TABLE = f"{__name__}:ABLATIONS"
 
-Circle = Callable[[Complex], Complex | None]
-Center = Callable[[DiskMesh, Laplacian, Factor], int]
 
-
-def _default_center(mesh: DiskMesh, L: Laplacian, factor: Factor) -> int:
-    return central_face(mesh, L, factor, "torsion", well_shaped=True).face
-
-
-def _most_central(
-    mesh: DiskMesh, L: Laplacian, factor: Factor, *, method: Literal["torsion", "centroid"]
-) -> int:
+def _most_central(surface: FactoredSurface, *, method: Literal["torsion", "centroid"]) -> Center:
     """Find the most central face, well shaped or not."""
-    return int(centrality(mesh, L, factor, method).argmax())
+    return central_face(surface, method, well_shaped=False)
 
 
-def _coldest(mesh: DiskMesh, L: Laplacian, factor: Factor, *, t: float) -> int:
+def _coldest(surface: FactoredSurface, *, t: float) -> Center:
     """Eqs. (14), (15) with any t."""
+    mesh = surface.mesh
     initial = mesh.on_boundary.astype(float)
-    heat = Cholesky(identity(len(mesh.V)) + t * L.matrix()).solve(initial)
-    return int(heat[mesh.F].sum(axis=1).argmin())
+    heat = Cholesky(identity(len(mesh.V)) + t * surface.laplacian.matrix()).solve(initial)
+    return Center("heat", int(heat[mesh.F].sum(axis=1).argmin()))
 
 
 def _interior(trace: Complex, *, whitened: bool) -> Complex:
@@ -66,29 +55,18 @@ def _centroid(z: Complex) -> complex:
     return z0 + (cross * (a + b)).sum() / (3 * cross.sum())
 
 
-def _map(
-    V: Floats,
-    F: Ints,
-    *,
-    center: Center = _default_center,
-    circle: Circle = _whitened_geodesic_map,
-    mobius: Literal["angle"] | None = "angle",
-) -> Floats:
+def _map(V: Floats, F: Ints, *, steps: Steps) -> Floats:
     """Algorithm 1 without fallbacks."""
-    mesh = DiskMesh(V, F)
-    L = cotangent_laplacian(mesh)
-    factor = Factor(mesh, L)
-    f_B = circle(boundary_trace(mesh, factor, center(mesh, L, factor)))
-    if f_B is None or not np.isfinite(f_B).all():
-        raise MapError("the trace gives no map of the circle")
-    f_B = f_B / f_B[0]
-    f = harmonic_extension(mesh, L, factor, f_B / abs(f_B))
-    f, _ = normalize(mesh, f, mobius)
-    f, _ = unfold(mesh, f)
-    return certified_disk_map(mesh, f)
+    surface = FactoredSurface.of(DiskMesh(V, F))
+    try:
+        f = algorithm_1(surface, steps)
+    except Rejected as reason:
+        raise MapError(str(reason)) from reason
+    f, _ = unfold(surface.mesh, f)
+    return certified_disk_map(surface.mesh, f)
 
 
-CENTERS: dict[str, Center] = {
+CENTERS: dict[str, Callable[[FactoredSurface], Center]] = {
     "torsion": partial(_most_central, method="torsion"),
     "heat t=1e3": partial(_coldest, t=1e3),
     "heat t=1e4": partial(_coldest, t=1e4),
@@ -97,19 +75,16 @@ CENTERS: dict[str, Center] = {
 }
 
 _VARIANTS = {
-    "default": partial(_map),
-    "without Möbius": partial(_map, mobius=None),
-    **{f"center {name}": partial(_map, center=of) for name, of in CENTERS.items()},
-    **{
-        f"center {name} without Möbius": partial(_map, center=of, mobius=None)
-        for name, of in CENTERS.items()
-    },
-    "not whitened": partial(_map, circle=geodesic_map),
-    "interior trace": partial(_map, circle=partial(_interior, whitened=False)),
-    "interior trace whitened": partial(_map, circle=partial(_interior, whitened=True)),
+    "default": Steps(),
+    "without Möbius": Steps(mobius=None),
+    **{f"center {name}": Steps(of) for name, of in CENTERS.items()},
+    **{f"center {name} without Möbius": Steps(of, mobius=None) for name, of in CENTERS.items()},
+    "not whitened": Steps(circle=geodesic_map),
+    "interior trace": Steps(circle=partial(_interior, whitened=False)),
+    "interior trace whitened": Steps(circle=partial(_interior, whitened=True)),
 }
 
 ABLATIONS: Mapping[str, Candidate] = {
-    name: Candidate(function, "disk", "CDCP with a step changed")
-    for name, function in _VARIANTS.items()
+    name: Candidate(partial(_map, steps=steps), "disk", "CDCP with a step changed")
+    for name, steps in _VARIANTS.items()
 }

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, SpinnerColumn, TaskProgressColumn, TextColu
 from rich.progress import Progress as Bar
 from rich.progress import TimeElapsedColumn as Elapsed
 
-from ..phases import Progress
+from ..steps.phases import Progress
 
 __all__ = ["progress_bar"]
 

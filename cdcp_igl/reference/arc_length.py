@@ -8,7 +8,7 @@ from scipy.sparse import csr_matrix, diags
 
 from .. import libigl
 from ..arrays import Complex, Floats
-from ..steps.circle import by_arc_length
+from ..steps.circle import arc_length_map
 from ..surface.mesh import DiskMesh
 from .certified import certified_disk_map
 from .dirichlet import Dirichlet
@@ -64,7 +64,7 @@ def harmonic(V: ArrayLike, F: ArrayLike, *, tutte: bool = False) -> Floats:
     np.float64(1.0)
     """
     mesh = DiskMesh(V, F)
-    f_B = by_arc_length(mesh)
+    f_B = arc_length_map(mesh)
     return certified_disk_map(mesh, _tutte(mesh, f_B) if tutte else _harmonic(mesh, f_B))
 
 

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_matrix
 
+from ..algorithm import Steps, algorithm_1
 from ..arrays import Complex, Floats
-from ..solve.factor import Factor
-from ..solve.laplacian import cotangent_laplacian
-from ..steps.center import central_face
-from ..steps.circle import maps_to_circle
+from ..errors import MapError
+from ..solve.factored import FactoredSurface
+from ..steps.circle import Rejected
 from ..steps.dipole import dipole
-from ..steps.mobius import normalize
 from ..steps.repair import unfold
 from ..surface.mesh import DiskMesh
 from .certified import certified_disk_map
@@ -61,26 +59,21 @@ def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
     >>> bool(abs(double_cover(V, F) - cdcp_igl.cdcp(V, F)).max() < 1e-9)
     True
     """
-    mesh = DiskMesh(V, F)
-    L = cotangent_laplacian(mesh)  # (8)
-    factor = Factor(mesh, L)
-    tau_c = central_face(mesh, L, factor, "torsion", well_shaped=True).face
-    h_B = double_cover_trace(mesh, L.matrix(), tau_c)  # (17)
-    f_B, extend, _ = next(maps_to_circle(mesh, L, factor, h_B, tau_c, whitened=True))  # (1)-(6)
-    f = extend(f_B)  # (10)
-    f, _ = normalize(mesh, f, "angle")  # (19), (20)
-    f, _ = unfold(mesh, f)
-    return certified_disk_map(mesh, f)
+    surface = FactoredSurface.of(DiskMesh(V, F))
+    try:
+        f = algorithm_1(surface, Steps(trace=double_cover_trace))
+    except Rejected as error:
+        raise MapError(f"The trace of the double cover gives no map: {error}") from error
+    f, _ = unfold(surface.mesh, f)
+    return certified_disk_map(surface.mesh, f)
 
 
-def double_cover_trace(mesh: DiskMesh, L: csr_matrix, face: int) -> Complex:
+def double_cover_trace(surface: FactoredSurface, face: int) -> Complex:
     """Boundary values of the harmonic map of the doubly covered surface, eq. (17).
 
     Parameters
     ----------
-    mesh : DiskMesh
-    L : (n, n) csr_matrix of float64
-        Laplacian of the surface.
+    surface : FactoredSurface
     face : int
         Central face, which carries the dipole on one of the two sheets.
 
@@ -95,18 +88,16 @@ def double_cover_trace(mesh: DiskMesh, L: csr_matrix, face: int) -> Complex:
 
     >>> import cdcp_igl
     >>> from cdcp_igl.steps.dipole import boundary_trace
-    >>> from cdcp_igl.solve.factor import Factor
-    >>> from cdcp_igl.solve.laplacian import cotangent_laplacian
+    >>> from cdcp_igl.solve.factored import FactoredSurface
     >>> from cdcp_igl.surface.mesh import DiskMesh
     >>> from cdcp_igl.reference import double_cover_trace
     >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
-    >>> mesh = DiskMesh(V, F)
-    >>> L = cotangent_laplacian(mesh)
-    >>> explicit = double_cover_trace(mesh, L.matrix(), 0)
-    >>> reduced = boundary_trace(mesh, Factor(mesh, L), 0)
+    >>> surface = FactoredSurface.of(DiskMesh(V, F))
+    >>> explicit, reduced = double_cover_trace(surface, 0), boundary_trace(surface, 0)
     >>> bool(abs(2 * explicit - reduced).max() < 1e-12)
     True
     """
+    mesh, L = surface.mesh, surface.laplacian.matrix()
     r = np.concatenate([dipole(mesh, face), np.zeros(len(mesh.interior))])
     pin = mesh.loop[:1]
     return Dirichlet(doubled_laplacian(mesh, L), pin).solve(np.zeros(1), r)[mesh.loop]

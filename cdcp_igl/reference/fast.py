@@ -8,7 +8,7 @@ from scipy.sparse import csr_matrix
 
 from ..arrays import Complex, Floats, Ints
 from ..solve.laplacian import cotangent_laplacian
-from ..steps.circle import by_arc_length
+from ..steps.circle import arc_length_map
 from ..surface.mesh import DiskMesh
 from .beltrami import beltrami_coefficient, linear_beltrami_solver
 from .certified import certified_disk_map
@@ -87,7 +87,7 @@ def _fdcp(mesh: DiskMesh, mirror_factor: float) -> Complex:
     B = mesh.loop
     L = cotangent_laplacian(mesh).matrix()
     disk_problem = Dirichlet(L, B)
-    z = disk_problem.solve(by_arc_length(mesh))
+    z = disk_problem.solve(arc_length_map(mesh))
     z = _north_step(mesh, L, _best_edge_to_one(mesh, z))
 
     before, mu = 0.0, beltrami_coefficient(z, mesh.F, mesh.V)

@@ -12,7 +12,7 @@ from ..arrays import Floats
 from ..errors import SolverError
 from ..solve.cholmod import Cholesky
 from ..solve.laplacian import cotangent_laplacian
-from ..steps.circle import by_arc_length
+from ..steps.circle import arc_length_map
 from ..surface.mesh import DiskMesh
 from .certified import checked_free_map
 
@@ -93,7 +93,7 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     operator = LinearOperator(
         (2 * nB, 2 * nB), lambda b: centered(extend(centered(b))[boundary]), dtype=float
     )
-    circle = by_arc_length(mesh)
+    circle = arc_length_map(mesh)
     start = np.concatenate([circle.real, circle.imag])
     try:
         _, vectors = eigsh(operator, k=1, which="LA", v0=start)

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, spmatrix
 from sksparse import cholmod
-from threadpoolctl import ThreadpoolController
 
 from ..arrays import Complex, Floats
 from ..errors import SolverError
+from .threads import one_thread
 
 __all__ = ["VERSION", "Cholesky", "Numbers", "fill_reducing_order"]
 
@@ -26,14 +26,6 @@ Numbers = TypeVar("Numbers", Complex, Floats)
 
 # scikit-sparse 0.5 replaced `analyze` and `Factor` by `CholeskyFactor`.
 _MODERN = hasattr(cholmod, "CholeskyFactor")
-
-# The supernodes of a surface's Laplacian are small: BLAS threads never gain much on them,
-# and lose a factor of 2 to 20 when the cores are shared. The same goes for the OpenMP loops of
-# CHOLMOD, which in SuiteSparse 5 ask for four threads whatever the number allowed: on two idle
-# cores, the numeric factorization of 750,000 vertices takes 1.4 to 1.9 times as long with them.
-# The caller's own settings are back when a call returns.
-_POOLS = ThreadpoolController()
-_OPENMP = [pool.dynlib for pool in _POOLS.select(user_api="openmp").lib_controllers]
 
 
 class Cholesky:
@@ -140,7 +132,7 @@ def _writeable(A: spmatrix) -> csc_matrix:
 def _solver(size: int) -> Iterator[None]:
     """Run CHOLMOD on one thread and translate its errors."""
     try:
-        with _POOLS.limit(limits=1), _serial_openmp():
+        with one_thread():
             yield
     except (cholmod.CholmodError, MemoryError) as error:
         raise SolverError(
@@ -148,16 +140,3 @@ def _solver(size: int) -> Iterator[None]:
             f"{error or type(error).__name__}. If the mesh has slivers, remesh it; if memory "
             "ran out, decimate it."
         ) from error
-
-
-@contextmanager
-def _serial_openmp() -> Iterator[None]:
-    """Let no OpenMP loop be parallel, not even one that names its number of threads."""
-    levels = [runtime.omp_get_max_active_levels() for runtime in _OPENMP]
-    try:
-        for runtime in _OPENMP:
-            runtime.omp_set_max_active_levels(0)
-        yield
-    finally:
-        for runtime, level in zip(_OPENMP, levels, strict=True):
-            runtime.omp_set_max_active_levels(level)

@@ -100,7 +100,8 @@ class Factor:
 
     def release(self) -> None:
         """Give back the memory, which is most of what a map takes. Nothing can be solved then."""
-        del self._pinned, self._inner
+        self.__dict__.pop("_pinned", None)
+        self.__dict__.pop("_inner", None)
 
     def solve_pinned(self, r: Complex) -> Complex:
         """Solve L h = r with h = 0 at the first boundary vertex.

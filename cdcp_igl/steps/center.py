@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from operator import index
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from scipy.sparse import identity
 
 from ..arrays import Floats
 from ..solve.cholmod import Cholesky
-from ..solve.factor import Factor
-from ..solve.laplacian import Laplacian
+from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import face_areas
 
-__all__ = ["Center", "CenterMethod", "central_face", "centrality"]
+__all__ = ["METHODS", "Center", "CenterMethod", "central_face", "centrality"]
 
 CenterMethod = Literal["torsion", "heat", "centroid"]
+METHODS = get_args(CenterMethod)
 
 HEAT_TIME = 1e4  # t of eq. (14)
 CANDIDATES = 24  # most central faces among which a well-shaped one is sought
@@ -45,21 +44,13 @@ class Center:
 
 
 def central_face(
-    mesh: DiskMesh,
-    L: Laplacian,
-    factor: Factor,
-    center: CenterMethod | int,
-    *,
-    well_shaped: bool,
+    surface: FactoredSurface, center: CenterMethod | int = "torsion", *, well_shaped: bool = True
 ) -> Center:
     """Choose the face that is sent to infinity, eq. (15).
 
     Parameters
     ----------
-    mesh : DiskMesh
-    L : Laplacian
-    factor : Factor
-        Its factorization.
+    surface : FactoredSurface
     center : {"torsion", "heat", "centroid"} or int
         A measure of centrality, or a row of F.
     well_shaped : bool
@@ -72,23 +63,18 @@ def central_face(
     Center
     """
     if not isinstance(center, str):
-        face = index(center)
-        if not 0 <= face < len(mesh.F):
-            raise ValueError(f"center is face {face}; the mesh has faces 0..{len(mesh.F) - 1}")
-        return Center("given", face)
-    central = centrality(mesh, L, factor, center)
-    return Center(center, _well_shaped(mesh, central) if well_shaped else int(central.argmax()))
+        return Center("given", int(center))
+    central = centrality(surface, center)
+    face = _well_shaped(surface.mesh, central) if well_shaped else int(central.argmax())
+    return Center(center, face)
 
 
-def centrality(mesh: DiskMesh, L: Laplacian, factor: Factor, method: CenterMethod) -> Floats:
+def centrality(surface: FactoredSurface, method: CenterMethod) -> Floats:
     """How central each face is, by one of three measures.
 
     Parameters
     ----------
-    mesh : DiskMesh
-    L : Laplacian
-    factor : Factor
-        Its factorization.
+    surface : FactoredSurface
     method : {"torsion", "heat", "centroid"}
         - ``"heat"``: heat 1 on the boundary flows in for time t = 1e4; the centre is the
           coldest face, eqs. (13)-(15). Factors I + t L.
@@ -101,19 +87,19 @@ def centrality(mesh: DiskMesh, L: Laplacian, factor: Factor, method: CenterMetho
     (m,) float64
         Larger is more central.
     """
+    mesh = surface.mesh
     if method == "heat":
         initial = mesh.on_boundary.astype(float)
-        heat = Cholesky(identity(len(mesh.V)) + HEAT_TIME * L.matrix()).solve(initial)  # (14)
+        system = identity(len(mesh.V)) + HEAT_TIME * surface.laplacian.matrix()
+        heat = Cholesky(system).solve(initial)  # (14)
         return -heat[mesh.F].sum(axis=1)  # (15)
     if method == "torsion":
         u = np.zeros(len(mesh.V))
-        u[mesh.interior] = factor.solve_interior(np.ones(len(mesh.interior)))
+        u[mesh.interior] = surface.factor.solve_interior(np.ones(len(mesh.interior)))
         return u[mesh.F].sum(axis=1)
-    if method == "centroid":
-        barycenters = mesh.V[mesh.F].mean(axis=1)
-        centroid = np.average(barycenters, axis=0, weights=face_areas(mesh.V, mesh.F))
-        return -np.linalg.norm(barycenters - centroid, axis=1)
-    raise ValueError(f'center must be "torsion", "heat", "centroid" or a face, not {method!r}')
+    barycenters = mesh.V[mesh.F].mean(axis=1)
+    centroid = np.average(barycenters, axis=0, weights=face_areas(mesh.V, mesh.F))
+    return -np.linalg.norm(barycenters - centroid, axis=1)
 
 
 def _well_shaped(mesh: DiskMesh, central: Floats) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Complex
-from ..solve.factor import Factor
+from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
 
 __all__ = ["boundary_trace", "dipole"]
@@ -38,7 +38,7 @@ def dipole(mesh: DiskMesh, face: int) -> Complex:
     return r
 
 
-def boundary_trace(mesh: DiskMesh, factor: Factor, face: int) -> Complex:
+def boundary_trace(surface: FactoredSurface, face: int) -> Complex:
     """Boundary values of the harmonic map of the doubly covered surface, Theorem 1.
 
     The double cover would need a system of size 2 nI + nB; by symmetry, the pinned system
@@ -46,9 +46,7 @@ def boundary_trace(mesh: DiskMesh, factor: Factor, face: int) -> Complex:
 
     Parameters
     ----------
-    mesh : DiskMesh
-    factor : Factor
-        Of the cotangent Laplacian.
+    surface : FactoredSurface
     face : int
         Central face.
 
@@ -59,4 +57,5 @@ def boundary_trace(mesh: DiskMesh, factor: Factor, face: int) -> Complex:
         the image of the surface is the exterior of this curve. (Inside the surface, h is
         not conformal and of no use.)
     """
-    return factor.solve_pinned(dipole(mesh, face))[mesh.loop]
+    mesh = surface.mesh
+    return surface.factor.solve_pinned(dipole(mesh, face))[mesh.loop]

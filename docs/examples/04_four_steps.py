@@ -11,8 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import cdcp_igl
-from cdcp_igl.solve.factor import Factor
-from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.circle.geodesic import geodesic_map
 from cdcp_igl.steps.circle.whiten import whiten
@@ -28,15 +27,14 @@ V[:, 0] *= 1 + 0.35 * y  # no symmetry
 height = V[:, 2]
 
 mesh = DiskMesh(V, F)
-L = cotangent_laplacian(mesh)
-factor = Factor(mesh, L)
+surface = FactoredSurface.of(mesh)
 
 # %%
 # **Step 1.** A dipole on the central face gives the boundary trace, eq. (18). The surface is
 # the *outside* of this curve, the central face at infinity. Whitening makes it rounder.
 
-tau_c = central_face(mesh, L, factor, "torsion", well_shaped=True)
-h_B = boundary_trace(mesh, factor, tau_c.face)
+tau_c = central_face(surface)
+h_B = boundary_trace(surface, tau_c.face)
 white = whiten(h_B)
 
 figure, panels = plt.subplots(1, 3, layout="constrained", figsize=(9, 3))
@@ -109,7 +107,7 @@ plt.show()
 # **Steps 3 and 4.** The interior is the harmonic extension of the boundary, eq. (10), by the
 # same factor; a Möbius transformation, eqs. (19)-(20), lowers what angular distortion is left.
 
-f = harmonic_extension(mesh, L, factor, f_B / f_B[0])
+f = harmonic_extension(mesh, surface.laplacian, surface.factor, f_B / f_B[0])
 moved, normalization = normalize(mesh, f, "angle")
 
 figure, panels = plt.subplots(1, 2, layout="constrained", figsize=(8, 3.8))

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from cdcp_igl.plot.scene import Scene
-from cdcp_igl.solve.factor import Factor
-from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.surface.mesh import DiskMesh
 
 from ...measure.ablation import CENTERS
@@ -49,16 +48,14 @@ def _centers(measured: Measured, names: Sequence[str]) -> Figure:
     figure, panels = new(2.6 * max(len(models), 3), 3.3, ncols=len(models))
     for axes, model in zip(panels[0], models, strict=True):
         V, F = measured.surface(model)
-        mesh = DiskMesh(V, F)
-        L = cotangent_laplacian(mesh)
-        factor = Factor(mesh, L)
-        scene = Scene(mesh.V, mesh.F, PIXELS)
+        surface = FactoredSurface.of(DiskMesh(V, F))
+        scene = Scene(surface.mesh.V, surface.mesh.F, PIXELS)
         axes.imshow(scene.plain())
         axes.set_axis_off()
         axes.set_title(model_name(model, len(V)), fontsize=10, color=INK)
         for name in names:
             label, color, marker, size = MARKS[name]
-            x, y, visible = scene.locate(CENTERS[name](mesh, L, factor))
+            x, y, visible = scene.locate(CENTERS[name](surface).face)
             axes.plot(
                 *(x, y, marker),
                 label=label,

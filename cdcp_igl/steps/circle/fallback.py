@@ -1,8 +1,8 @@
-"""From the boundary trace to the unit circle: the geodesic algorithm and its fallbacks."""
+"""From the boundary trace to the unit circle: the geodesic algorithm and what stands in for it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,8 +10,7 @@ import numpy as np
 
 from ...arrays import Complex
 from ...certificate import is_around
-from ...solve.factor import Factor
-from ...solve.laplacian import Laplacian, intrinsic_delaunay_laplacian
+from ...solve.factored import FactoredSurface
 from ...surface.mesh import DiskMesh
 from ..extension import harmonic_extension
 from .crowding import crowding
@@ -20,7 +19,17 @@ from .harmonic_measure import arc_length, harmonic_measure
 from .spread import around
 from .whiten import whiten
 
-__all__ = ["BoundaryMethod", "by_arc_length", "maps_to_circle"]
+__all__ = [
+    "FALLBACKS",
+    "BoundaryMethod",
+    "CircleMap",
+    "Rejected",
+    "arc_length_map",
+    "by_arc_length",
+    "by_harmonic_measure",
+    "by_trace",
+    "whitened_geodesic_map",
+]
 
 
 # On nefertiti_299 (34 boundary vertices) subdivision lowers the mean angular distortion
@@ -30,7 +39,11 @@ ENOUGH_POINTS = 200
 # Shares of the circle are at least this part of those by arc length. Less, and fewer crowded
 # maps can be certified (corridors 20 times longer than wide still are); more, and they get
 # worse by degrees. Elsewhere only edges without flux are concerned.
-LEAST = 1e-8
+LEAST_SHARE = 1e-8
+
+
+class Rejected(Exception):
+    """A method that gives no map of the boundary onto the circle; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +56,7 @@ class BoundaryMethod:
         The method whose result was used: ``"geodesic"`` unless something went wrong, else
         ``"harmonic measure"`` or, at last, ``"arc length"``, which is not conformal.
     rejected : tuple of str
-        The methods that gave no map, each with the reason for its rejection.
+        The other methods that were tried, each with the reason why its map was not used.
     n_spread : int
         Faces inscribed in the circle whose corners were moved apart, by some 1e-7, lest they
         collapse in double precision.
@@ -64,77 +77,57 @@ class BoundaryMethod:
         return self.name + laplacian + opened + reasons
 
 
-def maps_to_circle(
-    mesh: DiskMesh,
-    L: Laplacian,
-    factor: Factor,
-    trace: Complex,
-    face: int,
-    *,
-    whitened: bool,
-) -> Iterator[tuple[Complex, Callable[[Complex], Complex], BoundaryMethod]]:
-    """Map the exterior of the boundary trace onto the disk, eqs. (1)-(6), or make do without.
+@dataclass(frozen=True, eq=False)
+class CircleMap:
+    """The boundary on the circle, and how to go on from there.
 
-    The geodesic algorithm needs a simple curve. Where slivers or a bad dipole have made the
-    trace cross itself, or its map cannot be certified, the next one is by harmonic measure,
-    which needs no curve. Where crowding spoils that too, the last one is by arc length: on
-    such surfaces it has lower angular distortion than conformal boundaries that are opened
-    as far as double precision requires.
-
-    Parameters
+    Attributes
     ----------
-    mesh : DiskMesh
-    L : Laplacian
-        Of cotangents.
-    factor : Factor
-        Its factorization.
-    trace : (nB,) complex128
-        Boundary trace, clockwise.
-    face : int
-        Central face.
-    whitened : bool
-        Whiten the trace first, and subdivide the edges of a short one. The paper does
-        neither.
-
-    Yields
-    ------
     f_B : (nB,) complex128
         On the unit circle, strictly counterclockwise, once around, the first at 1.
     extend : callable
         Extends boundary values harmonically to all of the surface.
-    BoundaryMethod
-        Asking for the next map means that this one was rejected.
+    method : BoundaryMethod
     """
-    rejected: list[str] = []
 
-    f_B = (_whitened_geodesic_map if whitened else geodesic_map)(trace)
-    if objection := _objection(f_B):
-        rejected.append(f"geodesic: {objection}")
-    else:
-        f_B = f_B / f_B[0]
-        extend = partial(harmonic_extension, mesh, L, factor)
-        yield f_B / abs(f_B), extend, BoundaryMethod("geodesic")
-        rejected.append("geodesic: no certificate")
-
-    delaunay = intrinsic_delaunay_laplacian(mesh)
-    delaunay_factor = Factor(mesh, delaunay)
-    extend = partial(harmonic_extension, mesh, delaunay, delaunay_factor)
-    method = partial(BoundaryMethod, laplacian="intrinsic Delaunay")
-
-    steps = harmonic_measure(mesh, delaunay, delaunay_factor, face)
-    if not np.isfinite(steps).all():
-        rejected.append("harmonic measure: no interior vertex at the central face")
-    elif crowded := crowding(mesh, steps):
-        rejected.append(f"harmonic measure: {crowded}")
-    else:
-        steps = np.maximum(steps, LEAST * arc_length(mesh))
-        yield around(steps), extend, method("harmonic measure", tuple(rejected))
-        rejected.append("harmonic measure: no certificate")
-
-    yield by_arc_length(mesh), extend, method("arc length", tuple(rejected))
+    f_B: Complex
+    extend: Callable[[Complex], Complex]
+    method: BoundaryMethod
 
 
-def _whitened_geodesic_map(trace: Complex) -> Complex:
+def by_trace(
+    surface: FactoredSurface, trace: Complex, circle: Callable[[Complex], Complex]
+) -> CircleMap:
+    """Map the exterior of the boundary trace onto the disk, eqs. (1)-(6).
+
+    Parameters
+    ----------
+    surface : FactoredSurface
+    trace : (nB,) complex128
+        Boundary trace, clockwise.
+    circle : callable
+        Takes a closed curve to the circle: `geodesic_map`, or with whitening before it.
+
+    Returns
+    -------
+    CircleMap
+
+    Raises
+    ------
+    Rejected
+        If slivers or a bad dipole have made the trace cross itself.
+    """
+    f_B = circle(trace)
+    if not np.isfinite(f_B).all():
+        raise Rejected("geodesic: not finite")
+    if not is_around(f_B):
+        raise Rejected("geodesic: not monotone")
+    f_B = f_B / f_B[0]
+    extend = partial(harmonic_extension, surface.mesh, surface.laplacian, surface.factor)
+    return CircleMap(f_B / abs(f_B), extend, BoundaryMethod("geodesic"))
+
+
+def whitened_geodesic_map(trace: Complex) -> Complex:
     """Run the geodesic algorithm on the trace as a round polygon with enough points.
 
     The algorithm follows circular arcs from point to point; on a short boundary, points
@@ -147,15 +140,53 @@ def _whitened_geodesic_map(trace: Complex) -> Complex:
     return geodesic_map(polygon.ravel())[::pieces]
 
 
-def _objection(f_B: Complex) -> str | None:
-    """Why these are not points once around the circle, strictly counterclockwise."""
-    if not np.isfinite(f_B).all():
-        return "not finite"
-    if not is_around(f_B):
-        return "not monotone"
-    return None
+def by_harmonic_measure(surface: FactoredSurface, face: int) -> CircleMap:
+    """Place the boundary as it is seen from the central face; needs no curve.
+
+    Parameters
+    ----------
+    surface : FactoredSurface
+    face : int
+        The central face.
+
+    Returns
+    -------
+    CircleMap
+
+    Raises
+    ------
+    Rejected
+        If crowding spoils it: many boundary vertices would coincide.
+    """
+    mesh, delaunay = surface.mesh, surface.delaunay
+    steps = harmonic_measure(mesh, delaunay.laplacian, delaunay.factor, face)
+    if not np.isfinite(steps).all():
+        raise Rejected("harmonic measure: no interior vertex at the central face")
+    if crowded := crowding(mesh, steps):
+        raise Rejected(f"harmonic measure: {crowded}")
+    steps = np.maximum(steps, LEAST_SHARE * arc_length(mesh))
+    return _on_delaunay(surface, around(steps), "harmonic measure")
 
 
-def by_arc_length(mesh: DiskMesh) -> Complex:
+def by_arc_length(surface: FactoredSurface, face: int) -> CircleMap:
+    """Place the boundary by its length: not conformal, but always possible.
+
+    On very crowded surfaces it has lower angular distortion than conformal boundaries that
+    are opened as far as double precision requires. `face` is not looked at.
+    """
+    return _on_delaunay(surface, arc_length_map(surface.mesh), "arc length")
+
+
+def _on_delaunay(surface: FactoredSurface, f_B: Complex, name: str) -> CircleMap:
+    delaunay = surface.delaunay
+    extend = partial(harmonic_extension, surface.mesh, delaunay.laplacian, delaunay.factor)
+    return CircleMap(f_B, extend, BoundaryMethod(name, laplacian="intrinsic Delaunay"))
+
+
+def arc_length_map(mesh: DiskMesh) -> Complex:
     """(nB,) boundary vertices around the circle in proportion to their distances, from 1."""
     return around(arc_length(mesh))
+
+
+# In the order in which they are tried.
+FALLBACKS = (by_harmonic_measure, by_arc_length)

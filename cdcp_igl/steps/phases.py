@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
-from typing import TypeVar
 
 __all__ = ["PHASES", "Phases", "Progress"]
 
 Progress = Callable[[str, float], None]
-Item = TypeVar("Item")
 
 # The phases in order, with their share of the time on a large mesh: what a progress bar
 # can honestly show.
@@ -78,15 +76,6 @@ class Phases:
         start = perf_counter()
         yield advance
         self.seconds[phase] = self.seconds.get(phase, 0.0) + perf_counter() - start
-
-    def each(self, phase: str, items: Iterator[Item]) -> Iterator[Item]:
-        """Time the making of each item of an iterator as one phase."""
-        while True:
-            with self(phase):
-                item = next(items, None)
-            if item is None:
-                return
-            yield item
 
     def done(self) -> None:
         """Report the end."""

@@ -1,0 +1,234 @@
+"""Of the maps that were tried, the best: normalised, certified, judged and refined."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from .arrays import Complex, Floats, Ints
+from .certificate import Certificate, certify
+from .distortion import AngleDistortion, angle_errors
+from .errors import MapError
+from .result import DiskMap
+from .solve.factored import FactoredSurface
+from .steps.center import Center
+from .steps.circle import BoundaryMethod, CircleMap, Rejected, spread
+from .steps.conformality import Conformality, judge
+from .steps.mobius import Normalization, normalize, rotate
+from .steps.options import Options
+from .steps.phases import Phases
+from .steps.refine import Refinement, lower_angle_distortion
+from .steps.repair import Repair, unfold
+from .surface.mesh import DiskMesh
+
+__all__ = ["HarmonicMap", "best_map"]
+
+log = logging.getLogger("cdcp_igl")
+
+REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicMap:
+    """The map before its normalisation, and where it comes from.
+
+    Attributes
+    ----------
+    f : (n,) complex128
+    boundary : CircleMap
+    center : Center
+    """
+
+    f: Complex
+    boundary: CircleMap
+    center: Center
+
+
+Way = Callable[[Phases], HarmonicMap]  # to a harmonic map; raises Rejected where there is none
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A normalised map with what is known of it."""
+
+    f: Complex
+    certificate: Certificate
+    errors: Floats
+    conformality: Conformality
+    center: Center
+    trace: BoundaryMethod
+    mobius: Normalization
+    repair: Repair
+    refinement: Refinement | None = None
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """Valid maps come first, then those of low mean distortion."""
+        return not self.certificate.valid, float(abs(self.errors).mean())
+
+    def objection(self) -> str:
+        """Why another map was sought after this one."""
+        name = self.trace.name
+        if not self.certificate.valid:
+            return f"{name}: no certificate"
+        return f"{name}: mean distortion {np.degrees(self.rank[1]):.2f} degrees, not conformal"
+
+
+def best_map(
+    surface: FactoredSurface,
+    ways: Iterable[Way],
+    options: Options,
+    phase: Phases,
+    *,
+    keep_factor: bool,
+) -> DiskMap:
+    """Try one way after the other until a map is conformal, and refine the best.
+
+    Parameters
+    ----------
+    surface : FactoredSurface
+    ways : iterable of callable
+        They make harmonic maps, the one to be preferred first; the last always does.
+    options : Options
+    phase : Phases
+    keep_factor : bool
+        Whether the surface will be mapped again. If not, refinement, which makes a factor of
+        its own, begins by giving back the memory of this one.
+
+    Returns
+    -------
+    DiskMap
+
+    Raises
+    ------
+    MapError
+        If no map is valid.
+    """
+    candidates, rejected = [], []
+    for way in ways:
+        try:
+            harmonic = way(phase)
+        except Rejected as reason:
+            rejected.append(str(reason))
+            continue
+        candidates.append(_normalized(surface.mesh, harmonic, options, phase))
+        if not candidates[-1].conformality.sheared:
+            break
+    best = min(candidates, key=lambda candidate: candidate.rank)
+    rejected += [other.objection() for other in candidates if other is not best]
+    for objection in rejected:
+        log.info("boundary by %s, rejected %s", best.trace.name, objection)
+    best = replace(best, trace=replace(best.trace, rejected=tuple(rejected)))
+    if options.refine and best.certificate.valid:
+        if not keep_factor:
+            surface.release()
+        best = _refined(surface.mesh, best, surface.factor.order, options, phase)
+    result = _disk_map(surface, best, phase)
+    if not result.valid:
+        raise MapError(
+            f"The map is not a bijection onto the disk: {result.certificate}. "
+            f"Boundary: {result.trace}",
+            result,
+        )
+    if not result.conformal:
+        log.warning("the map is not conformal: %s", "; ".join(result.conformality.reasons))
+    phase.done()
+    return result
+
+
+def _normalized(
+    mesh: DiskMesh, harmonic: HarmonicMap, options: Options, phase: Phases
+) -> Candidate:
+    """Do the second half of Algorithm 1, the Möbius transformation; then repair and judge."""
+    with phase("mobius"):
+        f, normalization = normalize(mesh, harmonic.f, options.mobius_method)  # (19), (20)
+    with phase("repair"):
+        f, n_spread = spread(mesh, f, harmonic.boundary.extend)
+        f, repair = unfold(mesh, rotate(mesh, f, options.align))
+    if repair.n_flipped:
+        log.info("%s", repair)
+    trace = replace(harmonic.boundary.method, n_spread=n_spread)
+    known = _judged(mesh, f, phase)
+    return Candidate(f, *known, harmonic.center, trace, normalization, repair)
+
+
+def _judged(mesh: DiskMesh, f: Complex, phase: Phases) -> tuple[Certificate, Floats, Conformality]:
+    with phase("certificate"):
+        certificate = certify(mesh, _coordinates(f))
+        errors = angle_errors(mesh, f)
+        if not certificate.valid:
+            return certificate, errors, Conformality(True, ("it is not valid",))
+        return certificate, errors, judge(mesh, f, errors)
+
+
+def _refined(
+    mesh: DiskMesh, candidate: Candidate, order: Ints, options: Options, phase: Phases
+) -> Candidate:
+    """Lower the angular distortion beyond that of the harmonic map."""
+    with phase("refine") as advance:
+        f, refinement = lower_angle_distortion(
+            mesh,
+            candidate.f,
+            order,
+            options.refine,
+            options.refine_norm,
+            seconds=options.refine_seconds,
+            turn=partial(rotate, mesh, align=options.align),
+            advance=advance,
+        )
+    if refinement.stopped:
+        log.info("refinement: %s", refinement)
+    certificate, errors, conformality = _judged(mesh, f, phase)
+    return replace(
+        candidate,
+        f=f,
+        certificate=certificate,
+        errors=errors,
+        conformality=conformality,
+        refinement=refinement,
+    )
+
+
+def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskMap:
+    mesh = surface.mesh
+    degrees = np.degrees(abs(best.errors))
+    distortion = free = AngleDistortion.of(degrees)
+    if 0 < len(mesh.inscribed) < len(mesh.F):
+        free = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
+    conformality = best.conformality
+    if not conformality:
+        causes = tuple(_causes(best.trace, best.repair, len(mesh.V)))
+        conformality = replace(conformality, reasons=conformality.reasons + causes)
+    return DiskMap(
+        uv=_coordinates(best.f),
+        certificate=best.certificate,
+        conformality=conformality,
+        distortion=distortion,
+        distortion_free=free,
+        center=best.center,
+        trace=best.trace,
+        repair=best.repair,
+        mobius=best.mobius,
+        refinement=best.refinement,
+        solver=surface.factor.solver,
+        timings=phase.seconds,
+    )
+
+
+def _causes(trace: BoundaryMethod, repair: Repair, n: int) -> Iterator[str]:
+    """Say what may have kept a map from being conformal."""
+    if trace.name == "arc length":
+        yield "the boundary lies by arc length"
+        yield from (reason for reason in trace.rejected if "crowding" in reason)
+    if trace.n_spread:
+        yield f"the corners of {trace.n_spread:,} faces at the boundary had to be moved apart"
+    if repair.n_moved > REPAIRED_SHARE * n:
+        yield f"repair of flipped faces moved {repair.n_moved / n:.0%} of the vertices"
+
+
+def _coordinates(f: Complex) -> Floats:
+    return np.column_stack([f.real, f.imag])

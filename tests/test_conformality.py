@@ -1,0 +1,133 @@
+"""Whether a valid map is conformal, and that the result says so."""
+
+import logging
+
+import meshes
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import cdcp_igl
+from cdcp_igl import datasets
+from cdcp_igl.distortion import angle_errors
+from cdcp_igl.reference import harmonic
+from cdcp_igl.steps.conformality import explained_errors, judge
+from cdcp_igl.surface.mesh import DiskMesh
+
+EXACT = [datasets.spherical_cap, datasets.ellipse, datasets.square, datasets.paraboloid]
+
+
+def means(V, F, uv):
+    """Mean angle error, and that which the scale explains, in radians."""
+    mesh, f = DiskMesh(V, F), uv @ [1, 1j]
+    return abs(angle_errors(mesh, f)).mean(), abs(explained_errors(mesh, f)).mean()
+
+
+@pytest.mark.parametrize("known", EXACT)
+def test_the_scale_explains_the_errors_of_exact_maps(known):
+    left = []
+    for n in (10, 20, 40):
+        V, F, uv = known(n)
+        mesh, f = DiskMesh(V, F), uv @ [1, 1j]
+        errors = angle_errors(mesh, f)
+        inner = ~mesh.on_boundary[F].any(axis=1)
+        left.append(abs(errors - explained_errors(mesh, f))[inner].mean())
+        assert judge(mesh, f, errors)
+    assert np.log2(left[0] / left[2]) / 2 > 1.5
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 1000))
+def test_a_discrete_conformal_equivalence_is_explained_exactly(seed):
+    """A Möbius transformation of a plane mesh changes lengths by factors at the vertices."""
+    V, F, uv = datasets.ellipse(6)
+    rng = np.random.default_rng(seed)
+    w = 0.1 * (rng.normal() + 1j * rng.normal())
+    z = V[:, :2] @ [1, 1j] / 4
+    f = z / (1 - w * z)
+    mesh = DiskMesh(V, F)
+    np.testing.assert_allclose(angle_errors(mesh, f), explained_errors(mesh, f), atol=1e-12)
+
+
+def test_shear_is_not_explained():
+    V, F, _ = datasets.ellipse(10)
+    error, explained = means(V, F, V[:, :2] * [1, 2])
+    assert error > np.radians(10)
+    assert explained < np.radians(1)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "chinese_lion_17334",
+        "human_face_17157",
+        "human_brain_48463",
+        "left_hand_53054",
+        "bimba_22838",
+    ],
+)
+def test_arc_length_is_not_conformal(name, real_mesh):
+    V, F = real_mesh(name)
+    mesh = DiskMesh(V, F)
+    error, explained = means(V, F, harmonic(V, F))
+    assert 1.8 * explained < error < 9 * explained
+    f = harmonic(V, F) @ [1, 1j]
+    verdict = judge(mesh, f, angle_errors(mesh, f))
+    assert verdict.sheared
+    assert not verdict
+    assert "the scale explains" in str(verdict)
+    assert "cdcp_igl.cut" in str(verdict)
+    result = cdcp_igl.disk_map(V, F)
+    assert result.conformal
+    assert not result.conformality.sheared
+
+
+def test_coarse_faces_are_no_shear():
+    """A strip two faces wide: all that the map does to angles comes from its change of scale."""
+    V, F = meshes.corridor(6, 4)
+    result = cdcp_igl.disk_map(V, F)
+    assert result.valid
+    assert result.distortion_free.mean > 12
+    assert not result.conformal
+    assert not result.conformality.sheared
+    assert result.trace.name == "geodesic"
+    assert "as the faces are large" in result.conformality.reasons[0]
+    assert cdcp_igl.disk_map(*meshes.corridor(6, 16)).conformal
+
+
+def test_the_result_says_so(caplog):
+    V, F = meshes.corridor(60, 4)
+    with caplog.at_level(logging.INFO, "cdcp_igl"):
+        result = cdcp_igl.disk_map(V, F)
+    assert str(result).startswith(f"disk map of {len(V):,} vertices: valid, NOT CONFORMAL")
+    assert "the boundary lies by arc length" in str(result)
+    report = result.report()
+    assert report["valid"]
+    assert report["conformal"] is False
+    assert any("crowding" in reason for reason in report["not_conformal_because"])
+    assert report["remedies"]
+    assert any(record.levelno == logging.WARNING for record in caplog.records)
+    assert any("rejected" in record.message for record in caplog.records)
+
+
+def test_nothing_is_logged_about_a_good_map(caplog, capfd):
+    with caplog.at_level(logging.INFO, "cdcp_igl"):
+        cdcp_igl.cdcp(*datasets.spherical_cap(10)[:2])
+    assert not caplog.records
+    assert capfd.readouterr() == ("", "")
+
+
+def test_warnings_are_silent_unless_asked_for(capfd):
+    cdcp_igl.cdcp(*meshes.corridor(60, 4))
+    assert capfd.readouterr() == ("", "")
+
+
+def test_refinement_starts_from_the_best_attempt():
+    """The first map of this strip cannot be certified; refinement goes on from the second."""
+    for k in (17, 18, 19, 20):
+        V, F = meshes.corridor(k, 4)
+        plain, refined = cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(V, F, refine=3)
+        assert refined.valid
+        assert refined.trace == plain.trace
+        assert refined.distortion.mean <= plain.distortion.mean
