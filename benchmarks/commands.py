@@ -39,6 +39,7 @@ ABLATION_MODELS = (
 )
 
 TOLD = ("surface", "method", "mean °", "SD °", "flips", "s", "s / F", "outcome")
+WIDE = 160  # columns of a table that is printed to a file
 SECONDS = 60  # limit of a case of figures --quick
 RESULTS = ROOT / "benchmarks" / "results"  # only `make bench` writes there
 
@@ -103,7 +104,10 @@ def ablation(session: Session) -> None:
 
 def _finish(session: Session, section: str, records: list[Record]) -> None:
     measured = session.write(section, records)
-    Console().print(printed(cases(measured.sections[section]), TOLD))
+    console = Console()
+    if not console.is_terminal:
+        console.width = WIDE
+    console.print(printed(cases(measured.sections[section]), TOLD))
     typer.echo(session.results.with_suffix(".md"))
 
 

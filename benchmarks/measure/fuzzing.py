@@ -211,7 +211,7 @@ def examine(seed: int, case: int) -> Row:
 def surface(seed: int, case: int) -> Case:
     """Make the surface of a case: a patch, deformed, renumbered, and perhaps damaged."""
     rng = np.random.default_rng([seed, case])
-    name = rng.choice(_names())
+    name = rng.choice(sources())
     V, F = _patch(rng, *_surface(name))
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     stretch = float(np.exp(rng.uniform(0, np.log(20))))
@@ -243,7 +243,7 @@ def surface(seed: int, case: int) -> Case:
 
 
 @cache
-def _names() -> list[str]:
+def sources() -> list[str]:
     """Surfaces to take patches of."""
     directory = os.environ.get("CDCP_IGL_DATA")
     if directory:

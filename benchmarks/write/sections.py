@@ -35,7 +35,6 @@ def about(machine: Mapping[str, Any]) -> list[tuple[str, str]]:
         "Python": machine["python"],
         "SuiteSparse": machine["suitesparse"],
     }
-    commands = [*machine["commands"].values(), "python -m benchmarks figures"]
     return [
         ("Hardware", f"{machine['cpu']}, {machine['cores']} cores, {machine['memory_gib']} GiB"),
         ("System", machine["system"]),
@@ -51,7 +50,7 @@ def about(machine: Mapping[str, Any]) -> list[tuple[str, str]]:
             f"{machine['time_limit']:g} s and {machine['memory_limit']:,.0f} MiB for each case, "
             "in a process of its own",
         ),
-        ("Again", " && ".join(commands)),
+        ("Again", " && ".join(machine["commands"].values())),
     ]
 
 
@@ -119,7 +118,8 @@ def _grid(
     for model in results.sizes:
         made = [_failure(results, model, m) or cell(model, m) for m in methods]
         compared = [k for k, method in enumerate(methods) if method in PUBLISHED]
-        rows.append([*model_cells(results, model), *best(made, compared), *paper(model)])
+        made = best(made, compared) if len(compared) > 1 else made
+        rows.append([*model_cells(results, model), *made, *paper(model)])
     return rows
 
 
@@ -127,7 +127,8 @@ def _failure(results: Section, model: str, method: str) -> Cell | None:
     outcome = results.failure(model, method)
     if outcome in ("", "not run"):
         return Cell(NOTHING) if outcome else None
-    return Cell("no map", note=outcome, kind="missing")
+    missing = outcome.startswith("not to be had")
+    return Cell(NOTHING if missing else "no map", note=outcome, kind="missing")
 
 
 def _distortion(results: Section, form: str) -> Callable[[str, str], Cell]:
@@ -214,7 +215,7 @@ def _speed(results: Section) -> Iterator[Table]:
     )
     for id, title, text, cell in (
         ("multiples", "Time as a multiple of F", "", times),
-        ("memory", "Peak memory as a multiple of that of F", "Python and mesh in both.", memory),
+        ("peak", "Peak memory as a multiple of that of F", "Python and mesh in both.", memory),
     ):
         rows = [row for row in _grid(results, methods, cell) if row[0].model in large]
         yield Table(id, title, text, ["surface", "n", *labels], rows)
