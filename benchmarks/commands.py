@@ -1,4 +1,4 @@
-"""The commands: tables, speed, ablation, figures, readme, fuzz."""
+"""The commands."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from .measure.fuzzing import fuzz
 from .measure.machine import MACHINE
 from .measure.methods import METHODS, maps
 from .measure.models import find, surfaces_of
+from .measure.peers import PEERS
 from .records.record import Record
 from .records.results import Measured
 from .records.store import ROOT, WORK, Work, read_results
@@ -42,6 +43,8 @@ TOLD = ("surface", "method", "mean °", "SD °", "flips", "s", "s / F", "outcome
 WIDE = 160  # columns of a table that is printed to a file
 SECONDS = 60  # limit of a case of figures --quick
 RESULTS = ROOT / "benchmarks" / "results"  # only `make bench` writes there
+OWN = ("cdcp", "cdcp refine=5", "lscm", "spectral")  # beside which peers are shown
+PEER_MODELS = ("chinese_lion", "human_face", "human_brain", "left_hand", "gcanyon_216196")
 
 Repeats = Annotated[int, typer.Option(min=1, help="Runs of each case.")]
 
@@ -62,6 +65,19 @@ def tables(session: Session, repeats: Repeats = 1) -> None:
     models = session.wanted_models()
     table = measured_methods.TABLE
     _finish(session, "tables", session.run("tables", models, methods, table, lambda *_: repeats))
+
+
+@app.command()
+@with_session
+def peers(session: Session) -> None:
+    """Measure other programs beside CDCP: Blender, MeshLab, xatlas, SLIM, ARAP, BFF.
+
+    Those that are not installed are told. What is there already is not measured again.
+    """
+    methods = session.wanted_methods(METHODS, (*OWN, *PEERS))
+    models = session.wanted_models(PEER_MODELS)
+    records = session.run("peers", models, methods, measured_methods.TABLE, lambda *_: 1)
+    _finish(session, "peers", records)
 
 
 @app.command()

@@ -17,9 +17,9 @@ from rich.console import Console
 from cdcp_igl.io import whole_file
 
 from .measure import models as surfaces
+from .measure.candidate import Candidate
 from .measure.cases import Limits, run
 from .measure.machine import MACHINE, describe, memory_mib, pin_threads
-from .measure.methods import Candidate
 from .measure.models import Model
 from .records.record import Record
 from .records.results import Measured

@@ -2,34 +2,10 @@
 
 import logging
 
-from . import datasets
-from .algorithm import cdcp, disk_map
-from .distortion import (
-    angle_distortion,
-    area_distortion,
-    conformal_factor,
-    quasi_conformal_dilatation,
-)
-from .errors import MapError, MeshError, SolverError
-from .mapper import DiskMapper
-from .surface.cleaning import clean
-from .surface.report import check
+import lazy_loader
 
-__all__ = [
-    "DiskMapper",
-    "MapError",
-    "MeshError",
-    "SolverError",
-    "angle_distortion",
-    "area_distortion",
-    "cdcp",
-    "check",
-    "clean",
-    "conformal_factor",
-    "datasets",
-    "disk_map",
-    "quasi_conformal_dilatation",
-]
+# Each name is imported when it is first used; `__init__.pyi` says from where.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 logging.getLogger(__name__).addHandler(logging.NullHandler())
 

@@ -44,6 +44,14 @@ class Certificate:
         Faces that are not positively oriented, collapsed ones included.
     n_exact : int
         Faces whose sign was in doubt and decided in exact arithmetic.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(20)
+    >>> certificate = cdcp_igl.disk_map(V, F).certificate
+    >>> certificate.valid, certificate.winding_number, len(certificate.flipped)
+    (True, 1, 0)
     """
 
     finite: bool

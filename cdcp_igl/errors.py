@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from .arrays import Ints
+from .arrays import Floats, Ints
 
-if TYPE_CHECKING:
-    from .reference.certified import ReferenceMap
-    from .result import DiskMap
-
-__all__ = ["Defect", "MapError", "MeshError", "SolverError", "spell"]
+__all__ = ["Defect", "MapError", "MeshError", "SolverError", "counted", "spell"]
 
 _SHOWN = 8  # indices spelled out in a message; the attribute holds them all
 
@@ -34,6 +30,15 @@ class Defect:
         What `indices` count: ``"faces"``, ``"vertices"`` or ``"edges"``.
     indices : ndarray of int64
         All offenders: (k,) rows of F or V, or (k, 2) pairs of rows of V for edges.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
+    >>> F[[3, 8]] = F[[3, 8], ::-1]
+    >>> [defect] = cdcp_igl.check(V, F).defects
+    >>> defect.name, defect.kind, defect.indices
+    ('inconsistent orientation', 'faces', array([3, 8]))
     """
 
     name: str
@@ -71,7 +76,7 @@ class MeshError(ValueError):
     ...     print(error.defect, error.indices)
     ...     print(error.remedy)
     unreferenced vertex [3]
-    Remove them and renumber F.
+    Drop them and renumber F, as cdcp_igl.clean does.
     """
 
     def __init__(self, *defects: Defect) -> None:
@@ -100,14 +105,34 @@ class SolverError(RuntimeError):
     """
 
 
+class Verdict(Protocol):
+    """What a certificate says of a map that is refused."""
+
+    @property
+    def finite(self) -> bool: ...
+    @property
+    def valid(self) -> bool: ...
+    @property
+    def flipped(self) -> Ints: ...
+
+
+class RefusedMap(Protocol):
+    """A map that is not good enough to be returned, whichever method made it."""
+
+    @property
+    def uv(self) -> Floats: ...
+    @property
+    def certificate(self) -> Verdict: ...
+
+
 class MapError(RuntimeError):
     """There is no certified bijection onto the disk to return.
 
     Attributes
     ----------
-    result : DiskMap, ReferenceMap or None
-        The map as it is, with the certificate that says what is wrong with it; a
-        ReferenceMap from the methods of `cdcp_igl.reference`.
+    result : object or None
+        The map as it is, ``uv``, with the ``certificate`` that says what is wrong with it: the
+        DiskMap, or a ReferenceMap from the methods of `cdcp_igl.reference`.
 
     Examples
     --------
@@ -128,7 +153,7 @@ class MapError(RuntimeError):
     True
     """
 
-    def __init__(self, message: str, result: DiskMap | ReferenceMap | None = None) -> None:
+    def __init__(self, message: str, result: RefusedMap | None = None) -> None:
         self.result = result
         super().__init__(message)
 
@@ -143,3 +168,8 @@ def spell(indices: Ints) -> str:
     )
     hidden = len(indices) - _SHOWN
     return shown + (f" and {hidden:,} more" if hidden > 0 else "")
+
+
+def counted(indices: Ints, one: str, many: str) -> str:
+    """Say how many there are: ``"1 face has"``, ``"2 faces have"``."""
+    return f"{len(indices):,} {one if len(indices) == 1 else many}"

@@ -8,7 +8,6 @@ some inputs that break this.
 from __future__ import annotations
 
 from importlib.metadata import version
-from pathlib import Path
 
 import igl
 import igl.predicates
@@ -20,12 +19,18 @@ from .arrays import Bools, Floats, Ints
 __all__ = [
     "VERSION",
     "adjacency_matrix",
+    "angles",
+    "double_areas",
+    "fans",
+    "grid_faces",
     "harmonic",
     "intrinsic_delaunay_cotangent_matrix",
     "is_counterclockwise",
     "lscm",
-    "read_stl",
+    "path",
+    "squared_edge_lengths",
     "vector_area_matrix",
+    "vertex_normals",
 ]
 
 VERSION = version("libigl")
@@ -34,6 +39,35 @@ VERSION = version("libigl")
 def adjacency_matrix(F: Ints) -> csc_matrix:
     """(n, n) matrix of int64 with 1 for each edge, symmetric."""
     return igl.adjacency_matrix(F)
+
+
+def angles(V: Floats, F: Ints) -> Floats:
+    """(m, 3) unsigned corner angles in radians, column k at corner k.
+
+    Not a number at the ends of edges without length.
+    """
+    return igl.internal_angles(V, F)
+
+
+def double_areas(V: Floats, F: Ints) -> Floats:
+    """(m,) twice the areas of triangles; signed if V has two columns."""
+    return igl.doublearea(V, F)
+
+
+def fans(corners: Ints, ends: Ints) -> Ints:
+    """(m, 3) triangles around the first corner of each polygon.
+
+    Polygon p has the corners from ``ends[p]`` to ``ends[p + 1]``, at least three.
+    """
+    return igl.polygons_to_triangles(corners, ends)[0]
+
+
+def grid_faces(columns: int, rows: int) -> Ints:
+    """(m, 3) counterclockwise triangles of a grid of vertices, rows one after the other.
+
+    The first row is the lowest, and the diagonals fall from left to right.
+    """
+    return igl.triangulated_grid(columns, rows)[1]
 
 
 def harmonic(V: Floats, F: Ints, S: Ints, c: Floats) -> Floats:
@@ -57,11 +91,23 @@ def lscm(V: Floats, F: Ints, S: Ints, c: Floats) -> Floats:
     return igl.lscm(V, F, S, c)[0]
 
 
-def read_stl(path: Path) -> tuple[Floats, Ints]:
-    """(3m, 3) vertices and (m, 3) faces of an stl file; RuntimeError if it is damaged."""
-    return igl.read_triangle_mesh(str(path))
+def path(edges: Ints) -> Ints:
+    """(k,) vertices of one closed loop of directed edges (k, 2), in their direction."""
+    vertices, _, column = igl.edges_to_path(edges)
+    return vertices[:-1] if column[0] == 0 else vertices[:0:-1]
+
+
+def squared_edge_lengths(V: Floats, F: Ints) -> Floats:
+    """(m, 3) squared lengths of the edges opposite each corner."""
+    return igl.squared_edge_lengths(V, F)
 
 
 def vector_area_matrix(F: Ints) -> csc_matrix:
     """(2n, 2n) symmetric A such that [u; v]^T A [u; v] is the signed area of the map (u, v)."""
     return igl.vector_area_matrix(F)
+
+
+def vertex_normals(V: Floats, F: Ints) -> Floats:
+    """(n, 3) unit normals, faces weighted by area; not a number at vertices without area."""
+    weighting = igl.PerVertexNormalsWeightingType.PER_VERTEX_NORMALS_WEIGHTING_TYPE_AREA
+    return igl.per_vertex_normals(V, F, weighting)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from copy import copy
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +25,9 @@ class DiskMapper:
     Checks and factorization, most of the time of `disk_map`, are done once, here. Another
     centre then costs three solves and the boundary; another Möbius transformation,
     alignment or refinement starts from the last harmonic map, if it has the same centre.
+
+    It can be pickled and copied, and be sent to other processes so; the factor is made again
+    on arrival.
 
     Parameters
     ----------
@@ -130,10 +132,14 @@ class DiskMapper:
         SolverError
             If the Laplacian cannot be factored.
         """
-        other = copy(self)
+        other = DiskMapper.__new__(DiskMapper)
         other._surface = self._surface.moved(V)
         other._last = None
         return other
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # The factor is in memory of the solver: another process makes its own on arrival.
+        return DiskMapper, (self.mesh.V, self.mesh.F)
 
     def __repr__(self) -> str:
         return f"DiskMapper({self.mesh!r})"

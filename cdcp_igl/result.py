@@ -54,6 +54,14 @@ class DiskMap:
         Sparse solver, version, ordering, mode and number of factorizations.
     timings : dict of str to float
         Seconds per phase.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, exact = cdcp_igl.datasets.paraboloid(30)
+    >>> result = cdcp_igl.disk_map(V, F, align=[1, 0, 0])
+    >>> float(abs(result.uv - exact).max()) < 0.01
+    True
     """
 
     uv: Floats

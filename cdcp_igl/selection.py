@@ -11,12 +11,12 @@ import numpy as np
 
 from .arrays import Complex, Floats, Ints
 from .certificate import Certificate, certify
-from .distortion import AngleDistortion, angle_errors
+from .distortion import AngleDistortion, angle_errors, disk_map_distortion
 from .errors import MapError
 from .result import DiskMap
 from .solve.factored import FactoredSurface
 from .steps.center import Center
-from .steps.circle import BoundaryMethod, CircleMap, Rejected, spread
+from .steps.circle import BoundaryMethod, CircleMap, Rejected, spread_corners
 from .steps.conformality import Conformality, judge
 from .steps.mobius import Normalization, normalize, rotate
 from .steps.options import Options
@@ -147,22 +147,25 @@ def _normalized(
     with phase("mobius"):
         f, normalization = normalize(mesh, harmonic.f, options.mobius_method)  # (19), (20)
     with phase("repair"):
-        f, n_spread = spread(mesh, f, harmonic.boundary.extend)
+        f, n_spread = spread_corners(mesh, f, harmonic.boundary.extend)
         f, repair = unfold(mesh, rotate(mesh, f, options.align))
     if repair.n_flipped:
         log.info("%s", repair)
     trace = replace(harmonic.boundary.method, n_spread=n_spread)
-    known = _judged(mesh, f, phase)
+    # What repair leaves behind is in few places.
+    known = _judged(mesh, f, phase, closely=repair.n_flipped > 0)
     return Candidate(f, *known, harmonic.center, trace, normalization, repair)
 
 
-def _judged(mesh: DiskMesh, f: Complex, phase: Phases) -> tuple[Certificate, Floats, Conformality]:
+def _judged(
+    mesh: DiskMesh, f: Complex, phase: Phases, *, closely: bool
+) -> tuple[Certificate, Floats, Conformality]:
     with phase("certificate"):
         certificate = certify(mesh, _coordinates(f))
         errors = angle_errors(mesh, f)
         if not certificate.valid:
             return certificate, errors, Conformality(True, ("it is not valid",))
-        return certificate, errors, judge(mesh, f, errors)
+        return certificate, errors, judge(mesh, f, errors, closely=closely)
 
 
 def _refined(
@@ -182,7 +185,8 @@ def _refined(
         )
     if refinement.stopped:
         log.info("refinement: %s", refinement)
-    certificate, errors, conformality = _judged(mesh, f, phase)
+    closely = candidate.repair.n_flipped > 0
+    certificate, errors, conformality = _judged(mesh, f, phase, closely=closely)
     return replace(
         candidate,
         f=f,
@@ -194,17 +198,18 @@ def _refined(
 
 
 def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskMap:
-    mesh = surface.mesh
-    degrees = np.degrees(abs(best.errors))
-    distortion = free = AngleDistortion.of(degrees)
-    if 0 < len(mesh.inscribed) < len(mesh.F):
-        free = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
+    mesh, uv = surface.mesh, _coordinates(best.f)
+    with phase("distortion"):
+        degrees = disk_map_distortion(mesh, uv)
+        distortion = free = AngleDistortion.of(degrees)
+        if 0 < len(mesh.inscribed) < len(mesh.F):
+            free = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
     conformality = best.conformality
     if not conformality:
         causes = tuple(_causes(best.trace, best.repair, len(mesh.V)))
         conformality = replace(conformality, reasons=conformality.reasons + causes)
     return DiskMap(
-        uv=_coordinates(best.f),
+        uv=uv,
         certificate=best.certificate,
         conformality=conformality,
         distortion=distortion,

@@ -22,11 +22,11 @@ from cdcp_igl.steps.circle import (
     whitened_geodesic_map,
 )
 from cdcp_igl.steps.circle.geodesic import geodesic_map
-from cdcp_igl.steps.circle.harmonic_measure import harmonic_measure
-from cdcp_igl.steps.circle.spread import spread
-from cdcp_igl.steps.circle.whiten import whiten
+from cdcp_igl.steps.circle.harmonic_measure import harmonic_shares
+from cdcp_igl.steps.circle.spread import spread_corners
+from cdcp_igl.steps.circle.whiten import whiten_trace
 from cdcp_igl.steps.extension import harmonic_extension
-from cdcp_igl.steps.mobius import mobius
+from cdcp_igl.steps.mobius import mobius_transformation
 from cdcp_igl.steps.repair import Repair, unfold
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -78,7 +78,7 @@ def test_fewest_points():
 @pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES.keys())
 def test_whitening_makes_the_moments_of_inertia_equal(curve):
     z = curve(circle(400).conj())
-    white = whiten(5 * np.exp(1j) * (1.5 * z.real + 1j * z.imag) + 7)
+    white = whiten_trace(5 * np.exp(1j) * (1.5 * z.real + 1j * z.imag) + 7)
     after = np.roll(white, -1)
     cross = (white.conj() * after).imag
     assert cross.sum() / 2 == pytest.approx(-np.pi)  # still clockwise
@@ -88,7 +88,7 @@ def test_whitening_makes_the_moments_of_inertia_equal(curve):
 
 def test_whitening_takes_an_ellipse_to_a_circle():
     z = CURVES["ellipse"](circle(400).conj())
-    np.testing.assert_allclose(abs(whiten(z)), 1, atol=1e-3)
+    np.testing.assert_allclose(abs(whiten_trace(z)), 1, atol=1e-3)
 
 
 class TestFallbacks:
@@ -155,8 +155,8 @@ def test_harmonic_measure_converges_to_the_poisson_kernel(c):
         L = intrinsic_delaunay_laplacian(mesh)
         z = z @ [1, 1j]
         face = abs(z[F].mean(axis=1) - c).argmin()
-        steps = harmonic_measure(mesh, L, Factor(mesh, L), face)
-        exact = increments(mobius(z, z[F[face]].mean())[mesh.loop]) / (2 * np.pi)
+        steps = harmonic_shares(mesh, L, Factor(mesh, L), face)
+        exact = increments(mobius_transformation(z, z[F[face]].mean())[mesh.loop]) / (2 * np.pi)
         assert (steps > 0).all()
         assert steps.sum() == pytest.approx(1)
         errors.append(abs(steps - exact).sum())
@@ -172,7 +172,7 @@ def test_harmonic_measure_keeps_its_digits_where_it_is_tiny():
         mesh = DiskMesh(V, F)
         L = intrinsic_delaunay_laplacian(mesh)
         face = np.linalg.norm(V[F].mean(axis=1) - V.mean(axis=0), axis=1).argmin()
-        smallest.append(harmonic_measure(mesh, L, Factor(mesh, L), face).min())
+        smallest.append(harmonic_shares(mesh, L, Factor(mesh, L), face).min())
     rate = np.diff(np.log(smallest)) / np.diff(lengths)
     assert smallest[-1] < 1e-30
     np.testing.assert_allclose(rate, -np.pi / 2, rtol=0.05)
@@ -242,7 +242,7 @@ def test_progress_and_timings_of_several_attempts():
     fractions = [fraction for _, fraction in seen]
     assert fractions == sorted(fractions)
     assert (fractions[0], seen[-1]) == (0, ("done", 1))
-    assert list(result.timings)[-1] == "certificate"
+    assert list(result.timings)[-1] == "distortion"
 
 
 def test_no_map_that_can_be_certified_is_an_error_with_all_reasons(monkeypatch):
@@ -262,7 +262,7 @@ def test_spread_moves_nothing_that_need_not_move():
     mesh = DiskMesh(*meshes.corridor(6))
     f = cdcp_igl.cdcp(*meshes.corridor(6)) @ [1, 1j]
     assert len(mesh.inscribed) == 2
-    g, count = spread(mesh, f, None)
+    g, count = spread_corners(mesh, f, None)
     assert g is f
     assert count == 0
 
@@ -281,7 +281,7 @@ def test_spread_opens_a_collapsed_ear():
         g[mesh.loop] = f_B
         return g
 
-    g, count = spread(mesh, f, extend)
+    g, count = spread_corners(mesh, f, extend)
     assert count == 1
     assert abs(g[mesh.loop] - f[mesh.loop]).max() < 1e-6
     uv = np.column_stack([g.real, g.imag])

@@ -6,12 +6,19 @@ import pytest
 from typer.testing import CliRunner
 
 import cdcp_igl
-from cdcp_igl.command_line.commands import app
+from cdcp_igl.command_line.program import app
 
 # What is left of each nasty mesh: "disk", a defect that clean cannot mend, or a refusal.
 UNMENDED = {"Moebius strip": "not orientable", "closed": "closed surface", "handle": "handle"}
 NOTHING_LEFT = {"all in one point", "on a line", "sliver"}
-BAD_ARRAYS = {"not numeric", "shape of V", "shape of F", "index out of range", "fractional index"}
+BAD_ARRAYS = {
+    "not numeric",
+    "V and F swapped",
+    "shape of V",
+    "shape of F",
+    "index out of range",
+    "fractional index",
+}
 
 
 @pytest.mark.parametrize("name", meshes.NASTY)

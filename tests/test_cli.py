@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cdcp_igl import MapError, MeshError, SolverError, __version__
-from cdcp_igl.command_line import commands
+import cdcp_igl
+from cdcp_igl import MapError, MeshError, SolverError, __version__, algorithm, io
+from cdcp_igl.command_line import arguments, comparing
+from cdcp_igl.command_line.program import app
 from cdcp_igl.errors import Defect
 from cdcp_igl.io import read_mesh
 
@@ -36,7 +38,7 @@ def spherical_cap(n):
 
 
 def invoke(*arguments):
-    return CliRunner().invoke(commands.app, [str(a) for a in arguments])
+    return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
 def run(*arguments, **options):
@@ -108,6 +110,33 @@ def test_refinement(cap):
     assert json.loads(report.read_text())["refinement"]["steps"] == 2
 
 
+def test_alignment_and_norm_of_the_refinement(cap):
+    for option, value in (("align", 5), ("align", [0, 1, 0]), ("refine_norm", 1.0)):
+        out = cap.with_name(f"{option}{value}.npz")
+        text = ",".join(map(str, value)) if isinstance(value, list) else value
+        option_given = f"--{option.replace('_', '-')}"
+        assert invoke("map", cap, out, "--refine", 1, option_given, text).exit_code == 0
+        expected = cdcp_igl.disk_map(*spherical_cap(12), refine=1, **{option: value}).uv
+        np.testing.assert_array_equal(np.load(out)["uv"], expected)
+
+
+@pytest.mark.parametrize(
+    ("option", "row", "message"),
+    [
+        ("--align", 70, "align=70 is not a boundary vertex\n"),
+        ("--center", 99999, "center is face 99999; the mesh has faces 0..241\n"),
+    ],
+)
+def test_an_option_that_does_not_fit_the_mesh(cap, option, row, message):
+    result = invoke("map", cap, cap.with_name("o.obj"), option, row)
+    assert (result.exit_code, result.stderr) == (2, message)
+
+
+def test_quiet(cap):
+    result = invoke("map", cap, cap.with_name("o.obj"), "--quiet")
+    assert (result.exit_code, result.output) == (0, "")
+
+
 def test_picture(cap):
     picture = cap.with_name("p.png")
     assert invoke("map", cap, cap.with_name("o.ply"), "--picture", picture).exit_code == 0
@@ -124,16 +153,18 @@ def test_picture(cap):
         ("o.obj", "--report", "missing/r.json"),
         ("o.obj", "--picture", "p.jpg"),
         ("o.obj", "--center", "middle"),
-        ("o.obj", "--center", "99999"),
         ("o.obj", "--center", "0", "--preset", "paper"),
         ("o.obj", "--mobius", "both"),
+        ("o.obj", "--align", "up"),
+        ("o.obj", "--align", "1,2"),
+        ("o.obj", "--refine-norm", "3"),
         ("folder.obj",),
     ],
 )
 def test_bad_arguments(cap, monkeypatch, arguments):
     monkeypatch.chdir(cap.parent)
     Path("folder.obj").mkdir()
-    monkeypatch.setattr(commands, "disk_map", lambda *args, **options: pytest.fail("computed"))
+    monkeypatch.setattr(algorithm, "disk_map", lambda *args, **options: pytest.fail("computed"))
     result = invoke("map", cap, *arguments)
     assert result.exit_code == 2
     assert result.stderr
@@ -172,7 +203,7 @@ def test_no_valid_map(cap, monkeypatch, error):
     def fail(*args, **options):
         raise error
 
-    monkeypatch.setattr(commands, "disk_map", fail)
+    monkeypatch.setattr(algorithm, "disk_map", fail)
     out = cap.with_name("out.obj")
     out.write_text("old")
     result = invoke("map", cap, out, "--report", cap.with_name("r.json"))
@@ -186,7 +217,7 @@ def test_unexpected_errors_are_not_swallowed(cap, monkeypatch):
     def fail(*args, **options):
         raise ZeroDivisionError
 
-    monkeypatch.setattr(commands, "disk_map", fail)
+    monkeypatch.setattr(algorithm, "disk_map", fail)
     assert isinstance(invoke("map", cap, cap.with_name("o.obj")).exception, ZeroDivisionError)
 
 
@@ -194,7 +225,7 @@ def test_unwritable_output(cap, monkeypatch):
     def fail(*args, **options):
         raise OSError(28, "No space left on device", "o.obj")
 
-    monkeypatch.setattr(commands, "write_map", fail)
+    monkeypatch.setattr("cdcp_igl.io.write_map", fail)
     result = invoke("map", cap, cap.with_name("o.obj"))
     assert result.exit_code == 1
     assert result.stderr == "Not written: o.obj: No space left on device\n"
@@ -223,8 +254,8 @@ def test_check_reports_every_defect(cap):
 def test_indices_from_one_are_announced(cap):
     V, F = spherical_cap(12)
     np.savez(cap, V=V, F=F + 1)
-    for arguments in (("check", cap), ("map", cap, cap.with_name("o.obj"))):
-        result = invoke(*arguments)
+    for command in (("check", cap), ("map", cap, cap.with_name("o.obj"))):
+        result = invoke(*command)
         assert result.exit_code == 0
         assert "from 1" in result.stdout
 
@@ -235,7 +266,7 @@ def test_every_defect_is_named(cap, monkeypatch):
     def fail(*args, **options):
         raise MeshError(*defects)
 
-    monkeypatch.setattr(commands, "disk_map", fail)
+    monkeypatch.setattr(algorithm, "disk_map", fail)
     assert invoke("map", cap, cap.with_name("o.obj")).stderr.splitlines() == [
         "one: First. Mend.",
         "two: Second. Mend.",
@@ -255,6 +286,38 @@ def test_version():
     assert invoke("--version").stdout == f"cdcp-igl {__version__}\n"
 
 
+def test_help_names_what_the_library_has():
+    assert arguments.READABLE == io.READABLE
+    assert arguments.WRITABLE == io.WRITABLE
+    assert tuple(cdcp_igl.reference.METHODS) == comparing.METHODS
+
+
+@pytest.mark.parametrize("command", [(), ("map",), ("check",), ("compare",)])
+def test_help_waits_for_no_heavy_import(command):
+    heavy = {"cdcp_igl.algorithm", "numpy", "scipy", "matplotlib", "igl"}
+    code = f"""
+import sys
+from cdcp_igl.command_line import entry
+sys.argv[1:] = {[*command, "--help"]}
+try:
+    entry.main()
+finally:
+    print({heavy} & sys.modules.keys())
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.endswith("set()\n")
+
+
+def test_completion(cap):
+    environment = {**os.environ, "_CDCP_IGL_COMPLETE": "complete_bash"}
+    environment |= {"COMP_WORDS": "cdcp-igl map --refine-", "COMP_CWORD": "2"}
+    code = "from cdcp_igl.command_line.entry import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment
+    )
+    assert done.stdout.split() == ["--refine-norm", "--refine-seconds"]
+
+
 # -- as a process ----------------------------------------------------------------------
 
 
@@ -271,13 +334,15 @@ def test_progress_and_panel_on_a_terminal(tmp_path):
     np.savez(path, V=V, F=F)
     code = """
 import time
-from cdcp_igl.command_line import commands, entry as cli
-real = commands.disk_map
+from cdcp_igl import algorithm, io
+from cdcp_igl.command_line import arguments, comparing
+from cdcp_igl.command_line import entry as cli
+real = algorithm.disk_map
 def slow(V, F, progress):
     progress("factor", 0.5)
     time.sleep(1.6)
     return real(V, F, progress=progress)
-commands.disk_map = slow
+algorithm.disk_map = slow
 cli.main()
 """
     try:
@@ -307,7 +372,28 @@ def _read(terminal):
         return b""
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+@pytest.mark.parametrize("module", ["typer", "numpy", "scipy.sparse", "cdcp_igl.algorithm"])
+def test_interrupted_while_a_module_is_imported(cap, module):
+    code = f"""
+import os, signal, sys
+class Finder:
+    def find_spec(self, name, path, target=None):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Finder())
+from cdcp_igl.command_line.entry import main
+main()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code, "map", cap, cap.with_name("o.obj")],
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "Interrupted\n")
+    assert os.listdir(cap.parent) == [cap.name]
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 def test_a_killed_process_leaves_the_old_output(cap, number):
     out = cap.with_name("out.obj")
     out.write_text("old")
@@ -328,7 +414,7 @@ cli.main()
         process.send_signal(number)
     assert process.returncode == (-9 if number == signal.SIGKILL else 128 + number)
     assert out.read_text() == "old"
-    if number == signal.SIGTERM:
+    if number != signal.SIGKILL:
         assert sorted(os.listdir(cap.parent)) == sorted([cap.name, out.name])
 
 

@@ -3,14 +3,14 @@ import numpy as np
 import pytest
 
 from cdcp_igl.solve.factored import FactoredSurface
-from cdcp_igl.steps.dipole import boundary_trace, dipole
+from cdcp_igl.steps.dipole import boundary_trace, face_dipole
 from cdcp_igl.surface.mesh import DiskMesh
 
 
 @pytest.mark.parametrize("face", [0, 33, 69])
 def test_dipole_is_the_gradient_on_its_face(face):
     mesh = DiskMesh(*meshes.grid())
-    r = dipole(mesh, face)
+    r = face_dipole(mesh, face)
     assert np.count_nonzero(r) == 3
     assert abs(r.sum()) < 1e-14
     # Applied to a linear function u, it gives |e| (u_x - i u_y) in the frame of the face.

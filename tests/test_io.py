@@ -196,10 +196,6 @@ BAD = {
     "cut faces.ply": LITTLE + V5.astype("<f4").tobytes() + b"\3\0\0",
     "cut rows.ply": (ply_header("ascii", 5, 1) + "0 0 0\n").encode(),
     "cut line.ply": (ply_header("ascii", 5, 1) + ROWS + "3 0 1\n").encode(),
-    "mixed.ply": (ply_header("ascii", 5, 2) + ROWS + "4 0 1 2 3\n3 1 4 2\n").encode(),
-    "mixed binary.ply": ply_header("binary_little_endian", 5, 2).encode()
-    + V5.astype("<f4").tobytes()
-    + struct.pack("<B4iB3i4x", 4, 0, 1, 2, 3, 3, 1, 4, 2),
     "huge.ply": ply_header("binary_little_endian", 10**12, 1).encode(),
     "axes.ply": b"ply\nformat ascii 1.0\nelement vertex 1\nproperty int a\nend_header\n1\n",
     "empty.stl": b"",
@@ -243,11 +239,11 @@ def test_archives_without_a_mesh_are_refused(tmp_path):
     with pytest.raises(MeshError, match="points"):
         read_mesh(path)
     np.savez(path, V=np.array([{}]), F=np.zeros((1, 3)))
-    with pytest.raises(MeshError, match="allow_pickle"):
+    with pytest.raises(MeshError, match="real numbers"):
         read_mesh(path)
     with path.open("wb") as file:
         np.save(file, np.zeros(3))
-    with pytest.raises(MeshError, match="single array"):
+    with pytest.raises(MeshError, match="no zip archive"):
         read_mesh(path)
 
 

@@ -1,5 +1,8 @@
 """The prefactored object against `disk_map`."""
 
+import copy
+import pickle
+
 import meshes
 import numpy as np
 import pytest
@@ -55,7 +58,7 @@ def test_progress_goes_from_0_to_1():
         mapper.map(progress=lambda phase, fraction, seen=seen: seen.append(fraction))
         assert seen == sorted(seen)
         assert seen[0] == 0
-        assert seen[-2] > 0.8
+        assert seen[-2] > 0.6  # the last phase is a third of a map that is known already
         assert seen[-1] == 1
 
 
@@ -135,3 +138,13 @@ def test_a_surface_that_needs_several_attempts():
         np.testing.assert_array_equal(again.uv, once.uv)
         assert again.trace == once.trace
     assert not HARMONIC & set(again.timings)
+
+
+def test_it_can_be_sent_to_another_process():
+    mapper = DiskMapper(V, F)
+    before = mapper.map().uv
+    for other in (pickle.loads(pickle.dumps(mapper)), copy.deepcopy(mapper)):
+        np.testing.assert_array_equal(other.map().uv, before)
+    moved = mapper.moved(V * [1, 2, 1])
+    again = pickle.loads(pickle.dumps(moved)).map().uv  # with an order of elimination of its own
+    np.testing.assert_allclose(again, moved.map().uv, atol=1e-10)

@@ -10,7 +10,7 @@ from cdcp_igl import cdcp, disk_map
 from cdcp_igl.plot import picture, side_by_side
 from cdcp_igl.plot.raster import in_picture, rasterize
 from cdcp_igl.plot.scene import SQUARES, Scene
-from cdcp_igl.plot.viewpoint import viewpoint
+from cdcp_igl.plot.viewpoint import choose_viewpoint
 
 
 def grid(n, height):
@@ -92,19 +92,19 @@ def test_histogram_accounts_for_all_corners_but_the_tail():
 
 def test_viewpoint_is_a_rotation():
     for V, F in (nearly_closed_sphere(), grid(9, lambda x, y: x * y)):
-        view = viewpoint(V, F)
+        view = choose_viewpoint(V, F)
         np.testing.assert_allclose(view @ view.T, np.eye(3), atol=1e-12)
         assert np.linalg.det(view) > 0
 
 
 def test_an_open_surface_is_seen_from_its_outside():
     V, F = grid(9, lambda x, y: 0.2 * x * y)
-    np.testing.assert_allclose(viewpoint(V, F), np.eye(3), atol=0.02)
-    np.testing.assert_allclose(viewpoint(V, F[:, ::-1])[2], [0, 0, -1], atol=0.02)
+    np.testing.assert_allclose(choose_viewpoint(V, F), np.eye(3), atol=0.02)
+    np.testing.assert_allclose(choose_viewpoint(V, F[:, ::-1])[2], [0, 0, -1], atol=0.02)
 
 
 def test_a_nearly_closed_surface_stands_on_its_opening():
-    right, up, towards = viewpoint(*nearly_closed_sphere())
+    right, up, towards = choose_viewpoint(*nearly_closed_sphere())
     assert up[2] > 0.9
     assert abs(towards[2]) < 0.36
     assert abs(right[2]) < 1e-6
@@ -118,7 +118,7 @@ def test_pyplot_is_left_alone():
 
 def test_the_lion_shows_its_face(real_mesh):
     V, F = real_mesh("chinese_lion_17334")
-    view = viewpoint(V, F.astype(np.int64))
+    view = choose_viewpoint(V, F.astype(np.int64))
     assert view[1, 1] > 0.5
     assert view[2, 2] > 0
 

@@ -9,8 +9,8 @@ from cdcp_igl.distortion import angle_errors
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.steps.center import Center, central_face
 from cdcp_igl.steps.circle.geodesic import geodesic_map
-from cdcp_igl.steps.circle.whiten import whiten
-from cdcp_igl.steps.dipole import boundary_trace, dipole
+from cdcp_igl.steps.circle.whiten import whiten_trace
+from cdcp_igl.steps.dipole import boundary_trace, face_dipole
 from cdcp_igl.surface.mesh import DiskMesh
 
 LION, FACE, BRAIN = "chinese_lion_17334", "human_face_17157", "human_brain_48463"
@@ -63,7 +63,7 @@ def test_the_surface_is_the_outside_of_the_trace(name, outside, inside, real_mes
 def test_the_error_of_the_trace_is_in_the_first_negative_power(name, first, real_mesh):
     """Coefficients of the trace in powers of zeta, the exterior map of its curve."""
     steps = Surface(*real_mesh(name))
-    zeta = 1 / geodesic_map(whiten(steps.trace))
+    zeta = 1 / geodesic_map(whiten_trace(steps.trace))
     arcs = -np.angle(np.roll(zeta, -1) / zeta)
 
     def coefficient(k):
@@ -79,7 +79,7 @@ def test_the_error_of_the_trace_is_in_the_first_negative_power(name, first, real
 @pytest.mark.parametrize(("name", "inside"), [(LION, 17.05), (FACE, 17.89), (BRAIN, 7.69)])
 def test_only_the_boundary_values_of_the_pinned_solution_are_of_use(name, inside, real_mesh):
     steps = Surface(*real_mesh(name))
-    h = steps.surface.factor.solve_pinned(dipole(steps.mesh, steps.face))
+    h = steps.surface.factor.solve_pinned(face_dipole(steps.mesh, steps.face))
     assert h[steps.mesh.loop[0]] == 0  # the pin lies on the curve, not inside it
     degrees = np.degrees(abs(angle_errors(steps.mesh, h)))
     assert degrees.mean() == pytest.approx(inside, abs=0.01)

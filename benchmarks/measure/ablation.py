@@ -18,11 +18,11 @@ from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.steps.center import Center, central_face
 from cdcp_igl.steps.circle import Rejected
 from cdcp_igl.steps.circle.geodesic import geodesic_map
-from cdcp_igl.steps.circle.whiten import whiten
+from cdcp_igl.steps.circle.whiten import whiten_trace
 from cdcp_igl.steps.repair import unfold
 from cdcp_igl.surface.mesh import DiskMesh
 
-from .methods import Candidate
+from .candidate import Candidate
 
 __all__ = ["ABLATIONS", "CENTERS", "TABLE"]
 
@@ -44,7 +44,7 @@ def _coldest(surface: FactoredSurface, *, t: float) -> Center:
 
 def _interior(trace: Complex, *, whitened: bool) -> Complex:
     """Take the surface for the inside of the trace: the outside of its mirrored inverse."""
-    z = whiten(trace) if whitened else trace - _centroid(trace)
+    z = whiten_trace(trace) if whitened else trace - _centroid(trace)
     return geodesic_map(1 / z.conj())
 
 

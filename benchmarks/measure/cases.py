@@ -16,7 +16,8 @@ from cdcp_igl.surface.mesh import DiskMesh
 
 from ..records.record import EDGES, Record
 from ..records.store import Work
-from .methods import COST, Candidate
+from .candidate import Candidate
+from .methods import COST
 from .models import Model, digest
 
 __all__ = ["Limits", "run"]
@@ -90,13 +91,12 @@ def run(
         for number, (model, record) in enumerate(missing, 1):
             text = f"{number}/{len(missing)} {record.model}: {record.case.method}"
             bar.update(task, description=text)
-            uv = None
             if record.ok:
                 if loaded != model.name:
                     V, F = model.load()
                     loaded = model.name
                 record, uv = _measure(record, V, F, table, limits)
-            work.append(record, uv)
+                work.append(record, uv)
             done[record.key] = record
             bar.advance(task, _weight(record))
     return [done[record.key] for _, record in plan]
@@ -108,19 +108,21 @@ def _cases(
     methods: Mapping[str, Candidate],
     repeats: Callable[[str, int], int],
 ) -> list[Record]:
-    """Cases of a model in the order of measurement; all not "ok" if it is not to be had."""
-    outcome, mesh, sizes = OK, "", (0, 0, 0)
+    """Cases of a model in the order of measurement; not "ok" if it or the method is missing."""
+    reason, mesh, sizes = "", "", (0, 0, 0)
     try:
         V, F = model.load()
     except (OSError, ValueError, ImportError, MeshError) as error:
-        outcome = f"not to be had: {error}"
+        reason = f"not to be had: {error}"
     else:
         mesh, sizes = digest(V, F), (len(V), len(F), _boundary_size(V, F))
+    reasons = {method: reason or one.missing() for method, one in methods.items()}
     rounds = {method: repeats(method, sizes[0]) for method in methods}
     return [
         Record(
             *(section, model.name, mesh, *sizes, repeat),
-            Case(method, methods[method].boundary, outcome),
+            Case(method, methods[method].boundary, reasons[method] or OK),
+            source=methods[method].source,
         )
         for repeat in range(max(rounds.values(), default=0))
         for method in methods

@@ -17,6 +17,7 @@ from threadpoolctl import threadpool_info
 import cdcp_igl
 
 from ..records.store import PACKAGES, ROOT, code
+from .peers import versions
 
 __all__ = ["MACHINE", "describe", "memory_mib", "pin_threads"]
 
@@ -50,7 +51,7 @@ def describe(threads: int) -> dict[str, Any]:
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
         "cdcp_igl": cdcp_igl.__version__,
-        "versions": {name: version(name) for name in PACKAGES},
+        "versions": {name: version(name) for name in PACKAGES} | versions(),
         "suitesparse": _suitesparse(),
         "blas": blas,
         "blas_threads": threads,

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 import statistics
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
+from pathlib import Path
 from time import perf_counter
-from typing import Any, Literal
+from typing import Any
 
 from cdcp_igl import cdcp, disk_map, reference
 from cdcp_igl.arrays import Floats, Ints
@@ -18,29 +20,13 @@ from cdcp_igl.solve.cholmod import Cholesky
 from cdcp_igl.solve.laplacian import cotangent_laplacian
 from cdcp_igl.surface.mesh import DiskMesh
 
-__all__ = ["COST", "METHODS", "TABLE", "Candidate", "maps"]
+from .candidate import Candidate
+from .peers import PEERS
+
+__all__ = ["COST", "METHODS", "TABLE", "maps", "of_ones_own"]
 
 TABLE = f"{__name__}:METHODS"
 WARM_CALLS = 101
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """What can be measured: a `reference.Method`, or what returns a `DiskMap` or a `Timed`.
-
-    Attributes
-    ----------
-    function : callable
-        ``function(V, F)``, as `run_case` takes it.
-    boundary : {"disk", "free", "none"}
-        Onto the disk; free, to be compared on angles only; or a time and no map.
-    citation : str
-        Where it comes from.
-    """
-
-    function: Callable[..., Any]
-    boundary: Literal["disk", "free", "none"]
-    citation: str
 
 
 def _factor(V: Floats, F: Ints) -> Timed:
@@ -74,31 +60,71 @@ def _import(V: Floats, F: Ints) -> Timed:
     return Timed(float(done.stdout))
 
 
-METHODS: Mapping[str, Candidate] = {
-    **{
-        name: Candidate(method.function, method.boundary, method.citation)
-        for name, method in reference.METHODS.items()
-    },
-    "cdcp": Candidate(disk_map, "disk", "Yueh et al., CDCP, eq. (18)"),  # with seconds per phase
-    "cdcp paper": Candidate(partial(disk_map, preset="paper"), "disk", 'preset="paper"'),
-    "cdcp refine=1": Candidate(partial(disk_map, refine=1), "disk", "refine=1"),
-    "cdcp refine=5": Candidate(partial(disk_map, refine=5), "disk", "refine=5"),
-    "cdcp refine=10 p=1.2": Candidate(
-        partial(disk_map, refine=10, refine_norm=1.2), "disk", "refine=10, refine_norm=1.2"
-    ),
-    "factor": Candidate(_factor, "none", "CHOLMOD, AMD"),
-    "cdcp warm": Candidate(partial(_warm, cdcp), "none", "median of many calls in one process"),
-    "import": Candidate(_import, "none", "import cdcp_igl in a fresh process"),
-}
+class _Methods(dict[str, Candidate]):
+    """Known by name, and found by ``package.module:function`` if they are somebody's own."""
+
+    def __missing__(self, name: str) -> Candidate:
+        return of_ones_own(name)
+
+
+def of_ones_own(name: str) -> Candidate:
+    """Import a method of one's own.
+
+    Parameters
+    ----------
+    name : str
+        ``"package.module:function"``, of a function that maps onto the disk, or of a `Method`
+        or `Candidate`, which says what its boundary is.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    module, _, attribute = name.partition(":")
+    try:
+        found = getattr(import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ValueError(f"no method {name!r}: {error}") from error
+    own = found if hasattr(found, "boundary") else Candidate(found, "disk", name)
+    source = hashlib.sha256(Path(sys.modules[module].__file__ or "").read_bytes()).hexdigest()[:12]
+    return Candidate(own.function, own.boundary, own.citation, source=source)
+
+
+METHODS: Mapping[str, Candidate] = _Methods(
+    {
+        **{
+            name: Candidate(method.function, method.boundary, method.citation)
+            for name, method in reference.METHODS.items()
+        },
+        "cdcp": Candidate(
+            disk_map, "disk", "Yueh et al., CDCP, eq. (18)"
+        ),  # with seconds per phase
+        "cdcp paper": Candidate(partial(disk_map, preset="paper"), "disk", 'preset="paper"'),
+        "cdcp refine=1": Candidate(partial(disk_map, refine=1), "disk", "refine=1"),
+        "cdcp refine=5": Candidate(partial(disk_map, refine=5), "disk", "refine=5"),
+        "cdcp refine=10 p=1.2": Candidate(
+            partial(disk_map, refine=10, refine_norm=1.2), "disk", "refine=10, refine_norm=1.2"
+        ),
+        "factor": Candidate(_factor, "none", "CHOLMOD, AMD"),
+        "cdcp warm": Candidate(partial(_warm, cdcp), "none", "median of many calls in one process"),
+        "import": Candidate(_import, "none", "import cdcp_igl in a fresh process"),
+        **PEERS,
+    }
+)
 
 # Rough time by that of CDCP, for the time that is left.
 COST = {
     **{"double_cover": 4, "fdcp": 9, "ldcp": 3, "harmonic": 0.6, "lscm": 1.5, "spectral": 4},
     **{"cdcp paper": 2.5, "cdcp refine=1": 1.6, "cdcp refine=5": 3.6},
     **{"cdcp refine=10 p=1.2": 6, "factor": 0.8},
+    **{"SLIM": 150, "SLIM conformal": 150, "ARAP": 30, "xatlas": 300, "Blender conformal": 20},
+    **{"Blender angle-based": 60, "Blender minimum stretch": 150, "MeshLab LSCM": 3},
 }
 
 
 def maps() -> list[str]:
-    """Names of the methods that make maps."""
-    return [name for name, method in METHODS.items() if method.boundary != "none"]
+    """Names of the methods of the library that make maps."""
+    return [
+        name for name, method in METHODS.items() if method.boundary != "none" and name not in PEERS
+    ]

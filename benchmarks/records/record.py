@@ -36,6 +36,8 @@ class Record:
         What the method made; its outcome also says so if there is no such model.
     histogram : list of int
         Corners by angular distortion, between `EDGES`; one more for all beyond.
+    source : str
+        Digest of the file of a method of one's own.
     """
 
     section: str
@@ -47,6 +49,7 @@ class Record:
     repeat: int
     case: Case
     histogram: Sequence[int] = ()
+    source: str = ""
 
     @property
     def ok(self) -> bool:
@@ -54,9 +57,9 @@ class Record:
         return self.case.outcome == OK
 
     @property
-    def key(self) -> tuple[str, str, str, str, int]:
+    def key(self) -> tuple[str | int, ...]:
         """What makes this case the same as one of another run."""
-        return self.section, self.model, self.mesh, self.case.method, self.repeat
+        return self.section, self.model, self.mesh, self.case.method, self.source, self.repeat
 
     def row(self) -> dict[str, Any]:
         """Return all fields, those of the case beside the others."""
@@ -76,5 +79,5 @@ class Record:
         floats = {f.name for f in fields(Case) if f.type == "float"}
         made: dict[str, Any] = {f.name: row[f.name] for f in fields(Case) if f.name in row}
         made |= {name: np.nan for name in floats & made.keys() if made[name] is None}
-        own = {f.name: row[f.name] for f in fields(cls) if f.name != "case"}
+        own = {f.name: row[f.name] for f in fields(cls) if f.name in row}
         return cls(**own, case=Case(**made))

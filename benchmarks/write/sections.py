@@ -56,7 +56,8 @@ def about(machine: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def tables(measured: Measured) -> Iterator[Table]:
     """Make the tables of all sections."""
-    for section, make in {"tables": _accuracy, "speed": _speed, "ablation": _ablation}.items():
+    sections = {"tables": _accuracy, "peers": _peers, "speed": _speed, "ablation": _ablation}
+    for section, make in sections.items():
         if section in measured.sections:
             yield from make(measured.sections[section])
 
@@ -178,6 +179,37 @@ def _accuracy(results: Section) -> Iterator[Table]:
         "another machine: compare ratios.",
         headings,
         _grid(results, methods, seconds, paper_seconds),
+    )
+
+
+def _peers(results: Section) -> Iterator[Table]:
+    def seconds(model: str, method: str) -> Cell:
+        time, unit = results.median(model, method), results.median(model, "cdcp")
+        multiple = f" ({time / unit:.3g} T)" if unit > 0 else ""
+        return Cell(f"{time:.3g}{multiple}", time)
+
+    def heading(method: str) -> str:
+        free = METHODS[method].boundary == "free" and "free boundary" not in style(method).label
+        marks = ["free boundary"] * free + ["single precision"] * METHODS[method].single
+        return ", ".join([style(method).label, *marks])
+
+    headings = ["surface", "n", *(heading(method) for method in results.maps)]
+    yield Table(
+        "peers",
+        "Other programs: angular distortion",
+        "Mean / SD over all corners in degrees, and flipped faces if there are any. A map with "
+        "free boundary is onto no disk: compare it on angles only. MeshLab's harmonic map and BFF "
+        "disk are onto the disk, but in too few digits for a certificate.",
+        headings,
+        _grid(results, results.maps, _distortion(results, ".3f")),
+    )
+    yield Table(
+        "peers-time",
+        "Other programs: seconds",
+        "From arrays to map, in brackets as a multiple of T, the time of CDCP. Programs that work "
+        "on files have their writing and reading counted.",
+        headings,
+        _grid(results, results.maps, seconds),
     )
 
 

@@ -6,13 +6,10 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Timer
+from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import BarColumn, SpinnerColumn, TaskProgressColumn, TextColumn
-from rich.progress import Progress as Bar
-from rich.progress import TimeElapsedColumn as Elapsed
-
-from ..steps.phases import Progress
+if TYPE_CHECKING:
+    from ..steps.phases import Progress
 
 __all__ = ["progress_bar"]
 
@@ -34,6 +31,11 @@ def progress_bar() -> Iterator[Progress]:
     if not sys.stderr.isatty():
         yield lambda phase, fraction: None
         return
+    from rich.console import Console
+    from rich.progress import BarColumn, SpinnerColumn, TaskProgressColumn, TextColumn
+    from rich.progress import Progress as Bar
+    from rich.progress import TimeElapsedColumn as Elapsed
+
     columns = (SpinnerColumn(), TextColumn("{task.description:<11}"), BarColumn())
     bar = Bar(
         *columns, TaskProgressColumn(), Elapsed(), console=Console(stderr=True), transient=True

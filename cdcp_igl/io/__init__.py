@@ -1,11 +1,14 @@
 """Meshes from files and maps to files, a module for each format.
 
-libigl reads STL files here. Its readers of obj, off and ply end the process on truncated
-files and on faces with fewer than three corners, and print on standard output, so those
-formats are read in Python, which takes no longer; and its writers do not notice a full
-disk. Readers raise ValueError (or what their libraries raise) on what they cannot read.
+All formats are read in Python, which takes no longer: libigl's readers of obj, off and ply end
+the process on truncated files and on faces with fewer than three corners, and print on standard
+output, as that of stl does on damaged ones; its writers do not notice a full disk. SciPy's
+reader of mat files ends the process on some damaged ones. Readers raise `Damage` (or what
+their libraries raise) on what they cannot read.
 """
 
-from .files import READABLE, WRITABLE, read_mesh, whole_file, write_map
+from .output import remove_stale, whole_file
+from .reading import READABLE, read_mesh
+from .writing import WRITABLE, write_map
 
-__all__ = ["READABLE", "WRITABLE", "read_mesh", "whole_file", "write_map"]
+__all__ = ["READABLE", "WRITABLE", "read_mesh", "remove_stale", "whole_file", "write_map"]

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints
+from .damage import Damage
+from .lines import culprit, words_of_lines
 from .polygons import fans
 
-__all__ = ["read_obj", "write_obj"]
+__all__ = ["read_obj", "write_obj", "write_rows"]
 
 ROWS = 1 << 16  # formatted at a time
 
@@ -20,33 +22,59 @@ ROWS = 1 << 16  # formatted at a time
 def read_obj(path: Path) -> tuple[Floats, Ints]:
     """(n, 3) vertices and (m, 3) faces; texture coordinates, normals, groups are skipped."""
     vertices, corners, sizes = array("d"), array("q"), array("q")
-    with path.open("rb") as file:
-        for number, line in enumerate(file, 1):
-            keyword, *words = line.split() or [b""]
+    for number, words in words_of_lines(path, continued=True):
+        if words[0] == "v":
             try:
-                if keyword == b"v":
-                    x, y, z, *_ = map(float, words)  # a weight or a colour may follow
-                    vertices.extend((x, y, z))
-                elif keyword == b"f":
-                    seen = len(vertices) // 3
-                    for word in words:
-                        index = int(word.partition(b"/")[0])
-                        corners.append(index - 1 if index >= 0 else seen + index)
-                    sizes.append(len(words))
-            except (ValueError, OverflowError) as error:
-                raise ValueError(f"line {number}: {error}") from error
+                # A weight or a colour may follow.
+                vertices.extend((float(words[1]), float(words[2]), float(words[3])))
+            except (ValueError, IndexError):
+                raise Damage(f"line {number}: {culprit(words[1:], float, 'number')}") from None
+        elif words[0] == "f":
+            seen = len(vertices) // 3
+            try:
+                indices = [int(word.partition("/")[0]) for word in words[1:]]
+                corners.extend([i - 1 if i >= 0 else seen + i for i in indices])
+            except (ValueError, OverflowError):
+                raise Damage(f"line {number}: {culprit(words[1:], _corner, 'corner')}") from None
+            sizes.append(len(words) - 1)
+    if len(corners) and min(corners) < 0:
+        raise Damage("a face names vertex 0, or one before the first; vertices count from 1")
     return np.array(vertices).reshape(-1, 3), fans(corners, sizes)
 
 
-def write_obj(path: Path, V: Floats, F: Ints, uv: Floats) -> None:
-    """Write a surface with a texture coordinate for each vertex, exact to the last bit."""
-    with path.open("w", encoding="ascii") as file:
-        _write_rows(file, "v %r %r %r\n", V)
-        _write_rows(file, "vt %r %r\n", uv)
-        _write_rows(file, "f %d/%d %d/%d %d/%d\n", np.repeat(F + 1, 2, axis=1))
+def _corner(word: str) -> int:
+    return array("q", [int(word.partition("/")[0])])[0]
 
 
-def _write_rows(file: TextIO, template: str, rows: NDArray[np.generic]) -> None:
+def write_obj(
+    path: Path, V: Floats, F: Ints, texture: Floats, FT: Ints, materials: str | None = None
+) -> None:
+    """Write a surface with texture coordinates, exact to the last bit.
+
+    Parameters
+    ----------
+    path : Path
+    V : (n, 3) float64
+    F : (m, 3) int64
+    texture : (k, 2) float64
+    FT : (m, 3) int64
+        Rows of `texture` at the corners of the faces.
+    materials : str, optional
+        Name of the mtl file, whose material ``surface`` all faces get.
+    """
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        if materials:
+            file.write(f"mtllib {materials}\n")
+        write_rows(file, "v %r %r %r\n", V)
+        write_rows(file, "vt %r %r\n", texture)
+        if materials:
+            file.write("usemtl surface\n")
+        corners = np.stack([F + 1, FT + 1], axis=2).reshape(-1, 6)
+        write_rows(file, "f %d/%d %d/%d %d/%d\n", corners)
+
+
+def write_rows(file: TextIO, template: str, rows: NDArray[np.generic]) -> None:
+    """Write each row of numbers by the same template."""
     for start in range(0, len(rows), ROWS):
         block = rows[start : start + ROWS]
         file.write(template * len(block) % tuple(block.ravel().tolist()))

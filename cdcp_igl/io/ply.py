@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from array import array
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints
+from .damage import Damage
 from .polygons import fans
 
 __all__ = ["read_ply", "write_ply"]
@@ -21,6 +24,8 @@ TYPES = {
 }
 BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 INDICES = ("vertex_indices", "vertex_index")
+END_OF_LINE = re.compile(rb"\r\n|\n|\r")
+MOST_ENTRIES = 1 << 16  # of a list, and no polygon has more; a wrong one claims gigabytes
 
 
 class Property(NamedTuple):
@@ -39,51 +44,70 @@ class Element(NamedTuple):
     properties: list[Property]
 
 
+class Lists(NamedTuple):
+    """A column of lists."""
+
+    entries: NDArray[Any]  # of all rows, one after the other
+    lengths: NDArray[Any]
+
+
+# The columns of an element: numbers, or lists.
+Table = dict[str, "NDArray[Any] | Lists"]
+
+
 def read_ply(path: Path) -> tuple[Floats, Ints]:
-    """(n, 3) vertices and (m, 3) faces; all faces must have the same number of corners."""
-    header, end, body = path.read_bytes().partition(b"end_header")
-    if not header.startswith(b"ply") or not end:
-        raise ValueError("it has no ply header")
-    encoding, elements = _parse_header(header.decode("latin-1"))
-    body = body[body.index(b"\n") + 1 :]
+    """(n, 3) vertices and (m, 3) faces."""
+    encoding, elements, body = _parse_header(path.read_bytes())
     if encoding == "ascii":
         tables = _ascii_tables(body, elements)
     else:
         tables = _binary_tables(body, elements, BYTE_ORDERS[encoding])
-    try:
-        V = np.column_stack([tables["vertex"][axis] for axis in "xyz"]).astype(np.float64)
-    except KeyError as error:
-        raise ValueError(f"it has no {error}") from error
-    faces = tables.get("face", {})
-    polygons = next((faces[name] for name in INDICES if name in faces), np.empty((0, 3)))
-    return V, fans(polygons.astype(np.int64).ravel(), np.full(*polygons.shape))
+    vertices, faces = tables.get("vertex", {}), tables.get("face", {})
+    axes = [vertices[axis] for axis in "xyz" if axis in vertices]
+    if len(axes) < 3 or any(isinstance(axis, Lists) for axis in axes):
+        raise Damage("its vertices have no x, y and z")
+    V = np.column_stack(axes).astype(np.float64)
+    polygons = next((faces[name] for name in INDICES if name in faces), None)
+    if polygons is None:
+        return V, np.empty((0, 3), dtype=np.int64)
+    if not isinstance(polygons, Lists):
+        raise Damage("its faces are no lists of vertices")
+    corners = polygons.entries.astype(np.int64)
+    if (corners != polygons.entries).any():
+        raise Damage("its faces have indices that are no integers")
+    return V, fans(corners, polygons.lengths)
 
 
-def _parse_header(header: str) -> tuple[str, list[Element]]:
-    """Return the encoding, and the tables in their order."""
-    encoding, elements = "", list[Element]()
-    for line in header.splitlines()[1:]:
+def _parse_header(data: bytes) -> tuple[str, list[Element], bytes]:
+    """Return the encoding, the tables in their order, and what follows the header."""
+    encoding, elements, at = "", list[Element](), 0
+    for end in END_OF_LINE.finditer(data):
+        line = data[at : end.start()].decode("latin-1")
+        first, at = at == 0, end.end()
         match line.split():
+            case ["ply"] if first:
+                continue
+            case _ if first:
+                break
+            case ["end_header"]:
+                if not encoding:
+                    raise Damage("its header does not state the format")
+                return encoding, elements, data[at:]
             case ["format", "ascii" | "binary_little_endian" | "binary_big_endian" as encoding, _]:
                 pass
             case ["element", name, count] if count.isdecimal():
                 elements.append(Element(name, int(count), []))
-            case ["property", "list", length, kind, name] if {length, kind} <= TYPES.keys():
+            case ["property", "list", length, kind, name] if (
+                elements and TYPES.get(length, "f")[0] != "f" and kind in TYPES
+            ):
                 elements[-1].properties.append(Property(name, TYPES[kind], TYPES[length]))
-            case ["property", kind, name] if kind in TYPES:
+            case ["property", kind, name] if elements and kind in TYPES:
                 elements[-1].properties.append(Property(name, TYPES[kind]))
             case ["comment" | "obj_info", *_] | []:
                 pass
             case _:
-                raise ValueError(f"its header says {line!r}")
-    if not encoding:
-        raise ValueError("its header does not state the format")
-    return encoding, elements
-
-
-# A table maps the name of a property to its column: (count,), or (count, k) for lists, all
-# of which must have the length k of the first.
-Table = dict[str, NDArray[Any]]
+                raise Damage(f"its header says {line!r}")
+    raise Damage("it has no ply header, or no end of it")
 
 
 def _ascii_tables(body: bytes, elements: list[Element]) -> dict[str, Table]:
@@ -92,66 +116,177 @@ def _ascii_tables(body: bytes, elements: list[Element]) -> dict[str, Table]:
     for name, count, properties in elements:
         rows = list(islice(lines, count))
         if len(rows) < count:
-            raise ValueError(f"it ends after {len(rows):,} rows of {count:,} in {name}")
-        values = np.loadtxt(rows, comments=None, ndmin=2) if rows else np.empty((0, 0))
-        table = tables[name] = Table()
-        at = 0
-        for column in properties if rows else ():
-            if column.length_type:
-                length = _common_length(values[:, at], column)
-                table[column.name] = values[:, at + 1 : at + 1 + length]
-                at += 1 + length
-            else:
-                table[column.name] = values[:, at]
-                at += 1
+            raise Damage(f"it ends after {len(rows):,} rows of {count:,} in {name}")
+        # As a rule all lists are as long as those of the first row, and numpy reads them.
+        tables[name] = _ascii_equal(rows, properties) or _ascii_unequal(rows, name, properties)
     return tables
+
+
+def _ascii_equal(rows: list[bytes], properties: list[Property]) -> Table | None:
+    """Read a table all of whose lists are as long as in its first row; None if it is not."""
+    try:
+        values = np.loadtxt(rows, comments=None, ndmin=2) if rows else np.empty((0, 0))
+    except ValueError:
+        return None
+    table = Table()
+    at = 0
+    for column in properties if rows else ():
+        length = 1
+        if column.length_type and at < values.shape[1]:
+            lengths = values[:, at]
+            if (lengths != lengths[0]).any() or not 0 <= lengths[0] == int(lengths[0]):
+                return None
+            length = int(lengths[0])
+            at += 1
+        entries = values[:, at : at + length]
+        at += length
+        if at > values.shape[1]:
+            return None
+        table[column.name] = (
+            Lists(entries.ravel(), lengths) if column.length_type else entries[:, 0]
+        )
+    return table
+
+
+def _ascii_unequal(rows: list[bytes], name: str, properties: list[Property]) -> Table:
+    """Read a table row by row."""
+    entries = [array("d") for _ in properties]
+    lengths = [array("q") for _ in properties]
+    for number, row in enumerate(rows, 1):
+        words = iter(row.split())
+        try:
+            for column, values, sizes in zip(properties, entries, lengths, strict=True):
+                sizes.append(int(next(words)) if column.length_type else 1)
+                before = len(values)
+                values.extend(map(float, islice(words, sizes[-1])))
+                if len(values) != before + sizes[-1]:
+                    raise ValueError
+        except (ValueError, OverflowError, StopIteration):
+            raise Damage(f"row {number:,} of {name} is not what the header says") from None
+    return {
+        column.name: Lists(np.array(values), np.array(sizes))
+        if column.length_type
+        else np.array(values)
+        for column, values, sizes in zip(properties, entries, lengths, strict=True)
+    }
 
 
 def _binary_tables(body: bytes, elements: list[Element], order: str) -> dict[str, Table]:
     tables = {}
     start = 0
     for name, count, properties in elements:
-        fields: list[tuple[Any, ...]] = []
-        for column in properties if count else ():
-            kind = order + column.type
-            if column.length_type:
-                length_type = order + column.length_type
-                offset = start + np.dtype(fields).itemsize
-                length = int(np.frombuffer(body, length_type, 1, offset)[0])
-                fields += [(f"{column.name}: length", length_type), (column.name, kind, (length,))]
-            else:
-                fields.append((column.name, kind))
-        row = np.dtype(fields)
-        values = np.frombuffer(body, row, count, start) if count else np.empty(0, row)
-        for column in properties if count else ():
-            if column.length_type:
-                _common_length(values[f"{column.name}: length"], column)
-        tables[name] = {column: values[column] for column in row.names or ()}
-        start += values.nbytes
+        if count:
+            # As a rule all lists are as long as those of the first row, and numpy reads them.
+            read = _equal_rows(body, start, count, properties, order)
+            table, start = read or _unequal_rows(body, start, count, properties, order)
+        else:
+            table = {}
+        tables[name] = table
     return tables
 
 
-def _common_length(lengths: NDArray[Any], column: Property) -> int:
-    if (lengths != lengths[0]).any():
-        raise ValueError(f"its {column.name} differ in length: triangulate the polygons first")
-    return int(lengths[0])
+def _number(body: bytes, kind: str, at: int) -> Any:
+    if at + np.dtype(kind).itemsize > len(body):
+        raise Damage("it is cut off")
+    return np.frombuffer(body, kind, 1, at)[0]
 
 
-def write_ply(path: Path, V: Floats, F: Ints, uv: Floats) -> None:
-    """Write a surface in double precision, binary, texture coordinates as u and v."""
-    vertices = np.column_stack([V, uv]).astype("<f8")
-    faces = np.empty(len(F), np.dtype([("size", "u1"), ("corners", "<i4", (3,))]))
+def _length(body: bytes, kind: str, at: int) -> int:
+    length = int(_number(body, kind, at))
+    if not 0 <= length <= MOST_ENTRIES:
+        raise Damage(f"it has a list of {length:,} entries")
+    return length
+
+
+def _equal_rows(
+    body: bytes, start: int, count: int, properties: list[Property], order: str
+) -> tuple[Table, int] | None:
+    """Read a table all of whose lists are as long as in its first row; None if it is not."""
+    fields: list[tuple[Any, ...]] = []
+    for k, column in enumerate(properties):
+        kind = order + column.type
+        if column.length_type:
+            length_type = order + column.length_type
+            length = _length(body, length_type, start + np.dtype(fields).itemsize)
+            fields += [(f"length {k}", length_type), (f"entries {k}", kind, (length,))]
+        else:
+            fields.append((f"entries {k}", kind))
+    row = np.dtype(fields)
+    if start + count * row.itemsize > len(body):
+        return None
+    values = np.frombuffer(body, row, count, start)
+    table = Table()
+    for k, column in enumerate(properties):
+        entries = values[f"entries {k}"]
+        if column.length_type:
+            lengths = values[f"length {k}"]
+            if (lengths != lengths[0]).any():
+                return None
+            table[column.name] = Lists(entries.ravel(), lengths)
+        else:
+            table[column.name] = entries
+    return table, start + values.nbytes
+
+
+def _unequal_rows(
+    body: bytes, start: int, count: int, properties: list[Property], order: str
+) -> tuple[Table, int]:
+    """Read a table row by row."""
+    entries: list[list[NDArray[Any]]] = [[] for _ in properties]
+    lengths: list[list[int]] = [[] for _ in properties]
+    at = start
+    for _ in range(count):
+        for column, values, sizes in zip(properties, entries, lengths, strict=True):
+            length = 1
+            if column.length_type:
+                length = _length(body, order + column.length_type, at)
+                at += np.dtype(column.length_type).itemsize
+            kind = np.dtype(order + column.type)
+            if at + length * kind.itemsize > len(body):
+                raise Damage("it is cut off")
+            values.append(np.frombuffer(body, kind, length, at))
+            sizes.append(length)
+            at += length * kind.itemsize
+    table = Table()
+    for column, values, sizes in zip(properties, entries, lengths, strict=True):
+        joined = np.concatenate(values)
+        table[column.name] = Lists(joined, np.array(sizes)) if column.length_type else joined
+    return table, at
+
+
+def write_ply(path: Path, V: Floats, F: Ints, texture: Floats, FT: Ints | None) -> None:
+    """Write a surface in double precision, binary.
+
+    Parameters
+    ----------
+    path : Path
+    V : (n, 3) float64
+    F : (m, 3) int64
+    texture : (n, 2) or (k, 2) float64
+        Properties u and v of the vertices; or, with `FT`, a list ``texcoord`` of each face:
+        u and v at its first corner, its second and its third.
+    FT : (m, 3) int64 or None
+        Rows of `texture` at the corners of the faces.
+    """
+    vertices = V if FT is not None else np.column_stack([V, texture])
+    columns = [("size", "u1"), ("corners", "<i4", (3,))]
+    if FT is not None:
+        columns += [("texture size", "u1"), ("texture", "<f8", (6,))]
+    faces = np.empty(len(F), np.dtype(columns))
     faces["size"], faces["corners"] = 3, F
+    if FT is not None:
+        faces["texture size"], faces["texture"] = 6, texture[FT].reshape(-1, 6)
     header = [
         "ply",
         "format binary_little_endian 1.0",
         f"element vertex {len(V)}",
-        *(f"property double {axis}" for axis in "xyzuv"),
+        *(f"property double {axis}" for axis in "xyzuv"[: vertices.shape[1]]),
         f"element face {len(F)}",
         "property list uchar int vertex_indices",
+        *(["property list uchar double texcoord"] if FT is not None else []),
         "end_header\n",
     ]
     with path.open("wb") as file:
         file.write("\n".join(header).encode("ascii"))
-        file.write(vertices.tobytes())
+        file.write(vertices.astype("<f8").tobytes())
         file.write(faces.tobytes())

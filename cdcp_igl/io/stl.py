@@ -2,23 +2,50 @@
 
 from __future__ import annotations
 
+import re
+import struct
 from pathlib import Path
 
 import numpy as np
 
-from .. import libigl
 from ..arrays import Floats, Ints
+from .damage import Damage
 
 __all__ = ["merge_duplicates", "read_stl"]
+
+FACET = np.dtype([("normal", "<3f4"), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+LOOP = re.compile(rb"outer\s+loop\s" + 3 * rb"\s*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s" + rb"\s*endloop")
+HEADER = 84  # bytes, of which the last four are the number of facets
 
 
 def read_stl(path: Path) -> tuple[Floats, Ints]:
     """(n, 3) vertices and (m, 3) faces, vertices in equal places merged."""
+    data = path.read_bytes()
+    # The header of a binary file may begin with "solid" as well; its size tells.
+    facets = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEADER else None
+    if facets is not None and len(data) == HEADER + facets * FACET.itemsize:
+        corners = np.frombuffer(data, FACET, facets, HEADER)["corners"].reshape(-1, 3)
+    elif data.lstrip()[:5].lower() == b"solid":
+        corners = _corners(data)
+    else:
+        raise Damage("it is cut off, or no stl file")
+    return merge_duplicates(
+        corners.astype(np.float64), np.arange(len(corners), dtype=np.int64).reshape(-1, 3)
+    )
+
+
+def _corners(text: bytes) -> Floats:
+    """(3m, 3) corners of the facets of a text file."""
+    _, _, facets = text.lower().partition(b"facet")  # before it comes a name, of any words
+    loops = LOOP.findall(facets)
+    if not len(loops) == facets.count(b"endloop") == facets.count(b"vertex") / 3:
+        raise Damage("a facet has not three corners")
+    if b"endsolid" not in text.lower():
+        raise Damage("it is cut off: it has no end")
     try:
-        V, F = libigl.read_stl(path)
-    except RuntimeError as error:
-        raise ValueError(f"libigl: {error}") from error
-    return merge_duplicates(V, F)
+        return np.array([float(x) for loop in loops for x in loop]).reshape(-1, 3)
+    except ValueError:
+        raise Damage("a corner is no number") from None
 
 
 def merge_duplicates(V: Floats, F: Ints) -> tuple[Floats, Ints]:

@@ -5,17 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats
 from ..distortion import angle_distortion
 from ..extras import from_extra
-from ..surface.report import as_faces, as_vertices
+from ..libigl import vertex_normals
+from ..surface.validation import as_surface
 from .raster import SAMPLES, Bytes, frame, in_picture, rasterize
-from .viewpoint import viewpoint
+from .viewpoint import choose_viewpoint
 
 with from_extra("plot"):
     from matplotlib import colormaps
 
-__all__ = ["LIGHT", "SCALE", "Extent", "Scene", "normal_colors", "vertex_normals"]
+__all__ = ["LIGHT", "SCALE", "Extent", "Scene", "normal_colors"]
 
 Extent = tuple[float, float, float, float]
 
@@ -40,11 +41,10 @@ class Scene:
     """
 
     def __init__(self, V: ArrayLike, F: ArrayLike, pixels: int) -> None:
-        self._V, self._pixels = as_vertices(V), pixels
-        self._F = as_faces(F, len(self._V))
-        self.points = self._V @ viewpoint(self._V, self._F).T
+        (self._V, self._F), self._pixels = as_surface(V, F), pixels
+        self.points = self._V @ choose_viewpoint(self._V, self._F).T
         self.surface = rasterize(self.points, self._F, pixels)
-        self._normals = vertex_normals(self.points, self._F)
+        self._normals = np.nan_to_num(vertex_normals(self.points, self._F))
         self._colors = normal_colors(self._normals)
         towards = self.surface.at_vertices(self._normals) @ (LIGHT / np.linalg.norm(LIGHT))
         self._light = np.clip(0.72 + 0.3 * towards, 0, 1)[:, None]
@@ -93,18 +93,6 @@ class Scene:
         shown = self.surface.face[int(SAMPLES * y), int(SAMPLES * x)]
         depth, nearest = (self.points[self._F[f], 2].mean() for f in (face, shown))
         return x, y, bool(depth > nearest - NEAR * np.ptp(self.points[:, :2], axis=0).max())
-
-
-def vertex_normals(V: Floats, F: Ints) -> Floats:
-    """(n, 3) unit normals, faces weighted by area."""
-    i, j, k = F.T
-    across = np.cross(V[j] - V[i], V[k] - V[i])
-    corners = F.ravel()
-    normals = np.column_stack(
-        [np.bincount(corners, np.repeat(across[:, axis], 3), len(V)) for axis in range(3)]
-    )
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return normals / np.where(lengths > 0, lengths, 1)
 
 
 def normal_colors(normals: Floats) -> Floats:

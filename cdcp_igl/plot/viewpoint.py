@@ -6,7 +6,7 @@ import numpy as np
 
 from ..arrays import Floats, Ints
 
-__all__ = ["viewpoint"]
+__all__ = ["choose_viewpoint"]
 
 Y_AXIS, Z_AXIS = np.array([0.0, 1, 0]), np.array([0.0, 0, 1])
 
@@ -17,7 +17,7 @@ FACES = 20_000  # that are looked at, at most
 PIXELS = 60  # across the grid on which faces hide one another
 
 
-def viewpoint(V: Floats, F: Ints) -> Floats:
+def choose_viewpoint(V: Floats, F: Ints) -> Floats:
     """Choose a viewpoint that shows the outside of a surface.
 
     The mean normal points away from the opening. Along it one looks at an open surface,

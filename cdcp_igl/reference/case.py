@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -25,6 +24,7 @@ from ..arrays import Floats, Ints
 from ..certificate import certify
 from ..distortion import AngleDistortion, angle_distortion, area_distortion
 from ..errors import MapError, SolverError
+from ..processes import cause_of_death, peak_memory, resident
 from ..result import DiskMap
 from ..surface.mesh import DiskMesh
 
@@ -129,7 +129,8 @@ def run_case(
         itself, says little: thread pools and mapped libraries reserve much that they never use.)
     table : str
         ``"module:name"`` of a mapping from names to `reference.Method`. A function in it may
-        also return a `DiskMap`, or a `Timed` with boundary ``"none"``.
+        also return a `DiskMap`, or a `Timed` with boundary ``"none"``. If the method has a
+        ``prepare``, that is called first and does not count.
 
     Returns
     -------
@@ -167,7 +168,8 @@ def run_case(
         if excess:
             return Case(method, boundary, excess), None
         if process.returncode or not result.exists():
-            return Case(method, boundary, _why(process.returncode, errors.read_text())), None
+            cause = cause_of_death(process.returncode, errors.read_text())
+            return Case(method, boundary, cause), None
         with np.load(result) as saved:
             measured = json.loads(str(saved["measured"]))
             uv = saved.get("uv")
@@ -189,36 +191,20 @@ def _watch(process: subprocess.Popen[bytes], time_limit: float, memory_limit: fl
         except subprocess.TimeoutExpired:
             if monotonic() >= end:
                 return f"no result within {time_limit:g} s"
-        if np.isfinite(memory_limit) and _resident(process.pid) > memory_limit:
+        if np.isfinite(memory_limit) and resident(process.pid) > memory_limit:
             return f"more than {memory_limit:,.0f} MiB of memory"
-
-
-def _resident(pid: int) -> float:
-    """Resident memory of a process in MiB, 0 once it has ended."""
-    pages = Path(f"/proc/{pid}/statm")
-    try:
-        if pages.parent.parent.joinpath("self").exists():
-            return int(pages.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
-        shown = subprocess.run(["ps", "-o", "rss=", "-p", str(pid)], capture_output=True, text=True)
-        return int(shown.stdout) / 2**10
-    except (OSError, ValueError, IndexError):
-        return 0
-
-
-def _why(returncode: int, errors: str) -> str:
-    if returncode < 0:
-        return f"crashed: {signal.Signals(-returncode).name}"
-    return f"failed: {(errors.strip().splitlines() or ['no message'])[-1]}"
 
 
 def _measure(table: str, method: str, V: Floats, F: Ints) -> tuple[dict[str, Any], Floats | None]:
     chosen = _table(table)[method]
+    if prepare := getattr(chosen, "prepare", None):
+        prepare()
     start = perf_counter()
     try:
         made = chosen.function(V, F)
     except (MapError, SolverError) as error:
         return {"outcome": f"{type(error).__name__}: {error}"}, None
-    cost = {"seconds": perf_counter() - start, "memory": _peak_memory()}
+    cost = {"seconds": perf_counter() - start, "memory": peak_memory()}
     if isinstance(made, Timed):
         details = {"seconds": dict(made.phases)}
         return {"outcome": OK, **cost, "seconds": made.seconds, "details": details}, None
@@ -238,17 +224,6 @@ def _measure(table: str, method: str, V: Floats, F: Ints) -> tuple[dict[str, Any
         **cost,
         "details": details,
     }, uv
-
-
-def _peak_memory() -> float:
-    status = Path("/proc/self/status")
-    if status.exists():  # on Linux ru_maxrss includes that of the process that started this one
-        (line,) = (x for x in status.read_text().splitlines() if x.startswith("VmHWM:"))
-        return int(line.split()[1]) / 2**10
-    import resource  # not on every system, and needed only here
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
 
 
 def _main(table: str, method: str, mesh: str, result: str) -> None:

@@ -10,7 +10,7 @@ from ..arrays import Complex, Floats
 from ..errors import MapError
 from ..solve.factored import FactoredSurface
 from ..steps.circle import Rejected
-from ..steps.dipole import dipole
+from ..steps.dipole import face_dipole
 from ..steps.repair import unfold
 from ..surface.mesh import DiskMesh
 from .certified import certified_disk_map
@@ -98,6 +98,6 @@ def double_cover_trace(surface: FactoredSurface, face: int) -> Complex:
     True
     """
     mesh, L = surface.mesh, surface.laplacian.matrix()
-    r = np.concatenate([dipole(mesh, face), np.zeros(len(mesh.interior))])
+    r = np.concatenate([face_dipole(mesh, face), np.zeros(len(mesh.interior))])
     pin = mesh.loop[:1]
     return Dirichlet(doubled_laplacian(mesh, L), pin).solve(np.zeros(1), r)[mesh.loop]

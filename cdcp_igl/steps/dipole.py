@@ -8,10 +8,10 @@ from ..arrays import Complex
 from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
 
-__all__ = ["boundary_trace", "dipole"]
+__all__ = ["boundary_trace", "face_dipole"]
 
 
-def dipole(mesh: DiskMesh, face: int) -> Complex:
+def face_dipole(mesh: DiskMesh, face: int) -> Complex:
     """Right-hand side of eq. (18): the derivative of a point mass on one face.
 
     Parameters
@@ -58,4 +58,4 @@ def boundary_trace(surface: FactoredSurface, face: int) -> Complex:
         not conformal and of no use.)
     """
     mesh = surface.mesh
-    return surface.factor.solve_pinned(dipole(mesh, face))[mesh.loop]
+    return surface.factor.solve_pinned(face_dipole(mesh, face))[mesh.loop]

@@ -22,7 +22,7 @@ __all__ = [
     "conformal_barycenter",
     "least_angle_distortion",
     "least_angle_distortion_nelder_mead",
-    "mobius",
+    "mobius_transformation",
     "normalize",
     "rotate",
 ]
@@ -89,7 +89,7 @@ def normalize(
     else:
         return f, Normalization("none", 0j)
 
-    moved = _at_one(mesh, mobius(f, w), mesh.loop[0])
+    moved = _at_one(mesh, mobius_transformation(f, w), mesh.loop[0])
     if not is_around(moved[mesh.loop]):
         return f, Normalization(method, 0j, "crowding")
     if method != "area" and not _mean_distortion(mesh, moved) < _mean_distortion(mesh, f):
@@ -162,7 +162,7 @@ def _vertex_areas(mesh: DiskMesh) -> Floats:
     return areas
 
 
-def mobius(z: Complex, w: complex) -> Complex:
+def mobius_transformation(z: Complex, w: complex) -> Complex:
     """Apply psi_w(z) = (z - w) / (1 - conj(w) z), eq. (19): the disk onto itself, w to 0."""
     return (z - w) / (1 - np.conj(w) * z)
 
@@ -292,7 +292,7 @@ def conformal_barycenter(z: Complex, mass: Floats) -> complex:
     mass = mass / mass.sum()
     w = 0j
     for _ in range(MAX_STEPS):
-        moved = mobius(z, w)
+        moved = mobius_transformation(z, w)
         c, q = complex(mass @ moved), complex(mass @ (moved * moved))
         # To first order psi_d moves the centre of mass by -d + q conj(d).
         d = (c + q * c.conjugate()) / max(1 - abs(q) ** 2, np.finfo(float).eps)

@@ -24,6 +24,7 @@ PHASES = {
     "repair": 0.02,
     "refine": 0.0,
     "certificate": 0.01,
+    "distortion": 0.04,
 }
 REFINEMENT_STEP = 0.5  # share of one step of refinement, by the total of the above
 

@@ -11,20 +11,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Bools, Floats, Ints
 from ..errors import Defect, MeshError
-from .edges import group_by_edge, half_edges
-from .report import (
-    boundary_loops,
-    check,
-    degenerate_faces,
-    duplicate_faces,
+from .defects import degenerate_faces
+from .filling import fill_hole
+from .report import check
+from .topology import Topology, duplicate_faces, outer_loop
+from .triangles import corner_cotangents
+from .validation import (
     face_array,
-    face_components,
-    faces_to_reverse,
-    fans,
+    refuse_swapped,
     repeated_corners,
+    unit_size,
     vertex_array,
 )
-from .triangles import corner_cotangents
 
 __all__ = ["Cleaned", "clean"]
 
@@ -48,6 +46,13 @@ class Cleaned:
         Rows of F whose edge was flipped, so that they are not the faces they come from.
     changes : tuple of str
         What was done, a sentence each; empty if the surface came back as it was.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
+    >>> cdcp_igl.clean(V, F[1:]).changes
+    ('filled 1 hole',)
     """
 
     V: Floats
@@ -68,9 +73,11 @@ def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
     vertices with equal coordinates merged; faces with a repeated corner, duplicate and
     degenerate faces dropped; vertices where several fans of faces meet split, which also
     parts the sheets that meet in a non-manifold edge; the largest component kept, its
-    faces oriented like the majority, and all boundary loops but the longest filled, each
-    by a fan around a new vertex. A surface that is a disk already comes back as it is,
-    even if vertices coincide, as they do along a cut.
+    faces oriented like the majority, and all holes filled. A hole is a boundary loop other
+    than the one that reaches farthest; it is filled by a fan around a new vertex or, where
+    that would be flat, without one, and a hole that is a mere line takes a face behind it
+    along. A surface that is a disk already comes back as it is, even if vertices coincide,
+    as they do along a cut.
 
     Parameters
     ----------
@@ -89,7 +96,7 @@ def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
     Cleaned
         What it cannot mend is left for `check` to find and `disk_map` to refuse: a handle,
         a closed or a one-sided surface, sheets that hang together around both ends of a
-        non-manifold edge, and slits of dropped faces that no fan can fill.
+        non-manifold edge, and flat holes at another boundary.
 
     Raises
     ------
@@ -107,6 +114,7 @@ def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
     >>> uv = cdcp_igl.cdcp(V, F)[vertex_index >= 0]
     >>> F = F[face_index >= 0]
     """
+    refuse_swapped(V, F)
     positions = vertex_array(V).astype(np.float64)
     faces = face_array(F, len(positions))
     surface = _Surface(positions, faces)
@@ -152,8 +160,7 @@ class _Surface:
         self._drop_faces(at_bad, "with a NaN or infinite coordinate")
 
     def merge_vertices(self) -> None:
-        used = self._used()
-        rows = np.flatnonzero(used)
+        rows = np.flatnonzero(self._topology().used)
         # The first of equal rows stands for them all; + 0.0 makes -0.0 equal to 0.0.
         _, first, group = np.unique(
             self.V[rows] + 0.0, axis=0, return_index=True, return_inverse=True
@@ -172,8 +179,7 @@ class _Surface:
     def split_vertices(self) -> None:
         """Give each fan of faces at a vertex its own copy; the first keeps the vertex."""
         n, corner = len(self.V), self.F.T.ravel()
-        one, other = self._twins()
-        _, fan = fans(self.F, one, other)
+        _, fan = self._topology().fans
         # Each fan by its first corner, those of a vertex in succession.
         _, first = np.unique(fan, return_index=True)
         order = np.lexsort((first, corner[first]))
@@ -189,47 +195,67 @@ class _Surface:
         self._say(int(surplus.sum()), "split off {} where fans of faces met", "vertex", "vertices")
 
     def keep_largest_component(self) -> None:
-        _, part = face_components(*self._twins(), len(self.F))
+        _, part = self._topology().components
         smaller = np.flatnonzero(part != np.bincount(part).argmax())
         self._drop_faces(smaller, "of smaller components")
 
     def orient(self) -> None:
-        one, other = self._twins()
-        tail, m = self.F.T.ravel(), len(self.F)
-        against = faces_to_reverse(one % m, other % m, tail[one] == tail[other], m)
+        against = self._topology().against
         if against is not None:
             self.F[against] = self.F[against, ::-1]
             self._say(len(against), "reversed {}", "face", "faces")
 
     def drop_unreferenced(self) -> None:
-        used = self._used()
+        used = self._topology().used
         self.F = (np.cumsum(used) - 1)[self.F]
         self._say(int((~used).sum()), "dropped {} that no face uses", "vertex", "vertices")
         self.V, self.vertex_index = self.V[used], self.vertex_index[used]
 
     def fill_holes(self) -> None:
-        n = len(self.V)
-        tail, head = half_edges(self.F, n)
-        edges = group_by_edge(tail, head, n)
-        valence = edges.valence
-        border = edges.sides[edges.start[valence == 1]]
-        if (valence > 2).any() or len(np.unique(tail[border])) < len(border):
-            return  # not a manifold, or not oriented: no loops to follow
-        loops = boundary_loops(tail[border], head[border])
-        longest = max(loops, key=len, default=None)
+        loops = self._topology().loops
+        if len(loops) < 2:
+            return
+        outer = outer_loop(self.V, loops)
+        on_boundary = np.zeros(len(self.V), dtype=bool)
+        on_boundary[np.concatenate(loops)] = True
+        given, filling = len(self.F), []
         for loop in loops:
-            if loop is not longest:
-                # The loop has the surface on its left, the fan lies on its right.
-                center = np.full(len(loop), len(self.V))
-                fan = np.column_stack([np.roll(loop, -1), loop, center])
-                self.F = np.vstack([self.F, fan])
-                self.V = np.vstack([self.V, self.V[loop].mean(axis=0)])
-                self.vertex_index = np.append(self.vertex_index, -1)
-                self.face_index = np.append(self.face_index, np.full(len(loop), -1))
-        self._say(len(loops) - 1, "filled {}", "hole", "holes")
+            if loop is not outer:
+                hole: Ints | None = loop
+                while hole is not None and (faces := fill_hole(self._scaled(), hole)) is None:
+                    hole = self._widened(hole, on_boundary)
+                if hole is not None and faces is not None:
+                    filling.append(faces)
+                    if faces.max() == len(self.V):
+                        self.V = np.vstack([self.V, self.V[hole].mean(axis=0)])
+                        self.vertex_index = np.append(self.vertex_index, -1)
+        self._say(given - len(self.F), "took out {} beside flat holes", "face", "faces")
+        self._say(len(filling), "filled {}", "hole", "holes")
+        self.F = np.vstack([self.F, *filling])
+        self.face_index = np.append(
+            self.face_index, np.full(len(self.F) - len(self.face_index), -1)
+        )
+
+    def _widened(self, hole: Ints, on_boundary: Bools) -> Ints | None:
+        """Take out the face behind the longest edge of a hole; None if each touches a boundary.
+
+        A hole whose corners lie on a line, as a face without area leaves it, cannot be filled.
+        """
+        after = np.roll(hole, -1)
+        lengths = np.linalg.norm(self.V[after] - self.V[hole], axis=1)
+        tail, head, opposite = (np.roll(self.F.T, -k, axis=0) for k in range(3))
+        for i in np.argsort(-lengths, kind="stable"):
+            [corner], [face] = np.nonzero((tail == hole[i]) & (head == after[i]))
+            apex = opposite[corner, face]
+            if not on_boundary[apex]:
+                on_boundary[apex] = True
+                self.F = np.delete(self.F, face, axis=0)
+                self.face_index = np.delete(self.face_index, face)
+                return np.insert(hole, i + 1, apex)
+        return None
 
     def flip_ears(self) -> None:
-        one, other = self._twins()
+        one, other = self._topology().twins
         m = len(self.F)
         inner = np.zeros(3 * m, dtype=bool)
         inner[one] = inner[other] = True
@@ -255,12 +281,8 @@ class _Surface:
 
     # -- what the steps share ----------------------------------------------------------
 
-    def _twins(self) -> tuple[Ints, Ints]:
-        """Half-edges on either side of each edge that has two faces."""
-        n = len(self.V)
-        edges = group_by_edge(*half_edges(self.F, n), n)
-        two = edges.start[edges.valence == 2]
-        return edges.sides[two], edges.sides[two + 1]
+    def _topology(self) -> Topology:
+        return Topology(self.F, len(self.V))
 
     def _from(self, half: Ints) -> tuple[Ints, Ints, Ints]:
         """Corners of the faces of half-edges: tail, head, the one opposite."""
@@ -269,14 +291,7 @@ class _Surface:
 
     def _scaled(self) -> Floats:
         """Positions in three columns and of unit size, as `check` judges them."""
-        finite = np.where(np.isfinite(self.V), self.V, 0)
-        exponent = int(np.frexp(abs(finite).max())[1])
-        return np.pad(np.ldexp(finite, -exponent), ((0, 0), (0, 3 - self.V.shape[1])))
-
-    def _used(self) -> Bools:
-        used = np.zeros(len(self.V), dtype=bool)
-        used[self.F] = True
-        return used
+        return unit_size(np.where(np.isfinite(self.V), self.V, 0))
 
     def _drop_faces(self, rows: Ints, why: str) -> None:
         self.F = np.delete(self.F, rows, axis=0)

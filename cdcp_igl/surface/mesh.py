@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from copy import copy
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Bools, Floats, Ints
 from ..errors import Defect, MeshError
+from .defects import degenerate_defect
 from .edges import Edges
-from .report import as_vertices, degenerate_defect, examine
+from .report import examine
 from .triangles import corner_cotangents
+from .validation import as_vertices
 
 __all__ = ["DiskMesh"]
 
 
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class DiskMesh:
     """A triangulated disk: checked, indexed, immutable.
 
@@ -67,24 +71,29 @@ class DiskMesh:
 
     def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
         examined = examine(V, F)
-        if examined.defects:
+        if examined.surface is None or examined.defects:
             raise MeshError(*examined.defects)
-        on_boundary = np.zeros(len(examined.V), dtype=bool)
-        on_boundary[examined.loops[0]] = True
-        for name, array in {
-            "V": examined.V,
-            "F": examined.F.view(),  # may be the caller's own array, whose flag stays his
-            "loop": examined.loops[0],
-            "interior": np.flatnonzero(~on_boundary),
-            "on_boundary": on_boundary,
-            "cotangents": examined.cotangents,
-        }.items():
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
-        edges = examined.edges
+        surface = examined.surface
+        [loop] = surface.loops
+        on_boundary = np.zeros(surface.n, dtype=bool)
+        on_boundary[loop] = True
+        edges = surface.edges
         for indices in (edges.low, edges.high, edges.sides, edges.start):
             indices.flags.writeable = False
+        self._set(
+            V=examined.V,
+            F=surface.F.view(),  # may be the caller's own array, whose flag stays his
+            loop=loop,
+            interior=np.flatnonzero(~on_boundary),
+            on_boundary=on_boundary,
+            cotangents=examined.cotangents,
+        )
         object.__setattr__(self, "edges", edges)
+
+    def _set(self, **arrays: NDArray[Any]) -> None:
+        for name, array in arrays.items():
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
 
     @cached_property
     def angles(self) -> Floats:
@@ -132,14 +141,10 @@ class DiskMesh:
         cotangents = corner_cotangents(positions, self.F)
         if defect := degenerate_defect(cotangents):
             raise MeshError(defect)
-        positions.flags.writeable = cotangents.flags.writeable = False
         mesh = copy(self)
         mesh.__dict__.pop("angles", None)
-        mesh.__dict__.update(V=positions, cotangents=cotangents)
+        mesh._set(V=positions, cotangents=cotangents)
         return mesh
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        raise AttributeError(f"DiskMesh is immutable: cannot set {name!r}")
 
     def __repr__(self) -> str:
         return (

@@ -1,64 +1,113 @@
-"""Is the input a triangulated disk? Every defect, found without calling libigl.
+"""What a mesh is: a triangulated disk or not, with all its defects, and how to go on.
 
-libigl 2.6 crashes the process on some of these inputs, and answers others with NaN.
+Every defect is found before libigl is called, which crashes the process on some inputs and
+answers others with NaN.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import breadth_first_order, connected_components
+from numpy.typing import ArrayLike
 
-from ..arrays import Bools, Floats, Indices, Ints
+from ..arrays import Floats, Ints
 from ..errors import Defect, MeshError, spell
-from .edges import Edges, group_by_edge, half_edges
+from .defects import CUT, MENDED, degenerate_defect, topological_defects
+from .topology import Topology, outer_loop
 from .triangles import corner_cotangents
+from .validation import (
+    face_array,
+    non_finite_defect,
+    refuse_swapped,
+    repeated_corner_defect,
+    three_columns,
+    unit_size,
+    vertex_array,
+)
 
-__all__ = ["MeshReport", "check"]
-
-
-# A face is degenerate when area / longest edge^2 is below this: a relative measure, so
-# that metres and microns are judged alike. The worst faces of real scans are near 1e-5;
-# cotangents above 1e10 would leave the other faces at a vertex too few digits.
-DEGENERATE = 1e-10
+__all__ = ["Examined", "MeshReport", "check", "examine"]
 
 
 @dataclass(frozen=True, eq=False)
 class MeshReport:
-    """What `check` found. Printing it gives a line for each defect.
+    """What `check` found. Printing it gives a line for each defect, and the way to go on.
 
     Attributes
     ----------
     n_vertices, n_faces : int
         Rows of V and of F; 0 where the array is unusable.
     n_boundary : int
-        Vertices on the longest boundary loop; 0 where there is none.
+        Vertices on the outer boundary loop, the one that reaches farthest; 0 where there
+        is none.
     ears : (k,) ndarray of int64
         Faces with two boundary edges. Legal, but all three corners of an ear lie on the
         circle, so its angles are distorted whatever the method.
     chords : (k, 2) ndarray of int64
         Interior edges that join two boundary vertices, the smaller index first. Legal;
         ears lie behind chords, and so do longer parts of the surface.
+    n_components : int
+        Components of faces that share edges; 0 where the surface could not be examined.
+    n_loops : int or None
+        Boundary loops of all components; None unless the surface is a manifold with two
+        sides, whichever way its faces are turned.
+    genus : int or None
+        Handles of all components; None as for `n_loops`.
     defects : tuple of Defect
         Everything that keeps the mesh from being a disk; empty for a disk.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
+    >>> report = cdcp_igl.check(V, F)
+    >>> report.is_disk, report.n_vertices, report.n_boundary
+    (True, 91, 30)
+    >>> print(cdcp_igl.check(V, F[1:]).kind)
+    genus 0, 2 boundary loops
     """
 
     n_vertices: int
     n_faces: int
-    n_boundary: int
-    ears: Ints
-    chords: Ints
-    defects: tuple[Defect, ...]
+    n_boundary: int = 0
+    ears: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    chords: Ints = field(default_factory=lambda: np.empty((0, 2), np.int64))
+    n_components: int = 0
+    n_loops: int | None = None
+    genus: int | None = None
+    defects: tuple[Defect, ...] = ()
 
     @property
     def is_disk(self) -> bool:
         """True if the mesh can be mapped."""
         return not self.defects
+
+    @property
+    def kind(self) -> str:
+        """The class of the surface in words, whatever other defects it has."""
+        if self.n_components == 0:
+            return "not a triangle mesh"
+        parts = f"{self.n_components:,} components, " if self.n_components > 1 else ""
+        if self.n_loops is None or self.genus is None:
+            one_sided = "not orientable" in {defect.name for defect in self.defects}
+            return parts + ("one-sided" if one_sided else "not a manifold")
+        if not parts and (self.genus, self.n_loops) == (0, 1):
+            return "disk"
+        loops = f"{self.n_loops:,} boundary loop" + ("s" if self.n_loops > 1 else "")
+        return f"{parts}genus {self.genus:,}, {loops if self.n_loops else 'closed'}"
+
+    @property
+    def next_step(self) -> str:
+        """The call, and the command, that goes on from here."""
+        found = {defect.name for defect in self.defects}
+        if not found:
+            return "cdcp_igl.disk_map maps it (cdcp-igl map)."
+        if found <= MENDED:
+            step = "cdcp_igl.clean mends it (cdcp-igl map --clean)"
+            return step + ("; or: " + _CUT_STEP if found & CUT else ".")
+        if found <= MENDED | CUT:
+            return _CUT_STEP
+        return self.defects[0].remedy
 
     def __str__(self) -> str:
         counts = (
@@ -68,8 +117,15 @@ class MeshReport:
             + f", {len(self.chords):,} chords"
             + (f" (edges {spell(self.chords)})" if len(self.chords) else "")
         )
-        verdict = "A triangulated disk." if self.is_disk else "Not a triangulated disk:"
-        return "\n".join([counts, verdict, *(f"- {d.name}: {d}" for d in self.defects)])
+        if self.is_disk:
+            verdict = "A triangulated disk."
+        else:
+            verdict = f"Not a triangulated disk ({self.kind}):"
+        lines = [counts, verdict, *(f"- {d.name}: {d}" for d in self.defects)]
+        return "\n".join([*lines, f"Next: {self.next_step}"])
+
+
+_CUT_STEP = "cdcp_igl.surface_map cuts it open and maps it (cdcp-igl map --cut)."
 
 
 def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
@@ -85,9 +141,9 @@ def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
     Returns
     -------
     MeshReport
-        Counts and defects. A defect of the arrays (shape, type, index range) hides those
-        of the surface, and a non-manifold edge hides those of the boundary: mend it and
-        check again.
+        Counts, class and defects, and how to go on. A defect of F (shape, type, index range)
+        hides those of the surface, and a non-manifold edge hides those of the boundary: mend
+        it and check again.
 
     Examples
     --------
@@ -95,403 +151,72 @@ def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
     >>> report = cdcp_igl.check([[0, 0], [1, 0], [0, 1], [1, 1]], [[0, 1, 2]])
     >>> print(report.defects[0].name, report.defects[0].indices)
     unreferenced vertex [3]
+    >>> print(report.next_step)
+    cdcp_igl.clean mends it (cdcp-igl map --clean).
     """
     found = examine(V, F)
-    longest = max(map(len, found.loops), default=0)
-    return MeshReport(
-        n_vertices=len(found.V),
-        n_faces=len(found.F),
-        n_boundary=longest,
-        ears=found.ears,
-        chords=found.chords,
-        defects=tuple(found.defects),
+    surface = found.surface
+    report = MeshReport(found.n_vertices, found.n_faces, defects=found.defects)
+    if surface is None:
+        return report
+    in_sheets = not surface.singular.any()
+    return replace(
+        report,
+        n_boundary=len(outer_loop(found.V, surface.loops)) if surface.loops else 0,
+        ears=surface.ears if in_sheets else report.ears,
+        chords=surface.chords if in_sheets else report.chords,
+        n_components=surface.components[0],
+        n_loops=None if surface.genus is None else len(surface.loops),
+        genus=surface.genus,
     )
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Examined:
-    """Arrays in their final form (V scaled to unit size), what comes from them, all defects.
+    """Arrays in their final form, what was computed from them, and all defects.
 
-    The edges and cotangents are there if the surface could be examined.
+    Attributes
+    ----------
+    n_vertices, n_faces : int
+        Rows of V and of F; 0 where the array is unusable.
+    defects : tuple of Defect
+    V : (n, 3) float64
+        Scaled to unit size, unless a coordinate is not finite.
+    surface : Topology or None
+        None if V or F is unusable, or a face has a vertex at two corners.
+    cotangents : (m, 3) float64
+        Of the corner angles; empty if there is no surface or a coordinate is not finite.
     """
 
+    n_vertices: int = 0
+    n_faces: int = 0
+    defects: tuple[Defect, ...] = ()
     V: Floats = field(default_factory=lambda: np.empty((0, 3)))
-    F: Ints = field(default_factory=lambda: np.empty((0, 3), np.int64))
-    edges: Edges = field(init=False)
-    cotangents: Floats = field(init=False)
-    loops: list[Ints] = field(default_factory=list)
-    ears: Ints = field(default_factory=lambda: np.empty(0, np.int64))
-    chords: Ints = field(default_factory=lambda: np.empty((0, 2), np.int64))
-    defects: list[Defect] = field(default_factory=list)
+    surface: Topology | None = None
+    cotangents: Floats = field(default_factory=lambda: np.empty((0, 3)))
 
 
 def examine(V: ArrayLike, F: ArrayLike) -> Examined:
     """Check everything that section "Raises" of `DiskMesh` promises."""
-    found = Examined()
+    found, n = list[Defect](), 0
     try:
-        found.V = as_vertices(V)
-        found.F = as_faces(F, len(found.V))
-    except MeshError as error:  # the surface cannot be examined
-        found.defects += error.defects
-        return found
-    found.defects += _topological_defects(found)
-    found.cotangents = corner_cotangents(found.V, found.F)
-    if defect := degenerate_defect(found.cotangents):
-        found.defects.append(defect)
-    return found
+        refuse_swapped(V, F)
+        given = vertex_array(V)
+        n = len(given)
+        if infinite := non_finite_defect(given):
+            found.append(infinite)
+        faces = face_array(F, n)
+    except MeshError as error:
+        return Examined(n, defects=(*found, *error.defects))
+    if repeated := repeated_corner_defect(faces):
+        return Examined(n, len(faces), (*found, repeated))
 
-
-# -- the arrays ------------------------------------------------------------------------
-
-
-def _numeric(name: str, array: ArrayLike) -> NDArray[Any]:
-    try:
-        numeric = np.asarray(array)
-    except ValueError:  # ragged
-        numeric = np.empty(0, dtype=object)
-    if numeric.dtype.kind not in "iuf":
-        raise MeshError(
-            Defect(
-                "not numeric",
-                f"{name} is not a rectangular array of real numbers",
-                "V takes rows of 3 (or 2) real numbers, F rows of 3 integers.",
-            )
-        )
-    return numeric
-
-
-def vertex_array(V: ArrayLike, name: str = "V") -> NDArray[Any]:
-    """V as an array of 2 or 3 numeric columns, finite or not; MeshError if it is none."""
-    given = _numeric(name, V)
-    if given.ndim != 2 or given.shape[1] not in (2, 3) or len(given) < 3:
-        raise MeshError(
-            Defect(
-                f"shape of {name}",
-                f"{name} has shape {given.shape}",
-                "It must be (n, 3), or (n, 2) for a planar mesh, with n at least 3.",
-            )
-        )
-    return given
-
-
-def as_vertices(V: ArrayLike, name: str = "V") -> Floats:
-    """(n, 3) float64 copy of V, scaled to unit size; MeshError if that cannot be."""
-    given = vertex_array(V, name)
-    if not np.isfinite(given).all():
-        bad = np.flatnonzero(~np.isfinite(given).all(axis=1))
-        raise MeshError(
-            Defect(
-                "non-finite coordinate",
-                f"{_count(bad, 'vertex has', 'vertices have')} a NaN or infinite coordinate",
-                "Restore the coordinates, or remove these vertices and their faces.",
-                "vertices",
-                bad,
-            )
-        )
-    positions = np.zeros((len(given), 3))
-    positions[:, : given.shape[1]] = given
-    # By a power of two, which is exact: products of lengths stay in range in any unit.
-    exponent = int(np.frexp(max(positions.max(), -positions.min()))[1])
-    return np.ldexp(positions, -exponent, out=positions)
-
-
-def face_array(F: ArrayLike, n: int) -> Ints:
-    """(m, 3) int64 F in C order, indices in range; MeshError if that cannot be."""
-    given = _numeric("F", F)
-    if given.ndim != 2 or given.shape[1] != 3 or len(given) == 0:
-        polygons = given.ndim == 2 and given.shape[1] > 3
-        raise MeshError(
-            Defect(
-                "shape of F",
-                f"F has shape {given.shape}",
-                "It must be (m, 3) with m at least 1."
-                + (" Triangulate the polygons first." if polygons else ""),
-            )
-        )
-    # Judged as given: a cast would wrap large unsigned numbers and truncate fractions.
-    if not (given.min() >= 0 and given.max() < n):
-        outside = np.flatnonzero(~((given >= 0) & (given < n)).all(axis=1))
-        one_based = given.min() == 1 and given.max() == n
-        raise MeshError(
-            Defect(
-                "index out of range",
-                f"{_count(outside, 'face has', 'faces have')} an index outside 0..{n - 1}",
-                "The indices count from 1: pass F - 1." if one_based else "Mend or drop them.",
-                "faces",
-                outside,
-            )
-        )
-    faces = np.ascontiguousarray(given, dtype=np.int64)
-    if given.dtype.kind == "f" and not np.array_equal(faces, given):
-        fractional = np.flatnonzero((faces != given).any(axis=1))
-        raise MeshError(
-            Defect(
-                "fractional index",
-                f"{_count(fractional, 'face has', 'faces have')} an index that is no integer",
-                "F takes integers; perhaps V and F have changed places.",
-                "faces",
-                fractional,
-            )
-        )
-    return faces
-
-
-def as_faces(F: ArrayLike, n: int) -> Ints:
-    """Like `face_array`; MeshError also if a face has the same vertex at two corners."""
-    faces = face_array(F, n)
-    repeated = repeated_corners(faces)
-    if len(repeated):
-        raise MeshError(
-            Defect(
-                "repeated corner",
-                f"{_count(repeated, 'face has', 'faces have')} the same vertex at two corners",
-                "Drop these faces.",
-                "faces",
-                repeated,
-            )
-        )
-    return faces
-
-
-def repeated_corners(F: Ints) -> Ints:
-    """Faces with the same vertex at two corners."""
-    i, j, k = F.T
-    return np.flatnonzero((i == j) | (j == k) | (k == i))
-
-
-# -- the surface -----------------------------------------------------------------------
-
-
-def _topological_defects(found: Examined) -> Iterator[Defect]:
-    """Yield what is wrong with the surface, and fill in its edges, loops, ears and chords.
-
-    One sort of undirected edges answers it all. If the faces hang together across
-    edges, no edge is singular, there is one simple boundary loop and the Euler
-    characteristic is 1, then no interior vertex is pinched either: a surface of genus g
-    with p pinches undone has characteristic 1 - 2g = 1 + p, so g = p = 0. Only where
-    that fails are the corners grouped around their vertices to name the culprits.
-    """
-    F, n, m = found.F, len(found.V), len(found.F)
-    tail, head = half_edges(F, n)
-    edges = found.edges = group_by_edge(tail, head, n)
-    start, valence = edges.start, edges.valence
-
-    used = np.bincount(F.ravel(), minlength=n) > 0
-    unused = np.flatnonzero(~used)
-    if len(unused):
-        yield Defect(
-            "unreferenced vertex",
-            f"{_count(unused, 'vertex belongs', 'vertices belong')} to no face",
-            "Remove them and renumber F.",
-            "vertices",
-            unused,
-        )
-
-    singular = valence > 2
-    duplicates = duplicate_faces(F) if singular.any() or (valence == 2).all() else unused[:0]
-    if len(duplicates):
-        yield Defect(
-            "duplicate face",
-            f"{_count(duplicates, 'face repeats', 'faces repeat')} the corners of another",
-            "Drop these faces.",
-            "faces",
-            duplicates,
-        )
-    if singular.any():
-        ends = _ends(edges, singular)
-        yield Defect(
-            "non-manifold edge",
-            f"{_count(ends, 'edge lies', 'edges lie')} on three or more faces",
-            "Drop the surplus faces, or cut the surface along these edges.",
-            "edges",
-            ends,
-        )
-        return
-
-    inner = valence == 2
-    one, other = edges.sides[start[inner]], edges.sides[start[inner] + 1]
-    border = edges.sides[start[~inner]]
-    found.ears = np.flatnonzero(np.bincount(border % m, minlength=m) > 1)
-    on_boundary = np.zeros(n, dtype=bool)
-    on_boundary[tail[border]] = on_boundary[head[border]] = True
-    found.chords = _ends(edges, inner & on_boundary[edges.low] & on_boundary[edges.high])
-
-    clash = tail[one] == tail[other]
-    if clash.any():
-        yield _orientation_defect(one % m, other % m, clash, m)
-
-    n_parts, part = face_components(one, other, m)
-    if n_parts > 1:
-        sizes = np.bincount(part)
-        coincide = len(np.unique(found.V, axis=0)) < n
-        yield Defect(
-            "several components",
-            f"{n_parts:,} components, the largest with {sizes.max():,} of {m:,} faces",
-            "Keep one of them."
-            + (" Some vertices coincide: merging them may join the parts." if coincide else ""),
-            "faces",
-            np.flatnonzero(part != sizes.argmax()),
-        )
-
-    euler = int(used.sum()) - len(start) + m
-    simple = np.bincount(tail[border], minlength=n).max() <= 1
-    if n_parts > 1 or not simple or euler != 1:
-        pinched = _pinched_vertices(F, one, other, n)
-        if len(pinched):
-            yield Defect(
-                "non-manifold vertex",
-                f"{_count(pinched, 'vertex joins', 'vertices join')} several fans of faces",
-                "Split each into one copy a fan.",
-                "vertices",
-                pinched,
-            )
-            return
-
-    if len(border) == 0:
-        yield Defect(
-            "closed surface",
-            "The surface has no boundary",
-            "Cut it open or remove faces: a disk has one boundary loop.",
-        )
-    if len(border) == 0 or clash.any():
-        return
-    found.loops = boundary_loops(tail[border], head[border])
-    if len(found.loops) > n_parts:
-        longest = max(found.loops, key=len)
-        yield Defect(
-            "several boundary loops",
-            f"{len(found.loops):,} boundary loops, the longest with {len(longest):,} vertices",
-            "Fill the holes: a disk has one boundary loop.",
-            "vertices",
-            np.concatenate([loop for loop in found.loops if loop is not longest]),
-        )
-    genus = (2 * n_parts - len(found.loops) - euler) // 2
-    if genus:
-        yield Defect(
-            "handle",
-            f"The surface has genus {genus}, a disk has 0",
-            "Cut the surface along a loop around each handle.",
-        )
-
-
-def _ends(edges: Edges, chosen: Bools) -> Ints:
-    """(k, 2) vertices of some of the edges."""
-    return np.column_stack([edges.low[chosen], edges.high[chosen]]).astype(np.int64)
-
-
-def duplicate_faces(F: Ints) -> Ints:
-    _, first = np.unique(np.sort(F, axis=1), axis=0, return_index=True)
-    return np.setdiff1d(np.arange(len(F)), first)
-
-
-def _orientation_defect(left: Indices, right: Indices, clash: Bools, m: int) -> Defect:
-    """Name the faces to reverse."""
-    against = faces_to_reverse(left, right, clash, m)
-    if against is None:
-        return Defect(
-            "not orientable",
-            "The surface is one-sided, like a Möbius strip",
-            "Cut it until it has two sides.",
-        )
-    return Defect(
-        "inconsistent orientation",
-        f"{_count(against, 'face is', 'faces are')} oriented against the others",
-        "Reverse the corners of these faces.",
-        "faces",
-        against,
-    )
-
-
-def faces_to_reverse(left: Indices, right: Indices, clash: Bools, m: int) -> Ints | None:
-    """Find the smaller side of each component's orientation cover; None if it has one side.
-
-    Node f stands for face f as it is, node f + m for its reversal.
-    """
-    shift = np.where(clash, m, 0)
-    rows = np.concatenate([left, left + m])
-    columns = np.concatenate([right + shift, right + m - shift])
-    graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(2 * m, 2 * m))
-    _, side = connected_components(graph, directed=False)
-    if (side[:m] == side[m:]).any():
-        return None
-    size = np.bincount(side[:m], minlength=side.max() + 1)
-    mine, theirs = size[side[:m]], size[side[m:]]
-    return np.flatnonzero((mine < theirs) | ((mine == theirs) & (side[:m] > side[m:])))
-
-
-def face_components(one: Indices, other: Indices, m: int) -> tuple[int, NDArray[np.int32]]:
-    """Components of faces that share edges; `one` and `other` are twin half-edges."""
-    # Every face has three neighbours, itself where one is missing, so the adjacency can
-    # be written down in CSR form without sorting. Nobody reads its entries.
-    neighbour = np.tile(np.arange(m, dtype=np.int32), 3)
-    neighbour[one], neighbour[other] = other % m, one % m
-    graph = csr_matrix(
-        (np.zeros(3 * m), neighbour.reshape(3, m).T.ravel(), np.arange(0, 3 * m + 1, 3)), (m, m)
-    )
-    if len(breadth_first_order(graph, 0, return_predecessors=False)) == m:
-        return 1, np.zeros(m, np.int32)
-    return connected_components(graph, directed=False)
-
-
-def _pinched_vertices(F: Ints, one: Indices, other: Indices, n: int) -> Ints:
-    """Vertices whose corners form more than one fan across shared edges."""
-    n_fans, fan = fans(F, one, other)
-    vertex_of_fan = np.empty(n_fans, np.int64)
-    vertex_of_fan[fan] = F.T.ravel()
-    return np.flatnonzero(np.bincount(vertex_of_fan, minlength=n) > 1)
-
-
-def fans(F: Ints, one: Indices, other: Indices) -> tuple[int, NDArray[np.int32]]:
-    """Group the corners, (3m,) in the order of ``F.T``, around each vertex across twins."""
-
-    def after(half: Indices) -> Indices:  # the next half-edge of the same face
-        return (half + len(F)) % F.size
-
-    corner = F.T.ravel()
-    aligned = corner[one] == corner[other]  # twins that leave the same vertex
-    rows = np.concatenate([one, after(one)])
-    columns = np.concatenate(
-        [np.where(aligned, other, after(other)), np.where(aligned, after(other), other)]
-    )
-    graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(len(corner), len(corner)))
-    return connected_components(graph, directed=False)
-
-
-def boundary_loops(tail: Indices, head: Indices) -> list[Ints]:
-    """Cycles of the permutation tail -> head, each from its smallest vertex."""
-    by_tail = np.argsort(tail)
-    following = dict(zip(tail[by_tail].tolist(), head[by_tail].tolist(), strict=True))
-    loops = []
-    while following:
-        loop = [next(iter(following))]
-        while (vertex := following.pop(loop[-1])) != loop[0]:
-            loop.append(vertex)
-        loops.append(np.array(loop, dtype=np.int64))
-    return loops
-
-
-def degenerate_defect(cotangents: Floats) -> Defect | None:
-    """Faces without area, as a defect; None if there are none."""
-    bad = degenerate_faces(cotangents)
-    if len(bad) == 0:
-        return None
-    return Defect(
-        "degenerate face",
-        f"{_count(bad, 'face has', 'faces have')} no area to speak of",
-        "Merge coinciding vertices, and collapse or flip the slivers.",
-        "faces",
-        bad,
-    )
-
-
-def degenerate_faces(cotangents: Floats) -> Ints:
-    """Faces without area, by the square of their longest edge."""
-    # The cotangents at the ends of an edge add up to its squared length by twice the area.
-    i, j, k = cotangents.T
-    with np.errstate(invalid="ignore"):  # of faces without any area
-        longest_squared = np.maximum(np.maximum(i + j, j + k), k + i)
-    return np.flatnonzero(~(longest_squared < 1 / (2 * DEGENERATE)))
-
-
-def _count(indices: Ints, one: str, many: str) -> str:
-    return f"{len(indices):,} {one if len(indices) == 1 else many}"
+    positions = three_columns(given) if infinite else unit_size(given)
+    surface = Topology(faces, n)
+    found += topological_defects(surface, positions)
+    if infinite:
+        return Examined(n, len(faces), tuple(found), positions, surface)
+    cotangents = corner_cotangents(positions, faces)
+    if degenerate := degenerate_defect(cotangents):
+        found.append(degenerate)
+    return Examined(n, len(faces), tuple(found), positions, surface, cotangents)

@@ -10,14 +10,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import cdcp_igl
-from cdcp_igl.plot.viewpoint import viewpoint
+from cdcp_igl.plot.viewpoint import choose_viewpoint
 
 try:
     V, F = cdcp_igl.datasets.load("human_face")
 except OSError:  # it is downloaded once, and there is no network
     V, F, _ = cdcp_igl.datasets.spherical_cap(60)
 
-view = viewpoint(V, F)  # rows point right, up and towards us
+view = choose_viewpoint(V, F)  # rows point right, up and towards us
 uv = cdcp_igl.cdcp(V, F, mobius="area", align=view[0])
 degrees = cdcp_igl.angle_distortion(V, F, uv)
 print(f"{len(V):,} vertices, angular distortion {degrees.mean():.2f} degrees in the mean")

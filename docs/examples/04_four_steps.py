@@ -14,7 +14,7 @@ import cdcp_igl
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.circle.geodesic import geodesic_map
-from cdcp_igl.steps.circle.whiten import whiten
+from cdcp_igl.steps.circle.whiten import whiten_trace
 from cdcp_igl.steps.dipole import boundary_trace
 from cdcp_igl.steps.extension import harmonic_extension
 from cdcp_igl.steps.mobius import normalize
@@ -35,7 +35,7 @@ surface = FactoredSurface.of(mesh)
 
 tau_c = central_face(surface)
 h_B = boundary_trace(surface, tau_c.face)
-white = whiten(h_B)
+white = whiten_trace(h_B)
 
 figure, panels = plt.subplots(1, 3, layout="constrained", figsize=(9, 3))
 panels[0].tripcolor(x, y, F, height, shading="gouraud")

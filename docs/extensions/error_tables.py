@@ -62,7 +62,8 @@ def _raised(function, *arguments):
 def option_errors():
     """Yield (call, error) for every bad option."""
     V, F, uv = cdcp_igl.datasets.spherical_cap(3)
-    known = {**vars(cdcp_igl), "V": V, "F": F, "uv": uv, "flat": V * [1, 1, 0]}
+    known = {name: getattr(cdcp_igl, name) for name in cdcp_igl.__all__}
+    known |= {"V": V, "F": F, "uv": uv, "flat": V * [1, 1, 0]}
     known |= {"interior": 0, "write_map": write_map}
     for call in CALLS:
         try:

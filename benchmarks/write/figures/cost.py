@@ -40,7 +40,7 @@ STACK = {
     "circle": (("circle",), RED),
     "extension": (("extension",), YELLOW),
     "Möbius": (("mobius",), PURPLE),
-    "repair, certificate": (("repair", "refine", "certificate"), "#bbbbbb"),
+    "repair, certificate": (("repair", "refine", "certificate", "distortion"), "#bbbbbb"),
 }
 
 

@@ -9,7 +9,7 @@ from .fallback import (
     by_trace,
     whitened_geodesic_map,
 )
-from .spread import spread
+from .spread import spread_corners
 
 __all__ = [
     "FALLBACKS",
@@ -18,6 +18,6 @@ __all__ = [
     "Rejected",
     "arc_length_map",
     "by_trace",
-    "spread",
+    "spread_corners",
     "whitened_geodesic_map",
 ]

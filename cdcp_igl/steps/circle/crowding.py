@@ -8,7 +8,7 @@ from ...arrays import Floats
 from ...errors import spell
 from ...surface.mesh import DiskMesh
 
-__all__ = ["crowding"]
+__all__ = ["crowding_reason"]
 
 # A boundary is crowded when more than MANY_CROWDED of its edges get less than this share of
 # the circle. On a corridor n times longer than wide, those at the ends get about exp(-pi n / 2).
@@ -16,7 +16,7 @@ CROWDED = 1e-14
 MANY_CROWDED = 0.1
 
 
-def crowding(mesh: DiskMesh, steps: Floats) -> str:
+def crowding_reason(mesh: DiskMesh, steps: Floats) -> str:
     """Say so if many boundary vertices coincide in double precision; empty otherwise.
 
     `steps` (nB,) are the shares of the circle from each boundary vertex to the next by

@@ -13,11 +13,11 @@ from ...certificate import is_around
 from ...solve.factored import FactoredSurface
 from ...surface.mesh import DiskMesh
 from ..extension import harmonic_extension
-from .crowding import crowding
+from .crowding import crowding_reason
 from .geodesic import geodesic_map
-from .harmonic_measure import arc_length, harmonic_measure
+from .harmonic_measure import arc_length_shares, harmonic_shares
 from .spread import around
-from .whiten import whiten
+from .whiten import whiten_trace
 
 __all__ = [
     "FALLBACKS",
@@ -133,7 +133,7 @@ def whitened_geodesic_map(trace: Complex) -> Complex:
     The algorithm follows circular arcs from point to point; on a short boundary, points
     along the edges of the trace keep it to the harmonic map, which is linear there.
     """
-    z = whiten(trace)
+    z = whiten_trace(trace)
     pieces = -(-ENOUGH_POINTS // len(z))
     along = np.arange(pieces) / pieces
     polygon = np.outer(z, 1 - along) + np.outer(np.roll(z, -1), along)
@@ -159,12 +159,12 @@ def by_harmonic_measure(surface: FactoredSurface, face: int) -> CircleMap:
         If crowding spoils it: many boundary vertices would coincide.
     """
     mesh, delaunay = surface.mesh, surface.delaunay
-    steps = harmonic_measure(mesh, delaunay.laplacian, delaunay.factor, face)
+    steps = harmonic_shares(mesh, delaunay.laplacian, delaunay.factor, face)
     if not np.isfinite(steps).all():
         raise Rejected("harmonic measure: no interior vertex at the central face")
-    if crowded := crowding(mesh, steps):
+    if crowded := crowding_reason(mesh, steps):
         raise Rejected(f"harmonic measure: {crowded}")
-    steps = np.maximum(steps, LEAST_SHARE * arc_length(mesh))
+    steps = np.maximum(steps, LEAST_SHARE * arc_length_shares(mesh))
     return _on_delaunay(surface, around(steps), "harmonic measure")
 
 
@@ -185,7 +185,7 @@ def _on_delaunay(surface: FactoredSurface, f_B: Complex, name: str) -> CircleMap
 
 def arc_length_map(mesh: DiskMesh) -> Complex:
     """(nB,) boundary vertices around the circle in proportion to their distances, from 1."""
-    return around(arc_length(mesh))
+    return around(arc_length_shares(mesh))
 
 
 # In the order in which they are tried.

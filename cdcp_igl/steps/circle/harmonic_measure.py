@@ -9,10 +9,10 @@ from ...solve.factor import Factor
 from ...solve.laplacian import Laplacian
 from ...surface.mesh import DiskMesh
 
-__all__ = ["arc_length", "harmonic_measure"]
+__all__ = ["arc_length_shares", "harmonic_shares"]
 
 
-def harmonic_measure(mesh: DiskMesh, L: Laplacian, factor: Factor, face: int) -> Floats:
+def harmonic_shares(mesh: DiskMesh, L: Laplacian, factor: Factor, face: int) -> Floats:
     """Share of the circle that belongs to every boundary edge when a face goes to its centre.
 
     log|f| of a conformal map f onto the disk is harmonic, 0 on the boundary, and has its pole
@@ -51,7 +51,7 @@ def harmonic_measure(mesh: DiskMesh, L: Laplacian, factor: Factor, face: int) ->
         return (flux + np.roll(flux, -1)) / (2 * flux.sum())
 
 
-def arc_length(mesh: DiskMesh) -> Floats:
+def arc_length_shares(mesh: DiskMesh) -> Floats:
     """(nB,) shares of the boundary edges in its length."""
     points = mesh.V[mesh.loop]
     lengths = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)

@@ -10,14 +10,16 @@ from ...arrays import Complex, Floats
 from ...certificate import increments
 from ...surface.mesh import DiskMesh
 
-__all__ = ["around", "spread"]
+__all__ = ["around", "spread_corners"]
 
 # A triangle inscribed in the unit circle with arcs p and q, both short, is p q / 2 high, and
 # rounding moves its corners by 1e-16 or two. So p q must not be much smaller than this.
 APART = 5e-8
 
 
-def spread(mesh: DiskMesh, f: Complex, extend: Callable[[Complex], Complex]) -> tuple[Complex, int]:
+def spread_corners(
+    mesh: DiskMesh, f: Complex, extend: Callable[[Complex], Complex]
+) -> tuple[Complex, int]:
     """Open the arcs under faces that would collapse because all their corners coincide.
 
     A conformal map puts the corners of an ear in a remote part of the surface so close

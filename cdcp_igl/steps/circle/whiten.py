@@ -6,13 +6,13 @@ import numpy as np
 
 from ...arrays import Complex
 
-__all__ = ["whiten"]
+__all__ = ["whiten_trace"]
 
 
 ROUNDS = 3
 
 
-def whiten(z: Complex) -> Complex:
+def whiten_trace(z: Complex) -> Complex:
     """Make the moments of inertia of a closed polygon equal, and its area pi.
 
     The trace of a dipole on one face is sum a_k zeta^k + b_k zeta^-k with a dominant

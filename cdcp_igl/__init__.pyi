@@ -1,0 +1,46 @@
+from . import datasets, io, plot, reference
+from .algorithm import cdcp, disk_map
+from .batching import Batch, Record, batch
+from .certificate import Certificate
+from .distortion import (
+    AngleDistortion,
+    angle_distortion,
+    area_distortion,
+    conformal_factor,
+    quasi_conformal_dilatation,
+)
+from .errors import Defect, MapError, MeshError, SolverError
+from .mapper import DiskMapper
+from .result import DiskMap
+from .surface.cleaning import Cleaned, clean
+from .surface.report import MeshReport, check
+
+__all__ = [
+    "AngleDistortion",
+    "Batch",
+    "Certificate",
+    "Cleaned",
+    "Defect",
+    "DiskMap",
+    "DiskMapper",
+    "MapError",
+    "MeshError",
+    "MeshReport",
+    "Record",
+    "SolverError",
+    "angle_distortion",
+    "area_distortion",
+    "batch",
+    "cdcp",
+    "check",
+    "clean",
+    "conformal_factor",
+    "datasets",
+    "disk_map",
+    "io",
+    "plot",
+    "quasi_conformal_dilatation",
+    "reference",
+]
+
+__version__: str

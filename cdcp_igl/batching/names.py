@@ -1,0 +1,105 @@
+"""Which files a batch maps, and what their results are called."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import os
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from ..io import READABLE
+
+__all__ = ["result_names", "shown", "surface_files"]
+
+
+def surface_files(inputs: Iterable[str | os.PathLike[str]], out: Path) -> list[Path]:
+    """List the files to map.
+
+    Parameters
+    ----------
+    inputs : iterable of path-like
+        Files; folders, for all readable files in them and below; patterns.
+    out : Path
+        The folder of the results, which is passed over when it is in another folder.
+
+    Returns
+    -------
+    list of Path
+        Absolute, each once, in their order; those of a folder or a pattern sorted. A file
+        that is named and does not exist is among them.
+
+    Raises
+    ------
+    ValueError
+        If a folder or a pattern has no surface, or a folder is that of the results.
+    """
+    out = out.absolute()
+    return list(dict.fromkeys(file for given in inputs for file in _expand(Path(given), out)))
+
+
+def _expand(given: Path, out: Path) -> Iterable[Path]:
+    given = given.absolute()
+    if given.is_dir():
+        found = _surfaces_below(given, out)
+    elif glob.has_magic(str(given)) and not given.exists():
+        paths = map(Path, glob.glob(str(given), recursive=True))
+        found = sorted(path for path in paths if _readable(path) and path.is_file())
+    else:
+        return [given]
+    if not found:
+        raise ValueError(f"{shown(given)}: no surface there ({' '.join(READABLE)})")
+    return found
+
+
+def _surfaces_below(folder: Path, out: Path) -> list[Path]:
+    if folder == out:
+        raise ValueError(f"{shown(folder)} is the folder of the results; give them another one")
+
+    def walk() -> Iterator[Path]:
+        for parent, folders, files in os.walk(folder):
+            folders[:] = [name for name in folders if name[0] != "." and Path(parent, name) != out]
+            yield from (Path(parent, name) for name in files if name[0] != ".")
+
+    return sorted(filter(_readable, walk()))
+
+
+def _readable(path: Path) -> bool:
+    return path.suffix.lower() in READABLE
+
+
+def result_names(files: list[Path]) -> list[str]:
+    """Name the result of each file, without suffix and all different.
+
+    The name of the file will do where it is the only one; files of one name in several
+    folders keep the folders below the common one, and those of one name and folder their
+    suffixes. Large and small letters count as equal, as they do to some file systems.
+    """
+    root = Path(os.path.commonpath([file.parent for file in files])) if files else Path()
+    below = [file.relative_to(root) for file in files]
+    spelled = [
+        (
+            path.stem,
+            path.with_suffix("").as_posix(),
+            path.as_posix(),
+            f"{path.as_posix()}-{hashlib.sha256(os.fsencode(path)).hexdigest()[:8]}",
+        )
+        for path in below
+    ]
+    levels = [0] * len(files)
+    while True:
+        names = [spellings[level] for spellings, level in zip(spelled, levels, strict=True)]
+        count = Counter(name.casefold() for name in names)
+        clashes = [
+            i for i, name in enumerate(names) if count[name.casefold()] > 1 and levels[i] < 3
+        ]
+        if not clashes:
+            return names
+        for i in clashes:
+            levels[i] += 1
+
+
+def shown(path: str | os.PathLike[str]) -> str:
+    r"""Spell a path so that it can be printed: bytes that are no UTF-8 as \xe9."""
+    return os.fsencode(path).decode("utf-8", "backslashreplace")

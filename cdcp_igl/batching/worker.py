@@ -1,0 +1,47 @@
+"""The process that maps one surface after the other, for `pool`.
+
+Run as ``python -m cdcp_igl.batching.worker`` it takes pickled tasks from its standard input and
+gives pickled records on its standard output, the first answer being None once it is ready.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import sys
+from queue import SimpleQueue
+from threading import Thread
+
+from .work import Task, Unwritten, map_file
+
+__all__: list[str] = []
+
+
+def _main() -> None:
+    # Libraries print on what is called standard output; they are not to print into the answers.
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    tasks: SimpleQueue[Task] = SimpleQueue()
+    Thread(target=_receive, args=(tasks,), daemon=True).start()
+    answer: object = None
+    while True:
+        pickle.dump(answer, answers)
+        answers.flush()
+        task = tasks.get()
+        try:
+            answer = map_file(task)
+        except Unwritten as error:
+            answer = error
+
+
+def _receive(tasks: SimpleQueue[Task]) -> None:
+    """End the process as soon as the one that started it has ended or closed the pipe."""
+    try:
+        while True:
+            tasks.put(pickle.load(sys.stdin.buffer))
+    finally:
+        os._exit(0)
+
+
+if __name__ == "__main__":
+    _main()

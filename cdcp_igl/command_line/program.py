@@ -1,0 +1,44 @@
+"""The program: its options, and a command for each thing to do."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from .. import __version__
+from .batches import batch_command
+from .checking import check_command
+from .comparing import compare_command
+from .mapping import map_command
+
+__all__ = ["app"]
+
+app = typer.Typer(
+    context_settings={"help_option_names": ["-h", "--help"]},
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"cdcp-igl {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def cdcp_igl(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
+    ] = False,
+) -> None:
+    """Disk conformal maps of triangulated surfaces: accurate, fast, certified."""
+
+
+app.command("check")(check_command)
+app.command("map")(map_command)
+app.command("compare")(compare_command)
+app.command("batch")(batch_command)

@@ -1,0 +1,113 @@
+"""glTF 2.0 in one file, glb: what browsers, viewers and game engines open.
+
+References
+----------
+The Khronos Group. glTF 2.0 Specification. 2021.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats, Ints
+from .images import Image
+
+__all__ = ["write_glb"]
+
+# Numbers that the specification gives to types and targets.
+FLOAT, UNSIGNED_INT = 5126, 5125
+VERTICES, INDICES = 34962, 34963
+
+PRIMITIVE = {
+    "attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2},
+    "indices": 3,
+    "material": 0,
+}
+MATERIAL = {
+    "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0},
+    "doubleSided": True,
+}
+SCENE = {
+    "asset": {"version": "2.0", "generator": "cdcp_igl"},
+    "scene": 0,
+    "scenes": [{"nodes": [0]}],
+    "nodes": [{"mesh": 0}],
+    "meshes": [{"primitives": [PRIMITIVE]}],
+    "materials": [MATERIAL],
+    "textures": [{"source": 0}],
+}
+
+
+def write_glb(
+    path: Path, V: Floats, F: Ints, texture: Floats, FT: Ints, vertex: Ints, image: Image
+) -> None:
+    """Write a surface with normals, texture coordinates and an image, in single precision.
+
+    Parameters
+    ----------
+    path : Path
+    V : (n, 3) float64
+    F : (m, 3) int64
+    texture : (k, 2) float64
+        From the lower left corner of the image.
+    FT : (m, 3) int64
+        Rows of `texture` at the corners of the faces.
+    vertex : (k,) int64
+        The vertex of each row of `texture`; a vertex with several is written as several.
+    image : Image
+    """
+    with np.errstate(over="ignore"):
+        positions = V.astype("<f4")[vertex]
+    if not np.isfinite(positions).all():
+        raise ValueError("V is too large for a glb file, which has single precision: scale it.")
+    upper_left = np.column_stack([texture[:, 0], 1 - texture[:, 1]])  # where glTF has its origin
+    arrays = (positions, _normals(V, F).astype("<f4")[vertex], upper_left.astype("<f4"))
+    pieces = [*(array.tobytes() for array in arrays), FT.astype("<u4").tobytes(), image.data]
+    views: list[dict[str, Any]] = []
+    at = 0
+    for piece in pieces:
+        views.append({"buffer": 0, "byteOffset": at, "byteLength": len(piece)})
+        at += len(piece) + -len(piece) % 4
+    for view, target in zip(views, (VERTICES, VERTICES, VERTICES, INDICES), strict=False):
+        view["target"] = target
+    box = {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
+    scene = {
+        **SCENE,
+        "images": [{"bufferView": len(arrays) + 1, "mimeType": image.mime}],
+        "accessors": [
+            _accessor(0, FLOAT, len(vertex), "VEC3") | box,
+            _accessor(1, FLOAT, len(vertex), "VEC3"),
+            _accessor(2, FLOAT, len(vertex), "VEC2"),
+            _accessor(3, UNSIGNED_INT, FT.size, "SCALAR"),
+        ],
+        "bufferViews": views,
+        "buffers": [{"byteLength": at}],
+    }
+    text = json.dumps(scene, separators=(",", ":")).encode("ascii")
+    text += b" " * (-len(text) % 4)
+    with path.open("wb") as file:
+        file.write(struct.pack("<4s2I", b"glTF", 2, 28 + len(text) + at))
+        file.write(struct.pack("<I4s", len(text), b"JSON") + text)
+        file.write(struct.pack("<I4s", at, b"BIN\0"))
+        for piece in pieces:
+            file.write(piece + b"\0" * (-len(piece) % 4))
+
+
+def _accessor(view: int, component: int, count: int, kind: str) -> dict[str, Any]:
+    return {"bufferView": view, "componentType": component, "count": count, "type": kind}
+
+
+def _normals(V: Floats, F: Ints) -> Floats:
+    """(n, 3) unit normals of the vertices, faces weighted by area."""
+    a, b, c = V[F.T] / (np.ptp(V, axis=0).max() or 1)  # products stay in range in any unit
+    areas = np.cross(b - a, c - a)
+    weights = np.repeat(areas, 3, axis=0).T
+    normals = np.array([np.bincount(F.ravel(), w, len(V)) for w in weights]).T
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    upwards = np.array([0.0, 0.0, 1.0])  # where there is none, as each must have length 1
+    return np.where(lengths > 0, normals / np.where(lengths > 0, lengths, 1), upwards)

@@ -1,0 +1,160 @@
+"""MATLAB mat files up to version 7: their matrices of real numbers.
+
+SciPy's reader ends the process on some damaged files, as it trusts the types they state. A
+mesh needs little of the format: a list of elements, each with its type and size, packed or not.
+
+References
+----------
+The MathWorks. MAT-File Format. 2023. mathworks.com/help/pdf_doc/matlab/matfile_format.pdf
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .damage import Damage
+from .unpacking import check_unpacking
+
+__all__ = ["matrices"]
+
+NUMBERS = {
+    **{1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4"},
+    **{9: "f8", 12: "i8", 13: "u8"},
+}
+MATRIX, PACKED = 14, 15
+# Of a matrix. It may be stored in fewer bytes: MATLAB packs doubles that are small integers.
+CLASSES = {
+    **{6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4"},
+    **{14: "i8", 15: "u8"},
+}
+COMPLEX = 0x800
+NUMBERS_OF_VERSION_4 = ("f8", "f4", "i4", "i2", "u2", "u1")
+HEADING = 1 << 10  # bytes; class, shape and name of a matrix take a tenth of it
+
+
+class Element(NamedTuple):
+    """A piece of a file, or of a matrix."""
+
+    kind: int
+    data: memoryview
+
+
+def matrices(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[Any] | None]:
+    """Those of the variables that are there; the others by name only, with None."""
+    data = memoryview(path.read_bytes())
+    if len(data) >= 4 and 0 in data[:4]:  # text, without zeros, begins the later version
+        return dict(_variables_of_version_4(data, names))
+    order = {b"IM": "<", b"MI": ">"}.get(bytes(data[126:128]))
+    if order is None:
+        raise Damage("it has no MATLAB header")
+    if struct.unpack_from(order + "H", data, 124) != (0x100,):
+        raise Damage("it is of MATLAB version 7.3, or unknown: save it with the option -v7")
+    return dict(_variable(element, order, names) for element in _elements(data[128:], order))
+
+
+def _elements(data: memoryview, order: str) -> Iterator[Element]:
+    """Yield the elements one after the other."""
+    at = 0
+    while at < len(data):
+        if at + 8 > len(data):
+            raise Damage("it is cut off")
+        kind, size = struct.unpack_from(order + "2I", data, at)
+        start = at + 8
+        if kind >> 16:  # up to four bytes, in the place of their number
+            kind, size, start = kind & 0xFFFF, kind >> 16, at + 4
+            at += 8
+        else:  # what is not packed begins at a multiple of 8
+            at = start + (size if kind == PACKED else -(-size // 8) * 8)
+        if start + size > len(data) or start + size > at:
+            raise Damage("it is cut off, or damaged")
+        yield Element(kind, data[start : start + size])
+
+
+def _variable(
+    element: Element, order: str, names: tuple[str, ...]
+) -> tuple[str, NDArray[Any] | None]:
+    """Name, and numbers if they are asked for, of an element of the file."""
+    kind, data = element
+    size = len(data)
+    packed = kind == PACKED
+    if packed:
+        head = zlib.decompressobj().decompress(data, HEADING)
+        if len(head) < 8:
+            raise Damage("it is cut off, or damaged")
+        kind, size = struct.unpack_from(order + "2I", head)
+    if kind != MATRIX:
+        return "", None
+    name = _heading(memoryview(head)[8:] if packed else data, order)[0]
+    if name not in names:
+        return name, None
+    if packed:
+        check_unpacking(name, size, len(data))
+        whole = zlib.decompressobj()
+        data = memoryview(whole.decompress(data, size + 8))[8:]
+        if len(data) != size or whole.decompress(whole.unconsumed_tail, 1) or not whole.eof:
+            raise Damage("it is damaged: its checksum is wrong")
+    return name, _numbers(data, order)
+
+
+def _heading(data: memoryview, order: str) -> tuple[str, int, tuple[int, ...], Iterator[Element]]:
+    """Name, flags and shape of a matrix, and the elements that follow."""
+    elements = _elements(data, order)
+    flags, shape, name = (next(elements, Element(0, memoryview(b""))).data for _ in range(3))
+    if len(flags) != 8 or len(shape) < 8 or len(shape) % 4:
+        raise Damage("it is damaged: a matrix has no class, or no shape")
+    (number,) = struct.unpack_from(order + "I", flags)
+    sizes = struct.unpack(f"{order}{len(shape) // 4}i", shape)
+    return bytes(name).rstrip(b"\0").decode("latin-1"), number, sizes, elements
+
+
+def _numbers(data: memoryview, order: str) -> NDArray[Any]:
+    name, flags, shape, rest = _heading(data, order)
+    if flags & 0xFF not in CLASSES or flags & COMPLEX:
+        raise Damage(f"{name} is no full matrix of real numbers")
+    kind, stored = next(rest, Element(0, memoryview(b"")))
+    if kind not in NUMBERS:
+        raise Damage(f"it is damaged: {name} is of no known type")
+    return _matrix(name, stored, order + NUMBERS[kind], shape).astype(CLASSES[flags & 0xFF])
+
+
+def _matrix(name: str, data: memoryview, kind: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    if min(shape) < 0 or math.prod(shape) * np.dtype(kind).itemsize != len(data):
+        raise Damage(f"it is damaged: {name} has not as many numbers as its shape says")
+    return np.frombuffer(data, kind).reshape(shape, order="F")
+
+
+def _variables_of_version_4(
+    data: memoryview, names: tuple[str, ...]
+) -> Iterator[tuple[str, NDArray[Any] | None]]:
+    """Name, and numbers if they are asked for, of each variable of a file of version 4."""
+    at = 0
+    while at < len(data):
+        if at + 20 > len(data):
+            raise Damage("it is cut off")
+        order = "<" if struct.unpack_from("<i", data, at)[0] in range(1000) else ">"
+        kind, rows, columns, imaginary, length = struct.unpack_from(order + "5i", data, at)
+        number, text = divmod(kind % 1000, 10)
+        if kind // 1000 != (order == ">") or number >= 6 or not 0 < length <= len(data):
+            raise Damage("it has no MATLAB header, or is damaged")
+        start = at + 20 + length
+        name = bytes(data[at + 20 : start]).rstrip(b"\0").decode("latin-1")
+        stored = order + NUMBERS_OF_VERSION_4[number]
+        size = rows * columns * np.dtype(stored).itemsize
+        at = start + size * (2 if imaginary else 1)
+        if min(rows, columns) < 0 or at > len(data):
+            raise Damage("it is cut off, or damaged")
+        if name not in names:
+            yield name, None
+            continue
+        if text or imaginary:
+            raise Damage(f"{name} is no full matrix of real numbers")
+        numbers = _matrix(name, data[start : start + size], stored, (rows, columns))
+        yield name, numbers.astype(stored[1:])

@@ -1,0 +1,152 @@
+"""Meshes from files."""
+
+from __future__ import annotations
+
+import stat
+import struct
+import zlib
+from collections.abc import Callable
+from lzma import LZMAError
+from os import PathLike
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Defect, MeshError
+from . import mat, npz
+from .damage import Damage
+from .obj import read_obj
+from .off import read_off
+from .ply import read_ply
+from .stl import read_stl
+
+__all__ = ["READABLE", "read_mesh"]
+
+Array = NDArray[Any]
+
+NAMES = (("V", "F"), ("v", "f"))
+
+
+def _read_mat(path: Path) -> tuple[Array, Array]:
+    return _pick(mat.matrices(path, sum(NAMES, ())))
+
+
+def _read_npz(path: Path) -> tuple[Array, Array]:
+    return _pick(npz.arrays(path, sum(NAMES, ())))
+
+
+def _pick(found: dict[str, Array | None]) -> tuple[Array, Array]:
+    for names in NAMES:
+        V, F = map(found.get, names)
+        if V is not None and F is not None:
+            for name, array in zip(names, (V, F), strict=True):
+                if array.ndim != 2:
+                    raise Damage(f"{name} is no table, but has shape {array.shape}")
+            return V, F
+    raise Damage(f"it must hold V and F (or v and f), not {', '.join(found) or 'nothing'}")
+
+
+READERS: dict[str, Callable[[Path], tuple[Array, Array]]] = {
+    ".mat": _read_mat,
+    ".npz": _read_npz,
+    ".obj": read_obj,
+    ".off": read_off,
+    ".ply": read_ply,
+    ".stl": read_stl,
+}
+READABLE = tuple(READERS)
+
+# What libraries below the readers raise on bytes that they do not understand.
+DAMAGE = (
+    *(OSError, EOFError, ValueError, LookupError, ArithmeticError, RuntimeError),
+    *(BadZipFile, LZMAError, struct.error, zlib.error),
+)
+
+
+def read_mesh(
+    path: str | PathLike[str], note: Callable[[str], None] | None = None
+) -> tuple[Array, Array]:
+    """Read a triangle mesh.
+
+    Parameters
+    ----------
+    path : path-like
+        A file named .obj, .off, .ply or .stl; or .npz or .mat with V and F (or v and f).
+    note : callable, optional
+        Told, in a sentence, what was changed on reading.
+
+    Returns
+    -------
+    V : (n, 3) ndarray
+        Vertex positions, in the order of the file; in stl files, where each triangle has
+        its own corners, equal ones are merged in the order of their first appearance.
+    F : (m, 3) ndarray of integers
+        Corners of the faces, in the order of the file, counting from 0. Polygons in obj,
+        off and ply files are split into fans.
+
+    Raises
+    ------
+    OSError
+        If there is no such file, or it must not be read.
+    MeshError
+        If it is not of a known type, not readable as its type, no regular file, or of a size
+        that no mesh unpacks to. Whether the mesh is a disk is not examined.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from cdcp_igl.io import read_mesh
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder, "triangle.npz")
+    ...     np.savez(file, V=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], F=[[1, 2, 3]])
+    ...     V, F = read_mesh(file, print)
+    The faces count vertices from 1, as in MATLAB; 1 was subtracted.
+    >>> F
+    array([[0, 1, 2]])
+    """
+    path = Path(path)
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise _unreadable(f"{path.name!r} is of no known type", f"Readable: {' '.join(READABLE)}.")
+    if "\0" in str(path):
+        raise _unreadable(f"{path.name!r} is no name of a file", "It holds a zero.")
+    kind = path.stat().st_mode
+    if not (stat.S_ISREG(kind) or stat.S_ISDIR(kind)):  # to open a FIFO may take for ever
+        raise _unreadable(
+            f"{path.name!r} is a device, a FIFO or a socket", "Copy it to a file first."
+        )
+    path.open("rb").close()  # OSError if it is a folder or forbidden; later ones mean damage
+    try:
+        V, F = reader(path)
+    except Damage as error:
+        raise _damaged(path, str(error)) from None
+    except MemoryError as error:
+        raise _damaged(path, "it does not fit into the memory") from error
+    except MeshError:
+        raise
+    except DAMAGE as error:
+        raise _damaged(path, "it is cut off, or damaged") from error
+    if path.suffix.lower() in (".npz", ".mat") and _counts_from_one(V, F):
+        F = F.astype(np.int64) - 1
+        if note:
+            note("The faces count vertices from 1, as in MATLAB; 1 was subtracted.")
+    return V, F
+
+
+def _unreadable(what: str, remedy: str) -> MeshError:
+    return MeshError(Defect("unreadable file", what, remedy))
+
+
+def _damaged(path: Path, reason: str) -> MeshError:
+    what = f"{path.name!r} is not a readable {path.suffix[1:]} file: {reason}"
+    return _unreadable(what, "Export it again, or in another format.")
+
+
+def _counts_from_one(V: Array, F: Array) -> bool:
+    # No mesh that counts from 0 has an index n.
+    return F.dtype.kind in "iuf" and F.size > 0 and F.min() == 1 and F.max() == len(V)

@@ -1,0 +1,192 @@
+"""Maps to files."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Floats, Ints
+from ..surface.validation import as_faces, as_vertices
+from .corners import indexed
+from .glb import write_glb
+from .images import Image, checkerboard, read_image
+from .like import write_like
+from .npz import write_npz
+from .obj import write_obj
+from .output import whole_file
+from .ply import write_ply
+from .reading import read_mesh
+
+__all__ = ["WRITABLE", "MapResult", "write_map"]
+
+WRITABLE = (".glb", ".npz", ".obj", ".ply")
+MATERIAL = """\
+newmtl surface
+Ka 1 1 1
+Kd 1 1 1
+Ks 0 0 0
+map_Kd {image}
+"""
+
+
+class MapResult(Protocol):
+    """What the functions that map return."""
+
+    @property
+    def uv(self) -> Floats:
+        """(n, 2) for each vertex, or (m, 3, 2) for each corner."""
+
+
+def write_map(
+    path: str | PathLike[str],
+    V: ArrayLike,
+    F: ArrayLike,
+    uv: ArrayLike | MapResult,
+    *,
+    disk: bool = False,
+    like: str | PathLike[str] | None = None,
+    image: str | PathLike[str] | None = None,
+) -> None:
+    """Write a surface with its map.
+
+    Parameters
+    ----------
+    path : path-like
+        Named .npz (V, F and uv as given), .obj or .ply (uv as texture coordinates, to the
+        last bit), or .glb (in single precision, with normals and an image). An existing file
+        is replaced once the new one is complete.
+    V : (n, 3) or (n, 2) array_like
+        Vertex positions.
+    F : (m, 3) array_like of integers
+        Corners of the faces.
+    uv : (n, 2) array_like, (m, 3, 2) array_like, DiskMap or SurfaceMap
+        Map onto the unit disk, for each vertex or for each corner of the faces. Of a
+        SurfaceMap, its disks side by side (``packed()``) become texture coordinates.
+    disk : bool
+        Leave texture coordinates as they are, in the unit disk, rather than in the unit
+        square ((uv + 1) / 2), where texturing programs expect them.
+    like : path-like, optional
+        The obj file that V and F were read from, to write an obj file that differs from it
+        in texture coordinates only: polygons, groups, materials, normals, colours and
+        comments stay. Polygons that were cut open within are written as triangles.
+    image : path-like, optional
+        A PNG or JPEG file to show on the surface, or ``"checkerboard"``, which is what a
+        glb file has if nothing else is named. For an obj file, a .mtl file and the image are
+        written beside it, under its name.
+
+    Raises
+    ------
+    MeshError
+        If V or F are no vertices and faces.
+    ValueError
+        If the file is not of a known type, uv does not fit V and F or is not finite, `like`
+        is another mesh, or an option does not go with the type.
+    OSError
+        If the file cannot be written; nothing is left behind.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import cdcp_igl
+    >>> from cdcp_igl.io import write_map
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(4)
+    >>> result = cdcp_igl.disk_map(V, F)
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder, "cap.npz")
+    ...     write_map(file, V, F, result)
+    ...     with np.load(file) as saved:
+    ...         bool((saved["uv"] == result.uv).all())
+    True
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    _check_options(path, suffix, like, image)
+    as_vertices(V)
+    faces, plane = as_faces(F, len(np.asarray(V))), _map(uv, np.shape(V)[0], np.shape(F)[0])
+    if suffix == ".npz":
+        with whole_file(path) as unfinished:
+            write_npz(unfinished, V, F, plane)
+        return
+    positions = np.zeros((np.shape(V)[0], 3))
+    positions[:, : np.shape(V)[1]] = V
+    if not disk:
+        plane = uv.packed() if hasattr(uv, "packed") else (plane + 1) / 2
+    if plane.ndim == 2:
+        texture, FT, vertex = plane, faces, np.arange(len(plane))
+    else:
+        texture, FT, vertex = indexed(faces, plane)
+    if like is not None:
+        _check_like(Path(like), positions, faces)
+    shown = _image(suffix, image)
+    with whole_file(path) as unfinished:
+        if suffix == ".ply":
+            write_ply(unfinished, positions, faces, texture, FT if plane.ndim == 3 else None)
+        elif suffix == ".glb" and shown:
+            write_glb(unfinished, positions, faces, texture, FT, vertex, shown)
+        elif like is not None:
+            write_like(unfinished, Path(like), texture, FT)
+        else:
+            materials = _write_material(path, shown) if shown else None
+            write_obj(unfinished, positions, faces, texture, FT, materials)
+
+
+def _check_options(
+    path: Path,
+    suffix: str,
+    like: str | PathLike[str] | None,
+    image: str | PathLike[str] | None,
+) -> None:
+    if "\0" in str(path):
+        raise ValueError(f"{path.name!r} holds a zero and is no name of a file.")
+    if suffix not in WRITABLE:
+        raise ValueError(f"{path.name!r} is of no known type. Writable: {' '.join(WRITABLE)}")
+    if like is not None and {suffix, Path(like).suffix.lower()} != {".obj"}:
+        raise ValueError("like= is for obj files: the given one, and the one to write.")
+    if image is not None and suffix not in (".glb", ".obj"):
+        raise ValueError(f"A {suffix} file shows no image: write .glb or .obj.")
+    if image is not None and like is not None:
+        raise ValueError("Of like= and image= only one is possible: materials stay with like=.")
+
+
+def _map(uv: ArrayLike | MapResult, n: int, m: int) -> Floats:
+    """Take uv as an array; ValueError if it is no map of n vertices or m faces."""
+    plane = np.asarray(getattr(uv, "uv", uv))
+    if plane.dtype.kind not in "iuf" or plane.shape not in ((n, 2), (m, 3, 2)):
+        raise ValueError(
+            f"uv has shape {plane.shape}: it must be ({n}, 2), a row a vertex, "
+            f"or ({m}, 3, 2), for each corner of the faces."
+        )
+    bad = np.flatnonzero(~np.isfinite(plane).all(axis=tuple(range(1, plane.ndim))))
+    if len(bad):
+        raise ValueError(f"uv is NaN or infinite in {len(bad):,} rows, the first {bad[0]}.")
+    return plane.astype(np.float64, copy=False)
+
+
+def _check_like(like: Path, V: Floats, F: Ints) -> None:
+    given_V, given_F = read_mesh(like)
+    if not (np.array_equal(given_V, V) and np.array_equal(given_F, F)):
+        raise ValueError(
+            f"{like.name!r} holds another mesh than V and F: pass them as `read_mesh` read them."
+        )
+
+
+def _image(suffix: str, image: str | PathLike[str] | None) -> Image | None:
+    if image is None and suffix != ".glb":
+        return None
+    return checkerboard() if image in (None, "checkerboard") else read_image(image)
+
+
+def _write_material(path: Path, image: Image) -> str:
+    """Write the mtl file of an obj file, and its image, beside it; return the name."""
+    materials, picture = path.with_suffix(".mtl"), path.with_suffix(image.suffix)
+    with whole_file(picture) as unfinished:
+        unfinished.write_bytes(image.data)
+    with whole_file(materials) as unfinished:
+        unfinished.write_text(MATERIAL.format(image=picture.name), encoding="utf-8")
+    return materials.name

@@ -1,0 +1,243 @@
+"""How faces hang together: components, fans of faces at a vertex, boundary loops, genus."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+from .. import libigl
+from ..arrays import Bools, Floats, Indices, Ints
+from .edges import Edges, group_by_edge, half_edges
+
+__all__ = ["Topology", "duplicate_faces", "outer_loop"]
+
+
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """The topology of a triangle mesh, whatever it is; computed as far as it is asked for.
+
+    One sort of undirected edges is behind it all. Half-edge k m + f leaves corner k of
+    face f.
+
+    Attributes
+    ----------
+    F : (m, 3) int64
+        The faces, indices in range, no vertex at two corners of one.
+    n : int
+        The number of vertices.
+    """
+
+    F: Ints
+    n: int
+
+    @cached_property
+    def edges(self) -> Edges:
+        """The undirected edges."""
+        return group_by_edge(self._tail, self._head, self.n)
+
+    @cached_property
+    def singular(self) -> Bools:
+        """(e,) edges with three faces or more."""
+        return self.edges.valence > 2
+
+    @cached_property
+    def twins(self) -> tuple[Indices, Indices]:
+        """The half-edges on either side of each edge that has two faces."""
+        two = self.edges.start[self.edges.valence == 2]
+        return self.edges.sides[two], self.edges.sides[two + 1]
+
+    @cached_property
+    def border(self) -> Indices:
+        """The half-edges of the edges that have one face."""
+        return self.edges.sides[self.edges.start[self.edges.valence == 1]]
+
+    @cached_property
+    def used(self) -> Bools:
+        """(n,) vertices with faces."""
+        used = np.zeros(self.n, dtype=bool)
+        used[self.F] = True
+        return used
+
+    @cached_property
+    def ears(self) -> Ints:
+        """Faces with two boundary edges or three."""
+        m = len(self.F)
+        return np.flatnonzero(np.bincount(self.border % m, minlength=m) > 1)
+
+    @cached_property
+    def chords(self) -> Ints:
+        """(k, 2) ends of the edges with two faces that join two boundary vertices."""
+        on_boundary = np.zeros(self.n, dtype=bool)
+        on_boundary[self._tail[self.border]] = on_boundary[self._head[self.border]] = True
+        edges = self.edges
+        inner = (edges.valence == 2) & on_boundary[edges.low] & on_boundary[edges.high]
+        return self.ends(inner)
+
+    def ends(self, chosen: Bools) -> Ints:
+        """(k, 2) vertices of some of the edges."""
+        return np.column_stack([self.edges.low[chosen], self.edges.high[chosen]]).astype(np.int64)
+
+    # -- components and orientation ----------------------------------------------------
+
+    @cached_property
+    def components(self) -> tuple[int, NDArray[np.int32]]:
+        """Number of components of faces that share edges, and that of each face."""
+        # Every face has three neighbours, itself where one is missing, so the adjacency can
+        # be written down in CSR form without sorting. Nobody reads its entries.
+        (one, other), m = self.twins, len(self.F)
+        neighbour = np.tile(np.arange(m, dtype=np.int32), 3)
+        neighbour[one], neighbour[other] = other % m, one % m
+        graph = csr_matrix(
+            (np.zeros(3 * m), neighbour.reshape(3, m).T.ravel(), np.arange(0, 3 * m + 1, 3)), (m, m)
+        )
+        if len(breadth_first_order(graph, 0, return_predecessors=False)) == m:
+            return 1, np.zeros(m, np.int32)
+        return connected_components(graph, directed=False)
+
+    @cached_property
+    def is_oriented(self) -> bool:
+        """Whether faces that share an edge run along it in opposite directions."""
+        one, other = self.twins
+        return not (self._tail[one] == self._tail[other]).any()
+
+    @cached_property
+    def against(self) -> Ints | None:
+        """Faces that are oriented against most of their component; None if it has one side."""
+        (one, other), m = self.twins, len(self.F)
+        if self.is_oriented:
+            return np.empty(0, np.int64)
+        # Node f stands for face f as it is, node f + m for its reversal.
+        left, right = one % m, other % m
+        shift = np.where(self._tail[one] == self._tail[other], m, 0)
+        rows = np.concatenate([left, left + m])
+        columns = np.concatenate([right + shift, right + m - shift])
+        _, side = _components_of_pairs(rows, columns, 2 * m)
+        if (side[:m] == side[m:]).any():
+            return None
+        size = np.bincount(side[:m], minlength=side.max() + 1)
+        mine, theirs = size[side[:m]], size[side[m:]]
+        return np.flatnonzero((mine < theirs) | ((mine == theirs) & (side[:m] > side[m:])))
+
+    # -- vertices ----------------------------------------------------------------------
+
+    @cached_property
+    def fans(self) -> tuple[int, NDArray[np.int32]]:
+        """Corners, (3m,) in the order of ``F.T``, grouped around each vertex across twins."""
+        (one, other), m = self.twins, len(self.F)
+        # The next half-edge of the same face leaves the other end of the edge.
+        after_one, after_other = (one + m) % self.F.size, (other + m) % self.F.size
+        aligned = self._tail[one] == self._tail[other]
+        rows = np.concatenate([one, after_one])
+        columns = np.concatenate(
+            [np.where(aligned, other, after_other), np.where(aligned, after_other, other)]
+        )
+        return _components_of_pairs(rows, columns, self.F.size)
+
+    @cached_property
+    def pinched(self) -> Ints:
+        """Vertices whose corners form more than one fan across twins."""
+        if self._is_plainly_a_disk:
+            return np.empty(0, np.int64)
+        n_fans, fan = self.fans
+        vertex_of_fan = np.empty(n_fans, np.int64)
+        vertex_of_fan[fan] = self.F.T.ravel()
+        return np.flatnonzero(np.bincount(vertex_of_fan, minlength=self.n) > 1)
+
+    @cached_property
+    def is_manifold(self) -> bool:
+        """Whether each edge has one face or two, and each vertex one fan of them."""
+        return not self.singular.any() and len(self.pinched) == 0
+
+    @cached_property
+    def _is_plainly_a_disk(self) -> bool:
+        """Whether counting alone shows that the faces, once oriented, form a disk.
+
+        Let them hang together across edges, none with more than two faces, with a boundary
+        that is not empty and does not touch itself, and have Euler characteristic 1. With p
+        pinched vertices undone, the surface has characteristic 1 + p; but with a boundary it
+        has at most 1, and then it is a disk. So p = 0.
+        """
+        if self.singular.any() or len(self.border) == 0 or self.components[0] > 1:
+            return False
+        ends = np.concatenate([self._tail[self.border], self._head[self.border]])
+        return self.euler_characteristic == 1 and bool(np.bincount(ends).max() == 2)
+
+    # -- boundary and genus ------------------------------------------------------------
+
+    @cached_property
+    def euler_characteristic(self) -> int:
+        """Vertices with faces, less edges, plus faces."""
+        return int(self.used.sum()) - len(self.edges.low) + len(self.F)
+
+    @cached_property
+    def loops(self) -> list[Ints]:
+        """The boundary loops of a manifold with two sides, each from its smallest vertex.
+
+        The surface is on their left, after the faces of `against` are reversed.
+        """
+        if not self.is_manifold or self.against is None:
+            return []
+        tail, head = self._tail[self.border], self._head[self.border]
+        if len(self.against):
+            turned = np.isin(self.border % len(self.F), self.against)
+            tail, head = np.where(turned, head, tail), np.where(turned, tail, head)
+        if self._is_plainly_a_disk:
+            return [_from_smallest(libigl.path(np.column_stack([tail, head]).astype(np.int64)))]
+        return _cycles(tail, head)
+
+    @cached_property
+    def genus(self) -> int | None:
+        """Handles of all components of a manifold with two sides; None of another mesh."""
+        if not self.is_manifold or self.against is None:
+            return None
+        return (2 * self.components[0] - len(self.loops) - self.euler_characteristic) // 2
+
+    @cached_property
+    def _tail(self) -> Indices:
+        return half_edges(self.F, self.n)[0]
+
+    @cached_property
+    def _head(self) -> Indices:
+        return np.roll(self._tail, -len(self.F))
+
+
+def duplicate_faces(F: Ints) -> Ints:
+    """Faces that have the corners of an earlier one, in whatever order."""
+    _, first = np.unique(np.sort(F, axis=1), axis=0, return_index=True)
+    return np.setdiff1d(np.arange(len(F)), first)
+
+
+def outer_loop(V: Floats, loops: list[Ints]) -> Ints:
+    """Choose the loop that reaches farthest, by the diagonal of its box.
+
+    In the plane it encloses all others, however long and finely resolved those are.
+    """
+    finite = np.where(np.isfinite(V), V, 0)
+    return max(loops, key=lambda loop: float(np.linalg.norm(np.ptp(finite[loop], axis=0))))
+
+
+def _components_of_pairs(rows: Indices, columns: Indices, n: int) -> tuple[int, NDArray[np.int32]]:
+    graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n))
+    return connected_components(graph, directed=False)
+
+
+def _cycles(tail: Indices, head: Indices) -> list[Ints]:
+    """Cycles of the permutation tail -> head, each from its smallest vertex."""
+    by_tail = np.argsort(tail)
+    following = dict(zip(tail[by_tail].tolist(), head[by_tail].tolist(), strict=True))
+    loops = []
+    while following:
+        loop = [next(iter(following))]
+        while (vertex := following.pop(loop[-1])) != loop[0]:
+            loop.append(vertex)
+        loops.append(np.array(loop, dtype=np.int64))
+    return loops
+
+
+def _from_smallest(loop: Ints) -> Ints:
+    return np.roll(loop, -int(loop.argmin()))

@@ -1,0 +1,67 @@
+"""Which surfaces a batch maps, and what the results are called."""
+
+import os
+
+import pytest
+from batches import command, lines, write_surfaces
+
+from cdcp_igl.batching import batch
+from cdcp_igl.batching.names import result_names, shown, surface_files
+
+
+@pytest.fixture
+def scans(tmp_path):
+    return write_surfaces(tmp_path / "scans", 5)
+
+
+def test_names_do_not_collide(tmp_path):
+    files = ["a/face.obj", "b/face.obj", "b/Face.ply", "b/hand.obj", "face.npz"]
+    files += ["hand.obj.off", "c/x.obj", "c/x.ply", "c/x.obj.ply"]
+    paths = [tmp_path / file for file in files]
+    names = result_names(paths)
+    assert names[0] == "a/face"
+    assert names[1] == "b/face.obj"
+    assert names[3] == "b/hand" or names[3] == "hand"
+    assert len({name.casefold() for name in names}) == len(names)
+    assert result_names([tmp_path / "one.obj"]) == ["one"]
+    assert result_names([]) == []
+
+
+def test_large_and_small_letters_count_as_equal(tmp_path):
+    names = result_names([tmp_path / "Face.obj", tmp_path / "face.obj"])
+    assert len({name.casefold() for name in names}) == 2
+
+
+def test_folders_and_patterns(scans, tmp_path):
+    out = scans / "maps"
+    (scans / "below" / ".hidden").mkdir(parents=True)
+    for name in ("below/a.obj", "below/notes.txt", "below/.b.obj", "below/.hidden/c.obj"):
+        (scans / name).touch()
+    out.mkdir()
+    (out / "surface_000.npz").touch()
+    expected = [scans / "below" / "a.obj", *(scans / f"surface_{i:03}.npz" for i in range(5))]
+    assert surface_files([scans], out) == expected
+    assert surface_files([scans, scans / "surface_003.npz"], out) == expected
+    assert surface_files([f"{scans}/*_00[12].npz"], out) == expected[2:4]
+    assert surface_files([f"{scans}/**/*.obj"], out) == expected[:1]
+    assert surface_files([tmp_path / "missing.obj"], out) == [tmp_path / "missing.obj"]
+    for nothing in (f"{scans}/*.stl", out.parent / "below" / ".hidden" / "none*.obj"):
+        with pytest.raises(ValueError, match="no surface there"):
+            surface_files([nothing], out)
+    with pytest.raises(ValueError, match="folder of the results"):
+        surface_files([scans], scans)
+
+
+def test_names_that_are_no_text(scans, tmp_path):
+    name = os.fsdecode(b"Stra\xdfe 5\n.npz")  # Latin-1
+    try:
+        (scans / "surface_000.npz").rename(scans / name)
+    except OSError:  # a file system that takes UTF-8 only
+        pytest.skip("no such names here")
+    done = command(scans, tmp_path / "maps")
+    assert done.returncode == 0, done.stderr
+    assert "Stra\\xdfe 5" in done.stdout
+    assert (tmp_path / "maps" / name).exists()
+    assert len(batch([scans], tmp_path / "maps").done) == 5
+    assert len(lines(tmp_path / "maps")) == 5
+    assert "\\xdf" in shown(name)

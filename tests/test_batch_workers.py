@@ -1,0 +1,188 @@
+"""Workers of a batch that die, hang and grow, and those of others."""
+
+import json
+import multiprocessing
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
+
+import meshes
+import numpy as np
+import pytest
+from batches import ROOT, WORKERS, command, contents, lines, write_surfaces
+
+import cdcp_igl
+from cdcp_igl.batching import batch, pool
+from cdcp_igl.batching.memory import memory_needed
+
+
+@pytest.fixture
+def scans(tmp_path):
+    return write_surfaces(tmp_path / "scans", 5)
+
+
+@pytest.fixture
+def unruly(monkeypatch):
+    """Workers that die, hang and grow, by the name of the surface."""
+    path = os.environ.get("PYTHONPATH", "")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(WORKERS), str(ROOT), path]))
+
+
+def write_unruly(folder, *names):
+    for name in names:
+        V, F = meshes.grid()
+        np.savez(folder / f"{name}_x.npz", V=V, F=F)
+
+
+@pytest.mark.usefixtures("unruly")
+def test_one_surface_does_not_cost_the_others(scans, tmp_path):
+    write_unruly(scans, "kill", "segfault", "once", "words", "hang", "hog", "chatty")
+    limits = {"time_limit": 4, "memory_limit": 500}
+    made = batch([scans], tmp_path / "maps", jobs=2, **limits)
+    said = {record.name: (record.error, record.message) for record in made.failed}
+    assert said == {
+        "kill_x": ("Crash", "crashed: SIGKILL (3 times)"),
+        "segfault_x": ("Crash", "crashed: SIGSEGV (3 times)"),
+        "words_x": ("Crash", "failed: last words (3 times)"),
+        "hang_x": ("TimeLimit", "no result within 4 s"),
+        "hog_x": ("MemoryLimit", "more than 500 MiB of memory"),
+    }
+    assert len(made.done) == 7
+    seen = []
+    batch([scans], tmp_path / "maps", progress=lambda *counts: seen.append(counts), **limits)
+    assert seen == [(7, 5, 12)]
+
+
+def test_a_worker_that_cannot_start(scans, tmp_path, monkeypatch):
+    broken = tmp_path / "broken"
+    broken.mkdir()
+    (broken / "numpy.py").write_text("raise ImportError('no numpy today')")
+    monkeypatch.setenv("PYTHONPATH", str(broken))
+    monkeypatch.chdir(Path(cdcp_igl.__file__).parents[1])
+    with pytest.raises(RuntimeError, match="no numpy today"):
+        batch([scans], tmp_path / "maps")
+    assert lines(tmp_path / "maps") == []
+
+
+def test_large_surfaces_wait_for_each_other(scans, tmp_path, monkeypatch):
+    running, most = set(), []
+
+    class Watched(pool._Worker):
+        def begin(self, task):
+            running.add(task.name)
+            most.append(len(running))
+            super().begin(task)
+
+    monkeypatch.setattr(pool, "_Worker", Watched)
+
+    def finished(done, failed, total):
+        for line in lines(tmp_path / "maps"):
+            running.discard(line["name"])
+
+    monkeypatch.setattr(pool, "available_memory", lambda: 1000.0)
+    monkeypatch.setattr(pool, "memory_needed", lambda path: 600.0)
+    assert len(batch([scans], tmp_path / "maps", jobs=3, progress=finished).done) == 5
+    assert max(most) == 1
+
+
+@pytest.mark.parametrize("suffix", ["npz", "obj", "off", "ply", "stl"])
+def test_the_memory_is_guessed_from_above(tmp_path, suffix):
+    V, F = meshes.grid(40, 50)
+    path = tmp_path / f"grid.{suffix}"
+    if suffix == "npz":
+        np.savez_compressed(path, V=V, F=F)
+    else:
+        trimesh = pytest.importorskip("trimesh")
+        trimesh.Trimesh(V, F, process=False).export(path)
+    least = memory_needed(str(tmp_path / "missing.obj"))
+    assert least + 2000 * 1e-3 < memory_needed(str(path)) < least + 2000 * 1e-2
+
+
+# -- executors -------------------------------------------------------------------------
+
+
+def test_any_executor(scans, tmp_path):
+    batch([scans], tmp_path / "whole")
+    for number, kind in enumerate((ThreadPoolExecutor, ProcessPoolExecutor)):
+        with kind(2) as executor:
+            made = batch([scans], tmp_path / f"maps{number}", executor=executor)
+        assert len(made.done) == 5
+        assert contents(tmp_path / f"maps{number}") == contents(tmp_path / "whole")
+        assert not list((tmp_path / f"maps{number}").glob(".*"))
+
+
+@pytest.mark.usefixtures("unruly")
+def test_an_executor_that_breaks(scans, tmp_path):
+    """It cannot be mended; what it has not come to is left for another run."""
+    write_unruly(scans, "kill")
+    out = tmp_path / "maps"
+    spawned = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
+    with spawned as executor, pytest.raises(BrokenExecutor, match="are left for"):
+        batch([scans], out, executor=executor)
+    assert [line["error"] for line in lines(out) if line["status"] == "failed"] == ["Crash"]
+    assert len(batch([scans], out).done) == 5
+    assert not list(out.glob(".*"))
+
+
+# -- Dask ------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def cluster(unruly):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
+        yield cluster
+
+
+def test_dask(scans, tmp_path, cluster):
+    write_unruly(scans, "once", "kill", "chatty")
+    np.savez(scans / "torn.npz", V=meshes.grid()[0], F=meshes.grid()[1][1:-30])
+    batch([scans], tmp_path / "whole", jobs=2)
+    with cluster.get_client() as client:
+        made = batch([scans], tmp_path / "maps", executor=client)
+    said = {record.name: (record.error, record.message) for record in made.failed}
+    assert said.pop("torn")[0] == "MeshError"
+    assert said == {"kill_x": ("Crash", "the worker died (3 times)")}
+    assert len(made.done) == 7
+    assert contents(tmp_path / "maps") == contents(tmp_path / "whole")
+    assert not list((tmp_path / "maps").glob(".*"))
+
+
+def test_a_scheduler_started_by_hand(scans, tmp_path):
+    pytest.importorskip("distributed")
+    batch([scans], tmp_path / "whole")
+    file = tmp_path / "scheduler.json"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": ROOT}
+    dask = [sys.executable, "-m", "dask"]
+    options = ["--scheduler-file", str(file), "--no-dashboard"]
+    started = [
+        subprocess.Popen([*dask, *arguments, *options], **quiet)
+        for arguments in (["scheduler", "--port", "0"], ["worker", "--nworkers=2", "--nthreads=1"])
+    ]
+    try:
+        deadline = time.monotonic() + 60
+        while not (file.exists() and file.read_text().endswith("}")):
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
+        address = json.loads(file.read_text())["address"]
+        done = command(scans, tmp_path / "maps", "--scheduler", address)
+    finally:
+        for process in reversed(started):
+            process.terminate()
+            process.wait(30)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "5 of 5 surfaces mapped" in done.stdout
+    assert contents(tmp_path / "maps") == contents(tmp_path / "whole")
+
+
+def test_no_scheduler(scans, tmp_path):
+    pytest.importorskip("distributed")
+    done = command(scans, tmp_path / "maps", "--scheduler", "tcp://127.0.0.1:9", timeout=100)
+    assert done.returncode == 1
+    assert "tcp://127.0.0.1:9" in done.stderr
+    assert "Traceback" not in done.stderr

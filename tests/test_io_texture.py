@@ -1,0 +1,338 @@
+"""Maps in files that other programs open: obj with all it had, glb, corners of their own."""
+
+import io
+import re
+import struct
+from types import SimpleNamespace
+
+import numpy as np
+import pygltflib
+import pytest
+import trimesh
+from PIL import Image
+
+from cdcp_igl import MeshError, datasets, disk_map
+from cdcp_igl.io import read_mesh, write_map
+from cdcp_igl.io.corners import indexed
+from cdcp_igl.io.images import checkerboard
+
+SCENE = """\
+# made by hand, in a hurry
+mtllib scene.mtl
+o Stra\xdfe
+v 0 0 0 1 0 0
+v  1.0 0 0  0 1 0
+v 1 1 0 0 0 1
+v 0 1 0 1 1 1 # the last of the square
+vn 0 0 1
+vt 0.5 0.5
+v 2 0 0.25 1 0 0
+v 2 1 0.25 1 0 0
+v 3 0.5 0 1 0 0
+
+g left quads
+usemtl red
+s 1
+f 1/1/1  2//1 3 4 # a quad
+usemtl blue
+f -6//1 -3/1 \\
+  -2 3
+g tip
+f 5 7/1/1 6
+l 1/1 2/1 3
+"""
+EXPECTED = """\
+# made by hand, in a hurry
+mtllib scene.mtl
+o Stra\xdfe
+v 0 0 0 1 0 0
+v  1.0 0 0  0 1 0
+v 1 1 0 0 0 1
+v 0 1 0 1 1 1 # the last of the square
+vn 0 0 1
+v 2 0 0.25 1 0 0
+v 2 1 0.25 1 0 0
+v 3 0.5 0 1 0 0
+
+g left quads
+usemtl red
+s 1
+{vt}f 1/1/1  2/2/1 3/3 4/4 # a quad
+usemtl blue
+f -6/{two}/1 -3/{five} \\
+  -2/{six} 3/{three}
+g tip
+f 5/{five} 7/{seven}/1 6/{six}
+l 1 2 3
+"""
+
+
+def scene(tmp_path, newline="\n", text=SCENE):
+    path = tmp_path / "scene.obj"
+    path.write_text(text, encoding="latin-1", newline=newline)
+    return path, *read_mesh(path)
+
+
+def texture_lines(texture, newline="\n"):
+    return "".join(f"vt {u!r} {v!r}{newline}" for u, v in texture.tolist())
+
+
+def corner_places(path):
+    """(m, 3, 3) positions and (m, 3, 2) texture coordinates, by another reader."""
+    mesh = trimesh.load(path, process=False)
+    mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
+    return mesh.vertices[mesh.faces], mesh.visual.uv[mesh.faces], mesh
+
+
+def corner_set(places, texture):
+    return {tuple(corner) for corner in np.dstack([places, texture]).reshape(-1, 5).tolist()}
+
+
+# The same for trimesh, which knows no comments after numbers, and corners of one kind only.
+PLAIN = SCENE[: SCENE.index("f 1/1/1")].replace(" # the last of the square", "")
+PLAIN += "f 1//1 2//1 3//1 4//1\nusemtl blue\nf 2//1 5//1 6//1 3//1\ng tip\nf 5//1 7//1 6//1\n"
+
+
+# -- obj files that came in --------------------------------------------------------------
+
+
+@pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
+def test_nothing_but_texture_coordinates_is_added(tmp_path, newline):
+    given, V, F = scene(tmp_path, newline)
+    uv = disk_map(V, F)
+    write_map(tmp_path / "out.obj", V, F, uv, disk=True, like=given)
+    numbers = {"two": 2, "three": 3, "five": 5, "six": 6, "seven": 7}
+    expected = EXPECTED.format(vt=texture_lines(uv.uv), **numbers)
+    written = (tmp_path / "out.obj").read_bytes()
+    assert written == expected.replace("\n", newline).encode("latin-1")
+    for array, again in zip((V, F), read_mesh(tmp_path / "out.obj"), strict=True):
+        np.testing.assert_array_equal(array, again)
+
+
+def test_a_seam_between_quads(tmp_path):
+    """The two quads have their own texture coordinates along the edge between them."""
+    given, V, F = scene(tmp_path)
+    uv = V[F][:, :, :2] / 4
+    uv[2:] += [0.25, 0.5]
+    write_map(tmp_path / "out.obj", V, F, uv, disk=True, like=given)
+    texture = [[0, 0], [1, 0], [2, 2], [1, 1], [2, 3], [0, 1], [3, 2], [3, 3], [4, 2.5]]
+    numbers = {"two": 3, "three": 5, "five": 7, "six": 8, "seven": 9}
+    text = EXPECTED.format(vt=texture_lines(np.array(texture) / 4), **numbers)
+    text = text.replace("3/3 4/4", "3/4 4/6")  # of the other quad
+    assert (tmp_path / "out.obj").read_text("latin-1") == text
+
+
+def test_a_quad_that_is_cut_within_becomes_triangles(tmp_path):
+    given, V, F = scene(tmp_path, text=PLAIN)
+    uv = V[F][:, :, :2] / 4
+    uv[1] += 0.5
+    write_map(tmp_path / "out.obj", V, F, uv, disk=True, like=given)
+    lines = (tmp_path / "out.obj").read_text("latin-1").splitlines()
+    faces = [line for line in lines if line.startswith("f ")]
+    assert [len(line.split()) - 1 for line in faces] == [3, 3, 4, 3]
+    np.testing.assert_array_equal(read_mesh(tmp_path / "out.obj")[1], F)
+    places, texture, _ = corner_places(tmp_path / "out.obj")
+    assert corner_set(places, texture) == corner_set(V[F], uv)
+
+
+def test_another_reader_finds_texture_materials_and_groups(tmp_path):
+    given, V, F = scene(tmp_path, text=PLAIN)
+    colours = "".join(
+        f"newmtl {name}\nKd {c}\n" for name, c in (("red", "1 0 0"), ("blue", "0 0 1"))
+    )
+    (tmp_path / "scene.mtl").write_text(colours)
+    uv = np.random.default_rng(0).random((len(F), 3, 2))
+    uv[1, 0], uv[1, 1] = uv[0, 0], uv[0, 2]  # quads stay quads
+    uv[3, 0], uv[3, 1] = uv[2, 0], uv[2, 2]
+    write_map(tmp_path / "out.obj", V, F, uv, disk=True, like=given)
+    parts = trimesh.load(tmp_path / "out.obj", process=False)
+    found = [
+        (mesh.vertices[mesh.faces], mesh.visual.uv[mesh.faces], mesh.visual.material.name)
+        for mesh in parts.geometry.values()
+    ]
+    places, texture = (np.concatenate([part[k] for part in found]) for k in (0, 1))
+    assert corner_set(places, texture) == corner_set(V[F], uv)
+    assert sorted(name for _, _, name in found) == ["blue", "red"]
+
+
+def test_like_must_be_the_mesh(tmp_path):
+    given, V, F = scene(tmp_path)
+    out = tmp_path / "out.obj"
+    for other in ((V + 1, F), (V, F[::-1]), (V, F[1:])):
+        with pytest.raises(ValueError, match="another mesh"):
+            write_map(out, *other, np.zeros((len(V), 2)), like=given)
+    for path, options in ((out, {"like": "a.ply"}), (tmp_path / "a.ply", {"like": given})):
+        with pytest.raises(ValueError, match="for obj files"):
+            write_map(path, V, F, np.zeros((len(V), 2)), **options)
+    assert not out.exists()
+
+
+# -- a map for each corner ---------------------------------------------------------------
+
+
+def cut_open():
+    """A cap, its faces to the right of x = 0 moved aside in the plane."""
+    V, F, _ = datasets.spherical_cap(4)
+    uv = disk_map(V, F).uv[F] / 2
+    uv[V[F].mean(axis=1)[:, 0] > 0] += [0.5, 0.0]
+    return V, F, uv
+
+
+def test_indexed_is_inverted_by_indexing():
+    V, F, uv = cut_open()
+    texture, FT, vertex = indexed(F, uv)
+    np.testing.assert_array_equal(texture[FT], uv)
+    np.testing.assert_array_equal(vertex[FT], F)
+    assert len(V) < len(texture) < F.size
+    assert len(np.unique(np.column_stack([vertex, texture]), axis=0)) == len(texture)
+
+
+@pytest.mark.parametrize("suffix", ["obj", "glb"])
+def test_corners_arrive_in_another_reader(tmp_path, suffix):
+    V, F, uv = cut_open()
+    path = tmp_path / f"a.{suffix}"
+    write_map(path, V, F, uv, disk=True)
+    places, texture, _ = corner_places(path)
+    exact = 0 if suffix == "obj" else 1e-7
+    np.testing.assert_allclose(places, V[F], rtol=0, atol=exact)
+    np.testing.assert_allclose(texture, uv, rtol=0, atol=exact)
+
+
+def test_corners_in_ply_and_npz(tmp_path):
+    V, F, uv = cut_open()
+    write_map(tmp_path / "a.npz", V, F, uv)
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npz")["uv"], uv)
+    write_map(tmp_path / "a.ply", V, F, uv, disk=True)
+    for array, again in zip((V, F), read_mesh(tmp_path / "a.ply"), strict=True):
+        np.testing.assert_array_equal(array, again)
+    with (tmp_path / "a.ply").open("rb") as file:
+        faces = trimesh.exchange.ply.load_ply(file)["metadata"]["_ply_raw"]["face"]["data"]
+    np.testing.assert_array_equal(faces["texcoord"]["f1"].reshape(uv.shape), uv)
+
+
+def test_a_result_with_disks_side_by_side(tmp_path):
+    V, F, uv = cut_open()
+    result = SimpleNamespace(uv=uv, packed=lambda: uv / 4)
+    write_map(tmp_path / "a.obj", V, F, result)
+    np.testing.assert_array_equal(corner_places(tmp_path / "a.obj")[1], uv / 4)
+    write_map(tmp_path / "a.obj", V, F, result, disk=True)
+    np.testing.assert_array_equal(corner_places(tmp_path / "a.obj")[1], uv)
+
+
+# -- glb and images ----------------------------------------------------------------------
+
+
+@pytest.fixture
+def cap():
+    V, F, _ = datasets.spherical_cap(6)
+    return V, F, disk_map(V, F)
+
+
+def test_glb_in_two_other_readers(tmp_path, cap):
+    V, F, result = cap
+    path = tmp_path / "a.glb"
+    write_map(path, V, F, result)
+    places, texture, mesh = corner_places(path)
+    np.testing.assert_allclose(places, V[F], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(texture, (result.uv[F] + 1) / 2, rtol=0, atol=1e-7)
+    outwards = V / np.linalg.norm(V, axis=1, keepdims=True)  # a part of the unit sphere
+    assert (np.einsum("ij,ij->i", mesh.vertex_normals, outwards) > 0.95).all()
+    assert mesh.visual.material.baseColorTexture.size == (1024, 1024)
+
+    gltf = pygltflib.GLTF2().load(path)
+    positions = gltf.accessors[gltf.meshes[0].primitives[0].attributes.POSITION]
+    np.testing.assert_array_equal(positions.max, V.astype("f4").max(axis=0))
+    assert all(view.byteOffset % 4 == 0 for view in gltf.bufferViews)
+    assert gltf.buffers[0].byteLength == len(gltf.binary_blob())
+    (length,) = struct.unpack_from("<I", path.read_bytes(), 8)
+    assert length == path.stat().st_size
+
+
+def test_the_normals_do_not_show_the_cut(tmp_path):
+    V, F, uv = cut_open()
+    write_map(tmp_path / "a.glb", V, F, uv)
+    gltf = pygltflib.GLTF2().load(tmp_path / "a.glb")
+    blob, n = gltf.binary_blob(), gltf.accessors[0].count
+    places, normals = (
+        np.frombuffer(blob, "<f4", 3 * n, view.byteOffset).reshape(n, 3).tolist()
+        for view in gltf.bufferViews[:2]
+    )
+    of_place = {}
+    for place, normal in zip(places, normals, strict=True):
+        assert of_place.setdefault(tuple(place), normal) == normal
+    assert len(of_place) == len(V) < n
+
+
+@pytest.mark.parametrize("form", ["png", "jpeg"])
+def test_given_images(tmp_path, cap, form):
+    picture = tmp_path / "photo.img"
+    Image.new("RGB", (8, 4), (200, 30, 30)).save(picture, form)
+    write_map(tmp_path / "a.glb", *cap, image=picture)
+    _, _, mesh = corner_places(tmp_path / "a.glb")
+    assert mesh.visual.material.baseColorTexture.size == (8, 4)
+    write_map(tmp_path / "a.obj", *cap, image=picture)
+    _, _, mesh = corner_places(tmp_path / "a.obj")
+    assert mesh.visual.material.image.size == (8, 4)
+
+
+def test_an_obj_that_shows_a_checkerboard(tmp_path, cap):
+    write_map(tmp_path / "größer als 1.obj", *cap, image="checkerboard")
+    places, texture, mesh = corner_places(tmp_path / "größer als 1.obj")
+    assert mesh.visual.material.image.size == (1024, 1024)
+    V, F, result = cap
+    np.testing.assert_array_equal(places, V[F])
+    np.testing.assert_array_equal(texture, (result.uv[F] + 1) / 2)
+    assert re.findall("^usemtl|^mtllib", (tmp_path / "größer als 1.obj").read_text("utf-8"), re.M)
+
+
+def test_the_checkerboard():
+    image = np.asarray(Image.open(io.BytesIO(checkerboard().data)))
+    assert image.shape == (1024, 1024, 3)
+    np.testing.assert_array_equal(image[:16, 16:32], image[16:32, :16])
+    assert (image[0, 0] != image[0, 16]).any()
+
+
+# -- what is refused ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".glb", ".npz"])
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"V": np.nan}, "NaN"),
+        ({"F": 10**6}, "outside"),
+        ({"F": -1}, "outside"),
+        ({"uv": np.nan}, "uv is NaN or infinite in 1 rows, the first 0"),
+        ({"short": 1}, "uv has shape"),
+        ({"uv": 1j}, "uv has shape"),
+    ],
+)
+def test_what_is_no_map_is_not_written(tmp_path, cap, suffix, change, says):
+    V, F, uv = (
+        cap[0].copy(),
+        cap[1].copy(),
+        cap[2].uv.astype(complex if 1j in change.values() else float),
+    )
+    for name, array in (("V", V), ("F", F), ("uv", uv)):
+        if name in change:
+            array[0, 0] = change[name]
+    with pytest.raises(ValueError, match=says):
+        write_map(tmp_path / f"a{suffix}", V, F, uv[change.get("short", 0) :])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_options_that_do_not_go_together(tmp_path, cap):
+    V, F, result = cap
+    for name, options, says in (
+        ("a.ply", {"image": "checkerboard"}, "shows no image"),
+        ("a.obj", {"image": __file__}, "no PNG or JPEG"),
+        ("a.obj", {"image": "checkerboard", "like": "b.obj"}, "only one"),
+        ("a\0.obj", {}, "holds a zero"),
+    ):
+        with pytest.raises(ValueError, match=says):
+            write_map(tmp_path / name, V, F, result, **options)
+    with pytest.raises(ValueError, match="single precision"):
+        write_map(tmp_path / "a.glb", V * 1e39, F, result)
+    with pytest.raises(MeshError):
+        write_map(tmp_path / "a.obj", V, F, result, like=tmp_path / "a\0.obj")
+    assert list(tmp_path.iterdir()) == []

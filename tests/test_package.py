@@ -1,0 +1,125 @@
+"""The package as a whole: what `import cdcp_igl` gives, and which way its modules look."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+import cdcp_igl
+
+PACKAGE = Path(cdcp_igl.__file__).parent
+MODULES = sorted(PACKAGE.rglob("*.py"))
+
+# From the ground up; a folder stands for its modules. Those of one floor may use one another.
+FLOORS = (
+    {"arrays"},
+    {"errors"},
+    {"libigl", "extras"},
+    {"surface"},
+    {"certificate", "distortion"},
+    {"solve"},
+    {"steps"},
+    {"result"},
+    {"selection"},
+    {"algorithm"},
+    {"mapper"},
+    {"reference"},
+    {"io", "plot", "atlas"},
+    {"datasets", "batching"},
+    {"command_line", "__init__", "__main__"},
+)
+FLOOR = {name: number for number, floor in enumerate(FLOORS) for name in floor}
+MODULES_AT_THE_TOP = 14
+
+
+def dotted(path: Path) -> str:
+    """The name of a module; a package is called by the name of its folder."""
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" and len(parts) > 1 else parts)
+
+
+SOURCES = {dotted(path): path for path in MODULES}
+
+
+def imported(name: str) -> Iterator[str]:
+    """Modules of the package that one of them imports, wherever in its text, even for types."""
+    path = SOURCES[name]
+    package = path.relative_to(PACKAGE).parts[:-1]
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = package[: len(package) - node.level + 1]
+            target = [*base, *(node.module.split(".") if node.module else [])]
+        elif isinstance(node, ast.ImportFrom) and node.module.partition(".")[0] == "cdcp_igl":
+            target = node.module.split(".")[1:]
+        elif isinstance(node, ast.Import):
+            for alias in node.names:
+                if alias.name.partition(".")[0] == "cdcp_igl":
+                    yield alias.name.partition(".")[2] or "__init__"
+            continue
+        else:
+            continue
+        for alias in node.names:
+            member = ".".join([*target, alias.name])
+            yield member if member in SOURCES else ".".join(target) or "__init__"
+
+
+def test_imports_go_down():
+    upward = [
+        f"{name} imports {other}"
+        for name in SOURCES
+        for other in imported(name)
+        if FLOOR[other.partition(".")[0]] > FLOOR[name.partition(".")[0]]
+    ]
+    assert upward == []
+
+
+def test_there_is_no_circle_of_imports():
+    graph = {name: set(imported(name)) - {name} for name in SOURCES}
+    TopologicalSorter(graph).prepare()  # CycleError names the modules
+
+
+def test_no_module_is_hidden_by_a_function():
+    names = {part for name in SOURCES for part in name.split(".")} - {"__init__", "__main__"}
+    hidden = [
+        f"{name}.{node.name}"
+        for name, path in SOURCES.items()
+        for node in ast.parse(path.read_text()).body
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name in names
+    ]
+    assert hidden == []
+
+
+def test_modules_at_the_top_can_be_counted():
+    assert len(list(PACKAGE.glob("*.py"))) <= MODULES_AT_THE_TOP
+
+
+def run(code: str) -> None:
+    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, timeout=120)
+
+
+@pytest.mark.parametrize(
+    "name", ["reference.fdcp", "plot.picture", "io.read_mesh", "datasets.square", "DiskMap"]
+)
+def test_public_names_are_there_after_one_import(name):
+    run(f"import cdcp_igl; cdcp_igl.{name}")
+
+
+def test_importing_imports_nothing_heavy():
+    run(
+        "import sys, cdcp_igl\n"
+        "heavy = {'numpy', 'scipy', 'igl', 'sksparse', 'matplotlib', 'rich', 'typer'}\n"
+        "assert not heavy & set(sys.modules), heavy & set(sys.modules)"
+    )
+
+
+def test_dir_shows_what_is_public():
+    assert {"DiskMap", "MeshReport", "Certificate", "Cleaned"} < set(dir(cdcp_igl))
+    assert dir(cdcp_igl) == sorted(cdcp_igl.__all__)
+    for name in dir(cdcp_igl):
+        assert getattr(cdcp_igl, name) is not None
+    with pytest.raises(AttributeError):
+        _ = cdcp_igl.no_such_name
