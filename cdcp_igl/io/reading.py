@@ -35,7 +35,7 @@ def _read_mat(path: Path) -> tuple[Array, Array]:
 
 
 def _read_npz(path: Path) -> tuple[Array, Array]:
-    return _pick(npz.arrays(path, sum(NAMES, ())))
+    return _pick(npz.stored_arrays(path, sum(NAMES, ())))
 
 
 def _pick(found: dict[str, Array | None]) -> tuple[Array, Array]:
