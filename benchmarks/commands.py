@@ -140,7 +140,7 @@ def figures(
     Nothing is measured again; --quick measures first what three small models need.
     Files that were measured are found again by --models.
     """
-    session = Session(models, "", quick, machine, out, work, time_limit=SECONDS)
+    session = Session(models, quick=quick, machine=machine, out=out, work=work, time_limit=SECONDS)
     if quick:
         _measure_quickly(session)
     if not session.results.exists():

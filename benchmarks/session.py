@@ -17,7 +17,7 @@ from rich.console import Console
 from cdcp_igl.io import whole_file
 
 from .measure import models as surfaces
-from .measure.candidate import Candidate
+from .measure.candidate import Candidate, of_ones_own
 from .measure.cases import Limits, run
 from .measure.machine import MACHINE, describe, memory_mib, pin_threads
 from .measure.models import Model
@@ -48,6 +48,10 @@ class Session:
 
     models: Models = ""
     methods: Annotated[str, typer.Option(metavar="NAME,...", help="Of the methods.")] = ""
+    method: Annotated[
+        list[str] | None,
+        typer.Option(metavar="MODULE:FUNCTION", help="One of your own, beside the others."),
+    ] = None
     quick: Quick = False
     machine: Machine = MACHINE
     out: Out = None
@@ -87,7 +91,11 @@ class Session:
             if name not in table:
                 text = f"{name!r} is not one of {', '.join(table)}."
                 raise typer.BadParameter(text, param_hint="--methods")
-        return {name: table[name] for name in names}
+        try:
+            own = {name: of_ones_own(name) for name in self.method or ()}
+        except ValueError as error:
+            raise typer.BadParameter(str(error), param_hint="--method") from error
+        return {name: table[name] for name in names} | own
 
     def run(
         self,

@@ -22,7 +22,7 @@ from cdcp_igl.steps.circle.whiten import whiten_trace
 from cdcp_igl.steps.repair import unfold
 from cdcp_igl.surface.mesh import DiskMesh
 
-from .candidate import Candidate
+from .candidate import Candidate, Methods
 
 __all__ = ["ABLATIONS", "CENTERS", "TABLE"]
 
@@ -84,7 +84,9 @@ _VARIANTS = {
     "interior trace whitened": Steps(circle=partial(_interior, whitened=True)),
 }
 
-ABLATIONS: Mapping[str, Candidate] = {
-    name: Candidate(partial(_map, steps=steps), "disk", "CDCP with a step changed")
-    for name, steps in _VARIANTS.items()
-}
+ABLATIONS: Mapping[str, Candidate] = Methods(
+    {
+        name: Candidate(partial(_map, steps=steps), "disk", "CDCP with a step changed")
+        for name, steps in _VARIANTS.items()
+    }
+)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
 from typing import Any, Literal
 
-__all__ = ["Candidate"]
+__all__ = ["Candidate", "Methods", "of_ones_own"]
 
 
 @dataclass(frozen=True)
@@ -38,3 +42,34 @@ class Candidate:
     missing: Callable[[], str] = str
     prepare: Callable[[], object] = str
     source: str = ""
+
+
+class Methods(dict[str, Candidate]):
+    """Known by name, and found by ``package.module:function`` if they are somebody's own."""
+
+    def __missing__(self, name: str) -> Candidate:
+        return of_ones_own(name)
+
+
+def of_ones_own(name: str) -> Candidate:
+    """Import a method of one's own.
+
+    Parameters
+    ----------
+    name : str
+        ``"package.module:function"``, of a function that maps onto the disk, or of a `Method`
+        or `Candidate`, which says what its boundary is.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    module, _, attribute = name.partition(":")
+    try:
+        found = getattr(import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ValueError(f"no method {name!r}: {error}") from error
+    own = found if hasattr(found, "boundary") else Candidate(found, "disk", name)
+    source = hashlib.sha256(Path(sys.modules[module].__file__ or "").read_bytes()).hexdigest()[:12]
+    return Candidate(own.function, own.boundary, own.citation, source=source)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import statistics
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from functools import partial
-from importlib import import_module
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -20,10 +17,10 @@ from cdcp_igl.solve.cholmod import Cholesky
 from cdcp_igl.solve.laplacian import cotangent_laplacian
 from cdcp_igl.surface.mesh import DiskMesh
 
-from .candidate import Candidate
+from .candidate import Candidate, Methods
 from .peers import PEERS
 
-__all__ = ["COST", "METHODS", "TABLE", "maps", "of_ones_own"]
+__all__ = ["COST", "METHODS", "TABLE", "maps"]
 
 TABLE = f"{__name__}:METHODS"
 WARM_CALLS = 101
@@ -60,38 +57,7 @@ def _import(V: Floats, F: Ints) -> Timed:
     return Timed(float(done.stdout))
 
 
-class _Methods(dict[str, Candidate]):
-    """Known by name, and found by ``package.module:function`` if they are somebody's own."""
-
-    def __missing__(self, name: str) -> Candidate:
-        return of_ones_own(name)
-
-
-def of_ones_own(name: str) -> Candidate:
-    """Import a method of one's own.
-
-    Parameters
-    ----------
-    name : str
-        ``"package.module:function"``, of a function that maps onto the disk, or of a `Method`
-        or `Candidate`, which says what its boundary is.
-
-    Raises
-    ------
-    ValueError
-        If there is none.
-    """
-    module, _, attribute = name.partition(":")
-    try:
-        found = getattr(import_module(module), attribute)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise ValueError(f"no method {name!r}: {error}") from error
-    own = found if hasattr(found, "boundary") else Candidate(found, "disk", name)
-    source = hashlib.sha256(Path(sys.modules[module].__file__ or "").read_bytes()).hexdigest()[:12]
-    return Candidate(own.function, own.boundary, own.citation, source=source)
-
-
-METHODS: Mapping[str, Candidate] = _Methods(
+METHODS: Mapping[str, Candidate] = Methods(
     {
         **{
             name: Candidate(method.function, method.boundary, method.citation)

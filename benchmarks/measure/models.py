@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import glob
 import hashlib
+import itertools
 import os
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
@@ -13,17 +15,20 @@ from pathlib import Path
 
 import numpy as np
 
-from cdcp_igl import MeshError, datasets
+from cdcp_igl import MeshError, check, datasets
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.io import READABLE, read_mesh
 
 from ..records.paper import PAPER
 from ..records.record import Record
 from ..records.results import NotMeasured
+from .fuzzing import surface
 
-__all__ = ["Model", "by_name", "digest", "find", "quick", "surfaces_of"]
+__all__ = ["Model", "by_name", "digest", "find", "patches", "quick", "surfaces_of"]
 
 Surface = tuple[Floats, Ints]
+
+SEED = 1  # of the patches
 
 
 @dataclass(frozen=True)
@@ -115,7 +120,8 @@ def find(wanted: Sequence[str] = ()) -> list[Model]:
     Parameters
     ----------
     wanted : sequence of str
-        Names or patterns of names, paths or patterns of paths; none at all means everything.
+        Names or patterns of names, paths or patterns of paths, ``"patches:300"`` for so many
+        random disks; none at all means everything.
 
     Returns
     -------
@@ -133,6 +139,8 @@ def find(wanted: Sequence[str] = ()) -> list[Model]:
     files: dict[Path, None] = {}
     for text in wanted:
         matches = [model for model in (*known, *GENERATED) if fnmatch(model.name, text)]
+        if re.fullmatch(r"patches:\d+", text):
+            matches = patches(int(text.partition(":")[2]))
         paths = [] if matches else [Path(path) for path in sorted(glob.glob(text, recursive=True))]
         paths = [path for path in paths if path.suffix in READABLE]
         if not matches and not paths:
@@ -143,6 +151,18 @@ def find(wanted: Sequence[str] = ()) -> list[Model]:
     alone = [stems.count(path.stem) == 1 for path in files]
     read = [_file(path, whole=not one) for path, one in zip(files, alone, strict=True)]
     return [*named.values(), *read]
+
+
+def patches(count: int) -> list[Model]:
+    """Random disks: the first so many among the cases of the command fuzz."""
+    disks = (case for case in itertools.count() if check(*_patch(case)).is_disk)
+    numbers = itertools.islice(disks, count)
+    return [Model(f"patch {case:04}", partial(_patch, case)) for case in numbers]
+
+
+def _patch(case: int) -> Surface:
+    made = surface(SEED, case)
+    return made.V, made.F
 
 
 def by_name(names: Sequence[str]) -> list[Model]:
@@ -158,7 +178,7 @@ def surfaces_of(
     named = {model.name: model for model in models}
 
     @cache
-    def surface(name: str) -> tuple[Floats, Ints]:
+    def measured(name: str) -> tuple[Floats, Ints]:
         try:
             V, F = (named.get(name) or _named(name)).load()
         except (OSError, ValueError, ImportError, MeshError) as error:
@@ -167,7 +187,7 @@ def surfaces_of(
             raise NotMeasured("the surface is not the one that was measured")
         return V, F
 
-    return surface
+    return measured
 
 
 def digest(V: Floats, F: Ints) -> str:

@@ -81,7 +81,7 @@ class Work:
 
     def map_path(self, model: str, method: str) -> Path:
         """Where the map of the section "tables" is kept, if it was valid."""
-        name = f"{model}--{method}".replace("/", "_").replace(" ", "_")
+        name = f"{model}--{method}".translate(str.maketrans("/: ", "___"))
         return self.folder / "maps" / f"{name}.npz"
 
     def map(self, model: str, method: str) -> Floats | None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..measure.ablation import ABLATIONS
 from ..measure.methods import METHODS
+from ..records.comparison import QUANTITIES, paired, summary
 from ..records.paper import PUBLISHED, published, row_of
 from ..records.results import Measured, Section
 from .figures.style import STYLES, style
@@ -160,6 +161,9 @@ def _accuracy(results: Section) -> Iterator[Table]:
 
     methods = in_order(results.maps)
     labels = [style(method).label for method in methods]
+    if len(results.mapped) > 1:
+        yield _summary(results, methods)
+        yield _paired(results, methods)
     headings = ["surface", "n", *labels, *(f"paper: {style(m).label}" for m in PUBLISHED)]
     yield Table(
         "distortion",
@@ -179,6 +183,51 @@ def _accuracy(results: Section) -> Iterator[Table]:
         "another machine: compare ratios.",
         headings,
         _grid(results, methods, seconds, paper_seconds),
+    )
+
+
+def _summary(results: Section, methods: Sequence[str]) -> Table:
+    table, rows = summary(results), []
+    for method in methods:
+        of = table.loc[method]
+        row = [Cell(style(method).label, kind="text name"), number(of["surfaces"], ".0f")]
+        row += [number(100 * of[share], ".3g") for share in ("mapped", "unflipped")]
+        for name in QUANTITIES:
+            low, middle, high = (of[(name, q)] for q in (0.25, 0.5, 0.75))
+            text = f"{middle:.3g} ({low:.3g}–{high:.3g})"
+            row.append(Cell(text, middle) if middle == middle else Cell(NOTHING))
+        rows.append(row)
+    return Table(
+        "summary",
+        "Over all surfaces",
+        "Share of the surfaces that a method maps (onto the disk: certified), and without a "
+        "flipped face; then median (quartiles) over those that it maps.",
+        [
+            *("method", "surfaces", "mapped, %", "no flips, %", "mean °", "SD °", "area"),
+            *("s", "MiB"),
+        ],
+        rows,
+    )
+
+
+def _paired(results: Section, methods: Sequence[str]) -> Table:
+    names = {"mean": "mean °", "sd": "SD °", "seconds": "s"}
+    rows = []
+    for method in (m for m in methods if m != "cdcp" and "cdcp" in methods):
+        for name, label in names.items():
+            made = paired(results, "cdcp", method, name)
+            counts = [number(k, ".0f") for k in (made.lower, made.higher, made.ties)]
+            tests = [number(p, ".2g") for p in (made.sign, made.signed_rank)]
+            titles = [Cell(style(method).label, kind="text name"), Cell(label, kind="text")]
+            rows.append([*titles, *counts, number(made.median, ".2g"), *tests])
+    return Table(
+        "paired",
+        "CDCP against each other method",
+        "On the surfaces that both map: on how many CDCP has less, more, or as much (to a "
+        "millionth), the median of the differences, and two-sided p-values of the sign test and "
+        "of Wilcoxon's signed-rank test. A free boundary has less to keep, and less distortion.",
+        ["against", "of", "less", "more", "equal", "difference", "p, sign", "p, signed rank"],
+        rows,
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 
 from ...records.results import Measured
-from . import accuracy, cost, surfaces
+from . import accuracy, cost, many, surfaces
 
 __all__ = ["PLOTS", "Plot"]
 
@@ -134,5 +134,20 @@ PLOTS = (
         f"Peak resident memory of the process, Python and the mesh included. {TABLES}. Lines and "
         "exponents: least-squares fits.",
         cost.memory_growth,
+    ),
+    Plot(
+        "profiles.png",
+        "Performance profiles",
+        "Share of the surfaces on which a method onto the disk is within a factor of the best of "
+        "them (Dolan and Moré 2002). Where a curve starts: how often it is the best; where it "
+        "ends: how often it gives a valid map.",
+        many.performance_profiles,
+    ),
+    Plot(
+        "quartiles.png",
+        "Distortion and time over all surfaces",
+        "Median and quartiles in a box, lines to the least and the greatest, over the surfaces "
+        "that a method has mapped. LSCM has a free boundary: compare it on angles only.",
+        many.quartiles,
     ),
 )
