@@ -31,7 +31,7 @@ lint: setup
 
 # What benchmarks/results has: half an hour on all surfaces. What is measured already is kept.
 bench: setup
-	for command in speed tables ablation figures; do \
+	for command in speed tables ablation peers figures; do \
 	    $(PYTHON) -m benchmarks $$command --out benchmarks/results || exit; \
 	done
 	$(PYTHON) -m benchmarks readme

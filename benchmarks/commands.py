@@ -20,7 +20,7 @@ from .records.store import ROOT, WORK, Work, read_results
 from .session import Machine, Models, Out, Quick, Session, WorkFolder, with_session
 from .write.drawing import draw
 from .write.figures.accuracy import CENTERS, MOBIUS
-from .write.front_page import README, rewrite
+from .write.front_page import MODELS, README, rewrite
 from .write.sections import cases
 from .write.table import printed
 
@@ -44,7 +44,6 @@ WIDE = 160  # columns of a table that is printed to a file
 SECONDS = 60  # limit of a case of figures --quick
 RESULTS = ROOT / "benchmarks" / "results"  # only `make bench` writes there
 OWN = ("cdcp", "cdcp refine=5", "lscm", "spectral")  # beside which peers are shown
-PEER_MODELS = ("chinese_lion", "human_face", "human_brain", "left_hand", "gcanyon_216196")
 
 Repeats = Annotated[int, typer.Option(min=1, help="Runs of each case.")]
 
@@ -75,7 +74,7 @@ def peers(session: Session) -> None:
     Those that are not installed are told. What is there already is not measured again.
     """
     methods = session.wanted_methods(METHODS, (*OWN, *PEERS))
-    models = session.wanted_models(PEER_MODELS)
+    models = session.wanted_models(MODELS)
     records = session.run("peers", models, methods, measured_methods.TABLE, lambda *_: 1)
     _finish(session, "peers", records)
 

@@ -313,12 +313,17 @@ def test_unknown_method():
 
 
 def test_the_table_of_the_readme_is_that_of_the_results(tmp_path):
-    made = {"factor": 0.5, "cdcp": 1.0, "lscm": 2.0}
+    seconds = {"factor": 0.25, "cdcp": 0.5, "lscm": 2.0}
+    numbers = {"mean": 1.25, "sd": 2.5, "max": 87.0, "flips": 0.0}
     records = [
-        record(model, method, mean=1.25, sd=2.5, flips=0.0, seconds=seconds, sizes=(99, 160, 36))
+        record(model, method, section=section, sizes=(99, 160, 36), seconds=time, **numbers)
         for model in front_page.MODELS
-        for method, seconds in made.items()
+        for section, method, time in (
+            *(("tables", method, time) for method, time in seconds.items()),
+            *(("peers", "cdcp", 1.0), ("peers", "SLIM", 100.0)),
+        )
     ]
+    records.append(record("chinese_lion", "BFF free", "not to be had: no BFF", section="peers"))
     write_results(tmp_path / "here.json", MACHINE, records)
     readme = tmp_path / "README.md"
     markers = f"before\n{front_page.BEGIN}\nold\n{front_page.END}\nafter\n"
@@ -326,9 +331,12 @@ def test_the_table_of_the_readme_is_that_of_the_results(tmp_path):
     front_page.rewrite(readme, tmp_path / "here.json")
     lines = readme.read_text(encoding="utf-8").splitlines()
     assert (lines[0], lines[-1]) == ("before", "after")
-    assert "old" not in lines
-    assert lines[4].startswith("| Chinese Lion | 99 | 1.250 / 2.500 (2.0 F) | no map |")
-    assert lines[4].endswith("| 1.250 / 2.500 (4.0 F) |")
+    assert lines[2].startswith("| method | boundary | Chinese Lion 99 | human face 99 |")
+    rows = {line.split(" | ")[0]: line for line in lines[4:7]}
+    assert rows["| CDCP"].startswith("| CDCP | disk | 1.250 / 2.500 / 87 (1 T) |")
+    assert rows["| LSCM"].startswith("| LSCM | free | 1.250 / 2.500 / 87 (4 T) |")
+    assert rows["| SLIM"].startswith("| SLIM | free | 1.250 / 2.500 / 87 (100 T) |")
+    assert not any("BFF" in line or "old" in line for line in lines)
 
 
 def test_without_results_there_is_no_table_for_the_readme():

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import shutil
+import signal
 import subprocess
+import sys
 from collections.abc import Callable, Mapping
 from functools import partial
 from importlib import import_module
@@ -28,6 +31,7 @@ __all__ = ["PEERS", "versions"]
 
 PACKAGES = ("bpy", "pymeshlab", "xatlas")
 BFF = "bff-command-line"
+PR_SET_PDEATHSIG = 1  # of prctl(2)
 SLIM_STEPS = 20
 ARAP_STEPS = 100
 BFF_SIZE = 1e6  # of the mesh that it is given: what it writes has six decimals
@@ -100,10 +104,12 @@ def _slim(V: Floats, F: Ints, *, energy: str) -> Floats:
 
 
 def _arap(V: Floats, F: Ints) -> Floats:
+    """Start from the harmonic map onto the disk; one vertex stays where it is."""
+    start, first = harmonic(V, F), np.zeros(1, np.int32)
     data = igl.ARAPData()
     data.max_iter = ARAP_STEPS
-    igl.arap_precomputation(V, F.astype(np.int64), 2, np.zeros(0, np.int32), data)
-    return igl.arap_solve(np.zeros((0, 2)), data, harmonic(V, F))
+    igl.arap_precomputation(V, F.astype(np.int64), 2, first, data)
+    return igl.arap_solve(start[first], data, start)
 
 
 def _bff(V: Floats, F: Ints, *, options: tuple[str, ...]) -> Floats:
@@ -114,8 +120,8 @@ def _bff(V: Floats, F: Ints, *, options: tuple[str, ...]) -> Floats:
         lines = [f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in scaled]
         lines += [f"f {i} {j} {k}" for i, j, k in F + 1]
         given.write_text("\n".join(lines) + "\n", encoding="ascii")
-        program = _bff_program() or BFF
-        done = subprocess.run([program, given, made, *options], capture_output=True, text=True)
+        command: list[str | Path] = [_bff_program() or BFF, given, made, *options]
+        done = subprocess.run(command, capture_output=True, text=True, preexec_fn=_end_with_parent)
         if done.returncode or not made.exists():
             last = (done.stderr or done.stdout).strip().splitlines()[-1:] or ["no message"]
             raise MapError(f"{BFF} gave no map: {last[0]}")
@@ -128,6 +134,12 @@ def _bff(V: Floats, F: Ints, *, options: tuple[str, ...]) -> Floats:
     if len(np.unique(ours)) != len(V):
         raise MapError(f"{BFF} wrote {len(np.unique(ours)):,} of {len(V):,} vertices")
     return _of_corners(uv[image], ours[theirs], len(V))
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that started it is killed, as it is at the time limit."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def _centered(points: Floats) -> Floats:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -27,9 +26,9 @@ def summary(results: Section) -> pd.DataFrame:
     DataFrame
         One row a method: ``surfaces`` on which it was run, the shares ``mapped`` and
         ``unflipped``, and for each of `QUANTITIES` a column for each quartile,
-        ``(name, q)`` with q = 0.25, 0.5, 0.75, over the surfaces that it mapped.
+        ``"mean 0.25"``, ``"mean 0.5"`` and so on, over the surfaces that it mapped.
     """
-    rows: dict[str, dict[Any, float]] = {}
+    rows: dict[str, dict[str, float]] = {}
     for method in results.maps:
         run = [model for model in results.mapped if results.of(model, method)]
         there = results.medians.reindex([(model, method) for model in run])
@@ -38,7 +37,7 @@ def summary(results: Section) -> pd.DataFrame:
             "mapped": there["mean"].notna().mean(),
             "unflipped": (there["flips"] == 0).mean(),
             **{
-                (name, q): value
+                f"{name} {q:g}": value
                 for name in QUANTITIES
                 for q, value in there[name].quantile([0.25, 0.5, 0.75]).items()
             },

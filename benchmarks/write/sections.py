@@ -193,7 +193,7 @@ def _summary(results: Section, methods: Sequence[str]) -> Table:
         row = [Cell(style(method).label, kind="text name"), number(of["surfaces"], ".0f")]
         row += [number(100 * of[share], ".3g") for share in ("mapped", "unflipped")]
         for name in QUANTITIES:
-            low, middle, high = (of[(name, q)] for q in (0.25, 0.5, 0.75))
+            low, middle, high = (of[f"{name} {q}"] for q in (0.25, 0.5, 0.75))
             text = f"{middle:.3g} ({low:.3g}–{high:.3g})"
             row.append(Cell(text, middle) if middle == middle else Cell(NOTHING))
         rows.append(row)

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from ...records.comparison import profiles
 from ...records.results import Measured, NotMeasured, Section
 from .accuracy import COMPARED
-from .style import FAINT, INK, STYLES, legend, log_scale, new, style
+from .style import FAINT, INK, LEAST, STYLES, legend, log_scale, new, style
 
 FEWEST = 3  # surfaces, below which a share says nothing
-FARTHEST = 100  # times the best, where a profile ends
+FARTHEST = 20  # times the best, where a profile ends
 LINES = ("-", "--", ":", "-.")
 
 
@@ -76,6 +76,7 @@ def _boxes(axes: Axes, results: Section, methods: list[str], name: str) -> None:
         box.set(facecolor=style(method).color, edgecolor=FAINT, alpha=0.7)
     axes.invert_yaxis()
     log_scale(axes, "x")
+    axes.set_xlim(left=max(axes.get_xlim()[0], np.nanmedian(np.concatenate(values)) / LEAST))
 
 
 def _disk_methods(measured: Measured) -> tuple[Section, list[str]]:
