@@ -11,6 +11,7 @@ from .distortion import (
 )
 from .errors import Defect, MapError, MeshError, SolverError
 from .mapper import DiskMapper
+from .quadrilateral import RectangleMap, rectangle_map
 from .result import DiskMap
 from .surface.cleaning import Cleaned, clean
 from .surface.report import MeshReport, check
@@ -27,6 +28,7 @@ __all__ = [
     "MeshError",
     "MeshReport",
     "Record",
+    "RectangleMap",
     "SolverError",
     "angle_distortion",
     "area_distortion",
@@ -40,6 +42,7 @@ __all__ = [
     "io",
     "plot",
     "quasi_conformal_dilatation",
+    "rectangle_map",
     "reference",
 ]
 

@@ -23,6 +23,7 @@ from .steps.dipole import boundary_trace
 from .steps.mobius import MobiusMethod, normalize
 from .steps.options import Options
 from .steps.phases import Phases, Progress
+from .steps.remote import remote_parts
 from .surface.mesh import DiskMesh
 
 __all__ = ["Attempts", "Steps", "algorithm_1", "cdcp", "disk_map"]
@@ -264,7 +265,8 @@ class Attempts:
                 boundary = FALLBACKS[number - 1](surface, tau_c.face)
         with phase("extension"):
             f = boundary.extend(boundary.f_B)  # (10)
-        return HarmonicMap(f, boundary, tau_c)
+            remote = remote_parts(surface.mesh, boundary.steps, boundary.f_B, boundary.extend)
+        return HarmonicMap(f, boundary, remote, tau_c)
 
     @property
     def started(self) -> bool:

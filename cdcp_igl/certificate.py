@@ -9,7 +9,7 @@ import numpy as np
 from . import libigl
 from .arrays import Complex, Floats, Ints, blocks
 from .surface.mesh import DiskMesh
-from .surface.triangles import area_products
+from .surface.triangles import ORIENTATION_BOUND, area_products
 
 __all__ = ["Certificate", "certify", "flipped_faces", "increments", "is_around"]
 
@@ -17,9 +17,6 @@ __all__ = ["Certificate", "certify", "flipped_faces", "increments", "is_around"]
 BOUNDARY_TOLERANCE = 1e-12
 # Neighbours on the boundary must be this far apart to stay so when rounding has moved them.
 SMALLEST_STEP = 1e-14
-EPS = np.finfo(float).eps / 2
-# Shewchuk's bound: beyond it, the rounded determinant has the sign of the exact one.
-ORIENTATION_BOUND = (3 + 16 * EPS) * EPS
 
 
 @dataclass(frozen=True, eq=False)

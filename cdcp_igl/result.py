@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from .arrays import Floats
-from .certificate import Certificate
+from .certificate import Certificate, certify
 from .distortion import AngleDistortion
+from .errors import MapError
 from .steps.center import Center
 from .steps.circle import BoundaryMethod
 from .steps.conformality import Conformality
+from .steps.landmarks import landmark_automorphism
 from .steps.mobius import Normalization
 from .steps.refine import Refinement
 from .steps.repair import Repair
+from .surface.bijection import Bijection
 
 __all__ = ["DiskMap"]
 
 
 @dataclass(frozen=True, eq=False)
-class DiskMap:
+class DiskMap(Bijection):
     """A disk conformal map. Printing it gives a summary.
 
     Attributes
@@ -28,6 +37,8 @@ class DiskMap:
         Row i is the image of row i of V, in the closed unit disk. Faces are
         counterclockwise; what `align` named, or else the boundary vertex of smallest
         index at (1, 0), lies at angle 0.
+    mesh : DiskMesh
+        The surface.
     certificate : Certificate
         What was verified about `uv`.
     conformality : Conformality
@@ -64,7 +75,6 @@ class DiskMap:
     True
     """
 
-    uv: Floats
     certificate: Certificate
     conformality: Conformality
     distortion: AngleDistortion
@@ -87,14 +97,28 @@ class DiskMap:
         """True for a map that is as conformal as the mesh lets it be, see `conformality`."""
         return bool(self.conformality)
 
+    @property
+    def verdict(self) -> str:
+        """In a word or two, whether the map is valid and conformal."""
+        if not self.valid:
+            return "NOT VALID"
+        return "valid" if self.conformal else "valid, NOT CONFORMAL"
+
+    def __repr__(self) -> str:
+        mean = self.distortion.mean
+        return f"DiskMap({len(self.uv):,} vertices: {self.verdict}, mean distortion {mean:.3g}°)"
+
+    def _repr_html_(self) -> str:
+        from .plot.notebook import disk_map_html
+
+        return disk_map_html(self)
+
     def __str__(self) -> str:
         phases = ", ".join(f"{name} {seconds:.2f}" for name, seconds in self.timings.items())
         free = self.distortion_free
         return "\n".join(
             [
-                f"disk map of {len(self.uv):,} vertices: "
-                + ("valid" if self.valid else "NOT VALID")
-                + (", NOT CONFORMAL" if self.valid and not self.conformal else ""),
+                f"disk map of {len(self.uv):,} vertices: {self.verdict}",
                 f"  angular distortion  {self.distortion}",
                 *([f"  of free faces       {free}"] if free != self.distortion else []),
                 *([] if self.conformal else [f"  conformal           {self.conformality}"]),
@@ -108,6 +132,128 @@ class DiskMap:
                 f"  seconds             {sum(self.timings.values()):.2f} ({phases})",
             ]
         )
+
+    def view(
+        self,
+        path: str | PathLike[str] | None = None,
+        *,
+        fields: Mapping[str, ArrayLike] | None = None,
+        texture: str | PathLike[str] | ArrayLike | None = None,
+        title: str = "",
+    ) -> Path:
+        """Write a page that shows the map, or open it in the browser.
+
+        Parameters
+        ----------
+        path, fields, texture, title
+            As in `cdcp_igl.plot.view`.
+
+        Returns
+        -------
+        Path
+            Where the page is.
+
+        Raises
+        ------
+        ValueError, OSError
+            As `cdcp_igl.plot.view`.
+        """
+        from .plot.viewer import view  # an upper floor, and slow to import
+
+        return view(self, path, fields=fields, texture=texture, title=title)
+
+    def plot(self) -> NDArray[Any]:
+        """Draw the surface, its image and the angular distortion, as `cdcp_igl.plot.picture`.
+
+        Returns
+        -------
+        (3,) ndarray of matplotlib.axes.Axes
+            In a figure that does not depend on pyplot: ``axes[0].figure.savefig``.
+        """
+        from .plot.pictures import picture
+
+        return np.array(picture(self.mesh.positions, self.mesh.F, self).axes)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the map to a file whose suffix says what.
+
+        Parameters
+        ----------
+        path : path-like
+            The surface with its map for the types of `cdcp_igl.io.write_map`; a picture for
+            .png, .svg and .pdf; the page of `view` for .html; the report for .json. An
+            existing file is replaced once the new one is complete.
+
+        Raises
+        ------
+        ValueError
+            If the file is not of a known type.
+        OSError
+            If it cannot be written; nothing is left behind.
+        """
+        from .io.saving import save
+
+        save(self, path)
+
+    def register(self, to: DiskMap, landmarks: ArrayLike) -> Floats:
+        """Lay the map over that of another surface, by landmarks.
+
+        A map onto the disk is unique up to a Möbius transformation of the disk. The one
+        here brings the landmarks of this map nearest to those of the other: it minimises
+        the sum of their squared distances, once the disk has been moved so that the
+        landmarks of the other have their conformal barycentre at 0, so that the
+        normalisations of the two maps do not matter.
+
+        Parameters
+        ----------
+        to : DiskMap
+            Of the other surface.
+        landmarks : (k, 2) array_like of integers
+            In each row a vertex of this surface and the vertex of the other that
+            corresponds to it; at least two rows. Two on the boundary leave one degree of
+            freedom, for which the smallest change is taken.
+
+        Returns
+        -------
+        (n, 2) float64
+            The vertices of this surface in the disk of the other, still a certified map:
+            ``to.interpolate(values, uv)`` carries what lives on the other surface to them.
+
+        Raises
+        ------
+        ValueError
+            If `landmarks` is none of that.
+        MapError
+            If the landmarks ask for a transformation so strong that vertices coincide.
+
+        Examples
+        --------
+        One surface, turned and centred in two ways:
+
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> one, other = cdcp_igl.disk_map(V, F, align=[0, 1, 0]), cdcp_igl.disk_map(V, F)
+        >>> uv = one.register(other, [[5, 5], [70, 70], [200, 200]])
+        >>> bool(abs(uv - other.uv).max() < 1e-6)
+        True
+        """
+        pairs = np.asarray(landmarks)
+        if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
+            raise ValueError(f"landmarks must be (k, 2) integers, not {pairs.dtype} {pairs.shape}")
+        if not ((pairs >= 0) & (pairs < [len(self.uv), len(to.uv)])).all():
+            raise ValueError("landmarks must be vertices of the two surfaces")
+        if min(len(np.unique(column)) for column in pairs.T) < 2:
+            raise ValueError("two landmarks or more are needed, at different vertices")
+        here, there = (
+            map_.uv[column] @ [1, 1j] for map_, column in zip((self, to), pairs.T, strict=True)
+        )
+        f = landmark_automorphism(here, there)(self.uv @ np.array([1, 1j]))
+        f[self.mesh.loop] /= abs(f[self.mesh.loop])
+        uv = np.column_stack([f.real, f.imag])
+        certificate = certify(self.mesh, uv)
+        if not certificate.valid:
+            raise MapError(f"The landmarks lie too far apart to register: {certificate}", self)
+        return uv
 
     def report(self) -> dict[str, Any]:
         """Everything but the coordinates, as JSON types."""

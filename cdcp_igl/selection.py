@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -16,12 +15,13 @@ from .errors import MapError
 from .result import DiskMap
 from .solve.factored import FactoredSurface
 from .steps.center import Center
-from .steps.circle import BoundaryMethod, CircleMap, Rejected, spread_corners
+from .steps.circle import BoundaryMethod, CircleMap, Rejected, hold_open
 from .steps.conformality import Conformality, judge
 from .steps.mobius import Normalization, normalize, rotate
 from .steps.options import Options
 from .steps.phases import Phases
 from .steps.refine import Refinement, lower_angle_distortion
+from .steps.remote import Remote
 from .steps.repair import Repair, unfold
 from .surface.mesh import DiskMesh
 
@@ -40,11 +40,14 @@ class HarmonicMap:
     ----------
     f : (n,) complex128
     boundary : CircleMap
+    remote : Remote or None
+        What is too close to the circle for f to tell its vertices apart.
     center : Center
     """
 
     f: Complex
     boundary: CircleMap
+    remote: Remote | None
     center: Center
 
 
@@ -147,8 +150,11 @@ def _normalized(
     with phase("mobius"):
         f, normalization = normalize(mesh, harmonic.f, options.mobius_method)  # (19), (20)
     with phase("repair"):
-        f, n_spread = spread_corners(mesh, f, harmonic.boundary.extend)
-        f, repair = unfold(mesh, rotate(mesh, f, options.align))
+        f = rotate(mesh, f, options.align)
+        if harmonic.remote:
+            f = harmonic.remote.placed(f, normalization.w)
+        f, n_spread = hold_open(mesh, f)
+        f, repair = unfold(mesh, f)
     if repair.n_flipped:
         log.info("%s", repair)
     trace = replace(harmonic.boundary.method, n_spread=n_spread)
@@ -180,7 +186,7 @@ def _refined(
             options.refine,
             options.refine_norm,
             seconds=options.refine_seconds,
-            turn=partial(rotate, mesh, align=options.align),
+            turn=lambda f: hold_open(mesh, rotate(mesh, f, options.align))[0],
             advance=advance,
         )
     if refinement.stopped:
@@ -210,6 +216,7 @@ def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskM
         conformality = replace(conformality, reasons=conformality.reasons + causes)
     return DiskMap(
         uv=uv,
+        mesh=mesh,
         certificate=best.certificate,
         conformality=conformality,
         distortion=distortion,
@@ -229,8 +236,6 @@ def _causes(trace: BoundaryMethod, repair: Repair, n: int) -> Iterator[str]:
     if trace.name == "arc length":
         yield "the boundary lies by arc length"
         yield from (reason for reason in trace.rejected if "crowding" in reason)
-    if trace.n_spread:
-        yield f"the corners of {trace.n_spread:,} faces at the boundary had to be moved apart"
     if repair.n_moved > REPAIRED_SHARE * n:
         yield f"repair of flipped faces moved {repair.n_moved / n:.0%} of the vertices"
 

@@ -1,5 +1,6 @@
-"""Pictures of a map, as in the paper's Figures 5 and 6."""
+"""Pictures of a map, and a page in which one can turn it."""
 
 from .pictures import MapRow, picture, side_by_side
+from .viewer import view, view_html
 
-__all__ = ["MapRow", "picture", "side_by_side"]
+__all__ = ["MapRow", "picture", "side_by_side", "view", "view_html"]

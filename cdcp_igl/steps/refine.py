@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from ..arrays import Complex, Floats, Ints, blocks
-from ..certificate import flipped_faces, is_around
+from ..certificate import certify
 from ..distortion import angle_errors
 from ..solve.cholmod import Cholesky
 from ..solve.laplacian import Laplacian
@@ -96,7 +96,8 @@ def lower_angle_distortion(
     seconds : float
         After so many no step is begun; one that has been begun is finished.
     turn : callable
-        Applied to the map after each step: angles do not tell a map from one turned about 0.
+        Applied to the map after each step: angles do not tell a map from one turned about 0,
+        and boundary vertices come back onto the circle with rounding errors of their own.
     advance : callable
         Called with the share of the steps that is done, after each.
 
@@ -321,8 +322,7 @@ def _slide(mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
 
 
 def _is_bijective(mesh: DiskMesh, f: Complex) -> bool:
-    flipped, _ = flipped_faces(np.column_stack([f.real, f.imag]), mesh.F)
-    return len(flipped) == 0 and is_around(f[mesh.loop])
+    return certify(mesh, np.column_stack([f.real, f.imag])).valid
 
 
 def _power_mean(r: Floats, p: float) -> float:

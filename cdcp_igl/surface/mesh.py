@@ -68,6 +68,7 @@ class DiskMesh:
     on_boundary: Bools
     edges: Edges
     cotangents: Floats
+    _exponent: int
 
     def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
         examined = examine(V, F)
@@ -89,11 +90,17 @@ class DiskMesh:
             cotangents=examined.cotangents,
         )
         object.__setattr__(self, "edges", edges)
+        object.__setattr__(self, "_exponent", _exponent(V))
 
     def _set(self, **arrays: NDArray[Any]) -> None:
         for name, array in arrays.items():
             array.flags.writeable = False
             object.__setattr__(self, name, array)
+
+    @property
+    def positions(self) -> Floats:
+        """(n, 3) the vertices in the unit in which they were given."""
+        return np.ldexp(self.V, self._exponent)
 
     @cached_property
     def angles(self) -> Floats:
@@ -144,6 +151,7 @@ class DiskMesh:
         mesh = copy(self)
         mesh.__dict__.pop("angles", None)
         mesh._set(V=positions, cotangents=cotangents)
+        object.__setattr__(mesh, "_exponent", _exponent(V))
         return mesh
 
     def __repr__(self) -> str:
@@ -151,3 +159,8 @@ class DiskMesh:
             f"DiskMesh({len(self.V):,} vertices, {len(self.F):,} faces, "
             f"{len(self.loop):,} boundary vertices)"
         )
+
+
+def _exponent(V: ArrayLike) -> int:
+    """Of the power of two by which the positions were divided."""
+    return int(np.frexp(np.abs(np.asarray(V, dtype=np.float64)).max())[1])

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Floats, Ints
 from ..errors import Defect, MeshError, spell
 from .defects import CUT, MENDED, degenerate_defect, topological_defects
+from .notebook import html_table
 from .topology import Topology, outer_loop
 from .triangles import corner_cotangents
 from .validation import (
@@ -108,6 +109,22 @@ class MeshReport:
         if found <= MENDED | CUT:
             return _CUT_STEP
         return self.defects[0].remedy
+
+    def __repr__(self) -> str:
+        found = "a disk" if self.is_disk else ", ".join(d.name for d in self.defects)
+        return f"MeshReport({self.n_vertices:,} vertices, {self.n_faces:,} faces: {found})"
+
+    def _repr_html_(self) -> str:
+        counts = f"{self.n_vertices:,} vertices, {self.n_faces:,} faces"
+        rows = {
+            "kind": self.kind,
+            "boundary vertices": f"{self.n_boundary:,}",
+            "ears": f"{len(self.ears):,}",
+            "chords": f"{len(self.chords):,}",
+            **{defect.name: str(defect) for defect in self.defects},
+            "next": self.next_step,
+        }
+        return html_table(counts, rows)
 
     def __str__(self) -> str:
         counts = (

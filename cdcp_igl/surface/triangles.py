@@ -7,7 +7,12 @@ import numpy as np
 from .. import libigl
 from ..arrays import Floats, Ints, blocks
 
-__all__ = ["area_products", "corner_cotangents", "face_areas"]
+__all__ = ["ORIENTATION_BOUND", "area_products", "corner_cotangents", "face_areas"]
+
+EPS = np.finfo(float).eps / 2
+# Shewchuk's bound: beyond it, the rounded determinant of an orientation has the sign of the
+# exact one.
+ORIENTATION_BOUND = (3 + 16 * EPS) * EPS
 
 
 def face_areas(V: Floats, F: Ints) -> Floats:

@@ -10,10 +10,8 @@ closer in one direction than in the other gets triangles that are nearly equilat
 import igl
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.tri import LinearTriInterpolator, Triangulation
 
 import cdcp_igl
-from cdcp_igl.surface.mesh import DiskMesh
 
 V, F = cdcp_igl.datasets.load("jacksboro_fault")
 V = V.reshape(344, 403, 3)[60:260:12, 80:320:3]
@@ -21,25 +19,13 @@ rows, columns, _ = V.shape
 V = V.reshape(-1, 3) / 1000  # kilometres
 F = igl.triangulated_grid(columns, rows)[1][:, ::-1]  # the rows go south
 
-uv = cdcp_igl.cdcp(V, F, mobius="area")  # the Möbius transformation that evens out the areas
+result = cdcp_igl.disk_map(V, F, mobius="area")  # the Möbius transformation that evens out areas
 
 # %%
-# The new vertices: a lattice of equilateral triangles in the disk, and the boundary as it is.
-# Their Delaunay triangulation is the new mesh.
+# A lattice of equilateral triangles in the disk, with a ring on the circle, is carried back
+# to the surface. The map is linear on every face, and so is its inverse.
 
-side = 0.055
-v, u = np.mgrid[-20:21, -20:21]
-lattice = side * np.column_stack([(u + v / 2).ravel(), (np.sqrt(3) / 2 * v).ravel()])
-lattice = lattice[np.linalg.norm(lattice, axis=1) < 1 - side]
-loop = DiskMesh(V, F).loop
-faces = Triangulation(*np.vstack([lattice, uv[loop]]).T).triangles
-
-# %%
-# Back on the surface: the map is linear on every face, and so is its inverse.
-
-disk = Triangulation(*uv.T, F)
-inside = np.column_stack([LinearTriInterpolator(disk, x)(*lattice.T).data for x in V.T])
-points = np.vstack([inside, V[loop]])
+points, faces, _ = result.remesh(0.055)
 
 
 def smallest_angles(V, F):
@@ -52,13 +38,15 @@ def smallest_angles(V, F):
 figure, panels = plt.subplots(
     1, 2, layout="constrained", figsize=(10, 5.2), subplot_kw={"projection": "3d"}
 )
+angles = []
 for axes, P, T, title in zip(
     panels, (V, points), (F, faces), ("as surveyed", "remeshed"), strict=True
 ):
     axes.plot_trisurf(*P.T, triangles=T, color="#b9c7d6", edgecolor="#00366c", linewidth=0.25)
-    angle = np.median(smallest_angles(P, T))
-    axes.set_title(f"{title}: {len(T):,} faces,\nmedian smallest angle {angle:.0f}°")
+    angles.append(np.median(smallest_angles(P, T)))
+    axes.set_title(f"{title}: {len(T):,} faces,\nmedian smallest angle {angles[-1]:.0f}°")
     axes.set_box_aspect(np.ptp(P, axis=0) * [1, 1, 2], zoom=1.2)  # heights doubled
     axes.view_init(55, -70)
     axes.set_axis_off()
 plt.show()
+assert angles[1] > 40 > angles[0]

@@ -1,5 +1,6 @@
 """From the boundary trace to the unit circle."""
 
+from .bulge import hold_open
 from .fallback import (
     FALLBACKS,
     BoundaryMethod,
@@ -9,7 +10,6 @@ from .fallback import (
     by_trace,
     whitened_geodesic_map,
 )
-from .spread import spread_corners
 
 __all__ = [
     "FALLBACKS",
@@ -18,6 +18,6 @@ __all__ = [
     "Rejected",
     "arc_length_map",
     "by_trace",
-    "spread_corners",
+    "hold_open",
     "whitened_geodesic_map",
 ]

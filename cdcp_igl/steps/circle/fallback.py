@@ -8,15 +8,14 @@ from functools import partial
 
 import numpy as np
 
-from ...arrays import Complex
-from ...certificate import is_around
+from ...arrays import Complex, Floats
+from ...certificate import increments, is_around
 from ...solve.factored import FactoredSurface
 from ...surface.mesh import DiskMesh
 from ..extension import harmonic_extension
-from .crowding import crowding_reason
+from .crowding import balanced, crowding_reason
 from .geodesic import geodesic_map
-from .harmonic_measure import arc_length_shares, harmonic_shares
-from .spread import around
+from .harmonic_measure import arc_length_shares, around, harmonic_shares
 from .whiten import whiten_trace
 
 __all__ = [
@@ -27,6 +26,7 @@ __all__ = [
     "arc_length_map",
     "by_arc_length",
     "by_harmonic_measure",
+    "by_opened_arcs",
     "by_trace",
     "whitened_geodesic_map",
 ]
@@ -36,10 +36,13 @@ __all__ = [
 # from 2.500 to 2.463 degrees; from about 200 points on it changes less than 0.02 %.
 ENOUGH_POINTS = 200
 
-# Shares of the circle are at least this part of those by arc length. Less, and fewer crowded
-# maps can be certified (corridors 20 times longer than wide still are); more, and they get
-# worse by degrees. Elsewhere only edges without flux are concerned.
+# Opened arcs are at least this part of those by arc length. Less, and fewer crowded maps can be
+# certified; more, and they get worse by degrees.
 LEAST_SHARE = 1e-8
+
+# The trace is known to some 1e-16 of its size, so that arcs shorter than this, in radians, have
+# lost more than four digits. Harmonic measure keeps them.
+RESOLVED = 1e-11
 
 
 class Rejected(Exception):
@@ -54,12 +57,13 @@ class BoundaryMethod:
     ----------
     name : str
         The method whose result was used: ``"geodesic"`` unless something went wrong, else
-        ``"harmonic measure"`` or, at last, ``"arc length"``, which is not conformal.
+        ``"harmonic measure"``, ``"opened arcs"`` or, at last, ``"arc length"``, which is not
+        conformal.
     rejected : tuple of str
         The other methods that were tried, each with the reason why its map was not used.
     n_spread : int
-        Faces inscribed in the circle whose corners were moved apart, by some 1e-7, lest they
-        collapse in double precision.
+        Faces inscribed in the circle that had collapsed in double precision, and are held
+        open by the last digits of their corners.
     laplacian : str
         Whose harmonic functions the map is made of: ``"cotangent"``, or, after the geodesic
         algorithm has failed, ``"intrinsic Delaunay"``.
@@ -72,7 +76,7 @@ class BoundaryMethod:
 
     def __str__(self) -> str:
         laplacian = "" if self.laplacian == "cotangent" else f", {self.laplacian} Laplacian"
-        opened = f", arcs of {self.n_spread:,} faces opened" if self.n_spread else ""
+        opened = f", {self.n_spread:,} inscribed faces held open" if self.n_spread else ""
         reasons = "".join(f" (rejected {reason})" for reason in self.rejected)
         return self.name + laplacian + opened + reasons
 
@@ -83,13 +87,16 @@ class CircleMap:
 
     Attributes
     ----------
+    steps : (nB,) float64
+        From each boundary vertex to the next, in proportion to the angles.
     f_B : (nB,) complex128
-        On the unit circle, strictly counterclockwise, once around, the first at 1.
+        On the unit circle by these steps, counterclockwise, once around, the first at 1.
     extend : callable
         Extends boundary values harmonically to all of the surface.
     method : BoundaryMethod
     """
 
+    steps: Floats
     f_B: Complex
     extend: Callable[[Complex], Complex]
     method: BoundaryMethod
@@ -115,16 +122,20 @@ def by_trace(
     Raises
     ------
     Rejected
-        If slivers or a bad dipole have made the trace cross itself.
+        If slivers or a bad dipole have made the trace cross itself, or the surface is so long
+        that the trace has too few digits.
     """
     f_B = circle(trace)
     if not np.isfinite(f_B).all():
         raise Rejected("geodesic: not finite")
     if not is_around(f_B):
         raise Rejected("geodesic: not monotone")
+    steps = increments(f_B)
+    if steps.min() < RESOLVED and len(surface.mesh.interior):
+        raise Rejected("geodesic: arcs too short for the digits of the trace")
     f_B = f_B / f_B[0]
-    extend = partial(harmonic_extension, surface.mesh, surface.laplacian, surface.factor)
-    return CircleMap(f_B / abs(f_B), extend, BoundaryMethod("geodesic"))
+    extend = _extension(surface)
+    return CircleMap(steps, f_B / abs(f_B), extend, BoundaryMethod("geodesic"))
 
 
 def whitened_geodesic_map(trace: Complex) -> Complex:
@@ -143,6 +154,8 @@ def whitened_geodesic_map(trace: Complex) -> Complex:
 def by_harmonic_measure(surface: FactoredSurface, face: int) -> CircleMap:
     """Place the boundary as it is seen from the central face; needs no curve.
 
+    Where remote parts would be too small, it is seen from where they are equally far away.
+
     Parameters
     ----------
     surface : FactoredSurface
@@ -158,14 +171,29 @@ def by_harmonic_measure(surface: FactoredSurface, face: int) -> CircleMap:
     Rejected
         If crowding spoils it: many boundary vertices would coincide.
     """
+    steps = _seen(surface, face)
+    if crowded := crowding_reason(surface.mesh, steps):
+        raise Rejected(f"harmonic measure: {crowded}")
+    return _on_delaunay(surface, steps, "harmonic measure")
+
+
+def by_opened_arcs(surface: FactoredSurface, face: int) -> CircleMap:
+    """Place the boundary by harmonic measure, and open its shortest arcs."""
+    steps = _seen(surface, face)
+    if crowded := crowding_reason(surface.mesh, steps):
+        raise Rejected(f"opened arcs: {crowded}")
+    steps = np.maximum(steps, LEAST_SHARE * arc_length_shares(surface.mesh))
+    return _on_delaunay(surface, steps, "opened arcs")
+
+
+def _seen(surface: FactoredSurface, face: int) -> Floats:
+    """(nB,) harmonic measure of the boundary edges."""
     mesh, delaunay = surface.mesh, surface.delaunay
-    steps = harmonic_shares(mesh, delaunay.laplacian, delaunay.factor, face)
+    measure = partial(harmonic_shares, mesh, delaunay.laplacian, delaunay.factor)
+    steps = balanced(mesh, measure, _extension(delaunay), face)
     if not np.isfinite(steps).all():
         raise Rejected("harmonic measure: no interior vertex at the central face")
-    if crowded := crowding_reason(mesh, steps):
-        raise Rejected(f"harmonic measure: {crowded}")
-    steps = np.maximum(steps, LEAST_SHARE * arc_length_shares(mesh))
-    return _on_delaunay(surface, around(steps), "harmonic measure")
+    return steps
 
 
 def by_arc_length(surface: FactoredSurface, face: int) -> CircleMap:
@@ -174,13 +202,16 @@ def by_arc_length(surface: FactoredSurface, face: int) -> CircleMap:
     On very crowded surfaces it has lower angular distortion than conformal boundaries that
     are opened as far as double precision requires. `face` is not looked at.
     """
-    return _on_delaunay(surface, arc_length_map(surface.mesh), "arc length")
+    return _on_delaunay(surface, arc_length_shares(surface.mesh), "arc length")
 
 
-def _on_delaunay(surface: FactoredSurface, f_B: Complex, name: str) -> CircleMap:
-    delaunay = surface.delaunay
-    extend = partial(harmonic_extension, surface.mesh, delaunay.laplacian, delaunay.factor)
-    return CircleMap(f_B, extend, BoundaryMethod(name, laplacian="intrinsic Delaunay"))
+def _on_delaunay(surface: FactoredSurface, steps: Floats, name: str) -> CircleMap:
+    method = BoundaryMethod(name, laplacian="intrinsic Delaunay")
+    return CircleMap(steps, around(steps), _extension(surface.delaunay), method)
+
+
+def _extension(surface: FactoredSurface) -> Callable[[Complex], Complex]:
+    return partial(harmonic_extension, surface.mesh, surface.laplacian, surface.factor)
 
 
 def arc_length_map(mesh: DiskMesh) -> Complex:
@@ -189,4 +220,4 @@ def arc_length_map(mesh: DiskMesh) -> Complex:
 
 
 # In the order in which they are tried.
-FALLBACKS = (by_harmonic_measure, by_arc_length)
+FALLBACKS = (by_harmonic_measure, by_opened_arcs, by_arc_length)

@@ -1,0 +1,38 @@
+"""A map to the kind of file that its name asks for."""
+
+from __future__ import annotations
+
+import json
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .output import whole_file
+from .writing import WRITABLE, write_map
+
+if TYPE_CHECKING:
+    from ..result import DiskMap
+
+__all__ = ["save"]
+
+PICTURES = (".pdf", ".png", ".svg")
+
+
+def save(result: DiskMap, path: str | PathLike[str]) -> None:
+    """Write a map; see `DiskMap.save`."""
+    suffix = Path(path).suffix.lower()
+    if suffix in WRITABLE:
+        write_map(path, result.mesh.positions, result.mesh.F, result.uv)
+    elif suffix in PICTURES:
+        figure = result.plot()[0].figure
+        with whole_file(path) as unfinished:
+            figure.savefig(unfinished)
+    elif suffix == ".html":
+        result.view(path)
+    elif suffix == ".json":
+        with whole_file(path) as unfinished:
+            text = json.dumps(result.report(), indent=2, ensure_ascii=False)
+            unfinished.write_text(text + "\n", encoding="utf-8")
+    else:
+        known = " ".join((*WRITABLE, *PICTURES, ".html", ".json"))
+        raise ValueError(f"{Path(path).name!r} is of no known type. Writable: {known}")

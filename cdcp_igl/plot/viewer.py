@@ -1,0 +1,313 @@
+"""A page in which a surface turns beside its image."""
+
+from __future__ import annotations
+
+import json
+import webbrowser
+from base64 import b64encode
+from collections.abc import Mapping
+from html import escape
+from importlib.resources import files
+from io import BytesIO
+from os import PathLike
+from pathlib import Path
+from string import Template
+from tempfile import mkdtemp
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Floats, Ints
+from ..distortion import angle_distortion, conformal_factor
+from ..extras import from_extra
+from ..io import whole_file
+from ..result import DiskMap
+from ..surface.triangles import face_areas
+from .packing import ordered, pack, quantized
+from .pictures import side_by_side, vertex_normals
+from .viewpoint import choose_viewpoint
+
+with from_extra("plot"):
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+    from matplotlib.image import imsave
+
+__all__ = ["view", "view_html"]
+
+IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".webp": "webp"}
+VALUE_STEPS = 255  # of a field: no eye tells more colours apart
+BEYOND = 0.005  # share of the vertices, at either end, that may lie beyond the scale of colours
+
+
+def view(
+    result: DiskMap,
+    path: str | PathLike[str] | None = None,
+    *,
+    fields: Mapping[str, ArrayLike] | None = None,
+    texture: str | PathLike[str] | ArrayLike | None = None,
+    title: str = "",
+) -> Path:
+    """Write a page that shows a map, or open it in the browser.
+
+    A single file that needs no network and no library: the surface turns beside the disk;
+    the face under the pointer is marked on both. Colours by normals, a checkerboard, the
+    angular distortion, the conformal factor, and what is given here.
+
+    Parameters
+    ----------
+    result : DiskMap
+    path : path-like, optional
+        Named .html; replaced once the new one is complete. Without it, the page is written to
+        a temporary folder and opened in the browser.
+    fields : mapping of str to (n,) array_like, optional
+        More values at the vertices to colour by, under their names.
+    texture : path-like or (height, width, 3 or 4) array_like, optional
+        Image of the square around the disk, the top row at v = 1: a png, jpeg or webp file,
+        or colours from 0 to 1, such as ``result.bake`` makes.
+    title : str
+        The heading, such as the name of the surface.
+
+    Returns
+    -------
+    Path
+        Where the page is.
+
+    Raises
+    ------
+    ValueError
+        If a field has not a value for each vertex, or the texture is no such image.
+    OSError
+        If the file cannot be written, or the texture not be read.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import cdcp_igl
+    >>> from cdcp_igl.plot import view
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+    >>> with TemporaryDirectory() as folder:
+    ...     page = view(
+    ...         cdcp_igl.disk_map(V, F), Path(folder, "cap.html"), fields={"height": V[:, 2]}
+    ...     )
+    ...     page.stat().st_size < 150_000
+    True
+    """
+    page = view_html(result, fields=fields, texture=texture, title=title)
+    target = Path(mkdtemp(prefix="cdcp_igl-"), "map.html") if path is None else Path(path)
+    with whole_file(target) as unfinished:
+        unfinished.write_text(page, encoding="utf-8")
+    if path is None:
+        webbrowser.open(target.as_uri())
+    return target
+
+
+def view_html(
+    result: DiskMap,
+    *,
+    fields: Mapping[str, ArrayLike] | None = None,
+    texture: str | PathLike[str] | ArrayLike | None = None,
+    title: str = "",
+) -> str:
+    """Return the page that `view` writes.
+
+    Parameters
+    ----------
+    result, fields, texture, title
+        As in `view`.
+
+    Returns
+    -------
+    str
+        A whole HTML document.
+
+    Raises
+    ------
+    ValueError, OSError
+        As `view`.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> from cdcp_igl.plot import view_html
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+    >>> view_html(cdcp_igl.disk_map(V, F), title="Cap").count("<h1>Cap</h1>")
+    1
+    """
+    V, F, uv = result.mesh.positions, result.mesh.F, result.uv
+    about, arrays = _geometry(V, F, uv)
+    colorings: list[dict[str, Any]] = [
+        {"name": "normals", "kind": "normals"},
+        {"name": "checkerboard", "kind": "checkerboard"},
+    ]
+    for coloring, values in _measured(V, F, uv) + _given(fields or {}, len(V)):
+        coloring["array"] = f"value {len(colorings)}"
+        arrays[coloring["array"]] = quantized(
+            values, coloring["low"], coloring["high"], VALUE_STEPS
+        )
+        colorings.append(coloring)
+    if texture is not None:
+        about["image"] = _image(texture)
+        colorings.append({"name": "texture", "kind": "image"})
+
+    data, arrays = min(
+        ((pack(choice), choice) for choice in (arrays, _reordered(arrays, uv, F))),
+        key=lambda packed: len(packed[0]),
+    )
+    about |= {
+        "arrays": [(name, len(array)) for name, array in arrays.items()],
+        "colorings": colorings,
+    }
+    source = files(__package__) / "browser"
+    return Template((source / "viewer.html").read_text("utf-8")).substitute(
+        title=escape(title or "Conformal map onto the disk"),
+        facts=escape(_facts(result)),
+        plane="Disk",
+        style=(source / "viewer.css").read_text("utf-8"),
+        script=(source / "viewer.js").read_text("utf-8"),
+        poster=_poster(V, F, uv, result.distortion.mean),
+        # A closing tag in a name would end the script element.
+        about=json.dumps(about).replace("<", "\\u003c"),
+        data=data,
+    )
+
+
+def _facts(result: DiskMap) -> str:
+    return " · ".join(
+        [
+            f"{len(result.uv):,} vertices",
+            f"angular distortion {result.distortion.mean:.3g}° ± {result.distortion.sd:.3g}°",
+            "certified bijection" if result.certificate.valid else "NOT VALID",
+        ]
+    )
+
+
+def _geometry(V: Floats, F: Ints, uv: Floats) -> tuple[dict[str, Any], dict[str, Ints]]:
+    """Describe the surface, its image and its boundary."""
+    low, high = V.min(axis=0), V.max(axis=0)
+    size = float((high - low).max())
+    arrays = {
+        name: quantized(x, x.min(), x.min() + size) for name, x in zip("xyz", V.T, strict=True)
+    }
+    arrays |= {name: quantized(x, -1, 1) for name, x in zip("uv", uv.T, strict=True)}
+    arrays["faces"] = F.ravel()
+    rim, cut = _rim_and_cut(V, F)
+    home = choose_viewpoint(V, F)
+    arrays |= {"rim": rim.ravel(), "cut": cut.ravel()}
+    return {
+        "extent": ((high - low) / size).tolist(),
+        "home": home.ravel().tolist(),
+        "spin": _spin(V, F, uv, home),
+    }, arrays
+
+
+def _spin(V: Floats, F: Ints, uv: Floats, home: Floats) -> float:
+    """Angle by which to turn the image so that what one sees of the surface keeps its direction."""
+    seen = V @ home.T
+    front = (vertex_normals(V, F) @ home[2]) > 0
+    x = seen[front, :2] @ np.array([1, 1j])
+    return float(np.angle(np.vdot(uv[front] @ np.array([1, 1j]), x - x.mean()))) if len(x) else 0.0
+
+
+def _rim_and_cut(V: Floats, F: Ints) -> tuple[Ints, Ints]:
+    """Edges with one face; where two of them lie in one place, the surface was cut there."""
+    tails, heads = F.ravel(), np.roll(F, -1, axis=1).ravel()
+    n = len(V)
+    single = np.flatnonzero(~np.isin(tails * n + heads, heads * n + tails))
+    edges = np.column_stack([tails[single], heads[single]])
+    ends, place = np.unique(edges), V[np.unique(edges)]
+    where = np.unique(place, axis=0, return_inverse=True)[1].ravel()
+    name = np.sort(where[np.searchsorted(ends, edges)], axis=1)
+    _, which, count = np.unique(name, axis=0, return_inverse=True, return_counts=True)
+    twice = count[which.ravel()] > 1
+    return edges[~twice], edges[twice]
+
+
+def _reordered(arrays: Mapping[str, Ints], uv: Floats, F: Ints) -> dict[str, Ints]:
+    """Put vertices and faces in an order that packs well, with the rows they had."""
+    vertices, faces = ordered(uv, F)
+    rank = np.empty(len(uv), dtype=np.int64)
+    rank[vertices] = np.arange(len(uv))
+    corners = rank[F[faces]]
+    first = corners.argmin(axis=1)[:, None]
+    new = {
+        name: rank[array] if name in ("rim", "cut") else array[vertices]
+        for name, array in arrays.items()
+        if name != "faces"
+    }
+    new["faces"] = np.take_along_axis(corners, (first + np.arange(3)) % 3, axis=1).ravel()
+    return new | {"vertexOrder": vertices, "faceOrder": faces}
+
+
+def _measured(V: Floats, F: Ints, uv: Floats) -> list[tuple[dict[str, Any], Floats]]:
+    """Angular distortion and conformal factor at the vertices."""
+    degrees = angle_distortion(V, F, uv)
+    corners = np.bincount(F.ravel(), minlength=len(V))
+    error = np.bincount(F.ravel(), degrees.ravel(), len(V)) / corners
+    high = max(float(np.quantile(error, 1 - BEYOND)), 1e-6)
+    angle = _coloring(
+        "angle error", "mean angular distortion at the corners of a vertex", "magma_r"
+    )
+    angle |= {"low": 0.0, "high": high, "unit": "°", "ends": ["0°", f"≥ {high:.3g}°"]}
+
+    factor = conformal_factor(V, F, uv)
+    mass = np.bincount(F.ravel(), np.repeat(face_areas(V, F), 3), len(V))
+    finite = np.isfinite(factor)
+    factor = factor - np.average(factor[finite], weights=mass[finite])
+    reach = max(float(np.quantile(abs(factor[finite]), 1 - 4 * BEYOND)), 1e-6)
+    scale = _coloring(
+        "conformal factor", "log of the scale of the map, 0 on the average over the area", "RdBu_r"
+    )
+    scale |= {"low": -reach, "high": reach, "ends": [f"{-reach:.3g}", f"+{reach:.3g}"]}
+    return [(angle, error), (scale, factor)]
+
+
+def _given(fields: Mapping[str, ArrayLike], n: int) -> list[tuple[dict[str, Any], Floats]]:
+    found = []
+    for name, given in fields.items():
+        values = np.asarray(given, dtype=np.float64)
+        if values.shape != (n,):
+            raise ValueError(f"field {name!r} has shape {values.shape}; it must be ({n},)")
+        finite = values[np.isfinite(values)]
+        if len(finite) == 0:
+            raise ValueError(f"field {name!r} has no finite value")
+        low, high = map(float, np.quantile(finite, [BEYOND, 1 - BEYOND]))
+        coloring = _coloring(name, name, "viridis")
+        coloring |= {"low": low, "high": high, "ends": [f"{low:.3g}", f"{high:.3g}"]}
+        found.append((coloring, values))
+    return found
+
+
+def _coloring(name: str, legend: str, colors: str) -> dict[str, Any]:
+    ramp = [to_hex(color) for color in colormaps[colors](np.linspace(0, 1, 9))]
+    return {"name": name, "kind": "values", "legend": legend, "unit": "", "ramp": ramp}
+
+
+def _image(texture: str | PathLike[str] | ArrayLike) -> str:
+    """Return the image as a data URI."""
+    if isinstance(texture, str | PathLike):
+        path = Path(texture)
+        if path.suffix.lower() not in IMAGES:
+            raise ValueError(f"{path.name!r} is no image a browser shows: {', '.join(IMAGES)}")
+        return _uri(path.read_bytes(), IMAGES[path.suffix.lower()])
+    colors = np.asarray(texture, dtype=np.float64)
+    if colors.ndim != 3 or colors.shape[2] not in (3, 4) or colors.size == 0:
+        raise ValueError(f"texture has shape {colors.shape}; it must be (height, width, 3 or 4)")
+    if not (colors.min() >= 0 and colors.max() <= 1):  # NaN is neither
+        raise ValueError("the colours of a texture must lie between 0 and 1")
+    file = BytesIO()
+    imsave(file, colors, format="png")
+    return _uri(file.getvalue(), "png")
+
+
+def _poster(V: Floats, F: Ints, uv: Floats, mean: float) -> str:
+    """Return the picture that stands where the browser cannot draw."""
+    figure = side_by_side([(V, F, [("image", mean, uv)])])
+    file = BytesIO()
+    figure.savefig(file, format="jpeg", dpi=120, pil_kwargs={"quality": 75})
+    return _uri(file.getvalue(), "jpeg")
+
+
+def _uri(image: bytes, kind: str) -> str:
+    return f"data:image/{kind};base64,{b64encode(image).decode()}"

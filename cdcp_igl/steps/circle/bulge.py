@@ -1,0 +1,81 @@
+"""Hold faces inscribed in the circle open by the last digits of their corners."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...arrays import Complex, Ints
+from ...certificate import flipped_faces, increments
+from ...surface.mesh import DiskMesh
+
+__all__ = ["hold_open"]
+
+LAST_DIGIT = 2.0**-53  # of a coordinate between 1/2 and 1
+MOST = 1e-13  # that a corner may leave the circle by; a certificate allows 1e-12
+
+
+def hold_open(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
+    """Move corners of collapsed inscribed faces outwards, by no more than rounding errors.
+
+    A triangle inscribed in the unit circle with arcs p and q, both short, is p q / 2 high. In a
+    remote part of the surface that is far less than the distance between doubles, and rounding
+    decides on which side of the chord under the two arcs the corner between them comes to lie.
+    It belongs outside, and is put there by the fewest last digits that will do.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    f : (n,) complex128
+        Map onto the disk, boundary counterclockwise on the circle.
+
+    Returns
+    -------
+    f : (n,) complex128
+        The argument itself where no inscribed face has collapsed.
+    int
+        The number of inscribed faces that had.
+    """
+    collapsed = _collapsed(mesh, f)
+    if len(collapsed) == 0:
+        return f, 0
+    n_collapsed = len(collapsed)
+    tip, span = _tips(mesh, f)
+    f = f.copy()
+    while len(collapsed):
+        before = f.copy()
+        # The chord under a face may be a side of another with a longer chord: that one first.
+        for row in collapsed[np.argsort(-span[collapsed], kind="stable")]:
+            _raise(f, mesh.F[mesh.inscribed[row]], tip[row])
+        if (f == before).all():
+            break
+        collapsed = _collapsed(mesh, f)
+    return f, n_collapsed
+
+
+def _collapsed(mesh: DiskMesh, f: Complex) -> Ints:
+    """Rows of ``mesh.inscribed`` whose faces are not positively oriented."""
+    return flipped_faces(np.column_stack([f.real, f.imag]), mesh.F[mesh.inscribed])[0]
+
+
+def _tips(mesh: DiskMesh, f: Complex) -> tuple[Ints, Complex]:
+    """(k,) corner opposite the longest arc of each inscribed face; length of the other two."""
+    place = np.zeros(len(mesh.V), dtype=np.int64)
+    place[mesh.loop] = np.arange(len(mesh.loop))
+    angle = np.append(0, np.cumsum(increments(f[mesh.loop])))
+    corners = np.sort(place[mesh.F[mesh.inscribed]], axis=1)
+    arcs = angle[np.roll(corners, -1, axis=1)] - angle[corners]
+    arcs[:, 2] += angle[-1]
+    longest = arcs.argmax(axis=1)
+    tip = np.take_along_axis(corners, (longest[:, None] + 2) % 3, axis=1)[:, 0]
+    return mesh.loop[tip], angle[-1] - arcs.max(axis=1)
+
+
+def _raise(f: Complex, face: Ints, tip: int) -> None:
+    """Move the tip outwards until the face is positively oriented, in place."""
+    on_circle, outwards = f[tip] / abs(f[tip]), LAST_DIGIT
+    while outwards <= MOST and len(flipped_faces(f[face].view(float).reshape(3, 2), _FACE)[0]):
+        f[tip] = on_circle * (1 + outwards)
+        outwards *= 2
+
+
+_FACE = np.arange(3)[None]

@@ -1,0 +1,299 @@
+"""A bijection of a triangulated surface onto the disk, and what one can carry through it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import Complex, Floats, Ints
+from .lattice import disk_lattice
+from .location import FaceFinder
+from .mesh import DiskMesh
+from .raster import bilinear, pixel_centers
+
+__all__ = ["Bijection", "as_complex", "as_rows"]
+
+SUM_TOLERANCE = 1e-6  # barycentric coordinates that add up to 1 no better are a mistake
+
+
+@dataclass(frozen=True, eq=False)
+class Bijection:
+    """A map of a triangulated disk onto the polygon inscribed in the unit circle.
+
+    A point of the surface is a face and barycentric coordinates in it; the map is linear on
+    every face.
+
+    Attributes
+    ----------
+    uv : (n, 2) float64
+        The images of the vertices.
+    mesh : DiskMesh
+        The surface.
+    """
+
+    uv: Floats
+    mesh: DiskMesh
+
+    def apply(self, face: ArrayLike, barycentric: ArrayLike) -> Floats:
+        """Map points of the surface to the disk.
+
+        Parameters
+        ----------
+        face : (...) array_like of integers
+            Rows of F.
+        barycentric : (..., 3) array_like
+            Weights of the three corners of the face, which add up to 1.
+
+        Returns
+        -------
+        (..., 2) float64
+
+        Raises
+        ------
+        ValueError
+            If a face is none of the mesh, or weights do not add up to 1.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> result = cdcp_igl.disk_map(V, F)
+        >>> middle = result.apply(7, [1 / 3, 1 / 3, 1 / 3])
+        >>> face, barycentric = result.invert(middle)
+        >>> face, barycentric.round(6)
+        (array(7), array([0.333333, 0.333333, 0.333333]))
+        """
+        rows, weights = np.asarray(face), np.asarray(barycentric, dtype=np.float64)
+        if rows.dtype.kind not in "iu" or weights.shape != (*rows.shape, 3):
+            raise ValueError(
+                f"face must be integers and barycentric have three columns for each; they are "
+                f"{rows.dtype} {rows.shape} and {weights.shape}"
+            )
+        if rows.size and not (rows.min() >= 0 and rows.max() < len(self.mesh.F)):
+            raise ValueError(f"faces must lie in 0..{len(self.mesh.F) - 1}")
+        if not (abs(weights.sum(axis=-1) - 1) <= SUM_TOLERANCE).all():
+            raise ValueError("barycentric coordinates must add up to 1")
+        return np.einsum("...k,...kc->...c", weights, self.uv[self.mesh.F[rows]])
+
+    def invert(self, uv: ArrayLike) -> tuple[Ints, Floats]:
+        """Find the points of the surface whose images are given.
+
+        Parameters
+        ----------
+        uv : (..., 2) array_like
+            Points of the plane.
+
+        Returns
+        -------
+        face : (...) int64
+            -1 outside of the unit disk. Of a point on an edge or on a vertex, one of the
+            faces there.
+        barycentric : (..., 3) float64
+            Not negative; NaN outside of the unit disk. The surface covers the polygon
+            inscribed in the circle: points between an edge of it and its arc are taken to
+            the nearest point of the edge, so that all of the disk has a place on the surface.
+
+        Raises
+        ------
+        ValueError
+            If a coordinate is not finite, or there are not two.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> result = cdcp_igl.disk_map(V, F)
+        >>> face, barycentric = result.invert([[0.3, 0.4], [2, 0]])
+        >>> result.apply(face[0], barycentric[0]).round(12)
+        array([0.3, 0.4])
+        >>> print(face[1])
+        -1
+        """
+        points = np.asarray(uv, dtype=np.float64)
+        if points.ndim == 0 or points.shape[-1] != 2:
+            raise ValueError(f"uv has shape {points.shape}; it must have two columns")
+        if not np.isfinite(points).all():
+            raise ValueError("uv must be finite")
+        face, barycentric = self._finder.locate(as_complex(points.reshape(-1, 2)))
+        return face.reshape(points.shape[:-1]), barycentric.reshape(*points.shape[:-1], 3)
+
+    def interpolate(self, values: ArrayLike, uv: ArrayLike) -> Floats:
+        """Interpolate values at the vertices to points of the disk.
+
+        Parameters
+        ----------
+        values : (n, ...) array_like
+            A row a vertex: positions, colours, a field.
+        uv : (..., 2) array_like
+            Points of the plane, as in `invert`.
+
+        Returns
+        -------
+        (..., ...) float64
+            NaN outside of the unit disk.
+
+        Raises
+        ------
+        ValueError
+            If `values` has not a row for each vertex, or as `invert`.
+
+        Examples
+        --------
+        Where on the surface is the middle of the disk?
+
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> abs(cdcp_igl.disk_map(V, F).interpolate(V, [0, 0])).round(2)
+        array([0., 0., 1.])
+        """
+        at_vertices = self._field(values)
+        face, barycentric = self.invert(uv)
+        corners = at_vertices[self.mesh.F[face]]  # those of the last face where there is none
+        return np.einsum(
+            "pk,pk...->p...", barycentric.reshape(-1, 3), _rows(corners, face)
+        ).reshape(face.shape + at_vertices.shape[1:])
+
+    def bake(self, values: ArrayLike, size: int = 1024) -> Floats:
+        """Bake values at the vertices, such as colours, to an image of the disk.
+
+        Parameters
+        ----------
+        values : (n, ...) array_like
+            A row a vertex.
+        size : int
+            Pixels along each side of the square around the disk.
+
+        Returns
+        -------
+        (size, size, ...) float64
+            The top row lies at v = 1. Pixels outside of the disk have the values of the
+            nearest point on the circle, so that filtered textures show no rim.
+
+        Raises
+        ------
+        ValueError
+            If `values` has not a row for each vertex, or `size` is not positive.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> image = cdcp_igl.disk_map(V, F).bake(V, size=64)
+        >>> image.shape
+        (64, 64, 3)
+        """
+        if not size >= 1:
+            raise ValueError(f"size must be at least 1, not {size!r}")
+        z = pixel_centers(size)
+        z /= np.maximum(abs(z), 1)
+        baked = self.interpolate(values, as_rows(z))
+        return baked.reshape(size, size, *baked.shape[1:])
+
+    def pull_back(self, values: ArrayLike) -> Floats:
+        """Pull an image of the disk back to the vertices of the surface.
+
+        Parameters
+        ----------
+        values : (height, width, ...) array_like
+            Over the square from (-1, -1) to (1, 1), the top row at v = 1: a texture, or
+            samples of a function of the disk at the centres of the pixels.
+
+        Returns
+        -------
+        (n, ...) float64
+            At each vertex the value at its image, bilinear between the pixels. A function g
+            that can be evaluated anywhere needs no image: ``g(result.uv)``.
+
+        Raises
+        ------
+        ValueError
+            If `values` is no image.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> result = cdcp_igl.disk_map(V, F)
+        >>> heights = result.pull_back(result.bake(V[:, 2]))
+        >>> bool(abs(heights - V[:, 2]).max() < 0.01)
+        True
+        """
+        image = np.asarray(values, dtype=np.float64)
+        if image.ndim < 2 or image.size == 0:
+            raise ValueError(f"values has shape {image.shape}; it must be (height, width, ...)")
+        return bilinear(image, self._z)
+
+    def remesh(self, side: float) -> tuple[Floats, Ints, Floats]:
+        """Mesh the surface anew by a regular mesh of the disk.
+
+        A lattice of equilateral triangles in the disk and a ring on the circle are carried
+        back to the surface. A conformal map keeps their shape; their size varies with its
+        scale, least with ``mobius="area"``. Corners of the boundary between two points of the
+        ring are cut off.
+
+        Parameters
+        ----------
+        side : float
+            Of the triangles in the disk, from 0 to 1.
+
+        Returns
+        -------
+        V : (k, 3) float64
+            Points of the surface. Those of the boundary come first, counterclockwise.
+        F : (m, 3) int64
+            A triangulated disk, oriented as the surface is.
+        uv : (k, 2) float64
+            The lattice: the map of the new mesh.
+
+        Raises
+        ------
+        ValueError
+            If `side` is not between 0 and 1.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> W, G, uv = cdcp_igl.disk_map(V, F).remesh(0.1)
+        >>> cdcp_igl.check(W, G).is_disk
+        True
+        """
+        if not 0 < side <= 1:
+            raise ValueError(f"side must be between 0 and 1, not {side!r}")
+        z, F = disk_lattice(side)
+        uv = as_rows(z)
+        return self.interpolate(self.mesh.positions, uv), F, uv
+
+    @cached_property
+    def _z(self) -> Complex:
+        return as_complex(self.uv)
+
+    @cached_property
+    def _finder(self) -> FaceFinder:
+        return FaceFinder(self.mesh, self._z)
+
+    def _field(self, values: ArrayLike) -> Floats:
+        at_vertices = np.asarray(values, dtype=np.float64)
+        if at_vertices.ndim == 0 or len(at_vertices) != len(self.uv):
+            raise ValueError(
+                f"values has shape {at_vertices.shape}; it must have {len(self.uv)} rows"
+            )
+        return at_vertices
+
+
+def _rows(corners: NDArray[np.float64], face: Ints) -> Floats:
+    """Flatten the axes of `face`."""
+    return corners.reshape(face.size, *corners.shape[face.ndim :])
+
+
+def as_complex(uv: Floats) -> Complex:
+    """(k,) u + iv of points (k, 2)."""
+    return uv @ np.array([1, 1j])
+
+
+def as_rows(z: Complex) -> Floats:
+    """(k, 2) real and imaginary parts."""
+    return np.column_stack([z.real, z.imag])

@@ -1,0 +1,208 @@
+"""The face of the disk in which a point lies, and where in it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Bools, Complex, Floats, Ints
+from .mesh import DiskMesh
+from .triangles import ORIENTATION_BOUND, area_products
+
+__all__ = ["FaceFinder", "z_order"]
+
+Codes = NDArray[np.uint64]
+
+BITS = 31  # of each coordinate in a Morton code: a cell of 1e-9
+ON_CIRCLE = 1e-12  # points this far outside the circle have left it by rounding
+RESOLUTION = 2.0**-52  # of coordinates in the disk
+BLOCK = 1 << 17  # points that walk at a time: their arrays stay in the cache
+
+
+class FaceFinder:
+    """Locates points in a certified map onto the disk.
+
+    A walk: from a face nearby, across an edge that has the point on its other side, until
+    there is none. The edge is drawn by lot where there are two, so that no walk goes in
+    circles. A point counts as beyond an edge where the sign of the orientation is certain, so
+    that each point on an edge or a vertex is in one of the faces there.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    z : (n,) complex128
+        A bijection onto the polygon inscribed in the unit circle.
+
+    Raises
+    ------
+    ValueError
+        If it is none: a face is flipped, or the faces cover more than the disk.
+
+    References
+    ----------
+    O. Devillers, S. Pion, M. Teillaud. Walking in a triangulation. Int. J. Found. Comput.
+    Sci. 13(2), 2002.
+    """
+
+    def __init__(self, mesh: DiskMesh, z: Complex) -> None:
+        self._corners = z[mesh.F]
+        self._across = _faces_across(mesh)
+        self._angles, self._rim = _rim(mesh, z)
+        left, right = area_products(z.real, z.imag, mesh.F)
+        flipped = left - right < -ORIENTATION_BOUND * (abs(left) + abs(right))
+        if flipped.any() or (left - right).sum() > 2 * np.pi * (1 + ON_CIRCLE):
+            raise ValueError("the map is no bijection onto the disk: points have no one place")
+        codes = _morton(self._corners.mean(axis=1))
+        self._start = np.argsort(codes, kind="stable")
+        self._codes = codes[self._start]
+
+    def locate(self, points: Complex) -> tuple[Ints, Floats]:
+        """Find the face of each point and its barycentric coordinates in it.
+
+        Parameters
+        ----------
+        points : (k,) complex128
+            Finite.
+
+        Returns
+        -------
+        face : (k,) int64
+            -1 outside of the unit disk.
+        barycentric : (k, 3) float64
+            Not negative, rows sum to 1; NaN outside of the unit disk. Between a boundary edge
+            and its arc: those of the nearest point of the edge.
+        """
+        face = np.full(len(points), -1)
+        barycentric = np.full((len(points), 3), np.nan)
+        inside = np.flatnonzero(abs(points) <= 1 + ON_CIRCLE)
+        codes = _morton(points[inside])
+        # In this order, neighbours in the plane are neighbours in memory.
+        order = np.argsort(codes, kind="stable")
+        inside, codes = inside[order], codes[order]
+        lots = np.random.default_rng(0)
+        for first in range(0, len(inside), BLOCK):
+            rows = inside[first : first + BLOCK]
+            nearest = np.searchsorted(self._codes, codes[first : first + BLOCK])
+            start = self._start[np.minimum(nearest, len(self._start) - 1)]
+            face[rows], barycentric[rows] = self._walk(points[rows], start, lots)
+        return face, barycentric
+
+    def _walk(self, points: Complex, face: Ints, lots: np.random.Generator) -> tuple[Ints, Floats]:
+        """Walk from the given faces to those of the points."""
+        barycentric = np.empty((len(points), 3))
+        on_way = np.arange(len(points))
+        while len(on_way):
+            seen = self._corners[face[on_way]] - points[on_way, None]  # from the point
+            areas, beyond = _orientations(seen)
+            blocked = beyond.any(axis=1)
+            arrived, ahead = np.flatnonzero(~blocked), np.flatnonzero(blocked)
+            barycentric[on_way[arrived]] = _weights(seen[arrived], areas[arrived])
+
+            edge = (beyond[ahead] * lots.random((len(ahead), 3))).argmax(axis=1)
+            rows = on_way[ahead]
+            following = self._across[face[rows], edge]
+            out = np.flatnonzero(following < 0)
+            nearest = _nearest_on_edge(seen[ahead[out]], edge[out])
+            # Where the boundary is crowded, rounding turns its edges, and their lines cut through
+            # the disk. Only the edge below the arc that the point is nearest to sends it out.
+            below = self._below(points[rows[out]])
+            follows = below != 3 * face[rows[out]] + edge[out]
+            follows &= nearest.max(axis=1) == 1  # not beside this edge
+            following[out[follows]] = below[follows] // 3
+            barycentric[rows[out]] = nearest
+            on_way = rows[following >= 0]
+            face[on_way] = following[following >= 0]
+        return face, barycentric
+
+    def _below(self, points: Complex) -> Ints:
+        """(k,) the boundary edge in the direction of each point: 3 times its face, plus corner."""
+        return self._rim[np.searchsorted(self._angles, np.angle(points), side="right") - 1]
+
+
+def _faces_across(mesh: DiskMesh) -> Ints:
+    """(m, 3) the face across the edge opposite corner k, or -1 at the boundary."""
+    m, edges = len(mesh.F), mesh.edges
+    inner = edges.valence == 2
+    one, other = edges.sides[edges.start[inner]], edges.sides[edges.start[inner] + 1]
+    across = np.full(3 * m, -1)
+    across[one], across[other] = other % m, one % m
+    # Half-edge k m + f leaves corner k of face f, so it lies opposite corner k - 1.
+    return np.roll(across.reshape(3, m), -1, axis=0).T.copy()
+
+
+def _rim(mesh: DiskMesh, z: Complex) -> tuple[Floats, Ints]:
+    """Where on the circle each boundary edge begins, ascending, and 3 face + opposite corner."""
+    m, edges = len(mesh.F), mesh.edges
+    half = edges.sides[edges.start[edges.valence == 1]].astype(np.int64)
+    corner, face = half // m, half % m
+    angles = np.angle(z[mesh.F[face, corner]])
+    order = np.argsort(angles)
+    return angles[order], (3 * face + (corner - 1) % 3)[order]
+
+
+def _orientations(seen: Complex) -> tuple[Floats, Bools]:
+    """Twice the area of the origin with each edge; whether it is negative for certain.
+
+    The origin at a corner makes two of them zero without rounding; the faces on both sides
+    of an edge have exactly opposite values.
+    """
+    areas, beyond = np.empty(seen.shape), np.empty(seen.shape, dtype=bool)
+    for k in range(3):
+        a, b = seen[:, k - 2], seen[:, k - 1]
+        left, right = a.real * b.imag, a.imag * b.real
+        areas[:, k] = left - right
+        beyond[:, k] = areas[:, k] < -ORIENTATION_BOUND * (abs(left) + abs(right))
+    return areas, beyond
+
+
+def _weights(seen: Complex, areas: Floats) -> Floats:
+    """(k, 3) barycentric coordinates of the origin: those that rounding made negative are 0."""
+    areas = np.maximum(areas, 0)
+    weights = areas / areas.sum(axis=1, keepdims=True)
+    # Along a needle the ratios of its areas say little: a projection on its longest edge does.
+    left = (weights * seen).sum(axis=1)
+    needles = np.flatnonzero(abs(left) > RESOLUTION)
+    seen, left, rows = seen[needles], left[needles], np.arange(len(needles))
+    apex = abs(np.roll(seen, -1, axis=1) - np.roll(seen, 1, axis=1)).argmax(axis=1)
+    tail, head = (apex + 1) % 3, (apex + 2) % 3
+    along = seen[rows, head] - seen[rows, tail]
+    step = (left * along.conj()).real / abs(along) ** 2
+    step = np.clip(step, -weights[needles, tail], weights[needles, head])
+    weights[needles, tail] += step
+    weights[needles, head] -= step
+    return weights
+
+
+def _nearest_on_edge(seen: Complex, edge: Ints) -> Floats:
+    """(k, 3) barycentric coordinates of the point nearest to the origin on an edge."""
+    rows = np.arange(len(seen))
+    tail, head = (edge + 1) % 3, (edge + 2) % 3
+    a, along = seen[rows, tail], seen[rows, head] - seen[rows, tail]
+    share = np.clip(-(a * along.conj()).real / abs(along) ** 2, 0, 1)
+    barycentric = np.zeros(seen.shape)
+    barycentric[rows, tail], barycentric[rows, head] = 1 - share, share
+    return barycentric
+
+
+def z_order(z: Complex) -> Ints:
+    """(k,) the rows of points of the disk along a Z-shaped curve; stable."""
+    return np.argsort(_morton(z), kind="stable")
+
+
+def _morton(z: Complex) -> Codes:
+    """(k,) position along a Z-shaped curve: the bits of both coordinates, interleaved."""
+    return _spread(z.real) | _spread(z.imag) << np.uint64(1)
+
+
+def _spread(x: Floats) -> Codes:
+    """(k,) the first bits of coordinates from -1 to 1, each followed by a zero."""
+    bits = np.clip((x + 1) * 2.0 ** (BITS - 1), 0, 2**BITS - 1).astype(np.uint64)
+    for shift, mask in (
+        (16, 0x0000FFFF0000FFFF),
+        (8, 0x00FF00FF00FF00FF),
+        (4, 0x0F0F0F0F0F0F0F0F),
+        (2, 0x3333333333333333),
+        (1, 0x5555555555555555),
+    ):
+        bits = (bits | bits << np.uint64(shift)) & np.uint64(mask)
+    return bits

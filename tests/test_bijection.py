@@ -1,0 +1,261 @@
+"""Points, fields, images and meshes carried through a map, and two maps registered."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from meshes import TRIANGLE, fan, grid, strip
+
+import cdcp_igl
+from cdcp_igl.steps.landmarks import Automorphism, landmark_automorphism
+from cdcp_igl.surface.lattice import disk_lattice
+
+SMALL = {"triangle": TRIANGLE, "fan": fan(), "strip": strip(), "grid": grid()}
+
+
+@pytest.fixture(scope="module")
+def cap():
+    V, F, _ = cdcp_igl.datasets.spherical_cap(60, angle=100)
+    return V, F, cdcp_igl.disk_map(V, F)
+
+
+def points_of(kind, F, k, rng):
+    """Random points of the faces, of their edges, or the corners."""
+    face = rng.integers(len(F), size=k)
+    barycentric = rng.dirichlet([1, 1, 1], k)
+    if kind == "edges":
+        barycentric[np.arange(k), rng.integers(3, size=k)] = 0
+        barycentric /= barycentric.sum(axis=1, keepdims=True)
+    if kind == "vertices":
+        barycentric = np.eye(3)[rng.integers(3, size=k)]
+    return face, barycentric
+
+
+def weights(F, n, face, barycentric):
+    """A sparse row of vertex weights a point: the same, whichever face an edge is seen from."""
+    from scipy.sparse import csr_matrix
+
+    rows = np.repeat(np.arange(len(face)), 3)
+    return csr_matrix((barycentric.ravel(), (rows, F[face].ravel())), (len(face), n))
+
+
+@pytest.mark.parametrize("kind", ["faces", "edges", "vertices"])
+def test_a_million_points_there_and_back(cap, kind):
+    V, F, result = cap
+    face, barycentric = points_of(kind, F, 1_000_000, np.random.default_rng(0))
+    uv = result.apply(face, barycentric)
+    found, found_barycentric = result.invert(uv)
+    assert abs(result.apply(found, found_barycentric) - uv).max() < 1e-15
+    if kind == "faces":
+        assert (found == face).mean() > 0.99999  # rounding moves a few across an edge
+    there, back = (
+        weights(F, len(V), *p) for p in ((face, barycentric), (found, found_barycentric))
+    )
+    assert abs(there - back).max() < 1e-12
+    assert (
+        abs(result.interpolate(V, uv) - np.einsum("kc,kcx->kx", barycentric, V[F[face]])).max()
+        < 1e-12
+    )
+    if kind == "vertices":
+        assert (found_barycentric.max(axis=1) == 1).all()
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_points_of_small_and_hostile_disks(name):
+    V, F = SMALL[name]
+    result = cdcp_igl.disk_map(V, F)
+    for kind in ("faces", "edges", "vertices"):
+        face, barycentric = points_of(kind, np.asarray(F), 1000, np.random.default_rng(1))
+        uv = result.apply(face, barycentric)
+        assert abs(result.apply(*result.invert(uv)) - uv).max() < 1e-15
+
+
+@pytest.mark.parametrize("name", ["femur_2411", "face_1180_ears", "maze_6120"])
+def test_points_of_crowded_maps(real_mesh, name):
+    V, F = real_mesh(name)
+    result = cdcp_igl.disk_map(V, F)
+    face, barycentric = points_of("faces", F, 50_000, np.random.default_rng(2))
+    uv = result.apply(face, barycentric)
+    found = result.invert(uv)
+    assert found[1].min() >= 0
+    assert abs(result.apply(*found) - uv).max() < 1e-12
+
+
+def test_every_point_of_the_disk_has_a_place_and_no_other(cap):
+    _, _, result = cap
+    rng = np.random.default_rng(3)
+    z = np.sqrt(rng.random(20_000)) * np.exp(2j * np.pi * rng.random(20_000))
+    z = np.concatenate([z, np.exp(2j * np.pi * rng.random(20_000))])
+    uv = np.column_stack([z.real, z.imag])
+    face, barycentric = result.invert(uv)
+    assert face.min() >= 0
+    found = result.apply(face, barycentric)
+    away = np.linalg.norm(found - uv, axis=1)
+    # Beyond a chord the nearest point is its foot: at right angles, at most the sagitta away.
+    chords = np.diff(result.uv[np.append(result.mesh.loop, result.mesh.loop[0])], axis=0)
+    beyond = away > 1e-15
+    assert beyond.any()
+    assert away.max() <= 1 - np.sqrt(1 - (np.linalg.norm(chords, axis=1).max() / 2) ** 2) + 1e-15
+    assert ((barycentric[beyond] == 0).sum(axis=1) >= 1).all()
+    outside, nan = result.invert(1.001 * np.column_stack([np.cos([0, 1]), np.sin([0, 1])]))
+    assert (outside == -1).all()
+    assert np.isnan(nan).all()
+
+
+@given(st.floats(0, 0.99), st.floats(0, 2 * np.pi))
+def test_the_face_found_is_that_of_a_search_through_all(radius, angle):
+    _, F = SMALL["grid"]
+    result = GRID_MAP
+    p = np.array([radius * np.cos(angle), radius * np.sin(angle)])
+    corners = result.uv[F] - p
+    across = np.roll(corners, -1, axis=1)
+    inside = (corners[..., 0] * across[..., 1] - corners[..., 1] * across[..., 0] > -1e-16).all(1)
+    face, barycentric = result.invert(p)
+    if inside.any():
+        assert inside[face]
+        assert abs(result.apply(face, barycentric) - p).max() < 1e-15
+    else:
+        assert np.linalg.norm(result.apply(face, barycentric)) < np.linalg.norm(p)
+
+
+GRID_MAP = cdcp_igl.disk_map(*SMALL["grid"])
+
+
+def test_shapes_are_kept(cap):
+    V, _, result = cap
+    face, barycentric = result.invert(np.zeros((4, 5, 2)))
+    assert face.shape == (4, 5)
+    assert barycentric.shape == (4, 5, 3)
+    assert result.apply(face, barycentric).shape == (4, 5, 2)
+    assert result.interpolate(V, np.zeros((4, 5, 2))).shape == (4, 5, 3)
+    assert result.interpolate(V[:, 0], [0, 0]).shape == ()
+    assert result.invert(np.zeros((0, 2)))[0].shape == (0,)
+
+
+def test_arguments_are_judged(cap):
+    V, F, result = cap
+    for bad in (
+        (len(F), [1, 0, 0]),
+        (-1, [1, 0, 0]),
+        (0.5, [1, 0, 0]),
+        (0, [1, 1, 0]),
+        (0, [1, 0]),
+    ):
+        with pytest.raises(ValueError, match=r"face|barycentric"):
+            result.apply(*bad)
+    for uv in ([np.nan, 0], [1, 2, 3], 4):
+        with pytest.raises(ValueError, match="uv"):
+            result.invert(uv)
+    for call in (result.bake, lambda x: result.interpolate(x, [0, 0])):
+        with pytest.raises(ValueError, match="rows"):
+            call(V[1:])
+    with pytest.raises(ValueError, match="size"):
+        result.bake(V, size=0)
+    with pytest.raises(ValueError, match="height"):
+        result.pull_back([1, 2])
+    for side in (0, -1, 2, np.nan):
+        with pytest.raises(ValueError, match="side"):
+            result.remesh(side)
+
+
+def test_a_map_that_is_no_bijection_has_no_inverse(cap):
+    from dataclasses import replace
+
+    _, _, result = cap
+    uv = result.uv.copy()
+    uv[result.mesh.interior[0]] = 0.5
+    with pytest.raises(ValueError, match="bijection"):
+        replace(result, uv=uv).invert([0, 0])
+
+
+def test_bake_and_pull_back_are_inverse_at_second_order(cap):
+    """Both are linear between samples, so their error falls with the square of the pixel."""
+    _, _, result = cap
+    inside = np.linalg.norm(result.uv, axis=1) < 0.9
+    image = result.bake(result.uv, size=256)
+    assert image.shape == (256, 256, 2)
+    # The coordinates themselves are linear: the top row is v = 1, the left column u = -1.
+    assert abs(image[64, 192] - [0.5 + 1 / 256, 0.5 - 1 / 256]).max() < 1e-13
+    assert abs(result.pull_back(image) - result.uv)[inside].max() < 1e-13
+    # Outside of the disk lies what is on the circle in this direction.
+    assert np.linalg.norm(image[0, 0]) == pytest.approx(1, abs=1e-3)
+    errors = []
+    for size in (64, 128):
+        x = (2 * np.arange(size) + 1) / size - 1
+        samples = np.sin(3 * x)[None, :] * np.cos(2 * -x)[:, None]
+        exact = np.sin(3 * result.uv[:, 0]) * np.cos(2 * result.uv[:, 1])
+        errors.append(abs(result.pull_back(samples) - exact)[inside].max())
+    assert 3.5 < errors[0] / errors[1] < 4.5
+
+
+@pytest.mark.parametrize("side", [1, 0.5, 0.3, 0.1, 0.073, 0.02])
+def test_the_lattice_is_a_good_disk(side):
+    z, F = disk_lattice(side)
+    corners = z[F]
+    turns = (np.roll(corners, 1, axis=1) - corners) / (np.roll(corners, -1, axis=1) - corners)
+    assert np.degrees(np.angle(turns)).min() > 31
+    plane = np.column_stack([z.real, z.imag])
+    assert cdcp_igl.check(plane, F).is_disk
+    on_circle = abs(abs(z) - 1) < 1e-12
+    assert on_circle[: on_circle.sum()].all()
+
+
+def test_a_remeshed_surface_has_the_shapes_of_the_lattice():
+    """On a known conformal map, angles change by the first power of the side."""
+    V, F, _ = cdcp_igl.datasets.spherical_cap(120, angle=100)
+    result = cdcp_igl.disk_map(7 * V, F, mobius="area")
+    means = []
+    for side in (0.2, 0.1):
+        W, G, uv = result.remesh(side)
+        assert cdcp_igl.check(W, G).is_disk
+        assert abs(np.linalg.norm(W, axis=1) - 7).max() < 0.01  # in the unit of V
+        means.append(cdcp_igl.angle_distortion(W, G, uv).mean())
+    assert means[1] < 0.6 * means[0] < 3
+    assert (np.linalg.norm(uv, axis=1) <= 1 + 1e-15).all()
+
+
+# -- registration ----------------------------------------------------------------------
+
+POINTS = st.builds(
+    lambda r, t: r * np.exp(1j * t), st.sampled_from([0.1, 0.5, 0.9, 1.0]), st.floats(0, 6)
+)
+
+
+@given(
+    st.lists(POINTS, min_size=2, max_size=6),
+    st.floats(-3, 3),
+    st.floats(0, 0.95),
+    st.floats(0, 6),
+)
+def test_a_known_automorphism_is_found(z, angle, radius, direction):
+    z = np.array(z)
+    if min(abs(z[:, None] - z + np.eye(len(z))).min(), 1) < 1e-3:
+        return
+    T = Automorphism.of(angle, radius * np.exp(1j * direction))
+    found = landmark_automorphism(z, T(z))
+    assert abs(found(z) - T(z)).max() < 1e-7
+
+
+def test_automorphisms_are_a_group():
+    T, S = Automorphism.of(1, 0.3 + 0.2j), Automorphism.of(-2, 0.8j)
+    z = np.array([0.1, 0.5j, 1, -1j])
+    assert abs(S.after(T)(z) - S(T(z))).max() < 1e-15
+    assert abs(T.inverse(T(z)) - z).max() < 1e-15
+    assert abs(T(np.array([T.w]))).max() < 1e-15
+    assert abs(abs(T(z[2:])) - 1).max() < 1e-15
+
+
+def test_registration_does_not_depend_on_the_normalisation(cap):
+    V, F, result = cap
+    other = cdcp_igl.disk_map(V, F, mobius="area", align=[0.3, 1, 0])
+    landmarks = np.column_stack([[3, 500, 1200, 2000]] * 2)
+    uv = result.register(other, landmarks)
+    assert abs(uv - other.uv).max() < 1e-9
+    assert abs(other.interpolate(V, uv) - V).max() < 1e-7
+
+
+def test_landmarks_are_judged(cap):
+    V, _, result = cap
+    for bad in ([[0, 0]], [[0, 1, 2]] * 2, [[0.5, 1]] * 2, [[0, len(V)], [1, 1]], [[1, 2], [1, 3]]):
+        with pytest.raises(ValueError, match="landmarks"):
+            result.register(result, bad)

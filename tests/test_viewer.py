@@ -1,0 +1,399 @@
+"""The page in which a surface turns beside its disk: what is in it, and driven in Chromium."""
+
+import gzip
+import json
+import re
+from base64 import b64decode
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from browser import SOFTWARE_WEBGL, chromium
+
+import cdcp_igl
+from cdcp_igl.plot import view, view_html
+from cdcp_igl.plot.viewer import _rim_and_cut
+
+pytest.importorskip("selenium")
+OFFLINE = {"offline": True, "latency": 0, "downloadThroughput": 0, "uploadThroughput": 0}
+
+
+@pytest.fixture(scope="module")
+def bumps():
+    V, F, _ = cdcp_igl.datasets.spherical_cap(40, angle=90)
+    V = V * (1 + 0.15 * np.sin(4 * V[:, :1]) * np.cos(3 * V[:, 1:2]))
+    return V, F, cdcp_igl.disk_map(V, F)
+
+
+@pytest.fixture(scope="module")
+def page(bumps, tmp_path_factory):
+    V, _, result = bumps
+    texture = np.clip(0.5 + 0.5 * result.bake(V, size=64), 0, 1)
+    path = tmp_path_factory.mktemp("view") / "map.html"
+    fields = {"height": V[:, 2], "x < y": np.where(V[:, 0] < 0, np.nan, V[:, 0])}
+    return view(result, path, fields=fields, texture=texture, title="Bumps & <hollows>")
+
+
+def contents(html):
+    """What the browser unpacks, unpacked here."""
+    about = json.loads(re.search(r'json" id="about">(.*?)</script>', html, re.DOTALL)[1])
+    data = re.search(r'id="data">(.*?)</script>', html, re.DOTALL)[1]
+    planes = np.frombuffer(gzip.decompress(b64decode(data)), np.uint8).reshape(4, -1)
+    z = np.ascontiguousarray(planes.T).view("<u4").ravel().astype(np.int64)
+    differences, arrays, at = (z >> 1) ^ -(z & 1), {}, 0
+    for name, length in about["arrays"]:
+        arrays[name] = np.cumsum(differences[at : at + length])
+        at += length
+    assert at == len(differences)
+    return about, arrays
+
+
+# -- what is in it ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shuffled", [False, True])
+def test_the_data_are_the_map_to_16_bits(bumps, shuffled):
+    V, F, result = bumps
+    if shuffled:
+        rng = np.random.default_rng(0)
+        new = rng.permutation(len(V))
+        W, G = np.empty_like(V), new[F][rng.permutation(len(F))]
+        W[new] = V
+        result = cdcp_igl.disk_map(W, G)
+        V, F = W, G
+    about, arrays = contents(view_html(result))
+    assert ("faceOrder" in arrays) == shuffled
+    vertices = arrays.get("vertexOrder", np.arange(len(V)))
+    faces = arrays.get("faceOrder", np.arange(len(F)))
+    assert (np.sort(vertices) == np.arange(len(V))).all()
+    given = vertices[arrays["faces"].reshape(-1, 3)]
+    first = np.argmax(given == F[faces][:, :1], axis=1)[:, None]
+    assert (np.take_along_axis(given, (first + np.arange(3)) % 3, 1) == F[faces]).all()
+    uv = np.column_stack([arrays["u"], arrays["v"]]) / 32767.5 - 1
+    assert abs(uv - result.uv[vertices]).max() <= 0.5001 / 32767.5
+    size = np.ptp(V, axis=0).max()
+    P = np.column_stack([arrays[c] for c in "xyz"]) / 65535 * size + V.min(axis=0)
+    assert abs(P - V[vertices]).max() <= 0.5001 / 65535 * size
+    rim = vertices[arrays["rim"].reshape(-1, 2)]
+    loop = result.mesh.loop
+    expected = np.column_stack([loop, np.roll(loop, -1)])
+    assert sorted(map(tuple, rim)) == sorted(map(tuple, expected))
+    assert len(arrays["cut"]) == 0
+    for coloring in about["colorings"][2:]:
+        assert arrays[coloring["array"]].min() >= 0
+        assert arrays[coloring["array"]].max() <= 255
+
+
+def test_edges_that_lie_in_one_place_are_cuts():
+    V = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
+    opened = V[[0, 1, 2, 1, 3, 2]], np.array([[0, 1, 2], [3, 4, 5]])  # cut along 1-2
+    rim, cut = _rim_and_cut(*opened)
+    assert sorted(map(tuple, rim)) == [(0, 1), (2, 0), (3, 4), (4, 5)]
+    assert sorted(map(tuple, cut)) == [(1, 2), (5, 3)]
+
+
+def test_the_file_is_small(real_mesh):
+    """At most 1.5 MiB for 50,000 vertices, in whatever order."""
+    V, F = real_mesh("human_brain_48463")
+    rng = np.random.default_rng(0)
+    new = rng.permutation(len(V))
+    W = np.empty_like(V)
+    W[new] = V
+    for mesh in ((V, F), (W, new[F][rng.permutation(len(F))])):
+        assert len(view_html(cdcp_igl.disk_map(*mesh))) < 1.5 * 2**20
+
+
+def test_equal_maps_have_equal_pages_that_need_nothing(bumps, page):
+    V, F, _ = bumps
+    assert view_html(cdcp_igl.disk_map(V, F)) == view_html(cdcp_igl.disk_map(V, F))
+    text = page.read_text(encoding="utf-8")
+    assert not re.search(r"https?://|@import|src=\"(?!data:)|url\(", text)
+    assert "<h1>Bumps &amp; &lt;hollows&gt;</h1>" in text
+
+
+def test_without_a_path_it_opens_in_the_browser(bumps, monkeypatch, tmp_path):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    path = bumps[2].view()
+    assert opened == [path.as_uri()]
+    assert path.is_relative_to(tmp_path)
+
+
+def test_texture_and_fields_are_judged(bumps, tmp_path):
+    V, _, result = bumps
+    for fields in ({"f": V}, {"f": V[1:, 0]}, {"f": np.full(len(V), np.nan)}):
+        with pytest.raises(ValueError, match="field 'f'"):
+            view_html(result, fields=fields)
+    for texture in (np.zeros((4, 4)), np.full((4, 4, 3), 2), np.full((4, 4, 3), np.nan)):
+        with pytest.raises(ValueError, match="texture"):
+            view_html(result, texture=texture)
+    (tmp_path / "a.txt").touch()
+    with pytest.raises(ValueError, match=r"'a\.txt' is no image"):
+        view_html(result, texture=tmp_path / "a.txt")
+    with pytest.raises(FileNotFoundError):
+        view_html(result, texture=tmp_path / "none.png")
+
+
+# -- in the browser --------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def browser():
+    driver = chromium(*SOFTWARE_WEBGL)
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture
+def opened(browser, page):
+    browser.set_window_size(1200, 900)
+    browser.execute_cdp_cmd("Network.enable", {})
+    browser.execute_cdp_cmd("Network.emulateNetworkConditions", OFFLINE)
+    browser.get(page.as_uri())
+    wait(browser)
+    yield browser
+    assert browser.get_log("browser") == []
+
+
+def wait(browser):
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    WebDriverWait(browser, 30).until(
+        lambda driver: driver.execute_script("return document.body.dataset.state")
+    )
+    settle(browser)
+
+
+def settle(browser):
+    """Two frames: the drawing that was asked for is on the screen."""
+    browser.execute_async_script("requestAnimationFrame(() => requestAnimationFrame(arguments[0]))")
+
+
+def find(browser, selector):
+    from selenium.webdriver.common.by import By
+
+    return browser.find_element(By.CSS_SELECTOR, selector)
+
+
+def shown(browser, selector):
+    settle(browser)
+    return find(browser, selector).screenshot_as_png
+
+
+def point_at(browser, panel, x, y):
+    """Move the pointer to a place given from the middle of a panel."""
+    from selenium.webdriver import ActionChains
+
+    ActionChains(browser, duration=0).move_to_element_with_offset(
+        find(browser, f"#{panel}"), round(x), round(y)
+    ).perform()
+    settle(browser)
+
+
+def scale(browser, panel, zoom):
+    """Pixels to the unit, and the size of the panel."""
+    box = find(browser, f"#{panel}").rect
+    return zoom * min(box["width"], box["height"]) / 2
+
+
+def mark(browser, panel):
+    """Where the ring is, from the middle of the panel."""
+    return np.array(
+        browser.execute_script(
+            """const mark = document.querySelector(`#${arguments[0]} .mark`);
+            if (mark.hidden) return null;
+            const [a, b] = [mark, mark.parentElement].map((e) => e.getBoundingClientRect());
+            return [a.left + a.right - b.left - b.right, b.top + b.bottom - a.top - a.bottom].map(
+                (x) => x / 2)""",
+            panel,
+        )
+    )
+
+
+def drag(browser, panel, dx, dy):
+    from selenium.webdriver import ActionChains
+
+    element = find(browser, f"#{panel}")
+    ActionChains(browser, duration=50).move_to_element(element).click_and_hold().move_by_offset(
+        dx, dy
+    ).release().perform()
+    settle(browser)
+
+
+def test_hovering_marks_the_face_that_invert_finds(opened, bumps, page):
+    V, F, result = bumps
+    about, _ = contents(page.read_text())
+    turn = np.exp(1j * about["spin"])
+    middle, radius = (V.min(0) + V.max(0)) / 2, np.linalg.norm(np.ptp(V, axis=0)) / 2
+    home = np.reshape(about["home"], (3, 3))
+    for z in (0.1 + 0.2j, -0.55 + 0.3j, 0.2 - 0.8j):
+        there = scale(opened, "plane", 0.92) * z * turn
+        point_at(opened, "plane", there.real, -there.imag)
+        # The pointer stands on whole pixels: where that is in the disk.
+        at = complex(round(there.real), round(there.imag)) / scale(opened, "plane", 0.92) / turn
+        face, barycentric = result.invert([at.real, at.imag])
+        assert find(opened, "#readout").get_attribute("data-face") == str(face)
+        assert abs(mark(opened, "plane") - [round(there.real), round(there.imag)]).max() < 1
+        seen = (barycentric @ V[F[face]] - middle) @ home.T / radius
+        assert abs(mark(opened, "surface") - scale(opened, "surface", 0.95) * seen[:2]).max() < 1.5
+    # And from the surface: the face under the pointer is there.
+    for x, y in ((0, 0), (60, -40), (-50, 70)):
+        point_at(opened, "surface", x, y)
+        found = int(find(opened, "#readout").get_attribute("data-face"))
+        corners = scale(opened, "surface", 0.95) * ((V[F[found]] - middle) @ home.T / radius)[:, :2]
+        assert (corners.min(axis=0) - 1 < [x, -y]).all()
+        assert (corners.max(axis=0) + 1 > [x, -y]).all()
+        u, v = result.uv[F[found]].mean(axis=0)
+        disk = scale(opened, "plane", 0.92) * complex(u, v) * turn
+        assert abs(mark(opened, "plane") - [disk.real, disk.imag]).max() < 8
+    point_at(opened, "plane", -scale(opened, "plane", 1) + 3, 0)
+    assert find(opened, "#readout").get_attribute("data-face") is None
+
+
+def test_a_drag_turns_the_surface_and_only_moves_the_disk(opened):
+    point_at(opened, "surface", 0, 0)
+    before = find(opened, "#readout").text
+    drag(opened, "surface", 80, 20)
+    point_at(opened, "surface", 0, 1)
+    point_at(opened, "surface", 0, 0)
+    assert find(opened, "#readout").text != before
+    point_at(opened, "plane", 0, 0)
+    before = find(opened, "#readout").text
+    drag(opened, "plane", 40, 0)
+    point_at(opened, "plane", 40, 0)
+    assert find(opened, "#readout").text == before
+    point_at(opened, "plane", 0, 0)
+    assert find(opened, "#readout").text != before
+
+
+def test_the_wheel_zooms_at_the_pointer(opened):
+    from selenium.webdriver import ActionChains
+    from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
+
+    point_at(opened, "plane", 60, 30)
+    before, far = find(opened, "#readout").text, shown(opened, "#plane")
+    origin = ScrollOrigin.from_element(find(opened, "#plane"), 60, 30)
+    ActionChains(opened).scroll_from_origin(origin, 0, -900).perform()
+    assert shown(opened, "#plane") != far
+    point_at(opened, "plane", 61, 30)
+    point_at(opened, "plane", 60, 30)
+    assert find(opened, "#readout").text == before
+
+
+def test_every_colouring_differs_and_says_its_scale(opened):
+    from selenium.webdriver.common.by import By
+
+    seen = []
+    names = [b.text for b in opened.find_elements(By.CSS_SELECTOR, "#colorings button")]
+    assert names == [
+        *("normals", "checkerboard", "angle error", "conformal factor", "height", "x < y"),
+        "texture",
+    ]
+    for number, name in enumerate(names, 1):
+        find(opened, "body").send_keys(str(number))
+        seen.append((shown(opened, "#surface"), shown(opened, "#plane")))
+        legend = find(opened, "#legend")
+        assert legend.is_displayed() == (name not in ("normals", "checkerboard", "texture"))
+        if name == "angle error":
+            assert "°" in legend.text
+    for pictures in zip(*seen, strict=True):
+        assert len(set(pictures)) == len(names)
+
+
+def test_the_checkerboard_gets_finer(opened):
+    find(opened, "body").send_keys("2")
+    coarse = shown(opened, "#surface")
+    opened.execute_script(
+        """const squares = document.getElementById("squares");
+        squares.value = 7;
+        squares.dispatchEvent(new Event("input"))"""
+    )
+    assert shown(opened, "#surface") != coarse
+    assert find(opened, "output").text == "128"
+
+
+def test_the_keyboard_turns_zooms_and_resets(opened):
+    from selenium.webdriver.common.keys import Keys
+
+    surface = find(opened, "#surface")
+    pictures = []
+    opened.execute_script("arguments[0].focus({focusVisible: true})", surface)
+    for key in (Keys.SHIFT, Keys.ARROW_LEFT, "+", "0"):
+        surface.send_keys(key)
+        pictures.append(shown(opened, "#surface"))
+    assert all(one != other for one, other in pairwise(pictures))
+    assert pictures[-1] == pictures[0]
+
+
+def test_a_touch_marks_and_two_zoom(opened):
+    def touch(kind, *points):
+        box = find(opened, "#plane").rect
+        middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        opened.execute_cdp_cmd(
+            "Input.dispatchTouchEvent",
+            {
+                "type": kind,
+                "touchPoints": [
+                    {"x": middle[0] + x, "y": middle[1] + y, "id": i}
+                    for i, (x, y) in enumerate(points)
+                ],
+            },
+        )
+
+    before = shown(opened, "#plane")
+    touch("touchStart", (20, 0))
+    touch("touchEnd")
+    settle(opened)
+    assert find(opened, "#readout").get_attribute("data-face") is not None
+    marked = shown(opened, "#plane")
+    assert marked != before
+    touch("touchStart", (-30, 0))
+    touch("touchStart", (-30, 0), (30, 0))
+    touch("touchMove", (-90, 0), (90, 0))
+    touch("touchEnd")
+    assert shown(opened, "#plane") != marked
+
+
+@pytest.mark.parametrize("width", [400, 1400])
+def test_a_narrow_window_has_one_panel_above_the_other(opened, width):
+    metrics = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": False}
+    opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    settle(opened)
+    assert opened.execute_script("return document.documentElement.scrollWidth") <= width
+    surface, plane = (find(opened, f"#{name}").rect for name in ("surface", "plane"))
+    if width == 400:
+        assert plane["y"] >= surface["y"] + surface["height"]
+    else:
+        assert plane["x"] >= surface["x"] + surface["width"]
+    assert min(surface["height"], plane["height"]) > 180
+    point_at(opened, "plane", 10, 10)
+    assert find(opened, "#readout").get_attribute("data-face") is not None
+    opened.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_in_the_dark_it_is_dark(opened):
+    def paper():
+        script = "return getComputedStyle(document.body).backgroundColor"
+        return sum(map(int, re.findall(r"\d+", opened.execute_script(script))[:3]))
+
+    light, picture = paper(), shown(opened, "#surface")
+    dark = {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
+    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", dark)
+    assert paper() < 150 < 600 < light
+    assert shown(opened, "#surface") != picture
+    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def test_without_webgl_there_is_a_picture(opened, page):
+    script = opened.execute_cdp_cmd(
+        "Page.addScriptToEvaluateOnNewDocument",
+        {"source": "HTMLCanvasElement.prototype.getContext = () => null"},
+    )
+    opened.get(page.as_uri())
+    wait(opened)
+    opened.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
+    poster = find(opened, "#poster")
+    assert poster.is_displayed()
+    assert opened.execute_script("return arguments[0].naturalWidth", poster) > 500
+    assert "no WebGL" in find(opened, "#readout").text
