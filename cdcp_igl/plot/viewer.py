@@ -22,10 +22,11 @@ from ..arrays import Floats, Ints
 from ..distortion import angle_distortion, conformal_factor
 from ..extras import from_extra
 from ..io import whole_file
+from ..libigl import vertex_normals
 from ..result import DiskMap
 from ..surface.triangles import face_areas
 from .packing import ordered, pack, quantized
-from .pictures import side_by_side, vertex_normals
+from .pictures import side_by_side
 from .viewpoint import choose_viewpoint
 
 with from_extra("plot"):
