@@ -312,7 +312,6 @@ def _chart(surface: CutSurface, options: dict[str, Any], n_faces: int, refine: i
 def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[_Chart]) -> SurfaceMap:
     """Put the maps of all components back into the rows of the given faces."""
     uv, face_disk = np.full((len(F), 3, 2), np.nan), np.full(len(F), -1)
-    # The corners of a face that is left out are those of other faces, or else its own.
     corners = -1 - np.arange(F.size).reshape(F.shape)
     count = 0
     errors, areas = [], []
