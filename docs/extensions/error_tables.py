@@ -34,6 +34,9 @@ CALLS = (
     "surface_map(V, F, center=3)",
     "surface_map(V, F, align=0)",
     'cut(V, F, path="around")',
+    "rectangle_map(V, F, [0, 1, 2, 3])",
+    "disk_map(V, F).invert([0, 0, 0])",
+    "disk_map(V, F).remesh(2)",
     "angle_distortion(V, F, uv[:-1])",
     'write_map("map.stl", V, F, uv)',
 )
