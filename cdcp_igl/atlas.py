@@ -124,8 +124,7 @@ class SurfaceMap:
                 f"{certified:,} valid" + ("" if self.conformal else ", NOT CONFORMAL"),
                 f"  angular distortion  {self.distortion}",
                 f"  spread of scale     {self.spread:.2f}",
-                f"  cut                 {len(self.cut.edges):,} edges, length "
-                f"{self.cut.length:.4g}",
+                f"  length of the cut   {self.cut.length:.4g}",
                 *(f"  - {change}" for change in self.changes),
             ]
         )
