@@ -140,7 +140,7 @@ def batch_command(
             **options,
         )
     if not quiet:
-        _show(made)
+        _show(made, out)
     if made.failed:
         raise typer.Exit(SOME_FAILED)
 
@@ -193,7 +193,7 @@ def _progress(quiet: bool) -> Iterator[Callable[[int, int, int], None] | None]:
         yield say
 
 
-def _show(made: Batch) -> None:
+def _show(made: Batch, out: Path) -> None:
     from rich.console import Console
 
     from ..batching.names import shown
@@ -208,7 +208,7 @@ def _show(made: Batch) -> None:
         typer.echo(f"{shown(record.name)}: {record.error}: {record.message}")
     if len(made.failed) > LONG:
         typer.echo(f"and {len(made.failed) - LONG:,} more")
-    typer.echo(f"{made}\nOf each surface: {shown(made.folder / 'summary.csv')}")
+    typer.echo(f"{made}\nOf each surface: {shown(out / 'summary.csv')}")
 
 
 def _table(title: str, records: tuple[Record, ...]) -> Table:
