@@ -16,6 +16,7 @@ from .selection import HarmonicMap, best_map
 from .solve.factor import Factor
 from .solve.factored import FactoredSurface
 from .solve.laplacian import cotangent_laplacian
+from .solve.solvers import SolverName, using
 from .steps.center import Center, CenterMethod, central_face
 from .steps.circle import FALLBACKS, Rejected, by_trace, whitened_geodesic_map
 from .steps.circle.geodesic import geodesic_map
@@ -24,6 +25,7 @@ from .steps.mobius import MobiusMethod, normalize
 from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .steps.remote import remote_parts
+from .steps.straightening import Straightening, straighten
 from .surface.mesh import DiskMesh
 
 __all__ = ["Attempts", "Steps", "algorithm_1", "cdcp", "disk_map"]
@@ -40,6 +42,7 @@ def cdcp(
     refine_norm: float = 1.5,
     refine_seconds: float = np.inf,
     preset: Literal["paper"] | None = None,
+    solver: SolverName | None = None,
     progress: Progress | None = None,
 ) -> Floats:
     """Map a triangulated disk conformally onto the unit disk.
@@ -50,7 +53,7 @@ def cdcp(
         Vertex positions, in any unit.
     F : (m, 3) array_like of integers
         Corners of the faces, counterclockwise seen from outside.
-    center, mobius, align, refine, refine_norm, refine_seconds, preset, progress
+    center, mobius, align, refine, refine_norm, refine_seconds, preset, solver, progress
         As in `disk_map`.
 
     Returns
@@ -71,7 +74,7 @@ def cdcp(
     >>> uv.shape == (len(V), 2)
     True
     """
-    options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
+    options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset, solver)
     return _disk_map(V, F, options, progress).uv
 
 
@@ -86,6 +89,7 @@ def disk_map(
     refine_norm: float = 1.5,
     refine_seconds: float = np.inf,
     preset: Literal["paper"] | None = None,
+    solver: SolverName | None = None,
     progress: Progress | None = None,
 ) -> DiskMap:
     """Map a triangulated disk conformally onto the unit disk, and certify the map.
@@ -127,6 +131,9 @@ def disk_map(
         ``"paper"`` follows the paper to the letter where it is right: coldest face by
         heat, no whitening of the trace, Nelder-Mead over all faces. Not to be combined
         with `center` and `mobius`.
+    solver : {"scikit-sparse", "cvxopt", "scipy"} or None
+        What factors the matrices: CHOLMOD by either package, or SuperLU. None is what the
+        environment variable ``CDCP_IGL_SOLVER`` names, or else the first that is installed.
     progress : callable, optional
         Called as ``progress(phase, fraction)`` when a phase begins, and after each step of
         refinement.
@@ -150,6 +157,8 @@ def disk_map(
         long and thin for double precision may prevent; the last one is its ``result``.
     ValueError
         If an option is not one of those above; nothing has been computed then.
+    ImportError
+        If the solver that was asked for is not installed.
 
     References
     ----------
@@ -163,15 +172,16 @@ def disk_map(
     >>> result.certificate.valid, result.refinement.steps
     (True, 2)
     """
-    options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
+    options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset, solver)
     return _disk_map(V, F, options, progress)
 
 
 def _disk_map(V: ArrayLike, F: ArrayLike, options: Options, progress: Progress | None) -> DiskMap:
     phase = Phases(progress, options.refine)
-    surface = factored_surface(V, F, options, phase)
-    attempts = Attempts(surface, Steps.of(options))
-    return best_map(surface, attempts, options, phase, keep_factor=False)
+    with using(options.solver):
+        surface = factored_surface(V, F, options, phase)
+        attempts = Attempts(surface, Steps.of(options))
+        return best_map(surface, attempts, options, phase, keep_factor=False)
 
 
 def factored_surface(
@@ -201,19 +211,25 @@ class Steps:
         The exterior map of a closed curve (nB,) onto the circle, eqs. (1)-(6).
     mobius : {"angle", "area", "nelder-mead"} or None
         What the Möbius transformation minimises, eqs. (19)-(20).
+    straightened : bool
+        Whether the shear that all faces have in common is taken out before that; not in the
+        paper.
     """
 
     center: Callable[[FactoredSurface], Center] = central_face
     trace: Callable[[FactoredSurface, int], Complex] = boundary_trace
     circle: Callable[[Complex], Complex] = whitened_geodesic_map
     mobius: MobiusMethod | None = "angle"
+    straightened: bool = True
 
     @classmethod
     def of(cls, options: Options) -> Steps:
         """Choose the steps that the options of `disk_map` ask for."""
         if options.paper:
             coldest = partial(central_face, center="heat", well_shaped=False)
-            return cls(coldest, circle=geodesic_map, mobius=options.mobius_method)
+            return cls(
+                coldest, circle=geodesic_map, mobius=options.mobius_method, straightened=False
+            )
         return cls(partial(central_face, center=options.center), mobius=options.mobius_method)
 
 
@@ -265,8 +281,13 @@ class Attempts:
                 boundary = FALLBACKS[number - 1](surface, tau_c.face)
         with phase("extension"):
             f = boundary.extend(boundary.f_B)  # (10)
+            straightening = Straightening()
+            if steps.straightened and not boundary.is_crowded:
+                f, straightening = straighten(surface.mesh, f, boundary.extend)
+                if straightening.before:
+                    boundary = boundary.turned(f[surface.mesh.loop])
             remote = remote_parts(surface.mesh, boundary.steps, boundary.f_B, boundary.extend)
-        return HarmonicMap(f, boundary, remote, tau_c)
+        return HarmonicMap(f, boundary, remote, tau_c, straightening)
 
     @property
     def started(self) -> bool:

@@ -17,6 +17,7 @@ from .errors import MapError, counted
 from .result import DiskMap
 from .steps.center import CenterMethod
 from .steps.mobius import conformal_barycenter
+from .steps.options import Options
 from .steps.phases import Progress
 from .surface.cut_growth import grow
 from .surface.cut_surface import CutSurface, Opened
@@ -78,6 +79,11 @@ class SurfaceMap:
         """True if every disk has a valid certificate."""
         return all(disk.certificate.valid for disk in self.disks)
 
+    @property
+    def conformal(self) -> bool:
+        """True if every disk is as conformal as its mesh lets it be, see `DiskMap.conformal`."""
+        return all(disk.conformal for disk in self.disks)
+
     @cached_property
     def uv_cut(self) -> Floats:
         """(n, 2) image of each vertex of ``cut``: ``uv_cut[cut.F]`` is ``uv``."""
@@ -113,7 +119,7 @@ class SurfaceMap:
         return "\n".join(
             [
                 f"surface map of {len(self.uv):,} faces onto {len(self.disks):,} disks: "
-                f"{certified:,} valid",
+                f"{certified:,} valid" + ("" if self.conformal else ", NOT CONFORMAL"),
                 f"  angular distortion  {self.distortion}",
                 f"  spread of scale     {self.spread:.2f}",
                 f"  cut                 {len(self.cut.edges):,} edges, length "
@@ -190,6 +196,11 @@ def surface_map(
     """
     if not spread >= 0:
         raise ValueError(f"spread must be 0 or more, not {spread!r}")
+    if not isinstance(center, str):
+        raise ValueError(f"center must be a method, since each disk has a face, not {center!r}")
+    if align is not None and np.ndim(align) == 0:
+        raise ValueError(f"align must be a direction in space or None, not {align!r}")
+    Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
     options = {
         "center": center,
         "mobius": mobius,

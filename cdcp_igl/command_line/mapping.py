@@ -19,7 +19,7 @@ from .map_options import (
     Refine,
     RefineNorm,
     RefineSeconds,
-    map_options,
+    chosen_options,
 )
 from .messages import BAD_INPUT, SOME_FAILED, exit_codes, show, writing
 from .progress import progress_bar
@@ -116,7 +116,7 @@ def map_command(
     Exit codes: 0 a valid map; 1 a file could not be written, or an extra is missing;
     2 bad input; 3 no valid map; 4 with --out-dir, some have failed.
     """
-    options = map_options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
+    options = chosen_options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
     pairs = _pairs(files, out_dir)
     if len(pairs) > 1 and (report or picture or view):
         raise typer.BadParameter("--report, --picture and --view are for one surface.")

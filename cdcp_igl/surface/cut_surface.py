@@ -83,8 +83,6 @@ class CutSurface:
         # Only there the half-edges out of a vertex can fall into several fans.
         touched = np.zeros(len(self.V), dtype=bool)
         touched[self.tail[self.is_cut]] = touched[self.head[self.is_cut]] = True
-        number = np.cumsum(~touched) - 1
-        vertex = number[self.tail]
         spokes = np.flatnonzero(touched[self.tail])
         place = np.empty(len(self.tail), np.int64)
         place[spokes] = np.arange(len(spokes))
@@ -93,10 +91,16 @@ class CutSurface:
         graph = coo_matrix(
             (np.ones(len(joined)), (place[joined], place[neighbour])), (len(spokes), len(spokes))
         )
-        n_fans, fan = connected_components(graph, directed=False)
-        untouched = len(touched) - int(touched.sum())
-        vertex[spokes] = untouched + fan
-        return Opened(self, self.is_cut.copy(), untouched + n_fans, vertex)
+        _, fan = connected_components(graph, directed=False)
+        # The first fan of a vertex keeps its number; copies for the others come last.
+        _, first = np.unique(fan, return_index=True)
+        hub = self.tail[spokes[first]]
+        order = np.argsort(hub, kind="stable")
+        surplus = order[np.diff(hub[order], prepend=-1) == 0]
+        hub[surplus] = len(self.V) + np.arange(len(surplus))
+        vertex = self.tail.copy()
+        vertex[spokes] = hub[fan]
+        return Opened(self, self.is_cut.copy(), len(self.V) + len(surplus), vertex)
 
 
 @dataclass(eq=False)

@@ -16,7 +16,7 @@ from .cut_surface import CutSurface
 from .cut_system import cut_to_disk
 from .edges import group_by_edge, half_edges
 from .sheets import orient, part_sheets, used_positions
-from .topology import Topology
+from .topology import Topology, duplicate_faces
 from .validation import as_faces, vertex_array
 
 __all__ = ["Component", "Cut", "cut", "cut_along", "open_to_disk", "split_components"]
@@ -102,6 +102,16 @@ def cut(V: ArrayLike, F: ArrayLike, path: ArrayLike | None = None) -> Cut:
     given = vertex_array(V).astype(np.float64)
     if path is not None:
         return cut_along(given, faces, _corners_cut_at(faces, len(given), path))
+    if len(duplicates := duplicate_faces(faces)):
+        raise MeshError(
+            Defect(
+                "duplicate face",
+                f"{counted(duplicates, 'face repeats', 'faces repeat')} the corners of another",
+                "Drop these faces, as cdcp_igl.clean does.",
+                "faces",
+                duplicates,
+            )
+        )
     sheets = part_sheets(faces, len(given))
     turned = orient(sheets)
     if len(turned):
@@ -171,7 +181,10 @@ def split_components(V: Floats, F: Ints, sheets: Ints) -> Iterator[Component]:
     for rows in np.split(order, np.cumsum(np.bincount(part, minlength=count))[:-1]):
         _, first, corner = np.unique(sheets[rows], return_index=True, return_inverse=True)
         vertex = F[rows].ravel()[first]
-        yield Component(rows, CutSurface(V[vertex], corner.reshape(-1, 3)))
+        order = np.argsort(vertex, kind="stable")  # as in V
+        place = np.empty(len(order), np.int64)
+        place[order] = np.arange(len(order))
+        yield Component(rows, CutSurface(V[vertex[order]], place[corner].reshape(-1, 3)))
 
 
 def open_to_disk(surface: CutSurface) -> None:
