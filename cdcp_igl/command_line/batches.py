@@ -35,6 +35,7 @@ __all__ = ["batch_command"]
 
 LONG = 100  # rows of a table that can still be read
 WORST = 20  # of a longer one: the maps with the largest distortion
+KEPT = ". What is done is kept: mend this, and run the batch again."
 NOW_AND_THEN = 10.0  # seconds between two lines where there is no terminal
 
 
@@ -123,7 +124,12 @@ def batch_command(
 
     from ..batching import batch
 
-    with exit_codes(), writing(), _executor(scheduler) as executor, _progress(quiet) as progress:
+    with (
+        exit_codes(),
+        writing(KEPT),
+        _executor(scheduler) as executor,
+        _progress(quiet) as progress,
+    ):
         made = batch(
             inputs,
             out,
