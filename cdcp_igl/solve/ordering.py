@@ -14,13 +14,11 @@ __all__ = ["LARGE", "dissected", "elimination_order"]
 
 # Minimum degree sees no further than the next vertex, and where the boundary has to come
 # last, its front grows with every part of the surface that reaches the boundary. A few
-# straight cuts first keep the fronts short. With 5 levels, the numeric factorization with the
-# boundary last takes 0.7 times as long on 997,000 vertices of which 3,987 are on the boundary,
-# 0.75 on 216,000 (1,852), 0.7-0.8 on 750,000 (848); the order takes as long as before, as its
-# parts are smaller. Below this many vertices there is nothing to gain, and on folded surfaces
-# something to lose (1.3 times on 48,000).
+# straight cuts first keep the fronts short. Below this many vertices there is nothing to gain,
+# and on folded surfaces something to lose.
 LARGE = 100_000
 LEVELS = 5
+SAMPLE = 20_000  # vertices from which the cuts are found
 
 
 def elimination_order(L: Laplacian, V: Floats) -> tuple[Indices, str]:
@@ -51,12 +49,10 @@ def elimination_order(L: Laplacian, V: Floats) -> tuple[Indices, str]:
         return np.arange(n), "minimum degree"
     if n < LARGE:
         return fill_reducing_order(_pattern(L.low, L.high, n)), "AMD"
-    part, low, high = dissected(L.low, L.high, V, LEVELS)
-    order = fill_reducing_order(_pattern(low, high, n))
-    return order[np.argsort(part[order], kind="stable")], "nested dissection and AMD"
+    return _order_by_parts(dissected(L.low, L.high, V), L.low, L.high), "nested dissection and AMD"
 
 
-def dissected(low: Indices, high: Indices, V: Floats, levels: int) -> tuple[Ints, Indices, Indices]:
+def dissected(low: Indices, high: Indices, V: Floats, levels: int = LEVELS) -> Ints:
     """Cut a mesh into parts and separators, each part again and again.
 
     Parameters
@@ -68,31 +64,66 @@ def dissected(low: Indices, high: Indices, V: Floats, levels: int) -> tuple[Ints
 
     Returns
     -------
-    part : (n,) int64
-        For each level a digit in base 3, the first level first: 0 and 1 are the two sides, 2
-        the separator, so that in ascending order separators come after what they separate.
-    low, high : ndarray of int
-        The ends of the edges within the parts, in their order.
+    (n,) int64
+        The part of each vertex: for each level a digit in base 3, the first level first. 0 and
+        1 are the two sides, 2 the separator, so that in ascending order separators come after
+        what they separate. No edge joins two parts of which neither is a separator that comes
+        after the other.
     """
+    sides = _sides(V, levels)
+    apart = np.flatnonzero(sides[low] != sides[high])
+    one, other = low[apart], high[apart]
+    # The level at which an edge is cut is that of the first bit in which its ends differ.
+    level = levels - np.frexp(sides[one] ^ sides[other])[1]
+    from_0 = (sides[one] >> (levels - 1 - level)) & 1 == 0
+    cut_at = np.full(len(V), levels)
+    np.minimum.at(cut_at, np.where(from_0, one, other), level)
     part = np.zeros(len(V), dtype=np.int64)
-    columns = np.ascontiguousarray(V.T)
-    vertices = np.arange(len(V))
-    for level in range(levels):
-        k = 3**level
-        size = np.maximum(np.bincount(part, minlength=k), 1)
-        mean = np.array([np.bincount(part, x, k) for x in columns]) / size
-        variance = np.array([np.bincount(part, x * x, k) for x in columns]) / size - mean**2
-        # Each part is cut at its centre, across the axis along which it is longest.
-        axis = variance.argmax(axis=0)
-        side = columns[axis[part], vertices] > mean[axis, np.arange(k)][part]
-        cut = side[low] != side[high]
-        one, other = low[cut], high[cut]
-        digit = side.astype(np.int8)
-        digit[np.where(side[one], other, one)] = 2
+    for k in range(levels):
+        digit = (sides >> (levels - 1 - k)) & 1
+        digit[cut_at == k] = 2
+        digit[cut_at < k] = 0
         part = 3 * part + digit
-        within = digit[low] == digit[high]
-        low, high = low[within], high[within]
-    return part, low, high
+    return part
+
+
+def _sides(V: Floats, levels: int) -> Ints:
+    """(n,) on which side of each cut the vertices lie, a bit for each, the first is the highest.
+
+    Each part is cut at its centre, across the axis along which it is longest.
+    """
+    chosen = np.linspace(0, len(V) - 1, min(SAMPLE, len(V))).astype(np.int64)
+    seen, at = V[chosen], np.zeros(len(chosen), dtype=np.int64)
+    sides = np.zeros(len(V), dtype=np.int64)
+    for level in range(levels):
+        k = 1 << level
+        size = np.maximum(np.bincount(at, minlength=k), 1)
+        mean = np.array([np.bincount(at, x, k) for x in seen.T]) / size
+        variance = np.array([np.bincount(at, x * x, k) for x in seen.T]) / size - mean**2
+        axis = variance.argmax(axis=0)
+        middle = mean[axis, np.arange(k)]
+        at = 2 * at + (seen[np.arange(len(at)), axis[at]] > middle[at])
+        sides = 2 * sides + (V[np.arange(len(V)), axis[sides]] > middle[sides])
+    return sides
+
+
+def _order_by_parts(part: Ints, low: Indices, high: Indices) -> Indices:
+    """Order every part by minimum degree on its own: in one graph, it would jump between them."""
+    vertices = np.argsort(part, kind="stable").astype(low.dtype)
+    place = np.empty_like(vertices)
+    place[vertices] = np.arange(len(vertices))
+    within = np.flatnonzero(part[low] == part[high])
+    low, high = low[within], high[within]
+    by_part = np.argsort(part[low], kind="stable")
+    low, high = place[low[by_part]], place[high[by_part]]
+    starts = np.flatnonzero(np.diff(part[vertices], prepend=-1))
+    ends = np.append(starts[1:], len(vertices))
+    edges = np.searchsorted(low, np.append(starts, len(vertices)))
+    order = np.empty_like(vertices)
+    for start, end, first, last in zip(starts, ends, edges[:-1], edges[1:], strict=True):
+        pattern = _pattern(low[first:last] - start, high[first:last] - start, end - start)
+        order[start:end] = vertices[start + fill_reducing_order(pattern)]
+    return order
 
 
 def _pattern(low: Indices, high: Indices, n: int) -> csc_matrix:
