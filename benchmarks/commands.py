@@ -9,6 +9,7 @@ from rich.console import Console
 
 from .measure import ablation as variants
 from .measure import methods as measured_methods
+from .measure.any_surface import surfaces
 from .measure.fuzzing import fuzz
 from .measure.machine import MACHINE
 from .measure.methods import METHODS, maps
@@ -51,6 +52,7 @@ app = typer.Typer(
     help="Measure cdcp_igl against other methods.", no_args_is_help=True, add_completion=False
 )
 app.command()(fuzz)
+app.command()(surfaces)
 
 
 @app.command()

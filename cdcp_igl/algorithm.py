@@ -24,6 +24,7 @@ from .steps.mobius import MobiusMethod, normalize
 from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .steps.remote import remote_parts
+from .steps.straightening import Straightening, straighten
 from .surface.mesh import DiskMesh
 
 __all__ = ["Attempts", "Steps", "algorithm_1", "cdcp", "disk_map"]
@@ -201,19 +202,25 @@ class Steps:
         The exterior map of a closed curve (nB,) onto the circle, eqs. (1)-(6).
     mobius : {"angle", "area", "nelder-mead"} or None
         What the Möbius transformation minimises, eqs. (19)-(20).
+    straightened : bool
+        Whether the shear that all faces have in common is taken out before that; not in the
+        paper.
     """
 
     center: Callable[[FactoredSurface], Center] = central_face
     trace: Callable[[FactoredSurface, int], Complex] = boundary_trace
     circle: Callable[[Complex], Complex] = whitened_geodesic_map
     mobius: MobiusMethod | None = "angle"
+    straightened: bool = True
 
     @classmethod
     def of(cls, options: Options) -> Steps:
         """Choose the steps that the options of `disk_map` ask for."""
         if options.paper:
             coldest = partial(central_face, center="heat", well_shaped=False)
-            return cls(coldest, circle=geodesic_map, mobius=options.mobius_method)
+            return cls(
+                coldest, circle=geodesic_map, mobius=options.mobius_method, straightened=False
+            )
         return cls(partial(central_face, center=options.center), mobius=options.mobius_method)
 
 
@@ -265,8 +272,13 @@ class Attempts:
                 boundary = FALLBACKS[number - 1](surface, tau_c.face)
         with phase("extension"):
             f = boundary.extend(boundary.f_B)  # (10)
+            straightening = Straightening()
+            if steps.straightened and not boundary.is_crowded:
+                f, straightening = straighten(surface.mesh, f, boundary.extend)
+                if straightening.before:
+                    boundary = boundary.turned(f[surface.mesh.loop])
             remote = remote_parts(surface.mesh, boundary.steps, boundary.f_B, boundary.extend)
-        return HarmonicMap(f, boundary, remote, tau_c)
+        return HarmonicMap(f, boundary, remote, tau_c, straightening)
 
     @property
     def started(self) -> bool:

@@ -22,7 +22,9 @@ from .steps.landmarks import landmark_automorphism
 from .steps.mobius import Normalization
 from .steps.refine import Refinement
 from .steps.repair import Repair
+from .steps.straightening import Straightening
 from .surface.bijection import Bijection
+from .surface.notebook import html_table
 
 __all__ = ["DiskMap"]
 
@@ -54,6 +56,8 @@ class DiskMap(Bijection):
         The central face, sect. 4.1, and how it was found.
     trace : BoundaryMethod
         How the boundary got onto the circle, with all fallbacks.
+    straightening : Straightening
+        What was done about the shear that all faces have in common.
     repair : Repair
         What was done about faces that the harmonic map had flipped.
     mobius : Normalization
@@ -81,6 +85,7 @@ class DiskMap(Bijection):
     distortion_free: AngleDistortion
     center: Center
     trace: BoundaryMethod
+    straightening: Straightening
     repair: Repair
     mobius: Normalization
     refinement: Refinement | None
@@ -109,9 +114,20 @@ class DiskMap(Bijection):
         return f"DiskMap({len(self.uv):,} vertices: {self.verdict}, mean distortion {mean:.3g}°)"
 
     def _repr_html_(self) -> str:
-        from .plot.notebook import disk_map_html
+        rows = {
+            "map": self.verdict,
+            "angular distortion": str(self.distortion),
+            **({} if self.conformal else {"conformal": str(self.conformality)}),
+            "certificate": str(self.certificate),
+            "boundary": str(self.trace),
+            "seconds": f"{sum(self.timings.values()):.2f}",
+        }
+        table = html_table(f"Disk map of {len(self.uv):,} vertices", rows)
+        if not self.valid:
+            return table
+        from .plot.notebook import framed
 
-        return disk_map_html(self)
+        return framed(table, self, len(self.uv))
 
     def __str__(self) -> str:
         phases = ", ".join(f"{name} {seconds:.2f}" for name, seconds in self.timings.items())
@@ -125,6 +141,11 @@ class DiskMap(Bijection):
                 f"  certificate         {self.certificate}",
                 f"  center              {self.center}",
                 f"  boundary            {self.trace}",
+                *(
+                    [f"  straightening       {self.straightening}"]
+                    if self.straightening.before
+                    else []
+                ),
                 f"  repair              {self.repair}",
                 f"  Möbius              {self.mobius}",
                 f"  refinement          {self.refinement or 'not asked for'}",
@@ -158,7 +179,7 @@ class DiskMap(Bijection):
         ValueError, OSError
             As `cdcp_igl.plot.view`.
         """
-        from .plot.viewer import view  # an upper floor, and slow to import
+        from .plot.viewer import view  # needs Matplotlib, which is optional and slow to import
 
         return view(self, path, fields=fields, texture=texture, title=title)
 
@@ -281,6 +302,7 @@ class DiskMap(Bijection):
                 "rejected": list(self.trace.rejected),
                 "spread_faces": self.trace.n_spread,
             },
+            "straightening": asdict(self.straightening),
             "repair": {
                 "flipped_faces": self.repair.n_flipped,
                 "moved_vertices": self.repair.n_moved,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -17,18 +18,32 @@ from .solve.factored import FactoredSurface
 from .steps.center import Center
 from .steps.circle import BoundaryMethod, CircleMap, Rejected, hold_open
 from .steps.conformality import Conformality, judge
-from .steps.mobius import Normalization, normalize, rotate
+from .steps.mobius import MobiusMethod, Normalization, normalize, rotate
 from .steps.options import Options
 from .steps.phases import Phases
 from .steps.refine import Refinement, lower_angle_distortion
 from .steps.remote import Remote
-from .steps.repair import Repair, unfold
+from .steps.repair import Repair, mend, unfold
+from .steps.straightening import Straightening
 from .surface.mesh import DiskMesh
 
 __all__ = ["HarmonicMap", "best_map"]
 
 log = logging.getLogger("cdcp_igl")
 
+# Where straightening removes more than this share of the distortion, the boundary is a polygon
+# so coarse that the harmonic map is not near the conformal one;
+COARSE = 0.2
+# and so it is where the errors are more than this times what the scale explains. Such maps have
+# steps of refinement even if none are asked for.
+EXCESS = 1.1
+STEPS_DUE = 2
+# So are these, of a map whose interior had to be replaced.
+STEPS_AFTER_REPAIR = 10
+# If a larger share of the faces is flipped, other maps come first: those of the intrinsic
+# Delaunay Laplacian have a hundredth of the flipped faces of the cotangent one on slivers.
+MANY_FLIPPED = 0.003
+MUCH_REPAIRED = 0.5
 REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
 
 
@@ -43,12 +58,14 @@ class HarmonicMap:
     remote : Remote or None
         What is too close to the circle for f to tell its vertices apart.
     center : Center
+    straightening : Straightening
     """
 
     f: Complex
     boundary: CircleMap
     remote: Remote | None
     center: Center
+    straightening: Straightening
 
 
 Way = Callable[[Phases], HarmonicMap]  # to a harmonic map; raises Rejected where there is none
@@ -64,6 +81,7 @@ class Candidate:
     conformality: Conformality
     center: Center
     trace: BoundaryMethod
+    straightening: Straightening
     mobius: Normalization
     repair: Repair
     refinement: Refinement | None = None
@@ -72,6 +90,14 @@ class Candidate:
     def rank(self) -> tuple[bool, float]:
         """Valid maps come first, then those of low mean distortion."""
         return not self.certificate.valid, float(abs(self.errors).mean())
+
+    @property
+    def steps_due(self) -> int:
+        """Steps of refinement for a map that is measurably not near the conformal one."""
+        if self.repair.n_moved > MUCH_REPAIRED * len(self.f):
+            return STEPS_AFTER_REPAIR
+        unlike = self.straightening.gain > COARSE or self.conformality.excess > EXCESS
+        return STEPS_DUE if unlike else 0
 
     def objection(self) -> str:
         """Why another map was sought after this one."""
@@ -111,25 +137,30 @@ def best_map(
     MapError
         If no map is valid.
     """
-    candidates, rejected = [], []
+    mesh, candidates, rejected, known = surface.mesh, [], [], []
     for way in ways:
         try:
             harmonic = way(phase)
         except Rejected as reason:
             rejected.append(str(reason))
             continue
-        candidates.append(_normalized(surface.mesh, harmonic, options, phase))
+        known.append(harmonic)
+        candidates.append(_normalized(mesh, harmonic, options, phase))
         if not candidates[-1].conformality.sheared:
             break
+    if not any(candidate.certificate.valid for candidate in candidates):
+        candidates += [_unfolded(mesh, harmonic, options, phase) for harmonic in known]
     best = min(candidates, key=lambda candidate: candidate.rank)
-    rejected += [other.objection() for other in candidates if other is not best]
+    others = [other for other in candidates if other is not best]
+    rejected += list(dict.fromkeys(other.objection() for other in others))
     for objection in rejected:
         log.info("boundary by %s, rejected %s", best.trace.name, objection)
     best = replace(best, trace=replace(best.trace, rejected=tuple(rejected)))
-    if options.refine and best.certificate.valid:
+    steps = options.refine or (0 if options.paper else best.steps_due)
+    if steps and best.certificate.valid:
         if not keep_factor:
             surface.release()
-        best = _refined(surface.mesh, best, surface.factor.order, options, phase)
+        best = _refined(surface.mesh, best, surface.factor.order, steps, options, phase)
     result = _disk_map(surface, best, phase)
     if not result.valid:
         raise MapError(
@@ -146,21 +177,58 @@ def best_map(
 def _normalized(
     mesh: DiskMesh, harmonic: HarmonicMap, options: Options, phase: Phases
 ) -> Candidate:
-    """Do the second half of Algorithm 1, the Möbius transformation; then repair and judge."""
-    with phase("mobius"):
-        f, normalization = normalize(mesh, harmonic.f, options.mobius_method)  # (19), (20)
-    with phase("repair"):
+    """Do the second half of Algorithm 1, the Möbius transformation; then repair and judge.
+
+    A transformed map that had to be repaired is held against the repaired map without the
+    transformation, and the better one is taken.
+    """
+    repair = partial(mend, most=MANY_FLIPPED * len(mesh.F))
+    candidate = _repaired(mesh, harmonic, options, options.mobius_method, repair, phase)
+    if candidate.repair.rounds and candidate.mobius.w:
+        plain = _repaired(mesh, harmonic, options, None, repair, phase)
+        if plain.rank < candidate.rank:
+            return replace(plain, mobius=Normalization(candidate.mobius.method, 0j, "repair"))
+    return candidate
+
+
+def _unfolded(mesh: DiskMesh, harmonic: HarmonicMap, options: Options, phase: Phases) -> Candidate:
+    """Repair a map at whatever cost, and judge it; without a Möbius transformation."""
+    candidate = _repaired(mesh, harmonic, options, None, unfold, phase)
+    if options.mobius_method is None:
+        return candidate
+    return replace(candidate, mobius=Normalization(options.mobius_method, 0j, "repair"))
+
+
+def _repaired(
+    mesh: DiskMesh,
+    harmonic: HarmonicMap,
+    options: Options,
+    method: MobiusMethod | None,
+    repaired: Callable[[DiskMesh, Complex], tuple[Complex, Repair]],
+    phase: Phases,
+) -> Candidate:
+    n_held = 0
+
+    def finished(f: Complex, w: complex) -> Complex:
+        nonlocal n_held
         f = rotate(mesh, f, options.align)
         if harmonic.remote:
-            f = harmonic.remote.placed(f, normalization.w)
-        f, n_spread = hold_open(mesh, f)
-        f, repair = unfold(mesh, f)
+            f = harmonic.remote.placed(f, w)
+        f, n_held = hold_open(mesh, f)
+        return f
+
+    with phase("mobius"):
+        f, normalization = normalize(mesh, harmonic.f, method, finished)  # (19), (20)
+    with phase("repair"):
+        f, repair = repaired(mesh, f)
     if repair.n_flipped:
         log.info("%s", repair)
-    trace = replace(harmonic.boundary.method, n_spread=n_spread)
+    trace = replace(harmonic.boundary.method, n_spread=n_held)
     # What repair leaves behind is in few places.
     known = _judged(mesh, f, phase, closely=repair.n_flipped > 0)
-    return Candidate(f, *known, harmonic.center, trace, normalization, repair)
+    return Candidate(
+        f, *known, harmonic.center, trace, harmonic.straightening, normalization, repair
+    )
 
 
 def _judged(
@@ -175,7 +243,12 @@ def _judged(
 
 
 def _refined(
-    mesh: DiskMesh, candidate: Candidate, order: Ints, options: Options, phase: Phases
+    mesh: DiskMesh,
+    candidate: Candidate,
+    order: Ints,
+    steps: int,
+    options: Options,
+    phase: Phases,
 ) -> Candidate:
     """Lower the angular distortion beyond that of the harmonic map."""
     with phase("refine") as advance:
@@ -183,7 +256,7 @@ def _refined(
             mesh,
             candidate.f,
             order,
-            options.refine,
+            steps,
             options.refine_norm,
             seconds=options.refine_seconds,
             turn=lambda f: hold_open(mesh, rotate(mesh, f, options.align))[0],
@@ -224,6 +297,7 @@ def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskM
         center=best.center,
         trace=best.trace,
         repair=best.repair,
+        straightening=best.straightening,
         mobius=best.mobius,
         refinement=best.refinement,
         solver=surface.factor.solver,
@@ -236,6 +310,8 @@ def _causes(trace: BoundaryMethod, repair: Repair, n: int) -> Iterator[str]:
     if trace.name == "arc length":
         yield "the boundary lies by arc length"
         yield from (reason for reason in trace.rejected if "crowding" in reason)
+    if trace.reason:
+        yield trace.reason
     if repair.n_moved > REPAIRED_SHARE * n:
         yield f"repair of flipped faces moved {repair.n_moved / n:.0%} of the vertices"
 

@@ -179,7 +179,7 @@ def test_bad_mesh(cap):
     result = run("map", cap, out)
     assert result.returncode == 2
     assert "duplicate face: 1 face repeats the corners of another (faces 242)" in result.stderr
-    assert "Drop these faces." in result.stderr
+    assert "Drop these faces, as cdcp_igl.clean does." in result.stderr
     assert "Traceback" not in result.stderr
     assert result.stdout == ""
     assert out.read_text() == "old"

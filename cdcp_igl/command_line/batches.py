@@ -22,7 +22,7 @@ from .map_options import (
     Refine,
     RefineNorm,
     RefineSeconds,
-    map_options,
+    chosen_options,
 )
 from .messages import SOME_FAILED, exit_codes, writing
 
@@ -106,7 +106,7 @@ def batch_command(
     Exit codes: 0 all are mapped; 1 a file could not be written, or an extra is missing;
     2 a bad argument; 4 some are not mapped.
     """
-    options = map_options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
+    options = chosen_options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
     limits = {"time_limit": time_limit, "memory_limit": memory_limit}
     options |= {name: limit for name, limit in limits.items() if limit is not None}
 

@@ -18,7 +18,7 @@ from .map_options import (
     Refine,
     RefineNorm,
     RefineSeconds,
-    map_options,
+    chosen_options,
 )
 from .messages import exit_codes, show, writing
 from .progress import progress_bar
@@ -81,7 +81,7 @@ def map_command(
     Exit codes: 0 a valid map; 1 a file could not be written, or an extra is missing;
     2 bad input; 3 no valid map.
     """
-    options = map_options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
+    options = chosen_options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
 
     from ..algorithm import disk_map
     from ..io import read_mesh, whole_file, write_map

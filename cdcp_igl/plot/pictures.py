@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Floats, Ints
 from ..distortion import angle_distortion
 from ..extras import from_extra
-from ..result import DiskMap
+from .layout import Mapped
 from .raster import Bytes
 from .scene import Extent, Scene
 
@@ -29,7 +29,7 @@ INK, FAINT = "#222222", "#9a9a9a"
 PIXELS, SMALL = 620, 360  # across a surface, alone and among many
 
 
-def picture(V: ArrayLike, F: ArrayLike, result: DiskMap, *, name: str = "") -> Figure:
+def picture(V: ArrayLike, F: ArrayLike, result: Mapped, *, name: str = "") -> Figure:
     """Draw the surface, its image, a checkerboard and the angular distortion side by side.
 
     Parameters
@@ -138,7 +138,7 @@ def _show(axes: Axes, image: Bytes, extent: Extent | None = None) -> None:
     axes.set_axis_off()
 
 
-def _draw_histogram(axes: Axes, degrees: Floats, result: DiskMap) -> None:
+def _draw_histogram(axes: Axes, degrees: Floats, result: Mapped) -> None:
     """Draw the shares of the corners by distortion, the long tail cut off."""
     mean, sd = result.distortion.mean, result.distortion.sd
     end = max(float(np.quantile(degrees, 0.99)), mean + 2 * sd, 1e-9)

@@ -36,8 +36,8 @@ class Cholesky:
     A : (k, k) sparse matrix of float64
         Symmetric and positive definite, k at least 1; only the lower triangle is read.
     ordering : {"amd", "natural"}
-        Fill-reducing permutation Q: approximate minimum degree, which beats nested
-        dissection on surfaces; or (up to a postordering) the order as given.
+        Fill-reducing permutation Q: approximate minimum degree; or (up to a postordering)
+        the order as given, such as that of `elimination_order`.
 
     Attributes
     ----------

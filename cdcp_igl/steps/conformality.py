@@ -34,11 +34,14 @@ class Conformality:
         Why the map is not conformal; empty if it is.
     remedies : tuple of str
         What would help.
+    excess : float
+        Mean angle error by what the scale explains; 1 where the error is at most 1 degree.
     """
 
     sheared: bool
     reasons: tuple[str, ...] = ()
     remedies: tuple[str, ...] = ()
+    excess: float = 1.0
 
     def __bool__(self) -> bool:
         return not self.reasons
@@ -91,7 +94,8 @@ def judge(mesh: DiskMesh, f: Complex, errors: Floats, *, closely: bool = False) 
         remedies.append("subdivide the faces, or cut the surface (cdcp_igl.cut)")
     if reasons and mean > 2 * mean_free:
         remedies.append("flip the ears (cdcp_igl.clean with flip_ears=True)")
-    return Conformality(sheared, tuple(reasons), tuple(remedies))
+    excess = mean / explained if explained else np.inf
+    return Conformality(sheared, tuple(reasons), tuple(remedies), excess)
 
 
 def explained_errors(mesh: DiskMesh, f: Complex, faces: Ints) -> Floats:

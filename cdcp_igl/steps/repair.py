@@ -1,24 +1,30 @@
-"""Repair of flipped faces: mean-value patches, then relaxation."""
+"""Repair of flipped faces: mean-value patches and relaxation near them, or everywhere."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
-from scipy.sparse import csr_matrix, diags
+from scipy.sparse import coo_matrix, csr_matrix, diags, identity
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from ..arrays import Bools, Complex, Floats, Ints
 from ..certificate import flipped_faces
-from ..distortion import wirtinger_derivative
 from ..surface.mesh import DiskMesh
+from .relaxation import Relaxation
 
-__all__ = ["Repair", "mean_value_weights", "unfold"]
+__all__ = ["Repair", "mean_value_weights", "mend", "unfold"]
 
-RINGS = 3  # largest radius of a patch around the flipped faces
-ROUNDS = 24  # of patches; after these the whole interior is taken
-FEW, MANY = 4, 30  # sweeps of relaxation between rounds, and at the end
-HALVINGS = 12
+RINGS = 10  # largest radius of a patch around a flipped face
+ATTEMPTS = 4  # with patches up to a quarter of that, a half and so on
+MANY = 0.03  # of the faces: so many flipped faces are not near each other, but everywhere
+FEW = 50  # faces that are worth another attempt even if the last one mended none
+SOFTNESSES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the relaxation that pulls faces over, in turn
+SWEEPS = 4  # of that relaxation with each
+RELAXED = 6  # rings around what was moved, that are relaxed with it
+MOVES, MOST_SWEEPS = 200_000, 30  # of vertices at most, in these sweeps at most
 
 
 @dataclass(frozen=True)
@@ -32,16 +38,23 @@ class Repair:
     n_moved : int
         Interior vertices that were moved, so that they are not harmonic any more.
     rounds : int
-        Patches that were tried.
+        Times that patches were tried.
     """
 
     n_flipped: int = 0
     n_moved: int = 0
     rounds: int = 0
 
+    @property
+    def is_left_undone(self) -> bool:
+        """Whether there were more flipped faces than should be repaired."""
+        return self.n_flipped > 0 and self.rounds == 0
+
     def __str__(self) -> str:
         if self.n_flipped == 0:
             return "not needed"
+        if self.is_left_undone:
+            return f"{self.n_flipped:,} flipped faces, too many to be repaired"
         return (
             f"{self.n_flipped:,} flipped faces unfolded by moving {self.n_moved:,} vertices "
             f"in {self.rounds} rounds"
@@ -49,15 +62,11 @@ class Repair:
 
 
 def unfold(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
-    """Make every face positively oriented, boundary fixed.
+    """Make every face positively oriented, boundary fixed, at whatever cost.
 
-    Cotangents of obtuse angles are negative, and a harmonic map with negative weights may
-    fold. The vertices of the flipped faces are set to mean-value combinations of their
-    neighbours, whose weights are positive, and their surroundings are relaxed towards
-    conformality without flipping any other face; everything else stays. This goes on, with
-    patches of up to three rings around what is still flipped, until nothing is. Should
-    that fail, the patch becomes the whole interior, where Floater's theorem applies:
-    positive weights and a convex boundary give an embedding.
+    Where `mend` cannot, because of many flipped faces or stubborn ones, the whole interior
+    is set to mean values, and Floater's theorem applies: positive weights and a convex
+    boundary give an embedding, as far as double precision goes.
 
     Parameters
     ----------
@@ -74,33 +83,71 @@ def unfold(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
     References
     ----------
     M. S. Floater. Mean value coordinates. Comput. Aided Geom. Design 20(1), 2003.
-    K. Hormann, G. Greiner. MIPS: an efficient global parametrization method. Curve and
-    Surface Design, 1999.
     """
-    flipped = _flipped(mesh, f)
-    if len(flipped) == 0:
-        return f, Repair()
-    n_flipped = len(flipped)
-    W = mean_value_weights(mesh)
-    interior = np.zeros(len(f), dtype=bool)
-    interior[mesh.interior] = True
-    moved = np.zeros(len(f), dtype=bool)
+    g, repair = mend(mesh, f, MANY * len(mesh.F))
+    if len(_flipped(mesh.F, g)) == 0:
+        return g, repair
+    whole = _Neighbourhood(mesh, np.ones(len(f), dtype=bool))
+    f = whole.combine(f, whole.free)
+    return f, Repair(repair.n_flipped, len(mesh.interior), repair.rounds + 1)
+
+
+def mend(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:
+    """Unfold flipped faces by moving vertices near them and no others.
+
+    Cotangents of obtuse angles are negative, and a harmonic map with negative weights may
+    fold. The vertices of the flipped faces are set to mean-value combinations of their
+    neighbours, whose weights are positive; a patch of them is kept if it has fewer flipped
+    faces then, and larger the next time if it has not. What no patch mends, a relaxation
+    that pulls faces over may. At the end what was moved is relaxed towards conformality.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    f : (n,) complex128
+        Map onto the disk, boundary strictly counterclockwise on the circle.
+    most : float
+        Nothing is done about more flipped faces than that.
+
+    Returns
+    -------
+    f : (n,) complex128
+        It may still have flipped faces; the argument itself if nothing was done.
+    Repair
+    """
+    flipped = _flipped(mesh.F, f)
+    if len(flipped) == 0 or len(flipped) > most:
+        return f, Repair(len(flipped))
+    folded = np.zeros(len(f), dtype=bool)
+    folded[mesh.F[flipped]] = True
+    near = _Neighbourhood(mesh, _grow(mesh.F, folded, RINGS + RELAXED + 1))
+    g = near.of(f)
     rounds = 0
-    while len(flipped) and rounds <= ROUNDS:
-        folded = np.zeros(len(f), dtype=bool)
-        folded[mesh.F[flipped]] = True
-        patch = interior & _grow(mesh, folded, min(rounds, RINGS)) if rounds < ROUNDS else interior
-        f = _combine(W, f, patch)
-        around = interior & _grow(mesh, patch, 2)
-        f = _relax(mesh, f, around, FEW)
-        moved |= around
-        rounds += 1
-        flipped = _flipped(mesh, f)
-    f = _relax(mesh, f, moved, MANY)
-    return f, Repair(n_flipped, int(moved.sum()), rounds)
+    for attempt in range(1, ATTEMPTS + 1):
+        before = len(near.flipped(g))
+        g, tried = near.average(g, attempt * RINGS // ATTEMPTS)
+        rounds += tried
+        g = near.pull_over(g, attempt)
+        left = len(near.flipped(g))
+        if left == 0 or left > max(before / 2, FEW):
+            break
+    f = f.copy()
+    f[near.vertices] = near.relaxed(g)
+    return f, Repair(len(flipped), int(near.moved.sum()), rounds)
 
 
-def mean_value_weights(mesh: DiskMesh) -> csr_matrix:
+class _Corners(Protocol):
+    """Triangles in space: those of a surface, or of a part of one."""
+
+    @property
+    def V(self) -> Floats: ...
+    @property
+    def F(self) -> Ints: ...
+    @property
+    def angles(self) -> Floats: ...
+
+
+def mean_value_weights(mesh: _Corners) -> csr_matrix:
     """(n, n) mean-value weights: (tan(a/2) + tan(b/2)) / |v_i - v_j|, all positive.
 
     a and b are the angles at v_i in the two faces at the edge; row i belongs to v_i.
@@ -117,129 +164,143 @@ def mean_value_weights(mesh: DiskMesh) -> csr_matrix:
     return csr_matrix(entries, (n, n))
 
 
-def _flipped(mesh: DiskMesh, f: Complex) -> Ints:
-    return flipped_faces(np.column_stack([f.real, f.imag]), mesh.F)[0]
+class _Neighbourhood:
+    """A part of a surface, in which vertices move; nothing here costs more than its size.
+
+    Attributes
+    ----------
+    vertices : (k,) ndarray of int
+        Rows of V.
+    free : (k,) bool
+        Which may move: interior vertices with all their faces inside.
+    moved : (k,) bool
+        Which have been moved.
+    """
+
+    def __init__(self, mesh: DiskMesh, inside: Bools) -> None:
+        faces = np.flatnonzero(inside[mesh.F].all(axis=1))
+        self.vertices, corners = np.unique(mesh.F[faces], return_inverse=True)
+        self.F: Ints = corners.reshape(-1, 3)
+        self.V, self.angles = mesh.V[self.vertices], mesh.angles[faces]
+        degree = np.bincount(mesh.F.ravel(), minlength=len(mesh.V))[self.vertices]
+        whole = np.bincount(self.F.ravel(), minlength=len(self.vertices)) == degree
+        self.free: Bools = whole & ~mesh.on_boundary[self.vertices]
+        self.moved: Bools = np.zeros(len(self.vertices), dtype=bool)
+        self._weights = mean_value_weights(self)
+
+    def of(self, f: Complex) -> Complex:
+        """(k,) the map here."""
+        return f[self.vertices]
+
+    def flipped(self, g: Complex) -> Ints:
+        """Rows of F that are not positively oriented."""
+        return _flipped(self.F, g)
+
+    def average(self, g: Complex, rings: int) -> tuple[Complex, int]:
+        """Set patches around flipped faces to mean values, and keep those that are better then.
+
+        A patch that is not is larger by a ring the next time, up to so many.
+        """
+        reach = np.zeros(len(g), dtype=np.int64)
+        rounds = 0
+        flipped = self.flipped(g)
+        while len(flipped) and reach[self.F[flipped]].max() <= rings:
+            folded = np.unique(self.F[flipped])
+            patch = self.free & self._within(folded, reach)
+            part = _connected(self.F, patch)
+            trial = self.combine(g, patch)
+            if rounds:  # what the means leave folded, or fold
+                around = self.free & _grow(self.F, patch, 2)
+                trial = Relaxation(self.V, self.F, around).sweep(trial, SWEEPS)
+            # Flipped faces by patch; the first count is that of faces without one.
+            counts = [
+                np.bincount(part[self.F[rows]].max(axis=1) + 1, minlength=part.max() + 2)
+                for rows in (flipped, self.flipped(trial))
+            ]
+            better = (counts[1] < counts[0])[part + 1] & patch
+            g = np.where(better, trial, g)
+            self.moved |= better
+            reach[folded[~better[folded]]] += 1
+            rounds += 1
+            flipped = self.flipped(g)
+        return g, rounds
+
+    def pull_over(self, g: Complex, rings: int) -> Complex:
+        """Relax around flipped faces such that they are pulled over; kept if fewer are left."""
+        flipped = self.flipped(g)
+        if len(flipped) == 0:
+            return g
+        folded = np.zeros(len(g), dtype=bool)
+        folded[self.F[flipped]] = True
+        moving = self.free & _grow(self.F, folded, rings)
+        relaxation, trial = Relaxation(self.V, self.F, moving), g
+        for softness in SOFTNESSES:
+            trial = relaxation.sweep(trial, SWEEPS, softness)
+            if len(self.flipped(trial)) == 0:
+                break
+        if len(self.flipped(trial)) < len(flipped):
+            self.moved |= moving
+            return trial
+        return g
+
+    def combine(self, g: Complex, patch: Bools) -> Complex:
+        """Make the vertices of a patch the weighted means of their neighbours.
+
+        Solved for the displacements, by differences of neighbours: where all of a patch is
+        small, its shape has digits that its place has not.
+        """
+        inside = np.flatnonzero(patch)
+        rows = self._weights[inside]
+        rows = diags(1 / np.asarray(rows.sum(axis=1)).ravel()) @ rows
+        system = splu((identity(len(inside)) - rows[:, inside]).tocsc())
+        owner = np.repeat(np.arange(len(inside)), np.diff(rows.indptr))
+        g = g.copy()
+        for _ in range(2):
+            pull = rows.data * (g[rows.indices] - g[inside[owner]])
+            b = [np.bincount(owner, part, len(inside)) for part in (pull.real, pull.imag)]
+            g[inside] += system.solve(np.column_stack(b)) @ [1, 1j]
+        return g
+
+    def relaxed(self, g: Complex) -> Complex:
+        """Relax what has been moved towards conformality, unless rounding flips a face then."""
+        moving = self.free & _grow(self.F, self.moved, RELAXED)
+        sweeps = min(MOST_SWEEPS, 1 + MOVES // (1 + int(moving.sum())))
+        trial = Relaxation(self.V, self.F, moving).sweep(g, sweeps)
+        if len(self.flipped(trial)) > len(self.flipped(g)):
+            return g
+        self.moved = moving
+        return trial
+
+    def _within(self, sources: Ints, reach: Ints) -> Bools:
+        """(k,) vertices within `reach` rings of a source, which has a reach of its own."""
+        level = np.full(len(reach), -1)
+        level[sources] = reach[sources]
+        for _ in range(level.max()):
+            highest = level[self.F].max(axis=1) - 1
+            for corner in self.F.T:
+                np.maximum.at(level, corner, highest)
+        return level >= 0
 
 
-def _grow(mesh: DiskMesh, vertices: Bools, rings: int) -> Bools:
+def _flipped(F: Ints, f: Complex) -> Ints:
+    return flipped_faces(np.column_stack([f.real, f.imag]), F)[0]
+
+
+def _grow(F: Ints, vertices: Bools, rings: int) -> Bools:
     for _ in range(rings):
         grown = vertices.copy()
-        grown[mesh.F[vertices[mesh.F].any(axis=1)]] = True
+        grown[F[vertices[F].any(axis=1)]] = True
         vertices = grown
     return vertices
 
 
-def _combine(W: csr_matrix, f: Complex, patch: Bools) -> Complex:
-    """Make the vertices of a patch the weighted means of their neighbours."""
-    inside, rest = np.flatnonzero(patch), np.flatnonzero(~patch)
-    rows = W[inside]
-    system = diags(np.asarray(rows.sum(axis=1)).ravel()) - rows[:, inside]
-    given = rows[:, rest] @ f[rest]
-    solution = splu(system.tocsc()).solve(np.column_stack([given.real, given.imag]))
-    f = f.copy()
-    f[inside] = solution[:, 0] + 1j * solution[:, 1]
-    return f
-
-
-# -- relaxation ------------------------------------------------------------------------
-
-
-def _relax(mesh: DiskMesh, f: Complex, patch: Bools, sweeps: int) -> Complex:
-    """Move one vertex after the other to lower the conformal energy of its faces.
-
-    On a face the map is f = p z + q conj(z) in coordinates of the surface; its energy
-    (|p|^2 + |q|^2) / (|p|^2 - |q|^2) is 1 where the map is conformal and infinite where
-    the face collapses. As a function of one vertex it is a convex quadratic over a linear
-    function, hence convex, and Newton's method with backtracking cannot flip a face.
-    Vertices of one colour have no face in common and move together; one at a flipped
-    face moves only if that unfolds all its faces.
-    """
-    f = f.copy()
-    derivative = wirtinger_derivative(mesh.V, mesh.F)
-    stars = [_Star(mesh, derivative, vertices) for vertices in _colour(mesh, patch)]
-    for _ in range(sweeps):
-        for star in stars:
-            star.improve(f)
-    return f
-
-
-class _Star:
-    """The faces around an independent set of vertices, one row a corner."""
-
-    def __init__(self, mesh: DiskMesh, derivative: Complex, vertices: Ints) -> None:
-        place = np.full(len(mesh.V), -1)
-        place[vertices] = np.arange(len(vertices))
-        self._face, corner = np.nonzero(place[mesh.F] >= 0)
-        self._vertices = vertices
-        self._owner = place[mesh.F[self._face, corner]]
-        self._corners = mesh.F[self._face]
-        self._derivative = derivative[self._face]
-        self._own = derivative[self._face, corner]
-
-    def improve(self, f: Complex) -> None:
-        """Take one Newton step, in place."""
-        c, z = self._own, f[self._corners]
-        p = (self._derivative * z).sum(axis=1)
-        q = (self._derivative.conj() * z).sum(axis=1)
-        above, below = abs(p) ** 2 + abs(q) ** 2, abs(p) ** 2 - abs(q) ** 2
-        # Gradients with respect to the vertex (x, y) as complex numbers x + iy. `below` is
-        # linear in it, `above` has the Hessian 4 |c|^2.
-        d_above, d_below = 2 * (c.conj() * p + c * q), 2 * (c.conj() * p - c * q)
-        with np.errstate(all="ignore"):  # at a collapsed face
-            ratio = above / below
-            gradient = self._sum((d_above - ratio * d_below) / below)
-            mixed = 2 * (ratio * d_below - d_above) / below**2
-            curvature = 4 * abs(c) ** 2 / below
-            xx = self._sum(curvature + mixed.real * d_below.real).real
-            yy = self._sum(curvature + mixed.imag * d_below.imag).real
-            xy = self._sum(mixed.real * d_below.imag + mixed.imag * d_below.real).real / 2
-            step = (
-                xy * gradient.imag
-                - yy * gradient.real
-                + 1j * (xy * gradient.real - xx * gradient.imag)
-            ) / (xx * yy - xy**2)
-        step[~np.isfinite(step)] = 0
-
-        energy = self._energy(p, q)
-        scale = np.ones(len(step))
-        for _ in range(HALVINGS):
-            move = (scale * step)[self._owner]
-            after = self._energy(p + c * move, q + c.conj() * move)
-            worse = ~(np.isfinite(after) & (after <= energy))
-            if not worse.any():
-                break
-            scale[worse] /= 2
-        scale[worse] = 0
-        f[self._vertices] += scale * step
-
-    def _energy(self, p: Complex, q: Complex) -> Floats:
-        below = abs(p) ** 2 - abs(q) ** 2
-        energy: Floats = np.full(len(p), np.inf)
-        np.divide(abs(p) ** 2 + abs(q) ** 2, below, out=energy, where=below > 0)
-        return np.bincount(self._owner, energy, len(self._vertices)).astype(float)
-
-    def _sum(self, values: Complex) -> Complex:
-        """Add up over the faces around each vertex."""
-        n = len(self._vertices)
-        return np.bincount(self._owner, values.real, n) + 1j * np.bincount(
-            self._owner, values.imag, n
-        )
-
-
-def _colour(mesh: DiskMesh, patch: Bools) -> list[Ints]:
-    """Split a set of vertices into sets without common faces, greedily in index order."""
-    faces = mesh.F[patch[mesh.F].any(axis=1)]
-    neighbours: dict[int, set[int]] = {}
-    for face in faces.tolist():
-        for vertex in face:
-            neighbours.setdefault(vertex, set()).update(face)
-    colour: dict[int, int] = {}
-    classes: list[list[int]] = []
-    for vertex in np.flatnonzero(patch).tolist():
-        taken = {colour[w] for w in neighbours[vertex] if w in colour}
-        free = next(c for c in range(len(taken) + 1) if c not in taken)
-        colour[vertex] = free
-        if free == len(classes):
-            classes.append([])
-        classes[free].append(vertex)
-    return [np.array(vertices) for vertices in classes]
+def _connected(F: Ints, patch: Bools) -> Ints:
+    """(n,) numbers of the connected parts of a set of vertices; -1 elsewhere."""
+    size = np.count_nonzero(patch)
+    part = np.full(len(patch), -1)
+    part[patch] = np.arange(size)
+    i, j = part[F].ravel(), part[np.roll(F, -1, axis=1)].ravel()
+    inside = (i >= 0) & (j >= 0)
+    graph = coo_matrix((np.ones(np.count_nonzero(inside)), (i[inside], j[inside])), (size, size))
+    part[patch] = connected_components(graph, directed=False)[1]
+    return part
