@@ -10,6 +10,7 @@ from rich.console import Console
 from .measure import ablation as variants
 from .measure import methods as measured_methods
 from .measure.any_surface import surfaces
+from .measure.each_solver import solvers
 from .measure.fuzzing import fuzz
 from .measure.machine import MACHINE
 from .measure.methods import METHODS, maps
@@ -53,6 +54,7 @@ app = typer.Typer(
 )
 app.command()(fuzz)
 app.command()(surfaces)
+app.command()(solvers)
 
 
 @app.command()

@@ -205,7 +205,7 @@ def _geometry(
 def _spin(V: Floats, F: Ints, uv: Floats, home: Floats) -> float:
     """Angle by which to turn the image so that what one sees of the surface keeps its direction."""
     seen = V @ home.T
-    front = (vertex_normals(V, F) @ home[2]) > 0
+    front = (np.nan_to_num(vertex_normals(V, F)) @ home[2]) > 0
     x = seen[front, :2] @ np.array([1, 1j])
     return float(np.angle(np.vdot(uv[front] @ np.array([1, 1j]), x - x.mean()))) if len(x) else 0.0
 

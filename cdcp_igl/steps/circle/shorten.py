@@ -6,7 +6,7 @@ import numpy as np
 
 from ...arrays import Complex, Floats
 from ...distortion import wirtinger_derivative
-from ...solve.cholmod import Cholesky, Numbers
+from ...solve.cholesky import Cholesky, Numbers
 from ...solve.factored import FactoredSurface
 from ...solve.laplacian import Laplacian
 from ...surface.triangles import face_areas
