@@ -148,15 +148,19 @@ def best_map(
         candidates.append(_normalized(mesh, harmonic, options, phase))
         if not candidates[-1].conformality.sheared:
             break
-    if not any(candidate.certificate.valid for candidate in candidates):
-        candidates += [_unfolded(mesh, harmonic, options, phase) for harmonic in known]
+    if all(candidate.conformality.sheared for candidate in candidates):
+        candidates += [
+            _unfolded(mesh, harmonic, options, phase)
+            for harmonic, candidate in zip(known, tuple(candidates), strict=True)
+            if not candidate.certificate.valid
+        ]
     best = min(candidates, key=lambda candidate: candidate.rank)
     others = [other for other in candidates if other is not best]
     rejected += list(dict.fromkeys(other.objection() for other in others))
     for objection in rejected:
         log.info("boundary by %s, rejected %s", best.trace.name, objection)
     best = replace(best, trace=replace(best.trace, rejected=tuple(rejected)))
-    steps = options.refine or (0 if options.paper else best.steps_due)
+    steps = max(options.refine, 0 if options.paper else best.steps_due)
     if steps and best.certificate.valid:
         if not keep_factor:
             surface.release()

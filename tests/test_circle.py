@@ -239,10 +239,11 @@ def test_progress_and_timings_of_several_attempts():
 
 
 def test_no_map_that_can_be_certified_is_an_error_with_all_reasons(monkeypatch):
-    def collapse(mesh, f):
+    def collapse(mesh, f, most=None):
         return np.where(np.isin(np.arange(len(f)), mesh.loop), f, 0), Repair()
 
-    monkeypatch.setattr(sys.modules["cdcp_igl.selection"], "unfold", collapse)
+    for name in ("mend", "unfold"):
+        monkeypatch.setattr(sys.modules["cdcp_igl.selection"], name, collapse)
     with pytest.raises(cdcp_igl.MapError, match=r"flipped faces .* arc length") as raised:
         cdcp_igl.disk_map(*meshes.grid(12, 16))
     assert raised.value.result.trace.rejected == (

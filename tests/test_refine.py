@@ -191,9 +191,25 @@ def test_a_boundary_that_would_fold_is_not_accepted(monkeypatch):
         return dz
 
     monkeypatch.setattr(refine_module, "gauss_newton_step", swap)
-    f, account = lower_angle_distortion(MESH, Z, ORDER, 5, 1.5)
-    assert f is Z
-    assert account.stopped == "no improvement"
+    f, _ = lower_angle_distortion(MESH, Z, ORDER, 5, 1.5)
+    assert certify(MESH, np.column_stack([f.real, f.imag])).valid
+
+
+def test_where_a_step_flips_faces_it_is_shorter_there_and_nowhere_else(monkeypatch):
+    vertex, other = MESH.interior[0], MESH.interior[-1]
+
+    def steps(mesh, f, r, p, damping, laplacian):
+        dz = gauss_newton_step(mesh, f, r, p, damping, laplacian)
+        dz[vertex] = 0.5  # far beyond its neighbours
+        return dz
+
+    monkeypatch.setattr(refine_module, "gauss_newton_step", steps)
+    f, account = lower_angle_distortion(MESH, Z, ORDER, 1, 2)
+    step = gauss_newton_step(MESH, Z, errors(Z), 2, 0, WeightedLaplacian(MESH, ORDER))
+    if account.steps:
+        np.testing.assert_allclose((f - Z)[other], step[other])
+    assert account.steps == 1
+    assert abs(f - Z)[vertex] < 0.5
 
 
 def test_time_limit(monkeypatch):

@@ -14,6 +14,7 @@ from ..arrays import Bools, Complex, Floats, Ints
 from ..certificate import flipped_faces
 from ..surface.mesh import DiskMesh
 from .relaxation import Relaxation
+from .star_search import search_stars
 
 __all__ = ["Repair", "mean_value_weights", "mend", "unfold"]
 
@@ -23,6 +24,7 @@ MANY = 0.03  # of the faces: so many flipped faces are not near each other, but 
 FEW = 50  # faces that are worth another attempt even if the last one mended none
 SOFTNESSES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the relaxation that pulls faces over, in turn
 SWEEPS = 4  # of that relaxation with each
+SEARCHES = 6  # of all stars with a flipped face
 RELAXED = 6  # rings around what was moved, that are relaxed with it
 MOVES, MOST_SWEEPS = 200_000, 30  # of vertices at most, in these sweeps at most
 
@@ -128,8 +130,9 @@ def mend(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Rep
         g, tried = near.average(g, attempt * RINGS // ATTEMPTS)
         rounds += tried
         g = near.pull_over(g, attempt)
+        g = near.search(g)
         left = len(near.flipped(g))
-        if left == 0 or left > max(before / 2, FEW):
+        if left == 0 or left > max(0.9 * before, FEW):
             break
     f = f.copy()
     f[near.vertices] = near.relaxed(g)
@@ -240,6 +243,20 @@ class _Neighbourhood:
                 break
         if len(self.flipped(trial)) < len(flipped):
             self.moved |= moving
+            return trial
+        return g
+
+    def search(self, g: Complex) -> Complex:
+        """Look for places for the corners of flipped faces; kept if fewer are left."""
+        trial, moved = g, self.moved
+        for _ in range(SEARCHES):
+            flipped = self.flipped(trial)
+            if len(flipped) == 0:
+                break
+            trial, searched = search_stars(self.F, trial, flipped, self.free)
+            moved = moved | searched
+        if len(self.flipped(trial)) < len(self.flipped(g)):
+            self.moved = moved
             return trial
         return g
 
