@@ -1,28 +1,23 @@
 # make demo and make test are all that a person needs; both set up first what is missing.
 PYTHON := .venv/bin/python
 MESH   ?= demo/jacksboro_fault.npz
-NAME    = $(basename $(notdir $(MESH)))
+export MESH
 
-.PHONY: setup demo test lint bench docs dist clean
+.PHONY: setup demo test test-quick lint bench docs dist clean
 setup: .venv/ready
 
 .venv/ready: pyproject.toml .ci/setup
 	sh .ci/setup
 
-demo: setup $(MESH)
-	@mkdir -p demo
-	.venv/bin/cdcp-igl map "$(MESH)" "demo/$(NAME)_disk.obj" --picture "demo/$(NAME)_disk.png"
-	@echo
-	@echo "The map, as texture coordinates: $(CURDIR)/demo/$(NAME)_disk.obj"
-	@echo "The picture:                     $(CURDIR)/demo/$(NAME)_disk.png"
-
-demo/jacksboro_fault.npz: | .venv/ready
-	@mkdir -p demo
-	$(PYTHON) -c 'import numpy, cdcp_igl.datasets as d; V, F = d.load("jacksboro_fault"); numpy.savez("$@", V=V, F=F)'
+demo: setup
+	@sh .ci/demo
 
 test: setup
-	sh .ci/setup-browser
 	$(PYTHON) -m pytest
+
+# Without what takes long: under two minutes.
+test-quick: setup
+	$(PYTHON) -m pytest -m 'not slow'
 
 lint: setup
 	$(PYTHON) -m ruff check .
@@ -54,7 +49,7 @@ dist: .venv/docs
 	$(PYTHON) -m build
 	$(PYTHON) -m twine check --strict dist/*
 	$(PYTHON) -m venv build/empty
-	build/empty/bin/python -m pip install --quiet dist/*.whl "$$($(PYTHON) -m pip freeze | grep -i ^scikit.sparse)"
+	build/empty/bin/python -m pip install --quiet --only-binary :all: dist/*.whl
 	cd build/empty && bin/python -c 'import cdcp_igl; \
 	    print(cdcp_igl.disk_map(*cdcp_igl.datasets.spherical_cap(60)[:2]))'
 

@@ -14,7 +14,7 @@ from cdcp_igl.arrays import Complex, Floats, Ints
 from cdcp_igl.errors import MapError
 from cdcp_igl.reference import Method
 from cdcp_igl.reference.certified import certified_disk_map
-from cdcp_igl.solve.cholmod import Cholesky
+from cdcp_igl.solve.cholesky import Cholesky
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.steps.center import Center, central_face
 from cdcp_igl.steps.circle import Rejected

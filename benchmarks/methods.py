@@ -14,7 +14,7 @@ from cdcp_igl import cdcp, disk_map, reference
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.reference import Method
 from cdcp_igl.reference.case import Timed
-from cdcp_igl.solve.cholmod import Cholesky
+from cdcp_igl.solve.cholesky import Cholesky
 from cdcp_igl.solve.laplacian import cotangent_laplacian
 from cdcp_igl.surface.mesh import DiskMesh
 

@@ -11,7 +11,7 @@ from .arrays import Floats, Indices, Ints
 from .certificate import Certificate, flipped_faces
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, spell
-from .solve.cholmod import Cholesky
+from .solve.cholesky import Cholesky
 from .solve.laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
 from .solve.ordering import elimination_order
 from .steps.repair import Repair, unfold
@@ -29,6 +29,8 @@ class RectangleMap:
     ----------
     uv : (n, 2) float64
         Row i is the image of row i of V, in the rectangle from (0, 0) to (modulus, 1).
+    mesh : DiskMesh
+        The surface.
     modulus : float
         Width by height, a conformal invariant of the surface with its corners.
     modulus_bounds : (float, float)
@@ -48,6 +50,7 @@ class RectangleMap:
     """
 
     uv: Floats
+    mesh: DiskMesh
     modulus: float
     modulus_bounds: tuple[float, float]
     corners: tuple[int, int, int, int]
@@ -214,6 +217,7 @@ def _mapped(mesh: DiskMesh, L: Laplacian, name: str, sides: list[Ints]) -> Recta
     first = tuple(int(side[0]) for side in sides)
     return RectangleMap(
         uv=as_rows(f),
+        mesh=mesh,
         modulus=modulus,
         modulus_bounds=bounds,
         corners=(first[0], first[1], first[2], first[3]),

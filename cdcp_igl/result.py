@@ -24,6 +24,7 @@ from .steps.refine import Refinement
 from .steps.repair import Repair
 from .steps.straightening import Straightening
 from .surface.bijection import Bijection
+from .surface.notebook import html_table
 
 __all__ = ["DiskMap"]
 
@@ -113,9 +114,20 @@ class DiskMap(Bijection):
         return f"DiskMap({len(self.uv):,} vertices: {self.verdict}, mean distortion {mean:.3g}°)"
 
     def _repr_html_(self) -> str:
-        from .plot.notebook import disk_map_html
+        rows = {
+            "map": self.verdict,
+            "angular distortion": str(self.distortion),
+            **({} if self.conformal else {"conformal": str(self.conformality)}),
+            "certificate": str(self.certificate),
+            "boundary": str(self.trace),
+            "seconds": f"{sum(self.timings.values()):.2f}",
+        }
+        table = html_table(f"Disk map of {len(self.uv):,} vertices", rows)
+        if not self.valid:
+            return table
+        from .plot.notebook import framed
 
-        return disk_map_html(self)
+        return framed(table, self, len(self.uv))
 
     def __str__(self) -> str:
         phases = ", ".join(f"{name} {seconds:.2f}" for name, seconds in self.timings.items())
@@ -167,7 +179,7 @@ class DiskMap(Bijection):
         ValueError, OSError
             As `cdcp_igl.plot.view`.
         """
-        from .plot.viewer import view  # an upper floor, and slow to import
+        from .plot.viewer import view  # needs Matplotlib, which is optional and slow to import
 
         return view(self, path, fields=fields, texture=texture, title=title)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import cdcp_igl
+from cdcp_igl.surface.defects import CUT, MENDED
 from cdcp_igl.surface.mesh import DiskMesh
 
 NASTY = pytest.mark.parametrize("case", meshes.NASTY.values(), ids=meshes.NASTY.keys())
@@ -119,3 +120,100 @@ def test_degeneracy_does_not_depend_on_the_unit(scale):
 def test_real_meshes_are_disks(real_mesh):
     for name in ("cthead_115491", "maze_6120", "face_1180_ears"):
         assert cdcp_igl.check(*real_mesh(name)).is_disk
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "components", "loops", "genus"),
+    [
+        ("closed", "genus 0, closed", 1, 0, 0),
+        ("annulus", "genus 0, 2 boundary loops", 1, 2, 0),
+        ("handle", "genus 1, 1 boundary loop", 1, 1, 1),
+        ("two components", "2 components, genus 0, 2 boundary loops", 2, 2, 0),
+        ("Moebius strip", "one-sided", 1, None, None),
+        ("three pages", "3 components, not a manifold", 3, None, None),
+        ("boundary vertices merged", "not a manifold", 1, None, None),
+        ("reversed face", "disk", 1, 1, 0),
+        ("NaN", "disk", 1, 1, 0),
+        ("sliver", "disk", 1, 1, 0),
+        ("quads", "not a triangle mesh", 0, None, None),
+    ],
+)
+def test_the_class_of_a_surface(name, kind, components, loops, genus):
+    _, V, F, _ = meshes.NASTY[name]
+    report = cdcp_igl.check(V, F)
+    assert report.kind == kind
+    assert (report.n_components, report.n_loops, report.genus) == (components, loops, genus)
+    assert kind in str(report)
+
+
+def test_faces_are_counted_where_coordinates_are_not_finite():
+    _, V, F, _ = meshes.NASTY["NaN"]
+    F = np.delete(F, 18, axis=0)
+    report = cdcp_igl.check(V, F)
+    assert (report.n_vertices, report.n_faces) == (len(V), len(F))
+    names = [defect.name for defect in report.defects]
+    assert names == ["non-finite coordinate", "several boundary loops"]
+
+
+def test_vertices_are_counted_where_faces_are_unusable():
+    V, F = meshes.grid()
+    assert (cdcp_igl.check(V, F + 1).n_vertices, cdcp_igl.check(V, F + 1).n_faces) == (len(V), 0)
+
+
+@pytest.mark.parametrize("integral", [False, True], ids=["floats", "whole numbers"])
+def test_arrays_that_have_changed_places(integral):
+    V, F = meshes.grid()
+    report = cdcp_igl.check(F.astype(float) if integral else F, V)
+    assert [defect.name for defect in report.defects] == ["V and F swapped"]
+    with pytest.raises(cdcp_igl.MeshError, match="vertices first"):
+        cdcp_igl.angle_distortion(F, V, V[:, :2])
+
+
+@NASTY
+def test_the_next_step_is_one_that_works(case):
+    """Where it is `clean`, the surface is a disk afterwards; else it is no cleaning at all."""
+    _, V, F, _ = case
+    report = cdcp_igl.check(V, F)
+    assert f"Next: {report.next_step}" in str(report)
+    if report.next_step.startswith("cdcp_igl.clean"):
+        cleaned = cdcp_igl.clean(V, F)
+        assert cdcp_igl.check(cleaned.V, cleaned.F).is_disk
+    elif report.kind.startswith("genus"):
+        assert "surface_map" in report.next_step
+        assert "--cut" in report.next_step
+    else:
+        assert report.next_step == report.defects[0].remedy
+
+
+@NASTY
+def test_what_clean_mends_is_said_in_the_remedy(case):
+    _, V, F, _ = case
+    for defect in cdcp_igl.check(V, F).defects:
+        if defect.name in MENDED:
+            assert "cdcp_igl.clean" in defect.remedy
+        if defect.name in CUT:
+            assert "cdcp_igl.cut" in defect.remedy or "cdcp_igl.surface_map" in defect.remedy
+
+
+def test_the_outer_loop_is_the_one_that_reaches_farthest():
+    """Not the one with the most vertices, nor the longest, which may be a river."""
+    V, F, _ = rivered_square()
+    [defect] = cdcp_igl.check(V, F).defects
+    assert defect.name == "several boundary loops"
+    outline = np.flatnonzero((abs(V[:, :2]) == 1).any(axis=1))
+    assert len(np.intersect1d(defect.indices, outline)) == 0
+    assert cdcp_igl.check(V, F).n_boundary == len(outline) < len(defect.indices)
+
+
+def rivered_square():
+    """A square with a winding slit in which faces are missing."""
+    V, F, _ = cdcp_igl.datasets.square(20)
+    middle = V[F].mean(axis=1)
+    river = abs(middle[:, 1] - 0.6 * np.sin(9 * middle[:, 0])) < 0.11
+    inside = (abs(V[F][:, :, 0]) < 0.9).all(axis=1) & (abs(V[F][:, :, 1]) < 0.9).all(axis=1)
+    cleaned = cdcp_igl.clean(V, F[~(river & inside)])
+    kept = cleaned.face_index >= 0
+    used = np.unique(cleaned.F[kept])
+    rank = np.full(len(cleaned.V), -1)
+    rank[used] = np.arange(len(used))
+    return cleaned.V[used], rank[cleaned.F[kept]], used

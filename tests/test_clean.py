@@ -1,5 +1,7 @@
 """Mending surfaces that are nearly disks."""
 
+from itertools import pairwise
+
 import meshes
 import numpy as np
 import pytest
@@ -7,6 +9,9 @@ from typer.testing import CliRunner
 
 import cdcp_igl
 from cdcp_igl.command_line.program import app
+from cdcp_igl.surface.filling import least_triangulation
+from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.surface.triangles import face_areas
 
 # What is left of each nasty mesh: "disk", a defect that clean cannot mend, or a refusal.
 UNMENDED = {"Moebius strip": "not orientable", "closed": "closed surface", "handle": "handle"}
@@ -195,3 +200,66 @@ def test_map_clean_of_a_disk_changes_nothing(tmp_path):
     with np.load(plain) as a, np.load(cleaned) as b:
         for key in ("V", "F", "uv"):
             np.testing.assert_array_equal(a[key], b[key])
+
+
+def crossed_edge(count=1):
+    """A square whose diagonal has vertices on one side that the other side does not know."""
+    V = [[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0], [1, 1, 0], [3, 1, 0], [3, 3, 0], [1, 3, 0]]
+    V += [[1 + 2 * s, 1 + 2 * s, 0] for s in np.arange(1, count + 1) / (count + 1)]
+    F = [[4, 5, 6]]
+    for i, j in ((0, 1), (1, 2), (2, 3), (3, 0)):
+        F += [[i, j, i + 4], [j, j + 4, i + 4]]
+    diagonal = [4, *range(8, 8 + count), 6]
+    F += [[7, a, b] for a, b in pairwise(diagonal)]
+    return np.array(V, dtype=float), np.array(F)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_a_slit_is_filled_with_faces_that_have_an_area(count):
+    V, F = crossed_edge(count)
+    report = cdcp_igl.check(V, F)
+    assert "several boundary loops" in [defect.name for defect in report.defects]
+    cleaned = cdcp_igl.clean(V, F)
+    assert cdcp_igl.check(cleaned.V, cleaned.F).is_disk
+    assert "took out 1 face beside flat holes" in cleaned.changes
+    assert_rows_come_from(cleaned, V, F)
+    assert cdcp_igl.disk_map(cleaned.V, cleaned.F).valid
+
+
+def test_a_face_without_area_is_replaced():
+    V, F = crossed_edge()
+    F = np.vstack([F, [4, 6, 8]])
+    assert cdcp_igl.check(V, F).defects[0].name == "degenerate face"
+    cleaned = cdcp_igl.clean(V, F)
+    assert cdcp_igl.check(cleaned.V, cleaned.F).is_disk
+    assert face_areas(cleaned.V, cleaned.F).sum() == pytest.approx(16)
+
+
+def test_a_hole_whose_middle_lies_on_its_edge_is_filled_without_a_new_vertex():
+    corner = [[2, 2], [2, -2], [0, 0], [-2, -2], [-2, 2]]  # an arrow; the middle is at (0, 0)
+    V = np.vstack([corner, [[8, 8], [8, -4], [0, -9], [-8, -4], [-8, 8]]])
+    i, j = np.arange(5), np.roll(np.arange(5), -1)
+    F = np.concatenate([np.column_stack([i, j, i + 5]), np.column_stack([j, j + 5, i + 5])])
+    cleaned = cdcp_igl.clean(V, F)
+    assert cleaned.changes == ("filled 1 hole",)
+    assert len(cleaned.V) == len(V)
+    assert cdcp_igl.check(cleaned.V, cleaned.F).is_disk
+
+
+def test_the_least_triangulation_of_a_flat_polygon_has_its_area():
+    t = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    points = np.column_stack([np.cos(t), np.sin(t), 0 * t]) * (1 + 0.5 * np.cos(5 * t))[:, None]
+    triangles = least_triangulation(points)
+    x, y, _ = points.T
+    area = (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2
+    assert len(triangles) == 22
+    assert face_areas(points, triangles).sum() == pytest.approx(area)
+
+
+def test_the_outline_is_kept_and_a_river_filled():
+    V, F, _ = cdcp_igl.datasets.square(20)
+    middle = V[F].mean(axis=1)
+    river = (abs(middle[:, 1] - 0.6 * np.sin(9 * middle[:, 0])) < 0.11) & (abs(middle[:, 0]) < 0.8)
+    cleaned = cdcp_igl.clean(V, F[~river])
+    loop = DiskMesh(cleaned.V, cleaned.F).loop
+    assert (abs(cleaned.V[loop, :2]).max(axis=1) == 1).all()

@@ -13,7 +13,7 @@ from meshes import NASTY, grid
 
 import cdcp_igl
 from cdcp_igl.io import read_mesh, write_map
-from cdcp_igl.plot import notebook
+from cdcp_igl.surface.notebook import html_table
 
 NOTEBOOK = Path(__file__).parents[1] / "docs" / "examples" / "notebook.ipynb"
 
@@ -46,10 +46,10 @@ def test_a_notebook_shows_a_table_and_the_page(mapped):
 
 
 def test_a_large_surface_is_a_picture_in_a_notebook(mapped, monkeypatch):
-    monkeypatch.setattr(notebook, "MOST_VERTICES", 100)
+    monkeypatch.setattr("cdcp_igl.plot.notebook.MOST_VERTICES", 100)
     shown = mapped[2]._repr_html_()
     assert "<iframe" not in shown
-    assert 'src="data:image/png;base64,' in shown
+    assert 'src="data:image/jpeg;base64,' in shown
     assert ".view()" in shown
 
 
@@ -57,9 +57,9 @@ def test_what_a_report_names_is_escaped(mapped):
     V, F, _ = mapped
     shown = cdcp_igl.check(V, F[1:] + 1)._repr_html_()
     assert "index out of range" in shown
-    assert "<table>" in notebook.html_table("<b>", {"<i>": "a & b"})
-    assert "&lt;b&gt;" in notebook.html_table("<b>", {"<i>": "a & b"})
-    assert "a &amp; b" in notebook.html_table("<b>", {"<i>": "a & b"})
+    assert "<table>" in html_table("<b>", {"<i>": "a & b"})
+    assert "&lt;b&gt;" in html_table("<b>", {"<i>": "a & b"})
+    assert "a &amp; b" in html_table("<b>", {"<i>": "a & b"})
 
 
 def test_plot_gives_axes(mapped):

@@ -4,11 +4,14 @@ import gzip
 import json
 import re
 from base64 import b64decode
+from dataclasses import dataclass
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from browser import SOFTWARE_WEBGL, chromium
+from meshes import grid
 
 import cdcp_igl
 from cdcp_igl.plot import view, view_html
@@ -135,6 +138,46 @@ def test_texture_and_fields_are_judged(bumps, tmp_path):
         view_html(result, texture=tmp_path / "none.png")
 
 
+@dataclass(frozen=True)
+class TwoDisks:
+    """What `surface_map` returns for two caps, as far as it is drawn."""
+
+    disks: tuple
+    cut: object
+    distortion: object
+    valid: bool = True
+
+    def packed(self):
+        return np.vstack([(d.uv + 1) / 4 + k / 2 for k, d in enumerate(self.disks)])[self.cut.F]
+
+
+def test_several_disks_and_cuts_and_rectangles_are_laid_out(bumps):
+    V, F, result = bumps
+    n = len(V)
+    faces = np.vstack([F, F + n])
+    faces[5] = faces[5, ::-1]  # a face that was turned over
+    cut = SimpleNamespace(V=np.vstack([V, V + 3]), F=faces, vertex_index=np.arange(2 * n)[::-1])
+    about, arrays = contents(view_html(TwoDisks((result, result), cut, result.distortion)))
+    assert about["spin"] == 0
+    order = arrays["vertexOrder"]
+    assert sorted(order) == list(range(2 * n))
+    uv = about["middle"] + about["scale"] * (
+        np.column_stack([arrays["u"], arrays["v"]]) / 32767.5 - 1
+    )
+    expected = np.vstack([(result.uv + 1) / 4, (result.uv + 3) / 4])[::-1]
+    assert abs(uv - expected[order]).max() < 1e-4
+    assert about["colorings"][2]["high"] < 20  # no face counts as flipped
+
+    V, F = grid(9, 12)
+    rectangle = cdcp_igl.rectangle_map(V, F, [0, 11, 107, 96])
+    about, arrays = contents(view_html(rectangle))
+    uv = about["middle"] + about["scale"] * (
+        np.column_stack([arrays["u"], arrays["v"]]) / 32767.5 - 1
+    )
+    order = arrays.get("vertexOrder", np.arange(len(V)))
+    assert abs(uv - rectangle.uv[order]).max() < 1e-4
+
+
 # -- in the browser --------------------------------------------------------------------
 
 
@@ -225,7 +268,8 @@ def test_hovering_marks_the_face_that_invert_finds(opened, bumps, page):
     V, F, result = bumps
     about, _ = contents(page.read_text())
     turn = np.exp(1j * about["spin"])
-    middle, radius = (V.min(0) + V.max(0)) / 2, np.linalg.norm(np.ptp(V, axis=0)) / 2
+    middle = (V.min(axis=0) + V.max(axis=0)) / 2
+    radius = np.linalg.norm(V - middle, axis=1).max()
     home = np.reshape(about["home"], (3, 3))
     for z in (0.1 + 0.2j, -0.55 + 0.3j, 0.2 - 0.8j):
         there = scale(opened, "plane", 0.92) * z * turn

@@ -17,7 +17,7 @@ __all__ = [
     "Refine",
     "RefineNorm",
     "RefineSeconds",
-    "map_options",
+    "chosen_options",
 ]
 
 
@@ -97,7 +97,7 @@ Preset = Annotated[
 ]
 
 
-def map_options(
+def chosen_options(
     center: str | int | None,
     mobius: MobiusMethod | None,
     align: object,

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import libigl
 from ..arrays import Floats, Ints
 from ..extras import from_extra
 from ..io import read_mesh
@@ -142,9 +143,5 @@ def _terrain() -> tuple[Floats, Ints]:
         (latitude - latitude[-1]) * metres_per_degree,
     )
     V = np.stack([x, y, elevation], axis=2).reshape(-1, 3)
-    corner = np.arange(rows * columns).reshape(rows, columns)
-    nw, ne, sw, se = (
-        corner[i : rows - 1 + i, j : columns - 1 + j].ravel() for i in (0, 1) for j in (0, 1)
-    )
-    F = np.concatenate([np.column_stack([sw, se, ne]), np.column_stack([sw, ne, nw])])
-    return V, F
+    # libigl has the rows of a grid from the lowest up, so here every face is turned over.
+    return V, np.ascontiguousarray(libigl.grid_faces(columns, rows)[:, ::-1])

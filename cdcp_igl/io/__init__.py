@@ -1,10 +1,10 @@
 """Meshes from files and maps to files, a module for each format.
 
-All formats are read in Python, which takes no longer: libigl's readers of obj, off and ply end
-the process on truncated files and on faces with fewer than three corners, and print on standard
-output, as that of stl does on damaged ones; its writers do not notice a full disk. SciPy's
-reader of mat files ends the process on some damaged ones. Readers raise `Damage` (or what
-their libraries raise) on what they cannot read.
+All formats are read in Python: libigl's readers of obj, off and ply end the process on truncated
+files and on faces with fewer than three corners, and print on standard output, as that of stl
+does on damaged ones; its writers do not notice a full disk. SciPy's reader of mat files ends the
+process on some damaged ones. Readers raise `Damage` (or what their libraries raise) on what they
+cannot read.
 """
 
 from .output import remove_stale, whole_file

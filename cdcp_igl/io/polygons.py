@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .. import libigl
 from ..arrays import Ints
 from ..errors import Defect, MeshError
 
@@ -12,7 +13,7 @@ __all__ = ["fans"]
 
 
 def fans(corners: ArrayLike, sizes: ArrayLike) -> Ints:
-    """Split each polygon into the triangles around its first corner, as libigl does.
+    """Split each polygon into the triangles around its first corner.
 
     Parameters
     ----------
@@ -42,8 +43,4 @@ def fans(corners: ArrayLike, sizes: ArrayLike) -> Ints:
                 few,
             )
         )
-    n_triangles = size - 2
-    first = np.repeat(np.cumsum(size) - size, n_triangles)
-    before = np.repeat(np.cumsum(n_triangles) - n_triangles, n_triangles)
-    second = first + 1 + np.arange(len(first)) - before
-    return vertex[np.column_stack([first, second, second + 1])]
+    return libigl.fans(vertex, np.append(0, np.cumsum(size)))

@@ -5,20 +5,43 @@ from __future__ import annotations
 import json
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
+from numpy.typing import NDArray
+
+from ..arrays import Floats
+from ..surface.mesh import DiskMesh
 from .output import whole_file
 from .writing import WRITABLE, write_map
 
-if TYPE_CHECKING:
-    from ..result import DiskMap
-
 __all__ = ["save"]
+
+
+class Saved(Protocol):
+    """A map of a disk that can show itself: a DiskMap."""
+
+    @property
+    def uv(self) -> Floats:
+        """(n, 2) images of the vertices."""
+
+    @property
+    def mesh(self) -> DiskMesh:
+        """The surface."""
+
+    def plot(self) -> NDArray[Any]:
+        """Draw it; return the axes."""
+
+    def view(self, path: str | PathLike[str]) -> Path:
+        """Write its page."""
+
+    def report(self) -> dict[str, Any]:
+        """Tell all but the coordinates."""
+
 
 PICTURES = (".pdf", ".png", ".svg")
 
 
-def save(result: DiskMap, path: str | PathLike[str]) -> None:
+def save(result: Saved, path: str | PathLike[str]) -> None:
     """Write a map; see `DiskMap.save`."""
     suffix = Path(path).suffix.lower()
     if suffix in WRITABLE:

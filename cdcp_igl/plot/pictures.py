@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .. import libigl
 from ..arrays import Floats, Ints
 from ..distortion import angle_distortion
 from ..extras import from_extra
-from ..result import DiskMap
 from ..surface.validation import as_surface
+from .layout import Mapped
 from .viewpoint import choose_viewpoint
 
 with from_extra("plot"):
@@ -31,7 +32,7 @@ INK, FAINT = "#222222", "#9a9a9a"
 LIGHT = np.array([-0.35, 0.5, 0.79])  # from above left, behind the viewer
 
 
-def picture(V: ArrayLike, F: ArrayLike, result: DiskMap, *, name: str = "") -> Figure:
+def picture(V: ArrayLike, F: ArrayLike, result: Mapped, *, name: str = "") -> Figure:
     """Draw the surface, its image and the angular distortion side by side.
 
     Parameters
@@ -167,7 +168,7 @@ class _Scene:
         axes.set_axis_off()
 
 
-def _draw_histogram(axes: Axes, degrees: Floats, result: DiskMap) -> None:
+def _draw_histogram(axes: Axes, degrees: Floats, result: Mapped) -> None:
     """Draw the shares of the corners by distortion, the long tail cut off."""
     mean, sd = result.distortion.mean, result.distortion.sd
     end = max(float(np.quantile(degrees, 0.99)), mean + 2 * sd, 1e-9)
@@ -195,15 +196,8 @@ def _draw_histogram(axes: Axes, degrees: Floats, result: DiskMap) -> None:
 
 
 def vertex_normals(V: Floats, F: Ints) -> Floats:
-    """(n, 3) unit normals, faces weighted by area."""
-    i, j, k = F.T
-    across = np.cross(V[j] - V[i], V[k] - V[i])
-    corners = F.ravel()
-    normals = np.column_stack(
-        [np.bincount(corners, np.repeat(across[:, axis], 3), len(V)) for axis in range(3)]
-    )
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return normals / np.where(lengths > 0, lengths, 1)
+    """(n, 3) unit normals, faces weighted by area; zero at vertices without area."""
+    return np.nan_to_num(libigl.vertex_normals(V, F), nan=0.0)
 
 
 def normal_colors(normals: Floats) -> Floats:

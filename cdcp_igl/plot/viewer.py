@@ -22,8 +22,9 @@ from ..arrays import Floats, Ints
 from ..distortion import angle_distortion, conformal_factor
 from ..extras import from_extra
 from ..io import whole_file
-from ..result import DiskMap
+from ..surface.edges import group_by_edge, half_edges
 from ..surface.triangles import face_areas
+from .layout import Layout, Mapped, Opened, lay_out
 from .packing import ordered, pack, quantized
 from .pictures import side_by_side, vertex_normals
 from .viewpoint import choose_viewpoint
@@ -33,7 +34,7 @@ with from_extra("plot"):
     from matplotlib.colors import to_hex
     from matplotlib.image import imsave
 
-__all__ = ["view", "view_html"]
+__all__ = ["poster", "view", "view_html"]
 
 IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".webp": "webp"}
 VALUE_STEPS = 255  # of a field: no eye tells more colours apart
@@ -41,7 +42,7 @@ BEYOND = 0.005  # share of the vertices, at either end, that may lie beyond the 
 
 
 def view(
-    result: DiskMap,
+    result: Mapped | Opened,
     path: str | PathLike[str] | None = None,
     *,
     fields: Mapping[str, ArrayLike] | None = None,
@@ -50,20 +51,21 @@ def view(
 ) -> Path:
     """Write a page that shows a map, or open it in the browser.
 
-    A single file that needs no network and no library: the surface turns beside the disk;
+    A single file that needs no network and no library: the surface turns beside its image;
     the face under the pointer is marked on both. Colours by normals, a checkerboard, the
     angular distortion, the conformal factor, and what is given here.
 
     Parameters
     ----------
-    result : DiskMap
+    result : DiskMap, SurfaceMap or RectangleMap
     path : path-like, optional
         Named .html; replaced once the new one is complete. Without it, the page is written to
         a temporary folder and opened in the browser.
     fields : mapping of str to (n,) array_like, optional
-        More values at the vertices to colour by, under their names.
+        More values at the vertices of the given mesh to colour by, under their names.
     texture : path-like or (height, width, 3 or 4) array_like, optional
-        Image of the square around the disk, the top row at v = 1: a png, jpeg or webp file,
+        Image of the square around the disk, the top row at v = 1 (of the unit square for a
+        SurfaceMap, see its ``packed``): a png, jpeg or webp file,
         or colours from 0 to 1, such as ``result.bake`` makes.
     title : str
         The heading, such as the name of the surface.
@@ -104,7 +106,7 @@ def view(
 
 
 def view_html(
-    result: DiskMap,
+    result: Mapped | Opened,
     *,
     fields: Mapping[str, ArrayLike] | None = None,
     texture: str | PathLike[str] | ArrayLike | None = None,
@@ -135,13 +137,16 @@ def view_html(
     >>> view_html(cdcp_igl.disk_map(V, F), title="Cap").count("<h1>Cap</h1>")
     1
     """
-    V, F, uv = result.mesh.positions, result.mesh.F, result.uv
-    about, arrays = _geometry(V, F, uv)
+    layout = lay_out(result)
+    V, F, uv = layout.V, layout.F, layout.uv
+    about, arrays = _geometry(V, F, uv, turned=layout.plane == "Disk")
+    if (layout.vertices != np.arange(len(V))).any():
+        arrays["vertexOrder"] = layout.vertices
     colorings: list[dict[str, Any]] = [
         {"name": "normals", "kind": "normals"},
         {"name": "checkerboard", "kind": "checkerboard"},
     ]
-    for coloring, values in _measured(V, F, uv) + _given(fields or {}, len(V)):
+    for coloring, values in _measured(V, F, uv) + _given(fields or {}, layout.vertices):
         coloring["array"] = f"value {len(colorings)}"
         arrays[coloring["array"]] = quantized(
             values, coloring["low"], coloring["high"], VALUE_STEPS
@@ -158,32 +163,26 @@ def view_html(
     about |= {
         "arrays": [(name, len(array)) for name, array in arrays.items()],
         "colorings": colorings,
+        "middle": layout.middle,
+        "scale": layout.scale,
     }
     source = files(__package__) / "browser"
     return Template((source / "viewer.html").read_text("utf-8")).substitute(
-        title=escape(title or "Conformal map onto the disk"),
-        facts=escape(_facts(result)),
-        plane="Disk",
+        title=escape(title or "Conformal map"),
+        facts=escape(" · ".join(layout.facts)),
+        plane=layout.plane,
         style=(source / "viewer.css").read_text("utf-8"),
         script=(source / "viewer.js").read_text("utf-8"),
-        poster=_poster(V, F, uv, result.distortion.mean),
+        poster=_poster(layout, result.distortion.mean),
         # A closing tag in a name would end the script element.
         about=json.dumps(about).replace("<", "\\u003c"),
         data=data,
     )
 
 
-def _facts(result: DiskMap) -> str:
-    return " · ".join(
-        [
-            f"{len(result.uv):,} vertices",
-            f"angular distortion {result.distortion.mean:.3g}° ± {result.distortion.sd:.3g}°",
-            "certified bijection" if result.certificate.valid else "NOT VALID",
-        ]
-    )
-
-
-def _geometry(V: Floats, F: Ints, uv: Floats) -> tuple[dict[str, Any], dict[str, Ints]]:
+def _geometry(
+    V: Floats, F: Ints, uv: Floats, *, turned: bool
+) -> tuple[dict[str, Any], dict[str, Ints]]:
     """Describe the surface, its image and its boundary."""
     low, high = V.min(axis=0), V.max(axis=0)
     size = float((high - low).max())
@@ -198,7 +197,7 @@ def _geometry(V: Floats, F: Ints, uv: Floats) -> tuple[dict[str, Any], dict[str,
     return {
         "extent": ((high - low) / size).tolist(),
         "home": home.ravel().tolist(),
-        "spin": _spin(V, F, uv, home),
+        "spin": _spin(V, F, uv, home) if turned else 0.0,
     }, arrays
 
 
@@ -212,10 +211,10 @@ def _spin(V: Floats, F: Ints, uv: Floats, home: Floats) -> float:
 
 def _rim_and_cut(V: Floats, F: Ints) -> tuple[Ints, Ints]:
     """Edges with one face; where two of them lie in one place, the surface was cut there."""
-    tails, heads = F.ravel(), np.roll(F, -1, axis=1).ravel()
-    n = len(V)
-    single = np.flatnonzero(~np.isin(tails * n + heads, heads * n + tails))
-    edges = np.column_stack([tails[single], heads[single]])
+    tails, heads = half_edges(F, len(V))
+    by_edge = group_by_edge(tails, heads, len(V))
+    single = by_edge.sides[by_edge.start[by_edge.valence == 1]]
+    edges = np.column_stack([tails[single], heads[single]]).astype(np.int64)
     ends, place = np.unique(edges), V[np.unique(edges)]
     where = np.unique(place, axis=0, return_inverse=True)[1].ravel()
     name = np.sort(where[np.searchsorted(ends, edges)], axis=1)
@@ -237,7 +236,7 @@ def _reordered(arrays: Mapping[str, Ints], uv: Floats, F: Ints) -> dict[str, Int
         if name != "faces"
     }
     new["faces"] = np.take_along_axis(corners, (first + np.arange(3)) % 3, axis=1).ravel()
-    return new | {"vertexOrder": vertices, "faceOrder": faces}
+    return {"vertexOrder": vertices} | new | {"faceOrder": faces}
 
 
 def _measured(V: Floats, F: Ints, uv: Floats) -> list[tuple[dict[str, Any], Floats]]:
@@ -263,12 +262,14 @@ def _measured(V: Floats, F: Ints, uv: Floats) -> list[tuple[dict[str, Any], Floa
     return [(angle, error), (scale, factor)]
 
 
-def _given(fields: Mapping[str, ArrayLike], n: int) -> list[tuple[dict[str, Any], Floats]]:
-    found = []
+def _given(fields: Mapping[str, ArrayLike], vertices: Ints) -> list[tuple[dict[str, Any], Floats]]:
+    found, n = [], int(vertices.max()) + 1
     for name, given in fields.items():
         values = np.asarray(given, dtype=np.float64)
-        if values.shape != (n,):
+        # Of vertices that no face uses, the last ones may be there or not.
+        if values.ndim != 1 or len(values) < n:
             raise ValueError(f"field {name!r} has shape {values.shape}; it must be ({n},)")
+        values = values[vertices]
         finite = values[np.isfinite(values)]
         if len(finite) == 0:
             raise ValueError(f"field {name!r} has no finite value")
@@ -301,9 +302,15 @@ def _image(texture: str | PathLike[str] | ArrayLike) -> str:
     return _uri(file.getvalue(), "png")
 
 
-def _poster(V: Floats, F: Ints, uv: Floats, mean: float) -> str:
+def poster(result: Mapped | Opened) -> str:
+    """Return an image element with a picture of a map."""
+    source = _poster(lay_out(result), result.distortion.mean)
+    return f'<img alt="The surface and its image" src="{source}">'
+
+
+def _poster(layout: Layout, mean: float) -> str:
     """Return the picture that stands where the browser cannot draw."""
-    figure = side_by_side([(V, F, [("image", mean, uv)])])
+    figure = side_by_side([(layout.V, layout.F, [(layout.plane, mean, layout.uv)])])
     file = BytesIO()
     figure.savefig(file, format="jpeg", dpi=120, pil_kwargs={"quality": 75})
     return _uri(file.getvalue(), "jpeg")

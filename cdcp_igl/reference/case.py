@@ -24,9 +24,9 @@ from ..arrays import Floats, Ints
 from ..certificate import certify
 from ..distortion import AngleDistortion, angle_distortion, area_distortion
 from ..errors import MapError, SolverError
-from ..processes import cause_of_death, peak_memory, resident
 from ..result import DiskMap
 from ..surface.mesh import DiskMesh
+from .processes import cause_of_death, peak_memory, resident
 
 __all__ = ["OK", "Case", "Timed", "run_case"]
 

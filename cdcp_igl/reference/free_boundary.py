@@ -10,7 +10,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 from .. import libigl
 from ..arrays import Floats
 from ..errors import SolverError
-from ..solve.cholmod import Cholesky
+from ..solve.cholesky import Cholesky
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.circle import arc_length_map
 from ..surface.mesh import DiskMesh
@@ -28,7 +28,7 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     Conformal, but onto no disk: the boundary is free and nothing is pinned. The map may
     overlap itself and flip faces. To be compared on angles only.
 
-    The map minimises Dirichlet energy minus area, both by libigl, among those whose
+    The map minimises Dirichlet energy minus area (by libigl), among those whose
     boundary vertices have their mean at 0 and squares that sum to 1. (libigl's own
     ``igl.spectra.lscm`` measures the size of the whole map instead, by vertex areas, which
     distorts angles more on surfaces with large changes of scale.)

@@ -76,7 +76,7 @@ def cotangent_laplacian(mesh: DiskMesh) -> Laplacian:
     """Compute the positive semidefinite cotangent Laplacian, eq. (8).
 
     L_ij = -(cot a_ij + cot b_ij) / 2 on edges, rows sum to zero; the negative of
-    ``igl.cotmatrix(V, F)``, in a tenth of its time.
+    ``igl.cotmatrix(V, F)``, by the edges that the check has found.
 
     Parameters
     ----------

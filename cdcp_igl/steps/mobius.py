@@ -30,9 +30,9 @@ __all__ = [
 MobiusMethod = Literal["angle", "area", "nelder-mead"]
 
 
-# Faces on which Newton's method looks. On meshes of up to 430,000 faces, 100,000 instead
-# take three times as long and change the mean angular distortion by less than 2e-5 degrees.
-SAMPLE = 30_000
+# Faces on which Newton's method looks: few at first, to come near. On 13 scans, the mean
+# angular distortion with 10,000 is within 1e-4 degrees of that with all faces.
+SAMPLES = (2_000, 10_000)
 SOFT = 0.2  # corner of the pseudo-Huber function, by the median residual
 MAX_STEPS = 30
 HALVINGS = 10  # of w, until no face is turned over
@@ -101,7 +101,7 @@ def normalize(
     else:
         return finished(f, 0j), Normalization("none", 0j)
 
-    judges = _sample(mesh.F)
+    judges = _sample(mesh.F, SAMPLES[-1])
     z, errors = f[mesh.F[judges]], plane_angles(f, mesh.F[judges]) - mesh.angles[judges]
     allowed: Ints | None = None  # faces that are turned over anyway
     reason = "no improvement"
@@ -137,9 +137,9 @@ def _flipped(mesh: DiskMesh, f: Complex) -> Ints:
     return flipped_faces(np.column_stack([f.real, f.imag]), mesh.F)[0]
 
 
-def _sample(F: Ints) -> Ints:
-    """(k,) rows of at most 30,000 faces, spread evenly."""
-    return np.linspace(0, len(F) - 1, min(SAMPLE, len(F))).astype(np.int64)
+def _sample(F: Ints, count: int) -> Ints:
+    """(k,) rows of at most so many faces, spread evenly."""
+    return np.linspace(0, len(F) - 1, min(count, len(F))).astype(np.int64)
 
 
 def _at_one(mesh: DiskMesh, f: Complex, vertex: int) -> Complex:
@@ -213,7 +213,7 @@ def angle_change(F: Ints, z: Complex, w: complex) -> Floats:
 def least_angle_distortion(F: Ints, z: Complex, angles: Floats) -> complex:
     """Find w that minimises the angular distortion of psi_w o f, eq. (20), by Newton.
 
-    The sum of absolute values is replaced by a pseudo-Huber function, over at most 30,000
+    The sum of absolute values is replaced by a pseudo-Huber function, over at most 10,000
     faces spread evenly through F.
 
     Parameters
@@ -229,37 +229,54 @@ def least_angle_distortion(F: Ints, z: Complex, angles: Floats) -> complex:
     complex
         |w| < 1.
     """
-    chosen = _sample(F)
-    z, r0 = z[F[chosen]], plane_angles(z, F[chosen]) - angles[chosen]
-    soft = max(SOFT * float(np.median(abs(r0))), np.finfo(float).eps)
+    w = 0j
+    for count in SAMPLES:
+        faces = _sample(F, count)
+        w = _newton(_Objective(z[F[faces]], plane_angles(z, F[faces]) - angles[faces]), w)
+        if count >= len(F):
+            break
+    return w
 
-    def value(w: complex) -> float:
-        return float(np.hypot((r0 + _differences(np.angle(1 - w.conjugate() * z))) / soft, 1).sum())
 
-    def gradient_and_hessian(w: complex) -> tuple[Floats, Floats]:
-        below = 1 - w.conjugate() * z
-        r = (r0 + _differences(np.angle(below))) / soft
+class _Objective:
+    """Pseudo-Huber function of the angle errors on faces with corners z (k, 3), of w."""
+
+    def __init__(self, z: Complex, errors: Floats) -> None:
+        self._z, self._errors = z, errors
+        self._soft = max(SOFT * float(np.median(abs(errors))), np.finfo(float).eps)
+
+    def value(self, w: complex) -> float:
+        change = _differences(np.angle(1 - w.conjugate() * self._z))
+        return float(np.hypot((self._errors + change) / self._soft, 1).sum())
+
+    def derivatives(self, w: complex) -> tuple[Floats, Floats]:
+        """Gradient (2,) and Hessian (2, 2); far from the minimum, that of Gauss and Newton."""
+        below = 1 - w.conjugate() * self._z
+        r = (self._errors + _differences(np.angle(below))) / self._soft
         # a = Im log(1 - conj(w) z) is harmonic in w = x + iy: with g = -z / (1 - conj(w) z),
         # a_x = Im g, a_y = -Re g, a_xx = -a_yy = -Im g^2, a_xy = Re g^2.
-        g = -z / below
+        g = -self._z / below
         dg, dgg = _differences(g), _differences(g * g)
         root = np.hypot(r, 1)
-        first, second = r / root, 1 / (root**3 * soft)
+        first, second = r / root, 1 / (root**3 * self._soft)
         gradient = np.array([(first * dg.imag).sum(), -(first * dg.real).sum()])
         xx, xy = (second * dg.imag**2).sum(), -(second * dg.imag * dg.real).sum()
         yy = (second * dg.real**2).sum()
         cxx, cxy = -(first * dgg.imag).sum(), (first * dgg.real).sum()
         hessian = np.array([[xx + cxx, xy + cxy], [xy + cxy, yy - cxx]])
-        if np.linalg.eigvalsh(hessian)[0] <= 0:  # far from the minimum: Gauss-Newton
+        if np.linalg.eigvalsh(hessian)[0] <= 0:
             hessian = np.array([[xx, xy], [xy, yy]])
         return gradient, hessian
 
-    w, best = 0j, value(0j)
+
+def _newton(objective: _Objective, w: complex) -> complex:
+    """Minimise the objective from w."""
+    best = objective.value(w)
     for _ in range(MAX_STEPS):
-        gradient, hessian = gradient_and_hessian(w)
+        gradient, hessian = objective.derivatives(w)
         dx, dy = np.linalg.lstsq(hessian, -gradient, rcond=None)[0]
         newton = complex(dx, dy)
-        step, best = _backtrack(value, w, newton, best)
+        step, best = _backtrack(objective.value, w, newton, best)
         if step == 0:  # the last one, whose descent is lost in rounding, by the gradient alone
             return w + newton if abs(newton) < LAST_STEP and abs(w + newton) < 1 else w
         w += step

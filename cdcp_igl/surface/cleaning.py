@@ -220,21 +220,27 @@ class _Surface:
         on_boundary[np.concatenate(loops)] = True
         given, filling = len(self.F), []
         for loop in loops:
-            if loop is not outer:
-                hole: Ints | None = loop
-                while hole is not None and (faces := fill_hole(self._scaled(), hole)) is None:
-                    hole = self._widened(hole, on_boundary)
-                if hole is not None and faces is not None:
-                    filling.append(faces)
-                    if faces.max() == len(self.V):
-                        self.V = np.vstack([self.V, self.V[hole].mean(axis=0)])
-                        self.vertex_index = np.append(self.vertex_index, -1)
+            faces = None if loop is outer else self._filling(loop, on_boundary)
+            if faces is not None:
+                filling.append(faces)
         self._say(given - len(self.F), "took out {} beside flat holes", "face", "faces")
         self._say(len(filling), "filled {}", "hole", "holes")
         self.F = np.vstack([self.F, *filling])
         self.face_index = np.append(
             self.face_index, np.full(len(self.F) - len(self.face_index), -1)
         )
+
+    def _filling(self, hole: Ints, on_boundary: Bools) -> Ints | None:
+        """Faces that fill a hole, widened until they have an area; None if that cannot be."""
+        while (faces := fill_hole(self._scaled(), hole)) is None:
+            wider = self._widened(hole, on_boundary)
+            if wider is None:
+                return None
+            hole = wider
+        if faces.max() == len(self.V):
+            self.V = np.vstack([self.V, self.V[hole].mean(axis=0)])
+            self.vertex_index = np.append(self.vertex_index, -1)
+        return faces
 
     def _widened(self, hole: Ints, on_boundary: Bools) -> Ints | None:
         """Take out the face behind the longest edge of a hole; None if each touches a boundary.

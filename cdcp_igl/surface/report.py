@@ -103,8 +103,13 @@ class MeshReport:
         found = {defect.name for defect in self.defects}
         if not found:
             return "cdcp_igl.disk_map maps it (cdcp-igl map)."
+        flat = [d.indices for d in self.defects if d.name == "degenerate face"]
+        if flat and len(flat[0]) == self.n_faces:
+            return self.defects[0].remedy  # nothing would be left
         if found <= MENDED:
             step = "cdcp_igl.clean mends it (cdcp-igl map --clean)"
+            if self.genus is None or self.n_components > 1:
+                step = "cdcp_igl.clean mends its largest part (cdcp-igl map --clean)"
             return step + ("; or: " + _CUT_STEP if found & CUT else ".")
         if found <= MENDED | CUT:
             return _CUT_STEP
@@ -136,8 +141,10 @@ class MeshReport:
         )
         if self.is_disk:
             verdict = "A triangulated disk."
+        elif self.kind == "disk":
+            verdict = "A disk by its topology, but not fit for a map:"
         else:
-            verdict = f"Not a triangulated disk ({self.kind}):"
+            verdict = f"Not a triangulated disk, but {self.kind}:"
         lines = [counts, verdict, *(f"- {d.name}: {d}" for d in self.defects)]
         return "\n".join([*lines, f"Next: {self.next_step}"])
 

@@ -52,6 +52,7 @@ for corner in faces.T:
 normals /= np.linalg.norm(normals, axis=1, keepdims=True)
 light = 0.25 + 0.75 * np.clip(normals @ [-0.42, 0.42, 0.8], 0, 1)
 dark = np.floor(8 * P[:, 3:]).sum(axis=1) % 2 == 1
+assert 0.4 < dark.mean() < 0.6
 shade = light * np.where(dark, 0.45, 1)
 
 figure, (left, right) = plt.subplots(1, 2, layout="constrained", figsize=(9, 4.8))

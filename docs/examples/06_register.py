@@ -56,6 +56,7 @@ for name, found in {
 }.items():
     error = np.linalg.norm(found - W, axis=1)
     print(f"{name}: error median {np.median(error):.4f}, at most {error.max():.4f}")
+    assert np.median(error) < 0.05
 
 figure, panels = plt.subplots(1, 3, layout="constrained", figsize=(11, 3.9))
 surveys = (("first survey", first.uv, F, V[:, 2]), ("second survey", uv, G, W[:, 2]))

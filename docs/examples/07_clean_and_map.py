@@ -45,6 +45,8 @@ for change in cleaned.changes:
 W, G, vertex_index, face_index = cleaned
 result = cdcp_igl.disk_map(W, G)
 print(result.distortion)
+assert result.valid
+assert result.conformal
 
 filling = face_index < 0
 figure, (before, after) = plt.subplots(1, 2, layout="constrained", figsize=(9, 4.5))

@@ -30,6 +30,9 @@ CALLS = (
     "disk_map(V, F, refine=1, refine_seconds=-1)",
     'disk_map(V, F, preset="fast")',
     'disk_map(V, F, preset="paper", center="heat")',
+    "rectangle_map(V, F, [0, 1, 2, 3])",
+    "disk_map(V, F).invert([0, 0, 0])",
+    "disk_map(V, F).remesh(2)",
     "angle_distortion(V, F, uv[:-1])",
     'write_map("map.stl", V, F, uv)',
 )

@@ -41,7 +41,8 @@ function makeScene(arrays) {
     const x = ay * bz - az * by, y = az * bx - ax * bz, z = ax * by - ay * bx;
     for (const c of [i, j, k]) { N[c] += x; N[c + 1] += y; N[c + 2] += z; }
   }
-  const radius = Math.hypot(...about.extent);
+  let radius = 0;
+  for (let i = 0; i < 3 * n; i += 3) radius = Math.max(radius, Math.hypot(P[i], P[i + 1], P[i + 2]));
   for (let i = 0; i < 3 * n; i++) P[i] /= radius;
   return { n, m, F, P, UV, N, rim: arrays.rim, cut: arrays.cut, arrays };
 }
@@ -313,7 +314,7 @@ function start(scene, gl, image) {
       const nearest = [i, j, k][found.weights.indexOf(Math.max(...found.weights))];
       const { faceOrder, vertexOrder } = scene.arrays;
       const face = faceOrder ? faceOrder[found.face] : found.face;
-      const [u, v] = [0, 1].map((c) => [i, j, k].reduce((sum, at, n) => sum + found.weights[n] * scene.UV[2 * at + c], 0));
+      const [u, v] = [0, 1].map((c) => [i, j, k].reduce((sum, at, n) => sum + about.scale * found.weights[n] * scene.UV[2 * at + c], about.middle[c]));
       const values = about.colorings.filter((c) => c.kind === "values").map((c) => {
         const x = c.low + ((c.high - c.low) * scene.arrays[c.array][nearest]) / 255;
         return `${c.name} ${x.toPrecision(3)}${c.unit}`;

@@ -1,0 +1,126 @@
+"""A map of any kind as a surface and its image in the square from -1 to 1."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, cast
+
+import numpy as np
+
+from ..arrays import Floats, Ints
+from ..certificate import Certificate
+from ..distortion import AngleDistortion
+from ..surface.mesh import DiskMesh
+from ..surface.triangles import area_products
+
+__all__ = ["Layout", "Mapped", "Opened", "lay_out"]
+
+
+class Mapped(Protocol):
+    """A map of a disk: a DiskMap, or a RectangleMap, which has a ``modulus`` besides."""
+
+    @property
+    def uv(self) -> Floats:
+        """(n, 2) images of the vertices."""
+
+    @property
+    def mesh(self) -> DiskMesh:
+        """The surface."""
+
+    @property
+    def certificate(self) -> Certificate:
+        """What was verified."""
+
+    @property
+    def distortion(self) -> AngleDistortion:
+        """Of all faces."""
+
+    @property
+    def valid(self) -> bool:
+        """True for a bijection."""
+
+
+class Opened(Protocol):
+    """A map of a surface that was cut open: a SurfaceMap."""
+
+    @property
+    def cut(self) -> Any:
+        """The opened surface: ``V``, ``F`` and ``vertex_index``."""
+
+    @property
+    def disks(self) -> Sequence[Mapped]:
+        """The maps of its components."""
+
+    @property
+    def distortion(self) -> AngleDistortion:
+        """Of all of them."""
+
+    @property
+    def valid(self) -> bool:
+        """True if all are certified."""
+
+    def packed(self) -> Floats:
+        """(m, 3, 2) corners of the faces in the unit square."""
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """What is drawn of a map.
+
+    Attributes
+    ----------
+    V : (n, 3) float64
+    F : (m, 3) int64
+        Opened where the surface was cut.
+    uv : (n, 2) float64
+        In the square from -1 to 1.
+    vertices : (n,) int64
+        Their rows in the mesh that was given.
+    plane : str
+        What the image is called.
+    middle, scale : (float, float) and float
+        The coordinates of the map are ``middle + scale * uv``.
+    facts : tuple of str
+        What there is to know of it.
+    """
+
+    V: Floats
+    F: Ints
+    uv: Floats
+    vertices: Ints
+    plane: str
+    middle: tuple[float, float]
+    scale: float
+    facts: tuple[str, ...]
+
+
+def lay_out(result: Mapped | Opened) -> Layout:
+    """Lay out a map of any kind."""
+    verdict = "certified bijection" if result.valid else "NOT VALID"
+    distortion = f"{result.distortion.mean:.3g}° ± {result.distortion.sd:.3g}°"
+    facts = [f"angular distortion {distortion}", verdict]
+    if hasattr(result, "packed"):
+        return _laid_out_opened(cast(Opened, result), facts)
+    V, F, uv = result.mesh.positions, result.mesh.F, result.uv
+    plane, middle, scale = "Disk", (0.0, 0.0), 1.0
+    if modulus := getattr(result, "modulus", None):
+        plane, middle, scale = "Rectangle", (modulus / 2, 0.5), max(modulus, 1) / 2
+        facts.insert(1, f"modulus {modulus:.6g}")
+    facts.insert(0, f"{len(V):,} vertices")
+    uv = (uv - middle) / scale
+    return Layout(V, F, uv, np.arange(len(V)), plane, middle, scale, tuple(facts))
+
+
+def _laid_out_opened(result: Opened, facts: Sequence[str]) -> Layout:
+    cut, count = result.cut, len(result.disks)
+    V = np.zeros((len(cut.V), 3))
+    V[:, : cut.V.shape[1]] = cut.V
+    uv = np.zeros((len(V), 2))
+    uv[cut.F] = 2 * result.packed() - 1
+    left, right = area_products(uv[:, 0], uv[:, 1], cut.F)
+    # Faces of a surface with faces turned over, as the disks have them.
+    F = np.where((left < right)[:, None], cut.F[:, ::-1], cut.F)
+    plane = f"{count:,} disks" if count > 1 else "Disk"
+    named = (f"{len(np.unique(cut.vertex_index)):,} vertices", *facts)
+    return Layout(V, F, uv, cut.vertex_index, plane, (0.5, 0.5), 0.5, named)

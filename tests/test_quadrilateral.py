@@ -1,0 +1,217 @@
+"""Maps onto rectangles: moduli that are known, what moduli obey, and what is refused."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from meshes import TWO_TRIANGLES, fan, grid, strip
+from scipy.optimize import brentq
+from scipy.special import ellipk, ellipkm1
+
+import cdcp_igl
+from cdcp_igl import quadrilateral
+from cdcp_igl.surface.mesh import DiskMesh
+
+REAL = [
+    *("bimba_22838", "bulldog_40073", "camelhead_11381", "chinese_lion_17334", "cthead_115491"),
+    *("femur_2411", "gcanyon_216196", "human_brain_48463", "human_face_17157", "itokawa_93920"),
+    *("left_hand_53054", "nefertiti_299", "stanford_bunny_31593"),
+]
+
+
+def unit_square(n, seed=None):
+    """A grid of 2 n^2 triangles, vertices inside moved by a quarter of the spacing at most."""
+    x, y = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
+    if seed is not None:
+        shift = np.random.default_rng(seed).uniform(-0.25 / n, 0.25 / n, (2, n - 1, n - 1))
+        x[1:-1, 1:-1] += shift[0]
+        y[1:-1, 1:-1] += shift[1]
+    at = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    a, b, c, d = (at[i : n + i, j : n + j].ravel() for i, j in ((0, 0), (0, 1), (1, 1), (1, 0)))
+    F = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    return x.ravel(), y.ravel(), F, [0, n, (n + 1) ** 2 - 1, (n + 1) * n]
+
+
+def on_sides(result, mesh):
+    """Whether the boundary lies on the rectangle, to the last bit, and runs around it once."""
+    u, v = result.uv[mesh.loop].T
+    on = (u == 0) | (u == result.modulus) | (v == 0) | (v == 1)
+    corners = [[0, 0], [result.modulus, 0], [result.modulus, 1], [0, 1]]
+    area = 0.5 * np.sum(u * np.roll(v, -1) - v * np.roll(u, -1))
+    return (
+        on.all()
+        and (result.uv[list(result.corners)] == corners).all()
+        and area == pytest.approx(result.modulus, rel=1e-12)
+    )
+
+
+@pytest.mark.parametrize("width", [0.01, 1, 3.7])
+def test_a_rectangle_is_mapped_to_itself(width):
+    x, y, F, corners = unit_square(12, seed=0)
+    result = cdcp_igl.rectangle_map(np.column_stack([5 * width * x, 5 * y]), F, corners)
+    assert result.modulus == pytest.approx(width, rel=1e-12)
+    assert result.modulus_bounds == pytest.approx((width, width), rel=1e-11)
+    assert abs(result.uv - np.column_stack([width * x, y])).max() < 1e-12 * max(1, width)
+    assert result.distortion.max < 1e-6
+
+
+def test_an_annulus_sector_converges_at_second_order():
+    """log maps the sector of angle a with radii 1 and R to a rectangle, a by log R."""
+    R, a, errors, away = 2.0, 1.2, [], []
+    for n in (8, 16, 32):
+        x, y, F, corners = unit_square(n)
+        r, t = R**y, a * (1 - x)  # t decreases, so that faces stay counterclockwise
+        V = np.column_stack([r * np.cos(t), r * np.sin(t)])
+        result = cdcp_igl.rectangle_map(V, F, corners)
+        low, high = result.modulus_bounds
+        assert low < result.modulus < high
+        errors.append(abs(result.modulus - a / np.log(R)))
+        exact = np.column_stack([x * a / np.log(R), y])
+        away.append(abs(result.uv - exact).max())
+    for sequence in (errors, away):
+        assert 3.7 < sequence[0] / sequence[1] < 4.3
+        assert 3.7 < sequence[1] / sequence[2] < 4.3
+    assert errors[-1] < 2e-4
+
+
+def trapezoid_modulus(h):
+    """The modulus of the trapezoid 0, 1, 1 + h i, (h - 1) i, by Burnside (1893).
+
+    As in H. Hakula, A. Rasila, M. Vuorinen. On moduli of rings and quadrilaterals:
+    algorithms and experiments. SIAM J. Sci. Comput. 33(1), 2011.
+    """
+
+    def mu(r):  # Groetzsch's function
+        return np.pi / 2 * ellipkm1(r * r) / ellipk(r * r)
+
+    def inverse(y):
+        return brentq(lambda r: mu(r) - y, 1e-9, 1 - 1e-15, xtol=1e-16)
+
+    c = 2 * h - 1
+    t1, t2 = inverse(np.pi / (2 * c)), inverse(np.pi * c / 2)
+    return 2 / np.pi * mu(((t1 - t2) / (t1 + t2)) ** 2)
+
+
+@pytest.mark.parametrize("h", [1.5, 2.0])
+def test_a_trapezoid_converges_to_its_modulus_in_the_literature(h):
+    """Its corner of 135 degrees limits the energies to the rate 4/3; their mean does better."""
+    exact, widths, errors = trapezoid_modulus(h), [], []
+    for n in (16, 32, 64):
+        x, y, F, corners = unit_square(n)
+        result = cdcp_igl.rectangle_map(np.column_stack([x, y * (h - 1 + x)]), F, corners)
+        low, high = result.modulus_bounds
+        assert low < exact < high
+        widths.append(high - low)
+        errors.append(abs(result.modulus - exact))
+    for one, other in ((0, 1), (1, 2)):
+        assert np.log2(widths[one] / widths[other]) == pytest.approx(4 / 3, abs=0.1)
+        assert np.log2(errors[one] / errors[other]) > 1.6
+    assert errors[-1] < 1e-4
+
+
+@given(st.integers(0, 20), st.sampled_from([0, 1, 2, 3]))
+def test_turning_the_corners_inverts_the_modulus(seed, turn):
+    """And moves nothing else; the bounds change places. Scale and rotation do not matter."""
+    V, F = grid(6, 8, seed=seed)
+    loop = DiskMesh(V, F).loop
+    corners = [0, 7, 47, 40]
+    one = cdcp_igl.rectangle_map(V, F, corners)
+    Q, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    Q *= np.linalg.det(Q)
+    other = cdcp_igl.rectangle_map(1e6 * V @ Q.T, F, np.roll(corners, -turn))
+    if turn % 2:
+        assert other.modulus == pytest.approx(1 / one.modulus, rel=1e-10)
+        assert other.modulus_bounds[0] == pytest.approx(1 / one.modulus_bounds[1], rel=1e-10)
+    else:
+        assert other.modulus == pytest.approx(one.modulus, rel=1e-10)
+    assert set(loop[np.isin(loop, corners)]) == set(other.corners)
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_scans_with_corners_at_the_quarters_of_the_boundary(real_mesh, name):
+    V, F = real_mesh(name)
+    mesh = DiskMesh(V, F)
+    n = len(mesh.loop)
+    result = cdcp_igl.rectangle_map(V, F, mesh.loop[[0, n // 4, n // 2, 3 * n // 4]])
+    assert result.valid
+    assert on_sides(result, mesh)
+    # As good as the map onto the disk, but for the faces around the corners.
+    disk = cdcp_igl.disk_map(V, F)
+    assert result.distortion.mean < disk.distortion.mean + 0.5 + 500 / len(V)
+    low, high = result.modulus_bounds
+    assert 1 <= high / low < 1.2
+    assert result.modulus**2 == pytest.approx(low * high)
+
+
+def test_small_disks():
+    V, F = TWO_TRIANGLES
+    result = cdcp_igl.rectangle_map(V, F, [0, 1, 2, 3])
+    assert result.valid
+    assert on_sides(result, DiskMesh(V, F))
+    V, F = fan(9)
+    assert cdcp_igl.rectangle_map(V, F, [1, 3, 6, 8]).valid
+    for corners in ([0, 1, 2, 4], [1, 2, 3, 4]):  # in any place of the loop
+        assert cdcp_igl.rectangle_map(V, F, corners).corners == tuple(corners)
+
+
+def test_the_orientation_is_decided_exactly():
+    V, F = grid(9, 9, seed=3)
+    result = cdcp_igl.rectangle_map(V, F, [0, 8, 80, 72])
+    for triangle in result.uv[F]:
+        a, b, c = ([Fraction(float(x)) for x in corner] for corner in triangle)
+        assert (b[0] - a[0]) * (c[1] - a[1]) > (b[1] - a[1]) * (c[0] - a[0])
+
+
+def test_corners_are_judged():
+    V, F = grid()
+    loop = DiskMesh(V, F).loop
+    inside = DiskMesh(V, F).interior[0]
+    good = loop[[0, 7, 12, 19]]
+    for bad in (
+        3,
+        [0, 1, 2],
+        [0.0, 1, 2, 3],
+        [*good[:3], inside],
+        [*good[:3], len(V)],
+        [-1, *good[:3]],
+    ):
+        with pytest.raises(ValueError, match="corners"):
+            cdcp_igl.rectangle_map(V, F, bad)
+    for bad in (good[::-1], good[[0, 1, 3, 2]], good[[0, 0, 1, 2]]):
+        with pytest.raises(ValueError, match="order of the boundary"):
+            cdcp_igl.rectangle_map(V, F, bad)
+
+
+def test_what_a_chord_cuts_off_is_named():
+    V, F = strip(8)  # every edge inside is a chord
+    loop = DiskMesh(V, F).loop
+    with pytest.raises(ValueError, match=r"edges inside join two vertices of side \d.*\d+-\d+"):
+        cdcp_igl.rectangle_map(V, F, loop[[0, 1, 2, 3]])
+
+
+def test_what_is_no_bijection_is_not_returned(monkeypatch):
+    V, F = grid()
+    monkeypatch.setattr(quadrilateral, "flipped_faces", lambda uv, F: (np.array([3]), 0))
+    with pytest.raises(cdcp_igl.MapError, match="rectangle: 1 flipped") as caught:
+        cdcp_igl.rectangle_map(V, F, [0, 7, 47, 40])
+    assert caught.value.result.laplacian == "intrinsic Delaunay"
+    assert not caught.value.result.valid
+
+
+def test_slivers_are_mapped_too():
+    """Needles and caps: negative weights, which may fold; then other weights, or repair."""
+    rng = np.random.default_rng(5)
+    x, y, F, corners = unit_square(14)
+    V = np.column_stack([x, 40 * y, 3 * rng.random(len(x))])
+    result = cdcp_igl.rectangle_map(V, F, corners)
+    assert result.valid
+    assert on_sides(result, DiskMesh(V, F))
+
+
+def test_it_prints_a_summary():
+    x, y, F, corners = unit_square(4)
+    result = cdcp_igl.rectangle_map(np.column_stack([2 * x, y]), F, corners)
+    assert repr(result) == "RectangleMap(25 vertices: valid, modulus 2)"
+    assert "modulus             2, from 2 to 2" in str(result)
