@@ -16,7 +16,7 @@ from ..surface.mesh import DiskMesh
 from .relaxation import Relaxation
 from .star_search import search_stars
 
-__all__ = ["Repair", "mean_value_weights", "mend", "unfold"]
+__all__ = ["Repair", "embed", "mean_value_weights", "mend", "unfold"]
 
 RINGS = 10  # largest radius of a patch around a flipped face
 ATTEMPTS = 4  # with patches up to a quarter of that, a half and so on
@@ -89,9 +89,15 @@ def unfold(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
     g, repair = mend(mesh, f, MANY * len(mesh.F))
     if len(_flipped(mesh.F, g)) == 0:
         return g, repair
+    f, whole = embed(mesh, f)
+    return f, Repair(whole.n_flipped, whole.n_moved, repair.rounds + 1)
+
+
+def embed(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
+    """Set the whole interior to mean values; parameters and return values as of `unfold`."""
     whole = _Neighbourhood(mesh, np.ones(len(f), dtype=bool))
-    f = whole.combine(f, whole.free)
-    return f, Repair(repair.n_flipped, len(mesh.interior), repair.rounds + 1)
+    n_flipped = len(_flipped(mesh.F, f))
+    return whole.combine(f, whole.free), Repair(n_flipped, len(mesh.interior), 1)
 
 
 def mend(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:
@@ -135,7 +141,7 @@ def mend(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Rep
         if left == 0 or left > max(0.9 * before, FEW):
             break
     f = f.copy()
-    f[near.vertices] = near.relaxed(g)
+    f[near.vertices] = g if left else near.relaxed(g)
     return f, Repair(len(flipped), int(near.moved.sum()), rounds)
 
 
