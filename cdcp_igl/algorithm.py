@@ -116,7 +116,8 @@ def disk_map(
         space: on the average over the surface, the map goes right where the surface goes
         that way. None is the boundary vertex of smallest index.
     refine : int
-        Steps of refinement, 0 for none: Gauss-Newton on the sum of |angle error|^p over all
+        Steps of refinement, 0 for none unless the harmonic map is measurably not near the
+        conformal one, which takes two, or ten where repair had to replace it: Gauss-Newton on the sum of |angle error|^p over all
         corners; boundary vertices slide on the circle. Not in the paper. Most of the gain
         comes with the first two; the first costs about two thirds of the map itself, each further
         one half.
