@@ -26,10 +26,9 @@ lint: setup
 
 # What benchmarks/results has: half an hour on all surfaces. What is measured already is kept.
 bench: setup
-	$(PYTHON) -m benchmarks speed
-	$(PYTHON) -m benchmarks tables
-	$(PYTHON) -m benchmarks ablation
-	$(PYTHON) -m benchmarks figures
+	for command in speed tables ablation peers figures; do \
+	    $(PYTHON) -m benchmarks $$command --out benchmarks/results || exit; \
+	done
 	$(PYTHON) -m benchmarks readme
 
 # The pages, into docs/build/html; a warning or a broken link is an error. From scratch, as

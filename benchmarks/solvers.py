@@ -1,4 +1,4 @@
-"""python -m benchmarks.solvers: the time of a map with each solver that is installed."""
+"""The time of a map with each solver that is installed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import typer
 
 from cdcp_igl import SolverError, disk_map
 from cdcp_igl.io import read_mesh, whole_file
-from cdcp_igl.solve.solvers import SOLVERS, using
+from cdcp_igl.solve.solvers import SOLVERS, SolverName, using
 from cdcp_igl.solve.solvers import solver as solver_in_use
 
 __all__ = ["solvers"]
@@ -51,7 +51,7 @@ def solvers(
 
 def _row(path: Path, rounds: int) -> str:
     V, F = read_mesh(path)
-    seconds: dict[str, list[float]] = {name: [] for name in SOLVERS}
+    seconds: dict[SolverName, list[float]] = {name: [] for name in SOLVERS}
     means: dict[str, float] = {}
     for _ in range(rounds):
         for name, measured in seconds.items():
@@ -68,7 +68,3 @@ def _row(path: Path, rounds: int) -> str:
     difference = max(abs(other - mean) for other in means.values())
     cells = [path.stem, f"{len(V):,}", f"{unit:.2f} s", *ratios, f"{mean:.4f}", f"{difference:.0e}"]
     return f"| {' | '.join(cells)} |"
-
-
-if __name__ == "__main__":
-    typer.run(solvers)

@@ -16,6 +16,7 @@ import cdcp_igl
 from cdcp_igl import MeshError, SurfaceMap
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.libigl import angles
+from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas
 
 __all__ = ["least_distortion", "punched", "surfaces"]
@@ -153,7 +154,7 @@ def least_distortion(result: SurfaceMap) -> float:
 def punched(V: Floats, F: Ints, share: float) -> Ints:
     """Take three round holes of a share of the faces each out of a disk, away from its boundary."""
     middle = V[F].mean(axis=1)
-    loop = cdcp_igl.surface.mesh.DiskMesh(V, F).loop
+    loop = DiskMesh(V, F).loop
     away = np.flatnonzero(~np.isin(F, loop).any(axis=1))
     left = np.ones(len(F), dtype=bool)
     for center in np.random.default_rng(0).choice(away, 3, replace=False):

@@ -30,13 +30,15 @@ def draw_thumbnail(path: Path, disks: Sequence[DiskMap]) -> None:
     """
     from matplotlib.image import imsave  # of the extra "plot"
 
-    from ..plot.pictures import normal_colors, vertex_normals
+    from ..libigl import vertex_normals
+    from ..plot.scene import normal_colors
 
     outside = (abs(pixel_centers(SIZE)) > 1).reshape(SIZE, SIZE)
     images: list[Floats] = []
     for disk in disks[:MOST_DISKS]:
         mesh = disk.mesh
-        image = disk.bake(normal_colors(vertex_normals(mesh.positions, mesh.F)), SIZE)[..., :3]
+        normals = np.nan_to_num(vertex_normals(mesh.positions, mesh.F))
+        image = disk.bake(normal_colors(normals), SIZE)[..., :3]
         image[outside] = 1
         images.append(image)
     columns = min(len(images), IN_A_ROW)

@@ -20,13 +20,14 @@ from .threads import libraries_were_loaded
 
 __all__ = ["SOLVERS", "Factorization", "Solver", "SolverName", "checked", "solver", "using"]
 
+SolverName = Literal["scikit-sparse", "cvxopt", "scipy"]
+
 # From the fastest to the slowest, with the module here that knows it.
-SOLVERS = {
+SOLVERS: dict[SolverName, str] = {
     "scikit-sparse": "with_scikit_sparse",
     "cvxopt": "with_cvxopt",
     "scipy": "with_scipy",
 }
-SolverName = Literal["scikit-sparse", "cvxopt", "scipy"]
 VARIABLE = "CDCP_IGL_SOLVER"
 
 _asked_for: ContextVar[str | None] = ContextVar("solver", default=None)
@@ -102,7 +103,7 @@ def checked(name: str) -> str:
 @cache
 def _load(name: str) -> Solver:
     try:
-        module = import_module(f".{SOLVERS[name]}", __package__)
+        module = import_module(f".{SOLVERS[cast(SolverName, name)]}", __package__)
     except ImportError as error:
         raise MissingExtra(
             f"solver={name!r}: {error}. Install it: pip install {name}; "
