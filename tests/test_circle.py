@@ -249,7 +249,7 @@ def test_progress_and_timings_of_several_attempts():
 
 
 def test_no_map_that_can_be_certified_is_an_error_with_all_reasons(monkeypatch):
-    def collapse(mesh, f, **most):
+    def collapse(mesh, f, most=None):
         return np.where(np.isin(np.arange(len(f)), mesh.loop), f, 0), Repair()
 
     for name in ("mend", "unfold"):
