@@ -47,6 +47,17 @@ class RectangleMap:
         ``"cotangent"``, or ``"intrinsic Delaunay"`` where that gave no bijection.
     repair : Repair
         What was done about flipped faces.
+
+    Examples
+    --------
+    The modulus is known between bounds, and exactly for a square with its own corners:
+
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.square(5)
+    >>> ends = [-1, -1], [1, -1], [1, 1], [-1, 1]
+    >>> corners = [abs(V[:, :2] - end).sum(axis=1).argmin() for end in ends]
+    >>> cdcp_igl.rectangle_map(V, F, corners)
+    RectangleMap(121 vertices: valid, modulus 1)
     """
 
     uv: Floats
