@@ -26,10 +26,9 @@ lint: setup
 
 # What benchmarks/results has: half an hour on all surfaces. What is measured already is kept.
 bench: setup
-	$(PYTHON) -m benchmarks speed
-	$(PYTHON) -m benchmarks tables
-	$(PYTHON) -m benchmarks ablation
-	$(PYTHON) -m benchmarks figures
+	for command in speed tables ablation peers figures; do \
+	    $(PYTHON) -m benchmarks $$command --out benchmarks/results || exit; \
+	done
 	$(PYTHON) -m benchmarks readme
 
 # The pages, into docs/build/html; a warning or a broken link is an error. From scratch, as
@@ -49,7 +48,7 @@ dist: .venv/docs
 	$(PYTHON) -m build
 	$(PYTHON) -m twine check --strict dist/*
 	$(PYTHON) -m venv build/empty
-	build/empty/bin/python -m pip install --quiet dist/*.whl "$$($(PYTHON) -m pip freeze | grep -i ^scikit.sparse)"
+	build/empty/bin/python -m pip install --quiet --only-binary :all: dist/*.whl
 	cd build/empty && bin/python -c 'import cdcp_igl; \
 	    print(cdcp_igl.disk_map(*cdcp_igl.datasets.spherical_cap(60)[:2]))'
 

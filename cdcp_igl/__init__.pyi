@@ -1,5 +1,6 @@
 from . import datasets, io, plot, reference
 from .algorithm import cdcp, disk_map
+from .atlas import SurfaceMap, surface_map
 from .batching import Batch, Record, batch
 from .certificate import Certificate
 from .distortion import (
@@ -14,6 +15,7 @@ from .mapper import DiskMapper
 from .quadrilateral import RectangleMap, rectangle_map
 from .result import DiskMap
 from .surface.cleaning import Cleaned, clean
+from .surface.cutting import Cut, cut
 from .surface.report import MeshReport, check
 
 __all__ = [
@@ -21,6 +23,7 @@ __all__ = [
     "Batch",
     "Certificate",
     "Cleaned",
+    "Cut",
     "Defect",
     "DiskMap",
     "DiskMapper",
@@ -30,6 +33,7 @@ __all__ = [
     "Record",
     "RectangleMap",
     "SolverError",
+    "SurfaceMap",
     "angle_distortion",
     "area_distortion",
     "batch",
@@ -37,6 +41,7 @@ __all__ = [
     "check",
     "clean",
     "conformal_factor",
+    "cut",
     "datasets",
     "disk_map",
     "io",
@@ -44,6 +49,7 @@ __all__ = [
     "quasi_conformal_dilatation",
     "rectangle_map",
     "reference",
+    "surface_map",
 ]
 
 __version__: str

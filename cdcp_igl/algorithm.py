@@ -16,6 +16,7 @@ from .selection import HarmonicMap, best_map
 from .solve.factor import Factor
 from .solve.factored import FactoredSurface
 from .solve.laplacian import cotangent_laplacian
+from .solve.solvers import SolverName, using
 from .steps.center import Center, CenterMethod, central_face
 from .steps.circle import FALLBACKS, Rejected, by_trace, whitened_geodesic_map
 from .steps.circle.geodesic import geodesic_map
@@ -41,6 +42,7 @@ def cdcp(
     refine_norm: float = 1.5,
     refine_seconds: float = np.inf,
     preset: Literal["paper"] | None = None,
+    solver: SolverName | None = None,
     progress: Progress | None = None,
 ) -> Floats:
     """Map a triangulated disk conformally onto the unit disk.
@@ -51,7 +53,7 @@ def cdcp(
         Vertex positions, in any unit.
     F : (m, 3) array_like of integers
         Corners of the faces, counterclockwise seen from outside.
-    center, mobius, align, refine, refine_norm, refine_seconds, preset, progress
+    center, mobius, align, refine, refine_norm, refine_seconds, preset, solver, progress
         As in `disk_map`.
 
     Returns
@@ -72,7 +74,7 @@ def cdcp(
     >>> uv.shape == (len(V), 2)
     True
     """
-    options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
+    options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset, solver)
     return _disk_map(V, F, options, progress).uv
 
 
@@ -87,6 +89,7 @@ def disk_map(
     refine_norm: float = 1.5,
     refine_seconds: float = np.inf,
     preset: Literal["paper"] | None = None,
+    solver: SolverName | None = None,
     progress: Progress | None = None,
 ) -> DiskMap:
     """Map a triangulated disk conformally onto the unit disk, and certify the map.
@@ -128,6 +131,9 @@ def disk_map(
         ``"paper"`` follows the paper to the letter where it is right: coldest face by
         heat, no whitening of the trace, Nelder-Mead over all faces. Not to be combined
         with `center` and `mobius`.
+    solver : {"scikit-sparse", "cvxopt", "scipy"} or None
+        What factors the matrices: CHOLMOD by either package, or SuperLU. None is what the
+        environment variable ``CDCP_IGL_SOLVER`` names, or else the first that is installed.
     progress : callable, optional
         Called as ``progress(phase, fraction)`` when a phase begins, and after each step of
         refinement.
@@ -151,6 +157,8 @@ def disk_map(
         long and thin for double precision may prevent; the last one is its ``result``.
     ValueError
         If an option is not one of those above; nothing has been computed then.
+    ImportError
+        If the solver that was asked for is not installed.
 
     References
     ----------
@@ -164,15 +172,16 @@ def disk_map(
     >>> result.certificate.valid, result.refinement.steps
     (True, 2)
     """
-    options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
+    options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset, solver)
     return _disk_map(V, F, options, progress)
 
 
 def _disk_map(V: ArrayLike, F: ArrayLike, options: Options, progress: Progress | None) -> DiskMap:
     phase = Phases(progress, options.refine)
-    surface = factored_surface(V, F, options, phase)
-    attempts = Attempts(surface, Steps.of(options))
-    return best_map(surface, attempts, options, phase, keep_factor=False)
+    with using(options.solver):
+        surface = factored_surface(V, F, options, phase)
+        attempts = Attempts(surface, Steps.of(options))
+        return best_map(surface, attempts, options, phase, keep_factor=False)
 
 
 def factored_surface(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -11,6 +12,7 @@ from .algorithm import Attempts, Steps
 from .result import DiskMap
 from .selection import best_map
 from .solve.factored import FactoredSurface
+from .solve.solvers import SolverName, using
 from .steps.center import CenterMethod
 from .steps.options import Options
 from .steps.phases import Phases, Progress
@@ -35,6 +37,8 @@ class DiskMapper:
         Vertex positions, in any unit. Two columns are a planar mesh.
     F : (m, 3) array_like of integers
         Corners of the faces, counterclockwise seen from outside.
+    solver : {"scikit-sparse", "cvxopt", "scipy"} or None
+        As in `disk_map`; for all maps.
 
     Attributes
     ----------
@@ -61,10 +65,12 @@ class DiskMapper:
     True
     """
 
-    def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
+    def __init__(self, V: ArrayLike, F: ArrayLike, *, solver: SolverName | None = None) -> None:
         # A mesh may keep the very array of faces; this object outlives the call.
         mesh = DiskMesh(V, F.copy() if isinstance(F, np.ndarray) else F)
-        self._surface = FactoredSurface.of(mesh)
+        self._solver = solver
+        with using(solver):
+            self._surface = FactoredSurface.of(mesh)
         self._last: tuple[object, Attempts] | None = None
 
     @property
@@ -110,7 +116,8 @@ class DiskMapper:
         if attempts.started:
             skipped += ["center", "trace", "circle", "extension"]
         phase = Phases(progress, refine, skipped)
-        return best_map(self._surface, attempts, options, phase, keep_factor=True)
+        with using(self._solver):
+            return best_map(self._surface, attempts, options, phase, keep_factor=True)
 
     def moved(self, V: ArrayLike) -> DiskMapper:
         """Take the same faces with moved vertices: no topological checks, no new ordering.
@@ -133,13 +140,14 @@ class DiskMapper:
             If the Laplacian cannot be factored.
         """
         other = DiskMapper.__new__(DiskMapper)
+        other._solver = self._solver
         other._surface = self._surface.moved(V)
         other._last = None
         return other
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The factor is in memory of the solver: another process makes its own on arrival.
-        return DiskMapper, (self.mesh.V, self.mesh.F)
+        return partial(DiskMapper, solver=self._solver), (self.mesh.V, self.mesh.F)
 
     def __repr__(self) -> str:
         return f"DiskMapper({self.mesh!r})"

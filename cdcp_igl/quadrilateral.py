@@ -12,7 +12,7 @@ from .arrays import Floats, Indices, Ints
 from .certificate import Certificate, flipped_faces
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, spell
-from .solve.cholmod import Cholesky
+from .solve.cholesky import Cholesky
 from .solve.laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
 from .solve.ordering import elimination_order
 from .steps.repair import Repair, unfold

@@ -184,11 +184,11 @@ class DiskMap(Bijection):
         return view(self, path, fields=fields, texture=texture, title=title)
 
     def plot(self) -> NDArray[Any]:
-        """Draw the surface, its image and the angular distortion, as `cdcp_igl.plot.picture`.
+        """Draw the surface, its image, a checkerboard and the distortion: `plot.picture`.
 
         Returns
         -------
-        (3,) ndarray of matplotlib.axes.Axes
+        (4,) ndarray of matplotlib.axes.Axes
             In a figure that does not depend on pyplot: ``axes[0].figure.savefig``.
         """
         from .plot.pictures import picture

@@ -310,6 +310,8 @@ def _causes(trace: BoundaryMethod, repair: Repair, n: int) -> Iterator[str]:
     if trace.name == "arc length":
         yield "the boundary lies by arc length"
         yield from (reason for reason in trace.rejected if "crowding" in reason)
+    if trace.reason:
+        yield trace.reason
     if repair.n_moved > REPAIRED_SHARE * n:
         yield f"repair of flipped faces moved {repair.n_moved / n:.0%} of the vertices"
 

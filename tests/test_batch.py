@@ -186,7 +186,7 @@ def test_the_surface_is_never_replaced(scans):
     before = contents(scans)
     made = batch(sorted(scans.glob("*.npz")), scans)
     assert {record.status for record in made.records} == {"refused"}
-    assert "would replace the surface" in made.records[0].message
+    assert "is the surface itself" in made.records[0].message
     assert contents(scans) == before
 
 

@@ -6,23 +6,26 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import failing_methods
 import meshes
 import numpy as np
 import pytest
-import typer
 
-from benchmarks import models, readme, report, store
-from benchmarks.ablation import ABLATIONS
-from benchmarks.machine import describe
-from benchmarks.methods import METHODS, TABLE, maps
-from benchmarks.models import Model
-from benchmarks.paper import PAPER
-from benchmarks.runner import Limits, run
-from benchmarks.store import Record, Work, read_results, write_results
+from benchmarks.measure import models
+from benchmarks.measure.ablation import ABLATIONS
+from benchmarks.measure.cases import Limits, run
+from benchmarks.measure.machine import describe
+from benchmarks.measure.methods import METHODS, TABLE, maps
+from benchmarks.measure.models import Model
+from benchmarks.records.paper import PAPER
+from benchmarks.records.record import EDGES, Record
+from benchmarks.records.results import Measured
+from benchmarks.records.store import Work, read_results, write_results
+from benchmarks.write import front_page
+from benchmarks.write.report import as_markdown
+from cdcp_igl.reference.case import Case
 
 ROOT = Path(__file__).parents[1]
 V, F = meshes.grid(8, 9)
@@ -49,15 +52,21 @@ def measure(tmp_path, names, table=METHODS, where=TABLE, model=GRID, **options):
 def failing(tmp_path, name, **options):
     where = "failing_methods:METHODS"
     work = measure(tmp_path, [name], failing_methods.METHODS, where, **options)
-    (record,) = work.records()
+    (made,) = work.records()
     assert work.map("grid", name) is None
-    assert record.histogram == []
-    return record
+    assert made.histogram == []
+    return made.case
+
+
+MACHINE = describe(1) | {"time_limit": 60, "memory_limit": 4000, "commands": {"tables": "again"}}
 
 
 def page(work):
-    machine = describe(1, "again") | {"time_limit": 60, "memory_limit": 4000}
-    return report.markdown(machine, work.records())
+    return as_markdown(MACHINE, Measured(work.records()))
+
+
+def record(model, method, outcome="ok", section="tables", sizes=(100, 180, 18), **numbers):
+    return Record(section, model, "d", *sizes, 0, Case(method, "disk", outcome, **numbers))
 
 
 def test_quick_without_any_data(tmp_path):
@@ -67,16 +76,20 @@ def test_quick_without_any_data(tmp_path):
     assert done.returncode == 0, done.stderr
     text = (tmp_path / "here.md").read_text()
     machine, records = read_results(tmp_path / "here.json")
-    names = [model.name for model in models.GENERATED if model.name in text]
-    assert names == ["spherical_cap_20", "ellipse_20", "terrain_coarse"]
-    assert {(r.model, r.method) for r in records if r.section == "tables"} == {
+    names = list(dict.fromkeys(record.model for record in records))
+    assert sorted(names) == ["ellipse_20", "spherical_cap_20", "terrain_coarse"]
+    assert all(f"| {name.replace('_', ' ')} |" in text for name in names)
+    assert {(r.model, r.case.method) for r in records if r.section == "tables"} == {
         (model, method) for model in names for method in [*maps(), "factor"]
     }
-    for record in records:
-        assert record.outcome == "ok", record
-    assert all(sum(r.histogram) == 3 * r.faces for r in records if r.boundary != "none")
+    for made in records:
+        assert made.case.outcome == "ok", made
+    assert all(sum(r.histogram) == 3 * r.faces for r in records if r.case.boundary != "none")
     assert machine["blas_threads"] == 1
     assert machine["commit"].split()[0] != ""
+    assert "Again: `python -m benchmarks tables --quick --out" in text
+    for method in ("CDCP", "FDCP", "LSCM, free boundary"):  # and printed
+        assert done.stdout.count(f" {method} ") == 3
     for row in text.splitlines():  # every table is rectangular
         if row.startswith("| ---"):
             width = row.count("|")
@@ -88,27 +101,27 @@ def test_what_a_record_says_is_what_the_map_is(tmp_path):
     import cdcp_igl
 
     work = measure(tmp_path, ["cdcp", "factor"])
-    record, factor = work.records()
+    made, factor = work.records()
     uv = work.map("grid", "cdcp")
     np.testing.assert_array_equal(uv, cdcp_igl.cdcp(V, F))
     degrees = cdcp_igl.angle_distortion(V, F, uv)
-    assert record.mean == pytest.approx(degrees.mean())
-    assert (record.vertices, record.faces, record.boundary_vertices) == (len(V), len(F), 30)
-    assert record.histogram == np.histogram(degrees, [*store.EDGES, np.inf])[0].tolist()
-    assert set(record.details["seconds"]) >= {"factor", "trace", "circle", "mobius"}
-    assert set(factor.details["seconds"]) == {"analyse", "factor"}
-    assert factor.boundary == "none"
-    assert np.isnan(factor.mean)
+    assert made.case.mean == pytest.approx(degrees.mean())
+    assert (made.vertices, made.faces, made.boundary_vertices) == (len(V), len(F), 30)
+    assert made.histogram == np.histogram(degrees, [*EDGES, np.inf])[0].tolist()
+    assert set(made.case.details["seconds"]) >= {"factor", "trace", "circle", "mobius"}
+    assert set(factor.case.details["seconds"]) == {"analyse", "factor"}
+    assert factor.case.boundary == "none"
+    assert np.isnan(factor.case.mean)
 
 
 def test_records_survive_json(tmp_path):
-    record = Record(*("tables", "m", "d", 3, 1, 3, "cdcp", 0, "disk", "ok"), mean=1.25)
-    row = json.loads(json.dumps(record.as_json(), allow_nan=False))
-    assert row["sd"] is None
+    made = record("m", "cdcp", mean=1.25)
+    row = json.loads(json.dumps(made.as_json(), allow_nan=False))
+    assert (row["sd"], row["mean"], row["method"]) == (None, 1.25, "cdcp")
     again = Record.of_json(row)
-    assert again.mean == 1.25
-    assert np.isnan(again.sd)
-    store.write_results(tmp_path / "new" / "r.json", {"cpu": "this"}, [record, record])
+    assert again.case.mean == 1.25
+    assert np.isnan(again.case.sd)
+    write_results(tmp_path / "new" / "r.json", {"cpu": "this"}, [made, made])
     machine, records = read_results(tmp_path / "new" / "r.json")
     assert (machine, len(records)) == ({"cpu": "this"}, 2)
 
@@ -124,9 +137,9 @@ def test_records_survive_json(tmp_path):
     ],
 )
 def test_a_failure_is_a_row_without_numbers(tmp_path, name, outcome):
-    record = failing(tmp_path, name)
-    assert record.outcome.startswith(outcome)
-    numbers = [record.mean, record.sd, record.max, record.area, record.flips, record.seconds]
+    case = failing(tmp_path, name)
+    assert case.outcome.startswith(outcome)
+    numbers = [case.mean, case.sd, case.max, case.area, case.flips, case.seconds]
     assert np.isnan(numbers).all()
 
 
@@ -141,10 +154,10 @@ def test_limits_are_rows(tmp_path):
 
 def test_a_failure_is_told_below_the_table(tmp_path):
     work = measure(tmp_path, ["fdcp", "ldcp", "cdcp", "factor"])
-    lost = Record(*("tables", "grid", "x", 72, 112, 30, "fdcp", 0, "disk", "crashed: SIGSEGV"))
+    lost = record("grid", "fdcp", "crashed: SIGSEGV", sizes=(72, 112, 30))
     work.append(lost)  # the latest counts
     text = page(work)
-    assert "| grid | 72 | failed [1] |" in text
+    assert "| grid | 72 | no map [1] |" in text
     assert "[1] crashed: SIGSEGV" in text
     assert "All three are valid on 0 surfaces" in text
     assert "Not compared, because one is missing or failed: grid." in text
@@ -154,8 +167,7 @@ def test_the_comparison_names_where_cdcp_is_worse(tmp_path):
     work = Work(tmp_path)
     for model, means in (("good", (1.0, 1.0, 1.0049)), ("bad", (1.0, 2.0, 1.0051))):
         for method, mean in zip(("fdcp", "ldcp", "cdcp"), means, strict=True):
-            sizes = ("d", 100, 180, 18)
-            work.append(Record("tables", model, *sizes, method, 0, "disk", "ok", mean=mean, sd=1))
+            work.append(record(model, method, mean=mean, sd=1.0))
     text = page(work)
     assert "valid on 2 surfaces" in text
     assert "bad: 1.0051 against 1.0000 of FDCP." in text
@@ -163,11 +175,11 @@ def test_the_comparison_names_where_cdcp_is_worse(tmp_path):
 
 def test_a_model_that_is_not_to_be_had_is_a_row(tmp_path, monkeypatch):
     monkeypatch.delenv("CDCP_IGL_DATA", raising=False)
-    (missing,) = models.find(["no_such_model"])
+    (missing,) = models.by_name(["no_such_model"])
     work = measure(tmp_path, ["cdcp", "fdcp"], model=missing)
-    records = work.records()
-    assert [r.outcome for r in records] == ["not to be had: no mesh of this name"] * 2
-    assert "| no_such_model | – | – [1] | – [1] |" in page(work)
+    outcomes = [r.case.outcome for r in work.records()]
+    assert outcomes == ["not to be had: no mesh of this name"] * 2
+    assert "| no such model | – | – [1] | – [1] |" in page(work)
 
 
 def test_every_model_of_the_paper_has_a_row(monkeypatch, tmp_path):
@@ -192,6 +204,24 @@ def test_models_by_name_path_and_pattern(tmp_path, monkeypatch):
         np.testing.assert_array_equal(fox.load()[1], F)
 
 
+def test_a_name_that_matches_nothing_is_an_error(tmp_path):
+    with pytest.raises(ValueError, match="'no_such' is neither the name of a surface nor a file"):
+        models.find(["ellipse_20", "no_such"])
+    done = benchmarks("tables", "--models", "no_such/*.obj", "--work", tmp_path)
+    assert done.returncode == 2
+    told = " ".join(done.stderr.replace("│", "").split())
+    assert "neither the name of a surface nor a file" in told
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_two_files_of_one_name_are_told_apart(tmp_path):
+    for name in ("left", "right"):
+        (tmp_path / name).mkdir()
+        np.savez(tmp_path / name / "ear.npz", V=V, F=F)
+    found = models.find([f"{tmp_path}/*/ear.npz"])
+    assert [Path(model.name).parent.name for model in found] == ["left", "right"]
+
+
 def test_a_changed_mesh_is_measured_again(tmp_path):
     work = measure(tmp_path, ["cdcp"])
     measure(tmp_path, ["cdcp"])
@@ -202,7 +232,7 @@ def test_a_changed_mesh_is_measured_again(tmp_path):
 
 def test_methods_take_turns(tmp_path):
     work = measure(tmp_path, ["harmonic", "lscm"], repeats=lambda method, n: 2)
-    assert [(r.method, r.repeat) for r in work.records()] == [
+    assert [(r.case.method, r.repeat) for r in work.records()] == [
         *(("harmonic", 0), ("lscm", 0), ("harmonic", 1), ("lscm", 1)),
     ]
 
@@ -233,7 +263,7 @@ def test_a_killed_run_goes_on_where_it_stopped(tmp_path):
         file.write(b'{"section": "tab')  # as if killed while writing
     work = measure(tmp_path, ["harmonic", "lscm", "cdcp", "factor", "ldcp"])
     assert (tmp_path / "records.jsonl").read_bytes().startswith(kept)
-    assert [r.method for r in work.records()] == ["harmonic", "lscm", "cdcp", "factor", "ldcp"]
+    assert [r.case.method for r in work.records()] == ["harmonic", "lscm", "cdcp", "factor", "ldcp"]
 
 
 def test_every_ablation_gives_a_map():
@@ -252,8 +282,28 @@ def test_speed_and_ablation_pages(tmp_path):
         assert done.returncode == 0, done.stderr
     text = (tmp_path / "here.md").read_text()
     assert "| default | 1.00 |" in text
-    assert "once imported, median of many calls" in text
+    assert "| `cdcp` on ellipse_20 |" not in text  # with --models, only those
     assert "## Ablation" in text
+    commands = read_results(tmp_path / "here.json")[0]["commands"]
+    assert commands["speed"].startswith("python -m benchmarks speed --repeats 2 --quick --out")
+    assert list(commands) == ["speed", "ablation"]
+
+
+def test_rows_of_earlier_calls_do_not_linger(tmp_path):
+    for name in ("cat", "dog"):
+        np.savez(tmp_path / f"{name}.npz", V=V, F=F)
+    before = subprocess.check_output(["git", "status", "--porcelain"], cwd=ROOT)
+    for name, method in (("cat", "cdcp,factor"), ("dog", "harmonic")):
+        done = benchmarks(
+            *("tables", "--models", tmp_path / f"{name}.npz", "--methods", method),
+            *("--out", tmp_path / "out", "--work", tmp_path / "w", "--machine", "here"),
+        )
+        assert done.returncode == 0, done.stderr
+    machine, records = read_results(tmp_path / "out" / "here.json")
+    assert [(r.model, r.case.method) for r in records] == [("dog", "harmonic")]
+    assert "--methods harmonic" in machine["commands"]["tables"]
+    assert "cat" not in (tmp_path / "out" / "here.md").read_text()
+    assert subprocess.check_output(["git", "status", "--porcelain"], cwd=ROOT) == before
 
 
 def test_unknown_method():
@@ -262,24 +312,34 @@ def test_unknown_method():
     assert "'magic' is not one of" in " ".join(done.stderr.split())
 
 
-def test_the_table_of_the_readme_is_that_of_the_results(tmp_path, monkeypatch):
-    made = {"factor": 0.5, "cdcp": 1.0, "lscm": 2.0}
+def test_the_table_of_the_readme_is_that_of_the_results(tmp_path):
+    seconds = {"factor": 0.25, "cdcp": 0.5, "lscm": 2.0}
+    numbers = {"mean": 1.25, "sd": 2.5, "max": 87.0, "flips": 0.0}
     records = [
-        Record("tables", model, "", 99, 160, 36, method, 0, "disk", "ok", 1.25, 2.5, flips=0)
-        for model in readme.MODELS
-        for method in made
+        record(model, method, section=section, sizes=(99, 160, 36), seconds=time, **numbers)
+        for model in front_page.MODELS
+        for section, method, time in (
+            *(("tables", method, time) for method, time in seconds.items()),
+            *(("peers", "cdcp", 1.0), ("peers", "SLIM", 100.0)),
+        )
     ]
-    records = [replace(record, seconds=made[record.method]) for record in records]
-    write_results(tmp_path / "here.json", describe(1, "again"), records)
-    page = tmp_path / "README.md"
-    page.write_text(f"before\n{readme.BEGIN}\nold\n{readme.END}\nafter\n", encoding="utf-8")
-    monkeypatch.setattr(readme, "RESULTS", tmp_path)
-    monkeypatch.setattr(readme, "README", page)
-    readme.readme("here")
-    lines = page.read_text(encoding="utf-8").splitlines()
+    records.append(record("chinese_lion", "BFF free", "not to be had: no BFF", section="peers"))
+    write_results(tmp_path / "here.json", MACHINE, records)
+    readme = tmp_path / "README.md"
+    markers = f"before\n{front_page.BEGIN}\nold\n{front_page.END}\nafter\n"
+    readme.write_text(markers, encoding="utf-8")
+    front_page.rewrite(readme, tmp_path / "here.json")
+    lines = readme.read_text(encoding="utf-8").splitlines()
     assert (lines[0], lines[-1]) == ("before", "after")
-    assert "old" not in lines
-    assert lines[4].startswith("| Chinese Lion | 99 | 1.250 / 2.500 (2.0 F) | no map |")
-    assert lines[4].endswith("| 1.250 / 2.500 (4.0 F) |")
-    with pytest.raises(typer.BadParameter, match="first run"):
-        readme.readme("elsewhere")
+    assert lines[2].startswith("| method | boundary | Chinese Lion 99 | human face 99 |")
+    rows = {line.split(" | ")[0]: line for line in lines[4:7]}
+    assert rows["| CDCP"].startswith("| CDCP | disk | 1.250 / 2.500 / 87 (1 T) |")
+    assert rows["| LSCM"].startswith("| LSCM | free | 1.250 / 2.500 / 87 (4 T) |")
+    assert rows["| SLIM"].startswith("| SLIM | free | 1.250 / 2.500 / 87 (100 T) |")
+    assert not any("BFF" in line or "old" in line for line in lines)
+
+
+def test_without_results_there_is_no_table_for_the_readme():
+    done = benchmarks("readme", "--machine", "nowhere")
+    assert done.returncode == 2
+    assert "first run: make bench" in " ".join(done.stderr.replace("│", "").split())

@@ -7,17 +7,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from benchmarks.figures import PLOTS, Measured, NotMeasured, accuracy, encode, surfaces
-from benchmarks.figures.accuracy import histograms, table_1
-from benchmarks.figures.cost import STACK, factorizations, phases
-from benchmarks.figures.style import HATCHES, STYLES
-from benchmarks.findings import findings
-from benchmarks.methods import maps
-from benchmarks.raster import SAMPLES, rasterize
-from benchmarks.report import growth
-from benchmarks.scene import Scene
-from benchmarks.store import EDGES, Record
+from benchmarks.measure.methods import maps
+from benchmarks.records.findings import sentences
+from benchmarks.records.record import EDGES, Record
+from benchmarks.records.results import Measured, NotMeasured, growth
+from benchmarks.write.figures import PLOTS, accuracy, surfaces
+from benchmarks.write.figures.accuracy import histograms, table_1
+from benchmarks.write.figures.cost import STACK, factorizations, phases
+from benchmarks.write.figures.style import HATCHES, STYLES, encode
 from cdcp_igl import cdcp, datasets
+from cdcp_igl.plot.raster import SAMPLES, rasterize
+from cdcp_igl.plot.scene import Scene
+from cdcp_igl.reference.case import Case
 from cdcp_igl.steps.phases import PHASES
 
 TWO = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]), np.array([[0, 1, 2], [0, 2, 3]])
@@ -87,7 +88,7 @@ SECONDS = {"factor": 0.5, "cdcp": 1.0, "fdcp": 7.0, "ldcp": 2.0, "harmonic": 0.5
 MEANS = {"factor": np.nan, "cdcp": 1.2, "fdcp": 1.1, "ldcp": 1.3, "harmonic": 5.0}
 
 
-def record(model, method, section="tables", repeat=0, **changed):
+def record(model, method, section="tables", repeat=0):
     """A record as if seconds grew like n^1.1."""
     n = SIZES[model]
     seconds = SECONDS[method] * (n / 20_000) ** 1.1
@@ -95,19 +96,17 @@ def record(model, method, section="tables", repeat=0, **changed):
     counts[: 10 * (2 + len(method))] = 100
     boundary = "none" if method == "factor" else "disk"
     shares = dict.fromkeys(PHASES, seconds / len(PHASES))
-    made = Record(
-        *(section, model, "digest", n, 2 * n, 100, method, repeat, boundary, "ok"),
-        *(MEANS[method], 2.0, 50.0, 1.0, 0.0, 1e-16, seconds, 200.0),
-        histogram=[] if method == "factor" else counts.tolist(),
+    made = Case(
+        *(method, boundary, "ok", MEANS[method], 2.0, 50.0, 1.0, 0.0, 1e-16, seconds, 200.0),
         details={"seconds": shares} if method == "cdcp" else {},
     )
-    return replace(made, **changed)
+    histogram = [] if method == "factor" else counts.tolist()
+    return Record(section, model, "digest", n, 2 * n, 100, repeat, made, histogram)
 
 
 def failure(model, method, section="tables"):
-    nothing = dict.fromkeys(("mean", "sd", "max", "area", "flips", "boundary_error"), np.nan)
-    nothing |= {"seconds": np.nan, "memory": np.nan, "histogram": [], "details": {}}
-    return record(model, method, section, outcome="crashed: SIGSEGV", **nothing)
+    good = record(model, method, section)
+    return replace(good, case=Case(method, good.case.boundary, "crashed: SIGSEGV"), histogram=[])
 
 
 def measured(*extra):
@@ -120,7 +119,7 @@ def measured(*extra):
         for method in SECONDS
         for section, repeat in (("tables", 0), ("speed", 0), ("speed", 1))
     ]
-    return Measured([*records, *extra], None, lambda model, method: None)
+    return Measured([*records, *extra])
 
 
 def line(axes, method):
@@ -147,7 +146,8 @@ def test_a_failure_is_drawn_as_such():
 
 
 def test_a_failed_repeat_counts_as_a_failure():
-    values = measured(failure("small", "cdcp", "speed")).values("speed", "cdcp", "seconds")
+    speed = measured(failure("small", "cdcp", "speed")).sections["speed"]
+    values = speed.values("cdcp", "seconds")
     np.testing.assert_array_equal(np.isnan(values), [True, False, False])
 
 
@@ -183,7 +183,7 @@ def test_growth_is_the_exponent(exponent):
 
 
 def test_what_was_not_measured_says_by_what_it_would_be():
-    nothing = Measured([], None, None)
+    nothing = Measured([])
     for plot in PLOTS:
         with pytest.raises(NotMeasured, match=r"run: python -m benchmarks (tables|speed|ablation)"):
             plot.draw(nothing)
@@ -196,7 +196,7 @@ def test_where_everything_failed_a_chart_says_so():
         for method in SECONDS
         for section in ("tables", "speed")
     ]
-    of_failures = Measured(records, None, lambda model, method: None)
+    of_failures = Measured(records)
     for draw in (plot.draw for plot in PLOTS if plot.draw.__module__ != surfaces.__name__):
         with pytest.raises(NotMeasured, match=r"failed|no method has|not measured yet"):
             draw(of_failures)
@@ -215,7 +215,7 @@ def test_files_are_small():
 
 
 def test_findings_are_what_the_records_say():
-    text = "\n".join(findings(measured()))
+    text = "\n".join(sentences(measured()))
     assert "FDCP on 2 of 3, LDCP on 3 of 3, CDCP on 3 of 3" in text
     assert "There is none by FDCP on large." in text
     assert "small: 1.2000 against 1.1000 of FDCP" in text

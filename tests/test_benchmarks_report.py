@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 from html.parser import HTMLParser
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from benchmarks.figures import PLOTS, Measured, NotMeasured
-from benchmarks.pages import write_pages
-from benchmarks.store import read_results
+from benchmarks.records.results import Measured
+from benchmarks.records.store import read_results
+from benchmarks.write.figures import PLOTS
+from benchmarks.write.pages import write_pages
+from cdcp_igl.reference.case import Case
 
 ROOT = Path(__file__).parents[1]
 
@@ -86,9 +87,9 @@ def test_the_numbers_are_those_of_the_records(drawn):
     page = (drawn.folder / "index.html").read_text(encoding="utf-8")
     about, records = read_results(drawn.results)
     for record in records:
-        if record.section == "tables" and record.boundary != "none":
-            assert f"{record.mean:.3f} / {record.sd:.3f}</td>" in page
-            assert f'data-value="{record.mean}"' in page
+        if record.section == "tables" and record.case.boundary != "none":
+            assert f"{record.case.mean:.3f} / {record.case.sd:.3f}</td>" in page
+            assert f'data-value="{record.case.mean}"' in page
     for text in (about["cpu"], about["commit"], about["date"], about["versions"]["libigl"]):
         assert text in page
 
@@ -111,18 +112,13 @@ FAILED = "crashed: SIGSEGV"
 def index(drawn, tmp_path_factory):
     """A report of the same records, except that LDCP failed on one surface."""
     about, records = read_results(drawn.results)
-    nothing = dict.fromkeys(("mean", "sd", "max", "area", "flips", "seconds", "memory"), np.nan)
     records = [
-        replace(record, outcome=FAILED, **nothing)
-        if (record.section, record.model, record.method) == ("tables", "ellipse_20", "ldcp")
+        replace(record, case=Case("ldcp", "disk", FAILED))
+        if (record.section, record.model, record.case.method) == ("tables", "ellipse_20", "ldcp")
         else record
         for record in records
     ]
-
-    def surface(model):
-        raise NotMeasured("not needed here")
-
-    measured = Measured(records, surface, lambda model, method: None)
+    measured = Measured(records)
     folder = tmp_path_factory.mktemp("report")
     return write_pages(folder, about, measured, [], lambda model: None)
 

@@ -12,7 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 import cdcp_igl
-from cdcp_igl import MapError, MeshError, SolverError, __version__, algorithm, io
+from cdcp_igl import MapError, MeshError, SolverError, __version__, io
+from cdcp_igl.batching import mapped
 from cdcp_igl.command_line import arguments, comparing
 from cdcp_igl.command_line.program import app
 from cdcp_igl.errors import Defect
@@ -76,12 +77,6 @@ def test_texture_coordinates(cap, options, lowest):
     texture = np.array([words[1:] for words in lines if words[0] == "vt"], float)
     np.testing.assert_allclose(texture.min(axis=0), lowest, atol=0.05)
     np.testing.assert_allclose(texture.max(axis=0), 1, atol=0.05)
-
-
-def test_input_may_be_replaced_by_the_output(cap):
-    assert invoke("map", cap, cap).exit_code == 0
-    assert set(np.load(cap)) == {"V", "F", "uv"}
-    assert os.listdir(cap.parent) == [cap.name]
 
 
 @pytest.mark.parametrize(
@@ -164,7 +159,7 @@ def test_picture(cap):
 def test_bad_arguments(cap, monkeypatch, arguments):
     monkeypatch.chdir(cap.parent)
     Path("folder.obj").mkdir()
-    monkeypatch.setattr(algorithm, "disk_map", lambda *args, **options: pytest.fail("computed"))
+    monkeypatch.setattr(mapped, "disk_map", lambda *args, **options: pytest.fail("computed"))
     result = invoke("map", cap, *arguments)
     assert result.exit_code == 2
     assert result.stderr
@@ -176,10 +171,10 @@ def test_bad_mesh(cap):
     np.savez(cap, V=V, F=np.vstack([F, F[7]]))
     out = cap.with_name("out.obj")
     out.write_text("old")
-    result = run("map", cap, out)
+    result = run("map", cap, out, "--force")
     assert result.returncode == 2
     assert "duplicate face: 1 face repeats the corners of another (faces 242)" in result.stderr
-    assert "Drop these faces, as cdcp_igl.clean does." in result.stderr
+    assert "Drop these faces" in result.stderr
     assert "Traceback" not in result.stderr
     assert result.stdout == ""
     assert out.read_text() == "old"
@@ -203,10 +198,10 @@ def test_no_valid_map(cap, monkeypatch, error):
     def fail(*args, **options):
         raise error
 
-    monkeypatch.setattr(algorithm, "disk_map", fail)
+    monkeypatch.setattr(mapped, "disk_map", fail)
     out = cap.with_name("out.obj")
     out.write_text("old")
-    result = invoke("map", cap, out, "--report", cap.with_name("r.json"))
+    result = invoke("map", cap, out, "--force", "--report", cap.with_name("r.json"))
     assert result.exit_code == 3
     assert result.stderr == f"{error}\n"
     assert out.read_text() == "old"
@@ -217,7 +212,7 @@ def test_unexpected_errors_are_not_swallowed(cap, monkeypatch):
     def fail(*args, **options):
         raise ZeroDivisionError
 
-    monkeypatch.setattr(algorithm, "disk_map", fail)
+    monkeypatch.setattr(mapped, "disk_map", fail)
     assert isinstance(invoke("map", cap, cap.with_name("o.obj")).exception, ZeroDivisionError)
 
 
@@ -225,7 +220,7 @@ def test_unwritable_output(cap, monkeypatch):
     def fail(*args, **options):
         raise OSError(28, "No space left on device", "o.obj")
 
-    monkeypatch.setattr("cdcp_igl.io.write_map", fail)
+    monkeypatch.setattr(mapped, "write_map", fail)
     result = invoke("map", cap, cap.with_name("o.obj"))
     assert result.exit_code == 1
     assert result.stderr == "Not written: o.obj: No space left on device\n"
@@ -251,6 +246,41 @@ def test_check_reports_every_defect(cap):
     assert "repeated corner" in invoke("check", cap).stdout
 
 
+def test_several_files_are_checked(cap):
+    V, F = spherical_cap(12)
+    torn, missing = cap.with_name("torn.npz"), cap.with_name("missing.obj")
+    np.savez(torn, V=V, F=F[:-50])
+    np.savez(cap.with_name("closed.npz"), V=V[:4], F=[[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    result = invoke("check", torn, missing, cap)
+    assert result.exit_code == 2
+    assert f"{torn}: 144 vertices" in result.stdout
+    assert f"{cap}: 144 vertices" in result.stdout
+    assert result.stderr == f"{missing}: No such file or directory\n"
+    assert invoke("check", cap, cap).exit_code == 0
+    result = invoke("check", cap.with_name("closed.npz"))
+    assert "genus 0, closed" in result.stdout
+    assert "map --cut" in result.stdout
+
+
+def test_checks_as_json(cap):
+    V, F = spherical_cap(12)
+    torn, text = cap.with_name("torn.npz"), cap.with_name("text.off")
+    np.savez(torn, V=np.vstack([V, [[9, 9, 9]]]), F=F)
+    text.write_text("no surface")
+    result = invoke("check", "--json", cap, torn, text)
+    assert result.exit_code == 2
+    rows = json.loads(result.stdout)
+    assert [(row["file"], row["disk"]) for row in rows] == [
+        (str(cap), True),
+        (str(torn), False),
+        (str(text), False),
+    ]
+    assert (rows[0]["kind"], rows[0]["genus"], rows[0]["defects"]) == ("disk", 0, [])
+    assert rows[1]["defects"][0]["indices"] == [144]
+    assert "clean" in rows[1]["next_step"]
+    assert rows[2]["defects"][0]["name"] == "unreadable file"
+
+
 def test_indices_from_one_are_announced(cap):
     V, F = spherical_cap(12)
     np.savez(cap, V=V, F=F + 1)
@@ -266,7 +296,7 @@ def test_every_defect_is_named(cap, monkeypatch):
     def fail(*args, **options):
         raise MeshError(*defects)
 
-    monkeypatch.setattr(algorithm, "disk_map", fail)
+    monkeypatch.setattr(mapped, "disk_map", fail)
     assert invoke("map", cap, cap.with_name("o.obj")).stderr.splitlines() == [
         "one: First. Mend.",
         "two: Second. Mend.",
@@ -334,15 +364,14 @@ def test_progress_and_panel_on_a_terminal(tmp_path):
     np.savez(path, V=V, F=F)
     code = """
 import time
-from cdcp_igl import algorithm, io
-from cdcp_igl.command_line import arguments, comparing
+from cdcp_igl.batching import mapped
 from cdcp_igl.command_line import entry as cli
-real = algorithm.disk_map
+real = mapped.disk_map
 def slow(V, F, progress):
     progress("factor", 0.5)
     time.sleep(1.6)
     return real(V, F, progress=progress)
-algorithm.disk_map = slow
+mapped.disk_map = slow
 cli.main()
 """
     try:
@@ -400,14 +429,14 @@ def test_a_killed_process_leaves_the_old_output(cap, number):
     code = """
 import time
 from cdcp_igl.command_line import entry as cli
-from cdcp_igl.io import files as io
+from cdcp_igl.io import writing as io
 def stall(path, *args):
     path.write_text("half")
     time.sleep(60)
 io.write_obj = stall
 cli.main()
 """
-    with subprocess.Popen([sys.executable, "-c", code, "map", cap, out]) as process:
+    with subprocess.Popen([sys.executable, "-c", code, "map", cap, out, "--force"]) as process:
         deadline = time.monotonic() + 20
         while not list(cap.parent.glob(".*")) and time.monotonic() < deadline:
             time.sleep(0.02)

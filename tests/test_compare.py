@@ -138,6 +138,28 @@ def test_bad_usage(mesh, arguments, message):
     assert message in " ".join(done.stderr.split())
 
 
+def test_a_bad_mesh_is_named_and_the_others_go_on(tmp_path, mesh):
+    np.savez(tmp_path / "hole.npz", V=V, F=F[1:-40])
+    files = tmp_path / "hole.npz", tmp_path / "missing.obj", mesh
+    report = tmp_path / "r.json"
+    done = compare(*files, "--methods", "cdcp", "--json", report)
+    assert done.returncode == 4
+    assert f"{files[0]}: " in done.stderr
+    assert f"{files[1]}: No such file" in done.stderr
+    assert done.stdout.count("cdcp") == 1
+    assert [row["mesh"] for row in json.loads(report.read_text())] == [str(mesh)]
+
+
+def test_what_is_there_is_kept(tmp_path, mesh):
+    (tmp_path / "r.json").write_text("thesis")
+    done = compare(mesh, "--methods", "cdcp", "--json", tmp_path / "r.json")
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert (tmp_path / "r.json").read_text() == "thesis"
+    options = ("--methods", "cdcp", "--json", tmp_path / "r.json", "--force")
+    assert compare(mesh, *options).returncode == 0
+
+
 def test_bad_mesh_is_exit_2_before_anything_runs(tmp_path):
     np.savez(tmp_path / "hole.npz", V=V, F=F[1:-40])
     done = compare(tmp_path / "hole.npz")

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cdcp_igl
-from benchmarks import fuzz
+from benchmarks.measure import fuzzing as fuzz
 from cdcp_igl.certificate import certify
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -15,9 +15,9 @@ from cdcp_igl.surface.mesh import DiskMesh
 def _generated_surfaces(monkeypatch):
     """The same cases with and without meshes at hand."""
     monkeypatch.delenv("CDCP_IGL_DATA", raising=False)
-    fuzz._names.cache_clear()
+    fuzz.sources.cache_clear()
     yield
-    fuzz._names.cache_clear()
+    fuzz.sources.cache_clear()
 
 
 @settings(max_examples=150)

@@ -64,9 +64,9 @@ def test_what_a_report_names_is_escaped(mapped):
 
 def test_plot_gives_axes(mapped):
     axes = mapped[2].plot()
-    assert axes.shape == (3,)
+    assert axes.shape == (4,)
     axes[0].set_title("mine")
-    assert axes[0].figure is axes[2].figure
+    assert axes[0].figure is axes[3].figure
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".obj", ".ply"])

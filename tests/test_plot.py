@@ -1,5 +1,6 @@
 import subprocess
 import sys
+import tracemalloc
 from io import BytesIO
 
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 
 from cdcp_igl import cdcp, disk_map
 from cdcp_igl.plot import picture, side_by_side
+from cdcp_igl.plot.raster import in_picture, rasterize
+from cdcp_igl.plot.scene import SQUARES, Scene
 from cdcp_igl.plot.viewpoint import choose_viewpoint
 
 
@@ -35,7 +38,7 @@ def test_picture(columns):
     V, F = grid(10, lambda x, y: 0 * x)
     V = V[:, :columns]
     figure = picture(V, F, disk_map(V, F), name="flat square")
-    assert len(figure.axes) == 3
+    assert len(figure.axes) == 4
     assert "flat square, 100 vertices" in figure.get_suptitle()
     assert "0 flipped faces" in figure.get_suptitle()
     file = BytesIO()
@@ -44,16 +47,46 @@ def test_picture(columns):
 
 
 def test_colours_of_surface_and_disk_agree():
-    V, F = nearly_closed_sphere()
-    surface, disk, _ = picture(V, F, disk_map(V, F)).axes
-    np.testing.assert_array_equal(
-        surface.collections[0].get_facecolor(), disk.collections[0].get_facecolor()
-    )
+    V, F = grid(20, lambda x, y: 0 * x)
+    scene = Scene(V, F, 40)
+    surface, disk = scene.by_normal(), scene.disk(disk_map(V, F).uv)
+    assert len(np.unique(surface[surface[..., 3] == 255], axis=0)) == 1
+    np.testing.assert_array_equal(surface[20, 20], disk[20, 20])
+
+
+def test_the_near_side_hides_the_far_side():
+    """A large face far away, in front of it a small one: sorted by their middles they swap."""
+    V = np.array([[-9.0, -9, 0], [9, -9, 0], [0, 9, 9], [-1, -7, 2], [1, -7, 2], [0, -6, 2]])
+    shown = rasterize(V, np.array([[3, 4, 5], [0, 1, 2]]), 60).face
+    x, y = in_picture(V, len(shown))[3:].mean(axis=0).astype(int)
+    assert shown[y, x] == 0
+
+
+def test_a_face_without_area_hides_nothing():
+    V = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0], [0, 0, 1]])
+    shown = rasterize(V, np.array([[0, 1, 2], [0, 3, 3], [3, 3, 3]]), 30).face
+    assert set(shown.ravel()) == {-1, 0}
+
+
+def test_a_large_face_needs_little_memory():
+    V, F = np.array([[0.0, 0], [1, 0], [0, 1]]), np.array([[0, 1, 2]])
+    tracemalloc.start()
+    raster = rasterize(V, F, 600)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 150 * raster.face.size
+    assert raster.seen.mean() == pytest.approx(0.96**2 / 2, abs=0.01)
+
+
+def test_the_checkerboard_has_as_many_squares_as_it_says():
+    V, F = grid(4, lambda x, y: 0 * x)
+    row = Scene(V, F, 240).checkerboard(V[:, :2])[120, 6:-6, 2]
+    assert np.count_nonzero(np.diff((row > 200).astype(int))) == SQUARES - 1
 
 
 def test_histogram_accounts_for_all_corners_but_the_tail():
     V, F = nearly_closed_sphere()
-    bars = picture(V, F, disk_map(V, F)).axes[2].containers[0]
+    bars = picture(V, F, disk_map(V, F)).axes[3].containers[0]
     assert 98.5 < sum(bar.get_height() for bar in bars) < 100
 
 
@@ -96,17 +129,18 @@ def test_maps_side_by_side():
     figure = side_by_side([(V, F, [("one", 1.5, uv), ("two", np.nan, None)]), (V, F, [])])
     titles = [axes.get_title() for axes in figure.axes]
     assert titles == ["64 vertices", "one  1.500°", "two", "64 vertices", "", ""]
-    assert [len(axes.collections) for axes in figure.axes] == [1, 1, 0, 1, 0, 0]
+    assert [len(axes.images) for axes in figure.axes] == [1, 1, 0, 1, 0, 0]
     assert figure.axes[2].texts[0].get_text() == "no map"
 
 
 def test_disk_is_turned_to_match_the_view():
-    V, F = grid(8, lambda x, y: 0.2 * x * y)
-    turn = np.exp(2j)
-    z = (cdcp(V, F) @ [1, 1j]) * turn
-    drawn = [
-        side_by_side([(V, F, [("", 0, uv)])]).axes[1].collections[0]._triangulation.x
-        for uv in (cdcp(V, F), np.column_stack([z.real, z.imag]))
-    ]
-    np.testing.assert_allclose(drawn[0], drawn[1], atol=1e-12)
-    assert np.corrcoef(drawn[0], V[:, 0])[0, 1] > 0.95
+    V, F = grid(20, lambda x, y: -0.3 * (x**2 + y**2))
+    z = (cdcp(V, F) @ [1, 1j]) * np.exp(2j)
+    scene = Scene(V, F, 60)
+    straight, turned = scene.disk(cdcp(V, F)), scene.disk(np.column_stack([z.real, z.imag]))
+    middle = slice(20, 40)
+    assert abs(straight[middle, middle].astype(int) - turned[middle, middle]).max() <= 1
+    for image in (scene.by_normal(), turned):  # normals lean to the right on the right
+        red = image[middle, middle, 0].astype(float)
+        assert red[:, 10:].mean() > red[:, :10].mean() + 10
+    np.testing.assert_allclose(scene.extent(cdcp(V, F)), [-1, 1, -1, 1], atol=0.1)

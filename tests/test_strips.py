@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.distortion import AngleDistortion
 from cdcp_igl.solve.factor import Factor
+from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.laplacian import intrinsic_delaunay_laplacian
 from cdcp_igl.steps import remote
 from cdcp_igl.steps.circle.crowding import balanced
 from cdcp_igl.steps.circle.harmonic_measure import around, harmonic_shares
+from cdcp_igl.steps.circle.shorten import Shortened, image_scale
 from cdcp_igl.steps.extension import harmonic_extension
 from cdcp_igl.steps.mobius import mobius_transformation
 from cdcp_igl.steps.remote import remote_parts
@@ -94,7 +95,6 @@ def test_as_good_as_the_exact_map_as_far_as_doubles_go(length):
         {"refine": 2, "mobius": "area"},
         {"center": "heat"},
         {"center": "centroid"},
-        {"center": 5},
         {"preset": "paper"},
     ],
     ids=str,
@@ -154,18 +154,19 @@ def test_nothing_is_remote_on_ordinary_surfaces(monkeypatch):
 def test_the_centre_is_moved_to_where_both_ends_are_equally_far(middle):
     parts = Parts(20, width=6, middle=middle)
     assert parts.steps.min() < 1e-20
-    steps = balanced(parts.mesh, parts.measure, parts.extend, parts.face)
+    _, steps = balanced(parts.mesh, parts.measure, parts.extend, parts.face)
     middle = Parts(20, width=6)
     assert steps.min() > middle.steps.min() / 3
     known = parts.measure(middle.face)
-    assert balanced(parts.mesh, parts.measure, parts.extend, middle.face).min() >= known.min()
+    _, steps = balanced(parts.mesh, parts.measure, parts.extend, middle.face)
+    assert steps.min() >= known.min()
 
 
 def test_a_centre_that_is_far_enough_from_the_boundary_stays():
     parts = Parts(4, width=6)
-    np.testing.assert_array_equal(
-        balanced(parts.mesh, parts.measure, None, parts.face), parts.steps
-    )
+    face, steps = balanced(parts.mesh, parts.measure, None, parts.face)
+    assert face == parts.face
+    np.testing.assert_array_equal(steps, parts.steps)
 
 
 def test_a_winding_ribbon():
@@ -179,12 +180,49 @@ def test_a_winding_ribbon():
     assert distortion(18) < 1.05 * distortion(6)
 
 
-@pytest.mark.parametrize("length", [24, 28, 40])
-def test_beyond_what_doubles_hold_it_is_certified_and_says_why(length):
-    V, F = strip(length, 8)
-    result = cdcp_igl.disk_map(V, F)
-    assert result.certificate.valid
-    assert isinstance(result.distortion, AngleDistortion)
-    assert any(
-        "crowding" in reason or "no certificate" in reason for reason in result.trace.rejected
-    )
+def test_conductivity_shortens_a_strip():
+    V, F = strip(28)
+    surface, face = FactoredSurface.of(DiskMesh(V, F)), Parts(28).face
+    loop = surface.mesh.loop
+
+    def rate(x, values, first, last):
+        """Of exponential growth along the strip, by that of the conformal map, pi."""
+        between = (x > first) & (x < last)
+        return np.polyfit(x[between], np.log(values[between]), 1)[0] / np.pi
+
+    axis = abs(V[:, 1] - 0.5) < 1e-9
+    scale, _ = image_scale(surface, face)
+    assert rate(V[axis, 0], scale[axis], 1, 12) == pytest.approx(1, rel=0.01)
+
+    shortened = Shortened(surface, face)
+    assert 0.5 < shortened.part < 1
+    side = V[loop, 1] == 0
+    x, steps = V[loop[side], 0], shortened.steps[side]
+    assert rate(x, steps, 1.5, 3.5) == pytest.approx(shortened.part, rel=0.05)
+    assert rate(x, steps, 10, 12) == pytest.approx(1, rel=0.05)
+
+
+def test_any_centre_will_do_for_a_strip():
+    V, F = strip(14)
+    for face in (5, len(F) // 5):
+        result = cdcp_igl.disk_map(V, F, center=face)
+        assert result.trace.name == "balanced harmonic measure"
+        assert result.conformal
+        assert result.distortion.mean < 1.03 * exact_distortion(V, F, 14)
+
+
+def test_what_is_long_enough_is_not_shortened():
+    surface = FactoredSurface.of(DiskMesh(*strip(6, 8)))
+    assert Shortened(surface, Parts(6, 8).face).part == 1
+    surface = FactoredSurface.of(DiskMesh(*strip(400, 2)))
+    assert Shortened(surface, Parts(400, 2).face).part == 0
+
+
+@pytest.mark.parametrize(("length", "degrees"), [(24, 11), (28, 16), (40, 27)])
+def test_beyond_what_doubles_hold_it_is_certified_and_says_why(length, degrees):
+    result = cdcp_igl.disk_map(*strip(length, 10))
+    assert result.valid
+    assert not result.conformal
+    assert result.trace.name == "shortened"
+    assert any("crowding" in reason for reason in result.conformality.reasons)
+    assert result.distortion.mean < degrees

@@ -11,8 +11,8 @@ import numpy as np
 __all__ = ["memory_needed"]
 
 # Peak memory of a map; `cdcp-igl batch` writes it down for every surface, and on those from
-# 100,000 to a million vertices it is less than this.
-MIB_PER_VERTEX = 2e-3
+# 100,000 to a million vertices it is less than this, cut open or not.
+MIB_PER_VERTEX = 2.5e-3
 MIB_OF_PYTHON = 150.0
 
 # The fewest bytes that a vertex and its two faces take in each kind of file.

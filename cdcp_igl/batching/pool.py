@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..processes import available_memory, cause_of_death, resident
+from ..reference.processes import available_memory, cause_of_death, resident
 from .memory import memory_needed
 from .records import FAILED, Record
 from .work import Task

@@ -12,13 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from ..io import remove_stale
+from ..extras import from_extra
+from ..io import remove_stale, whole_file
 from .executors import run_on
 from .journal import Journal, read_journals, write_summary
-from .names import result_names, surface_files
+from .names import result_names, shown, surface_files
+from .page import report_page
 from .pool import Pool
 from .records import DONE, FAILED, Record
 from .settings import Settings
+from .targets import try_to_write
 from .work import Task
 
 __all__ = ["Batch", "batch"]
@@ -83,10 +86,12 @@ def batch(
     format: str = "npz",
     disk: bool = False,
     clean: bool = False,
+    cut: bool = False,
     retry: bool = False,
     time_limit: float = np.inf,
     memory_limit: float = np.inf,
     shard: tuple[int, int] | None = None,
+    report: str | os.PathLike[str] | None = None,
     progress: Callable[[int, int, int], None] | None = None,
     **options: Any,
 ) -> Batch:
@@ -117,6 +122,8 @@ def batch(
     clean : bool
         Mend each surface first, see `cdcp_igl.clean`. A result has what is left of the surface,
         in its order.
+    cut : bool
+        Map surfaces that are no disks as well, see `cdcp_igl.surface_map`.
     retry : bool
         Try again what failed in a former run.
     time_limit, memory_limit : float
@@ -125,10 +132,13 @@ def batch(
     shard : (int, int), optional
         Part i of n, from 1: every n-th surface, with a ``results.i-of-n.jsonl``; for job arrays
         that write to one folder.
+    report : path-like, optional
+        An HTML page to write, with a histogram, a table and a picture of each disk, as far as
+        it was mapped with a report. Needs the extra `plot`.
     progress : callable, optional
         Called as ``progress(done, failed, total)``, at first with what former runs have done.
     **options
-        Those of `cdcp_igl.disk_map`.
+        Those of `cdcp_igl.disk_map`, or of `cdcp_igl.surface_map`.
 
     Returns
     -------
@@ -156,15 +166,19 @@ def batch(
     >>> [(record.name, record.status, record.error) for record in made.records]
     [('cap', 'done', ''), ('torn', 'failed', 'MeshError')]
     """
-    settings = Settings(format=format, disk=disk, clean=clean, options=options)
+    settings = Settings(format=format, disk=disk, clean=clean, cut=cut, options=options)
     limits = {"time_limit": time_limit, "memory_limit": memory_limit}
     if executor is not None and (jobs, *limits.values()) != (1, np.inf, np.inf):
         raise ValueError("jobs and limits are those of the executor; give one or the other")
     if jobs < 1:
         raise ValueError(f"jobs must be 1 or more, not {jobs!r}")
     folder = Path(out).absolute()
-    tasks = _tasks(surface_files(files, folder), folder, settings, shard)
+    tasks = _tasks(surface_files(files, folder), folder, settings, shard, report is not None)
     folder.mkdir(parents=True, exist_ok=True)
+    if report:
+        with from_extra("plot"):
+            import matplotlib  # noqa: F401
+        try_to_write(Path(report))
     with Journal(folder, shard) as journal:
         known = read_journals(folder, settings.digest)
         records = {
@@ -174,8 +188,8 @@ def batch(
         }
         left = [task for task in tasks if task.name not in records]
         count = Counter(record.status for record in records.values())
-        report = progress or (lambda done, failed, total: None)
-        report(count[DONE], count.total() - count[DONE], len(tasks))
+        tell = progress or (lambda done, failed, total: None)
+        tell(count[DONE], count.total() - count[DONE], len(tasks))
         marks = folder / f".{journal.path.stem}.attempts"
         made = run_on(executor, left, marks) if executor else Pool(jobs, **limits).run(left)
         try:
@@ -184,17 +198,27 @@ def batch(
                     journal.append(record)
                     records[record.name] = record
                     count[record.status] += 1
-                    report(count[DONE], count.total() - count[DONE], len(tasks))
+                    tell(count[DONE], count.total() - count[DONE], len(tasks))
         finally:
             for place in {os.path.dirname(task.target) for task in tasks}:
                 remove_stale(place)  # of workers that were killed
             summary = read_journals(folder, settings.digest)
             write_summary(folder / "summary.csv", (summary[name] for name in sorted(summary)))
-    return Batch(folder, tuple(records[task.name] for task in tasks))
+    done = Batch(folder, tuple(records[task.name] for task in tasks))
+    if report:
+        pictures = {task.name: Path(task.thumbnail) for task in tasks}
+        page = report_page(f"Maps in {shown(folder.name)}", str(done), done.records, pictures)
+        with whole_file(report) as unfinished:
+            unfinished.write_text(page, encoding="utf-8")
+    return done
 
 
 def _tasks(
-    files: list[Path], folder: Path, settings: Settings, shard: tuple[int, int] | None
+    files: list[Path],
+    folder: Path,
+    settings: Settings,
+    shard: tuple[int, int] | None,
+    pictures: bool,
 ) -> list[Task]:
     if not files:
         raise ValueError("there is no surface to map")
@@ -202,7 +226,13 @@ def _tasks(
     if not 1 <= part <= parts:
         raise ValueError(f"shard must be (i, n) with i from 1 to n, not {shard!r}")
     tasks = [
-        Task(name, str(file), str(folder / f"{name}.{settings.format}"), settings)
+        Task(
+            name,
+            str(file),
+            str(folder / f"{name}.{settings.format}"),
+            settings,
+            str(folder / "thumbnails" / f"{name}.jpg") if pictures else "",
+        )
         for name, file in zip(result_names(files), files, strict=True)
     ]
     return tasks[part - 1 :: parts]

@@ -87,12 +87,6 @@ def _into_png(path: Path, mark: bytes) -> None:
     path.write_bytes(data[:-PNG_END] + text + data[-PNG_END:])
 
 
-def _into_json(path: Path, mark: bytes) -> None:
-    report = json.loads(path.read_text(encoding="utf-8"))
-    marked = json.dumps({**report, "made": mark.decode()}, indent=2)
-    path.write_text(f"{marked}\n", encoding="utf-8")
-
-
 _STAMPERS: dict[str, Callable[[Path, bytes], None]] = {
     ".npz": _into_archive,
     ".obj": _append(b"# %s\n"),
@@ -100,7 +94,6 @@ _STAMPERS: dict[str, Callable[[Path, bytes], None]] = {
     ".ply": _into_ply,
     ".glb": _into_glb,
     ".png": _into_png,
-    ".json": _into_json,
     ".svg": _append(b"<!-- %s -->\n"),
     ".html": _append(b"<!-- %s -->\n"),
     ".pdf": _append(b"%% %s\n"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -10,20 +9,23 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import numpy as np
+from numpy.typing import NDArray
 
 from .. import __version__
-from ..algorithm import disk_map
-from ..distortion import area_distortion
-from ..io import read_mesh, whole_file, write_map
-from ..processes import forget_peak_memory, peak_memory
-from ..surface.cleaning import clean
-from .names import shown
+from ..io import read_mesh
+from ..reference.processes import forget_peak_memory, peak_memory
+from .mapped import map_surface
 from .records import DONE, FAILED, REFUSED, Record
 from .settings import Settings
-from .stamps import Stamp, put_stamp, read_stamp
+from .stamps import Stamp
+from .targets import digest_of, objection
+from .thumbnails import draw_thumbnail
 
 __all__ = ["Task", "Unwritten", "map_file"]
+
+Array = NDArray[Any]
+
+ANOTHER = " with these options; move it, or take another folder"
 
 
 @dataclass(frozen=True)
@@ -37,12 +39,15 @@ class Task:
     source, target : str
         Absolute paths of the surface and of the result.
     settings : Settings
+    thumbnail : str
+        Path of a picture of the disks; empty for none.
     """
 
     name: str
     source: str
     target: str
     settings: Settings
+    thumbnail: str = ""
 
     def state(self) -> tuple[int, int]:
         """Return size and time of the surface's file, -1 if there is none."""
@@ -88,14 +93,19 @@ def map_file(task: Task) -> Record:
     start = perf_counter()
     forget_peak_memory()
     record = task.record(FAILED)
+    source, target = Path(task.source), Path(task.target)
     try:
-        with open(task.source, "rb") as file:
-            stamp = Stamp(hashlib.file_digest(file, "sha256").hexdigest(), task.settings.digest)
+        stamp = Stamp(digest_of(source), task.settings.digest)
         record = replace(record, input_digest=stamp.input)
-        if objection := _objection(task, stamp):
-            record = replace(record, status=REFUSED, error="FileExistsError", message=objection)
+        # With the right mark, it is from a run that was killed before it could say so.
+        if message := objection(target, source, lambda found: found == stamp, ANOTHER):
+            record = replace(record, status=REFUSED, error="FileExistsError", message=message)
         else:
-            record = _mapped(task, stamp, record)
+            notes: list[str] = []
+            V, F = read_mesh(source, notes.append)
+            record = replace(record, vertices=len(V), faces=len(F))
+            record = _mapped(task, V, F, stamp, record)
+            record = replace(record, status=DONE, changes=(*notes, *record.changes))
     except Unwritten:
         raise
     except Exception as error:  # whatever it is, the other surfaces can do without this one
@@ -109,48 +119,15 @@ def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="microseconds")
 
 
-def _objection(task: Task, stamp: Stamp) -> str:
-    """Say why the result must not be written, if so."""
-    target = Path(task.target)
-    if not target.exists():
-        return ""
-    if os.path.samefile(task.source, target):
-        return "The result would replace the surface; take another folder."
-    if read_stamp(target) == stamp:
-        return ""  # from a run that was killed before it could say so
-    return (
-        f"{shown(target)} is there, and was not made from this file with these options; "
-        "move it, or take another folder."
-    )
-
-
-def _mapped(task: Task, stamp: Stamp, record: Record) -> Record:
-    notes: list[str] = []
-    V, F = read_mesh(task.source, notes.append)
-    record = replace(record, vertices=len(V), faces=len(F))
-    n, m = len(V), len(F)
-    if task.settings.clean:
-        V, F, vertex_index, face_index = cleaned = clean(V, F)
-        notes += cleaned.changes
-        n, m = int((vertex_index >= 0).sum()), int((face_index >= 0).sum())
-    result = disk_map(V, F, **task.settings.options)
+def _mapped(task: Task, V: Array, F: Array, stamp: Stamp, record: Record) -> Record:
+    """Map and write; Unwritten if the file cannot be written."""
+    mapped = map_surface(V, F, task.settings)
     target = Path(task.target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(target) as unfinished:
-            write_map(unfinished, V[:n], F[:m], result.uv[:n], disk=task.settings.disk)
-            put_stamp(unfinished, stamp)
+        mapped.write(target, Path(task.source), task.settings, stamp)
+        if task.thumbnail:
+            draw_thumbnail(Path(task.thumbnail), mapped.disks)
     except OSError as error:
         raise Unwritten(error.errno, error.strerror, task.target) from error
-    return replace(
-        record,
-        status=DONE,
-        changes=tuple(notes),
-        disks=1,
-        flips=len(result.certificate.flipped),
-        mean=result.distortion.mean,
-        sd=result.distortion.sd,
-        area=float(np.abs(area_distortion(V, F, result.uv)).mean()),
-        conformal=result.conformal,
-        boundary=result.trace.name,
-    )
+    return replace(record, **mapped.measures())

@@ -8,14 +8,15 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["READABLE", "WRITABLE", "Input", "Quiet", "target"]
+__all__ = ["READABLE", "WRITABLE", "Inputs", "Quiet", "target"]
 
 # Those of `io`, spelled out: `--help` shows them, and must not wait for NumPy.
 READABLE = (".mat", ".npz", ".obj", ".off", ".ply", ".stl")
 WRITABLE = (".glb", ".npz", ".obj", ".ply")
 
-Input = Annotated[
-    Path, typer.Argument(metavar="IN", help=f"Triangulated surface ({' '.join(READABLE)}).")
+Inputs = Annotated[
+    list[Path],
+    typer.Argument(metavar="IN...", help=f"Triangulated surfaces ({' '.join(READABLE)})."),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but what went wrong.")]
 

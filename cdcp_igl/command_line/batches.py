@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..extras import from_extra
-from .arguments import READABLE, Quiet
+from .arguments import READABLE, Quiet, target
 from .map_options import (
     Align,
     Center,
@@ -73,6 +73,9 @@ def batch_command(
         bool, typer.Option("--disk", help="Texture coordinates in the unit disk.")
     ] = False,
     clean: Annotated[bool, typer.Option("--clean", help="Mend each surface first.")] = False,
+    cut: Annotated[
+        bool, typer.Option("--cut", help="Cut surfaces open that are no disks.")
+    ] = False,
     retry: Annotated[
         bool, typer.Option("--retry", help="Try again what failed in a former run.")
     ] = False,
@@ -85,6 +88,14 @@ def batch_command(
     shard: Annotated[
         str | None,
         typer.Option(metavar="I/N", callback=_shard, help="Map part I of N only: for job arrays."),
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="R.html",
+            callback=target(".html"),
+            help="One page with a histogram, a table and a picture of every disk.",
+        ),
     ] = None,
     scheduler: Annotated[
         str | None,
@@ -121,8 +132,10 @@ def batch_command(
             format=format.value,
             disk=disk,
             clean=clean,
+            cut=cut,
             retry=retry,
             shard=shard,  # type: ignore[arg-type] # what the callback has made of it
+            report=report,
             progress=progress,
             **options,
         )

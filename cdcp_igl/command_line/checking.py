@@ -2,26 +2,83 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
 import typer
 
-from .arguments import Input
+from .arguments import Inputs
 from .messages import BAD_INPUT, exit_codes, show
+
+if TYPE_CHECKING:
+    from ..surface.report import MeshReport
 
 __all__ = ["check_command"]
 
 
-def check_command(mesh: Input) -> None:
-    """Report every defect of a mesh.
+def check_command(
+    meshes: Inputs,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print a list of objects, one a file.")
+    ] = False,
+) -> None:
+    """Report every defect of meshes, what kind of surface each is, and how to go on.
 
-    Exit codes: 0 a disk, 2 not a disk or not readable.
+    Exit codes: 0 all are disks, 2 one is not a disk or not readable.
     """
+    from ..errors import MeshError
     from ..io import read_mesh
-    from ..surface.report import check
+    from ..surface.report import MeshReport, check
 
-    notes: list[str] = []
-    with exit_codes():
-        V, F = read_mesh(mesh, notes.append)
-    report = check(V, F)
-    show(str(report), notes, "green" if report.is_disk else "red")
-    if not report.is_disk:
+    rows, disks = [], 0
+    for mesh in meshes:
+        notes: list[str] = []
+        try:
+            with exit_codes(mesh if len(meshes) > 1 else None):
+                try:
+                    V, F = read_mesh(mesh, notes.append)
+                    report = check(V, F)
+                except MeshError as error:
+                    if not as_json:
+                        raise
+                    report = MeshReport(0, 0, defects=error.defects)
+        except typer.Exit:
+            continue  # and the message has been printed
+        disks += report.is_disk
+        rows.append(_as_json(mesh, report, notes))
+        if not as_json:
+            name = f"{mesh}: " if len(meshes) > 1 else ""
+            show(f"{name}{report}", notes, "green" if report.is_disk else "red")
+    if as_json:
+        typer.echo(json.dumps(rows, indent=2))
+    if disks < len(meshes):
         raise typer.Exit(BAD_INPUT)
+
+
+def _as_json(mesh: Path, report: MeshReport, notes: list[str]) -> dict[str, Any]:
+    return {
+        "file": str(mesh),
+        "disk": report.is_disk,
+        "kind": report.kind,
+        "vertices": report.n_vertices,
+        "faces": report.n_faces,
+        "boundary_vertices": report.n_boundary,
+        "components": report.n_components,
+        "boundary_loops": report.n_loops,
+        "genus": report.genus,
+        "ears": report.ears.tolist(),
+        "chords": report.chords.tolist(),
+        "defects": [
+            {
+                "name": defect.name,
+                "what": defect.what,
+                "remedy": defect.remedy,
+                "of": defect.kind,
+                "indices": defect.indices.tolist(),
+            }
+            for defect in report.defects
+        ],
+        "next_step": report.next_step,
+        "notes": notes,
+    }

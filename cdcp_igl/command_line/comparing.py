@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..extras import from_extra
-from .arguments import READABLE, target
-from .messages import exit_codes, writing
+from .arguments import Inputs, target
+from .messages import BAD_INPUT, SOME_FAILED, exit_codes, writing
 from .progress import progress_bar
 
 if TYPE_CHECKING:
@@ -31,10 +31,7 @@ def _methods(text: str | None) -> str | None:
 
 
 def compare_command(
-    meshes: Annotated[
-        list[Path],
-        typer.Argument(metavar="IN...", help=f"Triangulated surfaces ({' '.join(READABLE)})."),
-    ],
+    meshes: Inputs,
     methods: Annotated[
         str | None,
         typer.Option(
@@ -57,19 +54,24 @@ def compare_command(
     picture: Annotated[
         Path | None,
         typer.Option(
-            metavar="P.png", callback=target(".png"), help="The maps side by side, a row a mesh."
+            metavar="P.png",
+            callback=target(".png", ".svg", ".pdf"),
+            help="The maps side by side, a row a mesh (.png .svg .pdf).",
         ),
     ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
 ) -> None:
     """Compare methods on meshes: a table of distortion, flips, time and memory for each.
 
-    Each method runs in a process of its own; one that fails has a row that says so.
+    Each method runs in a process of its own; one that fails has a row that says so. A mesh that
+    is no disk is named, and left out.
 
     Exit codes: 0 all rows are there; 1 a file could not be written, or an extra is missing;
-    2 bad input.
+    2 bad input; 4 some meshes were left out.
     """
     from rich.console import Console
 
+    from ..batching.targets import try_to_write
     from ..io import read_mesh, whole_file
     from ..reference.case import run_case
     from ..surface.mesh import DiskMesh
@@ -78,28 +80,39 @@ def compare_command(
     names = (methods or ",".join(METHODS)).split(",")
     cases: dict[str, list[Case]] = {}
     rows: list[MapRow] = []
-    with exit_codes():
+    with exit_codes(), writing():
         if picture:
             with from_extra("plot"):
                 from ..plot import side_by_side
-        surfaces = {str(path): read_mesh(path) for path in meshes}
-        for V, F in surfaces.values():
-            DiskMesh(V, F)
-    for mesh, (V, F) in surfaces.items():
+        for path in filter(None, (json_file, csv_file, picture)):
+            if path.exists() and not force:
+                raise typer.BadParameter(f"{path} is there; --force replaces it.")
+            try_to_write(path)
+    for mesh in meshes:
+        try:
+            with exit_codes(mesh):
+                V, F = read_mesh(mesh)
+                DiskMesh(V, F)
+        except typer.Exit:
+            continue  # and the message has been printed
         made = []
         with progress_bar() as progress:
             for done, name in enumerate(names):
                 progress(name, done / len(names))
                 made.append(run_case(name, V, F, time_limit=time_limit))
-        cases[mesh] = [case for case, _ in made]
+        cases[str(mesh)] = [case for case, _ in made]
         rows.append((V, F, [(case.method, case.mean, uv) for case, uv in made]))
         width = None if sys.stdout.isatty() else 120
-        Console(width=width).print(table(f"{mesh}: {len(V):,} vertices", cases[mesh]))
+        Console(width=width).print(table(f"{mesh}: {len(V):,} vertices", cases[str(mesh)]))
+    if not cases:
+        raise typer.Exit(BAD_INPUT)
     with writing():
-        for target, write in ((json_file, write_json), (csv_file, write_csv)):
-            if target:
-                with whole_file(target) as unfinished:
+        for target_file, write in ((json_file, write_json), (csv_file, write_csv)):
+            if target_file:
+                with whole_file(target_file) as unfinished:
                     write(unfinished, cases)
         if picture:
             with whole_file(picture) as unfinished:
                 side_by_side(rows).savefig(unfinished)
+    if len(cases) < len(meshes):
+        raise typer.Exit(SOME_FAILED)

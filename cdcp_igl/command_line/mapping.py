@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ..extras import from_extra
-from .arguments import WRITABLE, Input, Quiet, target
+from .arguments import READABLE, WRITABLE, Quiet, target
 from .map_options import (
     Align,
     Center,
@@ -20,8 +21,14 @@ from .map_options import (
     RefineSeconds,
     chosen_options,
 )
-from .messages import exit_codes, show, writing
+from .messages import BAD_INPUT, SOME_FAILED, exit_codes, show, writing
 from .progress import progress_bar
+
+if TYPE_CHECKING:
+    from ..atlas import SurfaceMap
+    from ..batching.mapped import Mapped
+    from ..batching.stamps import Stamp
+    from ..result import DiskMap
 
 __all__ = ["map_command"]
 
@@ -29,22 +36,41 @@ MAPPED = 0.8  # of the progress, when the map is computed
 
 
 def map_command(
-    mesh: Input,
-    out: Annotated[
-        Path,
+    files: Annotated[
+        list[Path],
         typer.Argument(
-            metavar="OUT",
-            callback=target(*WRITABLE),
-            help="The map: texture coordinates (.obj .ply), or V, F and uv (.npz).",
+            metavar="IN OUT",
+            help=f"The surface ({' '.join(READABLE)}), and the map: texture coordinates "
+            "(.obj .ply .glb), or V, F and uv (.npz). With --out-dir, surfaces only.",
         ),
     ],
-    clean_first: Annotated[
+    out_dir: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Map all files named, each to its name in this folder; what cannot be written "
+            "in its own type as .obj.",
+        ),
+    ] = None,
+    force: Annotated[
+        bool,
+        typer.Option("--force", help="Replace files that were not made from this surface."),
+    ] = False,
+    clean: Annotated[
         bool,
         typer.Option(
             "--clean",
             help="Mend the surface first and say how: merge equal vertices, drop bad faces, "
             "orient, keep the largest component, fill holes. OUT has what is left of IN, in its "
             "order, without the filling.",
+        ),
+    ] = False,
+    cut: Annotated[
+        bool,
+        typer.Option(
+            "--cut",
+            help="Map a surface that is no disk: closed, with handles, holes or several parts. It "
+            "is cut open, and each part mapped; texture coordinates show the disks side by side.",
         ),
     ] = False,
     disk: Annotated[
@@ -68,52 +94,148 @@ def map_command(
         Path | None,
         typer.Option(
             metavar="P.png",
-            callback=target(".png"),
-            help="Surface, disk and histogram of the angular distortion.",
+            callback=target(".png", ".svg", ".pdf"),
+            help="Surface, disk and histogram of the angular distortion (.png .svg .pdf).",
+        ),
+    ] = None,
+    view: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="V.html",
+            callback=target(".html"),
+            help="A page in which the surface turns beside the disk.",
         ),
     ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Map a triangulated disk conformally onto the unit disk.
 
-    Files appear whole or not at all, and only if the map is valid.
+    Files appear whole or not at all, and only if the map is valid. A file that is there already
+    is replaced only if it was made from the same surface, the surface itself never.
 
     Exit codes: 0 a valid map; 1 a file could not be written, or an extra is missing;
-    2 bad input; 3 no valid map.
+    2 bad input; 3 no valid map; 4 with --out-dir, some have failed.
     """
     options = chosen_options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
+    pairs = _pairs(files, out_dir)
+    if len(pairs) > 1 and (report or picture or view):
+        raise typer.BadParameter("--report, --picture and --view are for one surface.")
+    failed = 0
+    for source, out in pairs:
+        job = _Job(source, out, report, picture, view, disk, clean, cut, options, force)
+        try:
+            with exit_codes(source if len(pairs) > 1 else None):
+                result, notes = job.run()
+            if not quiet:
+                show(str(result), notes, "green")
+        except typer.Exit:
+            if not out_dir:
+                raise
+            failed += 1
+    if failed:
+        typer.echo(f"{failed} of {len(pairs)} surfaces are not mapped", err=True)
+        raise typer.Exit(SOME_FAILED)
 
-    from ..algorithm import disk_map
-    from ..io import read_mesh, whole_file, write_map
-    from ..surface.cleaning import clean
 
-    notes: list[str] = []
-    with exit_codes(), progress_bar() as progress:
-        if picture:
-            with from_extra("plot"):
-                from ..plot import picture as draw
-        progress("read", 0)
-        V, F = read_mesh(mesh, notes.append)
-        n, m = len(V), len(F)
-        if clean_first:
-            V, F, vertex_index, face_index = cleaned = clean(V, F)
-            notes += cleaned.changes
-            n, m = int((vertex_index >= 0).sum()), int((face_index >= 0).sum())
-            if m < len(F):
-                notes.append(f"The filling is not in {out.name}.")
-        result = disk_map(
-            V, F, **options, progress=lambda phase, done: progress(phase, MAPPED * done)
-        )
-        with writing():
-            if picture:
+def _pairs(files: list[Path], out_dir: Path | None) -> list[tuple[Path, Path]]:
+    """Return each surface with the file to write."""
+    if not out_dir:
+        if len(files) != 2:
+            raise typer.BadParameter("give IN and OUT; several surfaces need --out-dir DIR.")
+        source, out = files
+        target(*WRITABLE)(out)
+        return [(source, out)]
+    from ..batching.names import result_names
+
+    names = result_names([file.absolute() for file in files])
+    pairs = []
+    for source, name in zip(files, names, strict=True):
+        suffix = source.suffix if source.suffix.lower() in WRITABLE else ".obj"
+        pairs.append((source, out_dir / f"{name}{suffix}"))
+    return pairs
+
+
+@dataclass(frozen=True)
+class _Job:
+    """One surface, and what is to be written of it."""
+
+    source: Path
+    out: Path
+    report: Path | None
+    picture: Path | None
+    view: Path | None
+    disk: bool
+    clean: bool
+    cut: bool
+    options: dict[str, Any]
+    force: bool
+
+    def run(self) -> tuple[DiskMap | SurfaceMap, list[str]]:
+        """Map the surface; typer.Exit, with its code, if something is wrong."""
+        from ..batching.mapped import map_surface
+        from ..batching.settings import Settings
+        from ..batching.stamps import Stamp
+        from ..batching.targets import digest_of
+        from ..io import read_mesh, whole_file
+
+        notes: list[str] = []
+        with progress_bar() as progress:
+            progress("read", 0)
+            settings = Settings(
+                self.out.suffix[1:].lower(), self.disk, self.clean, self.cut, self.options
+            )
+            V, F = read_mesh(self.source, notes.append)
+            stamp = Stamp(digest_of(self.source), settings.digest)
+            self._check_targets(stamp)
+            mapped = map_surface(V, F, settings, lambda phase, done: progress(phase, MAPPED * done))
+            with writing():
                 progress("draw", MAPPED)
-                figure = draw(V, F, result, name=mesh.name)
-                with whole_file(picture) as unfinished:
-                    figure.savefig(unfinished)
-            progress("write", 0.9)
-            if report:
-                with whole_file(report) as unfinished:
-                    unfinished.write_text(json.dumps(result.report(), indent=2) + "\n")
-            write_map(out, V[:n], F[:m], result.uv[:n], disk=disk)  # the filling comes last
-    if not quiet:
-        show(str(result), notes, "green")
+                self._draw(mapped, stamp)
+                progress("write", 0.9)
+                if self.report:
+                    report = json.dumps(mapped.report() | {"made": str(stamp)}, indent=2)
+                    with whole_file(self.report) as unfinished:
+                        unfinished.write_text(f"{report}\n", encoding="utf-8")
+                mapped.write(self.out, self.source, settings, stamp)
+        if not self.cut:  # the summary of a surface that was cut has them
+            notes += mapped.changes
+        return mapped.result, notes
+
+    def _check_targets(self, stamp: Stamp) -> None:
+        """Know before the map whether everything can be written afterwards."""
+        from ..batching.targets import objection, try_to_write
+
+        if self.picture or self.view:
+            with from_extra("plot"):
+                import matplotlib  # noqa: F401
+
+        def ours(found: Stamp | None) -> bool:
+            return self.force or (found is not None and found.input == stamp.input)
+
+        for path in filter(None, (self.out, self.report, self.picture, self.view)):
+            if message := objection(path, self.source, ours, "; --force replaces it"):
+                typer.echo(message, err=True)
+                raise typer.Exit(BAD_INPUT)
+            with writing():
+                path.parent.mkdir(parents=True, exist_ok=True)
+                try_to_write(path)
+
+    def _draw(self, mapped: Mapped, stamp: Stamp) -> None:
+        """Draw the picture and the page; of several disks, that of the largest part."""
+        from ..batching.stamps import put_stamp
+        from ..io import whole_file
+
+        disk, name = mapped.disks[0], self.source.name
+        if self.picture:
+            from ..plot import picture
+
+            figure = picture(disk.mesh.positions, disk.mesh.F, disk, name=name)
+            with whole_file(self.picture) as unfinished:
+                figure.savefig(unfinished)
+                put_stamp(unfinished, stamp)
+        if self.view:
+            from ..plot import view_html
+
+            with whole_file(self.view) as unfinished:
+                unfinished.write_text(view_html(disk, title=name), encoding="utf-8")
+                put_stamp(unfinished, stamp)

@@ -6,6 +6,7 @@ import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import typer
 
@@ -27,8 +28,9 @@ def writing() -> Iterator[None]:
 
 
 @contextmanager
-def exit_codes() -> Iterator[None]:
-    """Turn the errors that users can mend into a message and an exit code."""
+def exit_codes(file: Path | None = None) -> Iterator[None]:
+    """Turn the errors that users can mend into a message, of this file, and an exit code."""
+    from ..batching.names import shown
     from ..errors import MapError, MeshError, SolverError
 
     try:
@@ -45,6 +47,8 @@ def exit_codes() -> Iterator[None]:
         message, code = str(error), FAILED
     else:
         return
+    if file and str(file) not in message:
+        message = "\n".join(f"{shown(file)}: {line}" for line in message.splitlines())
     typer.echo(message, err=True)
     raise typer.Exit(code)
 

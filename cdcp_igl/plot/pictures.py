@@ -7,21 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .. import libigl
 from ..arrays import Floats, Ints
 from ..distortion import angle_distortion
 from ..extras import from_extra
-from ..surface.validation import as_surface
 from .layout import Mapped
-from .viewpoint import choose_viewpoint
+from .raster import Bytes
+from .scene import Extent, Scene
 
 with from_extra("plot"):
     from matplotlib.axes import Axes
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.collections import TriMesh
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle
-    from matplotlib.tri import Triangulation
 
 __all__ = ["MapRow", "picture", "side_by_side"]
 
@@ -29,11 +26,11 @@ __all__ = ["MapRow", "picture", "side_by_side"]
 MapRow = tuple[Floats, Ints, Sequence[tuple[str, float, Floats | None]]]
 
 INK, FAINT = "#222222", "#9a9a9a"
-LIGHT = np.array([-0.35, 0.5, 0.79])  # from above left, behind the viewer
+PIXELS, SMALL = 620, 360  # across a surface, alone and among many
 
 
 def picture(V: ArrayLike, F: ArrayLike, result: Mapped, *, name: str = "") -> Figure:
-    """Draw the surface, its image and the angular distortion side by side.
+    """Draw the surface, its image, a checkerboard and the angular distortion side by side.
 
     Parameters
     ----------
@@ -49,9 +46,10 @@ def picture(V: ArrayLike, F: ArrayLike, result: Mapped, *, name: str = "") -> Fi
     Returns
     -------
     matplotlib.figure.Figure
-        The surface coloured by its normals, the same colours on the disk, and the
-        histogram of the angular distortion. The disk is turned to match the view of the
-        surface. Independent of pyplot: save it with ``savefig``.
+        The surface coloured by its normals, the same colours on the disk, the surface under
+        a checkerboard of the disk, whose squares keep their right angles where the map is
+        conformal, and the histogram of the angular distortion. The disk is turned to match the
+        view of the surface. Independent of pyplot: save it with ``savefig``.
 
     Examples
     --------
@@ -60,16 +58,17 @@ def picture(V: ArrayLike, F: ArrayLike, result: Mapped, *, name: str = "") -> Fi
     >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
     >>> figure = picture(V, F, cdcp_igl.disk_map(V, F), name="cap")
     >>> len(figure.axes)
-    3
+    4
     """
-    scene = _Scene(V, F)
-    figure = Figure(figsize=(15, 5.4), dpi=150, facecolor="white")
+    scene = Scene(V, F, PIXELS)
+    figure = Figure(figsize=(20, 5.4), dpi=150, facecolor="white")
     FigureCanvasAgg(figure)
-    surface, disk, histogram = figure.subplots(
-        1, 3, width_ratios=(1, 1, 0.85), gridspec_kw={"wspace": 0.12}
+    surface, disk, board, histogram = figure.subplots(
+        1, 4, width_ratios=(1, 1, 1, 0.85), gridspec_kw={"wspace": 0.12}
     )
-    scene.draw_surface(surface)
-    scene.draw_map(disk, result.uv)
+    _show(surface, scene.by_normal())
+    _show(disk, scene.disk(result.uv), scene.extent(result.uv))
+    _show(board, scene.checkerboard(result.uv))
     disk.add_patch(Circle((0, 0), 1, fill=False, edgecolor=INK, linewidth=0.6))
     _draw_histogram(histogram, angle_distortion(V, F, result.uv).ravel(), result)
     figure.subplots_adjust(left=0.01, right=0.985, bottom=0.12, top=0.88)
@@ -120,8 +119,8 @@ def side_by_side(rows: Sequence[MapRow]) -> Figure:
     FigureCanvasAgg(figure)
     panels = figure.subplots(len(rows), columns, squeeze=False)
     for line, (V, F, maps) in zip(panels, rows, strict=True):
-        scene = _Scene(V, F)
-        scene.draw_surface(line[0])
+        scene = Scene(V, F, SMALL)
+        _show(line[0], scene.by_normal())
         line[0].set_title(f"{len(V):,} vertices", color=INK, fontsize=10)
         for axes, (name, mean, uv) in zip(line[1:], maps, strict=False):
             axes.set_axis_off()
@@ -129,43 +128,14 @@ def side_by_side(rows: Sequence[MapRow]) -> Figure:
             if uv is None:
                 axes.text(0.5, 0.5, "no map", ha="center", color=FAINT)
             else:
-                scene.draw_map(axes, uv)
+                _show(axes, scene.disk(uv))
     figure.tight_layout()
     return figure
 
 
-class _Scene:
-    """A surface as the viewer sees it, coloured by its normals."""
-
-    def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
-        positions, self._faces = as_surface(V, F)
-        self._seen = positions @ choose_viewpoint(positions, self._faces).T
-        normals = vertex_normals(self._seen, self._faces)
-        self._front = normals[:, 2] > 0
-        self._colors = normal_colors(normals)
-
-    def draw_surface(self, axes: Axes) -> None:
-        """Draw the surface, far faces first."""
-        far_to_near = np.argsort(self._seen[self._faces, 2].sum(axis=1))
-        self._draw(axes, self._seen[:, :2], self._faces[far_to_near])
-
-    def draw_map(self, axes: Axes, uv: Floats) -> None:
-        """Draw a map, turned so that what one sees of the surface keeps its direction."""
-        z = uv @ [1, 1j]
-        x = self._seen[self._front, :2] @ [1, 1j]
-        z = z * np.exp(1j * np.angle(np.vdot(z[self._front], x - x.mean())))
-        self._draw(axes, np.column_stack([z.real, z.imag]), self._faces)
-
-    def _draw(self, axes: Axes, xy: Floats, F: Ints) -> None:
-        """Draw triangles in the given order, colours interpolated between the vertices."""
-        mesh = TriMesh(Triangulation(xy[:, 0], xy[:, 1], F))
-        mesh.set_facecolor(self._colors)  # type: ignore[arg-type] # an array is taken
-        axes.add_collection(mesh, autolim=False)  # which would make a path of each triangle
-        low, high = xy.min(axis=0), xy.max(axis=0)
-        middle, reach = (low + high) / 2, 0.52 * (high - low).max()
-        axes.set(xlim=middle[0] + [-reach, reach], ylim=middle[1] + [-reach, reach])
-        axes.set_aspect("equal")
-        axes.set_axis_off()
+def _show(axes: Axes, image: Bytes, extent: Extent | None = None) -> None:
+    axes.imshow(image, extent=extent)
+    axes.set_axis_off()
 
 
 def _draw_histogram(axes: Axes, degrees: Floats, result: Mapped) -> None:
@@ -193,18 +163,3 @@ def _draw_histogram(axes: Axes, degrees: Floats, result: Mapped) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(FAINT)
     axes.tick_params(color=FAINT, labelcolor=INK)
-
-
-def vertex_normals(V: Floats, F: Ints) -> Floats:
-    """(n, 3) unit normals, faces weighted by area; zero at vertices without area."""
-    return np.nan_to_num(libigl.vertex_normals(V, F), nan=0.0)
-
-
-def normal_colors(normals: Floats) -> Floats:
-    """(n, 4) RGBA: each axis of the normal, as the viewer has it, on a primary; lit."""
-    base = 0.5 + 0.5 * normals
-    light = LIGHT / np.linalg.norm(LIGHT)
-    shade = 0.8 + 0.35 * (normals @ light)  # nothing goes black: the disk shows all sides
-    colors = np.ones((len(normals), 4))
-    colors[:, :3] = np.clip(base * shade[:, None], 0, 1)
-    return colors

@@ -22,11 +22,12 @@ from ..arrays import Floats, Ints
 from ..distortion import angle_distortion, conformal_factor
 from ..extras import from_extra
 from ..io import whole_file
+from ..libigl import vertex_normals
 from ..surface.edges import group_by_edge, half_edges
 from ..surface.triangles import face_areas
 from .layout import Layout, Mapped, Opened, lay_out
 from .packing import ordered, pack, quantized
-from .pictures import side_by_side, vertex_normals
+from .pictures import side_by_side
 from .viewpoint import choose_viewpoint
 
 with from_extra("plot"):
@@ -204,7 +205,7 @@ def _geometry(
 def _spin(V: Floats, F: Ints, uv: Floats, home: Floats) -> float:
     """Angle by which to turn the image so that what one sees of the surface keeps its direction."""
     seen = V @ home.T
-    front = (vertex_normals(V, F) @ home[2]) > 0
+    front = (np.nan_to_num(vertex_normals(V, F)) @ home[2]) > 0
     x = seen[front, :2] @ np.array([1, 1j])
     return float(np.angle(np.vdot(uv[front] @ np.array([1, 1j]), x - x.mean()))) if len(x) else 0.0
 

@@ -24,9 +24,9 @@ from ..arrays import Floats, Ints
 from ..certificate import certify
 from ..distortion import AngleDistortion, angle_distortion, area_distortion
 from ..errors import MapError, SolverError
-from ..processes import cause_of_death, peak_memory, resident
 from ..result import DiskMap
 from ..surface.mesh import DiskMesh
+from .processes import cause_of_death, peak_memory, resident
 
 __all__ = ["OK", "Case", "Timed", "run_case"]
 
@@ -129,7 +129,8 @@ def run_case(
         itself, says little: thread pools and mapped libraries reserve much that they never use.)
     table : str
         ``"module:name"`` of a mapping from names to `reference.Method`. A function in it may
-        also return a `DiskMap`, or a `Timed` with boundary ``"none"``.
+        also return a `DiskMap`, or a `Timed` with boundary ``"none"``. If the method has a
+        ``prepare``, that is called first and does not count.
 
     Returns
     -------
@@ -196,6 +197,8 @@ def _watch(process: subprocess.Popen[bytes], time_limit: float, memory_limit: fl
 
 def _measure(table: str, method: str, V: Floats, F: Ints) -> tuple[dict[str, Any], Floats | None]:
     chosen = _table(table)[method]
+    if prepare := getattr(chosen, "prepare", None):
+        prepare()
     start = perf_counter()
     try:
         made = chosen.function(V, F)

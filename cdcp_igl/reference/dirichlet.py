@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from ..arrays import Complex, Floats, Ints
-from ..solve.cholmod import Cholesky
+from ..solve.cholesky import Cholesky
 
 __all__ = ["Dirichlet"]
 

@@ -10,7 +10,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 from .. import libigl
 from ..arrays import Floats
 from ..errors import SolverError
-from ..solve.cholmod import Cholesky
+from ..solve.cholesky import Cholesky
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.circle import arc_length_map
 from ..surface.mesh import DiskMesh

@@ -8,8 +8,7 @@ import numpy as np
 
 from ..arrays import Complex
 from ..surface.mesh import DiskMesh
-from . import cholmod
-from .cholmod import Cholesky, Numbers
+from .cholesky import Cholesky, Numbers
 from .laplacian import Laplacian
 from .ordering import elimination_order
 
@@ -70,15 +69,13 @@ class Factor:
         # A postordering may have moved rows; the interior must still come first.
         self._inner: Cholesky | None = None
         first = self._rows[self._pinned.permutation[:nI]]
-        if mesh.on_boundary[first].any():
+        if mesh.on_boundary[first].any() or not self._pinned.solver.TRIANGULAR:
             self._inner = Cholesky(L.block(self._inner_rows), ordering="natural")
             first = self._inner_rows[self._inner.permutation]
         self.order = first
         count = "two factorizations" if self._inner else "one factorization"
-        self.solver = (
-            f"CHOLMOD (scikit-sparse {cholmod.VERSION}, {name} ordering, "
-            f"{Cholesky.mode} mode, {count})"
-        )
+        used = self._pinned.solver
+        self.solver = f"{used.LIBRARY} ({used.PACKAGE}, {name} ordering, {used.MODE} mode, {count})"
 
     def refactored(self, L: Laplacian) -> Factor:
         """Factor the Laplacian of the same connectivity elsewhere, without a new analysis.

@@ -6,8 +6,9 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from ..arrays import Floats, Indices, Ints
-from .cholmod import fill_reducing_order
+from .cholesky import fill_reducing_order
 from .laplacian import Laplacian
+from .solvers import solver
 
 __all__ = ["LARGE", "dissected", "elimination_order"]
 
@@ -44,6 +45,8 @@ def elimination_order(L: Laplacian, V: Floats) -> tuple[Indices, str]:
     SIAM J. Matrix Anal. Appl. 17(4), 1996.
     """
     n = len(V)
+    if not solver().ORDERS:
+        return np.arange(n), "minimum degree"
     if n < LARGE:
         return fill_reducing_order(_pattern(L.low, L.high, n)), "AMD"
     return _order_by_parts(dissected(L.low, L.high, V), L.low, L.high), "nested dissection and AMD"

@@ -8,13 +8,20 @@ from threading import Lock
 
 from threadpoolctl import ThreadpoolController
 
-__all__ = ["one_thread"]
+__all__ = ["libraries_were_loaded", "one_thread"]
 
 # The supernodes of a surface's Laplacian are small: BLAS threads never gain much on them,
 # and lose a factor of 2 to 20 when the cores are shared. The same goes for the OpenMP loops of
 # CHOLMOD, which in SuiteSparse 5 ask for four threads whatever the number allowed.
 _POOLS = ThreadpoolController()
 _OPENMP = [pool.dynlib for pool in _POOLS.select(user_api="openmp").lib_controllers]
+
+
+def libraries_were_loaded() -> None:
+    """Look again which libraries of BLAS and OpenMP there are."""
+    global _POOLS, _OPENMP
+    _POOLS = ThreadpoolController()
+    _OPENMP = [pool.dynlib for pool in _POOLS.select(user_api="openmp").lib_controllers]
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import identity
 
 from ..arrays import Floats
-from ..solve.cholmod import Cholesky
+from ..solve.cholesky import Cholesky
 from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import face_areas

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..solve.solvers import SolverName, checked
 from ..surface.mesh import DiskMesh
 from .center import METHODS, CenterMethod
 from .mobius import MobiusMethod
@@ -26,6 +27,7 @@ class Options:
     refine_norm: float = 1.5
     refine_seconds: float = np.inf
     preset: Literal["paper"] | None = None
+    solver: SolverName | None = None
 
     def __post_init__(self) -> None:
         if not (self.center in METHODS if isinstance(self.center, str) else _whole(self.center)):
@@ -41,6 +43,8 @@ class Options:
             raise ValueError(f"refine_norm must be from 1 to 2, not {self.refine_norm!r}")
         if not (_real(self.refine_seconds) and self.refine_seconds >= 0):
             raise ValueError(f"refine_seconds must be 0 or more, not {self.refine_seconds!r}")
+        if self.solver is not None:
+            checked(self.solver)
         if self.paper and (self.center, self.mobius) != ("torsion", "angle"):
             raise ValueError('preset="paper" sets center and mobius itself')
         if self.align is not None and not _whole(self.align):

@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 from ..arrays import Complex, Floats, Ints, blocks
 from ..certificate import certify
 from ..distortion import angle_errors
-from ..solve.cholmod import Cholesky
+from ..solve.cholesky import Cholesky
 from ..solve.laplacian import Laplacian
 from ..surface.mesh import DiskMesh
 

@@ -128,7 +128,11 @@ class Topology:
     @cached_property
     def fans(self) -> tuple[int, NDArray[np.int32]]:
         """Corners, (3m,) in the order of ``F.T``, grouped around each vertex across twins."""
-        (one, other), m = self.twins, len(self.F)
+        return self.fans_across(*self.twins)
+
+    def fans_across(self, one: Indices, other: Indices) -> tuple[int, NDArray[np.int32]]:
+        """Group the corners around each vertex across some of the twins."""
+        m = len(self.F)
         # The next half-edge of the same face leaves the other end of the edge.
         after_one, after_other = (one + m) % self.F.size, (other + m) % self.F.size
         aligned = self._tail[one] == self._tail[other]

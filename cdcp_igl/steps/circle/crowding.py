@@ -24,14 +24,16 @@ ROUNDS = 8  # of moving it: one is enough unless the first centre is far off
 FARTHEST = 1 - 1e-6  # that it is moved to in one round: still among faces of a size to tell apart
 
 
-def crowding_reason(mesh: DiskMesh, steps: Floats) -> str:
+def crowding_reason(mesh: DiskMesh, steps: Floats, *, few: bool = False) -> str:
     """Say so if many boundary vertices coincide in double precision; empty otherwise.
+
+    With `few`, say so whatever their number.
 
     `steps` (nB,) are the shares of the circle from each boundary vertex to the next by
     harmonic measure.
     """
     crowded = mesh.loop[steps < CROWDED * steps.sum()]
-    if len(crowded) <= MANY_CROWDED * len(steps):
+    if len(crowded) <= MANY_CROWDED * len(steps) and not few:
         return ""
     return (
         f"crowding, {len(crowded):,} of {len(steps):,} boundary vertices (vertices "
@@ -45,8 +47,8 @@ def balanced(
     measure: Callable[[int], Floats],
     extend: Callable[[Complex], Complex],
     face: int,
-) -> Floats:
-    """Harmonic measure seen from where the smallest shares are as large as they can be.
+) -> tuple[int, Floats]:
+    """Find the face from where the smallest shares are as large as they can be, and the shares.
 
     psi_w, eq. (19), multiplies short arcs at z by (1 - |w|^2) / |1 - conj(w) z|^2. The sum of
     their reciprocals, in which the smallest decide, is a linear function of the point of the
@@ -66,12 +68,14 @@ def balanced(
 
     Returns
     -------
-    (nB,) float64
-        As seen from the central face, where no share is small or none would be larger.
+    face : int
+        The central face, where no share is small or none would be larger.
+    steps : (nB,) float64
+        The measure from there.
     """
     steps = measure(face)
     for _ in range(ROUNDS):
-        if not steps.min() < SMALL * steps.sum():  # NaN included
+        if steps.min() >= SMALL * steps.sum():
             break
         f_B = around(steps)
         f = extend(f_B)
@@ -82,9 +86,9 @@ def balanced(
         w = klein / (1 + np.sqrt(max(1 - abs(klein) ** 2, 0)))
         if abs(w) > FARTHEST:
             w *= FARTHEST / abs(w)
-        face = int(abs(f[mesh.F].mean(axis=1) - w).argmin())
-        moved = measure(face)
+        other = int(abs(f[mesh.F].mean(axis=1) - w).argmin())
+        moved = measure(other)
         if not moved.min() / moved.sum() > steps.min() / steps.sum():
             break
-        steps = moved
-    return steps
+        face, steps = other, moved
+    return face, steps

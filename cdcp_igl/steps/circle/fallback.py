@@ -16,6 +16,7 @@ from ..extension import harmonic_extension
 from .crowding import balanced, crowding_reason
 from .geodesic import geodesic_map
 from .harmonic_measure import arc_length_shares, around, harmonic_shares
+from .shorten import Shortened
 from .whiten import whiten_trace
 
 __all__ = [
@@ -25,8 +26,9 @@ __all__ = [
     "Rejected",
     "arc_length_map",
     "by_arc_length",
+    "by_balanced_measure",
     "by_harmonic_measure",
-    "by_opened_arcs",
+    "by_shortening",
     "by_trace",
     "whitened_geodesic_map",
 ]
@@ -36,13 +38,12 @@ __all__ = [
 # from 2.500 to 2.463 degrees; from about 200 points on it changes less than 0.02 %.
 ENOUGH_POINTS = 200
 
-# Opened arcs are at least this part of those by arc length. Less, and fewer crowded maps can be
-# certified; more, and they get worse by degrees.
-LEAST_SHARE = 1e-8
-
 # The trace is known to some 1e-16 of its size, so that arcs shorter than this, in radians, have
 # lost more than four digits. Harmonic measure keeps them.
 RESOLVED = 1e-11
+
+# How many times larger the smallest share must become for another centre to be tried.
+WORTH_MOVING = 10
 
 
 class Rejected(Exception):
@@ -57,8 +58,8 @@ class BoundaryMethod:
     ----------
     name : str
         The method whose result was used: ``"geodesic"`` unless something went wrong, else
-        ``"harmonic measure"``, ``"opened arcs"`` or, at last, ``"arc length"``, which is not
-        conformal.
+        ``"harmonic measure"``, ``"balanced harmonic measure"``, ``"shortened"`` or, at last,
+        ``"arc length"``; the last two are not conformal everywhere.
     rejected : tuple of str
         The other methods that were tried, each with the reason why its map was not used.
     n_spread : int
@@ -67,12 +68,15 @@ class BoundaryMethod:
     laplacian : str
         Whose harmonic functions the map is made of: ``"cotangent"``, or, after the geodesic
         algorithm has failed, ``"intrinsic Delaunay"``.
+    reason : str
+        Why the map of this boundary cannot be conformal everywhere; empty if it can.
     """
 
     name: str
     rejected: tuple[str, ...] = ()
     n_spread: int = 0
     laplacian: str = "cotangent"
+    reason: str = ""
 
     def __str__(self) -> str:
         laplacian = "" if self.laplacian == "cotangent" else f", {self.laplacian} Laplacian"
@@ -163,8 +167,6 @@ def whitened_geodesic_map(trace: Complex) -> Complex:
 def by_harmonic_measure(surface: FactoredSurface, face: int) -> CircleMap:
     """Place the boundary as it is seen from the central face; needs no curve.
 
-    Where remote parts would be too small, it is seen from where they are equally far away.
-
     Parameters
     ----------
     surface : FactoredSurface
@@ -180,29 +182,86 @@ def by_harmonic_measure(surface: FactoredSurface, face: int) -> CircleMap:
     Rejected
         If crowding spoils it: many boundary vertices would coincide.
     """
-    steps = _seen(surface, face)
-    if crowded := crowding_reason(surface.mesh, steps):
-        raise Rejected(f"harmonic measure: {crowded}")
-    return _on_delaunay(surface, steps, "harmonic measure")
+    return _by_shares(surface, _shares(surface, face), "harmonic measure")
 
 
-def by_opened_arcs(surface: FactoredSurface, face: int) -> CircleMap:
-    """Place the boundary by harmonic measure, and open its shortest arcs."""
-    steps = _seen(surface, face)
-    if crowded := crowding_reason(surface.mesh, steps):
-        raise Rejected(f"opened arcs: {crowded}")
-    steps = np.maximum(steps, LEAST_SHARE * arc_length_shares(surface.mesh))
-    return _on_delaunay(surface, steps, "opened arcs")
+def by_balanced_measure(surface: FactoredSurface, face: int) -> CircleMap:
+    """Place the boundary as it is seen from where remote parts are equally far away.
+
+    Not the first choice: the discrete map is at its best around the face that it is seen from,
+    and that should not be a narrow part of the surface unless there is nothing but narrow parts.
+
+    Parameters
+    ----------
+    surface : FactoredSurface
+    face : int
+        The central face.
+
+    Returns
+    -------
+    CircleMap
+
+    Raises
+    ------
+    Rejected
+        If that is near the central face, or crowding spoils it nevertheless.
+    """
+    _, shares = _balanced(surface, face)
+    if shares.min() < WORTH_MOVING * _shares(surface, face).min():
+        raise Rejected("balanced harmonic measure: remote parts are equally far away")
+    return _by_shares(surface, shares, "balanced harmonic measure")
 
 
-def _seen(surface: FactoredSurface, face: int) -> Floats:
-    """(nB,) harmonic measure of the boundary edges."""
-    mesh, delaunay = surface.mesh, surface.delaunay
-    measure = partial(harmonic_shares, mesh, delaunay.laplacian, delaunay.factor)
-    steps = balanced(mesh, measure, _extension(delaunay), face)
-    if not np.isfinite(steps).all():
+def _by_shares(surface: FactoredSurface, shares: Floats, name: str) -> CircleMap:
+    if crowded := crowding_reason(surface.mesh, shares):
+        raise Rejected(f"{name}: {crowded}")
+    return _on_delaunay(surface, shares, name)
+
+
+def by_shortening(surface: FactoredSurface, face: int) -> CircleMap:
+    """Place the boundary by harmonic measure of a surface that is short enough for doubles.
+
+    Conformal where the faces of the disk are large enough, and not in remote parts.
+
+    Parameters
+    ----------
+    surface : FactoredSurface
+    face : int
+        The central face.
+
+    Returns
+    -------
+    CircleMap
+
+    Raises
+    ------
+    Rejected
+        If nothing is too small to be told apart, or so small that nothing helps.
+    """
+    face, steps = _balanced(surface, face)
+    shortened = Shortened(surface.delaunay, face)
+    if shortened.part == 1:
+        raise Rejected("shortened: no face is too small")
+    reason = crowding_reason(surface.mesh, steps, few=True)
+    if shortened.part == 0:
+        raise Rejected(f"shortened: {reason}")
+    method = BoundaryMethod("shortened", laplacian="intrinsic Delaunay", reason=reason)
+    return CircleMap(shortened.steps, around(shortened.steps), shortened.extend, method)
+
+
+def _balanced(surface: FactoredSurface, face: int) -> tuple[int, Floats]:
+    """Return the central face, moved if need be, and the harmonic measure (nB,) from there."""
+    extend = _extension(surface.delaunay)
+    return balanced(surface.mesh, partial(_shares, surface), extend, face)
+
+
+def _shares(surface: FactoredSurface, face: int) -> Floats:
+    """(nB,) harmonic measure of the boundary edges seen from a face."""
+    delaunay = surface.delaunay
+    shares = harmonic_shares(surface.mesh, delaunay.laplacian, delaunay.factor, face)
+    if not np.isfinite(shares).all():
         raise Rejected("harmonic measure: no interior vertex at the central face")
-    return steps
+    return shares
 
 
 def by_arc_length(surface: FactoredSurface, face: int) -> CircleMap:
@@ -229,4 +288,4 @@ def arc_length_map(mesh: DiskMesh) -> Complex:
 
 
 # In the order in which they are tried.
-FALLBACKS = (by_harmonic_measure, by_opened_arcs, by_arc_length)
+FALLBACKS = (by_harmonic_measure, by_balanced_measure, by_shortening, by_arc_length)

@@ -9,7 +9,7 @@ from ...solve.factor import Factor
 from ...solve.laplacian import Laplacian
 from ...surface.mesh import DiskMesh
 
-__all__ = ["arc_length_shares", "around", "harmonic_shares"]
+__all__ = ["arc_length_shares", "around", "edge_shares", "flow", "harmonic_shares"]
 
 # What a face behind an edge receives, as part of what its neighbours do. On scans with ears, whose
 # shares are known from finer meshes of the same surface, 0.01 to 0.1 are equally good.
@@ -25,7 +25,7 @@ def harmonic_shares(mesh: DiskMesh, L: Laplacian, factor: Factor, face: int) -> 
     negative weights there is no negative flux (maximum principle), and even the smallest keep
     their digits, however crowded.
 
-    A vertex stands for parts of both its edges. Next to a corner of angle a, where the
+    What leaves at a vertex belongs to both its edges. Next to a corner of angle a, where the
     conformal map is like z^(pi/a), they get heat in proportion to their lengths to the power
     pi/a: to the lengths themselves where the boundary is straight.
 
@@ -54,7 +54,16 @@ def harmonic_shares(mesh: DiskMesh, L: Laplacian, factor: Factor, face: int) -> 
     source[mesh.F[face]] = 1
     heat = np.zeros(len(mesh.V))
     heat[mesh.interior] = factor.solve_interior(source[mesh.interior])
-    flux = np.maximum(-(L.matrix() @ heat)[mesh.loop], 0)
+    return edge_shares(mesh, flow(mesh, L, heat))
+
+
+def flow(mesh: DiskMesh, L: Laplacian, heat: Floats) -> Floats:
+    """(nB,) what leaves through each boundary vertex at temperatures (n,), 0 on the boundary."""
+    return np.maximum(-(L.matrix() @ heat)[mesh.loop], 0)
+
+
+def edge_shares(mesh: DiskMesh, flux: Floats) -> Floats:
+    """(nB,) what leaves through each boundary edge, by what leaves through the vertices."""
     if not flux.any():
         return np.full(len(flux), np.nan)
     exponent = np.pi / np.bincount(mesh.F.ravel(), mesh.angles.ravel())[mesh.loop]

@@ -1,0 +1,178 @@
+"""The commands."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from .measure import ablation as variants
+from .measure import methods as measured_methods
+from .measure.fuzzing import fuzz
+from .measure.machine import MACHINE
+from .measure.methods import METHODS, maps
+from .measure.models import find, surfaces_of
+from .measure.peers import PEERS
+from .records.record import Record
+from .records.results import Measured
+from .records.store import ROOT, WORK, Work, read_results
+from .session import Machine, Models, Out, Quick, Session, WorkFolder, with_session
+from .solvers import solvers
+from .surfaces import surfaces
+from .write.drawing import draw
+from .write.figures.accuracy import CENTERS, MOBIUS
+from .write.front_page import MODELS, README, rewrite
+from .write.sections import cases
+from .write.table import printed
+
+__all__ = ["app"]
+
+SPEED_METHODS = ("factor", "cdcp", "cdcp refine=1", "cdcp refine=5", "lscm", "harmonic")
+SPEED_MODELS = (
+    *("chinese_lion", "stanford_bunny_31593", "human_brain", "itokawa_93920", "gcanyon_216196"),
+    *("nefertiti_750281", "gcanyon_996999"),
+)
+SMALL_MODEL, SMALL_METHODS = "nefertiti_299", ("cdcp warm", "import")
+REPEATED = ("factor", "cdcp")  # the others run once on large models
+LARGE = 800_000  # vertices
+ABLATION_MODELS = (
+    *("nefertiti_299", "camelhead_11381", "chinese_lion", "human_face", "stanford_bunny_31593"),
+    *("human_brain", "left_hand"),
+)
+
+TOLD = ("surface", "method", "mean °", "SD °", "flips", "s", "s / F", "outcome")
+WIDE = 160  # columns of a table that is printed to a file
+SECONDS = 60  # limit of a case of figures --quick
+RESULTS = ROOT / "benchmarks" / "results"  # only `make bench` writes there
+OWN = ("cdcp", "cdcp refine=5", "lscm", "spectral")  # beside which peers are shown
+
+Repeats = Annotated[int, typer.Option(min=1, help="Runs of each case.")]
+
+app = typer.Typer(
+    help="Measure cdcp_igl against other methods.", no_args_is_help=True, add_completion=False
+)
+app.command()(fuzz)
+app.command()(surfaces)
+app.command()(solvers)
+
+
+@app.command()
+@with_session
+def tables(session: Session, repeats: Repeats = 1) -> None:
+    """Measure Tables 1 and 2: distortion and time of all methods on all models.
+
+    What is there already is not measured again. To start over, delete the work folder.
+    """
+    methods = session.wanted_methods(METHODS, ["factor", *maps()])
+    models = session.wanted_models()
+    table = measured_methods.TABLE
+    _finish(session, "tables", session.run("tables", models, methods, table, lambda *_: repeats))
+
+
+@app.command()
+@with_session
+def peers(session: Session) -> None:
+    """Measure other programs beside CDCP: Blender, MeshLab, xatlas, SLIM, ARAP, BFF.
+
+    Those that are not installed are told. What is there already is not measured again.
+    """
+    methods = session.wanted_methods(METHODS, (*OWN, *PEERS))
+    models = session.wanted_models(MODELS)
+    records = session.run("peers", models, methods, measured_methods.TABLE, lambda *_: 1)
+    _finish(session, "peers", records)
+
+
+@app.command()
+@with_session
+def speed(session: Session, repeats: Repeats = 5) -> None:
+    """Measure times as multiples of one factorization, memory, growth; methods take turns.
+
+    Above 800,000 vertices all but CDCP and the factorization run once.
+
+    What is there already is not measured again. To start over, delete the work folder.
+    """
+
+    def runs(method: str, n: int) -> int:
+        return 1 if n > LARGE and method not in REPEATED else repeats
+
+    records = []
+    table = measured_methods.TABLE
+    wanted = session.wanted_methods(METHODS, SPEED_METHODS)
+    models = session.wanted_models(SPEED_MODELS)
+    if not session.models and not session.methods:
+        small = session.wanted_models([SMALL_MODEL])[:1]
+        few = {name: METHODS[name] for name in SMALL_METHODS}
+        records += session.run("speed", small, few, table, runs)
+    records += session.run("speed", models, wanted, table, runs)
+    _finish(session, "speed", records)
+
+
+@app.command()
+@with_session
+def ablation(session: Session) -> None:
+    """Measure CDCP with a step left out or replaced: Möbius, centre, trace, whitening, zipper.
+
+    What is there already is not measured again. To start over, delete the work folder.
+    """
+    methods = session.wanted_methods(variants.ABLATIONS, variants.ABLATIONS)
+    models = session.wanted_models(ABLATION_MODELS)
+    records = session.run("ablation", models, methods, variants.TABLE, lambda *_: 1)
+    _finish(session, "ablation", records)
+
+
+def _finish(session: Session, section: str, records: list[Record]) -> None:
+    measured = session.write(section, records)
+    console = Console()
+    if not console.is_terminal:
+        console.width = WIDE
+    console.print(printed(cases(measured.sections[section]), TOLD))
+    typer.echo(session.results.with_suffix(".md"))
+
+
+@app.command()
+def figures(
+    models: Models = "",
+    quick: Quick = False,
+    machine: Machine = MACHINE,
+    out: Out = None,
+    work: WorkFolder = None,
+) -> None:
+    """Draw Figures 4 to 12 and the report for the browser, from what has been measured.
+
+    Nothing is measured again; --quick measures first what three small models need.
+    Files that were measured are found again by --models.
+    """
+    session = Session(models, quick=quick, machine=machine, out=out, work=work, time_limit=SECONDS)
+    if quick:
+        _measure_quickly(session)
+    if not session.results.exists():
+        raise typer.BadParameter(
+            f"there is no {session.results}; first run: python -m benchmarks tables"
+        )
+    about, records = read_results(session.results)
+    kept = Work(work or WORK / about["code"])
+    surface = surfaces_of(records, [*find(), *session.wanted_models()])
+    measured = Measured(records, surface, kept.map)
+    typer.echo(draw(session.results.with_suffix(""), about, measured))
+
+
+def _measure_quickly(session: Session) -> None:
+    wanted = {
+        "tables": (METHODS, ["factor", *maps()], measured_methods.TABLE),
+        "speed": (METHODS, ["factor", "cdcp"], measured_methods.TABLE),
+        "ablation": (variants.ABLATIONS, [*CENTERS, *MOBIUS], variants.TABLE),
+    }
+    for section, (known, names, table) in wanted.items():
+        chosen = {name: known[name] for name in names}
+        records = session.run(section, session.wanted_models(), chosen, table, lambda *_: 1)
+        session.write(section, records)
+
+
+@app.command()
+def readme(machine: Machine = MACHINE) -> None:
+    """Rewrite the table between the two markers of README.md from benchmarks/results."""
+    results = RESULTS / f"{machine}.json"
+    if not results.exists():
+        raise typer.BadParameter(f"there is no {results}; first run: make bench")
+    rewrite(README, results)

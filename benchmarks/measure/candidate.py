@@ -1,0 +1,75 @@
+"""What can be measured."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Literal
+
+__all__ = ["Candidate", "Methods", "of_ones_own"]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A `reference.Method`, or a way to map that needs more to be told.
+
+    Attributes
+    ----------
+    function : callable
+        ``function(V, F)``, as `run_case` takes it.
+    boundary : {"disk", "free", "none"}
+        Onto the disk, certified; free, to be compared on angles only; or a time and no map.
+    citation : str
+        Where it comes from.
+    single : bool
+        Whether the map is in single precision.
+    missing : callable
+        Returns why it cannot be run here; empty if it can.
+    prepare : callable
+        Called in the process that runs it before the clock starts: the import of a package.
+    source : str
+        Digest of its file, of a method of one's own, which may change.
+    """
+
+    function: Callable[..., Any]
+    boundary: Literal["disk", "free", "none"]
+    citation: str
+    single: bool = False
+    missing: Callable[[], str] = str
+    prepare: Callable[[], object] = str
+    source: str = ""
+
+
+class Methods(dict[str, Candidate]):
+    """Known by name, and found by ``package.module:function`` if they are somebody's own."""
+
+    def __missing__(self, name: str) -> Candidate:
+        return of_ones_own(name)
+
+
+def of_ones_own(name: str) -> Candidate:
+    """Import a method of one's own.
+
+    Parameters
+    ----------
+    name : str
+        ``"package.module:function"``, of a function that maps onto the disk, or of a `Method`
+        or `Candidate`, which says what its boundary is.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    module, _, attribute = name.partition(":")
+    try:
+        found = getattr(import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ValueError(f"no method {name!r}: {error}") from error
+    own = found if hasattr(found, "boundary") else Candidate(found, "disk", name)
+    source = hashlib.sha256(Path(sys.modules[module].__file__ or "").read_bytes()).hexdigest()[:12]
+    return Candidate(own.function, own.boundary, own.citation, source=source)

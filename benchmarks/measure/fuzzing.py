@@ -1,0 +1,319 @@
+"""Random surfaces, good and bad: each ends as a certified map or as a typed error."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections import Counter
+from dataclasses import dataclass
+from functools import cache
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+from rich.table import Table
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import breadth_first_order, dijkstra
+
+from cdcp_igl import MapError, MeshError, SolverError, check, clean, datasets, disk_map, libigl
+from cdcp_igl.arrays import Floats, Ints
+from cdcp_igl.certificate import certify
+from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.surface.triangles import face_areas
+
+SECONDS = 60.0  # after which a case hangs
+FEWEST, MOST = 8, 4_000  # vertices of a patch
+STRETCHES = (2.0, 5.0, 20.0)  # upper ends of the classes
+TARGETS = {5.0: 0.995, 20.0: 0.97}  # share of the disks up to a stretch that must be mapped
+DAMAGED = 1 / 3  # share of the cases
+
+FAULTS = ("crash", "hang", "not certified", "untyped exception", "disk refused")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A surface, how far it was stretched, and how it was made."""
+
+    V: Floats
+    F: Ints
+    stretch: float
+    made: str
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of a case."""
+
+    case: int
+    stretch: float
+    disk: bool
+    outcome: str
+    made: str = ""
+    message: str = ""
+    distortion: float = np.nan  # mean angular, degrees
+
+
+def fuzz(
+    cases: Annotated[int, typer.Option(min=1, help="How many surfaces.")] = 200,
+    seed: Annotated[int, typer.Option(min=0, help="A case depends on this and its number.")] = 1,
+) -> None:
+    """Map random surfaces.
+
+    Exit code 1 if one crashes, hangs or goes wrong without saying so, or too few disks are
+    mapped.
+    """
+    console = Console()
+    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    rows = []
+    with Progress(*columns, console=console, transient=True) as bar, Worker(seed) as worker:
+        for case in bar.track(range(cases)):
+            rows.append(worker.run(case))
+    console.print(_outcomes(rows))
+    console.print(_distortions(rows))
+    enough = True
+    for limit, target in TARGETS.items():
+        disks = [row for row in rows if row.disk and row.stretch <= limit]
+        mapped = sum(map(_is_mapped, disks))
+        enough &= mapped >= target * len(disks)
+        console.print(
+            f"disks stretched up to {limit:g}: {mapped:,} of {len(disks):,} mapped"
+            + (f" ({mapped / len(disks):.2%}, wanted {target:.1%})" if disks else "")
+        )
+    faults = [row for row in rows if row.outcome in FAULTS]
+    refused = [row for row in rows if row.disk and not _is_mapped(row)]
+    for row in dict.fromkeys(refused + faults):
+        console.print(f"case {row.case}: {row.made}: {row.outcome}. {row.message[:100]}")
+    if faults or not enough:
+        raise typer.Exit(1)
+
+
+def _is_mapped(row: Row) -> bool:
+    return row.outcome.startswith("map, ")
+
+
+def _outcomes(rows: list[Row]) -> Table:
+    """Count by outcome, or stage where there is a map, and by stretch."""
+    table = _by_stretch("Outcomes by stretch", "outcome", "not disks")
+    counts = Counter((row.outcome, _stretch_class(row)) for row in rows)
+    for outcome in sorted({row.outcome for row in rows}):
+        classes = [*STRETCHES, None]
+        table.add_row(outcome, *(f"{counts[outcome, c]:,}" for c in classes))
+    return table
+
+
+def _distortions(rows: list[Row]) -> Table:
+    """Median over the maps of their mean angular distortion, by stage and stretch."""
+    table = _by_stretch("Mean angular distortion, median over the maps, degrees", "stage", "all")
+    mapped = [row for row in rows if _is_mapped(row)]
+    stages = sorted({row.outcome for row in mapped})
+    for stage in [*stages, "all"]:
+        of_stage = [row for row in mapped if stage in (row.outcome, "all")]
+        classes = [[row for row in of_stage if _stretch_class(row) == c] for c in STRETCHES]
+        means = [[row.distortion for row in part] for part in (*classes, of_stage)]
+        table.add_row(stage, *(f"{np.median(part):.2f}" if part else "-" for part in means))
+    return table
+
+
+def _by_stretch(title: str, rows: str, last: str) -> Table:
+    table = Table(title=title)
+    table.add_column(rows, no_wrap=True)
+    for limit in STRETCHES:
+        table.add_column(f"to {limit:g}", justify="right")
+    table.add_column(last, justify="right")
+    return table
+
+
+def _stretch_class(row: Row) -> float | None:
+    return next(c for c in STRETCHES if row.stretch <= c) if row.disk else None
+
+
+# -- one case, in a process of its own -------------------------------------------------
+
+
+class Worker:
+    """A process that runs cases, and is replaced when it crashes or hangs."""
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+        self._start()
+
+    def _start(self) -> None:
+        context = get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs, self._seed), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def run(self, case: int) -> Row:
+        """Run one case, whatever happens."""
+        try:
+            self._pipe.send(case)
+            if self._pipe.poll(SECONDS):
+                return self._pipe.recv()
+            outcome = "hang"
+        except (EOFError, OSError):
+            outcome = "crash"
+        self._stop()
+        self._start()
+        return Row(case, np.inf, False, outcome, f"surface({self._seed}, {case})")
+
+    def _stop(self) -> None:
+        self._process.kill()
+        self._process.join()
+        self._pipe.close()
+
+    def __enter__(self) -> Worker:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._stop()
+
+
+def _serve(pipe: Connection, seed: int) -> None:
+    warnings.simplefilter("error")  # a warning is no way to report anything
+    while True:
+        pipe.send(examine(seed, pipe.recv()))
+
+
+def examine(seed: int, case: int) -> Row:
+    """Map the surface of a case and judge the answer."""
+    given = surface(seed, case)
+    disk = check(given.V, given.F).is_disk
+    message, distortion = "", np.nan
+    try:
+        result = disk_map(given.V, given.F)
+    except MeshError as error:
+        outcome = "disk refused" if disk else f"MeshError: {error.defect}"
+        message = str(error)
+    except MapError as error:
+        crowding = "crowding" in str(error).lower()
+        outcome = "MapError: crowding" if crowding else "MapError: not a bijection"
+        message = str(error)
+    except SolverError as error:
+        outcome, message = "SolverError", str(error)
+    except Exception as error:
+        outcome, message = "untyped exception", f"{type(error).__name__}: {error}"
+    else:
+        sound = disk and certify(DiskMesh(given.V, given.F), result.uv).valid
+        outcome = f"map, {result.trace.name}" if sound else "not certified"
+        distortion = result.distortion.mean
+    return Row(case, given.stretch, disk, outcome, given.made, message, distortion)
+
+
+# -- surfaces --------------------------------------------------------------------------
+
+
+def surface(seed: int, case: int) -> Case:
+    """Make the surface of a case: a patch, deformed, renumbered, and perhaps damaged."""
+    rng = np.random.default_rng([seed, case])
+    name = rng.choice(sources())
+    V, F = _patch(rng, *_surface(name))
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    stretch = float(np.exp(rng.uniform(0, np.log(20))))
+    elongation = _elongation(V, F)
+    V = V @ turn * [stretch, 1, 1]
+    made = [f"{name} with {len(V):,} vertices, elongated {elongation:.1f}, stretched {stretch:.1f}"]
+    if rng.random() < 0.3:
+        edges = np.linalg.norm(V[F[:, 0]] - V[F[:, 1]], axis=1)
+        V = V + rng.choice([0.03, 0.1, 0.3]) * np.median(edges) * rng.normal(size=V.shape)
+        made.append("noise")
+    if rng.random() < 0.3:
+        V, F = _slivers(rng, V, F)
+        made.append("slivers")
+    if rng.random() < DAMAGED:
+        V, F, damage = _damage(rng, V, F)
+        made.append(damage)
+    size = np.ptp(V[np.isfinite(V).all(axis=1)], axis=0).max()
+    if rng.random() < 0.3:
+        offset = 10 ** rng.uniform(0, 8)
+        V = V + offset * size * rng.normal(size=3)
+        made.append(f"offset {offset:.0e}")
+    V = V * 10 ** rng.uniform(-12, 12) / size
+
+    order = rng.permutation(len(V))
+    in_range = (F >= 0) & (len(V) > F)
+    renamed = np.where(in_range, np.argsort(order)[F % len(V)], F)
+    V, F = V[order], renamed[rng.permutation(len(F))]
+    return Case(V, F, stretch, ", ".join(made))
+
+
+@cache
+def sources() -> list[str]:
+    """Surfaces to take patches of."""
+    directory = os.environ.get("CDCP_IGL_DATA")
+    if directory:
+        return sorted(path.stem for path in Path(directory).glob("*.npz"))
+    return ["square", "ellipse", "spherical_cap", "paraboloid", "jacksboro_fault"]
+
+
+@cache
+def _surface(name: str) -> tuple[Floats, Ints, csr_matrix]:
+    """Vertices, faces and the graph of the edges."""
+    if generate := getattr(datasets, name, None):
+        V, F, _ = generate(60)
+    else:
+        V, F = datasets.load(name)
+    F = F.astype(np.int64)
+    return V.astype(float), F, libigl.adjacency_matrix(F)
+
+
+def _patch(rng: np.random.Generator, V: Floats, F: Ints, graph: csr_matrix) -> tuple[Floats, Ints]:
+    """Cut out what lies within so many edges of a random vertex, and fill its holes."""
+    size = int(np.exp(rng.uniform(np.log(FEWEST), np.log(min(MOST, len(V))))))
+    near = np.zeros(len(V), dtype=bool)
+    near[breadth_first_order(graph, rng.integers(len(V)))[0][:size]] = True
+    inside = near[F]
+    # With all corners near there are many ears, with any corner near there are few.
+    patch = F[inside.all(axis=1)] if rng.random() < 0.5 else F[inside.any(axis=1)]
+    V, F, _, _ = clean(V, patch if len(patch) else F[inside.any(axis=1)])
+    return V, F
+
+
+def _elongation(V: Floats, F: Ints) -> float:
+    """Geodesic diameter squared by area: 1 for a round disk, about n for a corridor 1 x n."""
+    tail, head = F.T.ravel(), np.roll(F, -1, axis=1).T.ravel()
+    lengths = csr_matrix((np.linalg.norm(V[tail] - V[head], axis=1), (tail, head)), (len(V),) * 2)
+    far = dijkstra(lengths, directed=False, indices=0).argmax()
+    diameter = dijkstra(lengths, directed=False, indices=far).max()
+    return float(np.pi / 4 * diameter**2 / face_areas(V, F).sum())
+
+
+def _slivers(rng: np.random.Generator, V: Floats, F: Ints) -> tuple[Floats, Ints]:
+    """Split faces by points near their edges."""
+    split = rng.choice(len(F), max(1, len(F) // 20), replace=False)
+    height = 10 ** rng.uniform(-6, -1, len(split))
+    along = rng.uniform(0.1, 0.9, len(split))
+    weight = np.column_stack([(1 - height) * along, (1 - height) * (1 - along), height])
+    weight = rng.permuted(weight, axis=1)
+    point = (weight[:, :, None] * V[F[split]]).sum(axis=1)
+    new = len(V) + np.arange(len(split))
+    i, j, k = F[split].T
+    corners = ([i, j, new], [j, k, new], [k, i, new])
+    fans = [np.column_stack(face) for face in corners]
+    return np.vstack([V, point]), np.vstack([np.delete(F, split, axis=0), *fans])
+
+
+def _damage(rng: np.random.Generator, V: Floats, F: Ints) -> tuple[Floats, Ints, str]:
+    """Make a few bad edits of one kind."""
+    kind = str(rng.choice(["dropped", "reversed", "duplicated", "merged", "NaN", "index"]))
+    V, F = V.copy(), F.copy()
+    count = int(rng.integers(1, 4))
+    faces, vertices = rng.integers(len(F), size=count), rng.integers(len(V), size=count)
+    if kind == "dropped":
+        F = np.delete(F, faces, axis=0)
+    elif kind == "reversed":
+        F[faces] = F[faces, ::-1]
+    elif kind == "duplicated":
+        F = np.vstack([F, np.roll(F[faces], 1, axis=1)])
+    elif kind == "merged":
+        F[np.isin(F, vertices)] = vertices[0]
+    elif kind == "NaN":
+        V[vertices, rng.integers(3, size=count)] = np.nan
+    else:
+        F[faces, 0] = rng.choice([-1, len(V)])
+    return V, F, f"{count} {kind}"

@@ -1,0 +1,96 @@
+"""What is measured: the methods of `cdcp_igl.reference`, settings of CDCP, and the unit of cost."""
+
+from __future__ import annotations
+
+import statistics
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from functools import partial
+from time import perf_counter
+from typing import Any
+
+from cdcp_igl import cdcp, disk_map, reference
+from cdcp_igl.arrays import Floats, Ints
+from cdcp_igl.reference.case import Timed
+from cdcp_igl.solve.cholesky import Cholesky
+from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.surface.mesh import DiskMesh
+
+from .candidate import Candidate, Methods
+from .peers import PEERS
+
+__all__ = ["COST", "METHODS", "TABLE", "maps"]
+
+TABLE = f"{__name__}:METHODS"
+WARM_CALLS = 101
+
+
+def _factor(V: Floats, F: Ints) -> Timed:
+    """Measure the unit of cost: one CHOLMOD analysis (AMD) and factorization of L_II."""
+    mesh = DiskMesh(V, F)
+    L_II = cotangent_laplacian(mesh).block(mesh.interior)
+    start = perf_counter()
+    factor = Cholesky(L_II, ordering="amd")
+    both = perf_counter() - start
+    start = perf_counter()
+    factor.refactor(L_II)
+    numeric = perf_counter() - start
+    return Timed(both, {"analyse": both - numeric, "factor": numeric})
+
+
+def _warm(function: Callable[[Floats, Ints], Any], V: Floats, F: Ints) -> Timed:
+    """Median of many calls in one process, after one that does not count."""
+    function(V, F)
+    seconds = []
+    for _ in range(WARM_CALLS):
+        start = perf_counter()
+        function(V, F)
+        seconds.append(perf_counter() - start)
+    return Timed(statistics.median(seconds))
+
+
+def _import(V: Floats, F: Ints) -> Timed:
+    """Import of cdcp_igl in a fresh interpreter, NumPy and SciPy included."""
+    code = "from time import perf_counter as t; s = t(); import cdcp_igl; print(t() - s)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    return Timed(float(done.stdout))
+
+
+METHODS: Mapping[str, Candidate] = Methods(
+    {
+        **{
+            name: Candidate(method.function, method.boundary, method.citation)
+            for name, method in reference.METHODS.items()
+        },
+        "cdcp": Candidate(
+            disk_map, "disk", "Yueh et al., CDCP, eq. (18)"
+        ),  # with seconds per phase
+        "cdcp paper": Candidate(partial(disk_map, preset="paper"), "disk", 'preset="paper"'),
+        "cdcp refine=1": Candidate(partial(disk_map, refine=1), "disk", "refine=1"),
+        "cdcp refine=5": Candidate(partial(disk_map, refine=5), "disk", "refine=5"),
+        "cdcp refine=10 p=1.2": Candidate(
+            partial(disk_map, refine=10, refine_norm=1.2), "disk", "refine=10, refine_norm=1.2"
+        ),
+        "factor": Candidate(_factor, "none", "CHOLMOD, AMD"),
+        "cdcp warm": Candidate(partial(_warm, cdcp), "none", "median of many calls in one process"),
+        "import": Candidate(_import, "none", "import cdcp_igl in a fresh process"),
+        **PEERS,
+    }
+)
+
+# Rough time by that of CDCP, for the time that is left.
+COST = {
+    **{"double_cover": 4, "fdcp": 9, "ldcp": 3, "harmonic": 0.6, "lscm": 1.5, "spectral": 4},
+    **{"cdcp paper": 2.5, "cdcp refine=1": 1.6, "cdcp refine=5": 3.6},
+    **{"cdcp refine=10 p=1.2": 6, "factor": 0.8},
+    **{"SLIM": 150, "SLIM conformal": 150, "ARAP": 30, "xatlas": 300, "Blender conformal": 20},
+    **{"Blender angle-based": 60, "Blender minimum stretch": 150, "MeshLab LSCM": 3},
+}
+
+
+def maps() -> list[str]:
+    """Names of the methods of the library that make maps."""
+    return [
+        name for name, method in METHODS.items() if method.boundary != "none" and name not in PEERS
+    ]

@@ -1,0 +1,197 @@
+"""The surfaces that are measured: by name, by path, by glob."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import itertools
+import os
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+
+from cdcp_igl import MeshError, check, datasets
+from cdcp_igl.arrays import Floats, Ints
+from cdcp_igl.io import READABLE, read_mesh
+
+from ..records.paper import PAPER
+from ..records.record import Record
+from ..records.results import NotMeasured
+from .fuzzing import surface
+
+__all__ = ["Model", "by_name", "digest", "find", "patches", "quick", "surfaces_of"]
+
+Surface = tuple[Floats, Ints]
+
+SEED = 1  # of the patches
+
+
+@dataclass(frozen=True)
+class Model:
+    """A named surface; `load` raises if it is not to be had."""
+
+    name: str
+    load: Callable[[], Surface]
+
+
+def _of_size(function: Callable[[int], tuple[Floats, Ints, Floats]], resolution: int) -> Surface:
+    V, F, _ = function(resolution)
+    return V, F
+
+
+def _coarse_terrain(step: int = 8) -> Surface:
+    """Every eighth row and column of the terrain."""
+    V, _ = datasets.load("jacksboro_fault")
+    columns = len(np.unique(V[:, 0]))
+    grid = V.reshape(-1, columns, 3)[::step, ::step]
+    corner = np.arange(grid.shape[0] * grid.shape[1]).reshape(grid.shape[:2])
+    nw, ne, sw, se = corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]
+    F = np.concatenate([np.stack([sw, se, ne], axis=2), np.stack([sw, ne, nw], axis=2)])
+    return grid.reshape(-1, 3), F.reshape(-1, 3)
+
+
+GENERATED = (
+    Model("spherical_cap_20", partial(_of_size, datasets.spherical_cap, 20)),
+    Model("ellipse_20", partial(_of_size, datasets.ellipse, 20)),
+    Model("square_80", partial(_of_size, datasets.square, 80)),
+    Model("paraboloid_100", partial(_of_size, datasets.paraboloid, 100)),
+    Model("terrain_coarse", _coarse_terrain),
+    Model("jacksboro_fault", partial(datasets.load, "jacksboro_fault")),
+)
+
+
+def _known() -> list[Model]:
+    """List the paper's models or what stands for them; then what else is at hand."""
+    models = [
+        _named(row.model) if row.model else _missing(row.name, "nothing of this size at hand")
+        for row in PAPER
+    ]
+    models.append(_named("human_face"))
+    folder = os.environ.get("CDCP_IGL_DATA")
+    if not folder:
+        return [*models, *GENERATED]
+    taken = tuple(model.name for model in models)
+    files = sorted(path for path in Path(folder).iterdir() if path.suffix in READABLE)
+    others = [_file(path) for path in files if not path.stem.startswith(taken)]
+    return [*models, *others]
+
+
+def _named(name: str) -> Model:
+    def load() -> Surface:
+        try:
+            return datasets.load(name)
+        except ValueError as error:  # it tells where it looked, which is nobody's business
+            raise ValueError("no mesh of this name") from error
+
+    return Model(name, load)
+
+
+def _file(path: Path, whole: bool = False) -> Model:
+    """Name a file by its stem, or by the whole path where another has the same."""
+    return Model(path.as_posix() if whole else path.stem, partial(read_mesh, path))
+
+
+def _missing(name: str, reason: str) -> Model:
+    def load() -> Surface:
+        raise ValueError(reason)
+
+    return Model(name, load)
+
+
+def quick() -> list[Model]:
+    """Three small surfaces."""
+    if os.environ.get("CDCP_IGL_DATA"):
+        return by_name(("nefertiti_299", "femur_2411", "camelhead_11381"))
+    return [
+        model
+        for model in GENERATED
+        if model.name in ("spherical_cap_20", "ellipse_20", "terrain_coarse")
+    ]
+
+
+def find(wanted: Sequence[str] = ()) -> list[Model]:
+    """Look up models.
+
+    Parameters
+    ----------
+    wanted : sequence of str
+        Names or patterns of names, paths or patterns of paths, ``"patches:300"`` for so many
+        random disks; none at all means everything.
+
+    Returns
+    -------
+    list of Model
+
+    Raises
+    ------
+    ValueError
+        If one of them matches nothing.
+    """
+    known = _known()
+    if not wanted:
+        return known
+    named: dict[str, Model] = {}
+    files: dict[Path, None] = {}
+    for text in wanted:
+        matches = [model for model in (*known, *GENERATED) if fnmatch(model.name, text)]
+        if re.fullmatch(r"patches:\d+", text):
+            matches = patches(int(text.partition(":")[2]))
+        paths = [] if matches else [Path(path) for path in sorted(glob.glob(text, recursive=True))]
+        paths = [path for path in paths if path.suffix in READABLE]
+        if not matches and not paths:
+            raise ValueError(f"{text!r} is neither the name of a surface nor a file that is there")
+        named |= {model.name: model for model in matches}
+        files |= dict.fromkeys(paths)
+    stems = [*named, *(path.stem for path in files)]
+    alone = [stems.count(path.stem) == 1 for path in files]
+    read = [_file(path, whole=not one) for path, one in zip(files, alone, strict=True)]
+    return [*named.values(), *read]
+
+
+def patches(count: int) -> list[Model]:
+    """Random disks: the first so many among the cases of the command fuzz."""
+    disks = (case for case in itertools.count() if check(*_patch(case)).is_disk)
+    numbers = itertools.islice(disks, count)
+    return [Model(f"patch {case:04}", partial(_patch, case)) for case in numbers]
+
+
+def _patch(case: int) -> Surface:
+    made = surface(SEED, case)
+    return made.V, made.F
+
+
+def by_name(names: Sequence[str]) -> list[Model]:
+    """Surfaces of these names; `load` of one that is not at hand raises."""
+    return [_named(name) for name in names]
+
+
+def surfaces_of(
+    records: Iterable[Record], models: Sequence[Model]
+) -> Callable[[str], tuple[Floats, Ints]]:
+    """Return the function that finds the surface of a name, if it is the one measured."""
+    meshes = {record.model: record.mesh for record in records}
+    named = {model.name: model for model in models}
+
+    @cache
+    def measured(name: str) -> tuple[Floats, Ints]:
+        try:
+            V, F = (named.get(name) or _named(name)).load()
+        except (OSError, ValueError, ImportError, MeshError) as error:
+            raise NotMeasured(f"the surface is not to be had any more: {error}") from error
+        if digest(V, F) != meshes[name]:
+            raise NotMeasured("the surface is not the one that was measured")
+        return V, F
+
+    return measured
+
+
+def digest(V: Floats, F: Ints) -> str:
+    """Fingerprint of a surface."""
+    positions = np.ascontiguousarray(V, dtype=np.float64)
+    faces = np.ascontiguousarray(F, dtype=np.int64)
+    return hashlib.sha256(positions.tobytes() + faces.tobytes()).hexdigest()[:12]

@@ -1,0 +1,219 @@
+"""What a user would pick instead: other programs, each measured only if it is installed."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from functools import partial
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import igl
+import numpy as np
+from scipy.spatial import cKDTree
+
+from cdcp_igl.arrays import Floats, Ints
+from cdcp_igl.errors import MapError
+from cdcp_igl.reference import harmonic
+
+from .candidate import Candidate
+
+__all__ = ["PEERS", "versions"]
+
+PACKAGES = ("bpy", "pymeshlab", "xatlas")
+BFF = "bff-command-line"
+PR_SET_PDEATHSIG = 1  # of prctl(2)
+SLIM_STEPS = 20
+ARAP_STEPS = 100
+BFF_SIZE = 1e6  # of the mesh that it is given: what it writes has six decimals
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that are installed."""
+    found = {}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _blender(V: Floats, F: Ints, *, method: str) -> Floats:
+    """Unwrap in edit mode, as a person would; without seams it is one island."""
+    bpy = import_module("bpy")
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    mesh = bpy.data.meshes.new("surface")
+    mesh.from_pydata(V.tolist(), [], F.tolist())
+    mesh.uv_layers.new()
+    shown = bpy.data.objects.new("surface", mesh)
+    bpy.context.collection.objects.link(shown)
+    bpy.context.view_layer.objects.active = shown
+    shown.select_set(True)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.uv.unwrap(method=method, margin=0, correct_aspect=False)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    corners: Any = np.empty(6 * len(F), np.float32)
+    vertices: Any = np.empty(3 * len(F), np.int32)
+    mesh.uv_layers.active.data.foreach_get("uv", corners)
+    mesh.loops.foreach_get("vertex_index", vertices)
+    return _of_corners(corners.reshape(-1, 2), vertices, len(V))
+
+
+def _meshlab(V: Floats, F: Ints, *, filter: str) -> Floats:
+    pymeshlab = import_module("pymeshlab")
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(V, F.astype(np.int32)))
+    getattr(meshes, f"compute_texcoord_parametrization_{filter}")()
+    return meshes.current_mesh().vertex_tex_coord_matrix()
+
+
+def _xatlas(V: Floats, F: Ints) -> Floats:
+    """Make one chart, if it does; its own answer is an atlas of many."""
+    atlas = import_module("xatlas").Atlas()
+    atlas.add_mesh(V.astype(np.float32), F.astype(np.uint32))
+    atlas.generate()
+    if atlas.chart_count != 1:
+        raise MapError(f"cut into {atlas.chart_count} charts")
+    vertices, _, uv = atlas[0]
+    return _of_corners(uv, vertices, len(V))
+
+
+def _slim(V: Floats, F: Ints, *, energy: str) -> Floats:
+    """Start from the harmonic map onto the disk; the boundary is free then."""
+    nothing = np.zeros(0, np.int32), np.zeros((0, 2), order="F")
+    data = igl.slim_precompute(
+        np.asfortranarray(V),
+        np.asfortranarray(F, dtype=np.int32),
+        np.asfortranarray(harmonic(V, F)),
+        getattr(igl.MappingEnergyType, energy),
+        *nothing,
+        soft_p=0.0,
+    )
+    return np.ascontiguousarray(igl.slim_solve(data, SLIM_STEPS)[:, :2])
+
+
+def _arap(V: Floats, F: Ints) -> Floats:
+    """Start from the harmonic map onto the disk; one vertex stays where it is."""
+    start, first = harmonic(V, F), np.zeros(1, np.int32)
+    data = igl.ARAPData()
+    data.max_iter = ARAP_STEPS
+    igl.arap_precomputation(V, F.astype(np.int64), 2, first, data)
+    return igl.arap_solve(start[first], data, start)
+
+
+def _bff(V: Floats, F: Ints, *, options: tuple[str, ...]) -> Floats:
+    """Run the program on files; its order of vertices is its own."""
+    scaled = (V - V.mean(axis=0)) * (BFF_SIZE / np.ptp(V, axis=0).max())
+    with TemporaryDirectory() as folder:
+        given, made = Path(folder, "surface.obj"), Path(folder, "map.obj")
+        lines = [f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in scaled]
+        lines += [f"f {i} {j} {k}" for i, j, k in F + 1]
+        given.write_text("\n".join(lines) + "\n", encoding="ascii")
+        command: list[str | Path] = [_bff_program() or BFF, given, made, *options]
+        done = subprocess.run(command, capture_output=True, text=True, preexec_fn=_end_with_parent)
+        if done.returncode or not made.exists():
+            last = (done.stderr or done.stdout).strip().splitlines()[-1:] or ["no message"]
+            raise MapError(f"{BFF} gave no map: {last[0]}")
+        rows = [line.split() for line in made.read_text(encoding="ascii").splitlines()]
+    written = np.array([row[1:4] for row in rows if row[:1] == ["v"]], dtype=float)
+    uv = np.array([row[1:3] for row in rows if row[:1] == ["vt"]], dtype=float)
+    corners = [part.split("/") for row in rows if row[:1] == ["f"] for part in row[1:]]
+    theirs, image = np.array([corner[:2] for corner in corners], dtype=np.int64).T - 1
+    ours = cKDTree(_centered(scaled)).query(_centered(written))[1]
+    if len(np.unique(ours)) != len(V):
+        raise MapError(f"{BFF} wrote {len(np.unique(ours)):,} of {len(V):,} vertices")
+    return _of_corners(uv[image], ours[theirs], len(V))
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that started it is killed, as it is at the time limit."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def _centered(points: Floats) -> Floats:
+    """Between -1 and 1: the program may move and scale what it writes."""
+    middle = (points.max(axis=0) + points.min(axis=0)) / 2
+    return (points - middle) / np.ptp(points, axis=0).max()
+
+
+def _bff_program() -> str | None:
+    return os.environ.get("BFF") or shutil.which(BFF)
+
+
+def _of_corners(uv: Floats, vertices: Ints, n: int) -> Floats:
+    """Find the image of each vertex from those of the corners, which must agree."""
+    images = np.full((n, 2), np.nan)
+    images[vertices] = uv
+    if not (images[vertices] == uv).all():
+        raise MapError("cut: the corners of a vertex have several images")
+    return images
+
+
+def _counterclockwise(V: Floats, F: Ints, *, map: Callable[[Floats, Ints], Any]) -> Floats:
+    """Mirror a map that is clockwise as a whole."""
+    uv = np.asarray(map(np.asarray(V, dtype=float), np.asarray(F)), dtype=float)
+    a, b = uv[F[:, 1]] - uv[F[:, 0]], uv[F[:, 2]] - uv[F[:, 0]]
+    clockwise = np.nansum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) < 0
+    return uv * [1, -1] if clockwise else uv
+
+
+def _without(package: str) -> str:
+    return "" if find_spec(package) else f"not to be had: needs pip install {package}"
+
+
+def _without_bff() -> str:
+    return "" if _bff_program() else f"not to be had: no {BFF} on PATH, nor its path in BFF"
+
+
+def _of_package(package: str, map: Callable[[Floats, Ints], Any], citation: str) -> Candidate:
+    """Describe a map in single precision."""
+    return Candidate(
+        partial(_counterclockwise, map=map),
+        *("free", citation, True),
+        missing=partial(_without, package),
+        prepare=partial(import_module, package),
+    )
+
+
+def _of_libigl(map: Callable[[Floats, Ints], Any], citation: str) -> Candidate:
+    return Candidate(partial(_counterclockwise, map=map), "free", citation)
+
+
+def _of_bff(citation: str, *options: str) -> Candidate:
+    map = partial(_bff, options=options)
+    return Candidate(partial(_counterclockwise, map=map), "free", citation, missing=_without_bff)
+
+
+LSCM, HARMONIC = "least_squares_conformal_maps", "harmonic"  # as MeshLab calls its filters
+
+# Six decimals or single precision are too few for a certificate: what is said to be onto the
+# disk is taken for a map with free boundary, too.
+PEERS: Mapping[str, Candidate] = {
+    "Blender angle-based": _of_package("bpy", partial(_blender, method="ANGLE_BASED"), "ABF++"),
+    "Blender conformal": _of_package("bpy", partial(_blender, method="CONFORMAL"), "LSCM"),
+    "Blender minimum stretch": _of_package(
+        "bpy", partial(_blender, method="MINIMUM_STRETCH"), "SLIM"
+    ),
+    "MeshLab LSCM": _of_package("pymeshlab", partial(_meshlab, filter=LSCM), "LSCM"),
+    "MeshLab harmonic": _of_package(
+        "pymeshlab", partial(_meshlab, filter=HARMONIC), "harmonic, onto the circle"
+    ),
+    "xatlas": _of_package("xatlas", _xatlas, "an atlas of charts"),
+    "SLIM": _of_libigl(partial(_slim, energy="SYMMETRIC_DIRICHLET"), "Rabinovich et al. 2017"),
+    "SLIM conformal": _of_libigl(partial(_slim, energy="CONFORMAL"), "Rabinovich et al. 2017"),
+    "ARAP": _of_libigl(_arap, "Liu et al. 2008"),
+    "BFF disk": _of_bff("Sawhney and Crane 2017, onto the disk", "--flattenToDisk"),
+    "BFF free": _of_bff("Sawhney and Crane 2017"),
+}

@@ -1,0 +1,83 @@
+"""What was measured of one case."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from cdcp_igl.arrays import Floats
+from cdcp_igl.reference.case import OK, Case
+
+__all__ = ["EDGES", "Record"]
+
+EDGES: Floats = np.arange(201) / 20  # of the histogram, degrees: bins of 0.05 up to 10
+
+
+@dataclass(frozen=True)
+class Record:
+    """One method, once, on one model.
+
+    Attributes
+    ----------
+    section : str
+        ``"tables"``, ``"speed"`` or ``"ablation"``.
+    model : str
+        Name; `benchmarks.measure.models.find` has the surface.
+    mesh : str
+        Digest of V and F; empty if the model is not to be had.
+    vertices, faces, boundary_vertices : int
+        Sizes; 0 if the model is not to be had.
+    repeat : int
+        From 0.
+    case : Case
+        What the method made; its outcome also says so if there is no such model.
+    histogram : list of int
+        Corners by angular distortion, between `EDGES`; one more for all beyond.
+    source : str
+        Digest of the file of a method of one's own.
+    """
+
+    section: str
+    model: str
+    mesh: str
+    vertices: int
+    faces: int
+    boundary_vertices: int
+    repeat: int
+    case: Case
+    histogram: Sequence[int] = ()
+    source: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether there is a result."""
+        return self.case.outcome == OK
+
+    @property
+    def key(self) -> tuple[str | int, ...]:
+        """What makes this case the same as one of another run."""
+        return self.section, self.model, self.mesh, self.case.method, self.source, self.repeat
+
+    def row(self) -> dict[str, Any]:
+        """Return all fields, those of the case beside the others."""
+        own = asdict(self)
+        return own | own.pop("case")
+
+    def as_json(self) -> dict[str, Any]:
+        """Return `row` as JSON types, None for NaN and infinity."""
+        return {
+            name: None if isinstance(value, float) and not np.isfinite(value) else value
+            for name, value in self.row().items()
+        }
+
+    @classmethod
+    def of_json(cls, row: Mapping[str, Any]) -> Record:
+        """Undo `as_json`."""
+        floats = {f.name for f in fields(Case) if f.type == "float"}
+        made: dict[str, Any] = {f.name: row[f.name] for f in fields(Case) if f.name in row}
+        made |= {name: np.nan for name in floats & made.keys() if made[name] is None}
+        own = {f.name: row[f.name] for f in fields(cls) if f.name in row}
+        return cls(**own, case=Case(**made))

@@ -1,0 +1,163 @@
+"""What the measuring commands share: their options, and where the results go."""
+
+from __future__ import annotations
+
+import inspect
+import shlex
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import wraps
+from pathlib import Path
+from typing import Annotated, Any, get_type_hints
+
+import typer
+from rich.console import Console
+
+from cdcp_igl.io import whole_file
+
+from .measure import models as surfaces
+from .measure.candidate import Candidate, of_ones_own
+from .measure.cases import Limits, run
+from .measure.machine import MACHINE, describe, memory_mib, pin_threads
+from .measure.models import Model
+from .records.record import Record
+from .records.results import Measured
+from .records.store import Work, code, read_results, write_results
+from .write.report import as_markdown
+
+__all__ = ["Machine", "Models", "Out", "Quick", "Session", "WorkFolder", "with_session"]
+
+Models = Annotated[
+    str, typer.Option(metavar="NAME,...", help="Names, paths, or patterns of either.")
+]
+Quick = Annotated[bool, typer.Option("--quick", help="Three small models.")]
+Machine = Annotated[str, typer.Option(metavar="NAME", help="Name of the results' files.")]
+Out = Annotated[
+    Path | None, typer.Option(metavar="FOLDER", help="For the results; else the work folder.")
+]
+WorkFolder = Annotated[
+    Path | None,
+    typer.Option(metavar="FOLDER", help="Of what is measured already; else in build."),
+]
+
+
+@dataclass
+class Session:
+    """Options of a command that measures; where to work, and where the results go."""
+
+    models: Models = ""
+    methods: Annotated[str, typer.Option(metavar="NAME,...", help="Of the methods.")] = ""
+    method: Annotated[
+        list[str] | None,
+        typer.Option(metavar="MODULE:FUNCTION", help="One of your own, beside the others."),
+    ] = None
+    quick: Quick = False
+    machine: Machine = MACHINE
+    out: Out = None
+    work: WorkFolder = None
+    time_limit: Annotated[float, typer.Option(metavar="SECONDS", min=0, help="Of each case.")] = 300
+    memory_limit: Annotated[
+        float, typer.Option(metavar="MIB", min=0, help="Of each case; 0: 3/4 of the memory.")
+    ] = 0
+    threads: Annotated[int, typer.Option(min=1, help="Of BLAS and OpenMP.")] = 1
+
+    def __post_init__(self) -> None:
+        self.kept = Work(self.work)
+        self.limits = Limits(self.time_limit, self.memory_limit or round(0.75 * memory_mib()))
+
+    @property
+    def results(self) -> Path:
+        """The file of results."""
+        return (self.out or self.kept.folder) / f"{self.machine}.json"
+
+    def wanted_models(self, default: Sequence[str] = ()) -> list[Model]:
+        """Find those wanted, or the default, or all; of a quick run, three small ones."""
+        if self.models:
+            try:
+                return surfaces.find(_split(self.models))
+            except ValueError as error:
+                raise typer.BadParameter(str(error), param_hint="--models") from error
+        if self.quick:
+            return surfaces.quick()
+        return surfaces.by_name(default) if default else surfaces.find()
+
+    def wanted_methods(
+        self, table: Mapping[str, Candidate], default: Iterable[str]
+    ) -> dict[str, Candidate]:
+        """Choose from a table the methods wanted, or the default."""
+        names = _split(self.methods) or list(default)
+        for name in names:
+            if name not in table:
+                text = f"{name!r} is not one of {', '.join(table)}."
+                raise typer.BadParameter(text, param_hint="--methods")
+        try:
+            own = {name: of_ones_own(name) for name in self.method or ()}
+        except ValueError as error:
+            raise typer.BadParameter(str(error), param_hint="--method") from error
+        return {name: table[name] for name in names} | own
+
+    def run(
+        self,
+        section: str,
+        models: Sequence[Model],
+        methods: Mapping[str, Candidate],
+        table: str,
+        repeats: Callable[[str, int], int],
+    ) -> list[Record]:
+        """Measure what is missing of a section."""
+        pin_threads(self.threads)
+        return run(
+            *(section, models, methods),
+            table=table,
+            limits=self.limits,
+            work=self.kept,
+            repeats=repeats,
+            console=Console(stderr=True),
+        )
+
+    def write(self, section: str, records: Sequence[Record]) -> Measured:
+        """Write the results of a section; those of other sections stay if the code is the same."""
+        command = shlex.join(["python", "-m", "benchmarks", *sys.argv[1:]])
+        commands, others = {section: command}, []
+        if self.results.exists():
+            about, earlier = read_results(self.results)
+            if about["code"] == code():
+                others = [record for record in earlier if record.section != section]
+                commands = about["commands"] | commands
+        machine = describe(self.threads) | {
+            "time_limit": self.limits.seconds,
+            "memory_limit": self.limits.mib,
+            "commands": commands,
+        }
+        write_results(self.results, machine, [*others, *records])
+        measured = Measured([*others, *records])
+        with whole_file(self.results.with_suffix(".md")) as unfinished:
+            unfinished.write_text(as_markdown(machine, measured), encoding="utf-8")
+        return measured
+
+
+def with_session(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command that takes a `Session` the options of one instead."""
+    own = list(inspect.signature(command, eval_str=True).parameters.values())[1:]
+    hints = get_type_hints(Session, include_extras=True)
+    shared = [p.replace(annotation=hints[p.name]) for p in _parameters(Session)]
+
+    @wraps(command)
+    def with_options(**options: Any) -> None:
+        session = Session(**{p.name: options.pop(p.name) for p in shared})
+        command(session, **options)
+
+    parameters = [p.replace(kind=p.KEYWORD_ONLY) for p in [*shared, *own]]
+    with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    with_options.__annotations__ = {p.name: p.annotation for p in parameters}
+    del with_options.__wrapped__
+    return with_options
+
+
+def _parameters(of: type) -> list[inspect.Parameter]:
+    return list(inspect.signature(of).parameters.values())
+
+
+def _split(text: str) -> list[str]:
+    return [name for name in text.split(",") if name]

@@ -1,0 +1,102 @@
+"""Figures over many surfaces: performance profiles and quartiles."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ...records.comparison import profiles
+from ...records.results import Measured, NotMeasured, Section
+from .accuracy import COMPARED
+from .style import FAINT, INK, LEAST, STYLES, legend, log_scale, new, style
+
+FEWEST = 3  # surfaces, below which a share says nothing
+FARTHEST = 20  # times the best, where a profile ends
+LINES = ("-", "--", ":", "-.")
+
+
+def performance_profiles(measured: Measured) -> Figure:
+    """Share of the surfaces on which a method is within a factor of the best."""
+    results, methods = _disk_methods(measured)
+    figure, panels = new(10, 4.2, ncols=2)
+    for axes, name, label in (
+        (panels[0, 0], "mean", "mean angular distortion"),
+        (panels[0, 1], "seconds", "seconds"),
+    ):
+        ends = 1.0
+        for k, (method, ratios) in enumerate(profiles(results, methods, name).items()):
+            shares = np.arange(len(ratios) + 1) / len(ratios)
+            reached = ratios[ratios < FARTHEST]
+            ends = max(ends, reached.max(initial=1))
+            axes.stairs(
+                100 * shares[1 : len(reached) + 1],
+                [*reached, FARTHEST],
+                baseline=None,
+                label=style(method).label,
+                color=style(method).color,
+                linestyle=LINES[k % len(LINES)],
+                linewidth=1.5,
+            )
+        axes.set_xlim(1, min(1.1 * ends, FARTHEST))
+        axes.set_ylim(0, 102)
+        log_scale(axes, "x")
+        axes.set_xlabel(f"{label} / least of all", fontsize=10, color=INK)
+    panels[0, 0].set_ylabel("% of surfaces", fontsize=10, color=INK)
+    legend(figure, panels[0, 0], len(methods))
+    return figure
+
+
+def quartiles(measured: Measured) -> Figure:
+    """Median, quartiles and range of distortion and time, a box a method."""
+    results, methods = measured.require("tables", _shown(measured))
+    _enough(results)
+    labels = {"mean": "mean angular distortion, degrees", "sd": "SD, degrees", "seconds": "seconds"}
+    figure, panels = new(11, 1.2 + 0.3 * len(methods), ncols=len(labels))
+    for axes, (name, label) in zip(panels[0], labels.items(), strict=True):
+        _boxes(axes, results, methods, name)
+        axes.set_xlabel(label, fontsize=10, color=INK)
+        if axes is not panels[0, 0]:
+            axes.set_yticklabels([])
+    return figure
+
+
+def _boxes(axes: Axes, results: Section, methods: list[str], name: str) -> None:
+    values = [results.values(method, name) for method in methods]
+    drawn = axes.boxplot(
+        [of[np.isfinite(of)] for of in values],
+        orientation="horizontal",
+        whis=(0, 100),
+        widths=0.6,
+        patch_artist=True,
+        tick_labels=[style(method).label for method in methods],
+        medianprops={"color": INK},
+    )
+    for box, method in zip(drawn["boxes"], methods, strict=True):
+        box.set(facecolor=style(method).color, edgecolor=FAINT, alpha=0.7)
+    axes.invert_yaxis()
+    log_scale(axes, "x")
+    axes.set_xlim(left=max(axes.get_xlim()[0], np.nanmedian(np.concatenate(values)) / LEAST))
+
+
+def _disk_methods(measured: Measured) -> tuple[Section, list[str]]:
+    """Leave out free boundaries, which solve another problem."""
+    results, methods = measured.require("tables", _shown(measured))
+    _enough(results)
+    free = {r.case.method for r in results.records if r.case.boundary != "disk"}
+    return results, [method for method in methods if method not in free]
+
+
+def _shown(measured: Measured) -> list[str]:
+    """Those of the other figures, and those that are somebody's own."""
+    tables = measured.sections.get("tables")
+    own = [method for method in tables.maps if method not in STYLES] if tables else []
+    return [*COMPARED, *own]
+
+
+def _enough(results: Section) -> None:
+    if len(results.mapped) < FEWEST or results.medians["mean"].isna().all():
+        raise NotMeasured(
+            f"fewer than {FEWEST} surfaces, or every case failed; "
+            "run: python -m benchmarks tables --models ..."
+        )

@@ -1,0 +1,96 @@
+"""Figures 4, 5 and 9: surfaces, their images, and their centres."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from matplotlib.figure import Figure
+
+from cdcp_igl.plot.scene import Scene
+from cdcp_igl.solve.factored import FactoredSurface
+from cdcp_igl.surface.mesh import DiskMesh
+
+from ...measure.ablation import CENTERS
+from ...records.results import Measured, NotMeasured
+from .style import BLUE, GREEN, INK, ORANGE, RED, legend, model_name, new
+
+SHOWN = ("chinese_lion", "stanford_bunny_31593", "human_brain", "left_hand")  # with centres
+LARGEST = 100_000  # vertices of a model with centres, where those are not at hand
+PIXELS = 280
+IMAGES = 180  # pixels of a surface or disk among many
+PAIRS = 4  # of surface and disk, across
+
+# Open markers of growing size: they are all seen where they coincide.
+MARKS = {
+    "heat t=1e3": ("heat, $t = 10^3$", ORANGE, "o", 5),
+    "heat t=1e4": ("heat, $t = 10^4$", BLUE, "s", 8.5),
+    "heat t=1e5": ("heat, $t = 10^5$", RED, "D", 11),
+    "torsion": ("torsion", GREEN, "^", 15),
+    "centroid": ("nearest to the centroid", RED, "^", 9),
+}
+
+
+def heat_times(measured: Measured) -> Figure:
+    """Figure 4: the centre for three times of heat diffusion, and by torsion."""
+    return _centers(measured, ("heat t=1e3", "heat t=1e4", "heat t=1e5", "torsion"))
+
+
+def heat_and_centroid(measured: Measured) -> Figure:
+    """Figure 9: the centre by heat, and the face nearest to the centroid."""
+    return _centers(measured, ("heat t=1e4", "centroid"))
+
+
+def _centers(measured: Measured, names: Sequence[str]) -> Figure:
+    models = [model for model in SHOWN if model in measured.sizes]
+    models = models or [model for model, n in measured.sizes.items() if n <= LARGEST][:4]
+    if not models:
+        raise NotMeasured("no small model is measured; run: python -m benchmarks tables")
+    figure, panels = new(2.6 * max(len(models), 3), 3.3, ncols=len(models))
+    for axes, model in zip(panels[0], models, strict=True):
+        V, F = measured.surface(model)
+        surface = FactoredSurface.of(DiskMesh(V, F))
+        scene = Scene(surface.mesh.V, surface.mesh.F, PIXELS)
+        axes.imshow(scene.plain())
+        axes.set_axis_off()
+        axes.set_title(model_name(model, len(V)), fontsize=10, color=INK)
+        for name in names:
+            label, color, marker, size = MARKS[name]
+            x, y, visible = scene.locate(CENTERS[name](surface).face)
+            axes.plot(
+                *(x, y, marker),
+                label=label,
+                color=color,
+                markersize=size,
+                fillstyle="none",
+                markeredgewidth=1.8,
+                alpha=1 if visible else 0.35,
+                linestyle="",
+            )
+    legend(figure, panels[0, 0], len(names))
+    return figure
+
+
+def images(measured: Measured) -> Figure:
+    """Figure 5: surfaces and their disks by CDCP, coloured by the normal of the surface."""
+    results, _ = measured.require("tables", ("cdcp",))
+    pictures = []
+    for model in results.mapped:
+        uv = measured.map(model, "cdcp")
+        if uv is not None:
+            V, F = measured.surface(model)
+            scene = Scene(V, F, IMAGES)
+            pictures.append((model_name(model, len(V)), scene.by_normal(), scene.disk(uv)))
+    if not pictures:
+        raise NotMeasured("no model has a map by CDCP")
+    rows, pairs = -(-len(pictures) // PAIRS), min(PAIRS, len(pictures))
+    figure, panels = new(2.75 * pairs, 1.75 * rows, nrows=rows, ncols=2 * pairs)
+    for axes in panels.flat:
+        axes.set_axis_off()
+    for k, (name, surface, disk) in enumerate(pictures):
+        row, column = divmod(k, pairs)
+        left, right = panels[row, 2 * column : 2 * column + 2]
+        left.imshow(surface)
+        right.imshow(disk)
+        left.set_title(name, fontsize=8, color=INK)
+    figure.set_layout_engine("constrained", w_pad=0.01, h_pad=0.01, wspace=0.01, hspace=0.01)
+    return figure

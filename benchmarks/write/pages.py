@@ -1,0 +1,194 @@
+"""The report for the browser: self-contained HTML, one file and one for each surface."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
+from PIL import Image
+
+from cdcp_igl.io import whole_file
+from cdcp_igl.plot.raster import Bytes
+from cdcp_igl.plot.scene import SCALE, Scene
+
+from ..records.findings import sentences
+from ..records.paper import published
+from ..records.record import EDGES, Record
+from ..records.results import Measured, NotMeasured, Section
+from .figures.accuracy import histogram
+from .figures.style import encode, model_name, style
+from .sections import COLUMNS, about, case, cases, in_order, tables
+from .table import Table
+
+__all__ = ["write_pages"]
+
+PIXELS = 300  # of the pictures on the page of a surface
+MOST = 0.95  # of the corners are within the colour scale of the angular distortion
+
+TEMPLATES = Environment(
+    loader=FileSystemLoader(Path(__file__).parent / "templates"),
+    autoescape=select_autoescape(["html"]),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+)
+
+
+def write_pages(
+    folder: Path,
+    machine: Mapping[str, Any],
+    measured: Measured,
+    figures: Sequence[dict[str, Any]],
+    advance: Callable[[str], None],
+) -> Path:
+    """Write index.html and a page for each surface.
+
+    Parameters
+    ----------
+    folder : Path
+    machine : mapping
+        As `benchmarks.machine.describe` returns it.
+    measured : Measured
+    figures : sequence of mapping
+        ``title``, ``caption``, ``id``, and ``file`` (Path), or ``missing`` (why there is none).
+    advance : callable
+        Called with the name of a surface before its page is made.
+
+    Returns
+    -------
+    Path
+        The index.
+    """
+    links = {}
+    for model in measured.sizes:
+        advance(model)
+        links[model] = _write_model(folder, measured, model)
+    index = folder / "index.html"
+    shown = [{"data": ""} | f | (_embedded(f["file"]) if "file" in f else {}) for f in figures]
+    sections = list(tables(measured))
+    if "tables" in measured.sections:
+        sections.append(cases(measured.sections["tables"]))
+    _render(
+        index,
+        "index.html",
+        {model: link["link"] for model, link in links.items()},
+        about=about(machine),
+        findings=sentences(measured),
+        sections=sections,
+        figures=shown,
+        models=list(links.values()),
+    )
+    return index
+
+
+def _render(path: Path, template: str, links: Mapping[str, str], **content: Any) -> None:
+    steps = (to_hex(colormaps[SCALE](t)) for t in np.linspace(0, 1, 9))
+    text = TEMPLATES.get_template(template).render(scale=", ".join(steps), links=links, **content)
+    with whole_file(path) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
+
+
+# -- the page of a surface -------------------------------------------------------------
+
+
+def _write_model(folder: Path, measured: Measured, model: str) -> dict[str, str]:
+    """Write the page and return how the index refers to it."""
+    name = model_name(model, measured.sizes[model])
+    try:
+        V, F = measured.surface(model)
+    except NotMeasured as error:
+        return {"name": name, "link": "", "missing": str(error)}
+    results = measured.sections.get("tables") or next(iter(measured.sections.values()))
+    methods = in_order(results.maps)
+    scene = Scene(V, F, PIXELS)
+    most = _most(results.of(model, "cdcp"))
+    surface = _webp(scene.by_normal())
+    shown = []
+    for method in methods:
+        drawn: dict[str, Any] = {"label": style(method).label, "numbers": "", "disk": ""}
+        uv = measured.map(model, method)
+        if uv is None:
+            drawn["missing"] = results.failure(model, method) or "its map was not kept"
+        else:
+            mean, sd = (results.median(model, method, name) for name in ("mean", "sd"))
+            drawn["numbers"] = f"{mean:.3f} / {sd:.3f} degrees"
+            drawn["disk"] = _webp(scene.disk(uv))
+            drawn["checkerboard"] = _webp(scene.checkerboard(uv))
+            drawn["distortion"] = _webp(scene.distortion(uv, most))
+        shown.append(drawn)
+    try:
+        counted = {"data": _data(encode(histogram(measured, model), ".png"), "png")} | HISTOGRAM
+    except NotMeasured as error:
+        counted = {"data": "", "missing": str(error)}
+    file = folder / f"{model.replace('/', '_').replace(' ', '_')}.html"
+    _render(
+        file,
+        "model.html",
+        {},
+        name=name,
+        surface=surface,
+        about=list(_facts(results, model)),
+        table_of_methods=Table(
+            *("methods", f"Methods on {name}", "", COLUMNS),
+            [case(results, model, method) for method in methods],
+        ),
+        most=f"{most:g}",
+        maps=shown,
+        histogram=counted,
+    )
+    return {"name": name, "link": file.name, "thumbnail": surface}
+
+
+HISTOGRAM = {"width": 840, "height": 384}
+
+
+def _most(cases: Sequence[Record]) -> float:
+    """Where the colour scale ends: most corners of CDCP's map are below, in half degrees."""
+    counts = np.array(cases[0].histogram if cases and cases[0].ok else [1])
+    last = int(np.searchsorted(counts.cumsum() / counts.sum(), MOST)) + 1
+    return float(np.clip(np.ceil(2 * EDGES[min(last, len(EDGES) - 1)]) / 2, 1, EDGES[-1]))
+
+
+def _facts(results: Section, model: str) -> Iterator[tuple[str, str]]:
+    of = next(record for record in results.records if record.model == model)
+    yield "Vertices", f"{of.vertices:,}"
+    yield "Faces", f"{of.faces:,}"
+    yield "Boundary vertices", f"{of.boundary_vertices:,}"
+    row = published(model)
+    if row:
+        yield "In the paper", row.name if row.own == "own" else f"{row.name} ({row.own})"
+    for record in results.of(model, "cdcp")[:1]:
+        details = record.case.details
+        if "boundary" in details:
+            yield "Boundary map of CDCP", details["boundary"]["method"]
+            flipped, rounds = details["repair"]["flipped_faces"], details["repair"]["rounds"]
+            yield "Repair", f"{flipped:,} faces in {rounds} rounds" if flipped else "not needed"
+            w = np.hypot(*details["mobius"]["w"])
+            yield "Möbius", f"{details['mobius']['method']}, |w| = {w:.4f}"
+            yield "Solver", details["solver"]
+
+
+# -- pictures --------------------------------------------------------------------------
+
+
+def _webp(picture: Bytes) -> str:
+    file = BytesIO()
+    Image.fromarray(picture).save(file, format="webp", quality=80, method=4)
+    return _data(file.getvalue(), "webp")
+
+
+def _embedded(path: Path) -> dict[str, Any]:
+    with Image.open(path) as picture:
+        width, height = picture.size
+    kind = "jpeg" if path.suffix == ".jpg" else "png"
+    return {"data": _data(path.read_bytes(), kind), "width": width, "height": height}
+
+
+def _data(content: bytes, kind: str) -> str:
+    return f"data:image/{kind};base64,{base64.b64encode(content).decode()}"

@@ -1,0 +1,98 @@
+"""The one form of a table, and the same table as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import rich.table
+
+__all__ = ["NOTHING", "Cell", "Row", "Table", "best", "markdown", "number", "printed"]
+
+NOTHING = "–"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What is read in a table.
+
+    Attributes
+    ----------
+    text : str
+    value : float, optional
+        By which it is sorted.
+    note : str
+        Why there is no number.
+    kind : str
+        How it looks: words from "name", "text", "missing", "best".
+    model : str
+        The surface whose name it is.
+    """
+
+    text: str
+    value: float | None = None
+    note: str = ""
+    kind: str = ""
+    model: str = ""
+
+
+Row = list[Cell]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under headings, with what a reader has to know."""
+
+    id: str
+    title: str
+    text: str
+    headings: Sequence[str]
+    rows: Sequence[Row]
+
+
+def number(value: float, form: str | Callable[[float], str]) -> Cell:
+    """Write a number, NaN as nothing."""
+    if value != value:
+        return Cell(NOTHING)
+    return Cell(form(value) if callable(form) else format(value, form), value)
+
+
+def best(cells: Row, among: Sequence[int]) -> Row:
+    """Mark the least value among some columns, all that read the same."""
+    values = {k: round(cells[k].value or 0, 3) for k in among if cells[k].value is not None}
+    least = min(values.values(), default=None)
+    return [
+        replace(cell, kind=f"{cell.kind} best".strip()) if values.get(k, -1) == least else cell
+        for k, cell in enumerate(cells)
+    ]
+
+
+def markdown(table: Table) -> str:
+    """Write the rows as Markdown, the notes numbered below them."""
+    notes: list[str] = []
+
+    def text(cell: Cell) -> str:
+        if not cell.note:
+            return f"**{cell.text}**" if "best" in cell.kind else cell.text
+        if cell.note not in notes:
+            notes.append(cell.note)
+        return f"{cell.text} [{notes.index(cell.note) + 1}]"
+
+    first = table.rows[0] if table.rows else []
+    rules = ["---" if "text" in cell.kind or cell.model else "---:" for cell in first]
+    lines = [list(table.headings), rules, *([text(cell) for cell in row] for row in table.rows)]
+    rows = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    told = "\n".join(f"[{k}] {note}  " for k, note in enumerate(notes, 1))
+    return rows + (f"\n\n{told}" if told else "")
+
+
+def printed(table: Table, headings: Sequence[str]) -> rich.table.Table:
+    """Make some of the columns a table for the terminal."""
+    shown = rich.table.Table(title=table.title)
+    columns = [table.headings.index(heading) for heading in headings]
+    for k in columns:
+        text = bool(table.rows) and "text" in table.rows[0][k].kind
+        shown.add_column(table.headings[k], justify="left" if text else "right")
+    for row in table.rows:
+        shown.add_row(*(row[k].text for k in columns))
+    return shown

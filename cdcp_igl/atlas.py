@@ -1,0 +1,352 @@
+"""Any surface onto disks: mended, cut open, and each component mapped."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .algorithm import disk_map
+from .arrays import Floats, Ints
+from .distortion import AngleDistortion, conformal_factor, plane_angles
+from .errors import MapError, counted
+from .result import DiskMap
+from .steps.center import CenterMethod
+from .steps.mobius import conformal_barycenter
+from .steps.options import Options
+from .steps.phases import Progress
+from .surface.cut_growth import grow
+from .surface.cut_surface import CutSurface, Opened
+from .surface.cutting import Cut, cut_along, open_to_disk, split_components
+from .surface.holes import fill_holes
+from .surface.packing import packed_circles
+from .surface.sheets import Sheets, oriented_sheets
+from .surface.triangles import face_areas
+from .surface.validation import face_array, vertex_array
+
+__all__ = ["SurfaceMap", "surface_map"]
+
+# A round of growth is kept if it lowers the spread by more than this share.
+GAIN = 0.03
+# Where an edge has collapsed the conformal factor is minus infinity: counted as this.
+LEAST_FACTOR = -50.0
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceMap:
+    """A map of a surface onto disks, one for each component. Printing it gives a summary.
+
+    Attributes
+    ----------
+    uv : (m, 3, 2) float64
+        Image of corner k of face f of the given F, in the unit disk of its component.
+        Corners of the same vertex have the same image, unless the surface was cut between them.
+    disks : tuple of DiskMap
+        The maps, that of the component with most faces first. Their rows are vertices of the
+        opened component.
+    face_disk : (m,) int64
+        Which disk each face is in.
+    cut : Cut
+        The opened surface, with the edges that were cut and their length. Where faces were turned
+        over, they still are.
+    changes : tuple of str
+        What was done to make disks, a sentence each; empty if the surface was a disk.
+    distortion : AngleDistortion
+        Of the given faces, all disks together.
+    spread : float
+        Standard deviation over the area of the conformal factor, the logarithm of the scale:
+        the largest of all disks. Measured with the conformal barycentre at 0, so that it does not
+        depend on the Möbius transformation.
+    shares : (k,) float64
+        Share of each disk in the area of the surface.
+    """
+
+    uv: Floats
+    disks: tuple[DiskMap, ...]
+    face_disk: Ints
+    cut: Cut
+    changes: tuple[str, ...]
+    distortion: AngleDistortion
+    spread: float
+    shares: Floats
+
+    @property
+    def valid(self) -> bool:
+        """True if every disk has a valid certificate."""
+        return all(disk.certificate.valid for disk in self.disks)
+
+    @property
+    def conformal(self) -> bool:
+        """True if every disk is as conformal as its mesh lets it be, see `DiskMap.conformal`."""
+        return all(disk.conformal for disk in self.disks)
+
+    @cached_property
+    def uv_cut(self) -> Floats:
+        """(n, 2) image of each vertex of ``cut``: ``uv_cut[cut.F]`` is ``uv``."""
+        uv_cut = np.empty((len(self.cut.V), 2))
+        uv_cut[self.cut.F] = self.uv
+        return uv_cut
+
+    def packed(self) -> Floats:
+        """Lay the disks into the unit square, side by side, by area.
+
+        Returns
+        -------
+        (m, 3, 2) float64
+            Texture coordinates in [0, 1]^2 of each corner. The area of each disk is
+            proportional to that of its component on the surface; no two disks touch.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
+        >>> two = np.vstack([V, V + 3]), np.vstack([F, F + len(V)])
+        >>> packed = cdcp_igl.surface_map(*two).packed()
+        >>> below, above = packed[: len(F)], packed[len(F) :]
+        >>> bool(below[..., 1].max() < above[..., 1].min())
+        True
+        """
+        centers, radii = packed_circles(np.sqrt(self.shares))
+        return centers[self.face_disk][:, None] + radii[self.face_disk][:, None, None] * self.uv
+
+    def __str__(self) -> str:
+        certified = sum(disk.certificate.valid for disk in self.disks)
+        return "\n".join(
+            [
+                f"surface map of {len(self.uv):,} faces onto {len(self.disks):,} disks: "
+                f"{certified:,} valid" + ("" if self.conformal else ", NOT CONFORMAL"),
+                f"  angular distortion  {self.distortion}",
+                f"  spread of scale     {self.spread:.2f}",
+                f"  cut                 {len(self.cut.edges):,} edges, length "
+                f"{self.cut.length:.4g}",
+                *(f"  - {change}" for change in self.changes),
+            ]
+        )
+
+
+def surface_map(
+    V: ArrayLike,
+    F: ArrayLike,
+    *,
+    fill: bool = True,
+    spread: float = 1.0,
+    center: CenterMethod = "torsion",
+    mobius: Literal["angle", "area"] | None = "angle",
+    align: ArrayLike | None = None,
+    refine: int = 0,
+    refine_norm: float = 1.5,
+    refine_seconds: float = np.inf,
+    preset: Literal["paper"] | None = None,
+    progress: Progress | None = None,
+) -> SurfaceMap:
+    """Map any surface conformally onto disks: mend it, cut it open, map each component.
+
+    What can be mended without changing the shape is: faces that are turned over are turned,
+    vertices where fans of faces meet split, sheets that meet in an edge of three or more
+    faces parted. Small holes are filled while mapping, everything else is cut, and where a disk
+    would shrink a part of the surface, the cut is led to its tip.
+
+    Parameters
+    ----------
+    V : (n, 3) or (n, 2) array_like of real numbers
+        Vertex positions, in any unit. Those that no face uses are ignored.
+    F : (m, 3) array_like of integers
+        Corners of the faces.
+    fill : bool
+        Fill all boundary loops but the longest of each component while mapping; those faces are
+        not returned. False cuts to them. A filled hole distorts less than a cut to it, whatever
+        its size, since a cut can still grow to it.
+    spread : float
+        Grow the cut until the standard deviation of the conformal factor is at most this, or
+        nothing is gained: see ``SurfaceMap.spread``. With infinity, no cut grows.
+    center, mobius, refine, refine_norm, refine_seconds, preset, progress
+        As in `disk_map`, for each disk; `refine_seconds` for each.
+    align : (3,) array_like or None
+        A direction in space that goes right, as in `disk_map`.
+
+    Returns
+    -------
+    SurfaceMap
+
+    Raises
+    ------
+    MeshError
+        If V and F are no triangle mesh, a face has no area, or a component is one-sided, like a
+        Möbius strip or a Klein bottle.
+    SolverError, MapError
+        As `disk_map`.
+    ValueError
+        If an option is not one of those above.
+
+    Examples
+    --------
+    A closed surface:
+
+    >>> import cdcp_igl
+    >>> V = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    >>> F = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
+    >>> result = cdcp_igl.surface_map(V, F)
+    >>> result.valid, result.uv.shape, result.changes
+    (True, (4, 3, 2), ('cut open along 2 edges',))
+    """
+    if not spread >= 0:
+        raise ValueError(f"spread must be 0 or more, not {spread!r}")
+    if not isinstance(center, str):
+        raise ValueError(f"center must be a method, since each disk has a face, not {center!r}")
+    if align is not None and np.ndim(align) == 0:
+        raise ValueError(f"align must be a direction in space or None, not {align!r}")
+    Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
+    options = {
+        "center": center,
+        "mobius": mobius,
+        "align": align,
+        "refine_norm": refine_norm,
+        "refine_seconds": refine_seconds,
+        "preset": preset,
+    }
+    sheets = oriented_sheets(V, F)
+    charts = list(_charts(sheets, options, refine, fill, spread, progress))
+    given = vertex_array(V).astype(np.float64)
+    return _together(given, face_array(F, len(given)), sheets, charts)
+
+
+@dataclass(frozen=True, eq=False)
+class _Chart:
+    """A component opened to a disk, and its map.
+
+    Attributes
+    ----------
+    opened : Opened
+        Its first faces are those of the component, others fill holes.
+    disk : DiskMap
+    failure : str
+        Why the map is not valid; empty if it is.
+    factor : (n,) float64
+        Conformal factor, with the conformal barycentre at 0.
+    average, spread : float
+        Its average and standard deviation over the area.
+    rows : (k,) int64
+        The faces of the component.
+    n_filled : int
+        Number of holes filled.
+    """
+
+    opened: Opened
+    disk: DiskMap
+    failure: str
+    factor: Floats
+    average: float
+    spread: float
+    rows: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    n_filled: int = 0
+
+
+def _charts(
+    sheets: Sheets,
+    options: dict[str, Any],
+    refine: int,
+    fill: bool,
+    spread: float,
+    progress: Progress | None,
+) -> Iterator[_Chart]:
+    """Fill, open and map each component."""
+    done = 0.0
+    for component in split_components(sheets.V, sheets.F, sheets.vertices):
+        share = len(component.rows) / len(sheets.F)
+
+        def advance(phase: str, fraction: float, done: float = done, share: float = share) -> None:
+            if progress and phase != "done":
+                progress(phase, done + share * fraction)
+
+        surface, n_filled = fill_holes(component.surface) if fill else (component.surface, 0)
+        open_to_disk(surface)
+        n_faces = len(component.rows)
+        chart = _grown(surface, {**options, "progress": advance}, n_faces, refine, spread)
+        yield replace(chart, rows=component.rows, n_filled=n_filled)
+        done += share
+    if progress:
+        progress("done", 1.0)
+
+
+def _grown(
+    surface: CutSurface, options: dict[str, Any], n_faces: int, refine: int, spread: float
+) -> _Chart:
+    """Map a component that is cut to a disk, and grow the cut while that evens out the scale."""
+    best, n_edges = _chart(surface, options, n_faces, refine), len(surface.cut_edges)
+    while best.spread > spread:
+        before = surface.is_cut.copy()
+        if not grow(surface, best.factor, best.average):
+            break
+        grown = _chart(surface, options, n_faces, refine=0)
+        if not grown.spread < (1 - GAIN) * best.spread:
+            surface.is_cut = before
+            break
+        best = grown
+    if refine and len(surface.cut_edges) != n_edges:
+        best = _chart(surface, options, n_faces, refine)
+    if best.failure:
+        raise MapError(best.failure, best.disk)
+    return best
+
+
+def _chart(surface: CutSurface, options: dict[str, Any], n_faces: int, refine: int) -> _Chart:
+    """Map a component that is cut to a disk once, and measure how its scale varies."""
+    opened = surface.opened()
+    V, F, failure = opened.positions, opened.F, ""
+    try:
+        disk = disk_map(V, F, refine=refine, **options)
+    except MapError as error:
+        if not isinstance(error.result, DiskMap) or not np.isfinite(error.result.uv).all():
+            raise
+        disk, failure = error.result, str(error)
+    given = F[:n_faces]  # others fill holes
+    corner_areas: Floats = np.repeat(face_areas(V, given), 3)
+    area: Floats = np.bincount(given.ravel(), corner_areas, len(V)).astype(np.float64)
+    z = disk.uv[:, 0] + 1j * disk.uv[:, 1]
+    w = conformal_barycenter(z, area)
+    scale = (1 - abs(w) ** 2) / abs(1 - w.conjugate() * z) ** 2
+    factor = np.maximum(conformal_factor(V, F, disk.uv) + np.log(scale), LEAST_FACTOR)
+    average = float(np.average(factor, weights=area))
+    deviation = float(np.sqrt(np.average((factor - average) ** 2, weights=area)))
+    return _Chart(opened, disk, failure, factor, average, deviation)
+
+
+def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[_Chart]) -> SurfaceMap:
+    """Put the maps of all components back into the rows of the given faces."""
+    uv, face_disk = np.full((len(F), 3, 2), np.nan), np.full(len(F), -1)
+    # A face that is left out has corners of its own.
+    corners = -1 - np.arange(F.size).reshape(F.shape)
+    count = 0
+    errors, areas = [], []
+    for k, chart in enumerate(charts):
+        rows = sheets.rows[chart.rows]
+        tail = chart.opened.F[: len(rows)]
+        uv[rows], face_disk[rows], corners[rows] = chart.disk.uv[tail], k, count + tail
+        count += chart.opened.n
+        z = chart.disk.uv[:, 0] + 1j * chart.disk.uv[:, 1]
+        angles = chart.opened.surface.angle.reshape(3, -1).T[: len(rows)]
+        errors.append(np.degrees(abs(plane_angles(z, tail) - angles)))
+        areas.append(float(face_areas(sheets.V, F[rows]).sum()))
+    turned = sheets.rows[sheets.turned]
+    for array in (corners, uv):
+        array[turned] = array[turned, ::-1]
+    opened, changes = cut_along(V, F, corners), list(sheets.changes)
+    if filled := sum(chart.n_filled for chart in charts):
+        changes.append(f"filled {filled:,} hole" + "s" * (filled > 1))
+    if len(opened.edges):
+        changes.append(f"cut open along {counted(opened.edges, 'edge', 'edges')}")
+    return SurfaceMap(
+        uv=uv,
+        disks=tuple(chart.disk for chart in charts),
+        face_disk=face_disk,
+        cut=opened,
+        changes=tuple(changes),
+        distortion=AngleDistortion.of(np.concatenate(errors)),
+        spread=max(chart.spread for chart in charts),
+        shares=np.array(areas) / sum(areas),
+    )

@@ -1,0 +1,58 @@
+"""Whether a file may be written, known before there is anything to write."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from ..io import whole_file
+from .names import shown
+from .stamps import Stamp, read_stamp
+
+__all__ = ["digest_of", "objection", "try_to_write"]
+
+
+def digest_of(path: Path) -> str:
+    """SHA-256 of the bytes of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def objection(target: Path, source: Path, ours: Callable[[Stamp | None], bool], remedy: str) -> str:
+    """Say why what is there must not be replaced; nothing if it may.
+
+    Parameters
+    ----------
+    target, source : Path
+        The file to write, and the surface it is made from.
+    ours : callable
+        Whether a file with this mark, or None, may be made again.
+    remedy : str
+        For the message.
+    """
+    if not target.exists():
+        return ""
+    if os.path.samefile(source, target):
+        return f"{shown(target)} is the surface itself; give the result another place."
+    if not target.is_file():
+        return ""  # a device or a pipe, which is written to and not replaced
+    if ours(read_stamp(target)):
+        return ""
+    return f"{shown(target)} is there, and was not made from {shown(source.name)}{remedy}."
+
+
+class _Tried(Exception):
+    """Nothing is to be written yet."""
+
+
+def try_to_write(target: Path) -> None:
+    """Raise OSError if a file cannot be written; leave what is there as it is."""
+    if target.exists() and not target.is_file() and not target.is_dir():
+        return  # whoever reads from a pipe would take the trial for the end
+    try:
+        with whole_file(target):
+            raise _Tried
+    except _Tried:
+        return

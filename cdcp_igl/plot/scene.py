@@ -1,0 +1,102 @@
+"""A surface and its maps, in the colours that pictures have: the one drawing engine."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Floats
+from ..distortion import angle_distortion
+from ..extras import from_extra
+from ..libigl import vertex_normals
+from ..surface.validation import as_surface
+from .raster import SAMPLES, Bytes, frame, in_picture, rasterize
+from .viewpoint import choose_viewpoint
+
+with from_extra("plot"):
+    from matplotlib import colormaps
+
+__all__ = ["LIGHT", "SCALE", "Extent", "Scene", "normal_colors"]
+
+Extent = tuple[float, float, float, float]
+
+LIGHT = np.array([-0.35, 0.5, 0.79])  # from above left, behind the viewer
+SQUARES = 24  # of the checkerboard, across the diameter of the disk
+DARK, BRIGHT = np.array([0.0, 0.447, 0.698]), np.array([0.97, 0.97, 0.95])  # its colours
+NEAR = 0.03  # of the width: how far behind what is seen a point counts as seen
+SCALE = "viridis"  # of the angular distortion: even steps, also without colour vision
+
+
+class Scene:
+    """A surface from where it shows itself best.
+
+    Parameters
+    ----------
+    V : (n, 3) or (n, 2) array_like
+        Vertex positions.
+    F : (m, 3) array_like of integers
+        Corners of the faces.
+    pixels : int
+        Width and height of the pictures.
+    """
+
+    def __init__(self, V: ArrayLike, F: ArrayLike, pixels: int) -> None:
+        (self._V, self._F), self._pixels = as_surface(V, F), pixels
+        self.points = self._V @ choose_viewpoint(self._V, self._F).T
+        self.surface = rasterize(self.points, self._F, pixels)
+        self._normals = np.nan_to_num(vertex_normals(self.points, self._F))
+        self._colors = normal_colors(self._normals)
+        towards = self.surface.at_vertices(self._normals) @ (LIGHT / np.linalg.norm(LIGHT))
+        self._light = np.clip(0.72 + 0.3 * towards, 0, 1)[:, None]
+
+    def by_normal(self) -> Bytes:
+        """Return the surface, coloured by its normals."""
+        return self.surface.image(self.surface.at_vertices(self._colors))
+
+    def plain(self) -> Bytes:
+        """Return the surface in light grey, to draw upon."""
+        return self.surface.image(self._light * [0.92, 0.92, 0.92])
+
+    def disk(self, uv: Floats) -> Bytes:
+        """Return a map in the colours of the surface."""
+        image = rasterize(self._turned(uv), self._F, self._pixels)
+        return image.image(image.at_vertices(self._colors))
+
+    def extent(self, uv: Floats) -> Extent:
+        """Return left, right, bottom and top of `disk`, in the unit of the map."""
+        return frame(self._turned(uv))
+
+    def checkerboard(self, uv: Floats) -> Bytes:
+        """Return the surface under the checkerboard of its image, as wide as the image."""
+        image = self._turned(uv)
+        middle = (image.max(axis=0) + image.min(axis=0)) / 2
+        squares = SQUARES * (image - middle) / np.ptp(image, axis=0).max()
+        odd = np.floor(self.surface.at_vertices(squares)).sum(axis=1) % 2 == 1
+        return self.surface.image(self._light * np.where(odd[:, None], DARK, BRIGHT))
+
+    def distortion(self, uv: Floats, most: float) -> Bytes:
+        """Return the surface by angular distortion, mean of a face's corners, 0 to `most`."""
+        degrees = angle_distortion(self._V, self._F, uv).mean(axis=1)
+        colors = colormaps[SCALE](self.surface.on_faces(degrees) / most)[:, :3]
+        return self.surface.image(self._light * colors)
+
+    def _turned(self, uv: Floats) -> Floats:
+        """Turn a map so that what one sees of the surface keeps its direction."""
+        front = self._normals[:, 2] > 0
+        z, x = uv @ [1, 1j], self.points[:, :2] @ [1, 1j]
+        z = z * np.exp(1j * np.angle(np.vdot(z[front], x[front] - x.mean())))
+        return np.column_stack([z.real, z.imag])
+
+    def locate(self, face: int) -> tuple[float, float, bool]:
+        """Return where a face is in the picture, right and down, and whether one sees it."""
+        x, y = in_picture(self.points, self._pixels)[self._F[face]].mean(axis=0)
+        shown = self.surface.face[int(SAMPLES * y), int(SAMPLES * x)]
+        depth, nearest = (self.points[self._F[f], 2].mean() for f in (face, shown))
+        return x, y, bool(depth > nearest - NEAR * np.ptp(self.points[:, :2], axis=0).max())
+
+
+def normal_colors(normals: Floats) -> Floats:
+    """(n, 3) RGB: each axis of the normal, as the viewer has it, on a primary; lit."""
+    light = LIGHT / np.linalg.norm(LIGHT)
+    shade = 0.8 + 0.35 * (normals @ light)  # nothing goes black: the disk shows all sides
+    return np.clip((0.5 + 0.5 * normals) * shade[:, None], 0, 1)

@@ -1,0 +1,233 @@
+"""Cut any surface open, so that each component becomes a disk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import Floats, Ints
+from ..errors import Defect, MeshError, counted
+from .cut_arcs import slit, straighten
+from .cut_surface import CutSurface
+from .cut_system import cut_to_disk
+from .edges import group_by_edge, half_edges
+from .sheets import orient, part_sheets, used_positions
+from .topology import Topology, duplicate_faces
+from .validation import as_faces, vertex_array
+
+__all__ = ["Component", "Cut", "cut", "cut_along", "open_to_disk", "split_components"]
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """A surface that was cut open; unpacks as ``V_cut, F_cut, vertex_index``.
+
+    Attributes
+    ----------
+    V : (n, 3) or (n, 2) float64
+        Vertices that a face uses, in their order; then the copies along the cut.
+    F : (m, 3) int64
+        The faces in their rows, each corner where it was.
+    vertex_index : (n,) int64
+        The row of the given V that each row comes from: ``V == V_given[vertex_index]`` and
+        ``vertex_index[F] == F_given``.
+    edges : (k, 2) int64
+        Edges that were cut, rows of the given V, the smaller first.
+    length : float
+        Their length, in the unit of V.
+    """
+
+    V: Floats
+    F: Ints
+    vertex_index: Ints
+    edges: Ints
+    length: float
+
+    def __iter__(self) -> Iterator[NDArray[Any]]:
+        return iter((self.V, self.F, self.vertex_index))
+
+
+def cut(V: ArrayLike, F: ArrayLike, path: ArrayLike | None = None) -> Cut:
+    """Cut a surface open, so that each of its components becomes a disk.
+
+    A closed surface of genus 0 is cut between two far vertices; handles along the shortest
+    loops, and boundary loops are joined. Then each arc of the cut is laid anew where that
+    makes it shorter and straighter. Components that are disks stay whole. Vertices where
+    fans of faces meet are split, and sheets that meet in an edge of three or more
+    faces are parted.
+
+    Parameters
+    ----------
+    V : (n, 3) or (n, 2) array_like of real numbers
+        Vertex positions, in any unit.
+    F : (m, 3) array_like of integers
+        Corners of the faces, consistently oriented.
+    path : (k,) or (k, 2) array_like of integers, optional
+        Cut along this path and nowhere else, whether disks result or not: vertices in
+        succession, or edges by their two vertices.
+
+    Returns
+    -------
+    Cut
+
+    Raises
+    ------
+    MeshError
+        If V and F are no triangle mesh; if faces are turned over or the surface is
+        one-sided, and no path is given; if a step of the path is no edge between two faces.
+
+    References
+    ----------
+    J. Erickson, K. Whittlesey. Greedy optimal homotopy and homology generators. SODA 2005.
+
+    Examples
+    --------
+    A tetrahedron, cut open along two edges:
+
+    >>> import cdcp_igl
+    >>> V = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    >>> F = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
+    >>> V_cut, F_cut, vertex_index = cdcp_igl.cut(V, F, path=[1, 0, 2])
+    >>> vertex_index
+    array([0, 1, 2, 3, 0])
+    >>> cdcp_igl.check(V_cut, F_cut).is_disk
+    True
+    """
+    positions = used_positions(V, F)
+    faces = as_faces(F, len(positions))
+    given = vertex_array(V).astype(np.float64)
+    if path is not None:
+        return cut_along(given, faces, _corners_cut_at(faces, len(given), path))
+    if len(duplicates := duplicate_faces(faces)):
+        raise MeshError(
+            Defect(
+                "duplicate face",
+                f"{counted(duplicates, 'face repeats', 'faces repeat')} the corners of another",
+                "Drop these faces, as cdcp_igl.clean does.",
+                "faces",
+                duplicates,
+            )
+        )
+    sheets = part_sheets(faces, len(given))
+    turned = orient(sheets)
+    if len(turned):
+        raise MeshError(
+            Defect(
+                "inconsistent orientation",
+                f"{counted(turned, 'face is', 'faces are')} oriented against the others",
+                "Reverse the corners of these faces, as cdcp_igl.clean and surface_map do.",
+                "faces",
+                turned,
+            )
+        )
+    corners = np.empty(faces.shape, np.int64)
+    count = 0
+    for component in split_components(positions, faces, sheets):
+        open_to_disk(component.surface)
+        opened = component.surface.opened()
+        corners[component.rows] = count + opened.F
+        count += opened.n
+    return cut_along(given, faces, corners)
+
+
+def cut_along(V: Floats, F: Ints, corners: Ints) -> Cut:
+    """Make a vertex of each set of corners (m, 3) with the same number."""
+    number, first, corner = np.unique(corners, return_index=True, return_inverse=True)
+    vertex = F.ravel()[first]
+    # The first copy of each vertex keeps its place among the others.
+    order = np.lexsort((number, vertex))
+    surplus = np.diff(vertex[order], prepend=-1) == 0
+    order = np.concatenate([order[~surplus], order[surplus]])
+    row = np.empty(len(order), np.int64)
+    row[order] = np.arange(len(order))
+    F_cut, vertex_index = row[corner.reshape(F.shape)], vertex[order]
+
+    edges = group_by_edge(*half_edges(F, len(V)), len(V))
+    tail, head = F_cut.T.ravel(), np.roll(F_cut.T, -1, axis=0).ravel()
+    forward = F.T.ravel() < np.roll(F.T, -1, axis=0).ravel()
+    at_low = np.where(forward, tail, head)[edges.sides]
+    at_high = np.where(forward, head, tail)[edges.sides]
+    same = (at_low == np.repeat(at_low[edges.start], edges.valence)) & (
+        at_high == np.repeat(at_high[edges.start], edges.valence)
+    )
+    is_cut = ~np.logical_and.reduceat(same, edges.start)
+    ends = np.column_stack([edges.low[is_cut], edges.high[is_cut]]).astype(np.int64)
+    length = float(np.linalg.norm(V[ends[:, 1]] - V[ends[:, 0]], axis=1).sum())
+    return Cut(V[vertex_index], F_cut, vertex_index, ends, length)
+
+
+@dataclass(frozen=True, eq=False)
+class Component:
+    """One component of a surface: some rows of F, as a surface to be cut.
+
+    Attributes
+    ----------
+    rows : (k,) int64
+    surface : CutSurface
+    """
+
+    rows: Ints
+    surface: CutSurface
+
+
+def split_components(V: Floats, F: Ints, sheets: Ints) -> Iterator[Component]:
+    """Take an oriented manifold apart; `sheets` (m, 3) numbers its vertices, F those of V."""
+    count, part = Topology(sheets, int(sheets.max()) + 1).components
+    order = np.argsort(part, kind="stable")
+    for rows in np.split(order, np.cumsum(np.bincount(part, minlength=count))[:-1]):
+        _, first, corner = np.unique(sheets[rows], return_index=True, return_inverse=True)
+        vertex = F[rows].ravel()[first]
+        order = np.argsort(vertex, kind="stable")  # as in V
+        place = np.empty(len(order), np.int64)
+        place[order] = np.arange(len(order))
+        yield Component(rows, CutSurface(V[vertex[order]], place[corner].reshape(-1, 3)))
+
+
+def open_to_disk(surface: CutSurface) -> None:
+    """Cut one component until it is a disk, unless it is one."""
+    characteristic = surface.opened().euler_characteristic
+    if characteristic == 2:
+        slit(surface)
+    elif characteristic < 1:
+        cut_to_disk(surface)
+        straighten(surface)
+
+
+def _corners_cut_at(F: Ints, n: int, path: ArrayLike) -> Ints:
+    """(m, 3) numbers of the vertices of the surface cut along a given path."""
+    steps = np.asarray(path)
+    if steps.dtype.kind not in "iu" or not (steps.ndim == 1 or steps.shape[1:] == (2,)):
+        raise ValueError(
+            "path must be vertices in succession (k,) or edges (k, 2), integers; "
+            f"it has shape {steps.shape} and type {steps.dtype}"
+        )
+    if steps.ndim == 1:
+        steps = np.column_stack([steps[:-1], steps[1:]])
+    steps = np.sort(steps.astype(np.int64), axis=1)
+    surface = Topology(F, n)
+    edges = surface.edges
+    inner = edges.valence > 1
+    # Numbers of the edges by their ends: out of range stays out of range.
+    key = edges.low.astype(np.int64) * n + edges.high
+    in_range = (steps >= 0).all(axis=1) & (steps < n).all(axis=1)
+    at = np.minimum(np.searchsorted(key, steps[:, 0] * n + steps[:, 1]), len(key) - 1)
+    found = in_range & (key[at] == steps[:, 0] * n + steps[:, 1]) & inner[at]
+    if not found.all():
+        raise MeshError(
+            Defect(
+                "not an edge",
+                f"{(~found).sum():,} of {len(found):,} steps of the path are no edge between faces",
+                "Go from vertex to vertex along edges that two faces share.",
+                "edges",
+                steps[~found],
+            )
+        )
+    joined = edges.valence == 2
+    joined[at] = False
+    one, other = edges.sides[edges.start[joined]], edges.sides[edges.start[joined] + 1]
+    _, fan = surface.fans_across(one, other)
+    return np.ascontiguousarray(fan.reshape(3, -1).T, dtype=np.int64)

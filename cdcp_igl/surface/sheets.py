@@ -1,0 +1,167 @@
+"""The sheets of a surface that is not a manifold, parted and oriented."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Floats, Ints
+from ..errors import Defect, MeshError, counted
+from .defects import degenerate_faces
+from .topology import Topology, duplicate_faces
+from .triangles import corner_cotangents
+from .validation import (
+    face_array,
+    non_finite_defect,
+    refuse_swapped,
+    repeated_corners,
+    unit_size,
+    vertex_array,
+)
+
+__all__ = ["Sheets", "orient", "oriented_sheets", "part_sheets", "used_positions"]
+
+
+@dataclass(frozen=True, eq=False)
+class Sheets:
+    """A surface as an oriented manifold.
+
+    Attributes
+    ----------
+    V : (n, 3) float64
+        The given positions, scaled to unit size.
+    F : (k, 3) int64
+        Faces, rows of V, oriented.
+    vertices : (k, 3) int64
+        Numbers of their corners: corners with the same number are one vertex of the manifold.
+    rows : (k,) int64
+        The rows of the given F that they come from.
+    turned : (t,) int64
+        Rows of this F whose corners are reversed.
+    changes : tuple of str
+        What was done, a sentence each.
+    """
+
+    V: Floats
+    F: Ints
+    vertices: Ints
+    rows: Ints
+    turned: Ints
+    changes: tuple[str, ...]
+
+
+def oriented_sheets(V: ArrayLike, F: ArrayLike) -> Sheets:
+    """Leave out what is no face, part sheets and turn faces over.
+
+    Raises
+    ------
+    MeshError
+        If V and F are no triangle mesh, no face is left, or a component is one-sided.
+    """
+    positions = used_positions(V, F)
+    faces = face_array(F, len(positions))
+    rows, changes = _proper_faces(positions, faces)
+    faces = faces[rows]
+    vertices = part_sheets(faces, len(positions))
+    copies = np.arange(len(np.unique(faces)), len(np.unique(vertices)))
+    if len(copies):
+        changes.append(f"split off {counted(copies, 'vertex', 'vertices')} where sheets met")
+    turned = orient(vertices)
+    if len(turned):
+        changes.append(f"reversed {counted(turned, 'face', 'faces')}")
+    for corners in (faces, vertices):
+        corners[turned] = corners[turned, ::-1]
+    return Sheets(positions, faces, vertices, rows, turned, tuple(changes))
+
+
+def used_positions(V: ArrayLike, F: ArrayLike) -> Floats:
+    """V scaled to unit size, rows that no face uses 0; MeshError if the others are not finite."""
+    refuse_swapped(V, F)
+    given = vertex_array(V).astype(np.float64)
+    unused = np.ones(len(given), dtype=bool)
+    unused[face_array(F, len(given))] = False
+    given[unused] = 0
+    if defect := non_finite_defect(given):
+        raise MeshError(defect)
+    return unit_size(given)
+
+
+def _proper_faces(V: Floats, F: Ints) -> tuple[Ints, list[str]]:
+    """Find the faces that have an area and repeat no other; say which were left out."""
+    kept, changes = np.arange(len(F)), []
+    for find, why in (
+        (repeated_corners, "with a repeated corner"),
+        (duplicate_faces, "that repeated another"),
+        (lambda faces: degenerate_faces(corner_cotangents(V, faces)), "without area"),
+    ):
+        bad = find(F[kept])
+        if len(bad):
+            changes.append(f"left out {counted(bad, 'face', 'faces')} {why}")
+            kept = np.delete(kept, bad)
+    if len(kept) == 0:
+        what = f"cdcp_igl.surface_map {', '.join(changes)}, and no face is left"
+        raise MeshError(Defect("nothing left", what, "Restore the mesh."))
+    return kept, changes
+
+
+def part_sheets(F: Ints, n: int) -> Ints:
+    """Make a manifold of faces: split vertices where fans meet, part edges of several faces.
+
+    Where the faces around an edge of three or more hang together at both its ends, all of
+    them but one are parted from everything.
+
+    Parameters
+    ----------
+    F : (m, 3) int64
+        Rows of n vertices, no corner repeated.
+    n : int
+
+    Returns
+    -------
+    (m, 3) int64
+        The same faces, their corners numbered anew: corners with the same number are one
+        vertex of the manifold.
+    """
+    while True:
+        surface = Topology(F, n)
+        count, fan = surface.fans
+        F = np.ascontiguousarray(fan.reshape(3, -1).T, dtype=np.int64)
+        if count == int(surface.used.sum()):  # nothing was split
+            if not surface.singular.any():
+                return F
+            first = np.zeros(F.size, dtype=bool)
+            first[surface.edges.start] = True
+            surplus = ~first & np.repeat(surface.singular, surface.edges.valence)
+            alone = np.unique(surface.edges.sides[surplus] % len(F))
+            F[alone] = count + np.arange(3 * len(alone)).reshape(-1, 3)
+        n = int(F.max()) + 1
+
+
+def orient(F: Ints) -> Ints:
+    """Find the faces of a manifold that are turned over, in each component the fewer.
+
+    Raises
+    ------
+    MeshError
+        If a component is one-sided.
+    """
+    surface = Topology(F, int(F.max()) + 1)
+    if surface.against is not None:
+        return surface.against
+    _, part = surface.components
+    one_sided = [
+        rows
+        for rows in (np.flatnonzero(part == k) for k in range(int(part.max()) + 1))
+        if Topology(F[rows], surface.n).against is None
+    ]
+    raise MeshError(
+        Defect(
+            "not orientable",
+            "The surface is one-sided, like a Möbius strip",
+            "Cut it across with cdcp_igl.cut(V, F, path).",
+            "faces",
+            np.sort(np.concatenate(one_sided)),
+        )
+    )

@@ -1,0 +1,100 @@
+"""Surfaces that are no disk: random ones of any genus, and some whose cut is known."""
+
+import numpy as np
+
+
+def voxels(seed, size=4, share=0.5, missing=0):
+    """The surface of a random set of cubes: closed, oriented, of random genus, in parts.
+
+    Cubes that touch in an edge or a corner make edges of four faces and vertices where several
+    fans meet. Some faces may be missing, which makes boundary loops.
+    """
+    rng = np.random.default_rng(seed)
+    solid = np.zeros((size + 2,) * 3, dtype=bool)
+    solid[1:-1, 1:-1, 1:-1] = rng.random((size,) * 3) < share
+    if not solid.any():
+        solid[1, 1, 1] = True
+    corner = np.arange((size + 3) ** 3).reshape((size + 3,) * 3)
+    quads = []
+    for axis in range(3):
+        step = np.eye(3, dtype=int)[axis]
+        u, v = (np.eye(3, dtype=int)[(axis + k) % 3] for k in (1, 2))
+        for side in (0, 1):
+            cells = np.argwhere(solid & ~np.roll(solid, 1 - 2 * side, axis=axis))
+            base = cells + side * step
+            ring = [base, base + u, base + u + v, base + v]
+            quads.append(np.column_stack([corner[tuple(p.T)] for p in ring[:: 1 if side else -1]]))
+    quads = np.vstack(quads)
+    F = np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    F = np.delete(F, rng.permutation(_plain(F))[:missing], axis=0)
+    used, faces = np.unique(F, return_inverse=True)
+    V = np.argwhere(corner >= 0)[used] + rng.uniform(-0.2, 0.2, (len(used), 3))
+    return V, faces.reshape(F.shape)
+
+
+def _plain(F):
+    """Faces all of whose edges have two faces: without one the others are still oriented."""
+    edges = np.sort(np.stack([F, np.roll(F, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
+    _, edge, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
+    return np.flatnonzero((count[edge.reshape(F.shape)] == 2).all(axis=1))[:-1]
+
+
+def torus(n=12, k=8, thickness=0.4):
+    """Closed, genus 1: n vertices along, k around."""
+    i, j = (grid.ravel() for grid in np.meshgrid(np.arange(n), np.arange(k), indexing="ij"))
+    s, t = 2 * np.pi * i / n, 2 * np.pi * j / k
+    r = 1 + thickness * np.cos(t)
+    V = np.column_stack([r * np.cos(s), r * np.sin(s), thickness * np.sin(t)])
+    a, b, c, d = ((i + di) % n * k + (j + dj) % k for di, dj in ((0, 0), (1, 0), (1, 1), (0, 1)))
+    return V, np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+
+
+def sphere(rings=10, around=16, stretch=1.0):
+    """Closed, genus 0: circles of latitude and two poles, which are the last two vertices."""
+    z = np.cos(np.pi * np.arange(1, rings + 1) / (rings + 1))
+    t = 2 * np.pi * np.arange(around) / around
+    r = np.sqrt(1 - z**2)
+    V = np.column_stack(
+        [np.outer(r, np.cos(t)).ravel(), np.outer(r, np.sin(t)).ravel(), np.repeat(z, around)]
+    )
+    V = np.vstack([V, [0, 0, 1], [0, 0, -1]])
+    i, j = (g.ravel() for g in np.meshgrid(np.arange(rings - 1), np.arange(around), indexing="ij"))
+    a, b = i * around + j, i * around + (j + 1) % around
+    k = np.arange(around)
+    north = np.column_stack([np.full(around, len(V) - 2), k, (k + 1) % around])
+    last = (rings - 1) * around
+    south = np.column_stack([np.full(around, len(V) - 1), last + (k + 1) % around, last + k])
+    F = np.vstack(
+        [
+            np.column_stack([a, a + around, b + around]),
+            np.column_stack([a, b + around, b]),
+            north,
+            south,
+        ]
+    )
+    return V * [1, 1, stretch], F
+
+
+def tube(n=24, k=12, length=4.0):
+    """An open cylinder of radius 1: two boundary loops."""
+    i, j = (g.ravel() for g in np.meshgrid(np.arange(n), np.arange(k), indexing="ij"))
+    t = 2 * np.pi * (j + i / 2) / k
+    V = np.column_stack([np.cos(t), np.sin(t), length * i / (n - 1)])
+    i, j = (g.ravel() for g in np.meshgrid(np.arange(n - 1), np.arange(k), indexing="ij"))
+    a, b = i * k + j, i * k + (j + 1) % k
+    return V, np.vstack([np.column_stack([a, b, a + k]), np.column_stack([b, b + k, a + k])])
+
+
+def klein_bottle(n=10, k=8):
+    """Closed and one-sided; it goes through itself in space, which no triangle notices."""
+    i, j = (g.ravel() for g in np.meshgrid(np.arange(n), np.arange(k), indexing="ij"))
+    s, t = 2 * np.pi * i / n, 2 * np.pi * j / k
+    r = 2 + np.cos(s / 2) * np.sin(t) - np.sin(s / 2) * np.sin(2 * t)
+    h = np.sin(s / 2) * np.sin(t) + np.cos(s / 2) * np.sin(2 * t)
+    V = np.column_stack([r * np.cos(s), r * np.sin(s), h])
+
+    def row(i, j):  # after one turn t has become -t
+        return i % n * k + np.where(i < n, j, -j) % k
+
+    a, b, c, d = (row(i + di, j + dj) for di, dj in ((0, 0), (1, 0), (1, 1), (0, 1)))
+    return V, np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])

@@ -1,0 +1,237 @@
+"""Other programs, methods of one's own, and statistics over many surfaces."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from failing_methods import METHODS as FAILING
+
+from benchmarks.measure import models
+from benchmarks.measure.cases import Limits, run
+from benchmarks.measure.methods import METHODS, TABLE, maps
+from benchmarks.measure.models import Model
+from benchmarks.measure.peers import PEERS
+from benchmarks.records.comparison import paired, profiles, summary
+from benchmarks.records.record import Record
+from benchmarks.records.results import Section
+from benchmarks.records.store import Work, read_results
+from cdcp_igl import angle_distortion, check, datasets
+from cdcp_igl.reference import harmonic
+from cdcp_igl.reference.case import Case
+
+ROOT = Path(__file__).parents[1]
+V, F, _ = datasets.ellipse(5)
+LIMITS = Limits(60, 4000)
+
+# -- other programs --------------------------------------------------------------------
+
+FAKE = """#!{python}
+import sys
+import numpy as np
+given, made, *options = sys.argv[1:]
+rows = [line.split() for line in open(given)]
+V = np.array([row[1:] for row in rows if row[0] == "v"], dtype=float)
+F = np.array([row[1:] for row in rows if row[0] == "f"], dtype=int) - 1
+order = np.random.default_rng(1).permutation(len(V))  # its own order of vertices
+new = np.argsort(order)
+uv = V[:, :2] / 1e6 * ([-1, 1] if "--flattenToDisk" in options else [1, 1])
+with open(made, "w") as out:
+    for x, y, z in V[order] * 1e-3 + 5:
+        print(f"v {{x:.6f}} {{y:.6f}} {{z:.6f}}", file=out)
+    for u, v in uv:
+        print(f"vt {{u:.6f}} {{v:.6f}}", file=out)
+    for face in F:
+        print("f", *(f"{{new[k] + 1}}/{{k + 1}}" for k in np.roll(face, 1)), file=out)
+{end}
+"""
+
+
+@pytest.fixture
+def bff(tmp_path, monkeypatch):
+    def install(end=""):
+        program = tmp_path / "bff-command-line"
+        program.write_text(FAKE.format(python=sys.executable, end=end))
+        program.chmod(0o755)
+        monkeypatch.setenv("BFF", str(program))
+
+    return install
+
+
+@pytest.mark.parametrize("name", ["BFF free", "BFF disk"])
+def test_bff_gives_the_vertices_back_in_their_order(bff, name):
+    bff()
+    uv = PEERS[name].function(V, F)
+    assert PEERS[name].missing() == ""
+    assert angle_distortion(V, F, uv).max() < 1e-2  # six decimals; a clockwise one is mirrored
+
+
+def test_bff_that_fails_is_a_row(bff, tmp_path):
+    bff("sys.exit('out of luck')")
+    (record,) = measure(tmp_path, ["BFF free"])
+    assert record.case.outcome == "MapError: bff-command-line gave no map: out of luck"
+
+
+def test_bff_that_hangs_is_ended_with_its_row(bff, tmp_path):
+    bff("import os, time; open(given + '.pid', 'w').close(); time.sleep(600)")
+    (record,) = measure(tmp_path, ["BFF free"], limits=Limits(5, 4000))
+    assert record.case.outcome == "no result within 5 s"
+    if sys.platform == "linux":
+        running = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True).stdout
+        assert str(tmp_path / "bff-command-line") not in running
+
+
+@pytest.mark.parametrize("name", ["SLIM", "SLIM conformal", "ARAP"])
+def test_libigl_peers_open_a_plane(name):
+    uv = PEERS[name].function(V, F)
+    start = angle_distortion(V, F, harmonic(V, F)).mean()
+    assert angle_distortion(V, F, uv).mean() < 0.1 * start
+
+
+@pytest.mark.parametrize("name", [name for name in PEERS if "BFF" not in name])
+def test_an_installed_peer_gives_a_map(name, tmp_path):
+    if reason := PEERS[name].missing():
+        pytest.skip(reason)
+    (record,) = measure(tmp_path, [name], model=Model("grid", lambda: (V, F.astype(np.int32))))
+    assert record.ok or "charts" in record.case.outcome
+
+
+def test_what_is_not_installed_is_told_and_tried_again(tmp_path, monkeypatch, bff):
+    monkeypatch.delenv("BFF", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    (record,) = measure(tmp_path, ["BFF free"])
+    assert record.case.outcome == "not to be had: no bff-command-line on PATH, nor its path in BFF"
+    bff()
+    (record,) = measure(tmp_path, ["BFF free"])
+    assert record.ok
+
+
+def test_peers_are_measured_only_when_asked_for():
+    assert not set(maps()) & set(PEERS)
+    assert set(PEERS) < set(METHODS)
+
+
+def measure(tmp_path, names, model=None, limits=LIMITS):
+    chosen = {name: METHODS[name] for name in names}
+    model = model or Model("grid", lambda: (V, F))
+    return run("peers", [model], chosen, table=TABLE, limits=limits, work=Work(tmp_path))
+
+
+# -- a method of one's own -------------------------------------------------------------
+
+
+def tables(tmp_path, *arguments):
+    path = os.pathsep.join([str(ROOT), str(ROOT / "tests"), str(tmp_path)])
+    return subprocess.run(
+        [
+            *(sys.executable, "-m", "benchmarks", "tables", "--models", "spherical_cap_20"),
+            *("--methods", "cdcp", "--out", tmp_path, "--work", tmp_path / "w"),
+            *("--machine", "here", *arguments),
+        ],
+        **{"cwd": ROOT, "env": os.environ | {"PYTHONPATH": path}, "timeout": 300},
+        **{"capture_output": True, "text": True},
+    )
+
+
+def test_ones_own_methods_join_the_tables_and_fail_in_rows(tmp_path):
+    names = ("kills_itself", "raises", "not_finite", "flipped", "hangs")
+    own = [f"--method=failing_methods:{name}" for name in names]
+    done = tables(tmp_path, *own, "--time-limit", "20")
+    assert done.returncode == 0, done.stderr
+    outcomes = [record.case.outcome for record in read_results(tmp_path / "here.json")[1]]
+    assert outcomes[0] == "ok"
+    for outcome, told in zip(
+        outcomes[1:],
+        ("crashed: SIGSEGV", "failed: KeyError", "not valid: not finite", "not valid", "no result"),
+        strict=True,
+    ):
+        assert outcome.startswith(told)
+        assert outcome in (tmp_path / "here.md").read_text()
+    assert len(FAILING) > len(names)
+
+
+def test_a_method_that_has_changed_is_measured_again(tmp_path):
+    file = tmp_path / "mine.py"
+    for sign in ("", "[::, ::-1]"):
+        file.write_text(f"import cdcp_igl\ndef own(V, F): return cdcp_igl.cdcp(V, F){sign}\n")
+        done = tables(tmp_path, "--method", "mine:own")
+        assert done.returncode == 0, done.stderr
+    own = read_results(tmp_path / "here.json")[1][1]
+    assert own.case.outcome.startswith("not valid")
+    assert len(Work(tmp_path / "w").records()) == 3
+
+
+@pytest.mark.parametrize("name", ["no_such_module:map", "failing_methods:no_such", "cdcp"])
+def test_a_method_that_is_not_there_is_an_error(tmp_path, name):
+    done = tables(tmp_path, "--method", name)
+    assert done.returncode == 2
+    assert "no method" in done.stderr
+
+
+# -- many surfaces ---------------------------------------------------------------------
+
+
+def section(means, seconds=None, flips=0.0):
+    """Records of methods by their means on surfaces a, b, c, ...; None where one failed."""
+    records = []
+    for method, values in means.items():
+        for k, mean in enumerate(values):
+            time = seconds[method][k] if seconds else 1.0
+            numbers = {"mean": mean, "sd": 1.0, "flips": flips, "seconds": time}
+            made = Case(method, "disk", "ok", **numbers) if mean else Case(method, "disk", "failed")
+            records.append(Record("tables", "abcdefgh"[k], "d", 100 + k, 9, 9, 0, made))
+    return Section(records)
+
+
+def test_the_summary_counts_and_sums_up():
+    table = summary(section({"cdcp": [1, 2, 3, 4, 5], "fdcp": [1, None, 3, None, 8]}))
+    assert table.loc["cdcp", "mapped"] == 1
+    assert table.loc["fdcp", "mapped"] == pytest.approx(0.6)
+    assert table.loc["fdcp", "unflipped"] == pytest.approx(0.6)
+    quartiles = [table.loc["cdcp", f"mean {q}"] for q in (0.25, 0.5, 0.75)]
+    np.testing.assert_allclose(quartiles, [2, 3, 4])
+    assert table.loc["fdcp", "mean 0.5"] == 3
+    assert summary(section({"lscm": [1, 2]}, flips=3.0)).loc["lscm", "unflipped"] == 0
+
+
+def test_a_profile_is_the_share_within_a_factor_of_the_best():
+    made = profiles(
+        section({"cdcp": [1, 4, 3, None], "fdcp": [2, 1, 3, None]}), ["cdcp", "fdcp"], "mean"
+    )
+    np.testing.assert_allclose(made["cdcp"], [1, 1, 4])  # none counts where nobody has a map
+    np.testing.assert_allclose(made["fdcp"], [1, 1, 2])
+    made = profiles(section({"cdcp": [1, 1], "fdcp": [2, None]}), ["cdcp", "fdcp"], "mean")
+    np.testing.assert_allclose(made["fdcp"], [2, np.inf])
+
+
+def test_paired_tests_have_their_exact_values():
+    better = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    worse = [value + k for k, value in enumerate(better, 1)]
+    made = paired(section({"cdcp": better, "fdcp": worse}), "cdcp", "fdcp", "mean")
+    assert (made.lower, made.higher, made.ties) == (6, 0, 0)
+    assert made.median == -3.5
+    assert made.sign == pytest.approx(2 / 2**6)
+    assert made.signed_rank == pytest.approx(2 / 2**6)
+
+
+def test_rounding_is_no_difference():
+    ones = [1.0, 2.0, 3.0]
+    nearly = [value * (1 + 1e-9) for value in ones]
+    made = paired(section({"cdcp": ones, "fdcp": nearly}), "cdcp", "fdcp", "mean")
+    assert (made.lower, made.higher, made.ties, made.sign, made.signed_rank) == (0, 0, 3, 1, 1)
+
+
+def test_only_pairs_are_compared():
+    made = paired(section({"cdcp": [1, 2, None], "fdcp": [2, None, 1]}), "cdcp", "fdcp", "mean")
+    assert (made.lower, made.higher, made.ties) == (1, 0, 0)
+
+
+def test_patches_are_disks_and_the_same_each_time(monkeypatch):
+    monkeypatch.delenv("CDCP_IGL_DATA", raising=False)
+    first, again = models.find(["patches:3"]), models.patches(3)
+    assert [model.name for model in first] == [model.name for model in again]
+    for one, other in zip(first, again, strict=True):
+        assert check(*one.load()).is_disk
+        np.testing.assert_array_equal(one.load()[0], other.load()[0])

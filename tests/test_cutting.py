@@ -1,0 +1,275 @@
+"""Cutting surfaces of any kind open: exact, and along good paths."""
+
+from itertools import pairwise
+
+import meshes
+import numpy as np
+import pytest
+import surfaces
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import cdcp_igl
+from cdcp_igl.surface.cut_arcs import straighten
+from cdcp_igl.surface.cut_paths import straight_path
+from cdcp_igl.surface.cut_surface import CutSurface
+from cdcp_igl.surface.cut_system import cut_to_disk
+from cdcp_igl.surface.cutting import open_to_disk
+from cdcp_igl.surface.topology import Topology
+
+RANDOM = st.builds(
+    surfaces.voxels,
+    seed=st.integers(0, 10_000),
+    size=st.integers(1, 5),
+    share=st.floats(0.2, 0.9),
+    missing=st.integers(0, 12),
+)
+
+
+def assert_disks(F, n):
+    """Each component of the faces is a disk, and nothing else touches it."""
+    surface = Topology(F, n)
+    assert surface.is_manifold
+    count, part = surface.components
+    for k in range(count):
+        used, G = np.unique(F[part == k], return_inverse=True)
+        component = Topology(G.reshape(-1, 3), len(used))
+        assert component.euler_characteristic == 1
+        assert len(component.loops) == 1
+
+
+@settings(max_examples=150)
+@given(RANDOM)
+def test_every_component_becomes_a_disk_and_glues_back(mesh):
+    V, F = mesh
+    cut = cdcp_igl.cut(V, F)
+    V_cut, F_cut, vertex_index = cut
+    np.testing.assert_array_equal(V[vertex_index], V_cut)
+    np.testing.assert_array_equal(vertex_index[F_cut], F)
+    np.testing.assert_array_equal(V_cut[: len(V)], V)
+    np.testing.assert_array_equal(np.unique(F_cut), np.arange(len(V_cut)))
+    assert_disks(F_cut, len(V_cut))
+    # Glued along its cut edges and nowhere else it is the surface again.
+    np.testing.assert_array_equal(open_edges(F, F_cut), cut.edges)
+    lengths = np.linalg.norm(V[cut.edges[:, 0]] - V[cut.edges[:, 1]], axis=1)
+    assert cut.length == pytest.approx(lengths.sum())
+
+
+def open_edges(F, F_cut):
+    """Edges of F that several faces share, not all of them with the same ends in F_cut."""
+    ends = {}
+    for face, opened in zip(F.tolist(), F_cut.tolist(), strict=True):
+        for k in range(3):
+            i, j = sorted((k, (k + 1) % 3), key=lambda c, face=face: face[c])
+            ends.setdefault((face[i], face[j]), []).append((opened[i], opened[j]))
+    edges = sorted(edge for edge, copies in ends.items() if len(set(copies)) > 1)
+    return np.array(edges, dtype=np.int64).reshape(-1, 2)
+
+
+@settings(max_examples=25)
+@given(RANDOM, st.integers(0, 10_000))
+def test_numbering_and_unit_do_not_change_what_is_cut(mesh, seed):
+    V, F = mesh
+    cut = cdcp_igl.cut(V, F)
+    larger = cdcp_igl.cut(1024 * V, F)
+    np.testing.assert_array_equal(larger.F, cut.F)
+    assert larger.length == 1024 * cut.length
+
+
+@pytest.mark.parametrize("name", ["disk", "sphere", "torus", "tube"])
+def test_number_of_vertices_after_the_cut(name):
+    V, F = {
+        "disk": meshes.grid(),
+        "sphere": surfaces.sphere(),
+        "torus": surfaces.torus(),
+        "tube": surfaces.tube(),
+    }[name]
+    cut = cdcp_igl.cut(V, F)
+    # By Euler's formula; a sphere keeps the two ends of its slit.
+    characteristic = {"disk": 1, "sphere": 2, "torus": 0, "tube": 0}[name]
+    assert len(cut.V) - len(V) == len(cut.edges) + 1 - characteristic
+    assert (len(cut.edges) == 0) == (name == "disk")
+
+
+def test_a_torus_is_cut_along_its_two_shortest_loops():
+    V, F = surfaces.torus(n=30, k=10)
+    cut = cdcp_igl.cut(V, F)
+    meridian = sum(np.linalg.norm(V[j] - V[(j + 1) % 10]) for j in range(10))
+    inner = V[5::10]
+    assert cut.length == pytest.approx(
+        meridian + np.linalg.norm(inner - np.roll(inner, 1, axis=0), axis=1).sum(), rel=0.1
+    )
+
+
+def test_a_tube_is_cut_along_a_straight_line():
+    """One of many shortest paths, most of which go to and fro."""
+    V, F = surfaces.tube()
+    surface = CutSurface(V, F)
+    uncut = surface.opened().bend
+    open_to_disk(surface)
+    assert len(surface.cut_edges) == 23
+    # The two ends have corners of pi in place of a straight boundary, the others nothing.
+    assert surface.opened().bend < uncut + 2 * np.pi + 0.1
+
+
+def test_a_long_sphere_is_cut_from_tip_to_tip():
+    V, F = surfaces.sphere(rings=20, stretch=3)
+    edges = cdcp_igl.cut(V, F).edges
+    ends, count = np.unique(edges, return_counts=True)
+    np.testing.assert_allclose(np.sort(V[ends[count == 1], 2]), [-3, 3], atol=0.1)
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 10_000))
+def test_straightening_lowers_what_a_flat_map_has_to_bend(seed):
+    V, F = surfaces.voxels(seed, size=3, share=0.6)
+    sheets = Topology(F, len(V))
+    if not sheets.is_manifold or sheets.components[0] > 1 or sheets.genus == 0:
+        V, F = surfaces.torus()
+    surface = CutSurface(V, F)
+    cut_to_disk(surface)
+    before = surface.opened().bend + surface.length[surface.cut_edges].sum()
+    straighten(surface)
+    opened = surface.opened()
+    assert opened.bend + surface.length[surface.cut_edges].sum() <= before
+    assert opened.euler_characteristic == 1
+    assert opened.loop.max() == 0
+
+
+def test_the_bend_of_a_path_is_what_it_adds():
+    """By the formula of the cost, for a path between two boundary vertices of a grid."""
+    V, F = meshes.grid(10, 12)
+    surface = CutSurface(V, F)
+    opened = surface.opened()
+    vertex = np.empty(len(V), int)
+    vertex[surface.tail] = opened.tail
+    start, end = np.zeros((2, len(V)), dtype=bool)
+    start[vertex[5]] = end[vertex[9 * 12 + 6]] = True
+    path = straight_path(opened, start, end)
+    surface.set_cut(path, cut=True)
+    angle = opened.angle_sum
+    added = surface.opened().bend - opened.bend
+    inner = [opened.head[h] for h in path[:-1]]
+    left = []
+    for before, after in pairwise(path):
+        half, turned = surface.after(before), surface.angle[surface.after(before)]
+        while half != after:
+            half = surface.after(surface.twin[half])
+            turned += surface.angle[half]
+        left.append(turned)
+    expected = sum(
+        abs(a - np.pi) + abs(angle[v] - a - np.pi) - abs(angle[v] - 2 * np.pi)
+        for a, v in zip(left, inner, strict=True)
+    )
+    at_ends = 0.0
+    for half, v in (
+        (path[0], opened.tail[path[0]]),
+        (surface.twin[path[-1]], opened.head[path[-1]]),
+    ):
+        after, turned = half, surface.angle[half]
+        while surface.twin[surface.before(after)] >= 0:
+            after = surface.twin[surface.before(after)]
+            turned += surface.angle[after]
+        at_ends += abs(turned - np.pi) + abs(angle[v] - turned - np.pi) - abs(angle[v] - np.pi)
+    assert added == pytest.approx(expected + at_ends)
+    assert surface.opened().euler_characteristic == opened.euler_characteristic + 1
+
+
+# -- a path that is given --------------------------------------------------------------
+
+
+def test_a_given_path_is_used_as_it_is():
+    V, F = surfaces.torus(n=12, k=8)
+    around = [*range(8), 0]
+    cut = cdcp_igl.cut(V, F, path=around)
+    np.testing.assert_array_equal(cut.edges, sorted(sorted(edge) for edge in pairwise(around)))
+    surface = Topology(cut.F, len(cut.V))
+    assert surface.euler_characteristic == 0
+    assert len(surface.loops) == 2
+    by_edges = cdcp_igl.cut(V, F, path=cut.edges)
+    np.testing.assert_array_equal(by_edges.F, cut.F)
+
+
+@pytest.mark.parametrize(
+    ("path", "wrong"),
+    [([0, 1, 3], [[1, 3]]), ([0, 96], [[0, 96]]), ([[-1, 0], [0, 1]], [[-1, 0]])],
+)
+def test_a_path_off_the_edges_is_refused_by_its_steps(path, wrong):
+    V, F = surfaces.torus(n=12, k=8)
+    with pytest.raises(cdcp_igl.MeshError) as raised:
+        cdcp_igl.cut(V, F, path=path)
+    assert raised.value.defect == "not an edge"
+    np.testing.assert_array_equal(raised.value.indices, wrong)
+
+
+def test_the_boundary_is_no_path():
+    V, F = meshes.grid()
+    with pytest.raises(cdcp_igl.MeshError, match="no edge between faces"):
+        cdcp_igl.cut(V, F, path=[0, 1])
+
+
+@pytest.mark.parametrize("path", [[0.5, 1.5], [[0, 1, 2]], 3, "loop"])
+def test_a_path_is_vertices_or_edges(path):
+    with pytest.raises(ValueError, match="path must be"):
+        cdcp_igl.cut(*surfaces.torus(), path=path)
+
+
+def test_a_moebius_strip_can_be_cut_across():
+    _, V, F, _ = meshes.NASTY["Moebius strip"]
+    with pytest.raises(cdcp_igl.MeshError, match=r"cdcp_igl\.cut\(V, F, path\)"):
+        cdcp_igl.cut(V, F)
+    V_cut, F_cut, _ = cdcp_igl.cut(V, F, path=[0, 9])
+    assert cdcp_igl.surface_map(V_cut, F_cut).valid
+
+
+# -- what is refused -------------------------------------------------------------------
+
+
+def test_faces_turned_over_are_refused_with_their_rows():
+    V, F = surfaces.torus()
+    F[[3, 50]] = F[[3, 50], ::-1]
+    with pytest.raises(cdcp_igl.MeshError, match="surface_map do") as raised:
+        cdcp_igl.cut(V, F)
+    assert raised.value.defect == "inconsistent orientation"
+    np.testing.assert_array_equal(raised.value.indices, [3, 50])
+
+
+def test_a_klein_bottle_is_refused_with_its_rows():
+    V, F = surfaces.klein_bottle()
+    W, G = surfaces.torus()
+    with pytest.raises(cdcp_igl.MeshError) as raised:
+        cdcp_igl.cut(np.vstack([W, V]), np.vstack([G, F + len(W)]))
+    assert raised.value.defect == "not orientable"
+    np.testing.assert_array_equal(raised.value.indices, len(G) + np.arange(len(F)))
+
+
+@pytest.mark.parametrize("name", meshes.NASTY)
+def test_nasty_meshes_are_cut_or_refused(name):
+    defect, V, F, _ = meshes.NASTY[name]
+    cuttable = {
+        "unreferenced vertex",
+        "non-manifold edge",
+        "several components",
+        "non-manifold vertex",
+        "closed surface",
+        "several boundary loops",
+        "handle",
+        "degenerate face",
+    }
+    if defect in cuttable:
+        V_cut, F_cut, vertex_index = cdcp_igl.cut(V, F)
+        np.testing.assert_array_equal(np.asarray(V, float)[vertex_index], V_cut)
+        np.testing.assert_array_equal(vertex_index[F_cut], F)
+        assert_disks(F_cut, len(V_cut))
+    else:
+        with pytest.raises(cdcp_igl.MeshError) as raised:
+            cdcp_igl.cut(V, F)
+        assert raised.value.defect == defect
+
+
+def test_the_input_is_not_changed():
+    V, F = surfaces.torus()
+    before = V.copy(), F.copy()
+    cdcp_igl.cut(V, F)
+    np.testing.assert_array_equal(V, before[0])
+    np.testing.assert_array_equal(F, before[1])

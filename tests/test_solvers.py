@@ -1,0 +1,155 @@
+"""The same maps by each solver, and how one is chosen."""
+
+import os
+import pickle
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+from cdcp_igl import DiskMapper, datasets, disk_map
+from cdcp_igl.extras import MissingExtra
+from cdcp_igl.solve import solvers
+from cdcp_igl.solve.solvers import SOLVERS, solver, using
+
+LIBRARIES = {"scikit-sparse": "CHOLMOD", "cvxopt": "CHOLMOD", "scipy": "SuperLU"}
+
+
+@pytest.fixture(params=SOLVERS)
+def name(request):
+    return request.param
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"refine": 2}, {"center": "heat", "mobius": "area"}, {"preset": "paper"}]
+)
+def test_the_same_map_by_each(name, options):
+    V, F, _ = datasets.spherical_cap(12)
+    V = V + 0.2 * np.sin(3 * V[:, [1, 2, 0]] + [1, 2, 3])  # no symmetry, no ties
+    result = disk_map(V, F, solver=name, **options)
+    assert result.certificate.valid
+    expected = disk_map(V, F, solver="scikit-sparse", **options).uv
+    np.testing.assert_allclose(result.uv, expected, atol=1e-7 if options.get("refine") else 1e-9)
+
+
+@pytest.mark.parametrize("model", ["nefertiti_299", "chinese_lion_17334"])
+def test_the_same_distortion_of_scans(name, model, real_mesh):
+    V, F = real_mesh(model)
+    result, expected = (disk_map(V, F, solver=s) for s in (name, "scikit-sparse"))
+    assert abs(result.distortion.mean - expected.distortion.mean) < 1e-6
+
+
+def test_the_result_says_it(name):
+    V, F, _ = datasets.spherical_cap(4)
+    said = disk_map(V, F, solver=name).solver
+    assert said.startswith(f"{LIBRARIES[name]} ({name} ")
+    assert ("two factorizations" in said) == (name == "scipy")
+    assert DiskMapper(V, F, solver=name).map().solver == said
+    mapper = pickle.loads(pickle.dumps(DiskMapper(V, F, solver=name)))
+    assert mapper.moved(V * [1, 1, 2]).map(center="heat").solver == said
+
+
+def test_the_variable_chooses_and_the_argument_has_the_last_word(monkeypatch):
+    V, F, _ = datasets.spherical_cap(4)
+    monkeypatch.setenv("CDCP_IGL_SOLVER", "cvxopt")
+    assert "cvxopt" in disk_map(V, F).solver
+    assert "scipy" in disk_map(V, F, solver="scipy").solver
+    assert "cvxopt" in disk_map(V, F).solver
+    monkeypatch.setenv("CDCP_IGL_SOLVER", "umfpack")
+    with pytest.raises(ValueError, match='solver must be one of "scikit-sparse", "cvxopt"'):
+        disk_map(V, F)
+
+
+def test_unknown_solvers_are_refused_first():
+    with pytest.raises(ValueError, match="not 'umfpack'"):
+        disk_map(None, None, solver="umfpack")
+
+
+def test_what_is_asked_for_in_one_thread_is_not_asked_for_in_another():
+    seen = []
+    with using("scipy"):
+        thread = threading.Thread(target=lambda: seen.append(solver()))
+        thread.start()
+        thread.join()
+        assert solver() is not seen[0]
+
+
+def hide(monkeypatch, *packages):
+    """As if they were not installed."""
+    for package in packages:
+        monkeypatch.setitem(sys.modules, package, None)
+    for module in SOLVERS.values():
+        monkeypatch.delitem(sys.modules, f"cdcp_igl.solve.{module}", raising=False)
+        monkeypatch.delattr(f"cdcp_igl.solve.{module}", raising=False)
+    solvers._load.cache_clear()
+    solvers._fastest.cache_clear()
+
+
+@pytest.fixture
+def forget():
+    yield
+    solvers._load.cache_clear()
+    solvers._fastest.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("missing", "used"),
+    [((), "sksparse"), (("sksparse",), "cvxopt"), (("sksparse", "cvxopt"), "scipy")],
+)
+def test_the_fastest_that_is_installed(monkeypatch, forget, missing, used):
+    hide(monkeypatch, *missing)
+    assert used in disk_map(*datasets.spherical_cap(4)[:2]).solver.replace("scikit-", "sk")
+
+
+def test_a_missing_solver_is_named_with_what_to_do(monkeypatch, forget):
+    hide(monkeypatch, "cvxopt")
+    with pytest.raises(MissingExtra, match="pip install cvxopt; or take another: scikit-sparse"):
+        disk_map(*datasets.spherical_cap(4)[:2], solver="cvxopt")
+
+
+def test_the_options_of_cvxopt_stay_the_callers():
+    from cvxopt import cholmod
+
+    cholmod.options["nmethods"] = 2
+    try:
+        disk_map(*datasets.spherical_cap(4)[:2], solver="cvxopt")
+        assert cholmod.options == {"nmethods": 2}
+    finally:
+        cholmod.options.clear()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a limit of address space is needed")
+def test_memory_that_is_too_small_is_a_solver_error(name):
+    # The factor of a random graph is nearly full.
+    code = f"""
+import resource
+import numpy as np, scipy.sparse as sp
+from cdcp_igl import SolverError
+from cdcp_igl.solve.cholesky import Cholesky
+from cdcp_igl.solve.solvers import using
+n = 10_000
+ends = np.random.default_rng(0).integers(n, size=(2, 3 * n))
+edges = sp.coo_matrix((np.ones(3 * n), ends), (n, n))
+A = (sp.tril(-(edges + edges.T), -1) + 30 * sp.identity(n)).tocsc()
+with using({name!r}):
+    Cholesky(sp.identity(3, format="csc"))
+    with open("/proc/self/statm") as file:
+        used = int(file.read().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + (96 << 20),) * 2)
+    try:
+        Cholesky(A)
+    except SolverError as error:
+        print(error)
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+    )
+    assert run.stdout.startswith(f"{LIBRARIES[name]} ({name} "), run.stderr
+    assert "size 10,000" in run.stdout
+    assert "decimate" in run.stdout

@@ -1,0 +1,302 @@
+"""Any surface onto disks."""
+
+from fractions import Fraction
+
+import meshes
+import numpy as np
+import pytest
+import surfaces
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import cdcp_igl
+from cdcp_igl.surface.packing import packed_circles
+from cdcp_igl.surface.triangles import face_areas
+
+RANDOM = st.builds(
+    surfaces.voxels,
+    seed=st.integers(0, 10_000),
+    size=st.integers(1, 3),
+    share=st.floats(0.2, 0.9),
+    missing=st.integers(0, 6),
+)
+
+
+def assert_consistent(result, V, F):
+    """What every surface map promises of the rows of the given faces."""
+    assert result.valid
+    assert result.uv.shape == (len(F), 3, 2)
+    cut = result.cut
+    np.testing.assert_array_equal(np.asarray(V, float)[cut.vertex_index], cut.V)
+    np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
+    np.testing.assert_array_equal(result.uv_cut[cut.F], result.uv)
+    mapped = result.face_disk >= 0
+    np.testing.assert_array_equal(np.isfinite(result.uv).all(axis=(1, 2)), mapped)
+    assert np.hypot(*result.uv[mapped].reshape(-1, 2).T).max() <= 1 + 1e-12
+    assert set(result.face_disk[mapped]) == set(range(len(result.disks)))
+    assert result.shares.sum() == pytest.approx(1)
+
+
+@settings(max_examples=40)
+@given(RANDOM)
+def test_random_surfaces(mesh):
+    V, F = mesh
+    result = cdcp_igl.surface_map(V, F)
+    assert_consistent(result, V, F)
+    assert (result.face_disk >= 0).all()
+    oriented = np.concatenate([result.uv[:, k] - result.uv[:, 0] for k in (1, 2)], axis=1)
+    a, b, c, d = oriented.T
+    assert (a * d - b * c > 0).all()
+
+
+@settings(max_examples=20)
+@given(RANDOM, st.integers(0, 1000))
+def test_turned_faces_are_mapped_as_the_others(mesh, seed):
+    V, F = mesh
+    turned = np.random.default_rng(seed).random(len(F)) < 0.3
+    given = np.where(turned[:, None], F[:, ::-1], F)
+    plain = cdcp_igl.surface_map(V, F)
+    result = cdcp_igl.surface_map(V, given)
+    assert_consistent(result, V, given)
+    assert len(result.disks) == len(plain.disks)
+
+
+def test_a_disk_is_mapped_as_by_disk_map():
+    V, F = meshes.grid()
+    result = cdcp_igl.surface_map(V, F, spread=np.inf)
+    expected = cdcp_igl.disk_map(V, F)
+    assert result.changes == ()
+    assert_consistent(result, V, F)
+    np.testing.assert_array_equal(result.uv, expected.uv[F])
+    assert result.distortion.mean == pytest.approx(expected.distortion.mean)
+
+
+def test_options_are_those_of_disk_map():
+    V, F = meshes.grid()
+    options = {"mobius": "area", "refine": 2, "center": "heat", "align": [1, 0, 0]}
+    result = cdcp_igl.surface_map(V, F, spread=np.inf, **options)
+    np.testing.assert_array_equal(result.uv, cdcp_igl.disk_map(V, F, **options).uv[F])
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        {"spread": -1},
+        {"spread": np.nan},
+        {"mobius": "length"},
+        {"refine": 0.5},
+        {"center": 3},
+        {"align": 3},
+    ],
+)
+def test_bad_options_are_refused(option):
+    with pytest.raises(ValueError, match=next(iter(option))):
+        cdcp_igl.surface_map(*surfaces.torus(), **option)
+
+
+def test_refinement_comes_after_growth():
+    V, F = surfaces.sphere(rings=30, around=10, stretch=8)
+    plain = cdcp_igl.surface_map(V, F)
+    refined = cdcp_igl.surface_map(V, F, refine=2)
+    np.testing.assert_array_equal(refined.cut.edges, plain.cut.edges)
+    assert refined.distortion.mean < plain.distortion.mean
+    assert refined.disks[0].refinement.steps == 2
+
+
+# -- what is mended --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", meshes.NASTY)
+def test_nasty_meshes_are_mapped_or_refused(name):
+    defect, V, F, rows = meshes.NASTY[name]
+    refused = {"not orientable", "non-finite coordinate"}
+    if name in {"all in one point", "on a line", "sliver"}:
+        with pytest.raises(cdcp_igl.MeshError, match="no face is left"):
+            cdcp_igl.surface_map(V, F)
+    elif defect in refused or defect in BAD_ARRAYS:
+        with pytest.raises(cdcp_igl.MeshError) as raised:
+            cdcp_igl.surface_map(V, F)
+        assert raised.value.defect == defect
+        if defect != "not orientable":
+            np.testing.assert_array_equal(raised.value.indices, rows)
+    else:
+        assert_consistent(cdcp_igl.surface_map(V, F), V, F)
+
+
+BAD_ARRAYS = {
+    "not numeric",
+    "shape of V",
+    "shape of F",
+    "index out of range",
+    "fractional index",
+    "V and F swapped",
+}
+
+
+def test_everything_at_once_is_said():
+    V, F = surfaces.torus()
+    (
+        W,
+        G,
+    ) = surfaces.tube(n=8)
+    n = len(V)
+    F = np.vstack([F, G + n, F[5], [[0, 0, 1]], [[n, n + 1, n + 1]]])
+    V = np.vstack([V, W, [[np.nan, 0, 0]]])  # which no face uses
+    F[7] = F[7, ::-1]
+    result = cdcp_igl.surface_map(V, F)
+    assert_consistent(result, V, F)
+    assert result.changes == (
+        "left out 2 faces with a repeated corner",
+        "left out 1 face that repeated another",
+        "reversed 1 face",
+        "filled 1 hole",
+        f"cut open along {len(result.cut.edges)} edges",
+    )
+    np.testing.assert_array_equal(np.flatnonzero(result.face_disk < 0), len(F) - 3 + np.arange(3))
+    assert "surface map of 363 faces onto 2 disks: 2 valid" in str(result)
+
+
+def test_a_klein_bottle_is_refused():
+    with pytest.raises(cdcp_igl.MeshError) as raised:
+        cdcp_igl.surface_map(*surfaces.klein_bottle())
+    assert raised.value.defect == "not orientable"
+    assert len(raised.value.indices) == 160
+
+
+def test_progress_goes_from_0_to_1():
+    V, F = surfaces.torus()
+    seen = []
+    two = np.vstack([V, V + 5]), np.vstack([F, F + len(V)])
+    cdcp_igl.surface_map(*two, progress=lambda phase, done: seen.append((phase, done)))
+    fractions = [done for _, done in seen]
+    assert seen[-1] == ("done", 1.0)
+    assert max(fractions[: len(seen) // 3]) < 0.6
+    assert 0 <= min(fractions) <= max(fractions) <= 1
+    assert [phase for phase, _ in seen].count("done") == 1
+
+
+# -- holes and growth ------------------------------------------------------------------
+
+
+def punched(V, F, holes):
+    """Take out three round holes of a share of the faces each."""
+    rng = np.random.default_rng(0)
+    middle = V[F].mean(axis=1)
+    boundary = cdcp_igl.surface.mesh.DiskMesh(V, F).on_boundary
+    inner = np.flatnonzero(~boundary[F].any(axis=1))
+    gone = np.zeros(len(F), dtype=bool)
+    for center in rng.choice(inner, 3, replace=False):
+        distance = np.linalg.norm(middle - middle[center], axis=1)
+        gone |= distance < np.quantile(distance, holes)
+    return V, F[~gone]
+
+
+@pytest.mark.parametrize("name", ["chinese_lion_17334", "human_face_17157"])
+@pytest.mark.parametrize("holes", [0.001, 0.01, 0.05])
+def test_filled_holes_distort_less_than_cuts_to_them(name, holes, real_mesh):
+    V, F = punched(*real_mesh(name), holes)
+    filled = cdcp_igl.surface_map(V, F)
+    cut = cdcp_igl.surface_map(V, F, fill=False)
+    assert len(filled.cut.edges) == 0 < len(cut.cut.edges)
+    assert filled.distortion.mean < cut.distortion.mean
+
+
+def test_a_hole_at_the_end_of_a_branch_is_filled_and_cut_through():
+    """A long tube: filled at one end it would crowd, but the cut grows to the end."""
+    V, F = surfaces.tube(n=80, k=16, length=16)
+    whole = cdcp_igl.surface_map(V, F, spread=np.inf)
+    grown = cdcp_igl.surface_map(V, F)
+    assert len(whole.cut.edges) == 0
+    assert grown.spread < whole.spread / 2
+
+
+def test_growing_evens_out_the_scale():
+    """Two spikes at right angles: one path cannot reach all three tips."""
+    V, F = surfaces.sphere(rings=40, around=40)
+    radius = 1 + 4 * sum(np.exp(8 * (V @ tip - 1)) for tip in np.eye(3))
+    V = V * radius[:, None]
+    once = cdcp_igl.surface_map(V, F, spread=np.inf)
+    grown = cdcp_igl.surface_map(V, F, spread=0.5)
+    assert grown.spread < once.spread
+    assert grown.cut.length > once.cut.length
+    area = face_areas(V, F)
+    distortions = [cdcp_igl.area_distortion(r.cut.V, r.cut.F, r.uv_cut) for r in (once, grown)]
+    before, after = (np.average(np.square(d), weights=area) for d in distortions)
+    assert after < before
+
+
+def test_spread_does_not_depend_on_the_moebius_transformation():
+    V, F = surfaces.torus()
+    by_angle, by_area = (
+        cdcp_igl.surface_map(V, F, mobius=mobius, spread=np.inf) for mobius in ("angle", "area")
+    )
+    assert by_angle.spread == pytest.approx(by_area.spread, rel=1e-6)
+
+
+# -- packing ---------------------------------------------------------------------------
+
+
+@given(st.lists(st.floats(1e-6, 1e3), min_size=1, max_size=60))
+def test_packed_circles_are_apart_exactly(sizes):
+    centers, radii = packed_circles(np.array(sizes))
+    np.testing.assert_allclose(radii / radii.max(), np.array(sizes) / max(sizes))
+    x, y = ([Fraction(c) for c in column] for column in centers.T.tolist())
+    r = [Fraction(radius) for radius in radii.tolist()]
+    for i in range(len(r)):
+        assert r[i] <= x[i] <= 1 - r[i]
+        assert r[i] <= y[i] <= 1 - r[i]
+        for j in range(i):
+            assert (x[i] - x[j]) ** 2 + (y[i] - y[j]) ** 2 > (r[i] + r[j]) ** 2
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 10, 100])
+def test_packing_is_not_wasteful(count):
+    _, radii = packed_circles(np.ones(count))
+    assert np.pi * (radii**2).sum() > 0.35
+
+
+@settings(max_examples=10)
+@given(st.integers(0, 10_000))
+def test_packed_corners_lie_in_the_square_by_area(seed):
+    V, F = surfaces.voxels(seed, size=4, share=0.15)
+    result = cdcp_igl.surface_map(V, F)
+    packed = result.packed()
+    assert packed.shape == result.uv.shape
+    assert packed.min() >= 0
+    assert packed.max() <= 1
+    boxes = [packed[result.face_disk == k].reshape(-1, 2) for k in range(len(result.disks))]
+    radii = [np.ptp(box, axis=0).max() / 2 for box in boxes]
+    # The boundary has few vertices: the widest extent is less than the diameter of the circle.
+    expected = np.sqrt(result.shares)
+    assert max(radii) <= expected.max() / expected.sum() * len(radii)
+
+
+# -- real surfaces ---------------------------------------------------------------------
+
+
+def test_armadillo_is_cut_in_the_time_of_a_map(real_mesh):
+    V, F = real_mesh("any/closed_armadillo_43243")
+    result = cdcp_igl.surface_map(V, F)
+    assert_consistent(result, V, F)
+    assert result.distortion.mean < 1.7
+
+
+@pytest.mark.parametrize(
+    ("name", "mean"),
+    [
+        ("closed_spot_2930", 3.6),
+        ("closed_maxplanck_12556", 1.6),
+        ("closed_hippocampus_6002", 1.4),
+        ("handles_kitten_10000", 1.6),
+        ("handles_motherchild_5000", 3.2),
+        ("handles_3holes_3596", 2.8),
+        ("loops_beetle_19887", 1.0),
+        ("loops_legohead_4179", 2.3),
+        ("defects_bunny_6164", 2.8),
+    ],
+)
+def test_real_surfaces(name, mean, real_mesh):
+    V, F = real_mesh(f"any/{name}")
+    result = cdcp_igl.surface_map(V, F)
+    assert_consistent(result, V, F)
+    assert result.distortion.mean < mean
