@@ -14,6 +14,7 @@ from .algorithm import disk_map
 from .arrays import Floats, Ints
 from .distortion import AngleDistortion, conformal_factor, plane_angles
 from .errors import MapError, counted
+from .plot.shown import Shown
 from .result import DiskMap
 from .steps.center import CenterMethod
 from .steps.mobius import conformal_barycenter
@@ -37,7 +38,7 @@ LEAST_FACTOR = -50.0
 
 
 @dataclass(frozen=True, eq=False)
-class SurfaceMap:
+class SurfaceMap(Shown):
     """A map of a surface onto disks, one for each component. Printing it gives a summary.
 
     Attributes
@@ -113,6 +114,9 @@ class SurfaceMap:
         """
         centers, radii = packed_circles(np.sqrt(self.shares))
         return centers[self.face_disk][:, None] + radii[self.face_disk][:, None, None] * self.uv
+
+    def __repr__(self) -> str:
+        return f"SurfaceMap({str(self).splitlines()[0].removeprefix('surface map of ')})"
 
     def __str__(self) -> str:
         certified = sum(disk.certificate.valid for disk in self.disks)

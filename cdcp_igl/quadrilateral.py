@@ -12,6 +12,7 @@ from .arrays import Floats, Indices, Ints
 from .certificate import Certificate, flipped_faces
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, spell
+from .plot.shown import Shown
 from .solve.cholesky import Cholesky
 from .solve.laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
 from .solve.ordering import elimination_order
@@ -23,7 +24,7 @@ __all__ = ["RectangleMap", "rectangle_map"]
 
 
 @dataclass(frozen=True, eq=False)
-class RectangleMap:
+class RectangleMap(Shown):
     """A conformal map onto a rectangle. Printing it gives a summary.
 
     Attributes
