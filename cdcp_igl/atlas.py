@@ -14,6 +14,7 @@ from .algorithm import disk_map
 from .arrays import Floats, Ints
 from .distortion import AngleDistortion, plane_angles
 from .errors import MapError, counted
+from .plot.shown import Shown
 from .result import DiskMap
 from .steps.center import CenterMethod
 from .steps.options import Options
@@ -35,7 +36,7 @@ GAIN = 0.03
 
 
 @dataclass(frozen=True, eq=False)
-class SurfaceMap:
+class SurfaceMap(Shown):
     """A map of a surface onto disks, one for each component; printing it gives a summary.
 
     Attributes
@@ -115,6 +116,9 @@ class SurfaceMap:
         disk = np.zeros(len(self.cut.V), np.int64)
         disk[self.cut.F[mapped]] = self.face_disk[mapped][:, None]
         return (centers[disk] + radii[disk][:, None] * self.uv_cut)[self.cut.F]
+
+    def __repr__(self) -> str:
+        return f"SurfaceMap({str(self).splitlines()[0].removeprefix('surface map of ')})"
 
     def __str__(self) -> str:
         certified = sum(disk.certificate.valid for disk in self.disks)
