@@ -256,11 +256,8 @@ def test_no_map_that_can_be_certified_is_an_error_with_all_reasons(monkeypatch):
         monkeypatch.setattr(sys.modules["cdcp_igl.selection"], name, collapse)
     with pytest.raises(cdcp_igl.MapError, match=r"flipped faces .* arc length") as raised:
         cdcp_igl.disk_map(*meshes.grid(12, 16))
-    assert raised.value.result.trace.rejected == (
-        *UNNEEDED,
-        "geodesic: no certificate",
-        "harmonic measure: no certificate",
-    )
+    reasons = {*UNNEEDED, "geodesic: no certificate", "harmonic measure: no certificate"}
+    assert reasons <= set(raised.value.result.trace.rejected)
 
 
 def test_inscribed_faces_that_have_not_collapsed_stay():
