@@ -9,6 +9,8 @@ from rich.console import Console
 
 from .measure import ablation as variants
 from .measure import methods as measured_methods
+from .measure.any_surface import surfaces
+from .measure.each_solver import solvers
 from .measure.fuzzing import fuzz
 from .measure.machine import MACHINE
 from .measure.methods import METHODS, maps
@@ -18,8 +20,6 @@ from .records.record import Record
 from .records.results import Measured
 from .records.store import ROOT, WORK, Work, read_results
 from .session import Machine, Models, Out, Quick, Session, WorkFolder, with_session
-from .solvers import solvers
-from .surfaces import surfaces
 from .write.drawing import draw
 from .write.figures.accuracy import CENTERS, MOBIUS
 from .write.front_page import MODELS, README, rewrite

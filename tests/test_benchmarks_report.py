@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 from dataclasses import dataclass, replace
@@ -10,6 +9,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from browser import chromium
 
 from benchmarks.records.results import Measured
 from benchmarks.records.store import read_results
@@ -125,19 +125,7 @@ def index(drawn, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def browser():
-    programs = shutil.which("chromium"), shutil.which("chromedriver")
-    if None in programs:
-        if os.environ.get("CDCP_IGL_REQUIRE_BROWSER") == "1":
-            pytest.fail("no chromium or chromedriver, and CDCP_IGL_REQUIRE_BROWSER=1")
-        pytest.skip("needs chromium and chromedriver on the path (Debian: sh .ci/setup-browser)")
-    from selenium import webdriver
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = programs[0]
-    for argument in ("headless=new", "no-sandbox", "disable-gpu", "disable-dev-shm-usage"):
-        options.add_argument(f"--{argument}")
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(programs[1]))
+    driver = chromium("disable-gpu")
     yield driver
     driver.quit()
 

@@ -1,7 +1,6 @@
 """Whitening, the geodesic algorithm, harmonic measure and the order of the methods."""
 
 import re
-import sys
 from functools import partial
 
 import meshes
@@ -9,6 +8,7 @@ import numpy as np
 import pytest
 
 import cdcp_igl
+from cdcp_igl import selection
 from cdcp_igl.certificate import flipped_faces, increments
 from cdcp_igl.distortion import AngleDistortion, angle_errors
 from cdcp_igl.solve.factor import Factor
@@ -253,7 +253,7 @@ def test_no_map_that_can_be_certified_is_an_error_with_all_reasons(monkeypatch):
         return np.where(np.isin(np.arange(len(f)), mesh.loop), f, 0), Repair()
 
     for name in ("mend", "unfold"):
-        monkeypatch.setattr(sys.modules["cdcp_igl.selection"], name, collapse)
+        monkeypatch.setattr(selection, name, collapse)
     with pytest.raises(cdcp_igl.MapError, match=r"flipped faces .* arc length") as raised:
         cdcp_igl.disk_map(*meshes.grid(12, 16))
     reasons = {*UNNEEDED, "geodesic: no certificate", "harmonic measure: no certificate"}

@@ -2,32 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from statistics import median
 from typing import Any
 
-import numpy as np
-
 from ..measure.ablation import ABLATIONS
 from ..measure.methods import METHODS
-from ..records.comparison import QUANTITIES, paired, summary
-from ..records.paper import PUBLISHED, published, row_of
+from ..records.paper import PUBLISHED, row_of
 from ..records.results import Measured, Section
-from .figures.style import STYLES, style
-from .table import NOTHING, Cell, Row, Table, best, number
+from .cells import (
+    COLUMNS,
+    case,
+    distortion_cell,
+    failure_cell,
+    grid,
+    in_order,
+    model_cells,
+    seconds_cell,
+)
+from .comparisons import paired_table, peer_tables, summary_table
+from .figures.style import style
+from .table import NOTHING, Cell, Row, Table, number
 
-__all__ = ["COLUMNS", "about", "case", "cases", "in_order", "model_cells", "tables"]
+__all__ = ["about", "cases", "tables"]
 
 UNITS = ("factor", "cdcp warm", "import")  # methods that are what others are measured by
-
-COLUMNS = (
-    *("method", "mean °", "SD °", "max °", "area", "flips", "boundary error", "s", "s / F"),
-    *("MiB", "outcome"),
-)
-FORMATS = {
-    **{"mean": ".3f", "sd": ".3f", "max": ".1f", "area": ".3f", "flips": ",.0f"},
-    **{"boundary_error": ".0e", "seconds": ".3g"},
-}
 
 
 def about(machine: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -57,7 +56,7 @@ def about(machine: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def tables(measured: Measured) -> Iterator[Table]:
     """Make the tables of all sections."""
-    sections = {"tables": _accuracy, "peers": _peers, "speed": _speed, "ablation": _ablation}
+    sections = {"tables": _accuracy, "peers": peer_tables, "speed": _speed, "ablation": _ablation}
     for section, make in sections.items():
         if section in measured.sections:
             yield from make(measured.sections[section])
@@ -80,68 +79,6 @@ def cases(results: Section) -> Table:
     )
 
 
-def case(results: Section, model: str, method: str) -> Row:
-    """Make the row of a method, under `COLUMNS`."""
-    outcome = results.failure(model, method) or "ok"
-    cells = [Cell(style(method).label, kind="text name")]
-    free = any(record.case.boundary == "free" for record in results.of(model, method))
-    for name, form in FORMATS.items():
-        hidden = free and name == "boundary_error"
-        cells.append(number(np.nan if hidden else results.median(model, method, name), form))
-    ratio = results.median(model, method) / results.median(model, "factor")
-    cells += [number(ratio, ".2f"), number(results.median(model, method, "memory"), ",.0f")]
-    return [*cells, Cell(outcome, kind="text" if outcome == "ok" else "text missing")]
-
-
-def in_order(methods: Iterable[str]) -> list[str]:
-    """Those of the paper first, then as in the legends."""
-    known = list(STYLES)
-    return sorted(methods, key=lambda m: known.index(m) if m in known else len(known))
-
-
-def model_cells(results: Section, model: str) -> Row:
-    """Name, what it stands for, and size."""
-    row, there = published(model), results.mapped.get(model, 0)
-    name = model.removesuffix(f"_{there}").replace("_", " ")
-    if row:
-        other = f", for {row.name}" if row.own == "stand-in" else f" ({row.own})"
-        name = row.name if row.own == "own" else name + other
-    return [Cell(name, kind="text name", model=model), number(there or np.nan, ",.0f")]
-
-
-def _grid(
-    results: Section,
-    methods: Sequence[str],
-    cell: Callable[[str, str], Cell],
-    paper: Callable[[str], Row] = lambda model: [],
-) -> list[Row]:
-    """One row a model, one column a method."""
-    rows = []
-    for model in results.sizes:
-        made = [_failure(results, model, m) or cell(model, m) for m in methods]
-        compared = [k for k, method in enumerate(methods) if method in PUBLISHED]
-        made = best(made, compared) if len(compared) > 1 else made
-        rows.append([*model_cells(results, model), *made, *paper(model)])
-    return rows
-
-
-def _failure(results: Section, model: str, method: str) -> Cell | None:
-    outcome = results.failure(model, method)
-    if outcome in ("", "not run"):
-        return Cell(NOTHING) if outcome else None
-    missing = outcome.startswith("not to be had")
-    return Cell(NOTHING if missing else "no map", note=outcome, kind="missing")
-
-
-def _distortion(results: Section, form: str) -> Callable[[str, str], Cell]:
-    def cell(model: str, method: str) -> Cell:
-        mean, sd, flips = (results.median(model, method, q) for q in ("mean", "sd", "flips"))
-        folded = f", {flips:,.0f} flips" if flips > 0 else ""
-        return Cell(f"{mean:{form}} / {sd:{form}}{folded}", mean)
-
-    return cell
-
-
 def _accuracy(results: Section) -> Iterator[Table]:
     def paper_distortion(model: str) -> Row:
         row = row_of(model)
@@ -154,16 +91,11 @@ def _accuracy(results: Section) -> Iterator[Table]:
         seconds = row.seconds if row else ()
         return _published(model, [f"{s:.2f}" for s in seconds], seconds)
 
-    def seconds(model: str, method: str) -> Cell:
-        time, unit = results.median(model, method), results.median(model, "factor")
-        multiple = f" ({time / unit:.1f} F)" if unit > 0 else ""
-        return Cell(f"{time:.3g}{multiple}", time)
-
     methods = in_order(results.maps)
     labels = [style(method).label for method in methods]
     if len(results.mapped) > 1:
-        yield _summary(results, methods)
-        yield _paired(results, methods)
+        yield summary_table(results, methods)
+        yield paired_table(results, methods)
     headings = ["surface", "n", *labels, *(f"paper: {style(m).label}" for m in PUBLISHED)]
     yield Table(
         "distortion",
@@ -173,7 +105,7 @@ def _accuracy(results: Section) -> Iterator[Table]:
         "but not conformal. Numbers of the paper in brackets belong to its own surface, for which "
         "another of similar size stands.",
         headings,
-        _grid(results, methods, _distortion(results, ".3f"), paper_distortion),
+        grid(results, methods, distortion_cell(results, ".3f"), paper_distortion),
     )
     yield Table(
         "time",
@@ -182,83 +114,7 @@ def _accuracy(results: Section) -> Iterator[Table]:
         "factorization of the interior Laplacian in the same run. The paper's are of MATLAB on "
         "another machine: compare ratios.",
         headings,
-        _grid(results, methods, seconds, paper_seconds),
-    )
-
-
-def _summary(results: Section, methods: Sequence[str]) -> Table:
-    table, rows = summary(results), []
-    for method in methods:
-        of = table.loc[method]
-        row = [Cell(style(method).label, kind="text name"), number(of["surfaces"], ".0f")]
-        row += [number(100 * of[share], ".3g") for share in ("mapped", "unflipped")]
-        for name in QUANTITIES:
-            low, middle, high = (of[f"{name} {q}"] for q in (0.25, 0.5, 0.75))
-            text = f"{middle:.3g} ({low:.3g}–{high:.3g})"
-            row.append(Cell(text, middle) if middle == middle else Cell(NOTHING))
-        rows.append(row)
-    return Table(
-        "summary",
-        "Over all surfaces",
-        "Share of the surfaces that a method maps (onto the disk: certified), and without a "
-        "flipped face; then median (quartiles) over those that it maps.",
-        [
-            *("method", "surfaces", "mapped, %", "no flips, %", "mean °", "SD °", "area"),
-            *("s", "MiB"),
-        ],
-        rows,
-    )
-
-
-def _paired(results: Section, methods: Sequence[str]) -> Table:
-    names = {"mean": "mean °", "sd": "SD °", "seconds": "s"}
-    rows = []
-    for method in (m for m in methods if m != "cdcp" and "cdcp" in methods):
-        for name, label in names.items():
-            made = paired(results, "cdcp", method, name)
-            counts = [number(k, ".0f") for k in (made.lower, made.higher, made.ties)]
-            tests = [number(p, ".2g") for p in (made.sign, made.signed_rank)]
-            titles = [Cell(style(method).label, kind="text name"), Cell(label, kind="text")]
-            rows.append([*titles, *counts, number(made.median, ".2g"), *tests])
-    return Table(
-        "paired",
-        "CDCP against each other method",
-        "On the surfaces that both map: on how many CDCP has less, more, or as much (to a "
-        "millionth), the median of the differences, and two-sided p-values of the sign test and "
-        "of Wilcoxon's signed-rank test. A free boundary has less to keep, and less distortion.",
-        ["against", "of", "less", "more", "equal", "difference", "p, sign", "p, signed rank"],
-        rows,
-    )
-
-
-def _peers(results: Section) -> Iterator[Table]:
-    def seconds(model: str, method: str) -> Cell:
-        time, unit = results.median(model, method), results.median(model, "cdcp")
-        multiple = f" ({time / unit:.3g} T)" if unit > 0 else ""
-        return Cell(f"{time:.3g}{multiple}", time)
-
-    def heading(method: str) -> str:
-        free = METHODS[method].boundary == "free" and "free boundary" not in style(method).label
-        marks = ["free boundary"] * free + ["single precision"] * METHODS[method].single
-        return ", ".join([style(method).label, *marks])
-
-    headings = ["surface", "n", *(heading(method) for method in results.maps)]
-    yield Table(
-        "peers",
-        "Other programs: angular distortion",
-        "Mean / SD over all corners in degrees, and flipped faces if there are any. A map with "
-        "free boundary is onto no disk: compare it on angles only. MeshLab's harmonic map and BFF "
-        "disk are onto the disk, but in too few digits for a certificate.",
-        headings,
-        _grid(results, results.maps, _distortion(results, ".3f")),
-    )
-    yield Table(
-        "peers-time",
-        "Other programs: seconds",
-        "From arrays to map, in brackets as a multiple of T, the time of CDCP. Programs that work "
-        "on files have their writing and reading counted.",
-        headings,
-        _grid(results, results.maps, seconds),
+        grid(results, methods, seconds_cell(results, "factor", "F"), paper_seconds),
     )
 
 
@@ -298,7 +154,7 @@ def _speed(results: Section) -> Iterator[Table]:
         ("multiples", "Time as a multiple of F", "", times),
         ("peak", "Peak memory as a multiple of that of F", "Python and mesh in both.", memory),
     ):
-        rows = [row for row in _grid(results, methods, cell) if row[0].model in large]
+        rows = [row for row in grid(results, methods, cell) if row[0].model in large]
         yield Table(id, title, text, ["surface", "n", *labels], rows)
     yield Table(
         "steps",
@@ -319,7 +175,7 @@ def _speed(results: Section) -> Iterator[Table]:
 
 
 def _unit(results: Section, model: str) -> Row:
-    failure, runs = _failure(results, model, "factor"), results.of(model, "factor")
+    failure, runs = failure_cell(results, model, "factor"), results.of(model, "factor")
     if failure:
         return [failure, Cell(str(len(runs))), Cell(NOTHING), Cell(NOTHING)]
     seconds = [run.case.seconds for run in runs]
@@ -360,7 +216,7 @@ def _ablation(results: Section) -> Iterator[Table]:
         return [
             [
                 Cell(variant, kind="text name"),
-                *(_failure(results, m, variant) or cell(m, variant) for m in results.sizes),
+                *(failure_cell(results, m, variant) or cell(m, variant) for m in results.sizes),
             ]
             for variant in results.methods(ABLATIONS)
         ]
@@ -376,7 +232,7 @@ def _ablation(results: Section) -> Iterator[Table]:
         "Möbius for least angular distortion; the other centres are the most central face whatever "
         "its shape.",
         headings,
-        rows(_distortion(results, ".4f")),
+        rows(distortion_cell(results, ".4f")),
     )
     yield Table(
         "ablation-time",

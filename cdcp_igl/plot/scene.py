@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats
+from .. import libigl
+from ..arrays import Floats, Ints
 from ..distortion import angle_distortion
 from ..extras import from_extra
-from ..libigl import vertex_normals
 from ..surface.validation import as_surface
 from .raster import SAMPLES, Bytes, frame, in_picture, rasterize
 from .viewpoint import choose_viewpoint
@@ -16,7 +16,7 @@ from .viewpoint import choose_viewpoint
 with from_extra("plot"):
     from matplotlib import colormaps
 
-__all__ = ["LIGHT", "SCALE", "Extent", "Scene", "normal_colors"]
+__all__ = ["LIGHT", "SCALE", "Extent", "Scene", "normal_colors", "vertex_normals"]
 
 Extent = tuple[float, float, float, float]
 
@@ -44,7 +44,7 @@ class Scene:
         (self._V, self._F), self._pixels = as_surface(V, F), pixels
         self.points = self._V @ choose_viewpoint(self._V, self._F).T
         self.surface = rasterize(self.points, self._F, pixels)
-        self._normals = np.nan_to_num(vertex_normals(self.points, self._F))
+        self._normals = vertex_normals(self.points, self._F)
         self._colors = normal_colors(self._normals)
         towards = self.surface.at_vertices(self._normals) @ (LIGHT / np.linalg.norm(LIGHT))
         self._light = np.clip(0.72 + 0.3 * towards, 0, 1)[:, None]
@@ -93,6 +93,11 @@ class Scene:
         shown = self.surface.face[int(SAMPLES * y), int(SAMPLES * x)]
         depth, nearest = (self.points[self._F[f], 2].mean() for f in (face, shown))
         return x, y, bool(depth > nearest - NEAR * np.ptp(self.points[:, :2], axis=0).max())
+
+
+def vertex_normals(V: Floats, F: Ints) -> Floats:
+    """(n, 3) unit normals, faces weighted by area; zero at vertices without area."""
+    return np.nan_to_num(libigl.vertex_normals(V, F), nan=0.0)
 
 
 def normal_colors(normals: Floats) -> Floats:

@@ -22,12 +22,12 @@ from ..arrays import Floats, Ints
 from ..distortion import angle_distortion, conformal_factor
 from ..extras import from_extra
 from ..io import whole_file
-from ..libigl import vertex_normals
 from ..surface.edges import group_by_edge, half_edges
 from ..surface.triangles import face_areas
 from .layout import Layout, Mapped, Opened, lay_out
 from .packing import ordered, pack, quantized
 from .pictures import side_by_side
+from .scene import vertex_normals
 from .viewpoint import choose_viewpoint
 
 with from_extra("plot"):
