@@ -1,7 +1,7 @@
 from . import datasets, io, plot, reference
 from .algorithm import cdcp, disk_map
 from .atlas import SurfaceMap, surface_map
-from .batching import Batch, Record, batch
+from .batching import Batch, batch
 from .certificate import Certificate
 from .distortion import (
     AngleDistortion,
@@ -30,7 +30,6 @@ __all__ = [
     "MapError",
     "MeshError",
     "MeshReport",
-    "Record",
     "RectangleMap",
     "SolverError",
     "SurfaceMap",

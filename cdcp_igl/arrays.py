@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Bools", "Complex", "Floats", "Indices", "Ints", "blocks"]
+__all__ = ["Bools", "Complex", "Floats", "Indices", "Ints", "blocks", "spread_evenly"]
 
 Bools = NDArray[np.bool_]
 Complex = NDArray[np.complex128]
@@ -21,3 +21,8 @@ def blocks(m: int) -> Iterator[slice]:
     """Split m faces into blocks whose arrays stay in the cache."""
     for start in range(0, m, BLOCK):
         yield slice(start, start + BLOCK)
+
+
+def spread_evenly(m: int, most: int) -> Ints:
+    """(k,) rows of at most so many of m, spread evenly."""
+    return np.linspace(0, m - 1, min(most, m)).astype(np.int64)

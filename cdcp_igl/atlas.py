@@ -12,14 +12,15 @@ from numpy.typing import ArrayLike
 
 from .algorithm import disk_map
 from .arrays import Floats, Ints
-from .distortion import AngleDistortion, conformal_factor, plane_angles
+from .distortion import AngleDistortion, plane_angles
 from .errors import MapError, counted
+from .plot.shown import Shown
 from .result import DiskMap
 from .steps.center import CenterMethod
-from .steps.mobius import conformal_barycenter
 from .steps.options import Options
 from .steps.phases import Progress
-from .surface.cut_growth import grow
+from .steps.scale import centered_factor
+from .surface.cut_growth import grow, lead_away
 from .surface.cut_surface import CutSurface, Opened
 from .surface.cutting import Cut, cut_along, open_to_disk, split_components
 from .surface.holes import fill_holes
@@ -30,15 +31,13 @@ from .surface.validation import face_array, vertex_array
 
 __all__ = ["SurfaceMap", "surface_map"]
 
-# A round of growth is kept if it lowers the spread by more than this share.
+# A round of growth is kept if it lowers the spread, or the angle error, by more than this share.
 GAIN = 0.03
-# Where an edge has collapsed the conformal factor is minus infinity: counted as this.
-LEAST_FACTOR = -50.0
 
 
 @dataclass(frozen=True, eq=False)
-class SurfaceMap:
-    """A map of a surface onto disks, one for each component. Printing it gives a summary.
+class SurfaceMap(Shown):
+    """A map of a surface onto disks, one for each component; printing it gives a summary.
 
     Attributes
     ----------
@@ -49,7 +48,8 @@ class SurfaceMap:
         The maps, that of the component with most faces first. Their rows are vertices of the
         opened component.
     face_disk : (m,) int64
-        Which disk each face is in.
+        Which disk each face is in; -1 if it was left out, because it has no area or is there
+        already. Its corners lie where other faces have them, or are NaN.
     cut : Cut
         The opened surface, with the edges that were cut and their length. Where faces were turned
         over, they still are.
@@ -58,11 +58,22 @@ class SurfaceMap:
     distortion : AngleDistortion
         Of the given faces, all disks together.
     spread : float
-        Standard deviation over the area of the conformal factor, the logarithm of the scale:
-        the largest of all disks. Measured with the conformal barycentre at 0, so that it does not
-        depend on the Möbius transformation.
+        Standard deviation over the area of the conformal factor, the logarithm of the scale,
+        with the conformal barycentre at 0; the largest of all disks.
     shares : (k,) float64
         Share of each disk in the area of the surface.
+
+    Examples
+    --------
+    Two caps, packed one below the other:
+
+    >>> import numpy as np
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
+    >>> result = cdcp_igl.surface_map(np.vstack([V, V + 3]), np.vstack([F, F + len(V)]))
+    >>> below, above = result.packed()[: len(F)], result.packed()[len(F) :]
+    >>> bool(below[..., 1].max() < above[..., 1].min())
+    True
     """
 
     uv: Floats
@@ -99,20 +110,15 @@ class SurfaceMap:
         (m, 3, 2) float64
             Texture coordinates in [0, 1]^2 of each corner. The area of each disk is
             proportional to that of its component on the surface; no two disks touch.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> import cdcp_igl
-        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
-        >>> two = np.vstack([V, V + 3]), np.vstack([F, F + len(V)])
-        >>> packed = cdcp_igl.surface_map(*two).packed()
-        >>> below, above = packed[: len(F)], packed[len(F) :]
-        >>> bool(below[..., 1].max() < above[..., 1].min())
-        True
         """
         centers, radii = packed_circles(np.sqrt(self.shares))
-        return centers[self.face_disk][:, None] + radii[self.face_disk][:, None, None] * self.uv
+        mapped = self.face_disk >= 0
+        disk = np.zeros(len(self.cut.V), np.int64)
+        disk[self.cut.F[mapped]] = self.face_disk[mapped][:, None]
+        return (centers[disk] + radii[disk][:, None] * self.uv_cut)[self.cut.F]
+
+    def __repr__(self) -> str:
+        return f"SurfaceMap({str(self).splitlines()[0].removeprefix('surface map of ')})"
 
     def __str__(self) -> str:
         certified = sum(disk.certificate.valid for disk in self.disks)
@@ -122,8 +128,7 @@ class SurfaceMap:
                 f"{certified:,} valid" + ("" if self.conformal else ", NOT CONFORMAL"),
                 f"  angular distortion  {self.distortion}",
                 f"  spread of scale     {self.spread:.2f}",
-                f"  cut                 {len(self.cut.edges):,} edges, length "
-                f"{self.cut.length:.4g}",
+                f"  length of the cut   {self.cut.length:.4g}",
                 *(f"  - {change}" for change in self.changes),
             ]
         )
@@ -146,10 +151,9 @@ def surface_map(
 ) -> SurfaceMap:
     """Map any surface conformally onto disks: mend it, cut it open, map each component.
 
-    What can be mended without changing the shape is: faces that are turned over are turned,
-    vertices where fans of faces meet split, sheets that meet in an edge of three or more
-    faces parted. Small holes are filled while mapping, everything else is cut, and where a disk
-    would shrink a part of the surface, the cut is led to its tip.
+    What can be mended without changing the shape is: faces turned over, vertices where fans of
+    faces meet split, sheets that meet in an edge of three or more faces parted. Where a disk would
+    shrink a part of the surface, the cut is led to its tip.
 
     Parameters
     ----------
@@ -158,12 +162,12 @@ def surface_map(
     F : (m, 3) array_like of integers
         Corners of the faces.
     fill : bool
-        Fill all boundary loops but the longest of each component while mapping; those faces are
-        not returned. False cuts to them. A filled hole distorts less than a cut to it, whatever
-        its size, since a cut can still grow to it.
+        Fill all boundary loops but the outermost of each component while mapping; those faces
+        are not returned. It distorts less than a cut to them. False cuts.
     spread : float
-        Grow the cut until the standard deviation of the conformal factor is at most this, or
-        nothing is gained: see ``SurfaceMap.spread``. With infinity, no cut grows.
+        Grow the cut until the standard deviation of the conformal factor is at most this and
+        the map is conformal, or nothing is gained: see ``SurfaceMap.spread``. With infinity, no
+        cut grows.
     center, mobius, refine, refine_norm, refine_seconds, preset, progress
         As in `disk_map`, for each disk; `refine_seconds` for each.
     align : (3,) array_like or None
@@ -217,23 +221,10 @@ def surface_map(
 
 @dataclass(frozen=True, eq=False)
 class _Chart:
-    """A component opened to a disk, and its map.
+    """A component opened to a disk, and its map; `failure` says why that is not valid.
 
-    Attributes
-    ----------
-    opened : Opened
-        Its first faces are those of the component, others fill holes.
-    disk : DiskMap
-    failure : str
-        Why the map is not valid; empty if it is.
-    factor : (n,) float64
-        Conformal factor, with the conformal barycentre at 0.
-    average, spread : float
-        Its average and standard deviation over the area.
-    rows : (k,) int64
-        The faces of the component.
-    n_filled : int
-        Number of holes filled.
+    `average` and `spread` are those of `factor` over the area. The first faces of `opened` are
+    `rows` of the oriented surface, the others fill holes.
     """
 
     opened: Opened
@@ -244,6 +235,12 @@ class _Chart:
     spread: float
     rows: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     n_filled: int = 0
+
+    def gains_on(self, other: _Chart) -> bool:
+        """Whether the scale is more even; or the angles are better where they were not good."""
+        if other.disk.conformal:
+            return self.disk.conformal and self.spread < (1 - GAIN) * other.spread
+        return self.disk.distortion.mean < (1 - GAIN) * other.disk.distortion.mean
 
 
 def _charts(
@@ -265,6 +262,8 @@ def _charts(
 
         surface, n_filled = fill_holes(component.surface) if fill else (component.surface, 0)
         open_to_disk(surface)
+        if spread < np.inf:
+            lead_away(surface)
         n_faces = len(component.rows)
         chart = _grown(surface, {**options, "progress": advance}, n_faces, refine, spread)
         yield replace(chart, rows=component.rows, n_filled=n_filled)
@@ -278,12 +277,12 @@ def _grown(
 ) -> _Chart:
     """Map a component that is cut to a disk, and grow the cut while that evens out the scale."""
     best, n_edges = _chart(surface, options, n_faces, refine), len(surface.cut_edges)
-    while best.spread > spread:
+    while best.spread > spread or not (best.disk.conformal or spread == np.inf):
         before = surface.is_cut.copy()
         if not grow(surface, best.factor, best.average):
             break
         grown = _chart(surface, options, n_faces, refine=0)
-        if not grown.spread < (1 - GAIN) * best.spread:
+        if not grown.gains_on(best):
             surface.is_cut = before
             break
         best = grown
@@ -307,10 +306,7 @@ def _chart(surface: CutSurface, options: dict[str, Any], n_faces: int, refine: i
     given = F[:n_faces]  # others fill holes
     corner_areas: Floats = np.repeat(face_areas(V, given), 3)
     area: Floats = np.bincount(given.ravel(), corner_areas, len(V)).astype(np.float64)
-    z = disk.uv[:, 0] + 1j * disk.uv[:, 1]
-    w = conformal_barycenter(z, area)
-    scale = (1 - abs(w) ** 2) / abs(1 - w.conjugate() * z) ** 2
-    factor = np.maximum(conformal_factor(V, F, disk.uv) + np.log(scale), LEAST_FACTOR)
+    factor = centered_factor(V, F, disk.uv, area)
     average = float(np.average(factor, weights=area))
     deviation = float(np.sqrt(np.average((factor - average) ** 2, weights=area)))
     return _Chart(opened, disk, failure, factor, average, deviation)
@@ -319,7 +315,6 @@ def _chart(surface: CutSurface, options: dict[str, Any], n_faces: int, refine: i
 def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[_Chart]) -> SurfaceMap:
     """Put the maps of all components back into the rows of the given faces."""
     uv, face_disk = np.full((len(F), 3, 2), np.nan), np.full(len(F), -1)
-    # A face that is left out has corners of its own.
     corners = -1 - np.arange(F.size).reshape(F.shape)
     count = 0
     errors, areas = [], []
@@ -335,6 +330,12 @@ def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[_Chart]) -> Surfa
     turned = sheets.rows[sheets.turned]
     for array in (corners, uv):
         array[turned] = array[turned, ::-1]
+    left_out, mapped = F[face_disk < 0], F[face_disk >= 0]
+    number, image = np.full(len(V), -1), np.full((len(V), 2), np.nan)
+    number[mapped], image[mapped] = corners[face_disk >= 0], uv[face_disk >= 0]
+    there = number[left_out] >= 0
+    corners[face_disk < 0] = np.where(there, number[left_out], corners[face_disk < 0])
+    uv[face_disk < 0] = image[left_out]
     opened, changes = cut_along(V, F, corners), list(sheets.changes)
     if filled := sum(chart.n_filled for chart in charts):
         changes.append(f"filled {filled:,} hole" + "s" * (filled > 1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from .arrays import Floats, Indices, Ints
 from .certificate import Certificate, flipped_faces
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, spell
+from .plot.shown import Shown
 from .solve.cholesky import Cholesky
 from .solve.laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
 from .solve.ordering import elimination_order
@@ -22,7 +24,7 @@ __all__ = ["RectangleMap", "rectangle_map"]
 
 
 @dataclass(frozen=True, eq=False)
-class RectangleMap:
+class RectangleMap(Shown):
     """A conformal map onto a rectangle. Printing it gives a summary.
 
     Attributes
@@ -44,9 +46,20 @@ class RectangleMap:
     distortion : AngleDistortion
         Mean, SD and maximum of the angular distortion in degrees.
     laplacian : str
-        ``"cotangent"``, or ``"intrinsic Delaunay"`` where that gave no bijection.
+        ``"cotangent"``, or ``"intrinsic Delaunay"`` where that folded and this distorts less.
     repair : Repair
         What was done about flipped faces.
+
+    Examples
+    --------
+    The modulus is known between bounds, and exactly for a square with its own corners:
+
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.square(5)
+    >>> ends = [-1, -1], [1, -1], [1, 1], [-1, 1]
+    >>> corners = [abs(V[:, :2] - end).sum(axis=1).argmin() for end in ends]
+    >>> cdcp_igl.rectangle_map(V, F, corners)
+    RectangleMap(121 vertices: valid, modulus 1)
     """
 
     uv: Floats
@@ -136,18 +149,15 @@ def rectangle_map(V: ArrayLike, F: ArrayLike, corners: ArrayLike) -> RectangleMa
     mesh = DiskMesh(V, F)
     sides = _sides(mesh, corners)
     _refuse_chords(mesh, sides)
-    try:
-        result = _mapped(mesh, cotangent_laplacian(mesh), "cotangent", sides)
-        if result.valid:
-            return result
-    except SolverError:
-        pass  # weights that are not negative remain
-    result = _mapped(mesh, intrinsic_delaunay_laplacian(mesh), "intrinsic Delaunay", sides)
-    if not result.valid:
-        raise MapError(
-            f"The map is not a bijection onto the rectangle: {result.certificate}", result
-        )
-    return result
+    found: list[RectangleMap] = []
+    with suppress(SolverError):  # the other Laplacian has no negative weights
+        found.append(_mapped(mesh, cotangent_laplacian(mesh), "cotangent", sides))
+    if not (found and found[0].valid and found[0].repair.n_flipped == 0):
+        found.append(_mapped(mesh, intrinsic_delaunay_laplacian(mesh), "intrinsic Delaunay", sides))
+    best = min(found, key=lambda result: (not result.valid, result.distortion.mean))
+    if not best.valid:
+        raise MapError(f"The map is not a bijection onto the rectangle: {best.certificate}", best)
+    return best
 
 
 def _sides(mesh: DiskMesh, corners: ArrayLike) -> list[Ints]:

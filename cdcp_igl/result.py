@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +13,7 @@ from .arrays import Floats
 from .certificate import Certificate, certify
 from .distortion import AngleDistortion
 from .errors import MapError
+from .plot.shown import Shown
 from .steps.center import Center
 from .steps.circle import BoundaryMethod
 from .steps.conformality import Conformality
@@ -24,13 +23,12 @@ from .steps.refine import Refinement
 from .steps.repair import Repair
 from .steps.straightening import Straightening
 from .surface.bijection import Bijection
-from .surface.notebook import html_table
 
 __all__ = ["DiskMap"]
 
 
 @dataclass(frozen=True, eq=False)
-class DiskMap(Bijection):
+class DiskMap(Bijection, Shown):
     """A disk conformal map. Printing it gives a summary.
 
     Attributes
@@ -113,22 +111,6 @@ class DiskMap(Bijection):
         mean = self.distortion.mean
         return f"DiskMap({len(self.uv):,} vertices: {self.verdict}, mean distortion {mean:.3g}°)"
 
-    def _repr_html_(self) -> str:
-        rows = {
-            "map": self.verdict,
-            "angular distortion": str(self.distortion),
-            **({} if self.conformal else {"conformal": str(self.conformality)}),
-            "certificate": str(self.certificate),
-            "boundary": str(self.trace),
-            "seconds": f"{sum(self.timings.values()):.2f}",
-        }
-        table = html_table(f"Disk map of {len(self.uv):,} vertices", rows)
-        if not self.valid:
-            return table
-        from .plot.notebook import framed
-
-        return framed(table, self, len(self.uv))
-
     def __str__(self) -> str:
         phases = ", ".join(f"{name} {seconds:.2f}" for name, seconds in self.timings.items())
         free = self.distortion_free
@@ -153,35 +135,6 @@ class DiskMap(Bijection):
                 f"  seconds             {sum(self.timings.values()):.2f} ({phases})",
             ]
         )
-
-    def view(
-        self,
-        path: str | PathLike[str] | None = None,
-        *,
-        fields: Mapping[str, ArrayLike] | None = None,
-        texture: str | PathLike[str] | ArrayLike | None = None,
-        title: str = "",
-    ) -> Path:
-        """Write a page that shows the map, or open it in the browser.
-
-        Parameters
-        ----------
-        path, fields, texture, title
-            As in `cdcp_igl.plot.view`.
-
-        Returns
-        -------
-        Path
-            Where the page is.
-
-        Raises
-        ------
-        ValueError, OSError
-            As `cdcp_igl.plot.view`.
-        """
-        from .plot.viewer import view  # needs Matplotlib, which is optional and slow to import
-
-        return view(self, path, fields=fields, texture=texture, title=title)
 
     def plot(self) -> NDArray[Any]:
         """Draw the surface, its image, a checkerboard and the distortion: `plot.picture`.

@@ -23,7 +23,7 @@ from .steps.options import Options
 from .steps.phases import Phases
 from .steps.refine import Refinement, lower_angle_distortion
 from .steps.remote import Remote
-from .steps.repair import Repair, mend, unfold
+from .steps.repair import Repair, embed, mend, unfold
 from .steps.straightening import Straightening
 from .surface.mesh import DiskMesh
 
@@ -36,13 +36,15 @@ log = logging.getLogger("cdcp_igl")
 COARSE = 0.2
 # and so it is where the errors are more than this times what the scale explains. Such maps have
 # steps of refinement even if none are asked for.
-EXCESS = 1.1
+EXCESS = 1.05
 STEPS_DUE = 2
 # So are these, of a map whose interior had to be replaced.
 STEPS_AFTER_REPAIR = 10
 # If a larger share of the faces is flipped, other maps come first: those of the intrinsic
 # Delaunay Laplacian have a hundredth of the flipped faces of the cotangent one on slivers.
 MANY_FLIPPED = 0.003
+# With more flipped faces left by repair, another start does not help.
+HOPELESS = 10
 MUCH_REPAIRED = 0.5
 REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
 
@@ -148,15 +150,19 @@ def best_map(
         candidates.append(_normalized(mesh, harmonic, options, phase))
         if not candidates[-1].conformality.sheared:
             break
-    if not any(candidate.certificate.valid for candidate in candidates):
-        candidates += [_unfolded(mesh, harmonic, options, phase) for harmonic in known]
+    if all(candidate.conformality.sheared for candidate in candidates):
+        candidates += [
+            _unfolded(mesh, harmonic, candidate, options, phase)
+            for harmonic, candidate in zip(known, tuple(candidates), strict=True)
+            if not candidate.certificate.valid
+        ]
     best = min(candidates, key=lambda candidate: candidate.rank)
     others = [other for other in candidates if other is not best]
     rejected += list(dict.fromkeys(other.objection() for other in others))
     for objection in rejected:
         log.info("boundary by %s, rejected %s", best.trace.name, objection)
     best = replace(best, trace=replace(best.trace, rejected=tuple(rejected)))
-    steps = options.refine or (0 if options.paper else best.steps_due)
+    steps = max(options.refine, 0 if options.paper else best.steps_due)
     if steps and best.certificate.valid:
         if not keep_factor:
             surface.release()
@@ -184,16 +190,20 @@ def _normalized(
     """
     repair = partial(mend, most=MANY_FLIPPED * len(mesh.F))
     candidate = _repaired(mesh, harmonic, options, options.mobius_method, repair, phase)
-    if candidate.repair.rounds and candidate.mobius.w:
+    hopeless = len(candidate.certificate.flipped) > HOPELESS
+    if candidate.repair.rounds and candidate.mobius.w and not hopeless:
         plain = _repaired(mesh, harmonic, options, None, repair, phase)
         if plain.rank < candidate.rank:
             return replace(plain, mobius=Normalization(candidate.mobius.method, 0j, "repair"))
     return candidate
 
 
-def _unfolded(mesh: DiskMesh, harmonic: HarmonicMap, options: Options, phase: Phases) -> Candidate:
+def _unfolded(
+    mesh: DiskMesh, harmonic: HarmonicMap, failed: Candidate, options: Options, phase: Phases
+) -> Candidate:
     """Repair a map at whatever cost, and judge it; without a Möbius transformation."""
-    candidate = _repaired(mesh, harmonic, options, None, unfold, phase)
+    repaired = embed if failed.repair.rounds else unfold
+    candidate = _repaired(mesh, harmonic, options, None, repaired, phase)
     if options.mobius_method is None:
         return candidate
     return replace(candidate, mobius=Normalization(options.mobius_method, 0j, "repair"))

@@ -15,7 +15,7 @@ from cdcp_igl.batching import batch
 from cdcp_igl.batching.journal import read_journals
 from cdcp_igl.batching.settings import Settings
 
-SURFACES = 60
+SURFACES = 40
 KILLS = 50
 
 
@@ -89,7 +89,8 @@ def test_killed_at_random_the_results_are_those_of_an_undisturbed_run(scans, tmp
         out = tmp_path / f"maps{rounds}"
         done = False
         while not done:
-            process = start(scans, out)
+            # A surface whose worker was killed three times has failed: it is tried again.
+            process = start(scans, out, "--retry")
             while process.poll() is None and (what := kill_at_random(chance, process, out)):
                 killed[what] += 1
                 for name, data in contents(out).items():  # whole, at every moment
@@ -98,7 +99,7 @@ def test_killed_at_random_the_results_are_those_of_an_undisturbed_run(scans, tmp
                     break
             _, errors = process.communicate()
             done = process.returncode == 0
-            assert process.returncode in (0, -signal.SIGKILL), errors
+            assert process.returncode in (0, 4, -signal.SIGKILL), errors
         assert contents(out) == expected
         assert numbers(out) == records
         assert sorted(path.name for path in out.iterdir() if path.name not in expected) == [

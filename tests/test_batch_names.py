@@ -41,6 +41,7 @@ def test_folders_and_patterns(scans, tmp_path):
     (out / "surface_000.npz").touch()
     expected = [scans / "below" / "a.obj", *(scans / f"surface_{i:03}.npz" for i in range(5))]
     assert surface_files([scans], out) == expected
+    assert surface_files(scans, out) == surface_files(str(scans), out) == expected
     assert surface_files([scans, scans / "surface_003.npz"], out) == expected
     assert surface_files([f"{scans}/*_00[12].npz"], out) == expected[2:4]
     assert surface_files([f"{scans}/**/*.obj"], out) == expected[:1]

@@ -8,7 +8,7 @@ from meshes import TRIANGLE, fan, grid, strip
 
 import cdcp_igl
 from cdcp_igl.steps.landmarks import Automorphism, landmark_automorphism
-from cdcp_igl.surface.lattice import disk_lattice
+from cdcp_igl.surface.lattice import disk_lattice, even_ring
 
 SMALL = {"triangle": TRIANGLE, "fan": fan(), "strip": strip(), "grid": grid()}
 
@@ -190,7 +190,7 @@ def test_bake_and_pull_back_are_inverse_at_second_order(cap):
 
 @pytest.mark.parametrize("side", [1, 0.5, 0.3, 0.1, 0.073, 0.02])
 def test_the_lattice_is_a_good_disk(side):
-    z, F = disk_lattice(side)
+    z, F = disk_lattice(side, even_ring(side))
     corners = z[F]
     turns = (np.roll(corners, 1, axis=1) - corners) / (np.roll(corners, -1, axis=1) - corners)
     assert np.degrees(np.angle(turns)).min() > 31
@@ -212,6 +212,20 @@ def test_a_remeshed_surface_has_the_shapes_of_the_lattice():
         means.append(cdcp_igl.angle_distortion(W, G, uv).mean())
     assert means[1] < 0.6 * means[0] < 3
     assert (np.linalg.norm(uv, axis=1) <= 1 + 1e-15).all()
+
+
+def test_a_remeshed_square_keeps_its_corners():
+    V, F, _ = cdcp_igl.datasets.square(30)
+    V = V - V.min(axis=0)
+    result = cdcp_igl.disk_map(V, F)
+    W, G, uv = result.remesh(0.13)
+    for corner in V.max(axis=0)[:2] * [[0, 0], [1, 0], [1, 1], [0, 1]]:
+        assert np.linalg.norm(W[:, :2] - corner, axis=1).min() < 0.005  # of 2
+    assert cdcp_igl.check(W, G).is_disk
+    lengths = abs(np.diff(np.append(uv, uv[:1], axis=0)[: 1 + round(2 * np.pi / 0.13)], axis=0))
+    assert np.linalg.norm(lengths, axis=1).min() > 0.06
+    new = cdcp_igl.disk_map(W, G)
+    assert new.distortion.mean < 4
 
 
 # -- registration ----------------------------------------------------------------------

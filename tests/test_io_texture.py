@@ -210,6 +210,34 @@ def test_corners_in_ply_and_npz(tmp_path):
     np.testing.assert_array_equal(faces["texcoord"]["f1"].reshape(uv.shape), uv)
 
 
+@pytest.mark.parametrize("like", [False, True])
+def test_faces_on_no_disk(tmp_path, like):
+    """In an obj file they have no texture coordinates, and the others keep theirs."""
+    given, V, F = scene(tmp_path)
+    uv = V[F][:, :, :2] / 4
+    uv[[0, 1, 4]] = np.nan  # the first quad and the tip
+    path = tmp_path / "out.obj"
+    write_map(path, V, F, uv, disk=True, like=given if like else None)
+    lines = path.read_text("latin-1").splitlines()
+    faces = [line.partition("#")[0] for line in lines if line.startswith(("f ", "  -2"))]
+    with_texture = [re.search(r"\d/\d", line) is not None for line in faces]
+    assert with_texture == (
+        [False, True, True, False] if like else [False, False, True, True, False]
+    )
+    if like:
+        assert faces[0] == "f 1//1  2//1 3 4 "
+    assert sum(line.startswith("vt ") for line in lines) == 4
+    np.testing.assert_array_equal(read_mesh(path)[1], F)
+    for suffix in ("glb", "ply", "npz"):
+        write_map(tmp_path / f"a.{suffix}", V, F, uv, disk=True)
+    texture = corner_places(tmp_path / "a.glb")[1]
+    np.testing.assert_allclose(texture, np.nan_to_num(uv), atol=1e-7)
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npz")["uv"], uv)
+    uv[0, 0, 0] = 0
+    with pytest.raises(ValueError, match="NaN or infinite in 1 rows, the first 0"):
+        write_map(path, V, F, uv)
+
+
 def test_a_result_with_disks_side_by_side(tmp_path):
     V, F, uv = cut_open()
     result = SimpleNamespace(uv=uv, packed=lambda: uv / 4)

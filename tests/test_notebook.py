@@ -57,9 +57,9 @@ def test_what_a_report_names_is_escaped(mapped):
     V, F, _ = mapped
     shown = cdcp_igl.check(V, F[1:] + 1)._repr_html_()
     assert "index out of range" in shown
-    assert "<table>" in html_table("<b>", {"<i>": "a & b"})
-    assert "&lt;b&gt;" in html_table("<b>", {"<i>": "a & b"})
-    assert "a &amp; b" in html_table("<b>", {"<i>": "a & b"})
+    assert "<table>" in html_table("<b>", [("<i>", "a & b")])
+    assert "&lt;b&gt;" in html_table("<b>", [("<i>", "a & b")])
+    assert "a &amp; b" in html_table("<b>", [("<i>", "a & b")])
 
 
 def test_plot_gives_axes(mapped):
@@ -150,3 +150,15 @@ def test_the_notebook_of_the_gallery_runs_and_its_page_lives(executed, tmp_path)
 def test_the_notebook_is_kept_without_outputs():
     cells = json.loads(NOTEBOOK.read_text("utf-8"))["cells"]
     assert all(not cell.get("outputs") for cell in cells)
+
+
+def test_every_result_shows_itself():
+    V, F = grid(6, 8)
+    rectangle = cdcp_igl.rectangle_map(V, F, [0, 7, 47, 40])
+    several = cdcp_igl.surface_map(*NASTY["closed"][1:3])
+    assert repr(several).startswith("SurfaceMap(4 faces onto 1 disk")
+    for result, name in ((rectangle, "modulus"), (several, "cut")):
+        assert "\n" not in repr(result)
+        shown = result._repr_html_()
+        assert f">{name}</th>" in shown
+        assert "<iframe" in shown

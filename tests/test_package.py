@@ -25,15 +25,13 @@ FLOORS = (
     {"steps"},
     {"quadrilateral", "result"},
     {"selection"},
-    {"algorithm", "quadrilateral"},
+    {"algorithm"},
     {"mapper"},
     {"reference"},
     {"atlas"},
     {"datasets", "batching"},
     {"command_line", "__init__", "__main__"},
 )
-# The methods of a map that show and save it ask an upper floor to do so, when they are called.
-ASKED_FROM_BELOW = {("result", "io"), ("result", "plot")}
 FLOOR = {name: number for number, floor in enumerate(FLOORS) for name in floor}
 MODULES_AT_THE_TOP, LINES_OF_A_MODULE, LINES_OF_A_FUNCTION = 14, 350, 60
 
@@ -65,7 +63,7 @@ def imported(name: str) -> set[str]:
             if root == "cdcp_igl":
                 whole, part = ".".join(parts), ".".join(parts[:-1])
                 found.add(whole if whole in SOURCES else part or "__init__")
-    return {other for other in found if (name, other.partition(".")[0]) not in ASKED_FROM_BELOW}
+    return found
 
 
 def test_imports_go_down():
@@ -81,12 +79,6 @@ def test_imports_go_down():
 def test_there_is_no_circle_of_imports():
     graph = {name: imported(name) - {name} for name in SOURCES}
     TopologicalSorter(graph).prepare()  # CycleError names the modules
-
-
-def test_what_is_asked_from_below_is_imported_in_a_function():
-    for name, folder in ASKED_FROM_BELOW:
-        for node in ast.parse(SOURCES[name].read_text()).body:
-            assert not (isinstance(node, ast.ImportFrom) and (node.module or "").startswith(folder))
 
 
 def test_no_module_is_hidden_by_a_function():

@@ -139,7 +139,7 @@ def test_scans_with_corners_at_the_quarters_of_the_boundary(real_mesh, name):
     assert on_sides(result, mesh)
     # As good as the map onto the disk, but for the faces around the corners.
     disk = cdcp_igl.disk_map(V, F)
-    assert result.distortion.mean < disk.distortion.mean + 0.5 + 500 / len(V)
+    assert result.distortion.mean < disk.distortion.mean + 1 + 300 / len(V)
     low, high = result.modulus_bounds
     assert 1 <= high / low < 1.2
     assert result.modulus**2 == pytest.approx(low * high)
@@ -196,7 +196,6 @@ def test_what_is_no_bijection_is_not_returned(monkeypatch):
     monkeypatch.setattr(quadrilateral, "flipped_faces", lambda uv, F: (np.array([3]), 0))
     with pytest.raises(cdcp_igl.MapError, match="rectangle: 1 flipped") as caught:
         cdcp_igl.rectangle_map(V, F, [0, 7, 47, 40])
-    assert caught.value.result.laplacian == "intrinsic Delaunay"
     assert not caught.value.result.valid
 
 

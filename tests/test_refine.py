@@ -191,9 +191,22 @@ def test_a_boundary_that_would_fold_is_not_accepted(monkeypatch):
         return dz
 
     monkeypatch.setattr(refine_module, "gauss_newton_step", swap)
-    f, account = lower_angle_distortion(MESH, Z, ORDER, 5, 1.5)
-    assert f is Z
-    assert account.stopped == "no improvement"
+    f, _ = lower_angle_distortion(MESH, Z, ORDER, 5, 1.5)
+    assert certify(MESH, np.column_stack([f.real, f.imag])).valid
+
+
+def test_where_a_step_flips_faces_it_is_shorter_there_and_nowhere_else(monkeypatch):
+    vertex, other = MESH.interior[0], MESH.interior[-1]
+    step = gauss_newton_step(MESH, Z, errors(Z), 2, 0, WeightedLaplacian(MESH, ORDER))
+    step[vertex] += 0.2  # beyond its neighbours
+    monkeypatch.setattr(refine_module, "gauss_newton_step", lambda *_: step)
+    falling = iter(range(99))
+    monkeypatch.setattr(refine_module, "_power_mean", lambda r, p: -next(falling))
+    f, account = lower_angle_distortion(MESH, Z, ORDER, 1, 2)
+    turn = (f / (Z + step))[other]
+    assert account.steps == 1
+    assert turn == pytest.approx(1, abs=1e-12)
+    assert abs(f - Z)[vertex] < 0.6 * abs(step[vertex])
 
 
 def test_time_limit(monkeypatch):

@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.certificate import certify
-from cdcp_igl.steps.repair import mean_value_weights, unfold
+from cdcp_igl.certificate import certify, flipped_faces
+from cdcp_igl.steps.relaxation import Relaxation
+from cdcp_igl.steps.repair import mean_value_weights, mend, unfold
+from cdcp_igl.steps.star_search import search_stars
 from cdcp_igl.surface.mesh import DiskMesh
 
 V, F = meshes.grid(10, 12)
@@ -86,3 +88,49 @@ def test_slivers_of_a_ct_scan(real_mesh):
     assert result.distortion.mean < 1.25
     paper = cdcp_igl.disk_map(*real_mesh("cthead_115491"), preset="paper")
     assert result.distortion.mean < paper.distortion.mean
+
+
+def test_repair_of_one_face_stays_near_it():
+    V, F = meshes.grid(40, 40)
+    mesh = DiskMesh(V, F)
+    f = cdcp_igl.cdcp(V, F) @ [1, 1j]
+    vertex = 20 * 40 + 20
+    folded = f.copy()
+    folded[vertex] += 4 * abs(f[vertex + 1] - f[vertex])
+    mended, repair = mend(mesh, folded)
+    assert certify(mesh, np.column_stack([mended.real, mended.imag])).valid
+    assert np.count_nonzero(mended != folded) <= repair.n_moved < 400
+    assert abs(mended - f).max() < 0.5 * abs(f[vertex + 1] - f[vertex])
+
+
+def test_too_many_flipped_faces_are_left_alone():
+    folded = Z.copy()
+    folded[MESH.interior] = 0
+    f, repair = mend(MESH, folded, most=5)
+    assert f is folded
+    assert repair.is_left_undone
+    assert "too many" in str(repair)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e-9, 3e-15])
+def test_a_vertex_is_found_a_place_however_small_its_star(size):
+    rim = 0.6 + 0.7j + size * np.exp(2j * np.pi * np.arange(5) / 5)
+    fan = np.array([[5, i, (i + 1) % 5] for i in range(5)])
+    g = np.append(rim, rim[0] + size)
+    free = np.arange(6) == 5
+    flipped = flipped_faces(np.column_stack([g.real, g.imag]), fan)[0]
+    assert len(flipped)
+    placed, moved = search_stars(fan, g, flipped, free)
+    assert len(flipped_faces(np.column_stack([placed.real, placed.imag]), fan)[0]) == 0
+    np.testing.assert_array_equal(moved, free)
+
+
+def test_a_soft_relaxation_pulls_a_face_over():
+    folded = Z.copy()
+    vertex = MESH.interior[44]
+    folded[vertex] = Z[vertex] + 0.4
+    moving = np.arange(len(Z)) == vertex
+    relaxation = Relaxation(MESH.V, F, moving)
+    for softness in (0.3, 0.1, 0.03, 0.01):
+        folded = relaxation.sweep(folded, 10, softness)
+    assert is_valid(folded)

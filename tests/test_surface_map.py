@@ -31,13 +31,14 @@ def assert_consistent(result, V, F):
     np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
     np.testing.assert_array_equal(result.uv_cut[cut.F], result.uv)
     mapped = result.face_disk >= 0
-    np.testing.assert_array_equal(np.isfinite(result.uv).all(axis=(1, 2)), mapped)
+    elsewhere = np.isin(F, np.asarray(F)[mapped])  # a face that is left out has its corners there
+    np.testing.assert_array_equal(np.isfinite(result.uv).all(axis=2), elsewhere)
     assert np.hypot(*result.uv[mapped].reshape(-1, 2).T).max() <= 1 + 1e-12
     assert set(result.face_disk[mapped]) == set(range(len(result.disks)))
     assert result.shares.sum() == pytest.approx(1)
 
 
-@settings(max_examples=40)
+@settings(max_examples=30)
 @given(RANDOM)
 def test_random_surfaces(mesh):
     V, F = mesh
@@ -49,7 +50,7 @@ def test_random_surfaces(mesh):
     assert (a * d - b * c > 0).all()
 
 
-@settings(max_examples=20)
+@settings(max_examples=15)
 @given(RANDOM, st.integers(0, 1000))
 def test_turned_faces_are_mapped_as_the_others(mesh, seed):
     V, F = mesh
@@ -264,11 +265,11 @@ def test_packed_corners_lie_in_the_square_by_area(seed):
     assert packed.shape == result.uv.shape
     assert packed.min() >= 0
     assert packed.max() <= 1
-    boxes = [packed[result.face_disk == k].reshape(-1, 2) for k in range(len(result.disks))]
-    radii = [np.ptp(box, axis=0).max() / 2 for box in boxes]
-    # The boundary has few vertices: the widest extent is less than the diameter of the circle.
-    expected = np.sqrt(result.shares)
-    assert max(radii) <= expected.max() / expected.sum() * len(radii)
+    # A similarity of each disk, and the scale of its area is its share on the surface.
+    sides = [np.linalg.norm(np.diff(uv, axis=1), axis=2).sum(axis=1) for uv in (packed, result.uv)]
+    disks = range(len(result.disks))
+    scale = np.array([np.divide(*(s[result.face_disk == k].sum() for s in sides)) for k in disks])
+    np.testing.assert_allclose(scale**2 / (scale**2).sum(), result.shares)
 
 
 # -- real surfaces ---------------------------------------------------------------------
@@ -291,7 +292,7 @@ def test_armadillo_is_cut_in_the_time_of_a_map(real_mesh):
         ("handles_motherchild_5000", 3.2),
         ("handles_3holes_3596", 2.8),
         ("loops_beetle_19887", 1.0),
-        ("loops_legohead_4179", 2.3),
+        ("loops_legohead_4179", 2.5),
         ("defects_bunny_6164", 2.8),
     ],
 )

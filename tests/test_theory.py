@@ -27,7 +27,8 @@ class Surface:
 
     def distortion(self, f_B):
         """Mean angular distortion in degrees of the map with these boundary values."""
-        steps = Steps(lambda _: Center("given", self.face), circle=lambda _: f_B)
+        given = Center("given", self.face)
+        steps = Steps(lambda _: given, circle=lambda _: f_B, straightened=False)
         f = algorithm_1(self.surface, steps)
         return np.degrees(abs(angle_errors(self.mesh, f)).mean())
 

@@ -40,10 +40,11 @@ COLUMNS = (
 PUNCHED = ("chinese_lion_17334", "human_face_17157")
 HOLES = (0.001, 0.01, 0.05)
 
-NOTE = """Angular distortion in degrees. Cut length by the square root of the area. Least mean: no
-map onto disks with this cut can be below it, by the angles around the vertices. Spread: standard
-deviation of the conformal factor. Area SD: that of the logarithm of the scale of area, over the
-area. By disk_map: seconds by those of one `disk_map` of the opened components, in the same run.
+NOTE = """
+Angular distortion in degrees. Cut length by the square root of the area. Least mean: no map onto
+disks with this cut can be below it, by the angles around the vertices. Spread: standard deviation
+of the conformal factor. Area SD: that of the logarithm of the scale of area, over the area. By
+disk_map: seconds by those of one `disk_map` of the opened components, in the same run.
 """
 
 
@@ -62,7 +63,7 @@ def surfaces(
         reasons = _print_rows(COLUMNS, _rows(group, refine=refine, spread=spread))
         for reason in reasons:
             typer.echo(f"\n- {reason}")
-    typer.echo(f"\n{NOTE}")
+    typer.echo(NOTE)
     if folder is None:
         typer.echo("## Three round holes, filled or cut to\n")
         _print_rows(("surface", "faces a hole", "filled", "cut to", "cut edges"), _fillings(data))

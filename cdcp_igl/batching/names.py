@@ -14,12 +14,14 @@ from ..io import READABLE
 __all__ = ["result_names", "shown", "surface_files"]
 
 
-def surface_files(inputs: Iterable[str | os.PathLike[str]], out: Path) -> list[Path]:
+def surface_files(
+    inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], out: Path
+) -> list[Path]:
     """List the files to map.
 
     Parameters
     ----------
-    inputs : iterable of path-like
+    inputs : path-like or iterable of path-like
         Files; folders, for all readable files in them and below; patterns.
     out : Path
         The folder of the results, which is passed over when it is in another folder.
@@ -36,6 +38,8 @@ def surface_files(inputs: Iterable[str | os.PathLike[str]], out: Path) -> list[P
         If a folder or a pattern has no surface, or a folder is that of the results.
     """
     out = out.absolute()
+    if isinstance(inputs, str | os.PathLike):
+        inputs = [inputs]
     return list(dict.fromkeys(file for given in inputs for file in _expand(Path(given), out)))
 
 

@@ -78,7 +78,7 @@ class Batch:
 
 
 def batch(
-    files: Iterable[str | os.PathLike[str]],
+    files: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
     out: str | os.PathLike[str],
     *,
     jobs: int = 1,
@@ -104,7 +104,7 @@ def batch(
 
     Parameters
     ----------
-    files : iterable of path-like
+    files : path-like or iterable of path-like
         Surfaces; folders, for all surfaces in them and below; patterns like ``"scans/*.obj"``.
     out : path-like
         Folder of the results, made if need be: ``NAME.npz`` for each surface, with folders

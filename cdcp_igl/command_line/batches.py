@@ -35,6 +35,7 @@ __all__ = ["batch_command"]
 
 LONG = 100  # rows of a table that can still be read
 WORST = 20  # of a longer one: the maps with the largest distortion
+KEPT = ". What is done is kept: mend this, and run the batch again."
 NOW_AND_THEN = 10.0  # seconds between two lines where there is no terminal
 
 
@@ -123,7 +124,12 @@ def batch_command(
 
     from ..batching import batch
 
-    with exit_codes(), writing(), _executor(scheduler) as executor, _progress(quiet) as progress:
+    with (
+        exit_codes(),
+        writing(KEPT),
+        _executor(scheduler) as executor,
+        _progress(quiet) as progress,
+    ):
         made = batch(
             inputs,
             out,
@@ -140,7 +146,7 @@ def batch_command(
             **options,
         )
     if not quiet:
-        _show(made)
+        _show(made, out)
     if made.failed:
         raise typer.Exit(SOME_FAILED)
 
@@ -193,7 +199,7 @@ def _progress(quiet: bool) -> Iterator[Callable[[int, int, int], None] | None]:
         yield say
 
 
-def _show(made: Batch) -> None:
+def _show(made: Batch, out: Path) -> None:
     from rich.console import Console
 
     from ..batching.names import shown
@@ -208,7 +214,7 @@ def _show(made: Batch) -> None:
         typer.echo(f"{shown(record.name)}: {record.error}: {record.message}")
     if len(made.failed) > LONG:
         typer.echo(f"and {len(made.failed) - LONG:,} more")
-    typer.echo(f"{made}\nOf each surface: {shown(made.folder / 'summary.csv')}")
+    typer.echo(f"{made}\nOf each surface: {shown(out / 'summary.csv')}")
 
 
 def _table(title: str, records: tuple[Record, ...]) -> Table:

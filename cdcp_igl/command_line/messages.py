@@ -18,12 +18,12 @@ FAILED, BAD_INPUT, NO_MAP, SOME_FAILED = 1, 2, 3, 4  # exit codes
 
 
 @contextmanager
-def writing() -> Iterator[None]:
-    """Say which file could not be written."""
+def writing(remedy: str = "") -> Iterator[None]:
+    """Say which file could not be written, and what to do then."""
     try:
         yield
     except OSError as error:
-        typer.echo(f"Not written: {reason(error)}", err=True)
+        typer.echo(f"Not written: {reason(error)}{remedy}", err=True)
         raise typer.Exit(FAILED) from error
 
 

@@ -17,7 +17,7 @@ def indexed(F: Ints, uv: Floats) -> tuple[Floats, Ints, Ints]:
     F : (m, 3) int64
     uv : (m, 3, 2) float64
         Texture coordinates at the corners. Where the surface was cut open, a vertex has
-        several.
+        several; NaN is the same as NaN.
 
     Returns
     -------
@@ -29,10 +29,11 @@ def indexed(F: Ints, uv: Floats) -> tuple[Floats, Ints, Ints]:
         The vertex of each row of `texture`.
     """
     corner, plane = F.ravel(), uv.reshape(-1, 2)
-    order = np.lexsort((plane[:, 1], plane[:, 0], corner))
-    corner, plane = corner[order], plane[order]
+    key = np.nan_to_num(plane, nan=np.inf)
+    order = np.lexsort((key[:, 1], key[:, 0], corner))
+    corner, plane, key = corner[order], plane[order], key[order]
     new = np.ones(len(order), dtype=bool)
-    new[1:] = (corner[1:] != corner[:-1]) | (plane[1:] != plane[:-1]).any(axis=1)
+    new[1:] = (corner[1:] != corner[:-1]) | (key[1:] != key[:-1]).any(axis=1)
     FT = np.empty(len(order), dtype=np.int64)
     FT[order] = np.cumsum(new) - 1
     return plane[new], FT.reshape(F.shape), corner[new]

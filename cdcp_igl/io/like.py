@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..arrays import Floats, Ints
 from .lines import BYTE_ORDER_MARK
-from .obj import write_rows
+from .obj import write_texture
 
 __all__ = ["write_like"]
 
@@ -31,8 +31,7 @@ def write_like(path: Path, given: Path, texture: Floats, FT: Ints) -> None:
     FT : (m, 3) int64
         Rows of `texture` at the corners of the triangles that `read_obj` makes of `given`.
     """
-    triangles = iter((FT + 1).tolist())
-    vt_written = False
+    triangles: Iterator[list[int]] | None = None
     with path.open("w", encoding="latin-1", newline="") as file:
         for lines in _statements(given):
             if lines[0].startswith(("v ", "vn ")):  # most, and nothing is to be done
@@ -44,9 +43,9 @@ def write_like(path: Path, given: Path, texture: Floats, FT: Ints) -> None:
             if name == "vt":
                 continue
             if name == "f":
-                if not vt_written:
-                    write_rows(file, f"vt %r %r{_line_end(lines[0])}", texture)
-                    vt_written = True
+                if triangles is None:
+                    number = write_texture(file, texture, _line_end(lines[0]))
+                    triangles = iter(number[FT].tolist())
                 fan = list(islice(triangles, len(words) - 2))
                 file.write(_face(split, keyword, words, fan))
             elif name == "l":
@@ -98,10 +97,13 @@ def _face(split: list[list[str]], keyword: str, words: list[str], fan: list[list
 
 
 def _corner(word: str, texture: int) -> str:
+    """Put the number of a vt line into a corner; 0 is none."""
     if "/" not in word:
-        return f"{word}/{texture}"
+        return f"{word}/{texture}" if texture else word
     vertex, _, *normal = word.split("/")
-    return "/".join([vertex, str(texture), *normal])
+    if not texture and not normal:
+        return vertex
+    return "/".join([vertex, str(texture or ""), *normal])
 
 
 def _joined(split: list[list[str]], words: list[str]) -> str:

@@ -14,7 +14,7 @@ from .damage import Damage
 from .lines import culprit, words_of_lines
 from .polygons import fans
 
-__all__ = ["read_obj", "write_obj", "write_rows"]
+__all__ = ["read_obj", "write_obj", "write_texture"]
 
 ROWS = 1 << 16  # formatted at a time
 
@@ -57,6 +57,7 @@ def write_obj(
     V : (n, 3) float64
     F : (m, 3) int64
     texture : (k, 2) float64
+        Where it is NaN, faces have no texture coordinates.
     FT : (m, 3) int64
         Rows of `texture` at the corners of the faces.
     materials : str, optional
@@ -66,11 +67,24 @@ def write_obj(
         if materials:
             file.write(f"mtllib {materials}\n")
         write_rows(file, "v %r %r %r\n", V)
-        write_rows(file, "vt %r %r\n", texture)
+        number = write_texture(file, texture)
         if materials:
             file.write("usemtl surface\n")
-        corners = np.stack([F + 1, FT + 1], axis=2).reshape(-1, 6)
-        write_rows(file, "f %d/%d %d/%d %d/%d\n", corners)
+        corners = np.stack([F + 1, number[FT]], axis=2).reshape(-1, 6)
+        without = corners[:, 1] == 0
+        ends = np.flatnonzero(without[1:] != without[:-1]) + 1
+        for run in np.split(np.arange(len(F)), ends):
+            if len(run) and without[run[0]]:
+                write_rows(file, "f %d %d %d\n", corners[run, ::2])
+            else:
+                write_rows(file, "f %d/%d %d/%d %d/%d\n", corners[run])
+
+
+def write_texture(file: TextIO, texture: Floats, end: str = "\n") -> Ints:
+    """Write the vt lines; return the number (k,) of each in the file, 0 where it is NaN."""
+    there = ~np.isnan(texture).any(axis=1)
+    write_rows(file, f"vt %r %r{end}", texture[there])
+    return np.where(there, np.cumsum(there), 0)
 
 
 def write_rows(file: TextIO, template: str, rows: NDArray[np.generic]) -> None:

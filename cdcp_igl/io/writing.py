@@ -64,8 +64,9 @@ def write_map(
     F : (m, 3) array_like of integers
         Corners of the faces.
     uv : (n, 2) array_like, (m, 3, 2) array_like, DiskMap or SurfaceMap
-        Map onto the unit disk, for each vertex or for each corner of the faces. Of a
-        SurfaceMap, its disks side by side (``packed()``) become texture coordinates.
+        Map onto the unit disk, for each vertex or for each corner of the faces. Faces with NaN
+        at all corners are on no disk: in an obj file they have no texture coordinates, else
+        zeros. Of a SurfaceMap, its disks side by side (``packed()``) become texture coordinates.
     disk : bool
         Leave texture coordinates as they are, in the unit disk, rather than in the unit
         square ((uv + 1) / 2), where texturing programs expect them.
@@ -121,6 +122,8 @@ def write_map(
         texture, FT, vertex = plane, faces, np.arange(len(plane))
     else:
         texture, FT, vertex = indexed(faces, plane)
+        if suffix != ".obj":  # in which alone a face may be without
+            texture = np.nan_to_num(texture)
     if like is not None:
         _check_like(Path(like), positions, faces)
     shown = _image(suffix, image)
@@ -162,7 +165,9 @@ def _map(uv: ArrayLike | MapResult, n: int, m: int) -> Floats:
             f"uv has shape {plane.shape}: it must be ({n}, 2), a row a vertex, "
             f"or ({m}, 3, 2), for each corner of the faces."
         )
-    bad = np.flatnonzero(~np.isfinite(plane).all(axis=tuple(range(1, plane.ndim))))
+    rows = plane.reshape(len(plane), -1)
+    without = np.isnan(rows).all(axis=1) & (plane.ndim == 3)
+    bad = np.flatnonzero(~np.isfinite(rows).all(axis=1) & ~without)
     if len(bad):
         raise ValueError(f"uv is NaN or infinite in {len(bad):,} rows, the first {bad[0]}.")
     return plane.astype(np.float64, copy=False)

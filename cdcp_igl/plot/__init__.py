@@ -1,6 +1,6 @@
 """Pictures of a map, and a page in which one can turn it."""
 
-from .pictures import MapRow, picture, side_by_side
-from .viewer import view, view_html
+import lazy_loader
 
-__all__ = ["MapRow", "picture", "side_by_side", "view", "view_html"]
+# Matplotlib is imported when a name is first used; `__init__.pyi` says from where.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

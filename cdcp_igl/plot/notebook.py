@@ -1,10 +1,10 @@
-"""A map in a notebook: a table, and the page or a picture."""
+"""A map in a notebook: the page, or a picture."""
 
 from __future__ import annotations
 
 from html import escape
 
-from .layout import Mapped, Opened
+from .layout import Mapped, Opened, lay_out
 from .viewer import poster, view_html
 
 __all__ = ["framed"]
@@ -13,14 +13,14 @@ __all__ = ["framed"]
 MOST_VERTICES = 20_000
 
 
-def framed(table: str, result: Mapped | Opened, n: int) -> str:
-    """Return a table with the page of a map of n vertices below; a picture if they are many."""
-    if n > MOST_VERTICES:
+def framed(result: Mapped | Opened) -> str:
+    """Return the page of a map in a frame, or a picture if it has many vertices."""
+    if len(lay_out(result).V) > MOST_VERTICES:
         hint = "<p>To turn it and look closer: <code>.view()</code>, which opens the browser.</p>"
-        return table + poster(result) + hint
+        return poster(result) + hint
     page = escape(view_html(result), quote=True)
     # In a frame of its own, the page and the notebook cannot touch one another.
     return (
-        f'{table}<iframe srcdoc="{page}" title="The surface beside its image" loading="lazy" '
+        f'<iframe srcdoc="{page}" title="The surface beside its image" loading="lazy" '
         'sandbox="allow-scripts" style="width: 100%; height: 560px; border: 0"></iframe>'
     )

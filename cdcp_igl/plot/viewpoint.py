@@ -11,6 +11,7 @@ __all__ = ["choose_viewpoint"]
 Y_AXIS, Z_AXIS = np.array([0.0, 1, 0]), np.array([0.0, 0, 1])
 
 OPEN = 0.5  # length of the mean normal from which one looks straight at the surface
+CLOSED = 1e-9  # length of the mean normal below which it is rounding: there is no opening
 DIRECTIONS = 300  # over the sphere, among which the best level one is sought
 LEVEL = 0.35  # sine of the steepest of those
 FACES = 20_000  # that are looked at, at most
@@ -44,7 +45,7 @@ def choose_viewpoint(V: Floats, F: Ints) -> Floats:
         towards = mean_normal / openness
         return _frame(towards, Y_AXIS if abs(towards @ Y_AXIS) < 0.9 else Z_AXIS)
 
-    top = mean_normal / openness if openness > 0 else Y_AXIS
+    top = mean_normal / openness if openness > CLOSED else Y_AXIS
     directions = _sphere(DIRECTIONS)
     frames = [_frame(d, top) for d in directions[abs(directions @ top) < LEVEL]]
     centers, normals = V[F[chosen]].mean(axis=1), across / twice_area

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Complex, Floats, Ints
+from ..arrays import Complex, Floats, Ints, spread_evenly
 from ..certificate import flipped_faces, is_around
 from ..distortion import plane_angles
 from ..surface.mesh import DiskMesh
@@ -101,7 +101,7 @@ def normalize(
     else:
         return finished(f, 0j), Normalization("none", 0j)
 
-    judges = _sample(mesh.F, SAMPLES[-1])
+    judges = spread_evenly(len(mesh.F), SAMPLES[-1])
     z, errors = f[mesh.F[judges]], plane_angles(f, mesh.F[judges]) - mesh.angles[judges]
     allowed: Ints | None = None  # faces that are turned over anyway
     reason = "no improvement"
@@ -135,11 +135,6 @@ def _is_improvement(z: Complex, errors: Floats, w: complex) -> bool:
 
 def _flipped(mesh: DiskMesh, f: Complex) -> Ints:
     return flipped_faces(np.column_stack([f.real, f.imag]), mesh.F)[0]
-
-
-def _sample(F: Ints, count: int) -> Ints:
-    """(k,) rows of at most so many faces, spread evenly."""
-    return np.linspace(0, len(F) - 1, min(count, len(F))).astype(np.int64)
 
 
 def _at_one(mesh: DiskMesh, f: Complex, vertex: int) -> Complex:
@@ -231,7 +226,7 @@ def least_angle_distortion(F: Ints, z: Complex, angles: Floats) -> complex:
     """
     w = 0j
     for count in SAMPLES:
-        faces = _sample(F, count)
+        faces = spread_evenly(len(F), count)
         w = _newton(_Objective(z[F[faces]], plane_angles(z, F[faces]) - angles[faces]), w)
         if count >= len(F):
             break

@@ -14,6 +14,7 @@ from ..arrays import Complex, Floats, Ints, blocks
 from ..certificate import certify
 from ..distortion import angle_errors
 from ..solve.cholesky import Cholesky
+from ..solve.conjugate_gradients import conjugate_gradients
 from ..solve.laplacian import Laplacian
 from ..surface.mesh import DiskMesh
 
@@ -237,7 +238,7 @@ def gauss_newton_step(
         return adjoint(s * b + (t * b).conj())
 
     laplacian.factor(beta, s)
-    return _conjugate_gradients(normal_matrix, -adjoint(gradient), laplacian.solve, iterations)
+    return conjugate_gradients(normal_matrix, -adjoint(gradient), laplacian.solve, iterations)
 
 
 def _linearize(corner: Complex, r: Floats, p: float) -> tuple[Complex, Floats, Complex, Complex]:
@@ -258,33 +259,6 @@ def _shear(mesh: DiskMesh, beta: Complex) -> csr_matrix:
     """(m, n) matrix of b = sum beta_v dz_v."""
     m, n = len(mesh.F), len(mesh.V)
     return csr_matrix((beta.ravel(), mesh.F.ravel(), np.arange(0, 3 * m + 1, 3)), (m, n))
-
-
-def _conjugate_gradients(
-    A: Callable[[Complex], Complex],
-    b: Complex,
-    preconditioner: Callable[[Complex], Complex],
-    iterations: int,
-) -> Complex:
-    """Lower x^T A x / 2 - x^T b from x = 0, inner product Re x^H y (A is real-linear)."""
-    x, residual, direction = np.zeros_like(b), b, np.zeros_like(b)
-    rho = 1.0
-    for _ in range(iterations):
-        z = preconditioner(residual)
-        rho, last = _dot(residual, z), rho
-        if rho == 0:  # solved exactly
-            break
-        direction = z + rho / last * direction
-        image = A(direction)
-        alpha = rho / _dot(direction, image)
-        x = x + alpha * direction
-        residual = residual - alpha * image
-    return x
-
-
-def _dot(x: Complex, y: Complex) -> float:
-    """Re x^H y, in an order of summation that no number of threads changes, unlike BLAS's."""
-    return float(np.einsum("i,i", x.view(float), y.view(float)))
 
 
 class WeightedLaplacian:

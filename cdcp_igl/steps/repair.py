@@ -14,8 +14,9 @@ from ..arrays import Bools, Complex, Floats, Ints
 from ..certificate import flipped_faces
 from ..surface.mesh import DiskMesh
 from .relaxation import Relaxation
+from .star_search import search_stars
 
-__all__ = ["Repair", "mean_value_weights", "mend", "unfold"]
+__all__ = ["Repair", "embed", "mean_value_weights", "mend", "unfold"]
 
 RINGS = 10  # largest radius of a patch around a flipped face
 ATTEMPTS = 4  # with patches up to a quarter of that, a half and so on
@@ -23,6 +24,7 @@ MANY = 0.03  # of the faces: so many flipped faces are not near each other, but 
 FEW = 50  # faces that are worth another attempt even if the last one mended none
 SOFTNESSES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the relaxation that pulls faces over, in turn
 SWEEPS = 4  # of that relaxation with each
+SEARCHES = 6  # of all stars with a flipped face
 RELAXED = 6  # rings around what was moved, that are relaxed with it
 MOVES, MOST_SWEEPS = 200_000, 30  # of vertices at most, in these sweeps at most
 
@@ -87,9 +89,15 @@ def unfold(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
     g, repair = mend(mesh, f, MANY * len(mesh.F))
     if len(_flipped(mesh.F, g)) == 0:
         return g, repair
+    f, whole = embed(mesh, f)
+    return f, Repair(whole.n_flipped, whole.n_moved, repair.rounds + 1)
+
+
+def embed(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
+    """Set the whole interior to mean values; parameters and return values as of `unfold`."""
     whole = _Neighbourhood(mesh, np.ones(len(f), dtype=bool))
-    f = whole.combine(f, whole.free)
-    return f, Repair(repair.n_flipped, len(mesh.interior), repair.rounds + 1)
+    n_flipped = len(_flipped(mesh.F, f))
+    return whole.combine(f, whole.free), Repair(n_flipped, len(mesh.interior), 1)
 
 
 def mend(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:
@@ -128,11 +136,12 @@ def mend(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Rep
         g, tried = near.average(g, attempt * RINGS // ATTEMPTS)
         rounds += tried
         g = near.pull_over(g, attempt)
+        g = near.search(g)
         left = len(near.flipped(g))
-        if left == 0 or left > max(before / 2, FEW):
+        if left == 0 or left > max(0.9 * before, FEW):
             break
     f = f.copy()
-    f[near.vertices] = near.relaxed(g)
+    f[near.vertices] = g if left else near.relaxed(g)
     return f, Repair(len(flipped), int(near.moved.sum()), rounds)
 
 
@@ -240,6 +249,20 @@ class _Neighbourhood:
                 break
         if len(self.flipped(trial)) < len(flipped):
             self.moved |= moving
+            return trial
+        return g
+
+    def search(self, g: Complex) -> Complex:
+        """Look for places for the corners of flipped faces; kept if fewer are left."""
+        trial, moved = g, self.moved
+        for _ in range(SEARCHES):
+            flipped = self.flipped(trial)
+            if len(flipped) == 0:
+                break
+            trial, searched = search_stars(self.F, trial, flipped, self.free)
+            moved = moved | searched
+        if len(self.flipped(trial)) < len(self.flipped(g)):
+            self.moved = moved
             return trial
         return g
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints
+from ..arrays import Complex, Floats, Ints, spread_evenly
 from ..certificate import is_around
 from ..distortion import plane_angles
 from ..surface.mesh import DiskMesh
@@ -85,7 +85,7 @@ def straighten(
     shear, possible = common_shear(mesh, f, FEW_FACES)
     if possible < WORTH:
         return f, Straightening()
-    judges = _spread_evenly(len(mesh.F), MANY_FACES)
+    judges = spread_evenly(len(mesh.F), MANY_FACES)
     faces, angles = mesh.F[judges], mesh.angles[judges]
     first = last = float(abs(plane_angles(f, faces) - angles).mean())
     for _ in range(STEPS):
@@ -144,18 +144,13 @@ def common_shear(mesh: DiskMesh, f: Complex, most: int) -> tuple[complex, float]
     float
         The share of the angular distortion that it would remove.
     """
-    judges = _spread_evenly(len(mesh.F), most)
+    judges = spread_evenly(len(mesh.F), most)
     corners = f[mesh.F[judges]]
     errors = plane_angles(f, mesh.F[judges]) - mesh.angles[judges]
     response = [_angle_response(corners, move * corners.conj()) for move in (-1, -1j)]
     mu, after = _least_errors(errors, *response)
     before = abs(errors).mean()
     return mu, float(1 - after / before) if before > 0 else 0.0
-
-
-def _spread_evenly(m: int, most: int) -> Ints:
-    """(k,) rows of at most so many of m faces."""
-    return np.linspace(0, m - 1, min(most, m)).astype(np.int64)
 
 
 def _angle_response(corners: Complex, move: Complex) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Complex, Floats, Ints
-from .lattice import disk_lattice
+from .lattice import disk_lattice, even_ring, with_corners
 from .location import FaceFinder
 from .mesh import DiskMesh
 from .raster import bilinear, pixel_centers
@@ -231,8 +231,8 @@ class Bijection:
 
         A lattice of equilateral triangles in the disk and a ring on the circle are carried
         back to the surface. A conformal map keeps their shape; their size varies with its
-        scale, least with ``mobius="area"``. Corners of the boundary between two points of the
-        ring are cut off.
+        scale, least with ``mobius="area"``. Points of the ring move to the corners of the
+        boundary that are near.
 
         Parameters
         ----------
@@ -263,9 +263,12 @@ class Bijection:
         """
         if not 0 < side <= 1:
             raise ValueError(f"side must be between 0 and 1, not {side!r}")
-        z, F = disk_lattice(side)
+        V, loop = self.mesh.positions, self.mesh.loop
+        ring = even_ring(side)
+        ring = with_corners(ring, self._z[loop], self.interpolate(V, as_rows(ring)), V[loop])
+        z, F = disk_lattice(side, ring)
         uv = as_rows(z)
-        return self.interpolate(self.mesh.positions, uv), F, uv
+        return self.interpolate(V, uv), F, uv
 
     @cached_property
     def _z(self) -> Complex:

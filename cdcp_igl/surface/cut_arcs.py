@@ -86,7 +86,9 @@ def _laid_anew(surface: CutSurface, arc: Ints) -> Ints:
     else:
         return arc[:0]
     longest = surface.length[arc].sum() * (1 + 1e-9)
-    return straight_path(opened, start, end, longest)
+    path = straight_path(opened, start, end, longest)
+    # One edge with two loose ends does not open a sphere.
+    return path if len(path) > 1 or len(loose) < 2 else arc[:0]
 
 
 def _label(opened: Opened, vertex: int) -> int:

@@ -3,19 +3,44 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import connected_components, dijkstra
 
 from ..arrays import Floats
 from .cut_arcs import branch_to, straighten
 from .cut_surface import CutSurface
+from .triangles import face_areas
 
-__all__ = ["grow"]
+__all__ = ["grow", "lead_away"]
 
 # The map has shrunk a part of the surface where lengths are this much shorter, by the
 # power of e, than on the average.
 SHRUNK = 1.0
+# A boundary is tiny if a round hole as long has at most this share of the surface's area.
+TINY = 0.01
 # Branches in one round.
 MOST_BRANCHES = 8
+
+
+def lead_away(surface: CutSurface) -> None:
+    """Cut from a boundary that is tiny by the surface to the vertex farthest from it.
+
+    Almost all of a surface that is closed but for a small hole would be shrunk.
+    """
+    opened = surface.opened()
+    length = float(surface.length[opened.border].sum())
+    a, b = surface.V[surface.F[:, 0]], surface.V[surface.F[:, 1]]
+    mean = np.linalg.norm(b - a, axis=1).sum() / surface.length[: len(a)].sum()
+    area = face_areas(surface.V, surface.F).sum() / mean**2
+    if length**2 > TINY * 4 * np.pi * area:
+        return
+    distance, *_ = dijkstra(
+        opened.graph(surface.length),
+        indices=np.flatnonzero(opened.on_boundary),
+        min_only=True,
+        return_predecessors=True,
+    )
+    farthest = int(distance.argmax())  # in the interior, whose vertices keep their numbers
+    branch_to(surface, farthest)
 
 
 def grow(surface: CutSurface, factor: Floats, average: float) -> bool:
@@ -45,11 +70,9 @@ def grow(surface: CutSurface, factor: Floats, average: float) -> bool:
     n_parts, part = connected_components(inside, directed=False)
     order = np.lexsort((factor[shrunk], part))
     tips = shrunk[order[np.searchsorted(part[order], np.arange(n_parts))]]
-    vertex = np.empty(opened.n, np.int64)
-    vertex[opened.tail] = surface.tail
     grown = False
     for tip in tips[np.argsort(factor[tips])][:MOST_BRANCHES]:
-        grown |= branch_to(surface, int(vertex[tip]))
+        grown |= branch_to(surface, int(tip))  # interior vertices keep their numbers
     if grown:
         straighten(surface)
     return grown

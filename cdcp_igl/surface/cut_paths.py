@@ -15,6 +15,8 @@ __all__ = ["STRETCH", "straight_path"]
 STRETCH = 0.5
 # Rings of vertices around a shortest path within which a straight one is looked for.
 CORRIDOR = 5
+# No straight path is looked for through vertices of more edges, all pairs of which are compared.
+MOST_SPOKES = 200
 
 
 def straight_path(opened: Opened, start: Bools, end: Bools, longest: float = np.inf) -> Ints:
@@ -86,71 +88,69 @@ def _shortest(opened: Opened, start: Bools, end: Bools, blocked: Bools, longest:
 
 def _straightest(opened: Opened, start: Bools, end: Bools, inside: Bools) -> Ints:
     """Half-edges of the path of least cost among the vertices inside the corridor."""
-    surface = opened.surface
+    surface, at_boundary = opened.surface, opened.on_boundary
     out, vertex, position = _turns(opened, inside)
-    total = opened.angle_sum
-    at_boundary = opened.on_boundary
-    # A node for each half-edge that a path may take.
     head = opened.head[out]
-    usable = inside[head] & ~opened.border[out] & ~end[vertex] & ~start[head]
-    node_of = np.full(len(opened.tail), -1)
-    taken = out[usable]
-    node_of[taken] = np.arange(len(taken))
-    position_of = np.zeros(len(opened.tail))
-    position_of[out] = position
-
-    rows, columns, costs = [], [], []
-    source, target = len(taken), len(taken) + 1
+    taken = out[inside[head] & ~opened.border[out] & ~end[vertex] & ~start[head]]
+    # A node for each half-edge that the path may take, one before the first, one after the last.
+    node = np.full(len(opened.tail), -1)
+    node[taken] = np.arange(len(taken))
+    before, beyond = len(taken), len(taken) + 1
+    left = np.zeros(len(opened.tail))
+    left[out] = position
     stretch = STRETCH * surface.length
 
-    def end_cost(half_out: Ints, at: Ints) -> Floats:
-        """Bend added where a path leaves a vertex at its end, and pi."""
-        left = position_of[half_out]
-        before = abs(total[at] - np.where(at_boundary[at], np.pi, 2 * np.pi))
-        split = abs(left - np.pi) + abs(total[at] - left - np.pi)
-        return np.where(at_boundary[at], split, abs(total[at] - np.pi)) - before + 4
+    first, last = taken[start[opened.tail[taken]]], taken[end[opened.head[taken]]]
+    into_first = _bend_of_an_end(opened, first, left) + stretch[first]
+    out_of_last = _bend_of_an_end(opened, surface.twin[last], left)
 
-    first = taken[start[opened.tail[taken]]]
-    rows.append(np.full(len(first), source))
-    columns.append(node_of[first])
-    costs.append(end_cost(first, opened.tail[first]) + stretch[first])
-
-    last = taken[end[opened.head[taken]]]
-    rows.append(node_of[last])
-    columns.append(np.full(len(last), target))
-    costs.append(end_cost(surface.twin[last], opened.head[last]))
-
-    # All pairs of half-edges out of a vertex: in along the twin of one, out along the other.
     passed = ~at_boundary[vertex] & ~start[vertex] & ~end[vertex]
-    order = np.argsort(vertex[passed], kind="stable")
-    spokes, hub = out[passed][order], vertex[passed][order]
-    _, first_of, count = np.unique(hub, return_index=True, return_counts=True)
-    degree = np.repeat(count, count)
-    one = np.repeat(np.arange(len(spokes)), degree)
-    other = np.arange(len(one)) - np.repeat(np.cumsum(degree) - degree, degree)
-    other += np.repeat(np.repeat(first_of, count), degree)
-    back, on = spokes[one], spokes[other]
-    use = (back != on) & (node_of[surface.twin[back]] >= 0) & (node_of[on] >= 0)
-    back, on, at = back[use], on[use], hub[one][use]
-    left = (position_of[on] - position_of[back]) % total[at]
-    bend = abs(left - np.pi) + abs(total[at] - left - np.pi) - abs(total[at] - 2 * np.pi)
-    rows.append(node_of[surface.twin[back]])
-    columns.append(node_of[on])
-    costs.append(np.maximum(bend, 0) + stretch[on])
+    back, on, at = _pairs(out[passed], vertex[passed])
+    come = node[surface.twin[back]]
+    use = (come >= 0) & (node[on] >= 0)
+    come, back, on, at = come[use], back[use], on[use], at[use]
+    one_side, around = (left[on] - left[back]) % opened.angle_sum[at], opened.angle_sum[at]
+    bend = abs(one_side - np.pi) + abs(around - one_side - np.pi) - abs(around - 2 * np.pi)
 
-    graph = csr_matrix(
-        (np.concatenate(costs), (np.concatenate(rows), np.concatenate(columns))),
-        (len(taken) + 2, len(taken) + 2),
-    )
-    distance, parent = dijkstra(graph, indices=source, return_predecessors=True)
-    if not np.isfinite(distance[target]):
-        return np.empty(0, np.int64)
-    path = []
-    v = parent[target]
-    while v != source:
-        path.append(taken[v])
-        v = parent[v]
+    rows = np.concatenate([np.full(len(first), before), node[last], come])
+    columns = np.concatenate([node[first], np.full(len(last), beyond), node[on]])
+    costs = np.concatenate([into_first, out_of_last, np.maximum(bend, 0) + stretch[on]])
+    graph = csr_matrix((costs, (rows, columns)), (len(taken) + 2, len(taken) + 2))
+    distance, parent = dijkstra(graph, indices=before, return_predecessors=True)
+    path, at_node = [], parent[beyond]
+    while np.isfinite(distance[beyond]) and at_node != before:
+        path.append(taken[at_node])
+        at_node = parent[at_node]
     return np.array(path[::-1], dtype=np.int64)
+
+
+def _bend_of_an_end(opened: Opened, half: Ints, left: Floats) -> Floats:
+    """Bend added at the ends of a path that half-edges leave, and 4, to be positive.
+
+    `left` are the angles from the boundary to each half-edge.
+    """
+    at = opened.tail[half]
+    around, at_boundary = opened.angle_sum[at], opened.on_boundary[at]
+    before = abs(around - np.where(at_boundary, np.pi, 2 * np.pi))
+    split = abs(left[half] - np.pi) + abs(around - left[half] - np.pi)
+    return np.where(at_boundary, split, abs(around - np.pi)) - before + 4
+
+
+def _pairs(out: Ints, vertex: Ints) -> tuple[Ints, Ints, Ints]:
+    """All pairs of different half-edges out of the same vertex, and that vertex."""
+    order = np.argsort(vertex, kind="stable")
+    _, first, count = np.unique(vertex[order], return_index=True, return_counts=True)
+    few = count <= MOST_SPOKES
+    out = out[order]
+    degree = np.repeat(count[few], count[few])
+    starts = np.repeat(first[few], count[few])
+    within = np.arange(len(degree)) - np.repeat(np.cumsum(count[few]) - count[few], count[few])
+    one = np.repeat(starts + within, degree)
+    other = np.arange(len(one)) - np.repeat(np.cumsum(degree) - degree, degree)
+    other += np.repeat(starts, degree)
+    different = one != other
+    one, other = one[different], other[different]
+    return out[one], out[other], vertex[order][one]
 
 
 def _turns(opened: Opened, inside: Bools) -> tuple[Ints, Ints, Floats]:

@@ -39,6 +39,15 @@ class Cut:
         Edges that were cut, rows of the given V, the smaller first.
     length : float
         Their length, in the unit of V.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V = [[0, 0], [2, 0], [2, 1], [0, 1], [1, 0.5]]
+    >>> F = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
+    >>> opened = cdcp_igl.cut(V, F, path=[0, 4])
+    >>> opened.edges, opened.vertex_index
+    (array([[0, 4]]), array([0, 1, 2, 3, 4, 0]))
     """
 
     V: Floats

@@ -4,27 +4,72 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Complex, Ints
+from ..arrays import Complex, Floats, Ints
 
-__all__ = ["disk_lattice"]
+__all__ = ["disk_lattice", "even_ring", "with_corners"]
 
 # Between the circle and the lattice, in sides. Among 0.4, 0.45, ..., 0.9 this has the largest
 # smallest angle, 31 degrees, over sides from 1 to 0.01.
 MARGIN = 0.8
+CORNER = 0.2  # height of a corner that is worth a point, by the chord that would cut it off
 
 
-def disk_lattice(side: float) -> tuple[Complex, Ints]:
+def even_ring(side: float) -> Complex:
+    """(k,) points of the unit circle, counterclockwise from 1, about `side` apart."""
+    return np.exp(2j * np.pi * np.linspace(0, 1, round(2 * np.pi / side), endpoint=False))
+
+
+def with_corners(ring: Complex, loop: Complex, V_ring: Floats, V_loop: Floats) -> Complex:
+    """Move points of an even ring to the corners of a boundary.
+
+    A vertex is a corner if it lies far from the chord between the two points of the ring next
+    to it. The farthest come first, and no two points come nearer than half of their distance.
+
+    Parameters
+    ----------
+    ring, loop : (k,) and (nB,) complex128
+        An even ring, and the boundary vertices on the unit circle.
+    V_ring, V_loop : (k, 3) and (nB, 3) float64
+        Where they are on the surface.
+
+    Returns
+    -------
+    (k,) complex128
+    """
+    step = 2 * np.pi / len(ring)
+    angle = np.angle(loop) % (2 * np.pi) / step  # in steps, as all angles here
+    before = angle.astype(np.int64) % len(ring)
+    start, end = V_ring[before], V_ring[(before + 1) % len(ring)]
+    along, away = end - start, V_loop - start
+    length = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
+    share = np.clip((along * away).sum(axis=1) / length, 0, 1)
+    height = np.linalg.norm(away - share[:, None] * along, axis=1) / np.sqrt(length)
+    corners = np.flatnonzero(height > CORNER)
+    shift = np.zeros(len(ring))
+    moved = ring.copy()
+    for corner in corners[np.argsort(-height[corners], kind="stable")]:
+        nearest = round(angle[corner])
+        by, here = angle[corner] - nearest, nearest % len(ring)
+        behind, ahead = shift[here - 1], shift[(here + 1) % len(ring)]
+        if shift[here] == 0 and 1 + by - behind >= 0.5 and 1 + ahead - by >= 0.5:
+            shift[here], moved[here] = by, loop[corner]
+    return moved
+
+
+def disk_lattice(side: float, ring: Complex) -> tuple[Complex, Ints]:
     """Mesh the unit disk by a lattice of equilateral triangles and a ring on the circle.
 
     Parameters
     ----------
     side : float
-        Of the triangles, from 0 to 1; neighbours on the circle are as far apart.
+        Of the triangles, from 0 to 1.
+    ring : (k,) complex128
+        On the circle, counterclockwise, about as far apart.
 
     Returns
     -------
     z : (k,) complex128
-        The ring first, counterclockwise from 1.
+        The ring first.
     F : (m, 3) int64
         Counterclockwise; the Delaunay triangulation.
     """
@@ -34,7 +79,6 @@ def disk_lattice(side: float) -> tuple[Complex, Ints]:
     row, column = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     inner = side * (column + row * np.exp(1j * np.pi / 3)).ravel()
     inner = inner[abs(inner) < 1 - MARGIN * side]
-    ring = np.exp(2j * np.pi * np.linspace(0, 1, round(2 * np.pi / side), endpoint=False))
     z = np.concatenate([ring, inner])
     F = Delaunay(np.column_stack([z.real, z.imag])).simplices.astype(np.int64)
     a, b, c = z[F.T]

@@ -121,14 +121,14 @@ class MeshReport:
 
     def _repr_html_(self) -> str:
         counts = f"{self.n_vertices:,} vertices, {self.n_faces:,} faces"
-        rows = {
-            "kind": self.kind,
-            "boundary vertices": f"{self.n_boundary:,}",
-            "ears": f"{len(self.ears):,}",
-            "chords": f"{len(self.chords):,}",
-            **{defect.name: str(defect) for defect in self.defects},
-            "next": self.next_step,
-        }
+        rows = [
+            ("kind", self.kind),
+            ("boundary vertices", f"{self.n_boundary:,}"),
+            ("ears", f"{len(self.ears):,}"),
+            ("chords", f"{len(self.chords):,}"),
+            *((defect.name, str(defect)) for defect in self.defects),
+            ("next", self.next_step),
+        ]
         return html_table(counts, rows)
 
     def __str__(self) -> str:

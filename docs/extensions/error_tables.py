@@ -30,6 +30,10 @@ CALLS = (
     "disk_map(V, F, refine=1, refine_seconds=-1)",
     'disk_map(V, F, preset="fast")',
     'disk_map(V, F, preset="paper", center="heat")',
+    "surface_map(V, F, spread=-1)",
+    "surface_map(V, F, center=3)",
+    "surface_map(V, F, align=0)",
+    'cut(V, F, path="around")',
     "rectangle_map(V, F, [0, 1, 2, 3])",
     "disk_map(V, F).invert([0, 0, 0])",
     "disk_map(V, F).remesh(2)",
@@ -47,6 +51,8 @@ def mesh_errors():
         yield name, _raised(cdcp_igl.cdcp, V, F)
     V, F = [[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]
     yield "`clean` of faces without area", _raised(cdcp_igl.clean, V, F)
+    square = [[0, 0], [1, 0], [1, 1], [0, 1]], [[0, 1, 3], [1, 2, 3]]
+    yield "`cut` along a path off the edges", _raised(cdcp_igl.cut, *square, [0, 2])
     with TemporaryDirectory() as folder:
         for name, (file, text) in FILES.items():
             path = Path(folder, file)

@@ -17,7 +17,7 @@ __all__ = ["balanced", "crowding_reason"]
 # the circle, which is a third of the distance between doubles. On a corridor n times longer
 # than wide, those at the ends get about exp(-pi n / 2).
 CROWDED = 2e-17
-MANY_CROWDED = 0.1
+MANY_CROWDED = 0.03  # maps of corridors can be certified with 1 % of such edges, and not with 5 %
 # The centre of the map is moved where shares smaller than this might become larger.
 SMALL = 1e-14
 ROUNDS = 8  # of moving it: one is enough unless the first centre is far off

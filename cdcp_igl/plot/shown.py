@@ -1,0 +1,55 @@
+"""What shows itself in the browser and in a notebook."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any, cast
+
+from numpy.typing import ArrayLike
+
+from ..surface.notebook import table_of
+
+__all__ = ["Shown"]
+
+
+class Shown:
+    """A map that `view` shows; the base of all results."""
+
+    def view(
+        self,
+        path: str | PathLike[str] | None = None,
+        *,
+        fields: Mapping[str, ArrayLike] | None = None,
+        texture: str | PathLike[str] | ArrayLike | None = None,
+        title: str = "",
+    ) -> Path:
+        """Write a page that shows the map, or open it in the browser.
+
+        Parameters
+        ----------
+        path, fields, texture, title
+            As in `cdcp_igl.plot.view`.
+
+        Returns
+        -------
+        Path
+            Where the page is.
+
+        Raises
+        ------
+        ValueError, OSError
+            As `cdcp_igl.plot.view`.
+        """
+        from .viewer import view  # needs Matplotlib, which is optional and slow to import
+
+        return view(cast(Any, self), path, fields=fields, texture=texture, title=title)
+
+    def _repr_html_(self) -> str:
+        table = table_of(str(self))
+        if not cast(Any, self).valid:
+            return table
+        from .notebook import framed
+
+        return table + framed(cast(Any, self))

@@ -1,0 +1,46 @@
+"""The command `python -m benchmarks surfaces`, and the bound that it shows."""
+
+import meshes
+import numpy as np
+import pytest
+import surfaces
+from benchmarks.surfaces import least_distortion
+from typer.testing import CliRunner
+
+import cdcp_igl
+from benchmarks.__main__ import app
+
+
+def test_a_row_for_each_surface_by_class(tmp_path):
+    _, V, F, _ = meshes.NASTY["Moebius strip"]
+    mesh = {
+        "handles_torus": surfaces.torus(),
+        "loops_tube": surfaces.tube(n=8),
+        "loops_strip": (V, F),
+    }
+    for name, (V, F) in mesh.items():
+        np.savez(tmp_path / f"{name}.npz", V=V, F=F)
+    shown = CliRunner().invoke(app, ["surfaces", str(tmp_path)])
+    assert shown.exit_code == 0
+    assert shown.stdout.index("## handles") < shown.stdout.index("## loops")
+    assert "| loops_strip | 18 | refused: The surface is one-sided" in shown.stdout
+    assert "| handles_torus | 96 | 1 | yes | " in shown.stdout
+
+
+@pytest.mark.parametrize(
+    "mesh", [surfaces.torus(), surfaces.sphere(), surfaces.tube(), meshes.fan()]
+)
+def test_no_map_is_below_the_bound(mesh):
+    for refine in (0, 5):
+        result = cdcp_igl.surface_map(*mesh, refine=refine)
+        assert 0 < least_distortion(result) <= result.distortion.mean
+
+
+def test_the_bound_of_a_fan_is_its_angle_defect():
+    V, F = meshes.fan()
+    result = cdcp_igl.surface_map(V, F)
+    angles = cdcp_igl.libigl.angles(V, F)
+    around = angles[:, 0].sum()
+    rim = np.bincount(F[:, 1:].ravel(), angles[:, 1:].ravel())
+    expected = abs(2 * np.pi - around) + np.maximum(rim - np.pi, 0).sum()
+    assert least_distortion(result) == pytest.approx(np.degrees(expected) / F.size)

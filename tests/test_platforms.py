@@ -1,0 +1,52 @@
+"""What Windows lacks, hidden here: modules of POSIX and functions of `os`."""
+
+import json
+import subprocess
+import sys
+
+WITHOUT = """
+import sys
+for name in ("resource", "fcntl", "termios", "tty", "pwd", "grp", "pty"):
+    sys.modules[name] = None
+import os
+for name in ("chown", "getuid", "geteuid", "mkfifo", "fork", "O_NONBLOCK", "killpg", "getpgid"):
+    delattr(os, name)
+"""
+
+IMPORT_ALL = """
+import importlib, json, pkgutil
+import cdcp_igl
+names = [m.name for m in pkgutil.walk_packages(cdcp_igl.__path__, "cdcp_igl.")]
+for name in names:
+    if not name.endswith("__main__"):
+        importlib.import_module(name)
+print(json.dumps(names))
+"""
+
+MAP = """
+from cdcp_igl import datasets, disk_map
+from cdcp_igl.io import read_mesh, write_map
+V, F, _ = datasets.spherical_cap(6)
+for name in ("a.npz", "a.obj", "a.glb", "a.obj"):
+    write_map(name, V, F, disk_map(V, F))
+assert (read_mesh("a.npz")[0] == V).all()
+print(sorted(os.listdir()))
+"""
+
+
+def run(code, folder):
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT + code], capture_output=True, text=True, cwd=folder
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_every_module_is_imported(tmp_path):
+    names = json.loads(run(IMPORT_ALL, tmp_path))
+    assert len(names) > 80
+    assert "cdcp_igl.solve.with_cvxopt" in names
+
+
+def test_maps_are_made_and_written(tmp_path):
+    assert run(MAP, tmp_path) == "['a.glb', 'a.npz', 'a.obj']\n"
