@@ -87,7 +87,6 @@ def test_a_page_about_the_batch(scans, tmp_path):
     # The results are the same, and a page can be had later.
     assert batch([scans], tmp_path / "plain", cut=True).done
     assert contents(tmp_path / "plain") == contents(tmp_path / "maps")
-    page.unlink()
     batch([scans], tmp_path / "maps", cut=True, report=page)
     assert page.read_text() == text
     assert len(lines(tmp_path / "maps")) == 6

@@ -82,3 +82,15 @@ def test_why_a_process_ended():
     assert processes.cause_of_death(-123, "") == "crashed: signal 123"
     assert processes.cause_of_death(3, "first\nlast\n") == "failed: last"
     assert processes.cause_of_death(3, "") == "failed: no message"
+
+
+@pytest.mark.parametrize("name", ["summary.csv", "page.html"])
+def test_summaries_and_reports_of_others_are_not_overwritten(scans, tmp_path, name):
+    (tmp_path / "maps").mkdir()
+    other = tmp_path / "maps" / name
+    other.write_text("thesis")
+    done = command(scans, tmp_path / "maps", "--report", tmp_path / "maps" / "page.html")
+    assert done.returncode == 1
+    assert f"{other}: is no" in done.stderr
+    assert [path.name for path in (tmp_path / "maps").iterdir()] == [name]
+    assert other.read_text() == "thesis"

@@ -18,7 +18,7 @@ from ..io import whole_file
 from .names import shown
 from .records import COLUMNS, Record
 
-__all__ = ["Journal", "read_journals", "write_summary"]
+__all__ = ["Journal", "is_summary", "read_journals", "write_summary"]
 
 
 class Journal:
@@ -102,6 +102,12 @@ def read_journals(folder: Path, options_digest: str) -> dict[str, Record]:
                 if record.options_digest == options_digest and record.finished >= known.finished:
                     records[record.name] = record
     return records
+
+
+def is_summary(path: Path) -> bool:
+    """Whether a file begins as `write_summary` begins it."""
+    with path.open("rb") as file:
+        return file.read(11) == b"name,input,"
 
 
 def write_summary(path: Path, records: Iterable[Record]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -15,13 +16,14 @@ import numpy as np
 from ..extras import from_extra
 from ..io import remove_stale, whole_file
 from .executors import run_on
-from .journal import Journal, read_journals, write_summary
+from .journal import Journal, is_summary, read_journals, write_summary
 from .names import result_names, shown, surface_files
 from .page import report_page
 from .pool import Pool
 from .records import DONE, FAILED, Record
 from .settings import Settings
-from .targets import try_to_write
+from .stamps import Stamp, put_stamp, read_stamp
+from .targets import refuse_another, try_to_write
 from .work import Task
 
 __all__ = ["Batch", "batch"]
@@ -175,9 +177,12 @@ def batch(
     folder = Path(out).absolute()
     tasks = _tasks(surface_files(files, folder), folder, settings, shard, report is not None)
     folder.mkdir(parents=True, exist_ok=True)
-    if report:
+    summary_file = folder / "summary.csv"
+    refuse_another(summary_file, is_summary, "is no summary of a batch")
+    if report is not None:
         with from_extra("plot"):
             import matplotlib  # noqa: F401
+        refuse_another(Path(report), read_stamp, "is no report of a batch")
         try_to_write(Path(report))
     with Journal(folder, shard) as journal:
         known = read_journals(folder, settings.digest)
@@ -191,7 +196,8 @@ def batch(
         tell = progress or (lambda done, failed, total: None)
         tell(count[DONE], count.total() - count[DONE], len(tasks))
         marks = folder / f".{journal.path.stem}.attempts"
-        made = run_on(executor, left, marks) if executor else Pool(jobs, **limits).run(left)
+        pool = Pool(jobs, **limits)
+        made = pool.run(left) if executor is None else run_on(executor, left, marks)
         try:
             with closing(made):
                 for record in made:
@@ -203,13 +209,14 @@ def batch(
             for place in {os.path.dirname(task.target) for task in tasks}:
                 remove_stale(place)  # of workers that were killed
             summary = read_journals(folder, settings.digest)
-            write_summary(folder / "summary.csv", (summary[name] for name in sorted(summary)))
+            write_summary(summary_file, (summary[name] for name in sorted(summary)))
     done = Batch(folder, tuple(records[task.name] for task in tasks))
-    if report:
+    if report is not None:
         pictures = {task.name: Path(task.thumbnail) for task in tasks}
         page = report_page(f"Maps in {shown(folder.name)}", str(done), done.records, pictures)
         with whole_file(report) as unfinished:
             unfinished.write_text(page, encoding="utf-8")
+            put_stamp(unfinished, Stamp(hashlib.sha256().hexdigest(), settings.digest))
     return done
 
 

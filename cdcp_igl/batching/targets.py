@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 from collections.abc import Callable
@@ -11,7 +12,7 @@ from ..io import whole_file
 from .names import shown
 from .stamps import Stamp, read_stamp
 
-__all__ = ["digest_of", "objection", "try_to_write"]
+__all__ = ["digest_of", "objection", "refuse_another", "try_to_write"]
 
 
 def digest_of(path: Path) -> str:
@@ -41,6 +42,13 @@ def objection(target: Path, source: Path, ours: Callable[[Stamp | None], bool], 
     if ours(read_stamp(target)):
         return ""
     return f"{shown(target)} is there, and was not made from {shown(source.name)}{remedy}."
+
+
+def refuse_another(target: Path, ours: Callable[[Path], object], what: str) -> None:
+    """Raise FileExistsError if there is a file that is not such as we write."""
+    if target.is_file() and not ours(target):
+        reason = f"{what}; move it, or name another place"
+        raise FileExistsError(errno.EEXIST, reason, os.fspath(target))
 
 
 class _Tried(Exception):

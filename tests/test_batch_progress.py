@@ -1,0 +1,99 @@
+"""What a batch says while it runs, and at the end."""
+
+import os
+import pty
+import subprocess
+import sys
+
+import pytest
+from batches import ROOT, write_surfaces
+from typer.testing import CliRunner
+
+from cdcp_igl.command_line import batches
+from cdcp_igl.command_line.program import app
+
+
+@pytest.fixture
+def scans(tmp_path):
+    return write_surfaces(tmp_path / "scans", 5)
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, ["batch", *map(str, arguments)])
+
+
+def test_a_line_now_and_then_in_a_pipe(scans, tmp_path, monkeypatch):
+    monkeypatch.setattr(batches, "NOW_AND_THEN", -1)
+    result = invoke(scans, tmp_path / "maps")
+    assert result.exit_code == 0
+    assert [line.partition(" s: ")[2] for line in result.stderr.splitlines()] == [
+        f"{done} of 5 mapped, 0 failed" for done in range(6)
+    ]
+
+
+def test_a_short_batch_says_nothing_meanwhile(scans, tmp_path):
+    assert invoke(scans, tmp_path / "maps").stderr == ""
+    assert invoke(scans, tmp_path / "maps", "--quiet").output == ""
+
+
+def test_long_tables_have_the_worst_and_the_failures(scans, tmp_path, monkeypatch):
+    for i in range(4):
+        (scans / f"text_{i}.obj").write_text("no surface")
+    monkeypatch.setattr(batches, "LONG", 3)
+    monkeypatch.setattr(batches, "WORST", 2)
+    result = invoke(scans, tmp_path / "maps")
+    assert result.exit_code == 4
+    assert "the 2 with the largest mean" in result.stdout
+    assert result.stdout.count("surface_") == 2
+    assert result.stdout.count("text_") == 3
+    assert "and 1 more" in result.stdout
+    assert "5 of 9 surfaces mapped" in result.stdout
+
+
+def test_a_bar_on_a_terminal(scans, tmp_path):
+    try:
+        lead, follow = pty.openpty()
+    except OSError:  # a bare system without /dev/pts
+        pytest.skip("no pseudo-terminals here")
+    with subprocess.Popen(
+        [sys.executable, "-m", "cdcp_igl", "batch", str(scans), str(tmp_path / "maps")],
+        stdout=subprocess.DEVNULL,
+        stderr=follow,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "100"},
+        cwd=ROOT,
+    ) as process:
+        os.close(follow)
+        seen = b""
+        try:
+            while chunk := os.read(lead, 4096):
+                seen += chunk
+        except OSError:  # how Linux reports that the other end was closed
+            pass
+    os.close(lead)
+    assert process.returncode == 0
+    assert b"0/5" in seen
+    assert b"0 failed" in seen
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--shard", "3/2"], "must be I/N"),
+        (["--shard", "x"], "must be I/N"),
+        (["--report", "page.txt"], "must end in .html"),
+        (["--cut", "--clean"], "leave out clean"),
+        (["--center", "3", "--cut"], "must be a method"),
+        (["--jobs", "0"], "jobs"),
+    ],
+)
+def test_bad_usage(scans, tmp_path, arguments, message):
+    result = invoke(scans, tmp_path / "maps", *arguments)
+    assert result.exit_code == 2
+    assert message in " ".join(result.stderr.split())
+    assert not (tmp_path / "maps").exists()
+
+
+def test_nothing_to_do(tmp_path):
+    result = invoke(tmp_path, tmp_path / "maps")
+    assert result.exit_code == 2
+    assert "no surface there" in result.stderr
