@@ -134,6 +134,7 @@ def surface_map(
     V: ArrayLike,
     F: ArrayLike,
     *,
+    whole: ArrayLike | None = None,
     fill: bool = True,
     spread: float = 1.0,
     center: CenterMethod = "torsion",
@@ -157,6 +158,8 @@ def surface_map(
         Vertex positions, in any unit. Those that no face uses are ignored.
     F : (m, 3) array_like of integers
         Corners of the faces.
+    whole : (m,) array_like of integers, optional
+        As in `cut`: which polygon each face is a part of; polygons are not parted.
     fill : bool
         Fill all boundary loops but the outermost of each component while mapping; those faces
         are not returned. It distorts less than a cut to them. False cuts.
@@ -201,18 +204,16 @@ def surface_map(
     if align is not None and np.ndim(align) == 0:
         raise ValueError(f"align must be a direction in space or None, not {align!r}")
     Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
-    options = {
-        "center": center,
-        "mobius": mobius,
-        "align": align,
+    options: dict[str, Any] = {"center": center, "mobius": mobius, "align": align}
+    options |= {
         "refine_norm": refine_norm,
         "refine_seconds": refine_seconds,
         "preset": preset,
     }
-    sheets = oriented_sheets(V, F)
-    charts = list(_charts(sheets, options, refine, fill, spread, progress))
+    sheets = oriented_sheets(V, F, whole)
     given = vertex_array(V).astype(np.float64)
-    return _together(given, face_array(F, len(given)), sheets, charts)
+    charts = _charts(sheets, options, refine, fill, spread, progress)
+    return _together(given, face_array(F, len(given)), sheets, list(charts))
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,8 +250,9 @@ def _charts(
 ) -> Iterator[_Chart]:
     """Fill, open and map each component."""
     done = 0.0
-    for component in split_components(sheets.V, sheets.F, sheets.vertices):
-        share = len(component.rows) / len(sheets.F)
+    for component in split_components(sheets.V, sheets.F, sheets.vertices, sheets.polygon):
+        n_faces = len(component.rows)
+        share = n_faces / len(sheets.F)
 
         def advance(phase: str, fraction: float, done: float = done, share: float = share) -> None:
             if progress and phase != "done":
@@ -260,7 +262,6 @@ def _charts(
         open_to_disk(surface)
         if spread < np.inf:
             lead_away(surface)
-        n_faces = len(component.rows)
         chart = _grown(surface, {**options, "progress": advance}, n_faces, refine, spread)
         yield replace(chart, rows=component.rows, n_filled=n_filled)
         done += share
@@ -300,9 +301,8 @@ def _chart(surface: CutSurface, options: dict[str, Any], n_faces: int, refine: i
             raise
         disk, failure = error.result, str(error)
     given = F[:n_faces]  # others fill holes
-    corner_areas: Floats = np.repeat(face_areas(V, given), 3)
-    area: Floats = np.bincount(given.ravel(), corner_areas, len(V)).astype(np.float64)
-    factor = centered_factor(V, F, disk.uv, area)
+    area = np.bincount(given.ravel(), np.repeat(face_areas(V, given), 3), len(V))
+    factor = centered_factor(V, F, disk.uv, area.astype(np.float64))
     average = float(np.average(factor, weights=area))
     deviation = float(np.sqrt(np.average((factor - average) ** 2, weights=area)))
     return _Chart(opened, disk, failure, factor, average, deviation)
@@ -312,8 +312,7 @@ def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[_Chart]) -> Surfa
     """Put the maps of all components back into the rows of the given faces."""
     uv, face_disk = np.full((len(F), 3, 2), np.nan), np.full(len(F), -1)
     corners = -1 - np.arange(F.size).reshape(F.shape)
-    count = 0
-    errors, areas = [], []
+    count, errors, areas = 0, [], []
     for k, chart in enumerate(charts):
         rows = sheets.rows[chart.rows]
         tail = chart.opened.F[: len(rows)]
@@ -326,12 +325,12 @@ def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[_Chart]) -> Surfa
     turned = sheets.rows[sheets.turned]
     for array in (corners, uv):
         array[turned] = array[turned, ::-1]
-    left_out, mapped = F[face_disk < 0], F[face_disk >= 0]
+    left_out, mapped = face_disk < 0, face_disk >= 0
     number, image = np.full(len(V), -1), np.full((len(V), 2), np.nan)
-    number[mapped], image[mapped] = corners[face_disk >= 0], uv[face_disk >= 0]
-    there = number[left_out] >= 0
-    corners[face_disk < 0] = np.where(there, number[left_out], corners[face_disk < 0])
-    uv[face_disk < 0] = image[left_out]
+    number[F[mapped]], image[F[mapped]] = corners[mapped], uv[mapped]
+    elsewhere = number[F[left_out]]
+    corners[left_out] = np.where(elsewhere >= 0, elsewhere, corners[left_out])
+    uv[left_out] = image[F[left_out]]
     opened, changes = cut_along(V, F, corners), list(sheets.changes)
     if filled := sum(chart.n_filled for chart in charts):
         changes.append(f"filled {filled:,} hole" + "s" * (filled > 1))

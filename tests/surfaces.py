@@ -98,3 +98,21 @@ def klein_bottle(n=10, k=8):
 
     a, b, c, d = (row(i + di, j + dj) for di, dj in ((0, 0), (1, 0), (1, 1), (0, 1)))
     return V, np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+
+
+def dual(V, F):
+    """A closed surface of polygons, one around each vertex of V through the centres of F."""
+    after = {}  # the face that follows around a vertex, and the one that follows that
+    for face, corners in enumerate(np.asarray(F).tolist()):
+        for a, b, c in (corners, corners[1:] + corners[:1], corners[2:] + corners[:2]):
+            after[a, b] = face, c
+    polygons, first = [], {}
+    for a, b in after:
+        first.setdefault(a, b)
+    for a, b in sorted(first.items()):
+        polygon, at = [], b
+        while not polygon or at != b:
+            face, at = after[a, at]
+            polygon.append(face)
+        polygons.append(polygon)
+    return V[F].mean(axis=1), polygons

@@ -104,7 +104,7 @@ def test_a_torus_is_cut_along_its_two_shortest_loops():
 def test_a_tube_is_cut_along_a_straight_line():
     """One of many shortest paths, most of which go to and fro."""
     V, F = surfaces.tube()
-    surface = CutSurface(V, F)
+    surface = CutSurface(V, F, np.arange(len(F)))
     uncut = surface.opened().bend
     open_to_disk(surface)
     assert len(surface.cut_edges) == 23
@@ -126,7 +126,7 @@ def test_straightening_lowers_what_a_flat_map_has_to_bend(seed):
     sheets = Topology(F, len(V))
     if not sheets.is_manifold or sheets.components[0] > 1 or sheets.genus == 0:
         V, F = surfaces.torus()
-    surface = CutSurface(V, F)
+    surface = CutSurface(V, F, np.arange(len(F)))
     cut_to_disk(surface)
     before = surface.opened().bend + surface.length[surface.cut_edges].sum()
     straighten(surface)
@@ -139,7 +139,7 @@ def test_straightening_lowers_what_a_flat_map_has_to_bend(seed):
 def test_the_bend_of_a_path_is_what_it_adds():
     """By the formula of the cost, for a path between two boundary vertices of a grid."""
     V, F = meshes.grid(10, 12)
-    surface = CutSurface(V, F)
+    surface = CutSurface(V, F, np.arange(len(F)))
     opened = surface.opened()
     vertex = np.empty(len(V), int)
     vertex[surface.tail] = opened.tail

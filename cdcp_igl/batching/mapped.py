@@ -125,8 +125,10 @@ class Mapped:
         return area_distortion(V, np.arange(len(V)).reshape(-1, 3), uv)
 
 
-def map_surface(V: Array, F: Array, settings: Settings, progress: Progress | None = None) -> Mapped:
-    """Mend a surface or cut it open, if that is asked for, and map it.
+def map_surface(
+    V: Array, F: Array, whole: Array, settings: Settings, progress: Progress | None = None
+) -> Mapped:
+    """Mend a surface or cut it open around its polygons, if that is asked for, and map it.
 
     Raises
     ------
@@ -134,7 +136,7 @@ def map_surface(V: Array, F: Array, settings: Settings, progress: Progress | Non
         As `disk_map` and `surface_map`.
     """
     if settings.cut:
-        return _cut_and_mapped(V, F, settings, progress)
+        return _cut_and_mapped(V, F, whole, settings, progress)
     if settings.clean:
         return _mended_and_mapped(V, F, settings, progress)
     result = disk_map(V, F, progress=progress, **settings.options)
@@ -150,8 +152,10 @@ def _mended_and_mapped(V: Array, F: Array, settings: Settings, progress: Progres
     return Mapped(V, F, result, (*cleaned.changes, *note), n, np.arange(m), indices)
 
 
-def _cut_and_mapped(V: Array, F: Array, settings: Settings, progress: Progress | None) -> Mapped:
-    result = surface_map(V, F, progress=progress, **settings.options)
+def _cut_and_mapped(
+    V: Array, F: Array, whole: Array, settings: Settings, progress: Progress | None
+) -> Mapped:
+    result = surface_map(V, F, whole=whole, progress=progress, **settings.options)
     rows = np.flatnonzero(result.face_disk >= 0)
     repeated = len(F) - len(rows)
     note = (f"faces that repeat others are not in the file: {repeated:,}",) if repeated else ()

@@ -12,7 +12,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from .. import __version__
-from ..io import read_mesh
+from ..io import read_polygons
 from ..reference.processes import forget_peak_memory, peak_memory
 from .mapped import map_surface
 from .records import DONE, FAILED, REFUSED, Record
@@ -102,9 +102,9 @@ def map_file(task: Task) -> Record:
             record = replace(record, status=REFUSED, error="FileExistsError", message=message)
         else:
             notes: list[str] = []
-            V, F = read_mesh(source, notes.append)
+            V, F, whole = read_polygons(source, notes.append)
             record = replace(record, vertices=len(V), faces=len(F))
-            record = _mapped(task, V, F, stamp, record)
+            record = _mapped(task, (V, F, whole), stamp, record)
             record = replace(record, status=DONE, changes=(*notes, *record.changes))
     except Unwritten:
         raise
@@ -119,9 +119,11 @@ def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="microseconds")
 
 
-def _mapped(task: Task, V: Array, F: Array, stamp: Stamp, record: Record) -> Record:
+def _mapped(
+    task: Task, surface: tuple[Array, Array, Array], stamp: Stamp, record: Record
+) -> Record:
     """Map and write; Unwritten if the file cannot be written."""
-    mapped = map_surface(V, F, task.settings)
+    mapped = map_surface(*surface, task.settings)
     target = Path(task.target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)

@@ -176,7 +176,7 @@ class _Job:
         from ..batching.settings import Settings
         from ..batching.stamps import Stamp
         from ..batching.targets import digest_of
-        from ..io import read_mesh, whole_file
+        from ..io import read_polygons, whole_file
 
         notes: list[str] = []
         with progress_bar() as progress:
@@ -184,10 +184,12 @@ class _Job:
             settings = Settings(
                 self.out.suffix[1:].lower(), self.disk, self.clean, self.cut, self.options
             )
-            V, F = read_mesh(self.source, notes.append)
+            surface = read_polygons(self.source, notes.append)
             stamp = Stamp(digest_of(self.source), settings.digest)
             self._check_targets(stamp)
-            mapped = map_surface(V, F, settings, lambda phase, done: progress(phase, MAPPED * done))
+            mapped = map_surface(
+                *surface, settings, lambda phase, done: progress(phase, MAPPED * done)
+            )
             with writing():
                 progress("draw", MAPPED)
                 self._draw(mapped, stamp)

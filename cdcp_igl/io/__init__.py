@@ -8,7 +8,15 @@ cannot read.
 """
 
 from .output import remove_stale, whole_file
-from .reading import READABLE, read_mesh
+from .reading import READABLE, read_mesh, read_polygons
 from .writing import WRITABLE, write_map
 
-__all__ = ["READABLE", "WRITABLE", "read_mesh", "remove_stale", "whole_file", "write_map"]
+__all__ = [
+    "READABLE",
+    "WRITABLE",
+    "read_mesh",
+    "read_polygons",
+    "remove_stale",
+    "whole_file",
+    "write_map",
+]

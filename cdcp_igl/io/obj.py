@@ -19,8 +19,8 @@ __all__ = ["read_obj", "write_obj", "write_texture"]
 ROWS = 1 << 16  # formatted at a time
 
 
-def read_obj(path: Path) -> tuple[Floats, Ints]:
-    """(n, 3) vertices and (m, 3) faces; texture coordinates, normals, groups are skipped."""
+def read_obj(path: Path) -> tuple[Floats, Ints, Ints]:
+    """(n, 3) vertices, (m, 3) faces and (m,) their polygons; all else is skipped."""
     vertices, corners, sizes = array("d"), array("q"), array("q")
     for number, words in words_of_lines(path, continued=True):
         if words[0] == "v":
@@ -39,7 +39,7 @@ def read_obj(path: Path) -> tuple[Floats, Ints]:
             sizes.append(len(words) - 1)
     if len(corners) and min(corners) < 0:
         raise Damage("a face names vertex 0, or one before the first; vertices count from 1")
-    return np.array(vertices).reshape(-1, 3), fans(corners, sizes)
+    return np.array(vertices).reshape(-1, 3), *fans(corners, sizes)
 
 
 def _corner(word: str) -> int:

@@ -16,8 +16,8 @@ from .polygons import fans
 __all__ = ["read_off"]
 
 
-def read_off(path: Path) -> tuple[Floats, Ints]:
-    """(n, 3) vertices and (m, 3) faces; normals and colours are skipped."""
+def read_off(path: Path) -> tuple[Floats, Ints, Ints]:
+    """(n, 3) vertices, (m, 3) faces and (m,) their polygons; normals and colours are skipped."""
     vertices, corners, sizes = array("d"), array("q"), array("q")
     lines = words_of_lines(path)
     _, magic = next(lines, (1, [""]))
@@ -47,4 +47,4 @@ def read_off(path: Path) -> tuple[Floats, Ints]:
         sizes.append(size)
     if (len(vertices), len(sizes)) != (3 * n, m):
         raise Damage(f"{len(vertices) // 3:,} vertices and {len(sizes):,} faces of {n:,} and {m:,}")
-    return np.array(vertices).reshape(-1, 3), fans(corners, sizes)
+    return np.array(vertices).reshape(-1, 3), *fans(corners, sizes)

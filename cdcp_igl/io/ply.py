@@ -55,8 +55,8 @@ class Lists(NamedTuple):
 Table = dict[str, "NDArray[Any] | Lists"]
 
 
-def read_ply(path: Path) -> tuple[Floats, Ints]:
-    """(n, 3) vertices and (m, 3) faces."""
+def read_ply(path: Path) -> tuple[Floats, Ints, Ints]:
+    """(n, 3) vertices, (m, 3) faces and (m,) their polygons."""
     encoding, elements, body = _parse_header(path.read_bytes())
     if encoding == "ascii":
         tables = _ascii_tables(body, elements)
@@ -69,13 +69,13 @@ def read_ply(path: Path) -> tuple[Floats, Ints]:
     V = np.column_stack(axes).astype(np.float64)
     polygons = next((faces[name] for name in INDICES if name in faces), None)
     if polygons is None:
-        return V, np.empty((0, 3), dtype=np.int64)
+        return V, *fans([], [])
     if not isinstance(polygons, Lists):
         raise Damage("its faces are no lists of vertices")
     corners = polygons.entries.astype(np.int64)
     if (corners != polygons.entries).any():
         raise Damage("its faces have indices that are no integers")
-    return V, fans(corners, polygons.lengths)
+    return V, *fans(corners, polygons.lengths)
 
 
 def _parse_header(data: bytes) -> tuple[str, list[Element], bytes]:

@@ -12,7 +12,7 @@ from ..errors import Defect, MeshError
 __all__ = ["fans"]
 
 
-def fans(corners: ArrayLike, sizes: ArrayLike) -> Ints:
+def fans(corners: ArrayLike, sizes: ArrayLike) -> tuple[Ints, Ints]:
     """Split each polygon into the triangles around its first corner.
 
     Parameters
@@ -24,7 +24,9 @@ def fans(corners: ArrayLike, sizes: ArrayLike) -> Ints:
 
     Returns
     -------
-    (m, 3) int64
+    F : (m, 3) int64
+    whole : (m,) int64
+        Which polygon each triangle is a part of.
 
     Raises
     ------
@@ -43,4 +45,5 @@ def fans(corners: ArrayLike, sizes: ArrayLike) -> Ints:
                 few,
             )
         )
-    return libigl.fans(vertex, np.append(0, np.cumsum(size)))
+    F = libigl.fans(vertex, np.append(0, np.cumsum(size)))
+    return F, np.repeat(np.arange(len(size)), size - 2)

@@ -23,7 +23,7 @@ from .off import read_off
 from .ply import read_ply
 from .stl import read_stl
 
-__all__ = ["READABLE", "read_mesh"]
+__all__ = ["READABLE", "read_mesh", "read_polygons"]
 
 Array = NDArray[Any]
 
@@ -49,7 +49,8 @@ def _pick(found: dict[str, Array | None]) -> tuple[Array, Array]:
     raise Damage(f"it must hold V and F (or v and f), not {', '.join(found) or 'nothing'}")
 
 
-READERS: dict[str, Callable[[Path], tuple[Array, Array]]] = {
+# V and F, and where faces may be polygons, which of these each triangle is a part of.
+READERS: dict[str, Callable[[Path], tuple[Array, ...]]] = {
     ".mat": _read_mat,
     ".npz": _read_npz,
     ".obj": read_obj,
@@ -109,6 +110,47 @@ def read_mesh(
     >>> F
     array([[0, 1, 2]])
     """
+    V, F, _ = read_polygons(path, note)
+    return V, F
+
+
+def read_polygons(
+    path: str | PathLike[str], note: Callable[[str], None] | None = None
+) -> tuple[Array, Array, Array]:
+    """Read a mesh as `read_mesh` does, and which polygon each triangle is a part of.
+
+    Parameters
+    ----------
+    path, note
+        As of `read_mesh`.
+
+    Returns
+    -------
+    V, F
+        As of `read_mesh`.
+    whole : (m,) ndarray of int64
+        Number of the polygon that each face is a part of, in the order of the file, counting
+        from 0. With it, `cut` and `surface_map` go around polygons.
+
+    Raises
+    ------
+    OSError, MeshError
+        As `read_mesh`.
+
+    Examples
+    --------
+    >>> import os
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from cdcp_igl.io import read_polygons
+    >>> lines = ["v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "v 2 0 0", "f 1 2 3 4", "f 2 5 3"]
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder, "square.obj")
+    ...     _ = file.write_text(os.linesep.join(lines))
+    ...     V, F, whole = read_polygons(file)
+    >>> whole
+    array([0, 0, 1])
+    """
     path = Path(path)
     reader = READERS.get(path.suffix.lower())
     if reader is None:
@@ -122,7 +164,7 @@ def read_mesh(
         )
     path.open("rb").close()  # OSError if it is a folder or forbidden; later ones mean damage
     try:
-        V, F = reader(path)
+        V, F, *polygons = reader(path)
     except Damage as error:
         raise _damaged(path, str(error)) from None
     except MemoryError as error:
@@ -135,7 +177,7 @@ def read_mesh(
         F = F.astype(np.int64) - 1
         if note:
             note("The faces count vertices from 1, as in MATLAB; 1 was subtracted.")
-    return V, F
+    return V, F, polygons[0] if polygons else np.arange(len(F))
 
 
 def _unreadable(what: str, remedy: str) -> MeshError:

@@ -20,8 +20,11 @@ def slit(surface: CutSurface) -> None:
     opened = surface.opened()
     one, other = far_apart(opened.graph(surface.length))
     path = straight_path(opened, _only(opened, one), _only(opened, other))
-    if len(path) == 1:  # which does not open the sphere: go around a face
-        path = np.append(surface.after(path), surface.before(path))
+    if len(path) == 1:  # which does not open the sphere: go on along the shortest edge
+        ends = [surface.tail[path[0]], surface.head[path[0]]]
+        on = opened.cuttable[np.isin(surface.tail[opened.cuttable], ends)]
+        on = np.setdiff1d(on, [path[0], surface.twin[path[0]]])
+        path = np.append(path, on[surface.length[on].argmin()])
     surface.set_cut(path, cut=True)
 
 

@@ -25,7 +25,7 @@ def straight_path(opened: Opened, start: Bools, end: Bools, longest: float = np.
     The cost of a path is what it adds to `Opened.bend` when the surface is cut along it,
     and `STRETCH` by its length. The bend of an inner vertex of the path is
     abs(left - pi) + abs(right - pi) - abs(2 pi - left - right), the angles on either side,
-    which is never negative, and 0 where the path is straight.
+    which is never negative, and 0 where the path is straight. It goes around polygons.
 
     Parameters
     ----------
@@ -59,10 +59,11 @@ def straight_path(opened: Opened, start: Bools, end: Bools, longest: float = np.
 
 def _shortest(opened: Opened, start: Bools, end: Bools, blocked: Bools, longest: float) -> Ints:
     """Half-edges of a shortest path between two sets of vertices; none if there is no path."""
-    tail, head = opened.tail[opened.inner], opened.head[opened.inner]
+    half = opened.cuttable
+    tail, head = opened.tail[half], opened.head[half]
     # Into a start and out of an end no path goes, and along the boundary neither.
     use = ~(blocked[tail] | blocked[head] | end[tail] | start[head])
-    half = opened.inner[use]
+    half = half[use]
     tail, head = tail[use], head[use]
     graph = csr_matrix((opened.surface.length[half], (tail, head)), (opened.n, opened.n))
     sources = np.flatnonzero(start)
@@ -91,7 +92,8 @@ def _straightest(opened: Opened, start: Bools, end: Bools, inside: Bools) -> Int
     surface, at_boundary = opened.surface, opened.on_boundary
     out, vertex, position = _turns(opened, inside)
     head = opened.head[out]
-    taken = out[inside[head] & ~opened.border[out] & ~end[vertex] & ~start[head]]
+    free = ~opened.border[out] & ~surface.is_diagonal[out]
+    taken = out[free & inside[head] & ~end[vertex] & ~start[head]]
     # A node for each half-edge that the path may take, one before the first, one after the last.
     node = np.full(len(opened.tail), -1)
     node[taken] = np.arange(len(taken))

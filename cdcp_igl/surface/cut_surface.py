@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
 from ..arrays import Bools, Floats, Ints
 from .edges import group_by_edge, half_edges
@@ -26,6 +26,8 @@ class CutSurface:
     ----------
     V : (n, 3) float64
     F : (m, 3) int64
+    polygon : (m,) int64
+        Number of the polygon that each face is a part of.
     twin : (3m,) int64
         The half-edge on the other side of each edge, -1 on the boundary.
     is_cut : (3m,) bool
@@ -36,6 +38,7 @@ class CutSurface:
 
     V: Floats
     F: Ints
+    polygon: Ints
     twin: Ints = field(init=False)
     is_cut: Bools = field(init=False)
     settled: set[tuple[int, ...]] = field(init=False, default_factory=set)
@@ -49,6 +52,25 @@ class CutSurface:
         self.twin = np.full(self.F.size, -1)
         self.twin[one], self.twin[other] = other, one
         self.is_cut = self.twin < 0
+
+    @cached_property
+    def is_diagonal(self) -> Bools:
+        """(3m,) half-edges between faces of the same polygon, which are not to be cut.
+
+        Those that join the faces of a polygon without going around a vertex or a hole, so
+        that the polygons are disks with all vertices on their boundaries. Faces in successive
+        rows are joined first: a fan of triangles stays one where the polygon touches itself.
+        """
+        m = len(self.F)
+        one = np.flatnonzero(np.arange(len(self.twin)) < self.twin)
+        one = one[self.polygon[one % m] == self.polygon[self.twin[one] % m]]
+        faces = np.sort([one % m, self.twin[one] % m], axis=0)
+        graph = coo_matrix((np.diff(faces, axis=0)[0], tuple(faces)), (m, m))
+        joined = minimum_spanning_tree(graph).tocoo()
+        one = one[np.isin(faces[0] * m + faces[1], joined.row.astype(np.int64) * m + joined.col)]
+        is_diagonal = np.zeros(self.F.size, dtype=bool)
+        is_diagonal[one] = is_diagonal[self.twin[one]] = True
+        return is_diagonal
 
     @cached_property
     def length(self) -> Floats:
@@ -177,6 +199,11 @@ class Opened:
     def F(self) -> Ints:
         """(m, 3) the faces by these vertices."""
         return np.ascontiguousarray(self.tail.reshape(3, -1).T)
+
+    @cached_property
+    def cuttable(self) -> Ints:
+        """Half-edges that can be cut: neither on the boundary nor inside a polygon."""
+        return np.flatnonzero(~self.border & ~self.surface.is_diagonal)
 
     @cached_property
     def inner(self) -> Ints:

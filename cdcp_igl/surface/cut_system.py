@@ -11,58 +11,63 @@ from .cut_surface import CutSurface
 
 __all__ = ["cut_to_disk", "far_apart"]
 
-# Length of a boundary edge, by the mean edge: next to nothing, since it need not be cut.
-FREE = 1e-9
-
 
 def cut_to_disk(surface: CutSurface) -> None:
     """Cut a surface that is not closed of genus 0 along shortest paths, until it is a disk.
 
-    A shortest-path tree from one vertex, of the longest boundary loop if there is one, and
-    a spanning tree of the faces across the edges that are not in it, by preference those
-    that close the longest loops. The edges in neither close the shortest loops that cut
-    all handles (greedy homotopy generators); the paths of the tree from these and
-    from each boundary loop to the root are the cut.
+    A shortest-path tree along the edges of polygons, each boundary loop one node of it, from
+    a vertex, or from the longest loop if there is one, and a spanning tree of the faces across
+    the edges that are not in it, by preference those that close the longest loops. The edges
+    in neither close the shortest loops that cut all handles (greedy homotopy generators); the
+    paths of the tree from these and from each boundary loop to the root are the cut.
 
     References
     ----------
     J. Erickson, K. Whittlesey. Greedy optimal homotopy and homology generators. SODA 2005.
     """
-    n, tail, head = len(surface.V), surface.tail, surface.head
+    n, length = len(surface.V), surface.length
     border = surface.twin < 0
-    opened = surface.opened()
-    length = np.where(border, FREE, surface.length)
-    root = _root(surface)
-    graph = csr_matrix(
-        (
-            np.append(length, length[border]),
-            (np.append(tail, head[border]), np.append(head, tail[border])),
-        ),
-        (n, n),
-    )
+    node = _nodes(surface)
+    root = int(node[_root(surface)])
+    tail, head = node[surface.tail], node[surface.head]
+    along = np.flatnonzero(~surface.is_diagonal & ~border & (tail != head))
+    # Of several edges between two nodes, only the shortest can be in the tree.
+    along = along[np.lexsort((length[along], head[along], tail[along]))]
+    pair = tail[along] * n + head[along]
+    along = along[np.diff(pair, prepend=-1) != 0]
+    graph = csr_matrix((length[along], (tail[along], head[along])), (n, n))
     distance, parent = dijkstra(graph, indices=root, return_predecessors=True)
+    up = np.full(n, -1)
+    is_up = along[parent[tail[along]] == head[along]]
+    up[tail[is_up]] = is_up
 
-    in_tree = (parent[head] == tail) | (parent[tail] == head)
+    in_tree = border.copy()
+    in_tree[is_up] = in_tree[surface.twin[is_up]] = True
     candidates = np.flatnonzero(~in_tree & (np.arange(len(tail)) < surface.twin))
     closed = distance[tail[candidates]] + distance[head[candidates]] + length[candidates]
+    closed[surface.is_diagonal[candidates]] = np.inf  # polygons are faces of the cotree
     left_over = candidates[~_in_cotree(surface, candidates, closed)]
 
-    loops = opened.loop[opened.on_boundary]
-    # Corners are vertices here, because nothing is cut yet, but in an order of their own.
-    vertex = np.empty(opened.n, np.int64)
-    vertex[opened.tail] = tail
-    entries = vertex[opened.on_boundary][np.unique(loops, return_index=True)[1]]
-    surface.set_cut(left_over, cut=True)
-    up = _half_edges_to_parents(surface, parent)
     on_path = np.zeros(n, dtype=bool)
-    for start in [*tail[left_over], *head[left_over], *entries]:
+    for start in [*tail[left_over], *head[left_over], *np.unique(tail[border])]:
         v = start
         while v != root and not on_path[v]:
             on_path[v] = True
             v = parent[v]
-    path = up[on_path]
-    surface.set_cut(path[(path >= 0) & ~border[path]], cut=True)
+    surface.set_cut(np.append(left_over, up[on_path]), cut=True)
     _prune(surface, root)
+
+
+def _nodes(surface: CutSurface) -> Ints:
+    """(n,) for each vertex a vertex of its boundary loop, all of which is one node; or itself."""
+    opened = surface.opened()
+    node = np.arange(len(surface.V))
+    loop = np.full(len(surface.V), -1)
+    loop[surface.tail] = opened.loop[opened.tail]
+    bound = np.flatnonzero(loop >= 0)
+    first = bound[np.unique(loop[bound], return_index=True)[1]]
+    node[bound] = first[loop[bound]]
+    return node
 
 
 def _root(surface: CutSurface) -> int:
@@ -95,16 +100,6 @@ def _in_cotree(surface: CutSurface, candidates: Ints, closed: Floats) -> Bools:
     by_rank[rank.astype(np.int64)] = order
     chosen[by_rank[tree.data.astype(np.int64)]] = True
     return chosen
-
-
-def _half_edges_to_parents(surface: CutSurface, parent: Ints) -> Ints:
-    """(n,) a half-edge between each vertex and its parent, -1 at the root."""
-    up = np.full(len(parent), -1)
-    is_up = np.flatnonzero(parent[surface.tail] == surface.head)
-    up[surface.tail[is_up]] = is_up
-    is_down = np.flatnonzero(parent[surface.head] == surface.tail)
-    up[surface.head[is_down]] = is_down
-    return up
 
 
 def _prune(surface: CutSurface, root: int) -> None:

@@ -15,7 +15,7 @@ from .cut_arcs import slit, straighten
 from .cut_surface import CutSurface
 from .cut_system import cut_to_disk
 from .edges import group_by_edge, half_edges
-from .sheets import orient, part_sheets, used_positions
+from .sheets import orient, part_sheets, polygon_numbers, used_positions
 from .topology import Topology, duplicate_faces
 from .validation import as_faces, vertex_array
 
@@ -60,7 +60,13 @@ class Cut:
         return iter((self.V, self.F, self.vertex_index))
 
 
-def cut(V: ArrayLike, F: ArrayLike, path: ArrayLike | None = None) -> Cut:
+def cut(
+    V: ArrayLike,
+    F: ArrayLike,
+    path: ArrayLike | None = None,
+    *,
+    whole: ArrayLike | None = None,
+) -> Cut:
     """Cut a surface open, so that each of its components becomes a disk.
 
     A closed surface of genus 0 is cut between two far vertices; handles along the shortest
@@ -78,6 +84,9 @@ def cut(V: ArrayLike, F: ArrayLike, path: ArrayLike | None = None) -> Cut:
     path : (k,) or (k, 2) array_like of integers, optional
         Cut along this path and nowhere else, whether disks result or not: vertices in
         succession, or edges by their two vertices.
+    whole : (m,) array_like of integers, optional
+        Which polygon each face is a part of, as `cdcp_igl.io.read_polygons` returns it: faces
+        with the same number are not parted, unless their polygon has a vertex or a hole inside.
 
     Returns
     -------
@@ -88,6 +97,8 @@ def cut(V: ArrayLike, F: ArrayLike, path: ArrayLike | None = None) -> Cut:
     MeshError
         If V and F are no triangle mesh; if faces are turned over or the surface is
         one-sided, and no path is given; if a step of the path is no edge between two faces.
+    ValueError
+        If path or whole are no arrays as above, or both are given.
 
     References
     ----------
@@ -109,7 +120,10 @@ def cut(V: ArrayLike, F: ArrayLike, path: ArrayLike | None = None) -> Cut:
     positions = used_positions(V, F)
     faces = as_faces(F, len(positions))
     given = vertex_array(V).astype(np.float64)
+    polygon = polygon_numbers(whole, len(faces))
     if path is not None:
+        if whole is not None:
+            raise ValueError("path says where to cut already: leave out whole")
         return cut_along(given, faces, _corners_cut_at(faces, len(given), path))
     if len(duplicates := duplicate_faces(faces)):
         raise MeshError(
@@ -121,7 +135,7 @@ def cut(V: ArrayLike, F: ArrayLike, path: ArrayLike | None = None) -> Cut:
                 duplicates,
             )
         )
-    sheets = part_sheets(faces, len(given))
+    sheets = part_sheets(faces, len(given), polygon)
     turned = orient(sheets)
     if len(turned):
         raise MeshError(
@@ -135,7 +149,7 @@ def cut(V: ArrayLike, F: ArrayLike, path: ArrayLike | None = None) -> Cut:
         )
     corners = np.empty(faces.shape, np.int64)
     count = 0
-    for component in split_components(positions, faces, sheets):
+    for component in split_components(positions, faces, sheets, polygon):
         open_to_disk(component.surface)
         opened = component.surface.opened()
         corners[component.rows] = count + opened.F
@@ -183,7 +197,7 @@ class Component:
     surface: CutSurface
 
 
-def split_components(V: Floats, F: Ints, sheets: Ints) -> Iterator[Component]:
+def split_components(V: Floats, F: Ints, sheets: Ints, polygon: Ints) -> Iterator[Component]:
     """Take an oriented manifold apart; `sheets` (m, 3) numbers its vertices, F those of V."""
     count, part = Topology(sheets, int(sheets.max()) + 1).components
     order = np.argsort(part, kind="stable")
@@ -193,7 +207,8 @@ def split_components(V: Floats, F: Ints, sheets: Ints) -> Iterator[Component]:
         order = np.argsort(vertex, kind="stable")  # as in V
         place = np.empty(len(order), np.int64)
         place[order] = np.arange(len(order))
-        yield Component(rows, CutSurface(V[vertex[order]], place[corner].reshape(-1, 3)))
+        surface = CutSurface(V[vertex[order]], place[corner].reshape(-1, 3), polygon[rows])
+        yield Component(rows, surface)
 
 
 def open_to_disk(surface: CutSurface) -> None:

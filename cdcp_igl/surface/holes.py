@@ -38,4 +38,6 @@ def fill_holes(surface: CutSurface) -> tuple[CutSurface, int]:
                 V = np.vstack([V, V[loop].mean(axis=0)])
             F.append(faces)
             n_filled += 1
-    return CutSurface(V, np.vstack(F)), n_filled
+    filled = np.vstack(F)
+    alone = surface.polygon.max() + np.arange(1, len(filled) - len(surface.F) + 1)
+    return CutSurface(V, filled, np.append(surface.polygon, alone)), n_filled

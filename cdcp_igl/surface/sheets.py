@@ -21,7 +21,14 @@ from .validation import (
     vertex_array,
 )
 
-__all__ = ["Sheets", "orient", "oriented_sheets", "part_sheets", "used_positions"]
+__all__ = [
+    "Sheets",
+    "orient",
+    "oriented_sheets",
+    "part_sheets",
+    "polygon_numbers",
+    "used_positions",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +43,8 @@ class Sheets:
         Faces, rows of V, oriented.
     vertices : (k, 3) int64
         Numbers of their corners: corners with the same number are one vertex of the manifold.
+    polygon : (k,) int64
+        Number of the polygon that each face is a part of.
     rows : (k,) int64
         The rows of the given F that they come from.
     turned : (t,) int64
@@ -47,24 +56,28 @@ class Sheets:
     V: Floats
     F: Ints
     vertices: Ints
+    polygon: Ints
     rows: Ints
     turned: Ints
     changes: tuple[str, ...]
 
 
-def oriented_sheets(V: ArrayLike, F: ArrayLike) -> Sheets:
+def oriented_sheets(V: ArrayLike, F: ArrayLike, whole: ArrayLike | None = None) -> Sheets:
     """Leave out what is no face, part sheets and turn faces over.
 
     Raises
     ------
     MeshError
         If V and F are no triangle mesh, no face is left, or a component is one-sided.
+    ValueError
+        If `whole` does not number the polygons of the faces.
     """
     positions = used_positions(V, F)
     faces = face_array(F, len(positions))
+    polygon = polygon_numbers(whole, len(faces))
     rows, changes = _proper_faces(positions, faces)
-    faces = faces[rows]
-    vertices = part_sheets(faces, len(positions))
+    faces, polygon = faces[rows], polygon[rows]
+    vertices = part_sheets(faces, len(positions), polygon)
     copies = np.arange(len(np.unique(faces)), len(np.unique(vertices)))
     if len(copies):
         changes.append(f"split off {counted(copies, 'vertex', 'vertices')} where sheets met")
@@ -73,7 +86,20 @@ def oriented_sheets(V: ArrayLike, F: ArrayLike) -> Sheets:
         changes.append(f"reversed {counted(turned, 'face', 'faces')}")
     for corners in (faces, vertices):
         corners[turned] = corners[turned, ::-1]
-    return Sheets(positions, faces, vertices, rows, turned, tuple(changes))
+    return Sheets(positions, faces, vertices, polygon, rows, turned, tuple(changes))
+
+
+def polygon_numbers(whole: ArrayLike | None, m: int) -> Ints:
+    """(m,) numbers of the polygons from 0; without `whole`, each face is one."""
+    if whole is None:
+        return np.arange(m)
+    given = np.asarray(whole)
+    if given.dtype.kind not in "iu" or given.shape != (m,):
+        raise ValueError(
+            f"whole must say of each of {m:,} faces, by an integer, which polygon it is a part "
+            f"of; it has shape {given.shape} and type {given.dtype}"
+        )
+    return np.unique(given, return_inverse=True)[1].astype(np.int64)
 
 
 def used_positions(V: ArrayLike, F: ArrayLike) -> Floats:
@@ -106,17 +132,19 @@ def _proper_faces(V: Floats, F: Ints) -> tuple[Ints, list[str]]:
     return kept, changes
 
 
-def part_sheets(F: Ints, n: int) -> Ints:
+def part_sheets(F: Ints, n: int, polygon: Ints) -> Ints:
     """Make a manifold of faces: split vertices where fans meet, part edges of several faces.
 
     Where the faces around an edge of three or more hang together at both its ends, all of
-    them but one are parted from everything.
+    them but one are parted from everything, each with the other faces of its polygon.
 
     Parameters
     ----------
     F : (m, 3) int64
         Rows of n vertices, no corner repeated.
     n : int
+    polygon : (m,) int64
+        Number of the polygon that each face is a part of.
 
     Returns
     -------
@@ -134,9 +162,20 @@ def part_sheets(F: Ints, n: int) -> Ints:
             first = np.zeros(F.size, dtype=bool)
             first[surface.edges.start] = True
             surplus = ~first & np.repeat(surface.singular, surface.edges.valence)
-            alone = np.unique(surface.edges.sides[surplus] % len(F))
-            F[alone] = count + np.arange(3 * len(alone)).reshape(-1, 3)
+            polygon = _without_folds(surface, polygon)
+            alone = np.isin(polygon, polygon[surface.edges.sides[surplus] % len(F)])
+            corners = polygon[alone][:, None] * count + F[alone]
+            F[alone] = count + np.unique(corners, return_inverse=True)[1].reshape(-1, 3)
         n = int(F.max()) + 1
+
+
+def _without_folds(surface: Topology, polygon: Ints) -> Ints:
+    """Take polygons apart into faces where three or more of these meet in the same edge."""
+    edge = np.repeat(np.arange(len(surface.edges.start)), surface.edges.valence)
+    at_edge = edge * (polygon.max() + 1) + polygon[surface.edges.sides % len(surface.F)]
+    pairs, count = np.unique(at_edge, return_counts=True)
+    folded = np.isin(polygon, pairs[count > 2] % (polygon.max() + 1))
+    return np.where(folded, polygon.max() + 1 + np.arange(len(polygon)), polygon)
 
 
 def orient(F: Ints) -> Ints:

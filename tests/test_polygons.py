@@ -1,0 +1,237 @@
+"""Meshes of quads and other polygons: cut around them, and given back as they were."""
+
+import re
+from itertools import chain
+
+import meshes
+import numpy as np
+import pytest
+import surfaces
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_cutting import assert_disks
+from typer.testing import CliRunner
+
+import cdcp_igl
+from cdcp_igl.batching import batch
+from cdcp_igl.command_line.program import app
+from cdcp_igl.io import read_polygons, write_map
+from cdcp_igl.io.polygons import fans
+
+# -- surfaces of polygons --------------------------------------------------------------
+
+
+def quads_of_voxels(seed, size, share):
+    """Of random genus, in parts, with edges of four quads."""
+    V, F = surfaces.voxels(seed, size, share)
+    k = len(F) // 2
+    return V, np.column_stack([F[:k], F[k:, 2]]).tolist()
+
+
+def torus_with_holes(n, k, seed, holes):
+    """Quads, some of which are missing."""
+    V, F = surfaces.torus(n, k)
+    quads = np.column_stack([F[: n * k], F[n * k :, 2]])
+    rng = np.random.default_rng(seed)
+    return V, np.delete(quads, rng.permutation(n * k)[:holes], axis=0).tolist()
+
+
+def many_corners(n, k, seed, twist):
+    """The duals of a torus, hexagons, and of a sphere: with two polygons of k corners."""
+    V, F = surfaces.torus(n, k) if twist else surfaces.sphere(n, k)
+    V = V + np.random.default_rng(seed).normal(0, 0.02, V.shape)
+    return surfaces.dual(V, F)
+
+
+SEED = st.integers(0, 10_000)
+POLYGONS = st.one_of(
+    st.builds(quads_of_voxels, SEED, st.integers(1, 4), st.floats(0.2, 0.9)),
+    st.builds(torus_with_holes, st.integers(4, 12), st.integers(4, 8), SEED, st.integers(0, 6)),
+    st.builds(many_corners, st.integers(3, 10), st.integers(4, 9), SEED, st.booleans()),
+)
+
+
+def triangles(polygons):
+    return fans(list(chain(*polygons)), [len(polygon) for polygon in polygons])
+
+
+def parted(F, F_cut, whole):
+    """Edges that two triangles of one polygon share, but not in F_cut."""
+    ends = {}
+    for face, opened, polygon in zip(F.tolist(), F_cut.tolist(), whole.tolist(), strict=True):
+        for k in range(3):
+            i, j = sorted((k, (k + 1) % 3), key=lambda c, face=face: face[c])
+            ends.setdefault((polygon, face[i], face[j]), []).append((opened[i], opened[j]))
+    assert all(len(sides) <= 2 for sides in ends.values())
+    return [edge for edge, sides in ends.items() if len(set(sides)) > 1]
+
+
+# -- cut around them -------------------------------------------------------------------
+
+
+@settings(max_examples=100)
+@given(POLYGONS)
+def test_no_polygon_is_parted_and_every_component_becomes_a_disk(mesh):
+    V, polygons = mesh
+    F, whole = triangles(polygons)
+    cut = cdcp_igl.cut(V, F, whole=whole)
+    assert parted(F, cut.F, whole) == []
+    np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
+    assert_disks(cut.F, len(cut.V))
+
+
+@settings(max_examples=6)
+@given(POLYGONS, st.booleans())
+def test_nor_is_one_parted_by_a_map(mesh, fill):
+    """Whose cut grows."""
+    V, polygons = mesh
+    F, whole = triangles(polygons)
+    result = cdcp_igl.surface_map(V, F, whole=whole, fill=fill, spread=0.7)
+    assert result.valid
+    assert parted(F, result.cut.F, whole) == []
+
+
+def test_without_whole_polygons_are_parted():
+    """Or the tests above could not fail."""
+    V, polygons = many_corners(8, 8, 0, twist=True)
+    F, whole = triangles(polygons)
+    assert parted(F, cdcp_igl.cut(V, F).F, whole)
+
+
+@settings(max_examples=40)
+@given(SEED, st.integers(1, 30))
+def test_any_numbers_make_disks(seed, most):
+    """Also where no polygon is one: sets of faces with vertices, holes and handles inside."""
+    V, F = surfaces.voxels(seed, size=3)
+    whole = np.random.default_rng(seed).integers(-most, most, len(F))
+    cut = cdcp_igl.cut(V, F, whole=whole)
+    np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
+    assert_disks(cut.F, len(cut.V))
+
+
+def test_only_which_faces_have_the_same_number_matters():
+    V, polygons = torus_with_holes(12, 8, 0, 2)
+    F, whole = triangles(polygons)
+    cut = cdcp_igl.cut(V, F, whole=whole)
+    np.testing.assert_array_equal(cdcp_igl.cut(V, F, whole=7 - 5 * whole).F, cut.F)
+    each = cdcp_igl.cut(V, F, whole=np.arange(len(F)))
+    np.testing.assert_array_equal(each.F, cdcp_igl.cut(V, F).F)
+
+
+@pytest.mark.parametrize("whole", [[0, 1], [[0], [0]], "quads", [0.0] * 4, 3])
+def test_whole_has_a_number_for_each_face(whole):
+    V, F = np.vstack([np.zeros(3), np.eye(3)]), [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
+    for function in (cdcp_igl.cut, cdcp_igl.surface_map):
+        with pytest.raises(ValueError, match="whole must say"):
+            function(V, F, whole=whole)
+
+
+def test_a_path_says_enough():
+    V, F = surfaces.torus()
+    with pytest.raises(ValueError, match="leave out whole"):
+        cdcp_igl.cut(V, F, [0, 1], whole=np.arange(len(F)))
+
+
+# -- there and back --------------------------------------------------------------------
+
+
+def write_scene(path, V, polygons):
+    """An obj file with colours, normals, two materials, groups and comments."""
+    lines = ["# two materials", "mtllib scene.mtl", "o thing"]
+    lines += [f"v {x!r} {y!r} {z!r} {k % 3 / 2} 0.5 1" for k, (x, y, z) in enumerate(V.tolist())]
+    lines += ["vn 0 0 1", "vn 0 1.0 0", ""]
+    half = len(polygons) // 2
+    for k, polygon in enumerate(polygons):
+        if k in (0, half):
+            lines += [f"g part {k}", f"usemtl {'red' if k else 'blue'}", "s 1"]
+        lines.append("f " + " ".join(f"{v + 1}//{k % 2 + 1}" for v in polygon))
+    path.write_text("\n".join([*lines, "# end", ""]))
+
+
+def assert_only_texture_was_added(given, written):
+    """Line by line; texture coordinates come before the first face, and in its corners."""
+    old = given.read_text().splitlines()
+    new = [line for line in written.read_text().splitlines() if not line.startswith("vt ")]
+    assert [re.sub(r"(?<=\d)/\d+/", "//", line) for line in new if line[:2] == "f "] == [
+        line for line in old if line[:2] == "f "
+    ]
+    # A mark of what it was made from is the only other line.
+    kept = [line for line in new if line[:2] != "f "]
+    mark = [line for line in kept if "cdcp_igl" in line]
+    assert len(mark) <= 1
+    assert [line for line in kept if line not in mark] == [line for line in old if line[:2] != "f "]
+
+
+def texture_at_corners(path):
+    """The corners of all triangles, of all materials, by another reader."""
+    scene = trimesh.load(path, process=False)
+    corners = [
+        np.dstack([part.vertices[part.faces], part.visual.uv[part.faces]]).reshape(-1, 5)
+        for part in scene.geometry.values()
+    ]
+    assert len(corners) == 2
+    return {tuple(corner) for corner in np.concatenate(corners).tolist()}
+
+
+SCENES = {
+    "cube": lambda: quads_of_voxels(0, 1, 1.0),
+    "blocks": lambda: quads_of_voxels(5, 3, 0.5),
+    "torus": lambda: torus_with_holes(12, 8, 0, 0),
+    "torn torus": lambda: torus_with_holes(12, 8, 3, 5),
+    "hexagons": lambda: many_corners(8, 8, 0, twist=True),
+    "two large polygons": lambda: many_corners(8, 9, 0, twist=False),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_map_cut_adds_nothing_but_texture_coordinates(name, tmp_path):
+    given, out = tmp_path / "given.obj", tmp_path / "out.obj"
+    write_scene(given, *SCENES[name]())
+    run = CliRunner().invoke(app, ["map", str(given), str(out), "--cut"])
+    assert run.exit_code == 0, run.output
+    assert_only_texture_was_added(given, out)
+    V, F, whole = read_polygons(given)
+    packed = cdcp_igl.surface_map(V, F, whole=whole).packed()
+    expected = np.dstack([V[F], packed]).reshape(-1, 5).tolist()
+    assert texture_at_corners(out) == {tuple(corner) for corner in expected}
+
+
+def test_so_does_a_batch(tmp_path):
+    (tmp_path / "scenes").mkdir()
+    for name in ("torus", "hexagons"):
+        write_scene(tmp_path / "scenes" / f"{name}.obj", *SCENES[name]())
+    made = batch([tmp_path / "scenes"], tmp_path / "maps", cut=True, format="obj")
+    assert made.failed == ()
+    for path in (tmp_path / "scenes").iterdir():
+        assert_only_texture_was_added(path, tmp_path / "maps" / path.name)
+
+
+def test_polygons_are_read_from_files(tmp_path):
+    V, polygons = SCENES["two large polygons"]()
+    F, whole = triangles(polygons)
+    write_scene(tmp_path / "a.obj", V, polygons)
+    faces = "".join(f"{len(p)} {' '.join(map(str, p))}\n" for p in polygons)
+    rows = "".join(f"{x!r} {y!r} {z!r}\n" for x, y, z in V.tolist())
+    (tmp_path / "a.off").write_text(f"OFF\n{len(V)} {len(polygons)} 0\n{rows}{faces}")
+    header = f"ply\nformat ascii 1.0\nelement vertex {len(V)}\n"
+    header += "".join(f"property double {axis}\n" for axis in "xyz")
+    header += f"element face {len(polygons)}\nproperty list uchar int vertex_indices\nend_header\n"
+    (tmp_path / "a.ply").write_text(header + rows + faces)
+    np.savez(tmp_path / "a.npz", V=V, F=F)
+    for suffix in ("obj", "off", "ply", "npz"):
+        read = read_polygons(tmp_path / f"a.{suffix}")
+        expected = np.arange(len(F)) if suffix == "npz" else whole
+        for array, other in zip(read, (V, F, expected), strict=True):
+            np.testing.assert_array_equal(array, other)
+
+
+def test_a_disk_of_quads_that_is_not_cut(tmp_path):
+    V, F = meshes.grid()
+    k = len(F) // 2
+    write_scene(tmp_path / "a.obj", V, np.column_stack([F[:k], F[k:, 2]]).tolist())
+    V, F, whole = read_polygons(tmp_path / "a.obj")
+    result = cdcp_igl.surface_map(V, F, whole=whole)
+    np.testing.assert_array_equal(result.uv, cdcp_igl.disk_map(V, F).uv[F])
+    write_map(tmp_path / "b.obj", V, F, result, like=tmp_path / "a.obj")
+    assert_only_texture_was_added(tmp_path / "a.obj", tmp_path / "b.obj")
