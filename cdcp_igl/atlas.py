@@ -35,7 +35,7 @@ __all__ = ["SurfaceMap", "surface_map"]
 GAIN = 0.03
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SurfaceMap(Shown):
     """A map of a surface onto disks, one for each component; printing it gives a summary.
 
@@ -108,17 +108,13 @@ class SurfaceMap(Shown):
         Returns
         -------
         (m, 3, 2) float64
-            Texture coordinates in [0, 1]^2 of each corner. The area of each disk is
-            proportional to that of its component on the surface; no two disks touch.
+            Texture coordinates of each corner. The disks have areas as on the surface.
         """
         centers, radii = packed_circles(np.sqrt(self.shares))
         mapped = self.face_disk >= 0
         disk = np.zeros(len(self.cut.V), np.int64)
         disk[self.cut.F[mapped]] = self.face_disk[mapped][:, None]
         return (centers[disk] + radii[disk][:, None] * self.uv_cut)[self.cut.F]
-
-    def __repr__(self) -> str:
-        return f"SurfaceMap({str(self).splitlines()[0].removeprefix('surface map of ')})"
 
     def __str__(self) -> str:
         certified = sum(disk.certificate.valid for disk in self.disks)

@@ -15,10 +15,11 @@ from .distortion import AngleDistortion, angle_errors, disk_map_distortion
 from .errors import MapError
 from .result import DiskMap
 from .solve.factored import FactoredSurface
+from .steps.alignment import rotate
 from .steps.center import Center
 from .steps.circle import BoundaryMethod, CircleMap, Rejected, hold_open
 from .steps.conformality import Conformality, judge
-from .steps.mobius import MobiusMethod, Normalization, normalize, rotate
+from .steps.mobius import MobiusMethod, Normalization, normalize
 from .steps.options import Options
 from .steps.phases import Phases
 from .steps.refine import Refinement, lower_angle_distortion

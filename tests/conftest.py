@@ -15,6 +15,13 @@ hypothesis.settings.load_profile("cdcp_igl")
 Mesh = tuple[np.ndarray, np.ndarray]
 
 
+def pytest_collection_modifyitems(items):
+    """What maps a real surface, drives a browser or starts many processes is slow."""
+    for item in items:
+        if "real_mesh" in item.fixturenames or "driver" in item.fixturenames:
+            item.add_marker(pytest.mark.slow)
+
+
 @pytest.fixture(scope="session")
 def real_mesh() -> Callable[[str], Mesh]:
     def load(name: str) -> Mesh:

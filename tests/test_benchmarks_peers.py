@@ -1,6 +1,7 @@
 """Other programs, methods of one's own, and statistics over many surfaces."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -19,8 +20,10 @@ from benchmarks.records.record import Record
 from benchmarks.records.results import Section
 from benchmarks.records.store import Work, read_results
 from cdcp_igl import angle_distortion, check, datasets
+from cdcp_igl.certificate import certify
 from cdcp_igl.reference import harmonic
 from cdcp_igl.reference.case import Case
+from cdcp_igl.surface.mesh import DiskMesh
 
 ROOT = Path(__file__).parents[1]
 V, F, _ = datasets.ellipse(5)
@@ -161,6 +164,13 @@ def test_a_method_that_has_changed_is_measured_again(tmp_path):
     own = read_results(tmp_path / "here.json")[1][1]
     assert own.case.outcome.startswith("not valid")
     assert len(Work(tmp_path / "w").records()) == 3
+
+
+def test_the_method_of_the_documentation_maps():
+    page = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+    names = {}
+    exec(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], names)
+    assert certify(DiskMesh(V, F), names["tutte"](V, F)).valid
 
 
 @pytest.mark.parametrize("name", ["no_such_module:map", "failing_methods:no_such", "cdcp"])

@@ -157,7 +157,7 @@ def test_every_result_shows_itself():
     rectangle = cdcp_igl.rectangle_map(V, F, [0, 7, 47, 40])
     several = cdcp_igl.surface_map(*NASTY["closed"][1:3])
     assert repr(several).startswith("SurfaceMap(4 faces onto 1 disk")
-    for result, name in ((rectangle, "modulus"), (several, "cut")):
+    for result, name in ((rectangle, "modulus"), (several, "spread of scale")):
         assert "\n" not in repr(result)
         shown = result._repr_html_()
         assert f">{name}</th>" in shown

@@ -109,7 +109,7 @@ def test_a_long_boundary_is_left_as_it_is():
 
 
 def test_what_was_straightened_much_is_refined_and_says_so():
-    V, F = punctured(*blob(0), 0, 0)
+    V, F = punctured(*blob(4), 0, 4)
     result = cdcp_igl.disk_map(V, F)
     assert result.straightening.gain > 0.2
     assert result.refinement.steps == 2

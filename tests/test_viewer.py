@@ -145,6 +145,7 @@ class TwoDisks:
     disks: tuple
     cut: object
     distortion: object
+    face_disk: object
     valid: bool = True
 
     def packed(self):
@@ -157,7 +158,12 @@ def test_several_disks_and_cuts_and_rectangles_are_laid_out(bumps):
     faces = np.vstack([F, F + n])
     faces[5] = faces[5, ::-1]  # a face that was turned over
     cut = SimpleNamespace(V=np.vstack([V, V + 3]), F=faces, vertex_index=np.arange(2 * n)[::-1])
-    about, arrays = contents(view_html(TwoDisks((result, result), cut, result.distortion)))
+    face_disk = np.repeat([0, 1], len(F))
+    face_disk[[3, 7]] = -1  # left out
+    drawn = TwoDisks((result, result), cut, result.distortion, face_disk)
+    about, arrays = contents(view_html(drawn))
+    assert set(range(2 * len(F))) - set(arrays["faceOrder"]) == {3, 7}
+    assert len(arrays["faces"]) == 3 * (2 * len(F) - 2)
     assert about["spin"] == 0
     order = arrays["vertexOrder"]
     assert sorted(order) == list(range(2 * n))

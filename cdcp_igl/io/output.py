@@ -38,9 +38,9 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
     Parameters
     ----------
     path : path-like
-        The file to create or to replace; what a symbolic link points to. It keeps its mode,
-        its owner and its other names (hard links). A device or a FIFO is written to, once
-        all is there.
+        The file to create or to replace; what a symbolic link points to. It keeps its mode
+        and its owner. One that has other names (hard links) keeps them, too, and is written
+        over for that, once all is there; and so is a device or a FIFO.
 
     Yields
     ------

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
-from ..surface.validation import as_faces, as_vertices
+from ..surface.validation import as_vertices, face_array
 from .corners import indexed
 from .glb import write_glb
 from .images import Image, checkerboard, read_image
@@ -109,7 +109,7 @@ def write_map(
     suffix = path.suffix.lower()
     _check_options(path, suffix, like, image)
     as_vertices(V)
-    faces, plane = as_faces(F, len(np.asarray(V))), _map(uv, np.shape(V)[0], np.shape(F)[0])
+    faces, plane = face_array(F, len(np.asarray(V))), _map(uv, np.shape(V)[0], np.shape(F)[0])
     if suffix == ".npz":
         with whole_file(path) as unfinished:
             write_npz(unfinished, V, F, plane)

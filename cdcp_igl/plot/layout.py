@@ -53,6 +53,10 @@ class Opened(Protocol):
         """The maps of its components."""
 
     @property
+    def face_disk(self) -> Ints:
+        """(m,) which disk each face is in; -1 if in none."""
+
+    @property
     def distortion(self) -> AngleDistortion:
         """Of all of them."""
 
@@ -77,6 +81,8 @@ class Layout:
         In the square from -1 to 1.
     vertices : (n,) int64
         Their rows in the mesh that was given.
+    faces : (m,) int64
+        Those of the faces.
     plane : str
         What the image is called.
     middle, scale : (float, float) and float
@@ -89,6 +95,7 @@ class Layout:
     F: Ints
     uv: Floats
     vertices: Ints
+    faces: Ints
     plane: str
     middle: tuple[float, float]
     scale: float
@@ -109,18 +116,20 @@ def lay_out(result: Mapped | Opened) -> Layout:
         facts.insert(1, f"modulus {modulus:.6g}")
     facts.insert(0, f"{len(V):,} vertices")
     uv = (uv - middle) / scale
-    return Layout(V, F, uv, np.arange(len(V)), plane, middle, scale, tuple(facts))
+    rows = np.arange(len(V)), np.arange(len(F))
+    return Layout(V, F, uv, *rows, plane, middle, scale, tuple(facts))
 
 
 def _laid_out_opened(result: Opened, facts: Sequence[str]) -> Layout:
     cut, count = result.cut, len(result.disks)
     V = np.zeros((len(cut.V), 3))
     V[:, : cut.V.shape[1]] = cut.V
-    uv = np.zeros((len(V), 2))
-    uv[cut.F] = 2 * result.packed() - 1
-    left, right = area_products(uv[:, 0], uv[:, 1], cut.F)
+    faces = np.flatnonzero(result.face_disk >= 0)  # the others have no area, or are there twice
+    F, uv = cut.F[faces], np.zeros((len(V), 2))
+    uv[F] = 2 * result.packed()[faces] - 1
+    left, right = area_products(uv[:, 0], uv[:, 1], F)
     # Faces of a surface with faces turned over, as the disks have them.
-    F = np.where((left < right)[:, None], cut.F[:, ::-1], cut.F)
+    F = np.where((left < right)[:, None], F[:, ::-1], F)
     plane = f"{count:,} disks" if count > 1 else "Disk"
     named = (f"{len(np.unique(cut.vertex_index)):,} vertices", *facts)
-    return Layout(V, F, uv, cut.vertex_index, plane, (0.5, 0.5), 0.5, named)
+    return Layout(V, F, uv, cut.vertex_index, faces, plane, (0.5, 0.5), 0.5, named)

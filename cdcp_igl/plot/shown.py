@@ -46,6 +46,10 @@ class Shown:
 
         return view(cast(Any, self), path, fields=fields, texture=texture, title=title)
 
+    def __repr__(self) -> str:
+        title = str(self).partition("\n")[0]
+        return f"{type(self).__name__}({title.partition(' map of ')[2]})"
+
     def _repr_html_(self) -> str:
         table = table_of(str(self))
         if not cast(Any, self).valid:

@@ -143,6 +143,8 @@ def view_html(
     about, arrays = _geometry(V, F, uv, turned=layout.plane == "Disk")
     if (layout.vertices != np.arange(len(V))).any():
         arrays["vertexOrder"] = layout.vertices
+    if len(layout.faces) and (layout.faces != np.arange(len(F))).any():
+        arrays["faceOrder"] = layout.faces
     colorings: list[dict[str, Any]] = [
         {"name": "normals", "kind": "normals"},
         {"name": "checkerboard", "kind": "checkerboard"},
@@ -234,16 +236,17 @@ def _reordered(arrays: Mapping[str, Ints], uv: Floats, F: Ints) -> dict[str, Int
     new = {
         name: rank[array] if name in ("rim", "cut") else array[vertices]
         for name, array in arrays.items()
-        if name != "faces"
+        if name not in ("faces", "faceOrder")
     }
     new["faces"] = np.take_along_axis(corners, (first + np.arange(3)) % 3, axis=1).ravel()
-    return {"vertexOrder": vertices} | new | {"faceOrder": faces}
+    rows = arrays["faceOrder"][faces] if "faceOrder" in arrays else faces
+    return {"vertexOrder": vertices} | new | {"faceOrder": rows}
 
 
 def _measured(V: Floats, F: Ints, uv: Floats) -> list[tuple[dict[str, Any], Floats]]:
     """Angular distortion and conformal factor at the vertices."""
     degrees = angle_distortion(V, F, uv)
-    corners = np.bincount(F.ravel(), minlength=len(V))
+    corners = np.maximum(np.bincount(F.ravel(), minlength=len(V)), 1)  # 0 of unused vertices
     error = np.bincount(F.ravel(), degrees.ravel(), len(V)) / corners
     high = max(float(np.quantile(error, 1 - BEYOND)), 1e-6)
     angle = _coloring(

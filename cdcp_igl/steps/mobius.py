@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..arrays import Complex, Floats, Ints, spread_evenly
 from ..certificate import flipped_faces, is_around
 from ..distortion import plane_angles
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import face_areas
+from .alignment import at_one, vertex_areas
 
 __all__ = [
     "MobiusMethod",
@@ -24,7 +24,6 @@ __all__ = [
     "least_angle_distortion_nelder_mead",
     "mobius_transformation",
     "normalize",
-    "rotate",
 ]
 
 MobiusMethod = Literal["angle", "area", "nelder-mead"]
@@ -97,7 +96,7 @@ def normalize(
     elif method == "nelder-mead":
         w = least_angle_distortion_nelder_mead(mesh.F, f, mesh.angles)
     elif method == "area":
-        w = conformal_barycenter(f, _vertex_areas(mesh))
+        w = conformal_barycenter(f, vertex_areas(mesh))
     else:
         return finished(f, 0j), Normalization("none", 0j)
 
@@ -108,7 +107,7 @@ def normalize(
     for _ in range(HALVINGS):
         if method != "area" and not _is_improvement(z, errors, w):
             break
-        moved = _at_one(mesh, mobius_transformation(f, w), mesh.loop[0])
+        moved = at_one(mesh, mobius_transformation(f, w), mesh.loop[0])
         if is_around(moved[mesh.loop]):
             moved = finished(moved, w)
             turned = _flipped(mesh, moved)
@@ -135,60 +134,6 @@ def _is_improvement(z: Complex, errors: Floats, w: complex) -> bool:
 
 def _flipped(mesh: DiskMesh, f: Complex) -> Ints:
     return flipped_faces(np.column_stack([f.real, f.imag]), mesh.F)[0]
-
-
-def _at_one(mesh: DiskMesh, f: Complex, vertex: int) -> Complex:
-    """Put a boundary vertex at 1, and the boundary on the circle to the last bit."""
-    f = f / f[vertex]
-    f[mesh.loop] /= abs(f[mesh.loop])
-    return f
-
-
-def rotate(mesh: DiskMesh, f: Complex, align: int | ArrayLike | None) -> Complex:
-    """Turn a map about 0.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Map onto the unit disk.
-    align : int, (3,) array_like or None
-        A boundary vertex, to go to 1; or a direction d in space: the height x.d of the
-        surface, as a function on the disk, has its moment sum_v m_v x_v.d f_v about the
-        mean height, m_v the area at a vertex, at angle 0. None is the first boundary vertex.
-
-    Returns
-    -------
-    (n,) complex128
-
-    Raises
-    ------
-    ValueError
-        If `align` is neither, or the height has no moment.
-    """
-    if align is None:
-        align = mesh.loop[0]
-    if isinstance(align, int | np.integer):
-        if align not in mesh.loop:
-            raise ValueError(f"align={align} is not a boundary vertex")
-        return _at_one(mesh, f, int(align))
-    direction = np.asarray(align)
-    if direction.shape != (3,) or direction.dtype.kind not in "iuf":
-        raise ValueError(f"align must be a boundary vertex or a 3-vector, not {align!r}")
-    mass = _vertex_areas(mesh)
-    height = mesh.V @ direction
-    moment = np.vdot(mass * (height - np.average(height, weights=mass)), f)
-    if not abs(moment) > 1e-12 * mass.sum() * np.ptp(height):
-        raise ValueError(f"align={align!r}: the surface has no slope in this direction")
-    f = f * (abs(moment) / moment)
-    f[mesh.loop] /= abs(f[mesh.loop])
-    return f
-
-
-def _vertex_areas(mesh: DiskMesh) -> Floats:
-    areas = np.zeros(len(mesh.V))
-    np.add.at(areas, mesh.F, face_areas(mesh.V, mesh.F)[:, None] / 3)
-    return areas
 
 
 def mobius_transformation(z: Complex, w: complex) -> Complex:

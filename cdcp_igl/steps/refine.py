@@ -14,7 +14,7 @@ from ..arrays import Complex, Floats, Ints, blocks
 from ..certificate import certify
 from ..distortion import angle_errors
 from ..solve.cholesky import Cholesky
-from ..solve.conjugate_gradients import conjugate_gradients
+from ..solve.iterative import conjugate_gradients
 from ..solve.laplacian import Laplacian
 from ..surface.mesh import DiskMesh
 

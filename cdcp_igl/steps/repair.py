@@ -94,10 +94,14 @@ def unfold(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
 
 
 def embed(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
-    """Set the whole interior to mean values; parameters and return values as of `unfold`."""
+    """Set the whole interior to mean values and relax it; otherwise as `unfold`."""
     whole = _Neighbourhood(mesh, np.ones(len(f), dtype=bool))
     n_flipped = len(_flipped(mesh.F, f))
-    return whole.combine(f, whole.free), Repair(n_flipped, len(mesh.interior), 1)
+    f = whole.combine(f, whole.free)
+    whole.moved = whole.free
+    if len(whole.flipped(f)) == 0:
+        f = whole.relaxed(f)
+    return f, Repair(n_flipped, len(mesh.interior), 1)
 
 
 def mend(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:

@@ -1,0 +1,63 @@
+"""What lies at angle 0."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Complex, Floats
+from ..surface.mesh import DiskMesh
+from ..surface.triangles import face_areas
+
+__all__ = ["at_one", "rotate", "vertex_areas"]
+
+
+def rotate(mesh: DiskMesh, f: Complex, align: int | ArrayLike | None) -> Complex:
+    """Turn a map about 0.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    f : (n,) complex128
+        Map onto the unit disk.
+    align : int, (3,) array_like or None
+        A boundary vertex, to go to 1; or a direction d in space: the height x.d of the
+        surface, as a function on the disk, has its moment sum_v m_v x_v.d f_v about the
+        mean height, m_v the area at a vertex, at angle 0. None is the first boundary vertex.
+
+    Returns
+    -------
+    (n,) complex128
+
+    Raises
+    ------
+    ValueError
+        If the height has no moment.
+    """
+    if align is None:
+        align = mesh.loop[0]
+    if isinstance(align, int | np.integer):
+        return at_one(mesh, f, int(align))
+    direction = np.asarray(align)
+    mass = vertex_areas(mesh)
+    height = mesh.V @ direction
+    moment = complex((mass * (height - np.average(height, weights=mass)) * f).sum())
+    if not abs(moment) > 1e-12 * mass.sum() * np.ptp(height):
+        raise ValueError(f"align={align!r}: the surface has no slope in this direction")
+    f = f * (abs(moment) / moment)
+    f[mesh.loop] /= abs(f[mesh.loop])
+    return f
+
+
+def at_one(mesh: DiskMesh, f: Complex, vertex: int) -> Complex:
+    """Put a boundary vertex at 1, and the boundary on the circle to the last bit."""
+    f = f / f[vertex]
+    f[mesh.loop] /= abs(f[mesh.loop])
+    return f
+
+
+def vertex_areas(mesh: DiskMesh) -> Floats:
+    """(n,) a third of the areas of the faces at each vertex."""
+    areas = np.zeros(len(mesh.V))
+    np.add.at(areas, mesh.F, face_areas(mesh.V, mesh.F)[:, None] / 3)
+    return areas
