@@ -1,4 +1,4 @@
-"""The way of the data, drawn from the steps of `cdcp.py`."""
+"""The way of the data, drawn from the steps of `algorithm.py`."""
 
 from pathlib import Path
 
@@ -6,18 +6,20 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 STEPS = (
-    ("mesh", "check", "DiskMesh: boundary loop, interior"),
-    ("laplacian", "eq. (8)", "L, sparse (n, n)"),
-    ("factor", "one factorization", "Factor: two solves"),
-    ("center", "eqs. (13)–(15), torsion", "central face"),
-    ("dipole", "eq. (18), Theorem 1", "boundary trace h_B"),
-    ("circle", "whitening, eqs. (1)–(6), fallbacks", "f_B on the circle"),
-    ("extension", "eq. (10)", "f on the disk"),
-    ("mobius", "eqs. (19)–(20)", "f, least distortion"),
-    ("repair", "mean values", "f, no flipped face"),
-    ("refine", "Gauss-Newton, if asked for", "f, refined"),
-    ("injectivity", "exact signs", "Certificate"),
-    ("result", "", "DiskMap: uv and all about it"),
+    ("surface/mesh.py", "check", "DiskMesh: boundary loop, interior"),
+    ("solve/laplacian.py", "eq. (8)", "L, sparse (n, n)"),
+    ("solve/factor.py", "one factorization", "Factor: two solves"),
+    ("steps/center.py", "eqs. (13)–(15), torsion", "central face"),
+    ("steps/dipole.py", "eq. (18), Theorem 1", "boundary trace h_B"),
+    ("steps/circle/", "whitening, eqs. (1)–(6), fallbacks", "f_B on the circle"),
+    ("steps/extension.py", "eq. (10)", "f on the disk"),
+    ("steps/straightening.py", "common shear", "f, not sheared as a whole"),
+    ("steps/mobius.py", "eqs. (19)–(20)", "f, least distortion"),
+    ("steps/repair.py", "mean values", "f, no flipped face"),
+    ("certificate.py", "exact signs", "Certificate"),
+    ("selection.py", "conformal, or the next way", "the best map"),
+    ("steps/refine.py", "Gauss-Newton, if asked for", "f, refined"),
+    ("result.py", "", "DiskMap: uv and all about it"),
 )
 STYLE = {"svg.hashsalt": "flow"}
 INK, BOX = "#1d2733", "#e6edf5"
@@ -25,9 +27,9 @@ INK, BOX = "#1d2733", "#e6edf5"
 
 def draw():
     """One box a file, what it does to the right, what it hands on below."""
-    figure = Figure(figsize=(6.2, 7.6))
+    figure = Figure(figsize=(6.6, 8.8))
     axes = figure.add_axes((0, 0, 1, 1))
-    axes.set(xlim=(0, 6.2), ylim=(len(STEPS) + 0.4, -0.75))
+    axes.set(xlim=(0, 6.6), ylim=(len(STEPS) + 0.4, -0.75))
     axes.set_axis_off()
     style = {"color": INK, "va": "center", "fontsize": 10}
     axes.text(1.35, -0.45, "V (n, 3), F (m, 3)", ha="center", **style)
@@ -41,14 +43,14 @@ def draw():
         axes.text(
             1.35,
             row + 0.28,
-            f"{module}{'/' if module == 'circle' else '.py'}",
+            module,
             ha="center",
             family="monospace",
             bbox={"boxstyle": "round,pad=0.45", "facecolor": BOX, "edgecolor": INK},
             **style,
         )
-        axes.text(2.5, row + 0.28, handed_on, weight="bold", **style)
-        axes.text(6.1, row + 0.28, what, ha="right", **(style | {"fontsize": 8.5}))
+        axes.text(2.75, row + 0.28, handed_on, weight="bold", **style)
+        axes.text(6.5, row + 0.28, what, ha="right", **(style | {"fontsize": 8.5}))
     return figure
 
 
