@@ -4,11 +4,11 @@ import meshes
 import numpy as np
 import pytest
 import surfaces
-from benchmarks.surfaces import least_distortion
 from typer.testing import CliRunner
 
 import cdcp_igl
 from benchmarks.__main__ import app
+from benchmarks.measure.any_surface import least_distortion
 
 
 def test_a_row_for_each_surface_by_class(tmp_path):

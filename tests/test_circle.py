@@ -260,6 +260,17 @@ def test_no_map_that_can_be_certified_is_an_error_with_all_reasons(monkeypatch):
     assert reasons <= set(raised.value.result.trace.rejected)
 
 
+def test_an_ear_that_is_turned_over_is_left_to_the_certificate():
+    """Its corners are in the wrong order, which no last digit mends."""
+    mesh = DiskMesh(*meshes.corridor(6))
+    f = cdcp_igl.cdcp(*meshes.corridor(6)) @ [1, 1j]
+    one, other, _ = mesh.F[mesh.inscribed[0]]
+    f[[one, other]] = f[[other, one]]
+    g, count = hold_open(mesh, f)
+    assert count == 1
+    np.testing.assert_allclose(g, f, atol=1e-12)
+
+
 def test_inscribed_faces_that_have_not_collapsed_stay():
     mesh = DiskMesh(*meshes.corridor(6))
     f = cdcp_igl.cdcp(*meshes.corridor(6)) @ [1, 1j]

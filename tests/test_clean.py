@@ -179,7 +179,7 @@ def test_map_clean_writes_the_surface_without_its_filling(tmp_path):
         "reversed 1 face",
         "dropped 1 vertex that no face uses",
         "filled 1 hole",
-        "The filling is not in map.npz.",
+        "The filling is not in the file.",
     ):
         assert change in result.output
     with np.load(out) as written:

@@ -24,7 +24,10 @@ def error(surface, resolution):
     """Root mean square error against the exact map, three boundary points made to agree."""
     V, F, exact = surface(resolution)
     loop = DiskMesh(V, F).loop
-    z, w = cdcp_igl.cdcp(V, F) @ [1, 1j], exact @ [1, 1j]
+    w = exact @ [1, 1j]
+    # On symmetric meshes several faces are equally central, and rounding chooses one of them.
+    center = int(abs(w[F].mean(axis=1) - (1e-3 + 5e-4j)).argmin())
+    z = cdcp_igl.cdcp(V, F, center=center) @ [1, 1j]
     thirds = loop[[0, len(loop) // 3, 2 * len(loop) // 3]]
     return np.sqrt((abs(through_three_points(z, w, thirds) - w) ** 2).mean())
 

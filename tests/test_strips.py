@@ -1,5 +1,6 @@
 """Strips many times longer than wide, against their exact conformal map."""
 
+import meshes
 import numpy as np
 import pytest
 
@@ -21,14 +22,8 @@ WIDTH = 20  # cells
 
 def strip(length, width=WIDTH, jitter=0.0):
     """Rectangle `length` times longer than wide, of triangulated cells."""
-    x, y = np.meshgrid(np.arange(width * length + 1), np.arange(width + 1))
-    corner = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = (
-        corner[i : i + width, j : j + width * length].ravel()
-        for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
-    )
-    F = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-    V = np.column_stack([x.ravel(), y.ravel()]) / width
+    V, F = meshes.corridor(length, width)
+    V = V / width
     inside = (V.min(axis=1) > 0) & (V[:, 0] < length) & (V[:, 1] < 1)
     noise = np.random.default_rng(0).uniform(-1, 1, V.shape)
     V[inside] += jitter / width * noise[inside]

@@ -98,10 +98,10 @@ def test_bad_options_are_refused(option):
 def test_refinement_comes_after_growth():
     V, F = surfaces.sphere(rings=30, around=10, stretch=8)
     plain = cdcp_igl.surface_map(V, F)
-    refined = cdcp_igl.surface_map(V, F, refine=2)
+    refined = cdcp_igl.surface_map(V, F, refine=6)
     np.testing.assert_array_equal(refined.cut.edges, plain.cut.edges)
     assert refined.distortion.mean < plain.distortion.mean
-    assert refined.disks[0].refinement.steps == 2
+    assert refined.disks[0].refinement.steps == 6
 
 
 # -- what is mended --------------------------------------------------------------------

@@ -46,7 +46,7 @@ def rewrite(page: Path, results: Path) -> None:
         for method, boundary in METHODS.items()
     ]
     measured = [row for row in rows if any(cell.value is not None for cell in row)]
-    names = [" ".join(cell.text for cell in model_cells(shown[0], model)) for model in MODELS]
+    names = [_name(shown[0], model) for model in MODELS]
     table = Table("readme", "", "", ["method", "boundary", *names], measured)
     versions = ", ".join(f"{name} {number}" for name, number in about["versions"].items())
     note = (
@@ -60,6 +60,12 @@ def rewrite(page: Path, results: Path) -> None:
     with whole_file(page) as unfinished:
         text = f"{head}{BEGIN}\n{markdown(table)}\n\n{note}\n{END}{tail}"
         unfinished.write_text(text, encoding="utf-8")
+
+
+def _name(results: Section, model: str) -> str:
+    """Name a surface and its size, without what it stands for."""
+    name, size = (cell.text for cell in model_cells(results, model))
+    return f"{name.partition(', for ')[0].partition(' (')[0]} {size}"
 
 
 def _cell(sections: Sequence[Section], model: str, method: str) -> Cell:

@@ -82,7 +82,7 @@ class Mapped:
         V, F = self.V[: self.n_written], self.F[self.written]
         with whole_file(target) as unfinished:
             write_map(unfinished, V, F, uv, disk=disk, like=like)
-            if suffix == ".npz":
+            if suffix == ".npz" and self.indices:
                 _add_arrays(unfinished, self.indices)
             put_stamp(unfinished, stamp)
 

@@ -58,14 +58,14 @@ def straighten(
 ) -> tuple[Complex, Straightening]:
     """Move the boundary along the circle such that the interior is not sheared as a whole.
 
-    With boundary values sum_k c_k zeta^k, a harmonic map of the disk is the sum of c_k z^k
-    over k >= 0 and of c_-k conj(z)^k. Conformal are the first; of the others, conj(z) fades
-    away from the boundary no faster than z does: c_-1 shears all of the interior by the
-    same. A long boundary has it next to 0. A polygon of few vertices, such as the edge of
-    one face, taken out of a closed surface, has not, and where most of the surface is
-    mapped far inside, nearly all of its distortion is this. Turning the boundary by
-    theta = Re(a conj(zeta)^2) changes c_-1 by i a / 2 and, besides, c_3 alone; a is found by
-    Gauss-Newton on the sum of the angle errors.
+    With boundary values ``sum_k c[k] zeta^k``, a harmonic map of the disk is the sum of
+    ``c[k] z^k`` over k >= 0 and of ``c[-k] conj(z)^k``. Conformal are the first; of the others,
+    conj(z) fades away from the boundary no faster than z does: ``c[-1]`` shears all of the
+    interior by the same. A long boundary has it next to 0. A polygon of few vertices, such as
+    the edge of one face, taken out of a closed surface, has not, and where most of the
+    surface is mapped far inside, nearly all of its distortion is this. Turning the boundary by
+    theta = Re(a conj(zeta)^2) changes ``c[-1]`` by i a / 2 and, besides, ``c[3]`` alone; a is
+    found by Gauss-Newton on the sum of the angle errors.
 
     Parameters
     ----------

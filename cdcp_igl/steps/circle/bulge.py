@@ -12,6 +12,7 @@ __all__ = ["hold_open"]
 
 LAST_DIGIT = 2.0**-53  # of a coordinate between 1/2 and 1
 MOST = 1e-13  # that a corner may leave the circle by; a certificate allows 1e-12
+ROUNDS = 8  # as a raised corner may be that of another face; what is turned over stays so
 
 
 def hold_open(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
@@ -41,14 +42,13 @@ def hold_open(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
     n_collapsed = len(collapsed)
     tip, span = _tips(mesh, f)
     f = f.copy()
-    while len(collapsed):
-        before = f.copy()
+    for _ in range(ROUNDS):
         # The chord under a face may be a side of another with a longer chord: that one first.
         for row in collapsed[np.argsort(-span[collapsed], kind="stable")]:
             _raise(f, mesh.F[mesh.inscribed[row]], tip[row])
-        if (f == before).all():
-            break
         collapsed = _collapsed(mesh, f)
+        if len(collapsed) == 0:
+            break
     return f, n_collapsed
 
 
