@@ -120,8 +120,9 @@ class SurfaceMap(Shown):
         certified = sum(disk.certificate.valid for disk in self.disks)
         return "\n".join(
             [
-                f"surface map of {len(self.uv):,} faces onto {len(self.disks):,} disks: "
-                f"{certified:,} valid" + ("" if self.conformal else ", NOT CONFORMAL"),
+                f"surface map of {len(self.uv):,} faces onto {len(self.disks):,} "
+                f"disk{'s'[: len(self.disks) > 1]}: {certified:,} valid"
+                + ("" if self.conformal else ", NOT CONFORMAL"),
                 f"  angular distortion  {self.distortion}",
                 f"  spread of scale     {self.spread:.2f}",
                 f"  length of the cut   {self.cut.length:.4g}",
