@@ -12,6 +12,9 @@ import pytest
 hypothesis.settings.register_profile("cdcp_igl", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("cdcp_igl")
 
+# It is run by the interpreters of workers, and Debian has one of this name.
+collect_ignore = ["workers/sitecustomize.py"]
+
 Mesh = tuple[np.ndarray, np.ndarray]
 
 
