@@ -120,6 +120,7 @@ def test_a_list_of_a_thousand_million_in_a_binary_ply(tmp_path):
 # -- archives --------------------------------------------------------------------------
 
 
+@pytest.mark.filterwarnings("ignore:.*spmatrix:DeprecationWarning")  # of SciPy 1.18 and later
 @pytest.mark.parametrize("packed", [False, True])
 @pytest.mark.parametrize(
     ("form", "kind"),

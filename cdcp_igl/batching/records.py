@@ -64,7 +64,7 @@ class Record:
     --------
     >>> from cdcp_igl.batching import Record
     >>> record = Record("scan", "/scans/scan.obj", status="done", mean=1.25)
-    >>> Record.from_line(record.line()) == record
+    >>> Record.from_line(record.line()).line() == record.line()
     True
     """
 
