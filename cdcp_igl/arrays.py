@@ -6,7 +6,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Bools", "Complex", "Floats", "Indices", "Ints", "blocks", "spread_evenly"]
+__all__ = [
+    "Bools",
+    "Complex",
+    "Floats",
+    "Indices",
+    "Ints",
+    "blocks",
+    "coordinates",
+    "spread_evenly",
+]
 
 Bools = NDArray[np.bool_]
 Complex = NDArray[np.complex128]
@@ -15,6 +24,11 @@ Ints = NDArray[np.int64]
 Indices = NDArray[np.signedinteger[Any]]  # 32 bits where that is enough
 
 BLOCK = 1 << 14  # faces
+
+
+def coordinates(z: Complex) -> Floats:
+    """(n, 2) real and imaginary parts."""
+    return np.column_stack([z.real, z.imag])
 
 
 def blocks(m: int) -> Iterator[slice]:

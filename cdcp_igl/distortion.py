@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import libigl
-from .arrays import Complex, Floats, Ints, blocks
+from .arrays import Complex, Floats, Ints, blocks, coordinates
 from .surface.mesh import DiskMesh
 from .surface.triangles import area_products, face_areas
 from .surface.validation import as_surface, as_vertices
@@ -94,7 +94,7 @@ def angle_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
            [18.43, 18.43,  0.  ]])
     """
     positions, faces, z = _surface_and_image(V, F, uv)
-    uv = np.column_stack([z.real, z.imag])
+    uv = coordinates(z)
     return _change_in_degrees(uv, faces, _angles(positions, faces))
 
 

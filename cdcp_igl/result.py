@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arrays import Floats
+from .arrays import Floats, coordinates
 from .certificate import Certificate, certify
 from .distortion import AngleDistortion
 from .errors import MapError
@@ -223,7 +223,7 @@ class DiskMap(Bijection, Shown):
         )
         f = landmark_automorphism(here, there)(self.uv @ np.array([1, 1j]))
         f[self.mesh.loop] /= abs(f[self.mesh.loop])
-        uv = np.column_stack([f.real, f.imag])
+        uv = coordinates(f)
         certificate = certify(self.mesh, uv)
         if not certificate.valid:
             raise MapError(f"The landmarks lie too far apart to register: {certificate}", self)

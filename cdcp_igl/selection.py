@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from .arrays import Complex, Floats, Ints
+from .arrays import Complex, Floats, Ints, coordinates
 from .certificate import Certificate, certify
 from .distortion import AngleDistortion, angle_errors, disk_map_distortion
 from .errors import MapError
@@ -246,7 +246,7 @@ def _judged(
     mesh: DiskMesh, f: Complex, phase: Phases, *, closely: bool
 ) -> tuple[Certificate, Floats, Conformality]:
     with phase("certificate"):
-        certificate = certify(mesh, _coordinates(f))
+        certificate = certify(mesh, coordinates(f))
         errors = angle_errors(mesh, f)
         if not certificate.valid:
             return certificate, errors, Conformality(True, ("it is not valid",))
@@ -288,7 +288,7 @@ def _refined(
 
 
 def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskMap:
-    mesh, uv = surface.mesh, _coordinates(best.f)
+    mesh, uv = surface.mesh, coordinates(best.f)
     with phase("distortion"):
         degrees = disk_map_distortion(mesh, uv)
         distortion = free = AngleDistortion.of(degrees)
@@ -325,7 +325,3 @@ def _causes(trace: BoundaryMethod, repair: Repair, n: int) -> Iterator[str]:
         yield trace.reason
     if repair.n_moved > REPAIRED_SHARE * n:
         yield f"repair of flipped faces moved {repair.n_moved / n:.0%} of the vertices"
-
-
-def _coordinates(f: Complex) -> Floats:
-    return np.column_stack([f.real, f.imag])

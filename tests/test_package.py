@@ -17,7 +17,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 FLOORS = (
     {"arrays"},
     {"errors"},
-    {"libigl", "extras", "processes"},
+    {"libigl", "extras"},
     {"surface"},
     {"certificate", "distortion"},
     {"io", "plot"},

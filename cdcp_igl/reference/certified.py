@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from ..arrays import Complex, Floats
+from ..arrays import Complex, Floats, coordinates
 from ..certificate import Certificate, certify
 from ..errors import MapError
 from ..surface.mesh import DiskMesh
@@ -93,5 +91,5 @@ def checked_free_map(mesh: DiskMesh, f: Complex) -> Floats:
 
 
 def _certified(mesh: DiskMesh, f: Complex) -> ReferenceMap:
-    uv = np.column_stack([f.real, f.imag])
+    uv = coordinates(f)
     return ReferenceMap(uv, certify(mesh, uv))

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Complex, Floats, Ints, spread_evenly
+from ..arrays import Complex, Floats, Ints, coordinates, spread_evenly
 from ..certificate import flipped_faces, is_around
 from ..distortion import plane_angles
 from ..surface.mesh import DiskMesh
@@ -133,7 +133,7 @@ def _is_improvement(z: Complex, errors: Floats, w: complex) -> bool:
 
 
 def _flipped(mesh: DiskMesh, f: Complex) -> Ints:
-    return flipped_faces(np.column_stack([f.real, f.imag]), mesh.F)[0]
+    return flipped_faces(coordinates(f), mesh.F)[0]
 
 
 def mobius_transformation(z: Complex, w: complex) -> Complex:

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from ..arrays import Complex, Floats, Ints, blocks
+from ..arrays import Complex, Floats, Ints, blocks, coordinates
 from ..certificate import certify
 from ..distortion import angle_errors
 from ..solve.cholesky import Cholesky
@@ -162,7 +162,7 @@ def _line_search(
     scale = np.ones(len(f))
     for _ in range(HALVINGS):
         trial = turn(_slide(mesh, f, scale * step))
-        certificate = certify(mesh, np.column_stack([trial.real, trial.imag]))
+        certificate = certify(mesh, coordinates(trial))
         if len(certificate.flipped):
             scale[np.unique(mesh.F[certificate.flipped])] /= 2
             continue
@@ -329,7 +329,7 @@ def _slide(mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
 
 
 def _is_bijective(mesh: DiskMesh, f: Complex) -> bool:
-    return certify(mesh, np.column_stack([f.real, f.imag])).valid
+    return certify(mesh, coordinates(f)).valid
 
 
 def _power_mean(r: Floats, p: float) -> float:

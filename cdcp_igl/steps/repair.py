@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix, csr_matrix, diags, identity
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from ..arrays import Bools, Complex, Floats, Ints
+from ..arrays import Bools, Complex, Floats, Ints, coordinates
 from ..certificate import flipped_faces
 from ..surface.mesh import DiskMesh
 from .relaxation import Relaxation
@@ -310,7 +310,7 @@ class _Neighbourhood:
 
 
 def _flipped(F: Ints, f: Complex) -> Ints:
-    return flipped_faces(np.column_stack([f.real, f.imag]), F)[0]
+    return flipped_faces(coordinates(f), F)[0]
 
 
 def _grow(F: Ints, vertices: Bools, rings: int) -> Bools:

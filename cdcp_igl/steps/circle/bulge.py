@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...arrays import Complex, Ints
+from ...arrays import Complex, Ints, coordinates
 from ...certificate import flipped_faces, increments
 from ...surface.mesh import DiskMesh
 
@@ -54,7 +54,7 @@ def hold_open(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
 
 def _collapsed(mesh: DiskMesh, f: Complex) -> Ints:
     """Rows of ``mesh.inscribed`` whose faces are not positively oriented."""
-    return flipped_faces(np.column_stack([f.real, f.imag]), mesh.F[mesh.inscribed])[0]
+    return flipped_faces(coordinates(f), mesh.F[mesh.inscribed])[0]
 
 
 def _tips(mesh: DiskMesh, f: Complex) -> tuple[Ints, Complex]:
