@@ -14,12 +14,11 @@ from .measure.each_solver import solvers
 from .measure.fuzzing import fuzz
 from .measure.machine import MACHINE
 from .measure.methods import METHODS, maps
-from .measure.models import find, surfaces_of
 from .measure.peers import PEERS
 from .records.record import Record
 from .records.results import Measured
 from .records.store import ROOT, WORK, Work, read_results
-from .session import Machine, Models, Out, Quick, Session, WorkFolder, with_session
+from .session import Machine, Out, Quick, Session, WorkFolder, with_session
 from .write.drawing import draw
 from .write.figures.accuracy import CENTERS, MOBIUS
 from .write.front_page import MODELS, README, rewrite
@@ -122,17 +121,19 @@ def ablation(session: Session) -> None:
 
 
 def _finish(session: Session, section: str, records: list[Record]) -> None:
-    measured = session.write(section, records)
+    measured = session.write(section, records) if session.part is None else Measured(records)
     console = Console()
     if not console.is_terminal:
         console.width = WIDE
     console.print(printed(cases(measured.sections[section]), TOLD))
-    typer.echo(session.results.with_suffix(".md"))
+    if session.part is None:
+        typer.echo(session.results.with_suffix(".md"))
+    else:
+        typer.echo("A part; once all are there, the same without --shard writes the results.")
 
 
 @app.command()
 def figures(
-    models: Models = "",
     quick: Quick = False,
     machine: Machine = MACHINE,
     out: Out = None,
@@ -141,9 +142,8 @@ def figures(
     """Draw Figures 4 to 12 and the report for the browser, from what has been measured.
 
     Nothing is measured again; --quick measures first what three small models need.
-    Files that were measured are found again by --models.
     """
-    session = Session(models, quick=quick, machine=machine, out=out, work=work, time_limit=SECONDS)
+    session = Session(quick=quick, machine=machine, out=out, work=work, time_limit=SECONDS)
     if quick:
         _measure_quickly(session)
     if not session.results.exists():
@@ -152,8 +152,7 @@ def figures(
         )
     about, records = read_results(session.results)
     kept = Work(work or WORK / about["code"])
-    surface = surfaces_of(records, [*find(), *session.wanted_models()])
-    measured = Measured(records, surface, kept.map)
+    measured = Measured(records, kept.surface, kept.map)
     typer.echo(draw(session.results.with_suffix(""), about, measured))
 
 

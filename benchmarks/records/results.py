@@ -97,18 +97,14 @@ class Section:
         return [m for m in self.mapped if self.of(m, method) and self.failure(m, method)]
 
 
-def _no_surface(model: str) -> tuple[Floats, Ints]:
-    raise NotMeasured("the surface is not at hand")
-
-
 class Measured:
     """What has been measured.
 
     Parameters
     ----------
     records : iterable of Record
-    surface : callable
-        ``surface(model)`` returns V (n, 3) and F (m, 3), or raises NotMeasured.
+    kept : callable
+        ``kept(mesh)`` returns V (n, 3) and F (m, 3) of a digest, or None.
     map : callable
         ``map(model, method)`` returns uv (n, 2), or None where there is no valid map.
 
@@ -122,7 +118,7 @@ class Measured:
     def __init__(
         self,
         records: Iterable[Record],
-        surface: Callable[[str], tuple[Floats, Ints]] = _no_surface,
+        kept: Callable[[str], tuple[Floats, Ints] | None] = lambda mesh: None,
         map: Callable[[str, str], Floats | None] = lambda model, method: None,
     ) -> None:
         known = list(records)
@@ -132,7 +128,15 @@ class Measured:
         }
         sizes = {record.model: record.vertices for record in known if record.vertices}
         self.sizes = dict(sorted(sizes.items(), key=lambda model: model[1]))
-        self.surface, self.map = surface, map
+        self._meshes = {record.model: record.mesh for record in known}
+        self._kept, self.map = kept, map
+
+    def surface(self, model: str) -> tuple[Floats, Ints]:
+        """V (n, 3) and F (m, 3) of what was measured; NotMeasured if it is not there any more."""
+        surface = self._kept(self._meshes[model])
+        if surface is None:
+            raise NotMeasured("the surface is not in the work folder any more")
+        return surface
 
     def require(self, section: str, wanted: Sequence[str]) -> tuple[Section, list[str]]:
         """Return a section and which of the methods were run; NotMeasured if none was."""
