@@ -34,7 +34,7 @@ SPEED_MODELS = (
 )
 SMALL_MODEL, SMALL_METHODS = "nefertiti_299", ("cdcp warm", "import")
 REPEATED = ("factor", "cdcp")  # the others run once on large models
-LARGE = 800_000  # vertices
+LARGE = 500_000  # vertices
 ABLATION_MODELS = (
     *("nefertiti_299", "camelhead_11381", "chinese_lion", "human_face", "stanford_bunny_31593"),
     *("human_brain", "left_hand"),
@@ -87,7 +87,7 @@ def peers(session: Session) -> None:
 def speed(session: Session, repeats: Repeats = 5) -> None:
     """Measure times as multiples of one factorization, memory, growth; methods take turns.
 
-    Above 800,000 vertices all but CDCP and the factorization run once.
+    Above 500,000 vertices all but CDCP and the factorization run once.
 
     What is there already is not measured again. To start over, delete the work folder.
     """

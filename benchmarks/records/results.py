@@ -11,7 +11,7 @@ from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.reference.case import OK
 
 from .paper import row_of
-from .record import Record
+from .record import OPENED, Record
 
 __all__ = ["FROM", "Measured", "NotMeasured", "Section", "growth"]
 
@@ -38,6 +38,8 @@ class Section:
         not to be had.
     mapped : dict of str to int
         Of those that were mapped, or should have been.
+    opened : set of str
+        Of those that are no disks, see `Record.mesh`.
     maps : list of str
         The methods that make maps.
     medians : DataFrame
@@ -57,6 +59,7 @@ class Section:
             self._runs.setdefault((record.model, record.case.method), []).append(record)
         known = {r.model: r.vertices or _published_size(r.model) for r in self.records}
         self.sizes = dict(sorted(known.items(), key=lambda model: model[1]))
+        self.opened = {r.model for r in self.records if r.mesh.endswith(OPENED)}
         maps = frame[frame["boundary"] != "none"]
         self.maps = list(dict.fromkeys(maps["method"]))
         there = set(maps["model"][maps["vertices"] > 0])
