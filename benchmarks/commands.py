@@ -19,6 +19,8 @@ from .records.record import Record
 from .records.results import Measured
 from .records.store import ROOT, WORK, Work, read_results
 from .session import Machine, Out, Quick, Session, WorkFolder, with_session
+from .write.cells import in_order
+from .write.comparisons import summary_table
 from .write.drawing import draw
 from .write.figures.accuracy import CENTERS, MOBIUS
 from .write.front_page import MODELS, README, rewrite
@@ -41,6 +43,7 @@ ABLATION_MODELS = (
 )
 
 TOLD = ("surface", "method", "mean °", "SD °", "flips", "s", "s / F", "outcome")
+LONG = 400  # rows of a table that can still be read; of a longer one its sums are printed
 WIDE = 160  # columns of a table that is printed to a file
 SECONDS = 60  # limit of a case of figures --quick
 RESULTS = ROOT / "benchmarks" / "results"  # only `make bench` writes there
@@ -125,7 +128,13 @@ def _finish(session: Session, section: str, records: list[Record]) -> None:
     console = Console()
     if not console.is_terminal:
         console.width = WIDE
-    console.print(printed(cases(measured.sections[section]), TOLD))
+    results = measured.sections[section]
+    every = cases(results)
+    if len(every.rows) <= LONG:
+        console.print(printed(every, TOLD))
+    else:
+        over_all = summary_table(results, in_order(results.maps))
+        console.print(printed(over_all, over_all.headings))
     if session.part is None:
         typer.echo(session.results.with_suffix(".md"))
     else:
