@@ -27,7 +27,7 @@ lint: setup
 # What benchmarks/results has: half an hour on all surfaces. What is measured already is kept. The
 # first alone, as the others' times are a hint only: two run side by side.
 bench: setup
-	$(PYTHON) -m benchmarks speed --out benchmarks/results
+	$(PYTHON) -m benchmarks speed --repeats 3 --out benchmarks/results
 	for command in tables ablation peers; do \
 	    $(PYTHON) -m benchmarks $$command --jobs 2 --time-limit 120 --out benchmarks/results || exit; \
 	done
