@@ -24,8 +24,8 @@ lint: setup
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m mypy
 
-# What benchmarks/results has: half an hour on all surfaces. What is measured already is kept. The
-# first alone, as the others' times are a hint only: two run side by side.
+# What benchmarks/results has: about half an hour. What is measured already is kept. Times come
+# first, alone; then two cases run side by side, and theirs are a hint.
 bench: setup
 	$(PYTHON) -m benchmarks speed --repeats 3 --out benchmarks/results
 	for command in tables ablation peers; do \

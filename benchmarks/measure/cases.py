@@ -176,10 +176,9 @@ def _cases(
     reason, mesh, sizes = "", "", (0, 0, 0)
     try:
         mesh, V, F = as_disk(model, work)
+        sizes = len(V), len(F), len(DiskMesh(V, F).loop)
     except NOT_THERE as error:
         reason = f"not to be had: {error}"
-    else:
-        sizes = len(V), len(F), len(DiskMesh(V, F).loop)
     reasons = {method: reason or one.missing() for method, one in methods.items()}
     rounds = {method: repeats(method, sizes[0]) for method in methods}
     for repeat in range(max(rounds.values(), default=0)):

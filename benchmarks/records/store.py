@@ -11,8 +11,8 @@ in one table, whatever the commit is called::
 
 The lines are the journals of a batch, `cdcp_igl.batching`. A run that was killed goes on where
 it stopped: what has a line is not measured again. To start over, delete the folder. The finished
-results, ``MACHINE.json``, hold the records of the last
-call of each command together with the machine they are from.
+results, ``MACHINE.json``, hold the records of the last call of each command together with the
+machine they are from.
 """
 
 from __future__ import annotations
