@@ -76,7 +76,8 @@ def peer_tables(results: Section) -> Iterator[Table]:
         "Other programs: angular distortion",
         "Mean / SD over all corners in degrees, and flipped faces if there are any. A map with "
         "free boundary is onto no disk: compare it on angles only. MeshLab's harmonic map and BFF "
-        "disk are onto the disk, but in too few digits for a certificate.",
+        "disk are onto the disk, but in too few digits for a certificate. SLIM, ARAP and Blender's "
+        "minimum stretch keep lengths, which costs angles.",
         headings,
         grid(results, results.maps, distortion_cell(results, ".3f")),
     )
