@@ -40,9 +40,9 @@ V = np.array([row[1:] for row in rows if row[0] == "v"], dtype=float)
 F = np.array([row[1:] for row in rows if row[0] == "f"], dtype=int) - 1
 order = np.random.default_rng(1).permutation(len(V))  # its own order of vertices
 new = np.argsort(order)
-uv = V[:, :2] / 1e6 * ([-1, 1] if "--flattenToDisk" in options else [1, 1])
+uv = V[:, :2] / 1e12 * ([-1, 1] if "--flattenToDisk" in options else [1, 1])
 with open(made, "w") as out:
-    for x, y, z in V[order] * 1e-3 + 5:
+    for x, y, z in V[order] * 1e-9 + 5:
         print(f"v {{x:.6f}} {{y:.6f}} {{z:.6f}}", file=out)
     for u, v in uv:
         print(f"vt {{u:.6f}} {{v:.6f}}", file=out)

@@ -33,7 +33,7 @@ BFF = "bff-command-line"
 PR_SET_PDEATHSIG = 1  # of prctl(2)
 SLIM_STEPS = 20
 ARAP_STEPS = 100
-BFF_SIZE = 1e6  # of the mesh that it is given: what it writes has six decimals
+BFF_SIZE = 1e12  # of the mesh that it is given: what it writes has six decimals
 
 
 def versions() -> dict[str, str]:
