@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from os import PathLike
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -76,6 +78,41 @@ class RectangleMap(Shown):
     def valid(self) -> bool:
         """True for a bijection onto the rectangle."""
         return self.certificate.valid
+
+    def packed(self) -> Floats:
+        """(n, 2) the image scaled into the unit square: texture coordinates."""
+        return self.uv / max(self.modulus, 1)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the map to a file whose suffix says what.
+
+        Parameters
+        ----------
+        path : path-like
+            As in `DiskMap.save`.
+
+        Raises
+        ------
+        ValueError, OSError
+            As `DiskMap.save`.
+        """
+        from .io.saving import save
+
+        save(self, path)
+
+    def report(self) -> dict[str, Any]:
+        """Everything but the coordinates, as JSON types."""
+        return {
+            "vertices": len(self.uv),
+            "valid": self.valid,
+            "modulus": self.modulus,
+            "modulus_bounds": list(self.modulus_bounds),
+            "corners": list(self.corners),
+            "angular_distortion_degrees": asdict(self.distortion),
+            "certificate": self.certificate.report(),
+            "laplacian": self.laplacian,
+            "repaired_faces": self.repair.n_flipped,
+        }
 
     def __repr__(self) -> str:
         verdict = "valid" if self.valid else "NOT VALID"

@@ -98,6 +98,7 @@ def forget():
     [((), "sksparse"), (("sksparse",), "cvxopt"), (("sksparse", "cvxopt"), "scipy")],
 )
 def test_the_fastest_that_is_installed(monkeypatch, forget, missing, used):
+    monkeypatch.delenv("CDCP_IGL_SOLVER", raising=False)
     hide(monkeypatch, *missing)
     assert used in disk_map(*datasets.spherical_cap(4)[:2]).solver.replace("scikit-", "sk")
 
