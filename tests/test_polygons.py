@@ -78,7 +78,7 @@ def test_no_polygon_is_parted_and_every_component_becomes_a_disk(mesh):
     cut = cdcp_igl.cut(V, F, whole=whole)
     assert parted(F, cut.F, whole) == []
     np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
-    assert_disks(cut.F, len(cut.V))
+    assert_disks(cut.F, len(cut.V), F)
 
 
 @settings(max_examples=6)
@@ -107,7 +107,7 @@ def test_any_numbers_make_disks(seed, most):
     whole = np.random.default_rng(seed).integers(-most, most, len(F))
     cut = cdcp_igl.cut(V, F, whole=whole)
     np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
-    assert_disks(cut.F, len(cut.V))
+    assert_disks(cut.F, len(cut.V), F)
 
 
 def test_only_which_faces_have_the_same_number_matters():
