@@ -203,7 +203,7 @@ def _refuse_chords(mesh: DiskMesh, sides: list[Ints]) -> None:
 def _mapped(mesh: DiskMesh, L: Laplacian, name: str, sides: list[Ints]) -> RectangleMap:
     """Solve for both coordinates, scale them by the modulus, and certify."""
     bottom, right, top, left = sides
-    order, _ = elimination_order(L, mesh.V)
+    order = elimination_order(L, mesh.V)
     matrix = L.matrix()
     u = _harmonic(L, order, zero=left, one=right)
     v = _harmonic(L, order, zero=bottom, one=top)

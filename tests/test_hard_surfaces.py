@@ -47,7 +47,7 @@ def test_no_other_method_is_better_where_the_boundary_is_short(rings, seed):
     mean = cdcp_igl.disk_map(V, F).distortion.mean
     paper = cdcp_igl.disk_map(V, F, preset="paper").distortion.mean
     others = [cdcp_igl.angle_distortion(V, F, method(V, F)).mean() for method in (fdcp, harmonic)]
-    assert mean < 1.005 * min(paper, *others)
+    assert mean < 1.02 * min(paper, *others)
 
 
 def split_triangle(corners, parts):
