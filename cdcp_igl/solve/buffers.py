@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from mmap import mmap
 
 import numpy as np
@@ -16,8 +15,9 @@ __all__ = ["take_buffers"]
 # below NumPy. Where there is no address space for it, it tries for ever, or ends the process.
 ROOM = 192 << 20  # bytes
 
+_taken: set[str] = set()  # packages whose buffers are there
 
-@cache
+
 def take_buffers(solver: Solver) -> None:
     """Let the BLAS of a solver and that of NumPy take their buffers, once.
 
@@ -26,6 +26,8 @@ def take_buffers(solver: Solver) -> None:
     MemoryError
         If there is too little address space for them.
     """
+    if solver.PACKAGE in _taken:
+        return
     try:
         mmap(-1, ROOM).close()
     except OSError as error:
@@ -33,3 +35,4 @@ def take_buffers(solver: Solver) -> None:
         raise MemoryError(needed) from error
     solver.Factorization(identity(1, format="csc"), True)
     np.linalg.lstsq(np.eye(1), np.ones(1), rcond=None)
+    _taken.add(solver.PACKAGE)
