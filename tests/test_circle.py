@@ -16,7 +16,6 @@ from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.laplacian import (
     Laplacian,
     cotangent_laplacian,
-    intrinsic_delaunay_laplacian,
 )
 from cdcp_igl.steps.circle import (
     FALLBACKS,
@@ -30,9 +29,9 @@ from cdcp_igl.steps.circle.geodesic import geodesic_map
 from cdcp_igl.steps.circle.harmonic_measure import harmonic_shares
 from cdcp_igl.steps.circle.whiten import whiten_trace
 from cdcp_igl.steps.extension import harmonic_extension
-from cdcp_igl.steps.trace import boundary_trace, conjugate_trace
 from cdcp_igl.steps.mobius import mobius_transformation
 from cdcp_igl.steps.repair import Repair, unfold
+from cdcp_igl.steps.trace import boundary_trace, conjugate_trace
 from cdcp_igl.surface.mesh import DiskMesh
 
 
