@@ -74,6 +74,13 @@ def test_no_other_method_is_much_better_on_needles(parts, height, tip):
     assert mean < 1.2 * min(others)
 
 
+@pytest.mark.parametrize("name", ["camelhead_11381", "femur_2411"])
+def test_no_other_method_is_better_where_the_boundary_is_coarse(name, real_mesh):
+    V, F = real_mesh(name)
+    by_fdcp = cdcp_igl.angle_distortion(V, F, fdcp(V, F)).mean()
+    assert cdcp_igl.disk_map(V, F).distortion.mean < by_fdcp
+
+
 def test_refined_maps_do_not_depend_on_the_threads_of_blas():
     V, F, _ = cdcp_igl.datasets.spherical_cap(70)
     V = V + 0.02 * np.sin(9 * V[:, [1, 2, 0]])
