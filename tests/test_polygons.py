@@ -207,18 +207,19 @@ def test_so_does_a_batch(tmp_path):
         assert_only_texture_was_added(path, tmp_path / "maps" / path.name)
 
 
-def test_polygons_on_no_disk_stay_without_texture(tmp_path):
+def test_polygons_on_no_disk_stay(tmp_path):
+    """One that repeats another has its texture; one with a corner of its own has none."""
     V, polygons = SCENES["torus"]()
     given, out = tmp_path / "given.obj", tmp_path / "out.obj"
-    write_scene(given, V, [*polygons, polygons[7], [0, 0, 1, 0]])
+    own = len(V)
+    write_scene(given, np.vstack([V, [9, 9, 9]]), [*polygons, polygons[7], [0, own, 0]])
     run = CliRunner().invoke(app, ["map", str(given), str(out), "--cut"])
     assert run.exit_code == 0, run.output
     assert "left out 2 faces that repeated another" in run.output
     assert_only_texture_was_added(given, out)
     faces = [line for line in out.read_text().splitlines() if line.startswith("f ")]
-    assert [bool(re.search(r"\d/\d", face)) for face in faces] == [True] * len(polygons) + [
-        False
-    ] * 2
+    textured = [bool(re.search(r"\d/\d", face)) for face in faces]
+    assert textured == [True] * (len(polygons) + 1) + [False]
 
 
 def test_polygons_are_read_from_files(tmp_path):

@@ -16,6 +16,7 @@ from ..arrays import Floats, Ints
 from ..atlas import SurfaceMap, surface_map
 from ..distortion import area_distortion
 from ..io import whole_file, write_map
+from ..io.writing import MapResult
 from ..result import DiskMap
 from ..steps.phases import Progress
 from ..surface.cleaning import clean
@@ -70,20 +71,19 @@ class Mapped:
             If it cannot be written.
         """
         suffix, disk = target.suffix.lower(), settings.disk
-        # An obj file keeps whatever else is in it, and faces on no disk as well.
-        same = {suffix, source.suffix.lower()} == {".obj"} and not settings.clean
-        rows = np.arange(len(self.F)) if same else self.written
-        if isinstance(self.result, DiskMap):
+        V, F, like = self.V[: self.n_written], self.F[self.written], None
+        uv: MapResult | Floats
+        if {suffix, source.suffix.lower()} == {".obj"} and not settings.clean:
+            # It keeps whatever else is in it, and faces on no disk as well.
+            F, uv, like = self.F, self.result, source
+        elif isinstance(self.result, DiskMap):
             uv = self.result.uv[: self.n_written]
+        elif disk or suffix == ".npz":
+            uv = self.result.uv[self.written]
         else:
-            if not disk and suffix != ".npz":
-                uv, disk = self.result.packed()[rows], True  # in the unit square already
-            else:
-                uv = self.result.uv[rows]
-            uv[self.result.face_disk[rows] < 0] = np.nan
-        V, F = self.V[: self.n_written], self.F[rows]
+            uv, disk = self.result.packed()[self.written], True  # in the unit square already
         with whole_file(target) as unfinished:
-            write_map(unfinished, V, F, uv, disk=disk, like=source if same else None)
+            write_map(unfinished, V, F, uv, disk=disk, like=like)
             if suffix == ".npz" and self.indices:
                 _add_arrays(unfinished, self.indices)
             put_stamp(unfinished, stamp)
