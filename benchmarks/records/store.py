@@ -16,8 +16,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -29,6 +28,7 @@ import cdcp_igl
 from cdcp_igl.arrays import Floats
 from cdcp_igl.io import whole_file
 
+from .lines import Lines
 from .record import Record
 
 __all__ = ["PACKAGES", "ROOT", "WORK", "Work", "code", "read_results", "write_results"]
@@ -49,35 +49,20 @@ class Work:
 
     def __init__(self, folder: Path | None = None) -> None:
         self.folder = folder or WORK / code()
-        self._file = self.folder / "records.jsonl"
+        self._lines = Lines(self.folder / "records.jsonl")
 
     def records(self) -> list[Record]:
         """All records, in the order of measurement; a half-written last line does not count."""
-        return list(self._read())
-
-    def _read(self) -> Iterator[Record]:
-        if not self._file.exists():
-            return
-        for line in self._file.read_text(encoding="utf-8").splitlines(keepends=True):
-            if line.endswith("\n"):
-                yield Record.of_json(json.loads(line))
+        return [Record.of_json(row) for row in self._lines.read()]
 
     def append(self, record: Record, uv: Floats | None = None) -> None:
         """Keep a record, and the map if there is one; once this returns, they are on disk."""
-        self.folder.mkdir(parents=True, exist_ok=True)
         if uv is not None:
             path = self.map_path(record.model, record.case.method)
-            path.parent.mkdir(exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             with whole_file(path) as unfinished:
                 np.savez(unfinished, uv=uv)
-        with self._file.open("ab+") as file:
-            end = file.seek(0, os.SEEK_END)
-            if end:  # a line that a killed run left unfinished goes
-                kept = self._file.read_bytes().rfind(b"\n") + 1
-                file.truncate(kept)
-            file.write(_line(record).encode() + b"\n")
-            file.flush()
-            os.fsync(file.fileno())
+        self._lines.append(record.row())
 
     def map_path(self, model: str, method: str) -> Path:
         """Where the map of the section "tables" is kept, if it was valid."""

@@ -119,7 +119,7 @@ def write_map(
     positions = np.zeros((np.shape(V)[0], 3))
     positions[:, : np.shape(V)[1]] = V
     if not disk:
-        plane = uv.packed() if hasattr(uv, "packed") else (plane + 1) / 2
+        plane = _of_whole_faces(uv.packed()) if hasattr(uv, "packed") else (plane + 1) / 2
     if plane.ndim == 2:
         texture, FT, vertex = plane, faces, np.arange(len(plane))
     else:
@@ -161,7 +161,7 @@ def _check_options(
 
 def _map(uv: ArrayLike | MapResult, n: int, m: int) -> Floats:
     """Take uv as an array; ValueError if it is no map of n vertices or m faces."""
-    plane = np.asarray(getattr(uv, "uv", uv))
+    plane = _of_whole_faces(uv.uv) if hasattr(uv, "uv") else np.asarray(uv)
     if plane.dtype.kind not in "iuf" or plane.shape not in ((n, 2), (m, 3, 2)):
         raise ValueError(
             f"uv has shape {plane.shape}: it must be ({n}, 2), a row a vertex, "
@@ -173,6 +173,13 @@ def _map(uv: ArrayLike | MapResult, n: int, m: int) -> Floats:
     if len(bad):
         raise ValueError(f"uv is NaN or infinite in {len(bad):,} rows, the first {bad[0]}.")
     return plane.astype(np.float64, copy=False)
+
+
+def _of_whole_faces(plane: Floats) -> Floats:
+    """Put a face on no disk if one of its corners is on none, which a result may have."""
+    if plane.ndim == 3 and np.isnan(plane).any():
+        return np.where(np.isnan(plane).any(axis=(1, 2), keepdims=True), np.nan, plane)
+    return plane
 
 
 def _check_like(like: Path, V: Floats, F: Ints) -> None:
