@@ -161,6 +161,8 @@ def _facts(results: Section, model: str) -> Iterator[tuple[str, str]]:
     yield "Vertices", f"{of.vertices:,}"
     yield "Faces", f"{of.faces:,}"
     yield "Boundary vertices", f"{of.boundary_vertices:,}"
+    if model in results.opened:
+        yield "Opened", "the largest disk of its surface_map, holes filled"
     row = published(model)
     if row:
         yield "In the paper", row.name if row.own == "own" else f"{row.name} ({row.own})"
