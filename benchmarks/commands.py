@@ -15,6 +15,7 @@ from .measure.fuzzing import fuzz
 from .measure.machine import MACHINE
 from .measure.methods import METHODS, maps
 from .measure.peers import PEERS
+from .measure.punctures import punctures
 from .records.record import Record
 from .records.results import Measured
 from .records.store import ROOT, WORK, Work, read_results
@@ -56,6 +57,7 @@ app = typer.Typer(
 )
 app.command()(fuzz)
 app.command()(surfaces)
+app.command()(punctures)
 app.command()(solvers)
 
 

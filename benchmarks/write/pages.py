@@ -173,7 +173,7 @@ def _facts(results: Section, model: str) -> Iterator[tuple[str, str]]:
             flipped, rounds = details["repair"]["flipped_faces"], details["repair"]["rounds"]
             yield "Repair", f"{flipped:,} faces in {rounds} rounds" if flipped else "not needed"
             w = np.hypot(*details["mobius"]["w"])
-            yield "Möbius", f"{details['mobius']['method']}, |w| = {w:.4f}"
+            yield "Möbius", f"{details['mobius']['method']}, moves w to the centre, |w| = {w:.4f}"
             yield "Solver", details["solver"]
 
 
