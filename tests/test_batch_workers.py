@@ -133,8 +133,9 @@ def test_an_executor_that_breaks(scans, tmp_path):
 @pytest.fixture
 def cluster(unruly):
     distributed = pytest.importorskip("distributed")
+    # Port 0 is any that is free; without it the first of two suites on one machine has 8787.
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
     ) as cluster:
         yield cluster
 
