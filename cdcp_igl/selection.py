@@ -17,18 +17,20 @@ from .result import DiskMap
 from .solve.factored import FactoredSurface
 from .steps.alignment import rotate
 from .steps.center import Center
-from .steps.circle import BoundaryMethod, CircleMap, Rejected, hold_open
+from .steps.circle import BoundaryMethod, Rejected, hold_open
 from .steps.conformality import Conformality, judge
+from .steps.harmonic_map import HarmonicMap
 from .steps.mobius import MobiusMethod, Normalization, normalize
 from .steps.options import Options
 from .steps.phases import Phases
 from .steps.refine import Refinement, lower_angle_distortion
-from .steps.remote import Remote
 from .steps.repair import Repair, embed, mend, unfold
 from .steps.straightening import Straightening
+from .steps.trimming import Trimmed
+from .steps.unfolding import keep_faces
 from .surface.mesh import DiskMesh
 
-__all__ = ["HarmonicMap", "best_map"]
+__all__ = ["best_map"]
 
 log = logging.getLogger("cdcp_igl")
 
@@ -39,8 +41,10 @@ COARSE = 0.2
 # steps of refinement even if none are asked for.
 EXCESS = 1.05
 STEPS_DUE = 2
-# So are these, of a map whose interior had to be replaced.
-STEPS_AFTER_REPAIR = 10
+# A map that is not conformal, or whose interior had to be replaced, has up to so many, as long as
+# each lowers the objective by this share.
+MOST_STEPS = 20
+WORTH = 0.01
 # If a larger share of the faces is flipped, other maps come first: those of the intrinsic
 # Delaunay Laplacian have a hundredth of the flipped faces of the cotangent one on slivers.
 MANY_FLIPPED = 0.003
@@ -48,27 +52,6 @@ MANY_FLIPPED = 0.003
 HOPELESS = 10
 MUCH_REPAIRED = 0.5
 REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
-
-
-@dataclass(frozen=True, eq=False)
-class HarmonicMap:
-    """The map before its normalisation, and where it comes from.
-
-    Attributes
-    ----------
-    f : (n,) complex128
-    boundary : CircleMap
-    remote : Remote or None
-        What is too close to the circle for f to tell its vertices apart.
-    center : Center
-    straightening : Straightening
-    """
-
-    f: Complex
-    boundary: CircleMap
-    remote: Remote | None
-    center: Center
-    straightening: Straightening
 
 
 Way = Callable[[Phases], HarmonicMap]  # to a harmonic map; raises Rejected where there is none
@@ -97,8 +80,8 @@ class Candidate:
     @property
     def steps_due(self) -> int:
         """Steps of refinement for a map that is measurably not near the conformal one."""
-        if self.repair.n_moved > MUCH_REPAIRED * len(self.f):
-            return STEPS_AFTER_REPAIR
+        if not self.conformality or self.repair.n_moved > MUCH_REPAIRED * len(self.f):
+            return MOST_STEPS
         unlike = self.straightening.gain > COARSE or self.conformality.excess > EXCESS
         return STEPS_DUE if unlike else 0
 
@@ -202,7 +185,17 @@ def _normalized(
 def _unfolded(
     mesh: DiskMesh, harmonic: HarmonicMap, failed: Candidate, options: Options, phase: Phases
 ) -> Candidate:
-    """Repair a map at whatever cost, and judge it; without a Möbius transformation."""
+    """Find a valid map with this boundary at whatever cost, and judge it.
+
+    If the faces that are turned over cannot be kept, the interior is replaced, without a
+    Möbius transformation.
+    """
+    with phase("extension"):
+        kept = keep_faces(mesh, harmonic, straightened=not options.paper)
+    if kept is not harmonic:
+        candidate = _normalized(mesh, kept, options, phase)
+        if candidate.certificate.valid:
+            return candidate
     repaired = embed if failed.repair.rounds else unfold
     candidate = _repaired(mesh, harmonic, options, None, repaired, phase)
     if options.mobius_method is None:
@@ -263,28 +256,36 @@ def _refined(
 ) -> Candidate:
     """Lower the angular distortion beyond that of the harmonic map."""
     with phase("refine") as advance:
+        trimmed = Trimmed(mesh, candidate.f)
         f, refinement = lower_angle_distortion(
-            mesh,
-            candidate.f,
-            order,
+            trimmed.mesh,
+            trimmed.f,
+            trimmed.order(order),
             steps,
             options.refine_norm,
             seconds=options.refine_seconds,
-            turn=lambda f: hold_open(mesh, rotate(mesh, f, options.align))[0],
+            enough=lambda taken, gain: taken >= options.refine and gain < WORTH,
+            opened=lambda f: hold_open(trimmed.mesh, f)[0],
             advance=advance,
         )
+        # Turned once, at the end: it rounds all coordinates, and small faces feel it.
+        f, _ = hold_open(mesh, rotate(mesh, trimmed.completed(f), options.align))
+    with phase("repair"):
+        f, repair = mend(mesh, f)
     if refinement.stopped:
         log.info("refinement: %s", refinement)
     closely = candidate.repair.n_flipped > 0
     certificate, errors, conformality = _judged(mesh, f, phase, closely=closely)
-    return replace(
+    refined = replace(
         candidate,
         f=f,
         certificate=certificate,
         errors=errors,
         conformality=conformality,
         refinement=refinement,
+        repair=replace(candidate.repair, n_moved=max(candidate.repair.n_moved, repair.n_moved)),
     )
+    return refined if certificate.valid else candidate
 
 
 def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskMap:

@@ -25,7 +25,8 @@ __all__ = ["Refinement", "WeightedLaplacian", "gauss_newton_step", "lower_angle_
 ROUNDING = np.radians(0.1)  # below this angle |r|^p is rounded off to a parabola
 CG_ITERATIONS = 3  # lower the objective to within 0.3 % of what the solved system would
 DAMPINGS = (0, 1, 10, 100)  # tried in turn
-HALVINGS = 6  # of a step, before it is computed again with more damping
+HALVINGS = 10  # of a step, before it is computed again with more damping
+SMALLEST_SCALE = 0.1  # of a step at a face that it flips; where that is too much, vertices stay
 LOWERING = 0.5  # of p from 2 to the norm, with each step that needs no damping
 SHIFT = 1e-10  # of the unit diagonal: keeps rounding from an indefinite matrix
 
@@ -41,7 +42,8 @@ class Refinement:
     steps : int
         Steps that were taken.
     stopped : str
-        Why they are fewer: ``"no improvement"`` or ``"time limit"``; empty if they are not.
+        Why they are fewer: ``"no improvement"``, ``"little to gain"`` of steps that were not
+        asked for, or ``"time limit"``; empty if they are not.
     norm : float
         The exponent p.
     before, after : float
@@ -74,7 +76,8 @@ def lower_angle_distortion(
     norm: float,
     *,
     seconds: float = np.inf,
-    turn: Callable[[Complex], Complex] = lambda f: f,
+    enough: Callable[[int, float], bool] = lambda taken, gain: False,
+    opened: Callable[[Complex], Complex] = lambda f: f,
     advance: Callable[[float], None] = lambda done: None,
 ) -> tuple[Complex, Refinement]:
     """Lower the sum of |angle error|^p over all corners; boundary vertices slide on the circle.
@@ -99,9 +102,12 @@ def lower_angle_distortion(
         The exponent p, from 1 to 2.
     seconds : float
         After so many no step is begun; one that has been begun is finished.
-    turn : callable
-        Applied to the map after each step: angles do not tell a map from one turned about 0,
-        and boundary vertices come back onto the circle with rounding errors of their own.
+    enough : callable
+        Given the number of steps taken and the share of the objective that the last one has
+        removed, says whether to end here.
+    opened : callable
+        Applied to the map after each step, to make room for what rounding has collapsed as
+        boundary vertices come back onto the circle.
     advance : callable
         Called with the share of the steps that is done, after each.
 
@@ -135,15 +141,18 @@ def lower_angle_distortion(
             stopped = "time limit"
         else:
             step = gauss_newton_step(mesh, f, r, p, DAMPINGS[attempt], laplacian)
-            found = _line_search(mesh, f, step, norm, objective, turn)
+            found = _line_search(mesh, f, step, norm, objective, opened)
             if found is None:
                 attempt += 1
             else:
                 if attempt == 0:
                     p = max(norm, p - LOWERING)
+                gain = 1 - found[2] / objective
                 f, r, objective = found
                 taken, attempt = taken + 1, max(attempt - 1, 0)
                 advance(taken / steps)
+                if taken < steps and enough(taken, gain):
+                    stopped = "little to gain"
     return f, Refinement(steps, taken, stopped, norm, before, objective)
 
 
@@ -153,7 +162,7 @@ def _line_search(
     step: Complex,
     norm: float,
     objective: float,
-    turn: Callable[[Complex], Complex],
+    opened: Callable[[Complex], Complex],
 ) -> tuple[Complex, Floats, float] | None:
     """Halve a step until the objective falls, and at faces that it flips until it does not.
 
@@ -161,10 +170,11 @@ def _line_search(
     """
     scale = np.ones(len(f))
     for _ in range(HALVINGS):
-        trial = turn(_slide(mesh, f, scale * step))
+        trial = opened(_slide(mesh, f, scale * step))
         certificate = certify(mesh, coordinates(trial))
         if len(certificate.flipped):
-            scale[np.unique(mesh.F[certificate.flipped])] /= 2
+            corners = np.unique(mesh.F[certificate.flipped])
+            scale[corners] = np.where(scale[corners] > SMALLEST_SCALE, scale[corners] / 2, 0)
             continue
         r = angle_errors(mesh, trial)
         value = _power_mean(r, norm)
@@ -321,10 +331,14 @@ def _last(corners: Array) -> Array:
 
 
 def _slide(mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
-    """Move a map by a displacement; the boundary by its angle, so that it stays on the circle."""
-    moved, boundary = f + step, f[mesh.loop]
-    turned = boundary * np.exp(step[mesh.loop] / boundary)  # by i times a real number
-    moved[mesh.loop] = turned / abs(turned)
+    """Move a map by a displacement; the boundary by its angle, so that it stays on the circle.
+
+    What has no displacement stays to the last bit.
+    """
+    moved, sliding = f + step, mesh.loop[step[mesh.loop] != 0]
+    boundary = f[sliding]
+    turned = boundary * np.exp(step[sliding] / boundary)  # by i times a real number
+    moved[sliding] = turned / abs(turned)
     return moved
 
 
