@@ -20,11 +20,11 @@ from .solve.solvers import SolverName, using
 from .steps.center import Center, CenterMethod, central_face
 from .steps.circle import FALLBACKS, Rejected, by_trace, whitened_geodesic_map
 from .steps.circle.geodesic import geodesic_map
-from .steps.dipole import boundary_trace
 from .steps.harmonic_map import HarmonicMap
 from .steps.mobius import MobiusMethod, normalize
 from .steps.options import Options
 from .steps.phases import Phases, Progress
+from .steps.trace import boundary_trace, conjugate_trace
 from .surface.mesh import DiskMesh
 
 __all__ = ["Attempts", "Steps", "algorithm_1", "cdcp", "disk_map"]
@@ -129,8 +129,8 @@ def disk_map(
         the machine; without a limit, equal inputs have equal outputs.
     preset : {"paper"} or None
         ``"paper"`` follows the paper to the letter where it is right: coldest face by
-        heat, no whitening of the trace, Nelder-Mead over all faces. Not to be combined
-        with `center` and `mobius`.
+        heat, the trace by eq. (18) and without whitening, Nelder-Mead over all faces. Not to be
+        combined with `center` and `mobius`.
     solver : {"scikit-sparse", "cvxopt", "scipy"} or None
         What factors the matrices: CHOLMOD by either package, or SuperLU. None is what the
         environment variable ``CDCP_IGL_SOLVER`` names, or else the first that is installed.
@@ -206,7 +206,7 @@ class Steps:
     center : callable
         The central face of a `FactoredSurface`, sect. 4.1.
     trace : callable
-        The boundary trace (nB,) for a surface and its central face, eq. (18).
+        The boundary trace (nB,) for a surface and its central face, Theorem 1.
     circle : callable
         The exterior map of a closed curve (nB,) onto the circle, eqs. (1)-(6).
     mobius : {"angle", "area", "nelder-mead"} or None
@@ -217,7 +217,7 @@ class Steps:
     """
 
     center: Callable[[FactoredSurface], Center] = central_face
-    trace: Callable[[FactoredSurface, int], Complex] = boundary_trace
+    trace: Callable[[FactoredSurface, int], Complex] = conjugate_trace
     circle: Callable[[Complex], Complex] = whitened_geodesic_map
     mobius: MobiusMethod | None = "angle"
     straightened: bool = True
@@ -228,7 +228,7 @@ class Steps:
         if options.paper:
             coldest = partial(central_face, center="heat", well_shaped=False)
             return cls(
-                coldest, circle=geodesic_map, mobius=options.mobius_method, straightened=False
+                coldest, boundary_trace, geodesic_map, options.mobius_method, straightened=False
             )
         return cls(partial(central_face, center=options.center), mobius=options.mobius_method)
 
@@ -273,7 +273,7 @@ class Attempts:
         tau_c = self._center
         if number == 0:
             with phase("trace"):
-                h_B = steps.trace(surface, tau_c.face)  # (18), Theorem 1
+                h_B = steps.trace(surface, tau_c.face)  # Theorem 1
             with phase("circle"):
                 boundary = by_trace(surface, h_B, steps.circle)  # (1)-(6)
         else:

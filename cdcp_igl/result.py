@@ -64,7 +64,7 @@ class DiskMap(Bijection, Shown):
         How far the angular distortion was lowered beyond that of the harmonic map;
         None if that was not asked for.
     solver : str
-        Sparse solver, version, ordering, mode and number of factorizations.
+        Sparse solver, version, ordering and mode.
     timings : dict of str to float
         Seconds per phase.
 

@@ -16,7 +16,6 @@ from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.laplacian import (
     Laplacian,
     cotangent_laplacian,
-    intrinsic_delaunay_laplacian,
 )
 from cdcp_igl.steps.circle import (
     FALLBACKS,
@@ -29,10 +28,10 @@ from cdcp_igl.steps.circle import (
 from cdcp_igl.steps.circle.geodesic import geodesic_map
 from cdcp_igl.steps.circle.harmonic_measure import harmonic_shares
 from cdcp_igl.steps.circle.whiten import whiten_trace
-from cdcp_igl.steps.dipole import boundary_trace
 from cdcp_igl.steps.extension import harmonic_extension
 from cdcp_igl.steps.mobius import mobius_transformation
 from cdcp_igl.steps.repair import Repair, unfold
+from cdcp_igl.steps.trace import boundary_trace, conjugate_trace
 from cdcp_igl.surface.mesh import DiskMesh
 
 
@@ -165,10 +164,10 @@ def test_harmonic_measure_converges_to_the_poisson_kernel(c):
     for n in (10, 20, 40):
         V, F, z = cdcp_igl.datasets.spherical_cap(n)
         mesh = DiskMesh(V, F)
-        L = intrinsic_delaunay_laplacian(mesh)
+        surface = FactoredSurface.of(mesh).delaunay
         z = z @ [1, 1j]
         face = abs(z[F].mean(axis=1) - c).argmin()
-        steps = harmonic_shares(mesh, L, Factor(mesh, L), face)
+        steps = harmonic_shares(surface, face)
         exact = increments(mobius_transformation(z, z[F[face]].mean())[mesh.loop]) / (2 * np.pi)
         assert (steps > 0).all()
         assert steps.sum() == pytest.approx(1)
@@ -183,9 +182,9 @@ def test_harmonic_measure_keeps_its_digits_where_it_is_tiny():
     for length in lengths:
         V, F = meshes.corridor(length)
         mesh = DiskMesh(V, F)
-        L = intrinsic_delaunay_laplacian(mesh)
+        surface = FactoredSurface.of(mesh).delaunay
         face = np.linalg.norm(V[F].mean(axis=1) - V.mean(axis=0), axis=1).argmin()
-        smallest.append(harmonic_shares(mesh, L, Factor(mesh, L), face).min())
+        smallest.append(harmonic_shares(surface, face).min())
     rate = np.diff(np.log(smallest)) / np.diff(lengths)
     assert smallest[-1] < 1e-30
     np.testing.assert_allclose(rate, -np.pi / 2, rtol=0.05)
@@ -208,8 +207,7 @@ def test_harmonic_measure_is_far_better_than_arc_length():
     result = cdcp_igl.disk_map(V, F)
     assert result.trace.name == "harmonic measure"
     mesh = DiskMesh(V, F)
-    L = intrinsic_delaunay_laplacian(mesh)
-    f = harmonic_extension(mesh, L, Factor(mesh, L), arc_length_map(mesh))
+    f = harmonic_extension(FactoredSurface.of(mesh).delaunay, arc_length_map(mesh))
     arc = AngleDistortion.of(np.degrees(abs(angle_errors(mesh, unfold(mesh, f)[0]))))
     assert result.distortion.mean < arc.mean / 1.5
 
@@ -300,8 +298,8 @@ def test_a_collapsed_ear_is_held_open_by_the_last_digits(turn):
     assert np.flatnonzero(g != f).tolist() == [mesh.loop[tip]]
 
 
-def test_harmonic_measure_does_not_see_the_boundary_edges():
-    """Obtuse angles opposite the boundary make negative weights, which the trace does see."""
+def test_given_boundary_values_do_not_see_the_boundary_edges():
+    """Obtuse angles opposite the boundary make negative weights, which eq. (18) does see."""
     V, F, _ = cdcp_igl.datasets.paraboloid(8)
     mesh = DiskMesh(V, F)
     L = cotangent_laplacian(mesh)
@@ -309,9 +307,6 @@ def test_harmonic_measure_does_not_see_the_boundary_edges():
     other = Laplacian.of(L.low, L.high, np.where(along, 0.5, 1) * L.weights, len(V))
     one, two = (FactoredSurface(mesh, M, Factor(mesh, M)) for M in (L, other))
     face = len(F) // 2
-    np.testing.assert_allclose(
-        harmonic_shares(mesh, one.laplacian, one.factor, face),
-        harmonic_shares(mesh, two.laplacian, two.factor, face),
-        rtol=1e-12,
-    )
+    for seen in (harmonic_shares, conjugate_trace):
+        np.testing.assert_array_equal(seen(one, face), seen(two, face))
     assert abs(boundary_trace(one, face) - boundary_trace(two, face)).max() > 0.01

@@ -2,8 +2,7 @@ import meshes
 import numpy as np
 import pytest
 
-from cdcp_igl.solve.factored import FactoredSurface
-from cdcp_igl.steps.dipole import boundary_trace, face_dipole
+from cdcp_igl.steps.dipole import face_dipole
 from cdcp_igl.surface.mesh import DiskMesh
 
 
@@ -22,9 +21,3 @@ def test_dipole_is_the_gradient_on_its_face(face):
     y = (mesh.V - mesh.V[i]) @ height / np.linalg.norm(height)
     assert r @ x == pytest.approx(length)
     assert r @ y == pytest.approx(-1j * length)
-
-
-def test_trace_is_clockwise():
-    surface = FactoredSurface.of(DiskMesh(*meshes.grid()))
-    z = boundary_trace(surface, 33)
-    assert (z.conj() * np.roll(z, -1)).imag.sum() < 0

@@ -2,56 +2,39 @@ import meshes
 import numpy as np
 import pytest
 
-from cdcp_igl.solve import factor as factor_module
 from cdcp_igl.solve.factor import Factor
+from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.laplacian import cotangent_laplacian
-from cdcp_igl.solve.solvers import solver
 from cdcp_igl.surface.mesh import DiskMesh
 
 RNG = np.random.default_rng(0)
 
 
-@pytest.fixture(params=["one factorization", "two factorizations"])
-def count(request, monkeypatch):
-    if request.param == "one factorization" and not solver().TRIANGULAR:
-        pytest.skip("this solver always makes two")
-    if request.param == "two factorizations":
-        monkeypatch.setattr(factor_module, "LONG_BOUNDARY", 0)
-        monkeypatch.setattr(factor_module, "SHORT_BOUNDARY", 0)
-    return request.param
-
-
 @pytest.mark.parametrize("make", [meshes.grid, meshes.fan], ids=["grid", "fan"])
-def test_both_solves(make, count):
+def test_it_solves_with_the_interior_block(make):
     mesh = DiskMesh(*make())
     L = cotangent_laplacian(mesh)
-    factor = Factor(mesh, L)
-    assert count in factor.solver
-
-    r = RNG.normal(size=(len(mesh.V), 2)) @ [1, 1j]
-    r -= r.mean()
-    h = factor.solve_pinned(r)
-    assert h[mesh.loop[0]] == 0
-    np.testing.assert_allclose(L.matrix() @ h, r, atol=1e-12)
-
-    I = mesh.interior  # noqa: E741
-    b = RNG.normal(size=(len(I), 2)) @ [1, 1j]
-    x = factor.solve_interior(b)
-    np.testing.assert_allclose(L.matrix()[I][:, I] @ x, b, atol=1e-12)
+    b = RNG.normal(size=(len(mesh.V), 2)) @ [1, 1j]
+    x = Factor(mesh, L).solve(b)
+    assert (x[mesh.loop] == 0).all()
+    np.testing.assert_allclose((L.matrix() @ x)[mesh.interior], b[mesh.interior], atol=1e-12)
 
 
 def test_no_interior():
     mesh = DiskMesh(*meshes.strip())
     factor = Factor(mesh, cotangent_laplacian(mesh))
-    assert factor.solve_interior(np.empty(0, complex)).shape == (0,)
+    assert (factor.solve(np.ones(len(mesh.V))) == 0).all()
 
 
-def test_shared_factor_is_as_accurate_as_a_separate_one(real_mesh, monkeypatch):
-    mesh = DiskMesh(*real_mesh("human_face_17157"))
-    L = cotangent_laplacian(mesh)
-    b = np.ones(len(mesh.interior), complex)
-    shared = Factor(mesh, L).solve_interior(b)
-    monkeypatch.setattr(factor_module, "LONG_BOUNDARY", 0)
-    monkeypatch.setattr(factor_module, "SHORT_BOUNDARY", 0)
-    separate = Factor(mesh, L).solve_interior(b)
-    assert abs(shared - separate).max() < 1e-11 * abs(separate).max()
+def test_the_order_is_of_the_interior_vertices():
+    mesh = DiskMesh(*meshes.grid())
+    order = Factor(mesh, cotangent_laplacian(mesh)).order
+    np.testing.assert_array_equal(np.sort(order), mesh.interior)
+
+
+def test_coupling_is_the_block_between_interior_and_boundary():
+    surface = FactoredSurface.of(DiskMesh(*meshes.grid()))
+    mesh, L = surface.mesh, surface.laplacian.matrix().toarray()
+    coupling = surface.coupling.toarray()
+    np.testing.assert_array_equal(coupling[mesh.interior], L[np.ix_(mesh.interior, mesh.loop)])
+    assert (coupling[mesh.loop] == 0).all()

@@ -33,10 +33,8 @@ def test_separators_separate(mesh):
 
 
 @ordered
-def test_parts_come_before_their_separator(mesh, monkeypatch):
-    monkeypatch.setattr(ordering, "LARGE", 0)
-    order, name = elimination_order(cotangent_laplacian(mesh), mesh.V)
-    assert name == "nested dissection and AMD"
+def test_parts_come_before_their_separator(mesh):
+    order = elimination_order(cotangent_laplacian(mesh), mesh.V)
     assert (np.sort(order) == np.arange(len(mesh.V))).all()
     part = dissected(mesh.edges.low, mesh.edges.high, mesh.V)
     assert (np.diff(part[order]) >= 0).all()
@@ -45,11 +43,11 @@ def test_parts_come_before_their_separator(mesh, monkeypatch):
 @ordered
 def test_the_order_changes_solutions_by_rounding_only(mesh, monkeypatch):
     L = cotangent_laplacian(mesh)
-    b = np.random.default_rng(0).normal(size=len(mesh.interior))
+    b = np.random.default_rng(0).normal(size=len(mesh.V))
     plain = Factor(mesh, L)
     monkeypatch.setattr(ordering, "LARGE", 0)
     cut = Factor(mesh, L)
     assert "AMD ordering" in plain.solver
     assert "nested dissection" not in plain.solver
     assert "nested dissection and AMD ordering" in cut.solver
-    np.testing.assert_allclose(cut.solve_interior(b), plain.solve_interior(b), rtol=1e-10)
+    np.testing.assert_allclose(cut.solve(b), plain.solve(b), rtol=1e-10)

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 import cdcp_igl
+from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.reference import double_cover, double_cover_trace
 from cdcp_igl.reference.doubled import doubled_faces, doubled_laplacian
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.laplacian import cotangent_laplacian
 from cdcp_igl.steps.center import central_face
-from cdcp_igl.steps.dipole import boundary_trace
+from cdcp_igl.steps.trace import boundary_trace
 from cdcp_igl.surface.mesh import DiskMesh
 
 PYRAMID = (
@@ -49,4 +50,5 @@ def test_theorem_1_both_systems_give_the_same_trace_up_to_shift_and_scale(name, 
 @pytest.mark.parametrize("name", ["nefertiti_299", "chinese_lion_17334"])
 def test_the_map_is_that_of_cdcp(name, real_mesh):
     V, F = real_mesh(name)
-    assert abs(double_cover(V, F) - cdcp_igl.cdcp(V, F)).max() < 1e-8
+    f = algorithm_1(FactoredSurface.of(DiskMesh(V, F)), Steps(trace=boundary_trace))
+    assert abs(double_cover(V, F) @ [1, 1j] - f).max() < 1e-8

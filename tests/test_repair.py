@@ -70,7 +70,7 @@ def test_disk_map_repairs_and_says_so(monkeypatch):
     monkeypatch.setattr(
         sys.modules["cdcp_igl.steps.circle.fallback"],
         "harmonic_extension",
-        lambda mesh, L, factor, f_B: np.where(np.isin(np.arange(120), mesh.loop), Z, 0.3),
+        lambda surface, f_B: np.where(surface.mesh.on_boundary, Z, 0.3),
     )
     result = cdcp_igl.disk_map(V, F)
     assert result.certificate.valid

@@ -1,13 +1,13 @@
 """Strips many times longer than wide, against their exact conformal map."""
 
+from functools import partial
+
 import meshes
 import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.solve.factor import Factor
 from cdcp_igl.solve.factored import FactoredSurface
-from cdcp_igl.solve.laplacian import intrinsic_delaunay_laplacian
 from cdcp_igl.steps import remote
 from cdcp_igl.steps.circle.crowding import balanced
 from cdcp_igl.steps.circle.harmonic_measure import around, harmonic_shares
@@ -60,10 +60,9 @@ class Parts:
     def __init__(self, length, width=WIDTH, middle=0.5):
         self.V, F = strip(length, width)
         self.mesh = DiskMesh(self.V, F)
-        L = intrinsic_delaunay_laplacian(self.mesh)
-        factor = Factor(self.mesh, L)
-        self.measure = lambda face: harmonic_shares(self.mesh, L, factor, face)
-        self.extend = lambda f_B: harmonic_extension(self.mesh, L, factor, f_B)
+        surface = FactoredSurface.of(self.mesh).delaunay
+        self.measure = partial(harmonic_shares, surface)
+        self.extend = partial(harmonic_extension, surface)
         target = [middle * length, 0.5]
         self.face = int(np.linalg.norm(self.V[F].mean(axis=1) - target, axis=1).argmin())
         self.steps = self.measure(self.face)

@@ -16,7 +16,7 @@ from ..errors import SolverError
 from .solvers import Solver, solver
 from .threads import one_thread
 
-__all__ = ["Cholesky", "Numbers", "fill_reducing_order"]
+__all__ = ["Cholesky", "Numbers", "Ordering", "fill_reducing_order"]
 
 Ordering = Literal["amd", "natural"]
 Numbers = TypeVar("Numbers", Complex, Floats)
@@ -69,26 +69,14 @@ class Cholesky:
 
     def solve(self, b: Numbers) -> Numbers:
         """Solve A x = b; b is real, one or several columns, or one complex vector."""
-        return self._run(b, "A")
-
-    def solve_lower(self, b: Numbers) -> Numbers:
-        """Solve L x = b, rows of b in the permuted order; b as in `solve`.
-
-        Not with a solver whose `TRIANGULAR` is false; nor is `solve_upper`.
-        """
-        return self._run(b, "L")
-
-    def solve_upper(self, b: Numbers) -> Numbers:
-        """Solve L^T x = b, rows of b in the permuted order; b as in `solve`."""
-        return self._run(b, "Lt")
-
-    def _run(self, b: Any, system: Literal["A", "L", "Lt"]) -> Any:
-        """Solve; a complex vector as its two parts, column by column."""
         if np.iscomplexobj(b):
-            x = self._run(np.array([b.real, b.imag]).T, system)  # Fortran order
+            x = self._solve(np.array([b.real, b.imag]).T)  # Fortran order
             return x[:, 0] + 1j * x[:, 1]
+        return self._solve(b)
+
+    def _solve(self, b: Any) -> Any:
         with _errors(self.solver, len(b)):
-            return self._factor.solve(b, system)
+            return self._factor.solve(b)
 
 
 def fill_reducing_order(A: spmatrix) -> NDArray[np.signedinteger[Any]]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csc_matrix
 
 from ..surface.mesh import DiskMesh
 from .factor import Factor
@@ -16,7 +18,7 @@ __all__ = ["FactoredSurface"]
 
 @dataclass(frozen=True, eq=False)
 class FactoredSurface:
-    """A surface, its Laplacian, eq. (8), and the factor that serves eqs. (10) and (18).
+    """A surface, its Laplacian, eq. (8), and the factor of L_II.
 
     Attributes
     ----------
@@ -34,6 +36,19 @@ class FactoredSurface:
         """Factor the cotangent Laplacian of a mesh."""
         L = cotangent_laplacian(mesh)
         return cls(mesh, L, Factor(mesh, L))
+
+    @cached_property
+    def coupling(self) -> csc_matrix:
+        """(n, nB) L_IB, with empty rows for the boundary; columns in the order of the loop."""
+        mesh, L = self.mesh, self.laplacian
+        between = np.flatnonzero(mesh.on_boundary[L.low] != mesh.on_boundary[L.high])
+        low, high = L.low[between], L.high[between]
+        outwards = mesh.on_boundary[high]
+        inner, outer = np.where(outwards, low, high), np.where(outwards, high, low)
+        place = np.empty(len(mesh.V), dtype=np.int64)
+        place[mesh.loop] = np.arange(len(mesh.loop))
+        shape = len(mesh.V), len(mesh.loop)
+        return csc_matrix((-L.weights[between], (inner, place[outer])), shape)
 
     @cached_property
     def delaunay(self) -> FactoredSurface:

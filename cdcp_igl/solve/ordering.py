@@ -6,36 +6,58 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from ..arrays import Floats, Indices, Ints
-from .cholesky import fill_reducing_order
+from ..surface.mesh import DiskMesh
+from .cholesky import Ordering, fill_reducing_order
 from .laplacian import Laplacian
 from .solvers import solver
 
-__all__ = ["LARGE", "dissected", "elimination_order"]
+__all__ = ["LARGE", "dissected", "elimination_order", "interior_order"]
 
-# Minimum degree sees no further than the next vertex, and where the boundary has to come
-# last, its front grows with every part of the surface that reaches the boundary. A few
-# straight cuts first keep the fronts short. Below this many vertices there is nothing to gain,
-# and on folded surfaces something to lose.
+# Minimum degree sees no further than the next vertex; a few straight cuts first keep its fronts
+# short. Below this many vertices there is nothing to gain, and on folded surfaces something to
+# lose.
 LARGE = 100_000
 LEVELS = 5
 SAMPLE = 20_000  # vertices from which the cuts are found
 
 
-def elimination_order(L: Laplacian, V: Floats) -> tuple[Indices, str]:
-    """Find an order of the vertices in which the factor of their Laplacian stays sparse.
+def interior_order(mesh: DiskMesh, L: Laplacian) -> tuple[Ints | Indices, Ordering, str]:
+    """Find how to order the interior vertices for a factor of L_II.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    L : Laplacian
+
+    Returns
+    -------
+    rows : (nI,) ndarray of int
+        The interior vertices.
+    {"amd", "natural"}
+        Whether the solver is still to find an order of these, or takes them as they come.
+    str
+        What the order is called.
+    """
+    if not solver().ORDERS:
+        return mesh.interior, "natural", "minimum degree"
+    if len(mesh.V) < LARGE:
+        return mesh.interior, "amd", "AMD"
+    order = elimination_order(L, mesh.V)
+    return order[~mesh.on_boundary[order]], "natural", "nested dissection and AMD"
+
+
+def elimination_order(L: Laplacian, V: Floats) -> Indices:
+    """Find an order of many vertices in which the factor of their Laplacian stays sparse.
 
     Parameters
     ----------
     L : Laplacian
     V : (n, 3) float64
-        Where the vertices are. The order depends on it on large meshes only, and the map
-        by rounding errors only.
+        Where the vertices are. The order depends on it, and the map by rounding errors only.
 
     Returns
     -------
-    order : (n,) ndarray of int
-    str
-        What it is called.
+    (n,) ndarray of int
 
     References
     ----------
@@ -44,12 +66,7 @@ def elimination_order(L: Laplacian, V: Floats) -> tuple[Indices, str]:
     P. R. Amestoy, T. A. Davis, I. S. Duff. An approximate minimum degree ordering algorithm.
     SIAM J. Matrix Anal. Appl. 17(4), 1996.
     """
-    n = len(V)
-    if not solver().ORDERS:
-        return np.arange(n), "minimum degree"
-    if n < LARGE:
-        return fill_reducing_order(_pattern(L.low, L.high, n)), "AMD"
-    return _order_by_parts(dissected(L.low, L.high, V), L.low, L.high), "nested dissection and AMD"
+    return _order_by_parts(dissected(L.low, L.high, V), L.low, L.high)
 
 
 def dissected(low: Indices, high: Indices, V: Floats, levels: int = LEVELS) -> Ints:

@@ -46,8 +46,8 @@ class Factorization(Protocol):
     def refactored(self, A: csc_matrix) -> Factorization:
         """Factor a matrix with the same pattern; this factorization stays as it is."""
 
-    def solve(self, b: Floats, system: Literal["A", "L", "Lt"]) -> Floats:
-        """Solve with A, L or L^T for one or several columns, which stay as they are."""
+    def solve(self, b: Floats) -> Floats:
+        """Solve A x = b for one or several columns, which stay as they are."""
 
 
 class Solver(Protocol):
@@ -58,7 +58,6 @@ class Solver(Protocol):
     MODE: str  # of its methods, the one that is used
     ERRORS: tuple[type[Exception], ...]  # what it raises if A is not positive definite
     ORDERS: bool  # whether it factors in the order that it is given
-    TRIANGULAR: bool  # whether it solves with L and L^T alone
     Factorization: type[Factorization]
 
     def order(self, A: csc_matrix) -> NDArray[np.signedinteger[Any]]:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from copy import copy
 from importlib.metadata import version
 from threading import Lock
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from cvxopt import amd, cholmod, matrix, spmatrix
@@ -16,15 +16,13 @@ from scipy.sparse import csc_matrix
 
 from ..arrays import Floats
 
-__all__ = ["ERRORS", "LIBRARY", "MODE", "ORDERS", "PACKAGE", "TRIANGULAR", "Factorization", "order"]
+__all__ = ["ERRORS", "LIBRARY", "MODE", "ORDERS", "PACKAGE", "Factorization", "order"]
 
 LIBRARY = "CHOLMOD"
 PACKAGE = f"cvxopt {version('cvxopt')}"
 MODE = "supernodal"
 ERRORS: tuple[type[Exception], ...] = (ArithmeticError,)
-ORDERS = TRIANGULAR = True
-
-SYSTEMS = {"A": 0, "L": 4, "Lt": 5}  # by CHOLMOD's numbers
+ORDERS = True
 
 # CVXOPT keeps CHOLMOD's options for the whole process, where the caller may have set his own.
 _OPTIONS = {"supernodal": 2, "nmethods": 1, "postorder": False, "dbound": 0.0, "print": 0}
@@ -56,11 +54,11 @@ class Factorization:
         other._analyze(A)
         return other
 
-    def solve(self, b: Floats, system: Literal["A", "L", "Lt"]) -> Floats:
-        """Solve with A, L or L^T."""
+    def solve(self, b: Floats) -> Floats:
+        """Solve A x = b."""
         x = matrix(np.array(b, dtype=np.float64, order="F", ndmin=1))
         with _our_options():
-            cholmod.solve(self._factor, x, sys=SYSTEMS[system])
+            cholmod.solve(self._factor, x)
         return np.array(x).reshape(b.shape)
 
 

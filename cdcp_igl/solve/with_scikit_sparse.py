@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from copy import copy
 from importlib.metadata import version
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from sksparse import cholmod
 
 from ..arrays import Floats
 
-__all__ = ["ERRORS", "LIBRARY", "MODE", "ORDERS", "PACKAGE", "TRIANGULAR", "Factorization", "order"]
+__all__ = ["ERRORS", "LIBRARY", "MODE", "ORDERS", "PACKAGE", "Factorization", "order"]
 
 LIBRARY = "CHOLMOD"
 PACKAGE = f"scikit-sparse {version('scikit-sparse')}"
@@ -27,7 +27,7 @@ PACKAGE = f"scikit-sparse {version('scikit-sparse')}"
 # that is not positive definite.
 MODE = "supernodal"
 ERRORS: tuple[type[Exception], ...] = (cholmod.CholmodError,)
-ORDERS = TRIANGULAR = True
+ORDERS = True
 
 # scikit-sparse 0.5 replaced `analyze` and `Factor` by `CholeskyFactor`.
 _MODERN = hasattr(cholmod, "CholeskyFactor")
@@ -63,17 +63,9 @@ class Factorization:
         other.refactor(A)
         return other
 
-    def solve(self, b: Floats, system: Literal["A", "L", "Lt"]) -> Floats:
-        """Solve with A, L or L^T."""
-        if _MODERN:
-            return self._factor.solve(b, system=system)
-        match system:
-            case "A":
-                return self._factor(b)
-            case "L":
-                return self._factor.solve_L(b, False)
-            case "Lt":
-                return self._factor.solve_Lt(b, False)
+    def solve(self, b: Floats) -> Floats:
+        """Solve A x = b."""
+        return self._factor.solve(b) if _MODERN else self._factor(b)
 
 
 def order(A: csc_matrix) -> NDArray[np.signedinteger[Any]]:

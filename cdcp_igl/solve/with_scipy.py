@@ -8,7 +8,7 @@ sparse partial pivoting. SIAM J. Matrix Anal. Appl. 20(3), 1999.
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import scipy
@@ -18,15 +18,13 @@ from scipy.sparse.linalg import splu
 
 from ..arrays import Floats
 
-__all__ = ["ERRORS", "LIBRARY", "MODE", "ORDERS", "PACKAGE", "TRIANGULAR", "Factorization", "order"]
+__all__ = ["ERRORS", "LIBRARY", "MODE", "ORDERS", "PACKAGE", "Factorization", "order"]
 
 LIBRARY = "SuperLU"
 PACKAGE = f"scipy {scipy.__version__}"
 MODE = "symmetric"
 ERRORS: tuple[type[Exception], ...] = (RuntimeError, np.linalg.LinAlgError)
-# It has one triangle too many: L of L U is not that of Cholesky. And it finds an order within
-# the factorization only.
-ORDERS = TRIANGULAR = False
+ORDERS = False  # it finds one within the factorization only
 
 
 class Factorization:
@@ -60,10 +58,8 @@ class Factorization:
         """Factor from the beginning."""
         return Factorization(A, False)
 
-    def solve(self, b: Floats, system: Literal["A", "L", "Lt"]) -> Floats:
-        """Solve with A."""
-        if system != "A":
-            raise NotImplementedError("SuperLU has no factor of Cholesky")
+    def solve(self, b: Floats) -> Floats:
+        """Solve A x = b."""
         return self._factor.solve(b)
 
 

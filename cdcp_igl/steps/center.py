@@ -94,8 +94,7 @@ def centrality(surface: FactoredSurface, method: CenterMethod) -> Floats:
         heat = Cholesky(system).solve(initial)  # (14)
         return -heat[mesh.F].sum(axis=1)  # (15)
     if method == "torsion":
-        u = np.zeros(len(mesh.V))
-        u[mesh.interior] = surface.factor.solve_interior(np.ones(len(mesh.interior)))
+        u = surface.factor.solve(np.ones(len(mesh.V)))
         return u[mesh.F].sum(axis=1)
     barycenters = mesh.V[mesh.F].mean(axis=1)
     centroid = np.average(barycenters, axis=0, weights=face_areas(mesh.V, mesh.F))

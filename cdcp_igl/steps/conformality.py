@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .. import libigl
 from ..arrays import Complex, Floats, Ints, blocks
 from ..surface.mesh import DiskMesh
 
@@ -136,10 +137,8 @@ def explained_errors(mesh: DiskMesh, f: Complex, faces: Ints) -> Floats:
     u_v = np.bincount(corners, u[known].ravel(), len(f)) / count
 
     F = mesh.F[faces]
-    square = np.empty((3, len(F)))
-    for k in range(3):
-        i, j = F[:, k - 2], F[:, k - 1]
-        square[k] = _squares(mesh.V[i] - mesh.V[j]) * np.exp(u_v[i] + u_v[j])
+    i, j, k = np.exp(u_v[F.T])
+    square = libigl.squared_edge_lengths(mesh.V, F).T * [j * k, k * i, i * j]
     angles = np.empty(F.shape)
     for k in range(3):
         a, b, c = square[k - 2], square[k - 1], square[k]
@@ -150,19 +149,14 @@ def explained_errors(mesh: DiskMesh, f: Complex, faces: Ints) -> Floats:
 
 def _edge_scales(mesh: DiskMesh, f: Complex, F: Ints) -> Floats:
     """(k, 3) logarithms of the length on the disk by that on the surface, opposite corners."""
-    scale = np.empty(F.shape)
+    scale = libigl.squared_edge_lengths(mesh.V, F)
     with np.errstate(divide="ignore", invalid="ignore"):  # of edges that have collapsed
         for part in blocks(len(F)):
-            for k in range(3):
-                i, j = F[part, k - 2], F[part, k - 1]
-                image = f[i] - f[j]
-                square = image.real**2 + image.imag**2
-                scale[part, k] = np.log(square / _squares(mesh.V[i] - mesh.V[j])) / 2
+            i, j, k = f[F[part].T]
+            for corner, edge in enumerate((j - k, k - i, i - j)):
+                square = edge.real**2 + edge.imag**2
+                scale[part, corner] = np.log(square / scale[part, corner]) / 2
     return scale
-
-
-def _squares(vectors: Floats) -> Floats:
-    return np.einsum("ij,ij->i", vectors, vectors)
 
 
 def _sample(m: int) -> Ints:

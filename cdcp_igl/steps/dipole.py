@@ -1,14 +1,13 @@
-"""The dipole on the central face and the boundary trace of the double cover, eq. (18)."""
+"""The dipole on the central face, the right-hand side of eq. (18)."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..arrays import Complex
-from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
 
-__all__ = ["boundary_trace", "face_dipole"]
+__all__ = ["face_dipole"]
 
 
 def face_dipole(mesh: DiskMesh, face: int) -> Complex:
@@ -36,26 +35,3 @@ def face_dipole(mesh: DiskMesh, face: int) -> Complex:
     r[j] = 1 + 1j * alpha * length / height
     r[k] = -1j * length / height
     return r
-
-
-def boundary_trace(surface: FactoredSurface, face: int) -> Complex:
-    """Boundary values of the harmonic map of the doubly covered surface, Theorem 1.
-
-    The double cover would need a system of size 2 nI + nB; by symmetry, the pinned system
-    of size n gives the same boundary values up to scale and shift.
-
-    Parameters
-    ----------
-    surface : FactoredSurface
-    face : int
-        Central face.
-
-    Returns
-    -------
-    (nB,) complex128
-        In the order of ``mesh.loop``. It runs **clockwise**: with the pole at infinity,
-        the image of the surface is the exterior of this curve. (Inside the surface, h is
-        not conformal and of no use.)
-    """
-    mesh = surface.mesh
-    return surface.factor.solve_pinned(face_dipole(mesh, face))[mesh.loop]

@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..arrays import Complex
-from ..solve.factor import Factor
-from ..solve.laplacian import Laplacian
-from ..surface.mesh import DiskMesh
+from ..solve.factored import FactoredSurface
 
 __all__ = ["harmonic_extension"]
 
 
-def harmonic_extension(mesh: DiskMesh, L: Laplacian, factor: Factor, f_B: Complex) -> Complex:
+def harmonic_extension(surface: FactoredSurface, f_B: Complex) -> Complex:
     """Extend boundary values harmonically: L_II f_I = -L_IB f_B, eq. (10).
 
     Parameters
     ----------
-    mesh : DiskMesh
-    L : Laplacian
-    factor : Factor
-        Its factorization.
+    surface : FactoredSurface
     f_B : (nB,) complex128
         Boundary values in the order of ``mesh.loop``.
 
@@ -28,12 +21,6 @@ def harmonic_extension(mesh: DiskMesh, L: Laplacian, factor: Factor, f_B: Comple
     -------
     (n,) complex128
     """
-    f = np.zeros(len(mesh.V), dtype=complex)
-    f[mesh.loop] = f_B
-    between = np.flatnonzero(mesh.on_boundary[L.low] != mesh.on_boundary[L.high])
-    low, high, weights = L.low[between], L.high[between], L.weights[between]
-    pull = np.zeros_like(f)  # -L_IB f_B, as f is still zero inside
-    np.add.at(pull, low, weights * f[high])
-    np.add.at(pull, high, weights * f[low])
-    f[mesh.interior] = factor.solve_interior(pull[mesh.interior])
+    f = surface.factor.solve(-(surface.coupling @ f_B))
+    f[surface.mesh.loop] = f_B
     return f

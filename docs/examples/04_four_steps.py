@@ -15,9 +15,9 @@ from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.circle.geodesic import geodesic_map
 from cdcp_igl.steps.circle.whiten import whiten_trace
-from cdcp_igl.steps.dipole import boundary_trace
 from cdcp_igl.steps.extension import harmonic_extension
 from cdcp_igl.steps.mobius import normalize
+from cdcp_igl.steps.trace import conjugate_trace
 from cdcp_igl.surface.mesh import DiskMesh
 
 V, F, _ = cdcp_igl.datasets.ellipse(24, aspect=1.7)
@@ -30,11 +30,12 @@ mesh = DiskMesh(V, F)
 surface = FactoredSurface.of(mesh)
 
 # %%
-# **Step 1.** A dipole on the central face gives the boundary trace, eq. (18). The surface is
-# the *outside* of this curve, the central face at infinity. Whitening makes it rounder.
+# **Step 1.** A dipole on the central face gives the boundary trace: by the conjugate of eq. (18),
+# from what flows out through the boundary. The surface is the *outside* of this curve, the
+# central face at infinity. Whitening makes it rounder.
 
 tau_c = central_face(surface)
-h_B = boundary_trace(surface, tau_c.face)
+h_B = conjugate_trace(surface, tau_c.face)
 white = whiten_trace(h_B)
 
 figure, panels = plt.subplots(1, 3, layout="constrained", figsize=(9, 3))
@@ -107,7 +108,7 @@ plt.show()
 # **Steps 3 and 4.** The interior is the harmonic extension of the boundary, eq. (10), by the
 # same factor; a Möbius transformation, eqs. (19)-(20), lowers what angular distortion is left.
 
-f = harmonic_extension(mesh, surface.laplacian, surface.factor, f_B / f_B[0])
+f = harmonic_extension(surface, f_B / f_B[0])
 moved, normalization = normalize(mesh, f, "angle")
 
 figure, panels = plt.subplots(1, 2, layout="constrained", figsize=(8, 3.8))

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 STEPS = (
     ("surface/mesh.py", "check", "DiskMesh: boundary loop, interior"),
     ("solve/laplacian.py", "eq. (8)", "L, sparse (n, n)"),
-    ("solve/factor.py", "one factorization", "Factor: two solves"),
+    ("solve/factor.py", "one factorization", "factor of L_II"),
     ("steps/center.py", "eqs. (13)–(15), torsion", "central face"),
-    ("steps/dipole.py", "eq. (18), Theorem 1", "boundary trace h_B"),
+    ("steps/trace.py", "Theorem 1, by the conjugate", "boundary trace h_B"),
     ("steps/circle/", "whitening, eqs. (1)–(6), fallbacks", "f_B on the circle"),
     ("steps/extension.py", "eq. (10)", "f on the disk"),
     ("steps/straightening.py", "common shear", "f, not sheared as a whole"),

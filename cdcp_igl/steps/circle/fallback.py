@@ -257,8 +257,7 @@ def _balanced(surface: FactoredSurface, face: int) -> tuple[int, Floats]:
 
 def _shares(surface: FactoredSurface, face: int) -> Floats:
     """(nB,) harmonic measure of the boundary edges seen from a face."""
-    delaunay = surface.delaunay
-    shares = harmonic_shares(surface.mesh, delaunay.laplacian, delaunay.factor, face)
+    shares = harmonic_shares(surface.delaunay, face)
     if not np.isfinite(shares).all():
         raise Rejected("harmonic measure: no interior vertex at the central face")
     return shares
@@ -279,7 +278,7 @@ def _on_delaunay(surface: FactoredSurface, steps: Floats, name: str) -> CircleMa
 
 
 def _extension(surface: FactoredSurface) -> Callable[[Complex], Complex]:
-    return partial(harmonic_extension, surface.mesh, surface.laplacian, surface.factor)
+    return partial(harmonic_extension, surface)
 
 
 def arc_length_map(mesh: DiskMesh) -> Complex:

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from ...arrays import Complex, Floats
-from ...solve.factor import Factor
-from ...solve.laplacian import Laplacian
+from ...solve.factored import FactoredSurface
 from ...surface.mesh import DiskMesh
+from ..flux import boundary_flux, edge_lengths, shared_by_edges
 
-__all__ = ["arc_length_shares", "around", "edge_shares", "flow", "harmonic_shares"]
+__all__ = ["arc_length_shares", "around", "edge_shares", "harmonic_shares"]
 
 # What a face behind an edge receives, as part of what its neighbours do. On scans with ears, whose
 # shares are known from finer meshes of the same surface, 0.01 to 0.1 are equally good.
 BEHIND = 0.1
 
 
-def harmonic_shares(mesh: DiskMesh, L: Laplacian, factor: Factor, face: int) -> Floats:
+def harmonic_shares(surface: FactoredSurface, face: int) -> Floats:
     """Share of the circle that belongs to every boundary edge when a face goes to its centre.
 
     log|f| of a conformal map f onto the disk is harmonic, 0 on the boundary, and has its pole
@@ -25,17 +25,10 @@ def harmonic_shares(mesh: DiskMesh, L: Laplacian, factor: Factor, face: int) -> 
     negative weights there is no negative flux (maximum principle), and even the smallest keep
     their digits, however crowded.
 
-    What leaves at a vertex belongs to both its edges. Next to a corner of angle a, where the
-    conformal map is like z^(pi/a), they get heat in proportion to their lengths to the power
-    pi/a: to the lengths themselves where the boundary is straight.
-
     Parameters
     ----------
-    mesh : DiskMesh
-    L : Laplacian
+    surface : FactoredSurface
         Without negative weights at interior vertices.
-    factor : Factor
-        Its factorization.
     face : int
         The central face.
 
@@ -50,28 +43,18 @@ def harmonic_shares(mesh: DiskMesh, L: Laplacian, factor: Factor, face: int) -> 
     ----------
     J. B. Garnett, D. E. Marshall. Harmonic Measure. Cambridge University Press, 2005.
     """
-    source = np.zeros(len(mesh.V))
-    source[mesh.F[face]] = 1
-    heat = np.zeros(len(mesh.V))
-    heat[mesh.interior] = factor.solve_interior(source[mesh.interior])
-    return edge_shares(mesh, flow(mesh, L, heat))
-
-
-def flow(mesh: DiskMesh, L: Laplacian, heat: Floats) -> Floats:
-    """(nB,) what leaves through each boundary vertex at temperatures (n,), 0 on the boundary."""
-    return np.maximum(-(L.matrix() @ heat)[mesh.loop], 0)
+    source = np.zeros(len(surface.mesh.V))
+    source[surface.mesh.F[face]] = 1
+    source[surface.mesh.loop] = 0
+    return edge_shares(surface.mesh, -boundary_flux(surface, source))
 
 
 def edge_shares(mesh: DiskMesh, flux: Floats) -> Floats:
-    """(nB,) what leaves through each boundary edge, by what leaves through the vertices."""
+    """(nB,) parts of all that leaves of each boundary edge, by what leaves at the vertices."""
+    flux = np.maximum(flux, 0)
     if not flux.any():
         return np.full(len(flux), np.nan)
-    exponent = np.pi / np.bincount(mesh.F.ravel(), mesh.angles.ravel())[mesh.loop]
-    length = arc_length_shares(mesh)
-    # The part of the edge that follows, at most 1 / (1 + 0): a power of a ratio may overflow.
-    with np.errstate(over="ignore"):
-        following = 1 / (1 + (np.roll(length, 1) / length) ** exponent)
-    steps = _filled(flux * following + np.roll(flux * (1 - following), -1))
+    steps = _filled(shared_by_edges(mesh, flux))
     return steps / steps.sum()
 
 
@@ -89,8 +72,7 @@ def _filled(steps: Floats) -> Floats:
 
 def arc_length_shares(mesh: DiskMesh) -> Floats:
     """(nB,) shares of the boundary edges in its length."""
-    points = mesh.V[mesh.loop]
-    lengths = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
+    lengths = edge_lengths(mesh)
     return lengths / lengths.sum()
 
 

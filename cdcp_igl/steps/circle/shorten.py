@@ -10,7 +10,7 @@ from ...solve.cholesky import Cholesky, Numbers
 from ...solve.factored import FactoredSurface
 from ...solve.laplacian import Laplacian
 from ...surface.triangles import face_areas
-from .harmonic_measure import edge_shares, flow
+from .harmonic_measure import edge_shares
 
 __all__ = ["Shortened", "image_scale"]
 
@@ -70,7 +70,7 @@ class Shortened:
         self._scale = 1 / (self._root * unit)
         heat = np.zeros(len(mesh.V))
         heat[mesh.F[face]] = 1
-        self.steps = edge_shares(mesh, flow(mesh, L, self._solve(heat)))
+        self.steps = edge_shares(mesh, -(surface.coupling.T @ self._solve(heat)))
 
     def extend(self, f_B: Complex) -> Complex:
         """Extend boundary values (nB,) harmonically, with this conductivity."""
@@ -111,9 +111,9 @@ def image_scale(surface: FactoredSurface, face: int) -> tuple[Floats, Floats]:
     mesh = surface.mesh
     source = np.zeros(len(mesh.V))
     source[mesh.F[face]] = 1
-    heat = np.zeros(len(mesh.V))
-    heat[mesh.interior] = surface.factor.solve_interior(source[mesh.interior])
-    heat *= 2 * np.pi / flow(mesh, surface.laplacian, heat).sum()
+    source[mesh.loop] = 0
+    heat = surface.factor.solve(source)
+    heat *= 2 * np.pi / -(surface.coupling.T @ heat).sum()
     derivative = (wirtinger_derivative(mesh.V, mesh.F) * heat[mesh.F]).sum(axis=1)
     area = face_areas(mesh.V, mesh.F)
     corners, n = mesh.F.ravel(), len(mesh.V)
