@@ -8,13 +8,14 @@ import pytest
 from PIL import Image
 
 from benchmarks.measure.methods import maps
-from benchmarks.records.findings import sentences
+from benchmarks.records.findings import NAMED, sentences
 from benchmarks.records.record import EDGES, Record
 from benchmarks.records.results import Measured, NotMeasured, growth
 from benchmarks.write.figures import PLOTS, accuracy, surfaces
 from benchmarks.write.figures.accuracy import histograms, table_1
 from benchmarks.write.figures.cost import STACK, factorizations, phases
-from benchmarks.write.figures.style import HATCHES, STYLES, encode
+from benchmarks.write.figures.many import performance_profiles, quartiles
+from benchmarks.write.figures.style import HATCHES, MOST, STYLES, encode
 from cdcp_igl import cdcp, datasets
 from cdcp_igl.plot.raster import SAMPLES, rasterize
 from cdcp_igl.plot.scene import Scene
@@ -222,3 +223,35 @@ def test_findings_are_what_the_records_say():
     assert "FDCP takes 7.0 to 7.0 times as long as CDCP (median 7.0), on 2 surfaces" in text
     assert "CDCP takes 2.00 to 2.00 times as long as one factorization" in text
     assert "grows like n^1.10" in text
+
+
+def measured_means(count, methods):
+    """Methods, and on how many of the surfaces each was run."""
+    return Measured(
+        Record(
+            *("tables", f"surface {k}", "d", 100 + k, 9, 9, 0),
+            Case(method, "disk", "ok", mean=1.0 + k, sd=1.0, flips=0, seconds=1.0),
+        )
+        for method, run in methods.items()
+        for k in range(min(run, count))
+    )
+
+
+def test_a_profile_has_the_methods_that_were_run_everywhere():
+    """One that was run on a few would look like one that fails on the others."""
+    figure = performance_profiles(measured_means(5, {"cdcp": 5, "fdcp": 5, "ldcp": 4}))
+    assert figure.axes[0].get_legend_handles_labels()[1] == ["FDCP", "CDCP"]
+
+
+def test_very_many_surfaces_are_not_drawn_one_by_one():
+    many = measured_means(MOST + 1, {"cdcp": MOST + 1})
+    for draw in (histograms, table_1, surfaces.images):
+        with pytest.raises(NotMeasured, match=f"more than {MOST}"):
+            draw(many)
+    assert quartiles(many).axes
+
+
+def test_a_finding_names_the_first_of_many():
+    (first, *_) = sentences(measured_means(NAMED + 3, {"cdcp": NAMED + 3, "fdcp": 1, "ldcp": 1}))
+    assert first.count("surface ") == NAMED
+    assert first.endswith("and 2 more.")

@@ -80,11 +80,12 @@ def _boxes(axes: Axes, results: Section, methods: list[str], name: str) -> None:
 
 
 def _disk_methods(measured: Measured) -> tuple[Section, list[str]]:
-    """Leave out free boundaries, which solve another problem."""
+    """Leave out free boundaries, which solve another problem, and what was not run everywhere."""
     results, methods = measured.require("tables", _shown(measured))
     _enough(results)
-    free = {r.case.method for r in results.records if r.case.boundary != "disk"}
-    return results, [method for method in methods if method not in free]
+    left_out = {r.case.method for r in results.records if r.case.boundary != "disk"}
+    left_out |= {m for m in methods for model in results.mapped if not results.of(model, m)}
+    return results, [method for method in methods if method not in left_out]
 
 
 def _shown(measured: Measured) -> list[str]:
