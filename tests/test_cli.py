@@ -19,6 +19,7 @@ from cdcp_igl.command_line.program import app
 from cdcp_igl.errors import Defect
 from cdcp_igl.io import read_mesh
 
+ROOT = Path(__file__).parents[1]
 COMMAND = [sys.executable, "-m", "cdcp_igl"]
 
 
@@ -337,6 +338,31 @@ finally:
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout.endswith("set()\n")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs sh")
+def test_the_demo_takes_any_file_name_and_says_which_is_missing(cap):
+    folder = cap.parent
+    program = folder / ".venv" / "bin" / "cdcp-igl"
+    program.parent.mkdir(parents=True)
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m cdcp_igl "$@"\n')
+    program.chmod(0o755)
+    name = 'Käppchen\'s "first" $HOME.npz'
+    cap.rename(folder / name)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    for mesh, code in ((name, 0), ("it's not there.obj", 2)):
+        done = subprocess.run(
+            ["sh", ROOT / ".ci" / "demo"],
+            cwd=folder,
+            env=environment | {"MESH": mesh},
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == code, done.stderr
+    assert done.stderr == "demo: there is no file it's not there.obj\n"
+    made = sorted(path.name for path in (folder / "demo").iterdir())
+    stem = name.removesuffix(".npz")
+    assert made == [f"{stem}_disk.obj", f"{stem}_disk.png"]
 
 
 def test_completion(cap):

@@ -109,6 +109,14 @@ def test_ply(tmp_path, form, kind):
     np.testing.assert_array_equal(F, [[0, 1, 2], [0, 2, 3]])
 
 
+@pytest.mark.parametrize("rows", [["9 0 1 2 3 -1 4 3 2 2"], ["4 0 1 2 3", "4 4 3 2 2"]])
+def test_ply_strips(tmp_path, rows):
+    path = tmp_path / "a.ply"
+    header = ply_header("ascii", 5, len(rows)).replace("element face", "element tristrips")
+    path.write_text(header.replace("list uchar", "list int") + ROWS + "\n".join(rows) + "\n")
+    np.testing.assert_array_equal(read_mesh(path)[1], [[0, 1, 2], [2, 1, 3], [4, 3, 2]])
+
+
 def test_ply_quads_and_points(tmp_path):
     path = tmp_path / "a.ply"
     path.write_text(ply_header("ascii", 5, 1) + ROWS + "4 0 1 2 3\n")

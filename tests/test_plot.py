@@ -108,7 +108,7 @@ def test_the_histogram_says_what_its_line_and_its_band_are():
     axes = picture(V, F, result).axes[3]
     legend = axes.get_legend()
     said = [text.get_text() for text in legend.get_texts()]
-    assert said[:2] == [f"mean {mean:.3f}°", f"mean ± SD, SD {sd:.3f}°"]
+    assert said[:2] == [f"mean {mean:.3f}°", f"± SD, standard deviation {sd:.3f}°"]
     line, band = axes.lines[0], axes.patches[-1]
     assert line.get_xdata()[0] == mean
     assert band.get_label() == said[1]

@@ -8,7 +8,9 @@ import threading
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from benchmarks.commands import app
 from cdcp_igl import DiskMapper, datasets, disk_map
 from cdcp_igl.extras import MissingExtra
 from cdcp_igl.solve import solvers
@@ -184,3 +186,17 @@ with using({name!r}):
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
     )
     assert "192 MB of address space" in run.stdout, run.stderr
+
+
+def test_the_benchmark_of_solvers_writes_its_table(tmp_path):
+    V, F, _ = datasets.spherical_cap(6)
+    np.savez(tmp_path / "cap.npz", V=V, F=F)
+    arguments = ["solvers", tmp_path / "cap.npz", "--rounds", 1, "--out", tmp_path / "table.md"]
+    done = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    assert done.exit_code == 0
+    table = (tmp_path / "table.md").read_text("utf-8")
+    assert table == done.stdout
+    cells = table.splitlines()[-1].split(" | ")
+    assert cells[:2] == ["| cap", f"{len(V):,}"]
+    assert len(cells) == 2 + len(SOLVERS) + 2
+    assert "failed" not in table

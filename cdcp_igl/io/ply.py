@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints
 from .damage import Damage
-from .polygons import fans
+from .polygons import fans, strips
 
 __all__ = ["read_ply", "write_ply"]
 
@@ -69,13 +69,26 @@ def read_ply(path: Path) -> tuple[Floats, Ints, Ints]:
     V = np.column_stack(axes).astype(np.float64)
     polygons = next((faces[name] for name in INDICES if name in faces), None)
     if polygons is None:
-        return V, *fans([], [])
+        return V, *_from_strips(tables.get("tristrips", {}))
     if not isinstance(polygons, Lists):
         raise Damage("its faces are no lists of vertices")
     corners = polygons.entries.astype(np.int64)
     if (corners != polygons.entries).any():
         raise Damage("its faces have indices that are no integers")
     return V, *fans(corners, polygons.lengths)
+
+
+def _from_strips(table: Table) -> tuple[Ints, Ints]:
+    found = next((table[name] for name in INDICES if name in table), None)
+    if found is not None and not isinstance(found, Lists):
+        raise Damage("its strips are no lists of vertices")
+    # Each row is a strip, or has several.
+    rows = []
+    if found is not None:
+        ends = np.cumsum(found.lengths.astype(np.int64))
+        rows = np.split(found.entries.astype(np.int64), ends[:-1])
+    F = np.vstack([np.empty((0, 3), np.int64), *map(strips, rows)])
+    return F, np.arange(len(F))
 
 
 def _parse_header(data: bytes) -> tuple[str, list[Element], bytes]:

@@ -1,4 +1,4 @@
-"""Polygonal faces, as obj and off files have them, into triangles."""
+"""Polygonal faces and strips of triangles, as files have them, into triangles."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .. import libigl
 from ..arrays import Ints
 from ..errors import Defect, MeshError
 
-__all__ = ["fans"]
+__all__ = ["fans", "strips"]
 
 
 def fans(corners: ArrayLike, sizes: ArrayLike) -> tuple[Ints, Ints]:
@@ -47,3 +47,29 @@ def fans(corners: ArrayLike, sizes: ArrayLike) -> tuple[Ints, Ints]:
         )
     F = libigl.fans(vertex, np.append(0, np.cumsum(size)))
     return F, np.repeat(np.arange(len(size)), size - 2)
+
+
+def strips(entries: Ints) -> Ints:
+    """Take strips apart: each entry makes a triangle with the two before it.
+
+    Parameters
+    ----------
+    entries : (k,) int64
+        Vertices; -1 ends a strip.
+
+    Returns
+    -------
+    (m, 3) int64
+        The triangles, every other one turned, so that all of a strip have one orientation;
+        without those that name a vertex twice, by which a strip turns.
+    """
+    if len(entries) < 3:
+        return np.empty((0, 3), dtype=np.int64)
+    ends = np.flatnonzero(entries == -1)
+    starts = np.append(0, ends + 1)
+    place = np.arange(len(entries)) - np.repeat(starts, np.diff(starts, append=len(entries)))
+    F = np.lib.stride_tricks.sliding_window_view(entries, 3).copy()
+    turned = place[:-2] % 2 == 1
+    F[turned] = F[turned][:, [1, 0, 2]]
+    i, j, k = F.T
+    return F[(F >= 0).all(axis=1) & (i != j) & (j != k) & (k != i)]

@@ -186,7 +186,7 @@ def _draw_histogram(axes: Axes, degrees: Floats, distortion: AngleDistortion) ->
     axes.hist(degrees, bins=60, range=(0, end), weights=shares, color="#5b7db1", linewidth=0)
     axes.axvline(mean, color=INK, linewidth=1, label=f"mean {mean:.3f}°")
     band = axes.axvspan(max(mean - sd, 0), mean + sd, color=INK, alpha=0.07, linewidth=0, zorder=0)
-    band.set_label(f"mean ± SD, SD {sd:.3f}°")
+    band.set_label(f"± SD, standard deviation {sd:.3f}°")
     tail = f"maximum {distortion.max:.1f}°\n{100 * beyond:.2g} % beyond {end:.3g}°"
     axes.plot([], [], linestyle="none", label=tail)
     axes.legend(loc="upper right", frameon=False, labelcolor=INK, fontsize=11)
