@@ -128,7 +128,7 @@ def lower_angle_distortion(
     r = angle_errors(mesh, f)
     before = objective = _power_mean(r, norm)
     taken, attempt, p, stopped = 0, 0, 2.0, ""
-    if len(mesh.interior) == 0 or not _is_bijective(mesh, f):
+    if len(mesh.interior) == 0 or not certify(mesh, coordinates(f)).valid:
         return f, Refinement(steps, taken, "no improvement", norm, before, objective)
     laplacian, stale = WeightedLaplacian(mesh, order), True
     while taken < steps and not stopped:
@@ -339,10 +339,6 @@ def _slide(mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
     turned = boundary * np.exp(step[mesh.loop] / boundary)  # by i times a real number
     moved[mesh.loop] = turned / abs(turned)
     return moved
-
-
-def _is_bijective(mesh: DiskMesh, f: Complex) -> bool:
-    return certify(mesh, coordinates(f)).valid
 
 
 def _power_mean(r: Floats, p: float) -> float:
