@@ -13,6 +13,7 @@ from fnmatch import fnmatch
 from functools import cache, partial
 from pathlib import Path
 
+import igl
 import numpy as np
 
 from cdcp_igl import MeshError, check, datasets
@@ -24,7 +25,7 @@ from ..records.record import Record
 from ..records.results import NotMeasured
 from .fuzzing import surface
 
-__all__ = ["Model", "by_name", "digest", "find", "patches", "quick", "surfaces_of"]
+__all__ = ["Model", "by_name", "digest", "find", "patches", "quick", "subdivided", "surfaces_of"]
 
 Surface = tuple[Floats, Ints]
 
@@ -168,6 +169,19 @@ def _patch(case: int) -> Surface:
 def by_name(names: Sequence[str]) -> list[Model]:
     """Surfaces of these names; `load` of one that is not at hand raises."""
     return [_named(name) for name in names]
+
+
+def subdivided(rounds: int) -> list[Model]:
+    """One terrain of 1,000 vertices, and with each triangle cut into 4, 16, 64, ...
+
+    The shape stays, so that times and memory tell their growth; six rounds make 4 million.
+    """
+    return [Model(f"terrain x {4**k}", partial(_upsampled, k)) for k in range(rounds + 1)]
+
+
+def _upsampled(rounds: int) -> Surface:
+    V, F = _coarse_terrain(12)
+    return igl.upsample(V, F, rounds) if rounds else (V, F)
 
 
 def surfaces_of(
