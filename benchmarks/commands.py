@@ -14,6 +14,7 @@ from .measure.each_solver import solvers
 from .measure.fuzzing import fuzz
 from .measure.machine import MACHINE
 from .measure.methods import METHODS, maps
+from .measure.models import subdivided
 from .measure.peers import PEERS
 from .measure.punctures import punctures
 from .records.record import Record
@@ -36,6 +37,8 @@ SPEED_MODELS = (
     *("nefertiti_750281", "gcanyon_996999"),
 )
 SMALL_MODEL, SMALL_METHODS = "nefertiti_299", ("cdcp warm", "import")
+GROWTH_METHODS = ("factor", "cdcp")
+ROUNDS, QUICK_ROUNDS = 6, 2  # of subdivision: up to 4 million vertices, or 16,000
 REPEATED = ("factor", "cdcp")  # the others run once on large models
 LARGE = 500_000  # vertices
 ABLATION_MODELS = (
@@ -92,6 +95,9 @@ def peers(session: Session) -> None:
 def speed(session: Session, repeats: Repeats = 5) -> None:
     """Measure times as multiples of one factorization, memory, growth; methods take turns.
 
+    Growth is that on one terrain, subdivided from 1,000 to 4 million vertices, which takes 6 GiB;
+    one run each, and not if methods or surfaces are chosen.
+
     Above 500,000 vertices all but CDCP and the factorization run once.
 
     What is there already is not measured again. To start over, delete the work folder.
@@ -108,6 +114,9 @@ def speed(session: Session, repeats: Repeats = 5) -> None:
         small = session.wanted_models([SMALL_MODEL])[:1]
         few = {name: METHODS[name] for name in SMALL_METHODS}
         records += session.run("speed", small, few, table, runs)
+        grown = subdivided(QUICK_ROUNDS if session.quick else ROUNDS)
+        both = {name: METHODS[name] for name in GROWTH_METHODS}
+        session.write("growth", session.run("growth", grown, both, table, lambda *_: 1))
     records += session.run("speed", models, wanted, table, runs)
     _finish(session, "speed", records)
 

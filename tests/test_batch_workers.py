@@ -82,7 +82,7 @@ def test_large_surfaces_wait_for_each_other(scans, tmp_path, monkeypatch):
         for line in lines(tmp_path / "maps"):
             running.discard(line["name"])
 
-    monkeypatch.setattr(pool, "available_memory", lambda: 1000.0)
+    monkeypatch.setattr(pool, "available_memory", lambda: 1000.0 * 2**20)
     monkeypatch.setattr(pool, "memory_needed", lambda path: 600.0)
     assert len(batch([scans], tmp_path / "maps", jobs=3, progress=finished).done) == 5
     assert max(most) == 1

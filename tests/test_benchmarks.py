@@ -14,6 +14,7 @@ import meshes
 import numpy as np
 import pytest
 
+from benchmarks.commands import GROWTH_METHODS
 from benchmarks.measure import models
 from benchmarks.measure.ablation import ABLATIONS
 from benchmarks.measure.candidate import Candidate
@@ -27,7 +28,7 @@ from benchmarks.records.results import Measured
 from benchmarks.records.store import Work, read_results, write_results
 from benchmarks.write import front_page
 from benchmarks.write.report import as_markdown
-from cdcp_igl.reference.case import Case
+from cdcp_igl.reference.case import OK, Case
 
 ROOT = Path(__file__).parents[1]
 V, F = meshes.grid(8, 9)
@@ -296,6 +297,33 @@ def test_speed_and_ablation_pages(tmp_path):
     commands = read_results(tmp_path / "here.json")[0]["commands"]
     assert commands["speed"].startswith("python -m benchmarks speed --repeats 2 --quick --out")
     assert list(commands) == ["speed", "ablation"]
+
+
+def test_growth_is_measured_on_one_surface_in_several_sizes(tmp_path):
+    small, large = models.subdivided(1)
+    assert (small.name, large.name) == ("terrain x 1", "terrain x 4")
+    V, F = small.load()
+    assert len(large.load()[1]) == 4 * len(F)
+    np.testing.assert_array_equal(large.load()[0][: len(V)], V)  # the shape stays
+    methods = {name: METHODS[name] for name in GROWTH_METHODS}
+    options = {"table": TABLE, "limits": LIMITS, "work": Work(tmp_path)}
+    measured = Measured(run("growth", [small, large], methods, **options))
+    assert all(record.ok for record in measured.sections["growth"].records)
+    assert measured.sizes == {}  # no surface of the other tables
+
+
+def test_the_exponents_of_growth_are_in_the_table():
+    records = [
+        Record(
+            *("growth", f"terrain x {n}", "", n, 2 * n, 10, 0),
+            Case(method, METHODS[method].boundary, OK, seconds=1e-6 * n**1.05, memory=1e-3 * n),
+        )
+        for n in (20_000, 80_000, 320_000)
+        for method in GROWTH_METHODS
+    ]
+    text = as_markdown(MACHINE, Measured(records))
+    assert "| exponent of n | from 17,000 | 1.05 | 1.05 | 1.00 | 1.00 |" in text
+    assert "Time of CDCP grows like n^1.05, its peak memory like n^1.00." in text
 
 
 def test_rows_of_earlier_calls_do_not_linger(tmp_path):

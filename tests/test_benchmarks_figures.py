@@ -222,7 +222,8 @@ def test_findings_are_what_the_records_say():
     assert "small: 1.2000 against 1.1000 of FDCP" in text
     assert "FDCP takes 7.0 to 7.0 times as long as CDCP (median 7.0), on 2 surfaces" in text
     assert "CDCP takes 2.00 to 2.00 times as long as one factorization" in text
-    assert "grows like n^1.10" in text
+    grown = Measured([record(model, "cdcp", "growth") for model in SIZES])
+    assert "Time of CDCP grows like n^1.10" in "\n".join(sentences(grown))
 
 
 def measured_means(count, methods):

@@ -13,6 +13,7 @@ from fnmatch import fnmatch
 from functools import partial
 from pathlib import Path
 
+import igl
 import numpy as np
 
 from cdcp_igl import check, datasets, surface_map
@@ -24,7 +25,7 @@ from ..records.record import OPENED
 from ..records.store import Work
 from .fuzzing import surface
 
-__all__ = ["Model", "as_disk", "by_name", "digest", "find", "patches", "quick"]
+__all__ = ["Model", "as_disk", "by_name", "digest", "find", "patches", "quick", "subdivided"]
 
 Surface = tuple[Floats, Ints]
 
@@ -170,6 +171,19 @@ def _given(V: Floats, F: Ints) -> Surface:
 def by_name(names: Sequence[str]) -> list[Model]:
     """Surfaces of these names; `load` of one that is not at hand raises."""
     return [_named(name) for name in names]
+
+
+def subdivided(rounds: int) -> list[Model]:
+    """One terrain of 1,000 vertices, and with each triangle cut into 4, 16, 64, ...
+
+    The shape stays, so that times and memory tell their growth; six rounds make 4 million.
+    """
+    return [Model(f"terrain x {4**k}", partial(_upsampled, k)) for k in range(rounds + 1)]
+
+
+def _upsampled(rounds: int) -> Surface:
+    V, F = _coarse_terrain(12)
+    return igl.upsample(V, F, rounds) if rounds else (V, F)
 
 
 def as_disk(model: Model, work: Work) -> tuple[str, Floats, Ints]:

@@ -23,7 +23,9 @@ def sentences(measured: Measured) -> list[str]:
             found.append(f"FDCP, LDCP and CDCP by their means: {_comparison(tables)}")
         found += [*_validity(tables), *_published(tables), *_refinement(tables), *_times(tables)]
     if speed := measured.sections.get("speed"):
-        found += [*_factorizations(speed), *_growth(speed)]
+        found += _factorizations(speed)
+    if grown := measured.sections.get("growth"):
+        found += _growth(grown)
     if ablation := measured.sections.get("ablation"):
         found += _mobius(ablation)
     return found
@@ -122,10 +124,10 @@ def _factorizations(speed: Section) -> Iterator[str]:
         )
 
 
-def _growth(speed: Section) -> Iterator[str]:
-    n = np.array(list(speed.mapped.values()), dtype=float)
+def _growth(grown: Section) -> Iterator[str]:
+    n = np.array(list(grown.sizes.values()), dtype=float)
     for name, method in (("CDCP", "cdcp"), ("one factorization", "factor")):
-        (time, _), (memory, _) = (growth(n, speed.values(method, q)) for q in ("seconds", "memory"))
+        (time, _), (memory, _) = (growth(n, grown.values(method, q)) for q in ("seconds", "memory"))
         if np.isfinite(time):
             yield f"Time of {name} grows like n^{time:.2f}, its peak memory like n^{memory:.2f}."
 

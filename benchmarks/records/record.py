@@ -25,7 +25,7 @@ class Record:
     Attributes
     ----------
     section : str
-        ``"tables"``, ``"speed"`` or ``"ablation"``.
+        ``"tables"``, ``"speed"``, ``"growth"`` or ``"ablation"``.
     model : str
         Name; `benchmarks.measure.models.find` has the surface.
     mesh : str

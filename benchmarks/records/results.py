@@ -115,7 +115,8 @@ class Measured:
     ----------
     sections : dict of str to Section
     sizes : dict of str to int
-        Vertices of each model, from small to large; without those that are not to be had.
+        Vertices of each model, from small to large; without those that are not to be had, and
+        those on which only growth was measured.
     """
 
     def __init__(
@@ -129,7 +130,7 @@ class Measured:
             section: Section(record for record in known if record.section == section)
             for section in dict.fromkeys(record.section for record in known)
         }
-        sizes = {record.model: record.vertices for record in known if record.vertices}
+        sizes = {r.model: r.vertices for r in known if r.vertices and r.section != "growth"}
         self.sizes = dict(sorted(sizes.items(), key=lambda model: model[1]))
         self._meshes = {record.model: record.mesh for record in known}
         self._kept, self.map = kept, map

@@ -6,10 +6,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from statistics import median
 from typing import Any
 
+import numpy as np
+
 from ..measure.ablation import ABLATIONS
 from ..measure.methods import METHODS
 from ..records.paper import PUBLISHED, row_of
-from ..records.results import Measured, Section
+from ..records.results import FROM, Measured, Section, growth
 from .cells import (
     COLUMNS,
     case,
@@ -50,13 +52,16 @@ def about(machine: Mapping[str, Any]) -> list[tuple[str, str]]:
             f"{machine['time_limit']:g} s and {machine['memory_limit']:,.0f} MiB for each case, "
             "in a process of its own",
         ),
-        ("Again", " && ".join(machine["commands"].values())),
+        ("Again", " && ".join(dict.fromkeys(machine["commands"].values()))),
     ]
 
 
 def tables(measured: Measured) -> Iterator[Table]:
     """Make the tables of all sections."""
-    sections = {"tables": _accuracy, "peers": peer_tables, "speed": _speed, "ablation": _ablation}
+    sections = {
+        **{"tables": _accuracy, "peers": peer_tables, "speed": _speed, "growth": _growth},
+        "ablation": _ablation,
+    }
     for section, make in sections.items():
         if section in measured.sections:
             yield from make(measured.sections[section])
@@ -171,6 +176,26 @@ def _speed(results: Section) -> Iterator[Table]:
         "`import cdcp_igl` in fresh processes.",
         ["what", "ms"],
         list(_small(results)),
+    )
+
+
+def _growth(results: Section) -> Iterator[Table]:
+    n = np.array(list(results.mapped.values()), dtype=float)
+    columns = [("factor", "seconds"), ("cdcp", "seconds"), ("factor", "memory"), ("cdcp", "memory")]
+    values = [results.values(method, name) for method, name in columns]
+    exponents = [growth(n, column)[0] for column in values]
+    rows = [
+        [*model_cells(results, model), *(number(column[i], ",.4g") for column in values)]
+        for i, model in enumerate(results.mapped)
+    ]
+    fitted = [Cell("exponent of n", kind="name"), Cell(f"from {FROM:,}")]
+    yield Table(
+        "growth",
+        "Growth",
+        "One terrain, each triangle cut into four again and again: seconds and peak MiB of F and "
+        f"of CDCP, and the power of n that fits those with {FROM:,} vertices or more.",
+        ["surface", "n", "F, s", "T, s", "F, MiB", "T, MiB"],
+        [*rows, [*fitted, *(number(p, ".2f") for p in exponents)]],
     )
 
 

@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from ..reference.processes import available_memory, cause_of_death, resident
+from ..reference.processes import cause_of_death, resident
+from ..solve.memory import available_memory
 from .memory import memory_needed
 from .records import Record
 from .work import Task
@@ -55,7 +56,7 @@ class Pool:
         """
         need = {task.name: memory_needed(task.source) for task in tasks}
         waiting = sorted(tasks, key=lambda task: need[task.name], reverse=True)
-        memory = available_memory()
+        memory = available_memory() / 2**20
         attempts: Counter[str] = Counter()
         inbox: SimpleQueue[tuple[_Worker, Any]] = SimpleQueue()
         idle: list[_Worker] = []

@@ -10,10 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-__all__ = ["available_memory", "cause_of_death", "forget_peak_memory", "peak_memory", "resident"]
+__all__ = ["cause_of_death", "forget_peak_memory", "peak_memory", "resident"]
 
 PROC = Path("/proc/self")
-CONTAINER_LIMIT = Path("/sys/fs/cgroup/memory.max")
 
 
 def resident(pid: int) -> float:
@@ -47,18 +46,6 @@ def forget_peak_memory() -> None:
         PROC.joinpath("clear_refs").write_text("5")
     except OSError:  # another system, or one that forbids it
         return
-
-
-def available_memory() -> float:
-    """Memory that new processes may use, infinite where the system does not tell."""
-    limits = [np.inf]
-    try:
-        lines = Path("/proc/meminfo").read_text().splitlines()
-        limits += [int(x.split()[1]) / 2**10 for x in lines if x.startswith("MemAvailable:")]
-        limits.append(int(CONTAINER_LIMIT.read_text()) / 2**20)  # "max" is no number
-    except (OSError, ValueError):
-        pass
-    return min(limits)
 
 
 def cause_of_death(returncode: int, errors: str) -> str:

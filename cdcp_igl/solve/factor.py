@@ -9,6 +9,7 @@ import numpy as np
 from ..surface.mesh import DiskMesh
 from .cholesky import Cholesky, Numbers
 from .laplacian import Laplacian
+from .memory import require_memory
 from .ordering import elimination_order
 
 __all__ = ["Factor"]
@@ -33,10 +34,11 @@ class Factor:
     Raises
     ------
     SolverError
-        If L_II is numerically not positive definite.
+        If L_II is numerically not positive definite, or cannot fit into memory.
     """
 
     def __init__(self, mesh: DiskMesh, L: Laplacian) -> None:
+        require_memory(len(mesh.V))
         self._rows, ordering, name = elimination_order(L, mesh.V, ~mesh.on_boundary)
         self._cholesky = Cholesky(L.block(self._rows), ordering)
         self.order = self._rows[self._cholesky.permutation]

@@ -18,6 +18,7 @@ from scipy.sparse import csc_matrix
 from sksparse import cholmod
 
 from ..arrays import Floats
+from .memory import factor_entries
 
 __all__ = ["ERRORS", "LIBRARY", "MODE", "ORDERS", "PACKAGE", "Factorization", "order"]
 
@@ -29,6 +30,10 @@ MODE = "supernodal"
 ERRORS: tuple[type[Exception], ...] = (cholmod.CholmodError,)
 ORDERS = True
 
+# CHOLMOD's own indices are those of the matrix. With 32 bits it ends at 2^31 entries of the factor;
+# half as many leave room for the estimate, and 64 bits cost little.
+ENTRIES_OF_32_BITS = 2**30
+
 # scikit-sparse 0.5 replaced `analyze` and `Factor` by `CholeskyFactor`.
 _MODERN = hasattr(cholmod, "CholeskyFactor")
 
@@ -37,7 +42,7 @@ class Factorization:
     """See `solvers.Factorization`; the order as given up to a postordering."""
 
     def __init__(self, A: csc_matrix, natural: bool) -> None:
-        ordering = "natural" if natural else "amd"
+        ordering, A = "natural" if natural else "amd", _indexed(A)
         if _MODERN:
             self._symbolic = cholmod.CholeskyFactor(A, supernodal_mode=MODE, order=ordering)
             self.permutation = self._symbolic.get_perm()
@@ -51,7 +56,7 @@ class Factorization:
         # From a copy of the symbolic analysis: scikit-sparse 0.5 leaves a simplicial factor
         # behind, and to factor in that takes 2.6 times as long as analysis and factorization
         # (216,000 vertices), in a copy 0.4 to 0.7 times. A solve takes 0.03 times as long in it.
-        self._factor = self._symbolic.copy()
+        self._factor, A = self._symbolic.copy(), _indexed(A)
         if _MODERN:
             self._factor.factorize(A)
         else:
@@ -74,3 +79,11 @@ def order(A: csc_matrix) -> NDArray[np.signedinteger[Any]]:
     if _MODERN:
         return cholmod.CholeskyFactor(A, supernodal_mode="simplicial", order="amd").get_perm()
     return cholmod.analyze(A, mode="simplicial", ordering_method="amd").P()
+
+
+def _indexed(A: csc_matrix) -> csc_matrix:
+    """Give a matrix 64-bit indices if its factor needs them."""
+    if factor_entries(A.shape[0]) > ENTRIES_OF_32_BITS:
+        A = csc_matrix(A)  # the same entries
+        A.indices, A.indptr = (i.astype(np.int64) for i in (A.indices, A.indptr))
+    return A

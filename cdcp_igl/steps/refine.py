@@ -146,7 +146,7 @@ def lower_angle_distortion(
     r = angle_errors(mesh, f)
     before = objective = measure(r)
     taken, attempt, p, stopped = 0, 0, 2.0, ""
-    if len(mesh.interior) == 0 or not _is_bijective(mesh, f):
+    if len(mesh.interior) == 0 or not certify(mesh, coordinates(f)).valid:
         return f, Refinement(steps, taken, "no improvement", norm, before, objective)
     laplacian, stale = WeightedLaplacian(mesh, order), True
     while taken < steps and not stopped:
@@ -324,10 +324,6 @@ def _next(corners: Array) -> Array:
 def _last(corners: Array) -> Array:
     """(m, 3) values at the last corner before each, the next but one."""
     return corners[:, [2, 0, 1]]
-
-
-def _is_bijective(mesh: DiskMesh, f: Complex) -> bool:
-    return certify(mesh, coordinates(f)).valid
 
 
 def _power_mean(r: Floats, p: float) -> float:
