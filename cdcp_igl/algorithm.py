@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from .arrays import Complex, Floats
 from .result import DiskMap
-from .selection import HarmonicMap, best_map
+from .selection import best_map
 from .solve.factor import Factor
 from .solve.factored import FactoredSurface
 from .solve.laplacian import cotangent_laplacian
@@ -20,11 +20,10 @@ from .solve.solvers import SolverName, using
 from .steps.center import Center, CenterMethod, central_face
 from .steps.circle import FALLBACKS, Rejected, by_trace, whitened_geodesic_map
 from .steps.circle.geodesic import geodesic_map
+from .steps.harmonic_map import HarmonicMap
 from .steps.mobius import MobiusMethod, normalize
 from .steps.options import Options
 from .steps.phases import Phases, Progress
-from .steps.remote import remote_parts
-from .steps.straightening import Straightening, straighten
 from .steps.trace import boundary_trace, conjugate_trace
 from .surface.mesh import DiskMesh
 
@@ -281,14 +280,8 @@ class Attempts:
             with phase("circle"):
                 boundary = FALLBACKS[number - 1](surface, tau_c.face)
         with phase("extension"):
-            f = boundary.extend(boundary.f_B)  # (10)
-            straightening = Straightening()
-            if steps.straightened and not boundary.is_crowded:
-                f, straightening = straighten(surface.mesh, f, boundary.extend)
-                if straightening.before:
-                    boundary = boundary.turned(f[surface.mesh.loop])
-            remote = remote_parts(surface.mesh, boundary.steps, boundary.f_B, boundary.extend)
-        return HarmonicMap(f, boundary, remote, tau_c, straightening)
+            straightened = steps.straightened
+            return HarmonicMap.of(surface.mesh, boundary, tau_c, straightened=straightened)  # (10)
 
     @property
     def started(self) -> bool:

@@ -4,110 +4,43 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from .arrays import Complex, Floats, Ints, coordinates
-from .certificate import Certificate, certify
-from .distortion import AngleDistortion, angle_errors, disk_map_distortion
+from .arrays import Complex, coordinates
+from .distortion import AngleDistortion, disk_map_distortion
 from .errors import MapError
 from .result import DiskMap
 from .solve.factored import FactoredSurface
 from .steps.alignment import rotate
-from .steps.center import Center
-from .steps.circle import BoundaryMethod, CircleMap, Rejected, hold_open
-from .steps.conformality import Conformality, judge
+from .steps.candidate import SMALL, Candidate, judged, refined
+from .steps.circle import BoundaryMethod, Rejected, hold_open
+from .steps.harmonic_map import HarmonicMap
 from .steps.mobius import MobiusMethod, Normalization, normalize
 from .steps.options import Options
 from .steps.phases import Phases
-from .steps.refine import Refinement, lower_angle_distortion
-from .steps.remote import Remote
 from .steps.repair import Repair, embed, mend, unfold
-from .steps.straightening import Straightening
+from .steps.unfolding import keep_faces
 from .surface.mesh import DiskMesh
 
-__all__ = ["HarmonicMap", "best_map"]
+__all__ = ["best_map"]
 
 log = logging.getLogger("cdcp_igl")
 
-# Where straightening removes more than this share of the distortion, the boundary is a polygon
-# so coarse that the harmonic map is not near the conformal one;
-COARSE = 0.2
-# and so it is where the errors are more than this times what the scale explains. Such maps have
-# steps of refinement even if none are asked for.
-EXCESS = 1.05
-STEPS_DUE = 2
-# So are these, of a map whose interior had to be replaced.
-STEPS_AFTER_REPAIR = 10
 # If a larger share of the faces is flipped, other maps come first: those of the intrinsic
 # Delaunay Laplacian have a hundredth of the flipped faces of the cotangent one on slivers.
 MANY_FLIPPED = 0.003
+MANY = 0.03  # of the faces, also where they have been kept: rounding has turned them over
 # With more flipped faces left by repair, another start does not help.
 HOPELESS = 10
-MUCH_REPAIRED = 0.5
+# A map with so many times the distortion of another may still be the better one after refinement.
+HANDICAP = 2
 REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
 
 
-@dataclass(frozen=True, eq=False)
-class HarmonicMap:
-    """The map before its normalisation, and where it comes from.
-
-    Attributes
-    ----------
-    f : (n,) complex128
-    boundary : CircleMap
-    remote : Remote or None
-        What is too close to the circle for f to tell its vertices apart.
-    center : Center
-    straightening : Straightening
-    """
-
-    f: Complex
-    boundary: CircleMap
-    remote: Remote | None
-    center: Center
-    straightening: Straightening
-
-
 Way = Callable[[Phases], HarmonicMap]  # to a harmonic map; raises Rejected where there is none
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A normalised map with what is known of it."""
-
-    f: Complex
-    certificate: Certificate
-    errors: Floats
-    conformality: Conformality
-    center: Center
-    trace: BoundaryMethod
-    straightening: Straightening
-    mobius: Normalization
-    repair: Repair
-    refinement: Refinement | None = None
-
-    @property
-    def rank(self) -> tuple[bool, float]:
-        """Valid maps come first, then those of low mean distortion."""
-        return not self.certificate.valid, float(abs(self.errors).mean())
-
-    @property
-    def steps_due(self) -> int:
-        """Steps of refinement for a map that is measurably not near the conformal one."""
-        if self.repair.n_moved > MUCH_REPAIRED * len(self.f):
-            return STEPS_AFTER_REPAIR
-        unlike = self.straightening.gain > COARSE or self.conformality.excess > EXCESS
-        return STEPS_DUE if unlike else 0
-
-    def objection(self) -> str:
-        """Why another map was sought after this one."""
-        name = self.trace.name
-        if not self.certificate.valid:
-            return f"{name}: no certificate"
-        return f"{name}: mean distortion {np.degrees(self.rank[1]):.2f} degrees, not conformal"
 
 
 def best_map(
@@ -148,7 +81,7 @@ def best_map(
             rejected.append(str(reason))
             continue
         known.append(harmonic)
-        candidates.append(_normalized(mesh, harmonic, options, phase))
+        candidates.append(_normalized(mesh, harmonic, options, phase, MANY_FLIPPED))
         if not candidates[-1].conformality.sheared:
             break
     if all(candidate.conformality.sheared for candidate in candidates):
@@ -157,17 +90,22 @@ def best_map(
             for harmonic, candidate in zip(known, tuple(candidates), strict=True)
             if not candidate.certificate.valid
         ]
-    best = min(candidates, key=lambda candidate: candidate.rank)
-    others = [other for other in candidates if other is not best]
-    rejected += list(dict.fromkeys(other.objection() for other in others))
+    candidates.sort(key=lambda candidate: candidate.rank)
+    steps = max(options.refine, 0 if options.paper else candidates[0].steps_due)
+    if steps and candidates[0].certificate.valid:
+        if not keep_factor:
+            surface.release()
+        rivals = _rivals(candidates)
+        candidates[:rivals] = [
+            refined(mesh, candidate, surface.factor.order, steps, options, phase)
+            for candidate in candidates[:rivals]
+        ]
+        candidates.sort(key=lambda candidate: candidate.rank)
+    best, *others = candidates
+    rejected += dict.fromkeys(other.objection() for other in others)
     for objection in rejected:
         log.info("boundary by %s, rejected %s", best.trace.name, objection)
     best = replace(best, trace=replace(best.trace, rejected=tuple(rejected)))
-    steps = max(options.refine, 0 if options.paper else best.steps_due)
-    if steps and best.certificate.valid:
-        if not keep_factor:
-            surface.release()
-        best = _refined(surface.mesh, best, surface.factor.order, steps, options, phase)
     result = _disk_map(surface, best, phase)
     if not result.valid:
         raise MapError(
@@ -181,15 +119,28 @@ def best_map(
     return result
 
 
+def _rivals(candidates: list[Candidate]) -> int:
+    """How many of the candidates, best first, are refined: more than one if none is conformal.
+
+    Which of several bad maps of a coarse mesh leads to the best one shows in the end only.
+    """
+    best = candidates[0]
+    if best.conformality or len(best.f) > SMALL:
+        return 1
+    worst = (False, HANDICAP * best.rank[1])
+    return sum(candidate.rank <= worst for candidate in candidates)
+
+
 def _normalized(
-    mesh: DiskMesh, harmonic: HarmonicMap, options: Options, phase: Phases
+    mesh: DiskMesh, harmonic: HarmonicMap, options: Options, phase: Phases, share: float
 ) -> Candidate:
     """Do the second half of Algorithm 1, the Möbius transformation; then repair and judge.
 
     A transformed map that had to be repaired is held against the repaired map without the
-    transformation, and the better one is taken.
+    transformation, and the better one is taken. Nothing is repaired if a larger share of the
+    faces is flipped.
     """
-    repair = partial(mend, most=MANY_FLIPPED * len(mesh.F))
+    repair = partial(mend, most=share * len(mesh.F))
     candidate = _repaired(mesh, harmonic, options, options.mobius_method, repair, phase)
     hopeless = len(candidate.certificate.flipped) > HOPELESS
     if candidate.repair.rounds and candidate.mobius.w and not hopeless:
@@ -202,7 +153,17 @@ def _normalized(
 def _unfolded(
     mesh: DiskMesh, harmonic: HarmonicMap, failed: Candidate, options: Options, phase: Phases
 ) -> Candidate:
-    """Repair a map at whatever cost, and judge it; without a Möbius transformation."""
+    """Find a valid map with this boundary at whatever cost, and judge it.
+
+    If the faces that are turned over cannot be kept, the interior is replaced, without a
+    Möbius transformation.
+    """
+    with phase("extension"):
+        kept = keep_faces(mesh, harmonic, straightened=not options.paper)
+    if kept is not harmonic:
+        candidate = _normalized(mesh, kept, options, phase, share=MANY)
+        if candidate.certificate.valid:
+            return candidate
     repaired = embed if failed.repair.rounds else unfold
     candidate = _repaired(mesh, harmonic, options, None, repaired, phase)
     if options.mobius_method is None:
@@ -236,54 +197,9 @@ def _repaired(
         log.info("%s", repair)
     trace = replace(harmonic.boundary.method, n_spread=n_held)
     # What repair leaves behind is in few places.
-    known = _judged(mesh, f, phase, closely=repair.n_flipped > 0)
+    known = judged(mesh, f, phase, closely=repair.n_flipped > 0)
     return Candidate(
         f, *known, harmonic.center, trace, harmonic.straightening, normalization, repair
-    )
-
-
-def _judged(
-    mesh: DiskMesh, f: Complex, phase: Phases, *, closely: bool
-) -> tuple[Certificate, Floats, Conformality]:
-    with phase("certificate"):
-        certificate = certify(mesh, coordinates(f))
-        errors = angle_errors(mesh, f)
-        if not certificate.valid:
-            return certificate, errors, Conformality(True, ("it is not valid",))
-        return certificate, errors, judge(mesh, f, errors, closely=closely)
-
-
-def _refined(
-    mesh: DiskMesh,
-    candidate: Candidate,
-    order: Ints,
-    steps: int,
-    options: Options,
-    phase: Phases,
-) -> Candidate:
-    """Lower the angular distortion beyond that of the harmonic map."""
-    with phase("refine") as advance:
-        f, refinement = lower_angle_distortion(
-            mesh,
-            candidate.f,
-            order,
-            steps,
-            options.refine_norm,
-            seconds=options.refine_seconds,
-            turn=lambda f: hold_open(mesh, rotate(mesh, f, options.align))[0],
-            advance=advance,
-        )
-    if refinement.stopped:
-        log.info("refinement: %s", refinement)
-    closely = candidate.repair.n_flipped > 0
-    certificate, errors, conformality = _judged(mesh, f, phase, closely=closely)
-    return replace(
-        candidate,
-        f=f,
-        certificate=certificate,
-        errors=errors,
-        conformality=conformality,
-        refinement=refinement,
     )
 
 

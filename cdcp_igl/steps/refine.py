@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from time import perf_counter
 from typing import TypeVar
 
@@ -17,10 +18,17 @@ from ..solve.cholesky import Cholesky
 from ..solve.iterative import conjugate_gradients
 from ..solve.laplacian import Laplacian
 from ..surface.mesh import DiskMesh
+from .line_search import HALVINGS, line_search
 
 Array = TypeVar("Array", Complex, Ints)
 
-__all__ = ["Refinement", "WeightedLaplacian", "gauss_newton_step", "lower_angle_distortion"]
+__all__ = [
+    "HALVINGS",
+    "Refinement",
+    "WeightedLaplacian",
+    "gauss_newton_step",
+    "lower_angle_distortion",
+]
 
 ROUNDING = np.radians(0.1)  # below this angle |r|^p is rounded off to a parabola
 CG_ITERATIONS = 3  # lower the objective to within 0.3 % of what the solved system would
@@ -28,7 +36,6 @@ DAMPINGS = (0, 1, 10, 100)  # tried in turn
 # The preconditioner stays after a step that has lowered the objective by less: it has changed
 # the weights little. Those of a smaller p follow the angles more closely, and it does not stay.
 SETTLED, STEADY = 0.02, 1.5
-HALVINGS = 6  # of a step, before it is computed again with more damping
 LOWERING = 0.5  # of p from 2 to the norm, with each step that needs no damping
 SHIFT = 1e-10  # of the unit diagonal: keeps rounding from an indefinite matrix
 
@@ -44,7 +51,9 @@ class Refinement:
     steps : int
         Steps that were taken.
     stopped : str
-        Why they are fewer: ``"no improvement"`` or ``"time limit"``; empty if they are not.
+        Why they are fewer: ``"no improvement"``, ``"little to gain"`` of steps that were not
+        asked for, ``"no certificate"`` of the map that they led to, or ``"time limit"``; empty
+        if they are not.
     norm : float
         The exponent p.
     before, after : float
@@ -77,7 +86,9 @@ def lower_angle_distortion(
     norm: float,
     *,
     seconds: float = np.inf,
-    turn: Callable[[Complex], Complex] = lambda f: f,
+    halvings: int = HALVINGS,
+    enough: Callable[[int, float], bool] = lambda taken, gain: False,
+    opened: Callable[[Complex], Complex] = lambda f: f,
     advance: Callable[[float], None] = lambda done: None,
 ) -> tuple[Complex, Refinement]:
     """Lower the sum of |angle error|^p over all corners; boundary vertices slide on the circle.
@@ -102,9 +113,15 @@ def lower_angle_distortion(
         The exponent p, from 1 to 2.
     seconds : float
         After so many no step is begun; one that has been begun is finished.
-    turn : callable
-        Applied to the map after each step: angles do not tell a map from one turned about 0,
-        and boundary vertices come back onto the circle with rounding errors of their own.
+    halvings : int
+        Of a step, before it is computed again with more damping. More of them are slower, and
+        go on where a map is bad.
+    enough : callable
+        Given the number of steps taken and the share of the objective that the last one has
+        removed, says whether to end here.
+    opened : callable
+        Applied to the map after each step, to make room for what rounding has collapsed as
+        boundary vertices come back onto the circle.
     advance : callable
         Called with the share of the steps that is done, after each.
 
@@ -125,8 +142,9 @@ def lower_angle_distortion(
     least-squares. Communications in Statistics 6(9), 1977.
     """
     deadline = perf_counter() + seconds
+    measure = partial(_power_mean, p=norm)
     r = angle_errors(mesh, f)
-    before = objective = _power_mean(r, norm)
+    before = objective = measure(r)
     taken, attempt, p, stopped = 0, 0, 2.0, ""
     if len(mesh.interior) == 0 or not _is_bijective(mesh, f):
         return f, Refinement(steps, taken, "no improvement", norm, before, objective)
@@ -139,7 +157,7 @@ def lower_angle_distortion(
         else:
             used, last = (p, attempt), objective
             step = gauss_newton_step(mesh, f, r, p, DAMPINGS[attempt], laplacian, anew=stale)
-            found = _line_search(mesh, f, step, norm, objective, turn)
+            found = line_search(mesh, f, step, measure, objective, opened, halvings)
             if found is None:
                 attempt += 1
             else:
@@ -148,36 +166,11 @@ def lower_angle_distortion(
                 f, r, objective = found
                 taken, attempt = taken + 1, max(attempt - 1, 0)
                 advance(taken / steps)
+                if taken < steps and enough(taken, 1 - objective / last):
+                    stopped = "little to gain"
             settled = (p, attempt) == used and objective >= (1 - SETTLED) * last
             stale = not settled or p < STEADY
     return f, Refinement(steps, taken, stopped, norm, before, objective)
-
-
-def _line_search(
-    mesh: DiskMesh,
-    f: Complex,
-    step: Complex,
-    norm: float,
-    objective: float,
-    turn: Callable[[Complex], Complex],
-) -> tuple[Complex, Floats, float] | None:
-    """Halve a step until the objective falls, and at faces that it flips until it does not.
-
-    None if that does not help.
-    """
-    scale = np.ones(len(f))
-    for _ in range(HALVINGS):
-        trial = turn(_slide(mesh, f, scale * step))
-        certificate = certify(mesh, coordinates(trial))
-        if len(certificate.flipped):
-            scale[np.unique(mesh.F[certificate.flipped])] /= 2
-            continue
-        r = angle_errors(mesh, trial)
-        value = _power_mean(r, norm)
-        if value < objective and certificate.on_circle:
-            return trial, r, value
-        scale /= 2
-    return None
 
 
 def gauss_newton_step(
@@ -331,14 +324,6 @@ def _next(corners: Array) -> Array:
 def _last(corners: Array) -> Array:
     """(m, 3) values at the last corner before each, the next but one."""
     return corners[:, [2, 0, 1]]
-
-
-def _slide(mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
-    """Move a map by a displacement; the boundary by its angle, so that it stays on the circle."""
-    moved, boundary = f + step, f[mesh.loop]
-    turned = boundary * np.exp(step[mesh.loop] / boundary)  # by i times a real number
-    moved[mesh.loop] = turned / abs(turned)
-    return moved
 
 
 def _is_bijective(mesh: DiskMesh, f: Complex) -> bool:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Bools, Floats, Ints
 from ..errors import Defect, MeshError
+from .chords import Chords
 from .defects import degenerate_defect
 from .edges import Edges
 from .report import examine
@@ -119,6 +120,11 @@ class DiskMesh:
         inscribed = np.flatnonzero(i & j & k)
         inscribed.flags.writeable = False
         return inscribed
+
+    @cached_property
+    def chords(self) -> Chords:
+        """Edges inside between boundary vertices, and the pieces that they cut off."""
+        return Chords.of(self.F, self.edges, self.loop, self.on_boundary)
 
     def moved(self, V: ArrayLike) -> DiskMesh:
         """Return the mesh with its vertices elsewhere; what is known of its faces is kept.

@@ -1,4 +1,4 @@
-"""Hold faces inscribed in the circle open by the last digits of their corners."""
+"""Hold faces behind chords of the circle open by the last digits of their corners."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from ...arrays import Complex, Ints, coordinates
 from ...certificate import flipped_faces, increments
 from ...surface.mesh import DiskMesh
+from .pieces import raise_pieces
 
 __all__ = ["hold_open"]
 
@@ -16,12 +17,10 @@ ROUNDS = 8  # as a raised corner may be that of another face; what is turned ove
 
 
 def hold_open(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
-    """Move corners of collapsed inscribed faces outwards, by no more than rounding errors.
+    """Make room for what collapses behind chords of the circle, by no more than rounding errors.
 
-    A triangle inscribed in the unit circle with arcs p and q, both short, is p q / 2 high. In a
-    remote part of the surface that is far less than the distance between doubles, and rounding
-    decides on which side of the chord under the two arcs the corner between them comes to lie.
-    It belongs outside, and is put there by the fewest last digits that will do.
+    Faces inscribed in the circle are opened by one corner each; pieces with vertices inside by
+    `raise_pieces`.
 
     Parameters
     ----------
@@ -32,9 +31,22 @@ def hold_open(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
     Returns
     -------
     f : (n,) complex128
-        The argument itself where no inscribed face has collapsed.
+        The argument itself where nothing has collapsed there.
     int
-        The number of inscribed faces that had.
+        The number of inscribed faces that had, and of others that were opened.
+    """
+    f, n_inscribed = _open_inscribed(mesh, f)
+    f, n_inside = raise_pieces(mesh, f)
+    return f, n_inscribed + n_inside
+
+
+def _open_inscribed(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
+    """Move corners of collapsed inscribed faces outwards, by no more than rounding errors.
+
+    A triangle inscribed in the unit circle with arcs p and q, both short, is p q / 2 high. In a
+    remote part of the surface that is far less than the distance between doubles, and rounding
+    decides on which side of the chord under the two arcs the corner between them comes to lie.
+    It belongs outside, and is put there by the fewest last digits that will do.
     """
     collapsed = _collapsed(mesh, f)
     if len(collapsed) == 0:

@@ -1,0 +1,138 @@
+"""A map among others: certified, judged, and refined where it is due."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import Complex, Floats, Ints, coordinates
+from ..certificate import Certificate, certify
+from ..distortion import angle_errors
+from ..surface.mesh import DiskMesh
+from .alignment import rotate
+from .center import Center
+from .circle import BoundaryMethod, hold_open
+from .conformality import Conformality, judge
+from .mobius import Normalization
+from .options import Options
+from .phases import Phases
+from .refine import HALVINGS, Refinement, lower_angle_distortion
+from .repair import Repair, mend
+from .straightening import Straightening
+from .trimming import Trimmed
+
+__all__ = ["SMALL", "Candidate", "judged", "refined"]
+
+log = logging.getLogger("cdcp_igl")
+
+# Where straightening removes more than this share of the distortion, the boundary is a polygon
+# so coarse that the harmonic map is not near the conformal one;
+COARSE = 0.2
+# and so it is where the errors are more than this times what the scale explains. Such maps have
+# steps of refinement even if none are asked for.
+EXCESS = 1.05
+STEPS_DUE = 2
+# A map that is not conformal, or whose interior had to be replaced, has more of them, as long as
+# one lowers the objective by this share; on small meshes, where they take no time, many.
+MUCH_REPAIRED = 0.5
+WORTH = 0.001
+MOST_STEPS, MOST_STEPS_SMALL = 20, 100
+SMALL = 5_000  # vertices
+PATIENT = 10  # halvings of their steps
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A normalised map with what is known of it."""
+
+    f: Complex
+    certificate: Certificate
+    errors: Floats
+    conformality: Conformality
+    center: Center
+    trace: BoundaryMethod
+    straightening: Straightening
+    mobius: Normalization
+    repair: Repair
+    refinement: Refinement | None = None
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """Valid maps come first, then those of low mean distortion."""
+        return not self.certificate.valid, float(abs(self.errors).mean())
+
+    @property
+    def steps_due(self) -> int:
+        """Steps of refinement for a map that is measurably not near the conformal one."""
+        if not self.conformality or self.repair.n_moved > MUCH_REPAIRED * len(self.f):
+            return MOST_STEPS if len(self.f) > SMALL else MOST_STEPS_SMALL
+        unlike = self.straightening.gain > COARSE or self.conformality.excess > EXCESS
+        return STEPS_DUE if unlike else 0
+
+    def objection(self) -> str:
+        """Why another map was sought after this one."""
+        name = self.trace.name
+        if not self.certificate.valid:
+            return f"{name}: no certificate"
+        return f"{name}: mean distortion {np.degrees(self.rank[1]):.2f} degrees, not conformal"
+
+
+def judged(
+    mesh: DiskMesh, f: Complex, phase: Phases, *, closely: bool
+) -> tuple[Certificate, Floats, Conformality]:
+    """Certify a map (n,), and judge it if it is valid; `closely` as in `judge`."""
+    with phase("certificate"):
+        certificate = certify(mesh, coordinates(f))
+        errors = angle_errors(mesh, f)
+        if not certificate.valid:
+            return certificate, errors, Conformality(True, ("it is not valid",))
+        return certificate, errors, judge(mesh, f, errors, closely=closely)
+
+
+def refined(
+    mesh: DiskMesh,
+    candidate: Candidate,
+    order: Ints,
+    steps: int,
+    options: Options,
+    phase: Phases,
+) -> Candidate:
+    """Lower the angular distortion beyond that of the harmonic map."""
+    least = max(options.refine, STEPS_DUE)
+    with phase("refine") as advance:
+        trimmed = Trimmed(mesh, candidate.f)
+        f, refinement = lower_angle_distortion(
+            trimmed.mesh,
+            trimmed.f,
+            trimmed.order(order),
+            steps,
+            options.refine_norm,
+            seconds=options.refine_seconds,
+            halvings=HALVINGS if candidate.conformality else PATIENT,
+            enough=lambda taken, gain: taken >= least and gain < WORTH,
+            opened=lambda f: hold_open(trimmed.mesh, f)[0],
+            advance=advance,
+        )
+        # Turned once, at the end: it rounds all coordinates, and small faces feel it.
+        f, _ = hold_open(mesh, rotate(mesh, trimmed.completed(f), options.align))
+    with phase("repair"):
+        f, repair = mend(mesh, f)
+    if refinement.stopped:
+        log.info("refinement: %s", refinement)
+    closely = candidate.repair.n_flipped > 0
+    certificate, errors, conformality = judged(mesh, f, phase, closely=closely)
+    if not certificate.valid:  # the last turn has rounded a face over that nothing unfolds
+        undone = replace(refinement, steps=0, stopped="no certificate", after=refinement.before)
+        return replace(candidate, refinement=undone)
+    n_moved = max(candidate.repair.n_moved, repair.n_moved)
+    return replace(
+        candidate,
+        f=f,
+        certificate=certificate,
+        errors=errors,
+        conformality=conformality,
+        refinement=refinement,
+        repair=replace(candidate.repair, n_moved=n_moved),
+    )

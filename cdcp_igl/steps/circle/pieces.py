@@ -1,0 +1,114 @@
+"""Pieces of the disk behind chords so short that doubles leave them no room."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import identity
+from scipy.sparse.linalg import splu
+
+from ...arrays import Bools, Complex, Floats, Ints, coordinates
+from ...certificate import flipped_faces, increments
+from ...surface.mesh import DiskMesh
+from ..repair import mean_value_weights
+
+__all__ = ["flat_pieces", "raise_pieces"]
+
+FLAT = 1e-6  # radians: an arc of this length is 1e-13 high
+# Above the circle, in turn; a certificate allows 1e-12.
+HEIGHTS = 1e-13 * 4.0 ** np.arange(-3, 1)
+
+
+def flat_pieces(mesh: DiskMesh, f_B: Complex) -> Bools:
+    """(k,) which of ``mesh.chords`` cut off an arc of the circle that is as good as straight.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    f_B : (nB,) complex128
+        The boundary on the circle.
+    """
+    chords = mesh.chords
+    angle = np.append(0, np.cumsum(increments(f_B)))
+    arc = angle[chords.end] - angle[chords.start]
+    return np.where(chords.end < chords.start, arc + angle[-1], arc) < FLAT
+
+
+def raise_pieces(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
+    """Give pieces with collapsed faces a height above their chord, no more than rounding errors.
+
+    A piece of the disk over a short arc s of the circle is s^2 / 8 high. Where that is less than
+    the distance between doubles, it has no room for vertices inside. So its boundary is put
+    on a parabola over the chord, and its interior at mean values, which in a convex polygon
+    turn over no face.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    f : (n,) complex128
+        Map onto the disk, boundary counterclockwise on the circle.
+
+    Returns
+    -------
+    f : (n,) complex128
+        The argument itself where nothing could be gained.
+    int
+        The number of collapsed faces that were opened.
+    """
+    n_opened, chords = 0, mesh.chords
+    if not chords.hollow.any():
+        return f, 0
+    flat = flat_pieces(mesh, f[mesh.loop])
+    for k in np.flatnonzero(chords.hollow & flat).tolist():
+        F, run = mesh.F[chords.faces(k)], chords.run(k)
+        collapsed, steps = _n_flipped(f, F), increments(f[run])[:-1]
+        if collapsed == 0 or not (steps > 0).all():
+            continue
+        raised = _Raised(mesh, chords.faces(k), run, steps)
+        for height in HEIGHTS:
+            trial = raised.by(f, height)
+            left = _n_flipped(trial, F)
+            if left < collapsed:
+                f, n_opened, collapsed = trial, n_opened + collapsed - left, left
+            if left == 0:
+                break
+    return f, n_opened
+
+
+def _n_flipped(f: Complex, F: Ints) -> int:
+    return len(flipped_faces(coordinates(f), F)[0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Corners:
+    V: Floats
+    F: Ints
+    angles: Floats
+
+
+class _Raised:
+    """A piece over its chord, whose ends stay where they are."""
+
+    def __init__(self, mesh: DiskMesh, faces: Ints, run: Ints, steps: Floats) -> None:
+        along = np.cumsum(steps)[:-1] / steps.sum()
+        self._run, self._bulge = run[1:-1], 4 * along * (1 - along)
+        vertices, corners = np.unique(mesh.F[faces], return_inverse=True)
+        W = mean_value_weights(
+            _Corners(mesh.V[vertices], corners.reshape(-1, 3), mesh.angles[faces])
+        )
+        inside = ~mesh.on_boundary[vertices]
+        self._rim, self._inside = vertices[~inside], vertices[inside]
+        rows = W[inside].multiply(1 / W[inside].sum(axis=1)).tocsr()
+        self._from_rim = rows[:, ~inside]
+        self._system = splu((identity(len(self._inside)) - rows[:, inside]).tocsc())
+
+    def by(self, f: Complex, height: float) -> Complex:
+        """Raise it by a height in the middle."""
+        f = f.copy()
+        on_circle = f[self._run] / abs(f[self._run])
+        f[self._run] = on_circle * (1 + height * self._bulge)
+        origin = f[self._rim[0]]  # a small shape has digits that its place has not
+        pull = self._from_rim @ (f[self._rim] - origin)
+        f[self._inside] = origin + self._system.solve(coordinates(pull)) @ [1, 1j]
+        return f

@@ -1,0 +1,92 @@
+"""The line search of refinement: how far to go without a flipped face."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..arrays import Bools, Complex, Floats, Ints, coordinates
+from ..certificate import certify
+from ..distortion import angle_errors
+from ..surface.mesh import DiskMesh
+
+__all__ = ["HALVINGS", "line_search"]
+
+HALVINGS = 6  # of a step, before it is computed again with more damping
+THIN = 1e-15  # high: rounding, as when the map is turned, may turn such a face over
+# Of a step at a face that it flips. Where that is still too much, vertices stay.
+SMALLEST_SCALE = 0.03
+
+
+def line_search(
+    mesh: DiskMesh,
+    f: Complex,
+    step: Complex,
+    measure: Callable[[Floats], float],
+    objective: float,
+    opened: Callable[[Complex], Complex],
+    halvings: int,
+) -> tuple[Complex, Floats, float] | None:
+    """Halve a step until the objective falls, and at faces that it flips until it does not.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    f : (n,) complex128
+        Map onto the disk.
+    step : (n,) complex128
+        Displacement, tangential to the circle on the boundary.
+    measure : callable
+        The objective of angle errors (m, 3).
+    objective : float
+        That of f.
+    opened : callable
+        Applied to each map before it is looked at.
+    halvings : int
+        At most so many.
+
+    Returns
+    -------
+    f : (n,) complex128
+    r : (m, 3) float64
+        Its angle errors.
+    float
+        Its objective. None in place of the three if nothing has helped.
+    """
+    scale, thin = np.ones(len(f)), _thin(mesh.F, f)
+    for _ in range(halvings):
+        trial = opened(_slide(mesh, f, scale * step))
+        certificate = certify(mesh, coordinates(trial))
+        flipped = _thin(mesh.F, trial) & ~thin
+        flipped[certificate.flipped] = True
+        if flipped.any():
+            corners = np.unique(mesh.F[flipped])
+            scale[corners] = np.where(scale[corners] > SMALLEST_SCALE, scale[corners] / 2, 0)
+            continue
+        r = angle_errors(mesh, trial)
+        value = measure(r)
+        if value < objective and certificate.on_circle:
+            return trial, r, value
+        scale /= 2
+    return None
+
+
+def _slide(mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
+    """Move a map by a displacement; the boundary by its angle, so that it stays on the circle.
+
+    What has no displacement stays to the last bit.
+    """
+    moved, sliding = f + step, mesh.loop[step[mesh.loop] != 0]
+    boundary = f[sliding]
+    turned = boundary * np.exp(step[sliding] / boundary)  # by i times a real number
+    moved[sliding] = turned / abs(turned)
+    return moved
+
+
+def _thin(F: Ints, f: Complex) -> Bools:
+    """(m,) whether faces are flipped, or so thin that rounding might flip them."""
+    corner = f[F]
+    e = corner - corner[:, [2, 0, 1]]
+    twice_area = (e[:, 0].conj() * e[:, 1]).imag
+    return np.asarray(twice_area < THIN * abs(e).max(axis=1))
