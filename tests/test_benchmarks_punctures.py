@@ -45,6 +45,18 @@ def test_a_killed_run_goes_on_where_it_stopped(folder, monkeypatch):
     assert len(path.read_bytes().splitlines()) == len(lines)
 
 
+def test_a_surface_that_has_changed_is_mapped_again(folder):
+    command = ["punctures", str(folder), "--places", "1"]
+    assert CliRunner().invoke(app, command).exit_code == 0
+    V, F = surfaces.sphere(stretch=2)
+    np.savez(folder / "sphere.npz", V=V, F=F)
+    punctures._surface.cache_clear()
+    assert CliRunner().invoke(app, command).exit_code == 0
+    [path] = folder.parent.glob("work/*/punctures-1.jsonl")
+    rows = len(punctures.RINGS) * len(punctures.METHODS)
+    assert len(path.read_bytes().splitlines()) == 2 * rows
+
+
 def test_a_crash_is_a_row_and_an_exit_code(folder, monkeypatch):
     monkeypatch.setattr(punctures, "SECONDS", 0.0)
     shown = CliRunner().invoke(app, ["punctures", str(folder), "--places", "1"])
@@ -54,7 +66,7 @@ def test_a_crash_is_a_row_and_an_exit_code(folder, monkeypatch):
 
 
 def row(method, outcome, mean=np.nan):
-    return Row("blob", "face", 0, 7, method, outcome, mean)
+    return Row("blob", "digest", "face", 0, 7, method, outcome, mean)
 
 
 @pytest.mark.parametrize(

@@ -60,10 +60,10 @@ def split_triangle(corners, parts):
     return V, np.array(lower + upper)
 
 
-@pytest.mark.parametrize("parts", [4, 6, 8])
+@pytest.mark.parametrize("parts", [4, 6, 8, 10])
 @pytest.mark.parametrize("height", [1e-1, 1e-2, 1e-3, 1e-4])
 @pytest.mark.parametrize("tip", [0, -0.5])
-def test_no_other_method_is_much_better_on_needles(parts, height, tip):
+def test_no_other_method_is_better_on_needles(parts, height, tip):
     """The geodesic algorithm has certified maps of them that are far from conformal."""
     V, F = split_triangle([[0, 0], [1, tip * height], [1, (1 + tip) * height]], parts)
     mean = cdcp_igl.disk_map(V, F).distortion.mean
@@ -71,7 +71,7 @@ def test_no_other_method_is_much_better_on_needles(parts, height, tip):
     for method in (fdcp, harmonic):
         with contextlib.suppress(cdcp_igl.MapError):
             others.append(cdcp_igl.angle_distortion(V, F, method(V, F)).mean())
-    assert mean < 1.2 * min(others)
+    assert mean < 1.1 * min(others)
 
 
 @pytest.mark.parametrize("name", ["camelhead_11381", "femur_2411"])

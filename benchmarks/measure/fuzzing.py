@@ -28,7 +28,7 @@ from ..records.lines import Lines
 from ..records.store import WORK, code
 from .worker import Lost, Worker
 
-SECONDS = 60.0  # after which a case hangs
+SECONDS = 600.0  # after which a case hangs, on however busy a machine
 FEWEST, MOST = 8, 4_000  # vertices of a patch
 STRETCHES = (2.0, 5.0, 20.0)  # upper ends of the classes
 TARGETS = {5.0: 0.995, 20.0: 0.97}  # share of the disks up to a stretch that must be mapped

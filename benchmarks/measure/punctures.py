@@ -26,6 +26,7 @@ from cdcp_igl.surface.mesh import DiskMesh
 
 from ..records.lines import Lines
 from ..records.store import WORK, code
+from .models import digest
 from .worker import Lost, Worker
 
 __all__ = ["opened", "punctures"]
@@ -43,9 +44,10 @@ WIDE = 160  # columns of a table that is printed to a file
 
 @dataclass(frozen=True)
 class Hole:
-    """Where a surface is opened: `row` of F, or of V."""
+    """Where a surface is opened: `row` of F, or of V. `mesh` is the digest of V and F."""
 
     surface: str
+    mesh: str
     kind: str
     place: int
     row: int
@@ -56,6 +58,7 @@ class Row:
     """What a method made of a surface with a hole."""
 
     surface: str
+    mesh: str
     kind: str
     place: int
     row: int
@@ -212,7 +215,7 @@ def _tasks(paths: Iterable[Path], places: int, seed: int) -> Iterator[Task]:
                 rng = np.random.default_rng([seed, RINGS[kind], place])
                 row = _row_that_leaves_a_disk(rng, V, F, kind)
                 if row is not None:
-                    hole = Hole(path.stem, kind, place, row)
+                    hole = Hole(path.stem, digest(V, F), kind, place, row)
                     for method in METHODS:
                         yield Task(path, hole, method)
 
@@ -224,21 +227,24 @@ def _row_that_leaves_a_disk(rng: np.random.Generator, V: Floats, F: Ints, kind: 
 
 def _mapped(tasks: Sequence[Task], lines: Lines, console: Console) -> list[Row]:
     """Map what has not been mapped by this code."""
-    known = {(row.surface, row.kind, row.place, row.method): row for row in map(_row, lines.read())}
+    known = {_key(row, row.method): row for row in map(_row, lines.read())}
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     rows = []
     with Progress(*columns, console=console, transient=True) as bar, Worker(examine) as worker:
         for task in bar.track(tasks):
-            hole = task.hole
-            row = known.get((hole.surface, hole.kind, hole.place, task.method))
+            row = known.get(_key(task.hole, task.method))
             if row is None:
                 try:
                     row = worker.run(task, SECONDS)
                 except Lost as lost:
-                    row = Row(**asdict(hole), method=task.method, outcome=str(lost))
+                    row = Row(**asdict(task.hole), method=task.method, outcome=str(lost))
                 lines.append(asdict(row))
             rows.append(row)
     return rows
+
+
+def _key(hole: Hole | Row, method: str) -> tuple[str | int, ...]:
+    return hole.surface, hole.mesh, hole.kind, hole.place, method
 
 
 def _row(kept: Mapping[str, Any]) -> Row:
@@ -286,7 +292,7 @@ def _map(method: str, V: Floats, F: Ints) -> Floats:
 
 
 def _comparisons(rows: Iterable[Row], methods: Sequence[str]) -> Iterator[Comparison]:
-    for _, group in groupby(rows, lambda row: (row.surface, row.kind, row.place)):
+    for _, group in groupby(rows, lambda row: (row.surface, row.mesh, row.kind, row.place)):
         of = {row.method: row for row in group}
         ours, *others = (of[method] for method in methods)
         yield Comparison(ours, others)
