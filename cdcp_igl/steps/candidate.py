@@ -115,12 +115,14 @@ def refined(
             opened=lambda f: hold_open(trimmed.mesh, f)[0],
             advance=advance,
         )
+        if refinement.stopped:
+            log.info("refinement: %s", refinement)
+        if refinement.steps == 0:
+            return replace(candidate, refinement=refinement)
         # Turned once, at the end: it rounds all coordinates, and small faces feel it.
         f, _ = hold_open(mesh, rotate(mesh, trimmed.completed(f), options.align))
     with phase("repair"):
         f, repair = mend(mesh, f)
-    if refinement.stopped:
-        log.info("refinement: %s", refinement)
     closely = candidate.repair.n_flipped > 0
     certificate, errors, conformality = judged(mesh, f, phase, closely=closely)
     if not certificate.valid:  # the last turn has rounded a face over that nothing unfolds

@@ -11,7 +11,7 @@ from ..certificate import certify
 from ..distortion import angle_errors
 from ..surface.mesh import DiskMesh
 
-__all__ = ["HALVINGS", "line_search"]
+__all__ = ["HALVINGS", "search_along"]
 
 HALVINGS = 6  # of a step, before it is computed again with more damping
 THIN = 1e-15  # high: rounding, as when the map is turned, may turn such a face over
@@ -19,7 +19,7 @@ THIN = 1e-15  # high: rounding, as when the map is turned, may turn such a face 
 SMALLEST_SCALE = 0.03
 
 
-def line_search(
+def search_along(
     mesh: DiskMesh,
     f: Complex,
     step: Complex,

@@ -11,6 +11,7 @@ from ..arrays import Bools, coordinates
 from ..certificate import flipped_faces
 from ..solve.constrained_delaunay import constrained_delaunay_laplacian
 from ..solve.factor import Factor
+from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
 from .circle import CircleMap, hold_open
 from .extension import harmonic_extension
@@ -62,6 +63,6 @@ def keep_faces(mesh: DiskMesh, harmonic: HarmonicMap, *, straightened: bool) -> 
 
 def _extended(mesh: DiskMesh, boundary: CircleMap, kept: Bools) -> CircleMap:
     L = constrained_delaunay_laplacian(mesh, kept)
-    extend = partial(harmonic_extension, mesh, L, Factor(mesh, L))
+    extend = partial(harmonic_extension, FactoredSurface(mesh, L, Factor(mesh, L)))
     method = replace(boundary.method, laplacian="constrained Delaunay")
     return replace(boundary, extend=extend, method=method)
