@@ -14,12 +14,14 @@ from .measure.each_solver import solvers
 from .measure.fuzzing import fuzz
 from .measure.machine import MACHINE
 from .measure.methods import METHODS, maps
-from .measure.models import find, surfaces_of
 from .measure.peers import PEERS
+from .measure.punctures import punctures
 from .records.record import Record
 from .records.results import Measured
 from .records.store import ROOT, WORK, Work, read_results
-from .session import Machine, Models, Out, Quick, Session, WorkFolder, with_session
+from .session import Machine, Out, Quick, Session, WorkFolder, with_session
+from .write.cells import in_order
+from .write.comparisons import summary_table
 from .write.drawing import draw
 from .write.figures.accuracy import CENTERS, MOBIUS
 from .write.front_page import MODELS, README, rewrite
@@ -35,13 +37,14 @@ SPEED_MODELS = (
 )
 SMALL_MODEL, SMALL_METHODS = "nefertiti_299", ("cdcp warm", "import")
 REPEATED = ("factor", "cdcp")  # the others run once on large models
-LARGE = 800_000  # vertices
+LARGE = 500_000  # vertices
 ABLATION_MODELS = (
     *("nefertiti_299", "camelhead_11381", "chinese_lion", "human_face", "stanford_bunny_31593"),
     *("human_brain", "left_hand"),
 )
 
 TOLD = ("surface", "method", "mean °", "SD °", "flips", "s", "s / F", "outcome")
+LONG = 400  # rows of a table that can still be read; of a longer one its sums are printed
 WIDE = 160  # columns of a table that is printed to a file
 SECONDS = 60  # limit of a case of figures --quick
 RESULTS = ROOT / "benchmarks" / "results"  # only `make bench` writes there
@@ -54,6 +57,7 @@ app = typer.Typer(
 )
 app.command()(fuzz)
 app.command()(surfaces)
+app.command()(punctures)
 app.command()(solvers)
 
 
@@ -88,7 +92,7 @@ def peers(session: Session) -> None:
 def speed(session: Session, repeats: Repeats = 5) -> None:
     """Measure times as multiples of one factorization, memory, growth; methods take turns.
 
-    Above 800,000 vertices all but CDCP and the factorization run once.
+    Above 500,000 vertices all but CDCP and the factorization run once.
 
     What is there already is not measured again. To start over, delete the work folder.
     """
@@ -122,17 +126,25 @@ def ablation(session: Session) -> None:
 
 
 def _finish(session: Session, section: str, records: list[Record]) -> None:
-    measured = session.write(section, records)
+    measured = session.write(section, records) if session.part is None else Measured(records)
     console = Console()
     if not console.is_terminal:
         console.width = WIDE
-    console.print(printed(cases(measured.sections[section]), TOLD))
-    typer.echo(session.results.with_suffix(".md"))
+    results = measured.sections[section]
+    every = cases(results)
+    if len(every.rows) <= LONG:
+        console.print(printed(every, TOLD))
+    else:
+        over_all = summary_table(results, in_order(results.maps))
+        console.print(printed(over_all, over_all.headings))
+    if session.part is None:
+        typer.echo(session.results.with_suffix(".md"))
+    else:
+        typer.echo("A part; once all are there, the same without --shard writes the results.")
 
 
 @app.command()
 def figures(
-    models: Models = "",
     quick: Quick = False,
     machine: Machine = MACHINE,
     out: Out = None,
@@ -141,9 +153,8 @@ def figures(
     """Draw Figures 4 to 12 and the report for the browser, from what has been measured.
 
     Nothing is measured again; --quick measures first what three small models need.
-    Files that were measured are found again by --models.
     """
-    session = Session(models, quick=quick, machine=machine, out=out, work=work, time_limit=SECONDS)
+    session = Session(quick=quick, machine=machine, out=out, work=work, time_limit=SECONDS)
     if quick:
         _measure_quickly(session)
     if not session.results.exists():
@@ -152,8 +163,7 @@ def figures(
         )
     about, records = read_results(session.results)
     kept = Work(work or WORK / about["code"])
-    surface = surfaces_of(records, [*find(), *session.wanted_models()])
-    measured = Measured(records, surface, kept.map)
+    measured = Measured(records, kept.surface, kept.map)
     typer.echo(draw(session.results.with_suffix(""), about, measured))
 
 

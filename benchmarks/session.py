@@ -14,6 +14,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 from rich.console import Console
 
+from cdcp_igl.batching.shards import read_shard
 from cdcp_igl.io import whole_file
 
 from .measure import models as surfaces
@@ -58,13 +59,24 @@ class Session:
     work: WorkFolder = None
     time_limit: Annotated[float, typer.Option(metavar="SECONDS", min=0, help="Of each case.")] = 300
     memory_limit: Annotated[
-        float, typer.Option(metavar="MIB", min=0, help="Of each case; 0: 3/4 of the memory.")
+        float, typer.Option(metavar="MIB", min=0, help="Of each case; 0: 3/4 of all by the jobs.")
     ] = 0
     threads: Annotated[int, typer.Option(min=1, help="Of BLAS and OpenMP.")] = 1
+    jobs: Annotated[
+        int, typer.Option(min=1, help="Cases side by side; their seconds are a hint.")
+    ] = 1
+    shard: Annotated[
+        str, typer.Option(metavar="I/N", help="Measure part I of N only: for several machines.")
+    ] = ""
 
     def __post_init__(self) -> None:
         self.kept = Work(self.work)
-        self.limits = Limits(self.time_limit, self.memory_limit or round(0.75 * memory_mib()))
+        share = round(0.75 * memory_mib() / self.jobs)
+        self.limits = Limits(self.time_limit, self.memory_limit or share)
+        try:
+            self.part = read_shard(self.shard) if self.shard else None
+        except ValueError as error:
+            raise typer.BadParameter(str(error), param_hint="--shard") from error
 
     @property
     def results(self) -> Path:
@@ -107,14 +119,20 @@ class Session:
     ) -> list[Record]:
         """Measure what is missing of a section."""
         pin_threads(self.threads)
-        return run(
-            *(section, models, methods),
-            table=table,
-            limits=self.limits,
-            work=self.kept,
-            repeats=repeats,
-            console=Console(stderr=True),
-        )
+        try:
+            return run(
+                *(section, models, methods),
+                table=table,
+                limits=self.limits,
+                work=self.kept,
+                repeats=repeats,
+                jobs=self.jobs,
+                shard=self.part,
+                console=Console(stderr=True),
+            )
+        except OSError as error:
+            reason = f"{error.filename}: {error.strerror}"
+            raise typer.BadParameter(reason, param_hint="--work") from error
 
     def write(self, section: str, records: Sequence[Record]) -> Measured:
         """Write the results of a section; those of other sections stay if the code is the same."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -72,6 +73,17 @@ class Certificate:
             and self.boundary_monotone
             and self.winding_number == 1
         )
+
+    def report(self) -> dict[str, Any]:
+        """Return it as JSON types."""
+        return {
+            "finite": self.finite,
+            "boundary_error": self.boundary_error,
+            "boundary_monotone": self.boundary_monotone,
+            "winding_number": self.winding_number,
+            "flipped_faces": self.flipped.tolist(),
+            "faces_decided_exactly": self.n_exact,
+        }
 
     def __str__(self) -> str:
         if not self.finite:

@@ -66,8 +66,7 @@ class DiskMapper:
     """
 
     def __init__(self, V: ArrayLike, F: ArrayLike, *, solver: SolverName | None = None) -> None:
-        # A mesh may keep the very array of faces; this object outlives the call.
-        mesh = DiskMesh(V, F.copy() if isinstance(F, np.ndarray) else F)
+        mesh = DiskMesh(V, F)
         self._solver = solver
         with using(solver):
             self._surface = FactoredSurface.of(mesh)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from os import PathLike
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Floats, Indices, Ints
+from .arrays import Floats, Ints
 from .certificate import Certificate, flipped_faces
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, spell
@@ -76,6 +78,41 @@ class RectangleMap(Shown):
     def valid(self) -> bool:
         """True for a bijection onto the rectangle."""
         return self.certificate.valid
+
+    def packed(self) -> Floats:
+        """(n, 2) the image scaled into the unit square: texture coordinates."""
+        return self.uv / max(self.modulus, 1)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the map to a file whose suffix says what.
+
+        Parameters
+        ----------
+        path : path-like
+            As in `DiskMap.save`.
+
+        Raises
+        ------
+        ValueError, OSError
+            As `DiskMap.save`.
+        """
+        from .io.saving import save
+
+        save(self, path)
+
+    def report(self) -> dict[str, Any]:
+        """Everything but the coordinates, as JSON types."""
+        return {
+            "vertices": len(self.uv),
+            "valid": self.valid,
+            "modulus": self.modulus,
+            "modulus_bounds": list(self.modulus_bounds),
+            "corners": list(self.corners),
+            "angular_distortion_degrees": asdict(self.distortion),
+            "certificate": self.certificate.report(),
+            "laplacian": self.laplacian,
+            "repaired_faces": self.repair.n_flipped,
+        }
 
     def __repr__(self) -> str:
         verdict = "valid" if self.valid else "NOT VALID"
@@ -203,10 +240,9 @@ def _refuse_chords(mesh: DiskMesh, sides: list[Ints]) -> None:
 def _mapped(mesh: DiskMesh, L: Laplacian, name: str, sides: list[Ints]) -> RectangleMap:
     """Solve for both coordinates, scale them by the modulus, and certify."""
     bottom, right, top, left = sides
-    order, _ = elimination_order(L, mesh.V)
     matrix = L.matrix()
-    u = _harmonic(L, order, zero=left, one=right)
-    v = _harmonic(L, order, zero=bottom, one=top)
+    u = _harmonic(L, mesh.V, zero=left, one=right)
+    v = _harmonic(L, mesh.V, zero=bottom, one=top)
     # The energy of the one with values 0 and 1 is height by width, that of the other width by
     # height, and each at most too large.
     bounds = float(1 / (u @ (matrix @ u))), float(v @ (matrix @ v))
@@ -238,15 +274,15 @@ def _mapped(mesh: DiskMesh, L: Laplacian, name: str, sides: list[Ints]) -> Recta
     )
 
 
-def _harmonic(L: Laplacian, order: Indices, zero: Ints, one: Ints) -> Floats:
+def _harmonic(L: Laplacian, V: Floats, zero: Ints, one: Ints) -> Floats:
     """(n,) harmonic function with these values on two sides, and no flux across the others."""
-    value, fixed = np.zeros(len(order)), np.zeros(len(order), dtype=bool)
+    value, free = np.zeros(len(V)), np.ones(len(V), dtype=bool)
     value[one] = 1
-    fixed[zero] = fixed[one] = True
-    free = order[~fixed[order]]
-    if len(free):
-        factor = Cholesky(L.block(free), ordering="natural")
-        value[free] = factor.solve(-(L.matrix() @ value)[free])
+    free[zero] = free[one] = False
+    rows, ordering, _ = elimination_order(L, V, free)
+    if len(rows):
+        factor = Cholesky(L.block(rows), ordering)
+        value[rows] = factor.solve(-(L.matrix() @ value)[rows])
     return value
 
 

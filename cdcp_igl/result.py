@@ -7,7 +7,7 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .arrays import Floats, coordinates
 from .certificate import Certificate, certify
@@ -118,7 +118,11 @@ class DiskMap(Bijection, Shown):
             [
                 f"disk map of {len(self.uv):,} vertices: {self.verdict}",
                 f"  angular distortion  {self.distortion}",
-                *([f"  of free faces       {free}"] if free != self.distortion else []),
+                *(
+                    [f"  of free faces       {free}, without those with all corners on the circle"]
+                    if free != self.distortion
+                    else []
+                ),
                 *([] if self.conformal else [f"  conformal           {self.conformality}"]),
                 f"  certificate         {self.certificate}",
                 f"  center              {self.center}",
@@ -135,18 +139,6 @@ class DiskMap(Bijection, Shown):
                 f"  seconds             {sum(self.timings.values()):.2f} ({phases})",
             ]
         )
-
-    def plot(self) -> NDArray[Any]:
-        """Draw the surface, its image, a checkerboard and the distortion: `plot.picture`.
-
-        Returns
-        -------
-        (4,) ndarray of matplotlib.axes.Axes
-            In a figure that does not depend on pyplot: ``axes[0].figure.savefig``.
-        """
-        from .plot.pictures import picture
-
-        return np.array(picture(self.mesh.positions, self.mesh.F, self).axes)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the map to a file whose suffix says what.
@@ -231,7 +223,6 @@ class DiskMap(Bijection, Shown):
 
     def report(self) -> dict[str, Any]:
         """Everything but the coordinates, as JSON types."""
-        certificate = self.certificate
         return {
             "vertices": len(self.uv),
             "valid": self.valid,
@@ -240,14 +231,7 @@ class DiskMap(Bijection, Shown):
             "remedies": list(self.conformality.remedies),
             "angular_distortion_degrees": asdict(self.distortion),
             "angular_distortion_of_free_faces_degrees": asdict(self.distortion_free),
-            "certificate": {
-                "finite": certificate.finite,
-                "boundary_error": certificate.boundary_error,
-                "boundary_monotone": certificate.boundary_monotone,
-                "winding_number": certificate.winding_number,
-                "flipped_faces": certificate.flipped.tolist(),
-                "faces_decided_exactly": certificate.n_exact,
-            },
+            "certificate": self.certificate.report(),
             "center": {"method": self.center.method, "face": self.center.face},
             "boundary": {
                 "method": self.trace.name,

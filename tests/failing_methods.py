@@ -29,6 +29,14 @@ def flipped(V, F):
     return cdcp(V, F) * [1, -1]
 
 
+def nothing(V, F):
+    return None
+
+
+def too_short(V, F):
+    return cdcp(V, F)[1:]
+
+
 def hangs(V, F):
     time.sleep(600)
 
@@ -46,6 +54,8 @@ METHODS = {
     "not finite": Method(not_finite, "disk", ""),
     "free, not finite": Method(not_finite, "free", ""),
     "flipped": Method(flipped, "disk", ""),
+    "nothing": Method(nothing, "free", ""),
+    "too short": Method(too_short, "free", ""),
     "hangs": Method(hangs, "disk", ""),
     "hog": Method(hog, "disk", ""),
     "phases": Method(disk_map, "disk", ""),

@@ -44,6 +44,11 @@ def benchmarks(*arguments, data=None, timeout=300):
     )
 
 
+def keep(work, record):
+    with work.journal() as journal:
+        journal.append(record)
+
+
 def measure(tmp_path, names, table=METHODS, where=TABLE, model=GRID, **options):
     work = Work(tmp_path)
     chosen = {name: Candidate(table[name].function, table[name].boundary, "") for name in names}
@@ -133,6 +138,8 @@ def test_records_survive_json(tmp_path):
         ("not finite", "not valid: not finite"),
         ("free, not finite", "not valid: not finite"),
         ("flipped", "not valid: "),
+        ("nothing", "failed: "),
+        ("too short", "failed: "),
     ],
 )
 def test_a_failure_is_a_row_without_numbers(tmp_path, name, outcome):
@@ -154,7 +161,7 @@ def test_limits_are_rows(tmp_path):
 def test_a_failure_is_told_below_the_table(tmp_path):
     work = measure(tmp_path, ["fdcp", "ldcp", "cdcp", "factor"])
     lost = record("grid", "fdcp", "crashed: SIGSEGV", sizes=(72, 112, 30))
-    work.append(lost)  # the latest counts
+    keep(work, lost)  # the latest counts
     text = page(work)
     assert "| grid | 72 | no map [1] |" in text
     assert "[1] crashed: SIGSEGV" in text
@@ -166,7 +173,7 @@ def test_the_comparison_names_where_cdcp_is_worse(tmp_path):
     work = Work(tmp_path)
     for model, means in (("good", (1.0, 1.0, 1.0049)), ("bad", (1.0, 2.0, 1.0051))):
         for method, mean in zip(("fdcp", "ldcp", "cdcp"), means, strict=True):
-            work.append(record(model, method, mean=mean, sd=1.0))
+            keep(work, record(model, method, mean=mean, sd=1.0))
     text = page(work)
     assert "valid on 2 surfaces" in text
     assert "bad: 1.0051 against 1.0000 of FDCP." in text
@@ -258,13 +265,13 @@ def test_a_killed_run_goes_on_where_it_stopped(tmp_path):
     finally:
         process.send_signal(signal.SIGKILL)
         process.wait()
-    before = (tmp_path / "records.jsonl").read_bytes()
+    before = (tmp_path / "results.jsonl").read_bytes()
     kept = before[: before.rfind(b"\n") + 1]
     assert 2 <= kept.count(b"\n") < 5
-    with (tmp_path / "records.jsonl").open("ab") as file:
+    with (tmp_path / "results.jsonl").open("ab") as file:
         file.write(b'{"section": "tab')  # as if killed while writing
     work = measure(tmp_path, ["harmonic", "lscm", "cdcp", "factor", "ldcp"])
-    assert (tmp_path / "records.jsonl").read_bytes().startswith(kept)
+    assert (tmp_path / "results.jsonl").read_bytes().startswith(kept)
     assert [r.case.method for r in work.records()] == ["harmonic", "lscm", "cdcp", "factor", "ldcp"]
 
 

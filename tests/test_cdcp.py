@@ -178,6 +178,7 @@ def test_distortion_with_and_without_inscribed_faces(real_mesh):
     assert result.distortion_free.max == pytest.approx(free.max())
     assert result.distortion_free.mean < result.distortion.mean
     assert "of free faces" in str(result)
+    assert ", without those with all corners on the circle" in str(result)
     report = result.report()["angular_distortion_of_free_faces_degrees"]
     assert report["mean"] == result.distortion_free.mean
 

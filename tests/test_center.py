@@ -36,7 +36,7 @@ def test_given_face():
     assert (center.method, center.face) == ("given", 3)
 
 
-@pytest.mark.parametrize("bad", [-1, 70, "middle"])
+@pytest.mark.parametrize("bad", [-1, 70, 3.5, True, None, "middle"])
 def test_bad_center(bad):
     with pytest.raises(ValueError, match="center"):
         cdcp_igl.disk_map(*meshes.grid(), center=bad)

@@ -21,10 +21,13 @@ from cdcp_igl.steps.circle import (
     FALLBACKS,
     Rejected,
     arc_length_map,
+    blocks,
     by_trace,
     hold_open,
     whitened_geodesic_map,
 )
+from cdcp_igl.steps.circle.arcs import open_arcs
+from cdcp_igl.steps.circle.blocks import open_blocks
 from cdcp_igl.steps.circle.geodesic import geodesic_map
 from cdcp_igl.steps.circle.harmonic_measure import harmonic_shares
 from cdcp_igl.steps.circle.whiten import whiten_trace
@@ -61,6 +64,71 @@ def test_geodesic_algorithm_converges_on_known_curves(curve):
     ]
     assert errors[0] < 2e-3
     assert errors[0] / errors[2] > 4**1.8 or errors[2] < 1e-12  # second order
+
+
+def snowflake(rounds):
+    """Von Koch's curve, clockwise."""
+    z = circle(3).conj()
+    for _ in range(rounds):
+        third = (np.roll(z, -1) - z) / 3
+        tip = z + third + third * np.exp(1j * np.pi / 3)
+        z = np.stack([z, z + third, tip, z + 2 * third], axis=1).ravel()
+    return z
+
+
+# Curves on which the next points go in and out: fjords, spikes, corners of all sizes, flat ones.
+LONG_CURVES = {
+    "hypotrochoid": CURVES["hypotrochoid"](circle(3000).conj()),
+    "gear": ((1 + 0.3 * np.tanh(8 * (circle(3000) ** 12).imag)) * circle(3000)).conj(),
+    "thin": circle(3000).conj().real + 0.05j * circle(3000).conj().imag,
+    "snowflake": snowflake(5),
+}
+
+
+@pytest.mark.parametrize("z", LONG_CURVES.values(), ids=LONG_CURVES.keys())
+def test_blocks_do_what_the_arcs_do_one_by_one(z, monkeypatch):
+    by_blocks = geodesic_map(z)
+    monkeypatch.setattr("cdcp_igl.steps.circle.geodesic.open_blocks", open_arcs)
+    one_by_one = geodesic_map(z)
+    assert (increments(one_by_one) > 0).all()
+    assert error_up_to_rotation(by_blocks, one_by_one) < 2e-10
+    assert np.any(by_blocks != one_by_one)
+
+
+def test_long_curves_keep_the_order_of_convergence():
+    errors = [
+        error_up_to_rotation(geodesic_map(CURVES["ellipse"](circle(n).conj())), circle(n))
+        for n in (2000, 8000)
+    ]
+    assert errors[0] / errors[1] > 4**1.9
+
+
+def test_the_work_grows_nearly_linearly(monkeypatch):
+    """Points that are moved by single steps: twenty times more for ten times longer curves."""
+    moved = []
+
+    def open_and_count(x, y, k):
+        moved.append((len(x) + len(y)) * k)
+        open_arcs(x, y, k)
+
+    monkeypatch.setattr(blocks, "open_arcs", open_and_count)
+    work = []
+    for n in (1000, 10_000):
+        moved.clear()
+        geodesic_map(CURVES["lopsided"](circle(n).conj()))
+        work.append(sum(moved))
+    assert work[1] < 20 * work[0]
+
+
+def test_series_that_does_not_converge_is_not_used(monkeypatch):
+    z = LONG_CURVES["hypotrochoid"]
+    x = np.append(1j * np.sqrt((z[2:] - z[0]) / (z[2:] - z[1])), 1j)
+    y = np.zeros(len(x))
+    expected = x.copy(), y.copy()
+    open_arcs(*expected, len(z) - 2)
+    monkeypatch.setattr(blocks, "CONVERGED", 0)
+    open_blocks(x, y, len(z) - 2)
+    np.testing.assert_array_equal(y, expected[1])
 
 
 def test_coincident_points_are_spread_by_chord_length():
@@ -231,9 +299,11 @@ def test_a_long_corridor_is_mapped(length, width):
 
 @pytest.mark.parametrize(("length", "width"), [(60, 4), (400, 2)])
 def test_until_it_crowds(length, width):
-    trace = cdcp_igl.disk_map(*meshes.corridor(length, width)).trace
-    assert trace.name == "arc length"
-    assert "crowding" in trace.rejected[1]
+    result = cdcp_igl.disk_map(*meshes.corridor(length, width))
+    assert result.valid
+    assert not result.conformal
+    assert result.trace.name in ("shortened", "arc length")
+    assert "crowding" in result.trace.rejected[1]
 
 
 def test_progress_and_timings_of_several_attempts():

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import matplotlib
 import meshes
 import numpy as np
 import pytest
@@ -163,6 +164,19 @@ def test_pictures_carry_the_mark(scan, suffix):
     assert read_stamp(picture) == read_stamp(scan.with_name("o.npz"))
     if suffix == ".png":
         assert mpimg.imread(picture).ndim == 3
+
+
+def test_with_cut_picture_and_page_show_all_parts(scan):
+    V, F = meshes.grid()
+    V, F = np.vstack([V, V + 30]), np.vstack([F, F + len(V)])
+    write_obj(scan, V, F)
+    picture, page = scan.with_name("p.svg"), scan.with_name("v.html")
+    options = ("--cut", "--picture", picture, "--view", page)
+    with matplotlib.rc_context({"svg.fonttype": "none"}):  # text stays text
+        assert invoke("map", scan, scan.with_name("o.obj"), *options).exit_code == 0
+    for text in (picture.read_text(), page.read_text()):
+        assert f"{len(V)} vertices" in text
+        assert "2 disks" in text
 
 
 @given(digits=st.text("0123456789abcdef", min_size=80, max_size=80))

@@ -26,11 +26,13 @@ RANDOM = st.builds(
 )
 
 
-def assert_disks(F, n):
-    """Each component of the faces is a disk, and nothing else touches it."""
+def assert_disks(F, n, given):
+    """Each component of the given faces is one disk now, and nothing else touches it."""
     surface = Topology(F, n)
     assert surface.is_manifold
     count, part = surface.components
+    given = np.asarray(given)
+    assert count == Topology(given, given.max() + 1).components[0]
     for k in range(count):
         used, G = np.unique(F[part == k], return_inverse=True)
         component = Topology(G.reshape(-1, 3), len(used))
@@ -48,7 +50,7 @@ def test_every_component_becomes_a_disk_and_glues_back(mesh):
     np.testing.assert_array_equal(vertex_index[F_cut], F)
     np.testing.assert_array_equal(V_cut[: len(V)], V)
     np.testing.assert_array_equal(np.unique(F_cut), np.arange(len(V_cut)))
-    assert_disks(F_cut, len(V_cut))
+    assert_disks(F_cut, len(V_cut), F)
     # Glued along its cut edges and nowhere else it is the surface again.
     np.testing.assert_array_equal(open_edges(F, F_cut), cut.edges)
     lengths = np.linalg.norm(V[cut.edges[:, 0]] - V[cut.edges[:, 1]], axis=1)
@@ -260,7 +262,7 @@ def test_nasty_meshes_are_cut_or_refused(name):
         V_cut, F_cut, vertex_index = cdcp_igl.cut(V, F)
         np.testing.assert_array_equal(np.asarray(V, float)[vertex_index], V_cut)
         np.testing.assert_array_equal(vertex_index[F_cut], F)
-        assert_disks(F_cut, len(V_cut))
+        assert_disks(F_cut, len(V_cut), F)
     else:
         with pytest.raises(cdcp_igl.MeshError) as raised:
             cdcp_igl.cut(V, F)

@@ -1,10 +1,14 @@
+import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import cdcp_igl
 from cdcp_igl import datasets
+from cdcp_igl.datasets import real
+from cdcp_igl.io.reading import READABLE
 
 
 @pytest.fixture
@@ -56,6 +60,29 @@ def test_offline_error_says_both_ways_out(no_data_directory, tmp_path, monkeypat
     monkeypatch.setattr(pooch, "retrieve", unreachable)
     with pytest.raises(OSError, match=r"connect to the network .* CDCP_IGL_DATA"):
         datasets.load("left_hand")
+
+
+def test_every_download_is_of_one_commit():
+    pinned = re.compile(r"https://raw\.githubusercontent\.com/[\w.-]+/[\w.-]+/[0-9a-f]{40}/\S+")
+    for file, sha256, url in real._FILES.values():
+        assert pinned.fullmatch(url)
+        assert re.fullmatch("[0-9a-f]{64}", sha256)
+        assert Path(file).suffix == Path(url).suffix.lower()
+        assert Path(file).suffix in READABLE
+    assert len({file for file, _, _ in real._FILES.values()}) == len(datasets.NAMES) - 1
+
+
+def test_the_pages_say_where_each_surface_comes_from():
+    page = Path(__file__).parents[1] / "docs" / "reference" / "datasets.md"
+    rows = [line for line in page.read_text("utf-8").splitlines() if line.startswith("| `")]
+    said = {
+        name: repository
+        for names, repository in re.findall(r"\| (`.*?`) \| \[(.*?)\]", "\n".join(rows))
+        for name in re.findall("`(.*?)`", names)
+    }
+    assert said == {
+        name: "/".join(url.split("/")[3:5]) for name, (_, _, url) in real._FILES.items()
+    }
 
 
 def test_download_is_pinned_and_checked(no_data_directory, tmp_path, monkeypatch):

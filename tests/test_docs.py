@@ -11,8 +11,6 @@ from pathlib import Path
 import matplotlib as mpl
 import pytest
 
-import cdcp_igl
-
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PROGRAMS = sorted((DOCS / "examples").glob("*.py"))
@@ -106,11 +104,6 @@ def test_every_bad_option_in_the_table_is_refused(monkeypatch):
     from error_tables import CALLS, option_errors
 
     assert len(list(option_errors())) == len(CALLS)
-
-
-def test_the_version_is_the_same_everywhere():
-    assert f"\nversion: {cdcp_igl.__version__}\n" in (ROOT / "CITATION.cff").read_text()
-    assert cdcp_igl.__version__ in (ROOT / "CHANGELOG.md").read_text()
 
 
 def test_links_are_checked(tmp_path):

@@ -1,14 +1,21 @@
 """Random surfaces, good and bad: each ends as a certified map or as a typed error."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
 import cdcp_igl
+from benchmarks.__main__ import app
 from benchmarks.measure import fuzzing as fuzz
+from benchmarks.measure.worker import Worker
 from cdcp_igl.certificate import certify
 from cdcp_igl.surface.mesh import DiskMesh
+
+REFINED = 3  # a case that is refined
 
 
 @pytest.fixture(autouse=True)
@@ -47,6 +54,16 @@ def test_refinement_never_raises_the_objective(seed, norm):
     else:
         assert account.stopped == "no improvement"
         np.testing.assert_array_equal(result.uv, plain.uv)
+
+
+def test_a_norm_near_one_does_not_stall():
+    """Begun with p = 1.2, refinement of this surface stops after one step."""
+    case = fuzz.surface(3, 210)
+    means = [
+        cdcp_igl.disk_map(case.V, case.F, refine=10, refine_norm=norm).distortion.mean
+        for norm in (1.2, 1.5)
+    ]
+    assert means[0] < 1.001 * means[1]
 
 
 @settings(max_examples=60)
@@ -101,9 +118,41 @@ def test_cases_are_reproducible():
 
 def test_a_worker_that_dies_or_hangs_is_a_row(monkeypatch):
     monkeypatch.setattr(fuzz, "SECONDS", 0.0)
-    with fuzz.Worker(1) as worker:
-        assert worker.run(0).outcome == "hang"
+    with Worker(partial(fuzz.examine, 1)) as worker:
+        assert fuzz.run(worker, 1, 0).outcome == "hang"
         worker._process.kill()
         monkeypatch.setattr(fuzz, "SECONDS", 60.0)
-        assert worker.run(1).outcome == "crash"
-        assert worker.run(1) == fuzz.examine(1, 1)
+        assert fuzz.run(worker, 1, 1).outcome == "crash"
+        row = fuzz.run(worker, 1, REFINED)
+        assert row == fuzz.examine(1, REFINED)
+        assert row.refine > 0
+        assert row.refined < row.distortion
+
+
+def test_a_refinement_that_fails_is_a_fault(monkeypatch):
+    def without_refinement(V, F, refine=0):
+        if refine:
+            raise AttributeError("no factor")
+        return cdcp_igl.disk_map(V, F)
+
+    monkeypatch.setattr(fuzz, "disk_map", without_refinement)
+    row = fuzz.examine(1, REFINED)
+    assert row.outcome in fuzz.FAULTS
+    assert "no factor" in row.message
+
+
+def test_a_killed_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    monkeypatch.setattr(fuzz, "WORK", tmp_path)
+    runner = CliRunner()
+    whole = runner.invoke(app, ["fuzz", "--cases", "6"])
+    assert whole.exit_code == 0
+    assert "refined maps" in whole.stdout
+    [path] = tmp_path.glob("*/fuzz-1.jsonl")
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join(lines[:3]) + lines[3][:9])  # in the middle of a line
+    examined = []
+    run = fuzz.run
+    monkeypatch.setattr(fuzz, "run", lambda *given: examined.append(given[2]) or run(*given))
+    assert runner.invoke(app, ["fuzz", "--cases", "6"]).stdout == whole.stdout
+    assert examined == [3, 4, 5]
+    assert path.read_bytes() == b"".join(lines)

@@ -8,10 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pygltflib
 import pytest
+import surfaces
 import trimesh
 from PIL import Image
 
-from cdcp_igl import MeshError, datasets, disk_map
+from cdcp_igl import MeshError, datasets, disk_map, surface_map
 from cdcp_igl.io import read_mesh, write_map
 from cdcp_igl.io.corners import indexed
 from cdcp_igl.io.images import checkerboard
@@ -236,6 +237,23 @@ def test_faces_on_no_disk(tmp_path, like):
     uv[0, 0, 0] = 0
     with pytest.raises(ValueError, match="NaN or infinite in 1 rows, the first 0"):
         write_map(path, V, F, uv)
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".glb", ".npz"])
+@pytest.mark.parametrize("disk", [False, True])
+def test_a_result_with_faces_on_no_disk(tmp_path, suffix, disk):
+    """A corner of one is where another face has it, a corner is nowhere: such a face is, too."""
+    V, F = surfaces.torus()
+    V, F = np.vstack([V, V[F[5, :2]].mean(axis=0)]), np.vstack([F, [*F[5, [1, 0]], len(V)]])
+    result = surface_map(V, F)
+    assert np.isnan(result.uv[-1]).any(axis=1).tolist() == [False, False, True]
+    path = tmp_path / f"a{suffix}"
+    write_map(path, V, F, result, disk=disk)
+    if suffix == ".npz":
+        np.testing.assert_array_equal(np.load(path)["uv"][:-1], result.uv[:-1])
+        assert np.isnan(np.load(path)["uv"][-1]).all()
+    if suffix == ".obj":
+        assert path.read_text().splitlines()[-1] == "f {} {} {}".format(*F[-1] + 1)
 
 
 def test_a_result_with_disks_side_by_side(tmp_path):

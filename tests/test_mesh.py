@@ -77,6 +77,19 @@ def test_immutable_and_inputs_untouched():
     np.testing.assert_array_equal(faces, F)
 
 
+@pytest.mark.parametrize("columns", [2, 3])
+@pytest.mark.parametrize("kept", [DiskMesh, cdcp_igl.disk_map, cdcp_igl.DiskMapper])
+def test_arrays_that_are_changed_later_do_not_change_the_mesh(kept, columns):
+    positions, faces = V[:, :columns].astype(np.float64), F.astype(np.int64)
+    made = kept(positions, faces)
+    mesh = getattr(made, "mesh", made)
+    before = mesh.V.copy(), mesh.F.copy()
+    positions += 1
+    faces[:] = faces[::-1]
+    np.testing.assert_array_equal(mesh.V, before[0])
+    np.testing.assert_array_equal(mesh.F, before[1])
+
+
 def test_scaling_is_exact():
     mesh = DiskMesh(V, F)
     ratio = V[V != 0] / mesh.V[V != 0]

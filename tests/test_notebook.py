@@ -97,6 +97,28 @@ def test_the_report_is_saved(mapped, tmp_path):
     assert json.loads((tmp_path / "map.json").read_text("utf-8"))["valid"] is True
 
 
+def test_a_rectangle_is_saved_as_a_disk_is(tmp_path):
+    V, F = grid(6, 8)
+    V = V * [2, 1, 1]
+    result = cdcp_igl.rectangle_map(V, F, [0, 7, 47, 40])
+    for suffix in (".obj", ".npz", ".glb", ".png", ".html", ".json"):
+        result.save(tmp_path / f"map{suffix}")
+    assert len(list(tmp_path.iterdir())) == 6
+    with np.load(tmp_path / "map.npz") as saved:
+        assert (saved["uv"] == result.uv).all()
+    lines = (line.split() for line in (tmp_path / "map.obj").read_text().splitlines())
+    texture = np.array([words[1:] for words in lines if words[0] == "vt"], float)
+    np.testing.assert_array_equal(texture, result.uv / max(1, result.modulus))
+    assert texture.min() == 0
+    assert texture.max() == 1
+    report = json.loads((tmp_path / "map.json").read_text("utf-8"))
+    assert report["valid"] is True
+    assert report["modulus"] == result.modulus
+    assert report["certificate"]["flipped_faces"] == []
+    with pytest.raises(ValueError, match="no known type"):
+        result.save(tmp_path / "map.txt")
+
+
 def test_an_unknown_suffix_is_refused(mapped, tmp_path):
     with pytest.raises(ValueError, match=r"'map\.txt' is of no known type"):
         mapped[2].save(tmp_path / "map.txt")

@@ -6,7 +6,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from cdcp_igl import cdcp, disk_map
+from cdcp_igl import cdcp, datasets, disk_map, rectangle_map, surface_map
 from cdcp_igl.plot import picture, side_by_side
 from cdcp_igl.plot.raster import in_picture, rasterize
 from cdcp_igl.plot.scene import SQUARES, Scene
@@ -62,6 +62,17 @@ def test_the_near_side_hides_the_far_side():
     assert shown[y, x] == 0
 
 
+def test_what_a_large_slanted_face_hides_is_hidden():
+    """Under a roof, nearer than the middle of its slope: only the depth at its place tells."""
+    roof = [[-10, -10, 0], [0, -10, 10], [0, 10, 10], [-10, 10, 0], [10, -10, 0], [10, 10, 0]]
+    small = np.array([[0, 0, 0], [0.2, 0, 0], [0, 0.2, 0]])
+    below, above = (small + np.array(place) for place in ([1, 0, 7], [1, 3, 9.5]))
+    V = np.vstack([roof, below, above])
+    F = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2], [6, 7, 8], [9, 10, 11]])
+    scene = Scene(V, F, 200)
+    assert [scene.locate(face)[2] for face in range(6)] == [True, True, True, True, False, True]
+
+
 def test_a_face_without_area_hides_nothing():
     V = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0], [0, 0, 1]])
     shown = rasterize(V, np.array([[0, 1, 2], [0, 3, 3], [3, 3, 3]]), 30).face
@@ -88,6 +99,54 @@ def test_histogram_accounts_for_all_corners_but_the_tail():
     V, F = nearly_closed_sphere()
     bars = picture(V, F, disk_map(V, F)).axes[3].containers[0]
     assert 98.5 < sum(bar.get_height() for bar in bars) < 100
+
+
+def test_the_histogram_says_what_its_line_and_its_band_are():
+    V, F = nearly_closed_sphere()
+    result = disk_map(V, F)
+    mean, sd = result.distortion.mean, result.distortion.sd
+    axes = picture(V, F, result).axes[3]
+    legend = axes.get_legend()
+    said = [text.get_text() for text in legend.get_texts()]
+    assert said[:2] == [f"mean {mean:.3f}°", f"mean ± SD, SD {sd:.3f}°"]
+    line, band = axes.lines[0], axes.patches[-1]
+    assert line.get_xdata()[0] == mean
+    assert band.get_label() == said[1]
+    assert band.get_window_extent().width < axes.get_window_extent().width
+    reach = axes.transData.inverted().transform(band.get_window_extent())[:, 0]
+    np.testing.assert_allclose(reach, [max(mean - sd, 0), mean + sd], atol=1e-9)
+
+
+def test_all_parts_of_a_surface_that_was_cut_are_drawn():
+    V, F, _ = datasets.spherical_cap(6)
+    several = np.vstack([V, 0.5 * V + 3, V - 3]), np.vstack([F, F + len(V), F + 2 * len(V)])
+    result = surface_map(*several)
+    figure = picture(*several, result)
+    assert figure.axes[1].get_title() == "3 disks in the same colours"
+    assert f"{3 * len(V):,} vertices" in figure.get_suptitle()
+    image = figure.axes[1].images[0].get_array()
+    corners = result.packed().reshape(-1, 2)
+    for part in np.split(in_picture(corners, len(image)), 3):
+        x, y = part.mean(axis=0).astype(int)
+        assert image[y, x, 3] == 255
+
+
+def test_a_rectangle_stands_upright():
+    V, F = grid(9, lambda x, y: 0.1 * x)
+    V = V[:, [1, 0, 2]] * [-1, 2, 1]  # turned by a quarter
+    result = rectangle_map(V, F, [0, 8, 80, 72])
+    image = result.plot()[1].images[0].get_array()
+    seen = image[..., 3] > 0
+    assert seen[seen.any(axis=1)][:, seen.any(axis=0)].all()
+
+
+def test_another_mesh_is_refused():
+    V, F, _ = datasets.spherical_cap(6)
+    result = disk_map(V, F)
+    for other in (datasets.spherical_cap(5)[:2], (V, F[1:]), (V, np.roll(F, 1, axis=0))):
+        with pytest.raises(ValueError, match="are not those of this map"):
+            picture(*other, result)
+    picture(V @ np.diag([1, 2, 1]), F, result)  # it has moved
 
 
 def test_viewpoint_is_a_rotation():
@@ -131,6 +190,17 @@ def test_maps_side_by_side():
     assert titles == ["64 vertices", "one  1.500°", "two", "64 vertices", "", ""]
     assert [len(axes.images) for axes in figure.axes] == [1, 1, 0, 1, 0, 0]
     assert figure.axes[2].texts[0].get_text() == "no map"
+    assert "mean of the angular distortion" in figure.get_supxlabel()
+
+
+def test_names_of_files_stand_beside_the_meshes():
+    V, F = grid(8, lambda x, y: 0.2 * x * y)
+    names = ["a$b$ c.obj", "long_" * 12 + ".obj"]
+    figure = side_by_side([(V, F, []), (V, F, [])], names=names)
+    one, other = (axes.get_title() for axes in figure.axes)
+    assert one == "a$b$ c.obj\n64 vertices"
+    assert other.replace("\n", "") == names[1] + "64 vertices"
+    figure.savefig(BytesIO())  # dollars are no formula
 
 
 def test_disk_is_turned_to_match_the_view():

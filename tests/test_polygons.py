@@ -78,7 +78,7 @@ def test_no_polygon_is_parted_and_every_component_becomes_a_disk(mesh):
     cut = cdcp_igl.cut(V, F, whole=whole)
     assert parted(F, cut.F, whole) == []
     np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
-    assert_disks(cut.F, len(cut.V))
+    assert_disks(cut.F, len(cut.V), F)
 
 
 @settings(max_examples=6)
@@ -107,7 +107,7 @@ def test_any_numbers_make_disks(seed, most):
     whole = np.random.default_rng(seed).integers(-most, most, len(F))
     cut = cdcp_igl.cut(V, F, whole=whole)
     np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
-    assert_disks(cut.F, len(cut.V))
+    assert_disks(cut.F, len(cut.V), F)
 
 
 def test_only_which_faces_have_the_same_number_matters():
@@ -205,6 +205,21 @@ def test_so_does_a_batch(tmp_path):
     assert made.failed == ()
     for path in (tmp_path / "scenes").iterdir():
         assert_only_texture_was_added(path, tmp_path / "maps" / path.name)
+
+
+def test_polygons_on_no_disk_stay(tmp_path):
+    """One that repeats another has its texture; one with a corner of its own has none."""
+    V, polygons = SCENES["torus"]()
+    given, out = tmp_path / "given.obj", tmp_path / "out.obj"
+    own = len(V)
+    write_scene(given, np.vstack([V, [9, 9, 9]]), [*polygons, polygons[7], [0, own, 0]])
+    run = CliRunner().invoke(app, ["map", str(given), str(out), "--cut"])
+    assert run.exit_code == 0, run.output
+    assert "left out 2 faces that repeated another" in run.output
+    assert_only_texture_was_added(given, out)
+    faces = [line for line in out.read_text().splitlines() if line.startswith("f ")]
+    textured = [bool(re.search(r"\d/\d", face)) for face in faces]
+    assert textured == [True] * (len(polygons) + 1) + [False]
 
 
 def test_polygons_are_read_from_files(tmp_path):

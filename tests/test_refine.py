@@ -98,6 +98,21 @@ def test_the_preconditioner_is_the_weighted_laplacian():
         np.testing.assert_allclose(np.diag(scaled)[MESH.loop] * x[MESH.loop], Z[MESH.loop])
 
 
+def test_the_preconditioner_stays_while_the_weights_hardly_change(monkeypatch):
+    """Fewer factorizations than steps, and an objective that the others would hardly lower."""
+    factored = []
+    factor = WeightedLaplacian.factor
+    monkeypatch.setattr(
+        WeightedLaplacian, "factor", lambda *args: factored.append(1) or factor(*args)
+    )
+    _, kept = lower_angle_distortion(MESH, Z, ORDER, 6, 1.5)
+    few = len(factored)
+    monkeypatch.setattr(refine_module, "STEADY", 2)  # every step factors
+    _, renewed = lower_angle_distortion(MESH, Z, ORDER, 6, 1.5)
+    assert 2 <= few < 6 == len(factored) - few
+    assert kept.after == pytest.approx(renewed.after, rel=2e-3)
+
+
 def test_damping_holds_the_shear_down():
     r, laplacian = errors(Z), WeightedLaplacian(MESH, ORDER)
     lengths = [
@@ -152,7 +167,7 @@ def test_a_bad_start_improves_without_a_flip(seed):
 def test_no_improvement_returns_the_map_itself(monkeypatch):
     attempts = []
 
-    def fold(mesh, f, r, p, damping, laplacian):
+    def fold(mesh, f, r, p, damping, laplacian, anew):
         attempts.append(damping)
         return -f + f * (mesh.loop[:, None] == np.arange(len(f))).any(axis=0)
 
@@ -184,7 +199,7 @@ def test_small_meshes(make):
 def test_a_boundary_that_would_fold_is_not_accepted(monkeypatch):
     """Two boundary vertices that change places, far from any face's sight."""
 
-    def swap(mesh, f, r, p, damping, laplacian):
+    def swap(mesh, f, r, p, damping, laplacian, anew):
         dz = np.zeros_like(f)
         a, b = mesh.loop[:2]
         dz[[a, b]] = 1j * f[[a, b]] * np.angle(f[[b, a]] / f[[a, b]])
@@ -199,8 +214,8 @@ def test_where_a_step_flips_faces_it_is_shorter_there_and_nowhere_else(monkeypat
     vertex, other = MESH.interior[0], MESH.interior[-1]
     step = gauss_newton_step(MESH, Z, errors(Z), 2, 0, WeightedLaplacian(MESH, ORDER))
     step[vertex] += 0.2  # beyond its neighbours
-    monkeypatch.setattr(refine_module, "gauss_newton_step", lambda *_: step)
-    falling = iter(range(99))
+    monkeypatch.setattr(refine_module, "gauss_newton_step", lambda *_, anew: step)
+    falling = iter(range(1, 99))
     monkeypatch.setattr(refine_module, "_power_mean", lambda r, p: -next(falling))
     f, account = lower_angle_distortion(MESH, Z, ORDER, 1, 2)
     turn = (f / (Z + step))[other]

@@ -98,6 +98,7 @@ def forget():
     [((), "sksparse"), (("sksparse",), "cvxopt"), (("sksparse", "cvxopt"), "scipy")],
 )
 def test_the_fastest_that_is_installed(monkeypatch, forget, missing, used):
+    monkeypatch.delenv("CDCP_IGL_SOLVER", raising=False)
     hide(monkeypatch, *missing)
     assert used in disk_map(*datasets.spherical_cap(4)[:2]).solver.replace("scikit-", "sk")
 
@@ -153,3 +154,33 @@ with using({name!r}):
     assert message.startswith(f"{LIBRARIES[name]} ({name} "), run.stderr
     assert "size 10,000" in message
     assert "decimate" in message
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a limit of address space is needed")
+@pytest.mark.parametrize("room", [64, 160])
+def test_no_room_for_the_buffers_of_blas_is_a_solver_error(name, room):
+    """OpenBLAS would try for ever, or end the process."""
+    code = f"""
+import resource
+from scipy.sparse import identity
+from cdcp_igl import SolverError
+from cdcp_igl.solve.cholesky import Cholesky
+from cdcp_igl.solve.solvers import solver, using
+with using({name!r}):
+    solver()
+    with open("/proc/self/statm") as file:
+        used = int(file.read().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + ({room} << 20),) * 2)
+    try:
+        Cholesky(identity(9, format="csc"))
+    except SolverError as error:
+        print(error)
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+    )
+    assert "192 MB of address space" in run.stdout, run.stderr

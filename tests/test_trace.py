@@ -88,3 +88,41 @@ def test_a_face_at_the_boundary_may_carry_the_dipole(corners):
     face = int((surface.mesh.on_boundary[F].sum(axis=1) == corners).argmax())
     assert is_around(whitened_geodesic_map(conjugate_trace(surface, face)))
     assert disk_map(V, F, center=face).valid
+
+
+def capped_tube(around=16, along=60):
+    """A tube closed at one end, twelve times longer than wide."""
+    angle = 2 * np.pi * np.arange(around) / around
+    rings = [
+        np.column_stack([np.cos(angle), np.sin(angle), np.full(around, 0.4 * k)])
+        for k in range(along)
+    ]
+    V = np.vstack([*rings, [0, 0, -0.5]])
+    here = np.arange(around)
+    beside = np.roll(here, -1)
+    faces = [np.column_stack([beside, here, np.full(around, len(V) - 1)])]
+    for k in range(along - 1):
+        low, high = around * k, around * (k + 1)
+        faces.append(np.column_stack([low + here, low + beside, high + here]))
+        faces.append(np.column_stack([low + beside, high + beside, high + here]))
+    return V, np.vstack(faces)
+
+
+def test_a_dipole_far_from_the_boundary_leaves_the_trace_no_digits():
+    """The map would change with the last digits of the vertices."""
+    V, F = capped_tube()
+    result = disk_map(V, F)
+    assert result.trace.name == "harmonic measure"
+    assert result.trace.rejected == (
+        "geodesic: the trace is too small for the digits of the dipole",
+    )
+    noise = 1e-15 * np.random.default_rng(0).normal(size=V.shape)
+    assert abs(disk_map(V * (1 + noise), F).uv - result.uv).max() < 1e-8
+
+
+@pytest.mark.parametrize("name", ["femur_2411", "hard/hammer_punct", "left_hand_53054"])
+def test_maps_do_not_change_with_the_last_digits(name, real_mesh):
+    V, F = real_mesh(name)
+    noise = 1e-15 * np.random.default_rng(0).normal(size=V.shape)
+    moved = disk_map(V * (1 + noise), F).uv
+    assert abs(moved - disk_map(V, F).uv).max() < 1e-4

@@ -1,16 +1,19 @@
-"""Run what is missing of a section: each case in a process of its own."""
+"""Run what is missing of a section: each case is a job, and has a process of its own."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, replace
 
 import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from cdcp_igl import MeshError, angle_distortion
-from cdcp_igl.arrays import Floats, Ints
+from cdcp_igl import MapError, MeshError, SolverError, angle_distortion
+from cdcp_igl.batching.executors import run_on
+from cdcp_igl.batching.shards import Shard, shard_of
 from cdcp_igl.reference.case import OK, Case, run_case
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -18,11 +21,12 @@ from ..records.record import EDGES, Record
 from ..records.store import Work
 from .candidate import Candidate
 from .methods import COST
-from .models import Model, digest
+from .models import Model, as_disk
 
 __all__ = ["Limits", "run"]
 
 STARTING = 50_000  # vertices on which CDCP takes as long as a process to start
+NOT_THERE = (OSError, ValueError, ImportError, MeshError, SolverError, MapError)
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,57 @@ class Limits:
     mib: float
 
 
+@dataclass(frozen=True)
+class Measurement:
+    """A case to be measured, as `cdcp_igl.batching` runs it.
+
+    Attributes
+    ----------
+    record : Record
+        Without the numbers.
+    table : str
+        Where a process finds the method, as in `run_case`.
+    limits : Limits
+    work : Work
+        Has the surface; gets the map.
+    """
+
+    record: Record
+    table: str
+    limits: Limits
+    work: Work
+
+    @property
+    def name(self) -> str:
+        """Tells it from the others."""
+        return " ".join(map(str, self.record.key))
+
+    def run(self) -> Record:
+        """Measure, in a process of its own."""
+        surface = self.work.surface(self.record.mesh)
+        if surface is None:
+            return self.failed("FileNotFoundError", "the surface is not in the work folder")
+        case, uv = run_case(
+            self.record.case.method,
+            *surface,
+            time_limit=self.limits.seconds,
+            memory_limit=self.limits.mib,
+            table=self.table,
+        )
+        histogram: list[int] = []
+        if uv is not None:
+            degrees = angle_distortion(*surface, uv).ravel()
+            histogram = np.histogram(degrees, [*EDGES, np.inf])[0].tolist()
+            if self.record.section == "tables" and self.record.repeat == 0:
+                self.work.keep_map(self.record.model, case.method, uv)
+        return replace(self.record, case=case, histogram=histogram)
+
+    def failed(self, error: str, message: str) -> Record:
+        """Make the record of a case that did not come back."""
+        of = self.record.case
+        return replace(self.record, case=Case(of.method, of.boundary, f"{error}: {message}"))
+
+
 def run(
     section: str,
     models: Sequence[Model],
@@ -49,6 +104,8 @@ def run(
     limits: Limits,
     work: Work,
     repeats: Callable[[str, int], int] = lambda method, n: 1,
+    jobs: int = 1,
+    shard: Shard | None = None,
     console: Console | None = None,
 ) -> list[Record]:
     """Measure what the work folder does not have yet.
@@ -67,6 +124,10 @@ def run(
     work : Work
     repeats : callable
         Runs of a method on a model of n vertices; 0 for none.
+    jobs : int
+        Cases that are measured side by side.
+    shard : (int, int), optional
+        Part i of n of the models, from 1, whatever other machines do in the same folder.
     console : Console, optional
         For the progress bar.
 
@@ -74,32 +135,34 @@ def run(
     -------
     list of Record
         Of all these cases, those that were there already too.
-    """
-    done = {record.key: record for record in work.records()}
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as bar:
-        surfaces = bar.add_task("reading the models", total=len(models))
-        plan = []
-        for model in models:
-            plan += [(model, case) for case in _cases(section, model, methods, repeats)]
-            bar.advance(surfaces)
-        bar.remove_task(surfaces)
 
-        missing = [(model, record) for model, record in plan if record.key not in done]
-        task = bar.add_task("", total=sum(_weight(record) for _, record in missing))
-        loaded: str | None = None
-        for number, (model, record) in enumerate(missing, 1):
-            text = f"{number}/{len(missing)} {record.model}: {record.case.method}"
-            bar.update(task, description=text)
-            if record.ok:
-                if loaded != model.name:
-                    V, F = model.load()
-                    loaded = model.name
-                record, uv = _measure(record, V, F, table, limits)
-                work.append(record, uv)
-            done[record.key] = record
-            bar.advance(task, _weight(record))
-    return [done[record.key] for _, record in plan]
+    Raises
+    ------
+    OSError
+        If another run is writing to the work folder, or it cannot be written.
+    """
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with (
+        work.journal(shard) as journal,
+        Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as bar,
+        ThreadPoolExecutor(jobs) as executor,
+    ):
+        done = {record.key: record for record in work.records()}
+        plan: list[Record] = []
+        for model in bar.track(shard_of(models, shard), description="reading the models"):
+            plan += _cases(section, model, methods, repeats, work)
+        missing = [record for record in plan if record.key not in done]
+        done |= {record.key: record for record in missing if not record.ok}
+        to_run = [Measurement(record, table, limits, work) for record in missing if record.ok]
+        task = bar.add_task("", total=sum(_weight(one.record) for one in to_run))
+        marks = work.folder / f".{journal.path.stem}.attempts"
+        with closing(run_on(executor, to_run, marks)) as measured:
+            for number, record in enumerate(measured, 1):
+                journal.append(record)
+                done[record.key] = record
+                text = f"{number}/{len(to_run)} {record.model}: {record.case.method}"
+                bar.update(task, advance=_weight(record), description=text)
+    return [done[record.key] for record in plan]
 
 
 def _cases(
@@ -107,49 +170,26 @@ def _cases(
     model: Model,
     methods: Mapping[str, Candidate],
     repeats: Callable[[str, int], int],
-) -> list[Record]:
-    """Cases of a model in the order of measurement; not "ok" if it or the method is missing."""
+    work: Work,
+) -> Iterator[Record]:
+    """Yield the cases of a model in the order of measurement; not "ok" if something is missing."""
     reason, mesh, sizes = "", "", (0, 0, 0)
     try:
-        V, F = model.load()
-    except (OSError, ValueError, ImportError, MeshError) as error:
+        mesh, V, F = as_disk(model, work)
+        sizes = len(V), len(F), len(DiskMesh(V, F).loop)
+    except NOT_THERE as error:
         reason = f"not to be had: {error}"
-    else:
-        mesh, sizes = digest(V, F), (len(V), len(F), _boundary_size(V, F))
     reasons = {method: reason or one.missing() for method, one in methods.items()}
     rounds = {method: repeats(method, sizes[0]) for method in methods}
-    return [
-        Record(
-            *(section, model.name, mesh, *sizes, repeat),
-            Case(method, methods[method].boundary, reasons[method] or OK),
-            source=methods[method].source,
-        )
-        for repeat in range(max(rounds.values(), default=0))
-        for method in methods
-        if repeat < rounds[method]
-    ]
-
-
-def _boundary_size(V: Floats, F: Ints) -> int:
-    try:
-        return len(DiskMesh(V, F).loop)
-    except MeshError:
-        return 0  # every method will say what is wrong
-
-
-def _measure(
-    record: Record, V: Floats, F: Ints, table: str, limits: Limits
-) -> tuple[Record, Floats | None]:
-    made, uv = run_case(
-        record.case.method, V, F, time_limit=limits.seconds, memory_limit=limits.mib, table=table
-    )
-    histogram: list[int] = []
-    if uv is not None:
-        degrees = angle_distortion(V, F, uv).ravel()
-        histogram = np.histogram(degrees, [*EDGES, np.inf])[0].tolist()
-    kept = uv if record.section == "tables" and record.repeat == 0 else None
-    return replace(record, case=made, histogram=histogram), kept
+    for repeat in range(max(rounds.values(), default=0)):
+        for method in methods:
+            if repeat < rounds[method]:
+                case = Case(method, methods[method].boundary, reasons[method] or OK)
+                source = methods[method].source
+                yield Record(
+                    section, model.name, mesh, *sizes, repeat=repeat, case=case, source=source
+                )
 
 
 def _weight(record: Record) -> float:
-    return STARTING + COST.get(record.case.method, 1) * record.vertices if record.vertices else 1
+    return STARTING + COST.get(record.case.method, 1) * record.vertices

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections import Counter
-from dataclasses import dataclass
-from functools import cache
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import cache, partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -26,13 +24,22 @@ from cdcp_igl.certificate import certify
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas
 
+from ..records.lines import Lines
+from ..records.store import WORK, code
+from .worker import Lost, Worker
+
 SECONDS = 60.0  # after which a case hangs
 FEWEST, MOST = 8, 4_000  # vertices of a patch
 STRETCHES = (2.0, 5.0, 20.0)  # upper ends of the classes
 TARGETS = {5.0: 0.995, 20.0: 0.97}  # share of the disks up to a stretch that must be mapped
 DAMAGED = 1 / 3  # share of the cases
+REFINE = (0, 0, 1, 5)  # steps of refinement, case by case in turn
+QUANTILES = (0.5, 0.9, 0.99, 1)  # of the distortions
 
-FAULTS = ("crash", "hang", "not certified", "untyped exception", "disk refused")
+FAULTS = (
+    *("crash", "hang", "not certified", "untyped exception", "disk refused"),
+    "refinement failed",
+)
 
 
 @dataclass(frozen=True)
@@ -56,25 +63,31 @@ class Row:
     made: str = ""
     message: str = ""
     distortion: float = np.nan  # mean angular, degrees
+    refine: int = 0  # steps asked for, of a map that is there without them
+    refined: float = np.nan  # its mean angular distortion, degrees
 
 
 def fuzz(
     cases: Annotated[int, typer.Option(min=1, help="How many surfaces.")] = 200,
     seed: Annotated[int, typer.Option(min=0, help="A case depends on this and its number.")] = 1,
 ) -> None:
-    """Map random surfaces.
+    """Map random surfaces, half of them refined as well.
 
     Exit code 1 if one crashes, hangs or goes wrong without saying so, or too few disks are
-    mapped.
+    mapped. What has been examined is kept in build/benchmarks, and not examined again.
     """
     console = Console()
-    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    rows = []
-    with Progress(*columns, console=console, transient=True) as bar, Worker(seed) as worker:
-        for case in bar.track(range(cases)):
-            rows.append(worker.run(case))
+    rows = _examined(cases, seed, console)
     console.print(_outcomes(rows))
     console.print(_distortions(rows))
+    for name, means in (
+        ("maps", [row.distortion for row in rows if _is_mapped(row)]),
+        ("refined maps", [row.refined for row in rows if row.refine and _is_mapped(row)]),
+    ):
+        if means:
+            quantiles = zip(QUANTILES, np.quantile(means, QUANTILES), strict=True)
+            told = ", ".join(f"{share:.0%} to {mean:.2f}" for share, mean in quantiles)
+            console.print(f"{len(means):,} {name}, mean angular distortion in degrees: {told}")
     enough = True
     for limit, target in TARGETS.items():
         disks = [row for row in rows if row.disk and row.stretch <= limit]
@@ -90,6 +103,35 @@ def fuzz(
         console.print(f"case {row.case}: {row.made}: {row.outcome}. {row.message[:100]}")
     if faults or not enough:
         raise typer.Exit(1)
+
+
+def _examined(cases: int, seed: int, console: Console) -> list[Row]:
+    """Examine what has not been examined by this code."""
+    lines = Lines(WORK / code() / f"fuzz-{seed}.jsonl")
+    rows = {row["case"]: _row(row) for row in lines.read()}
+    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with (
+        Progress(*columns, console=console, transient=True) as bar,
+        Worker(partial(examine, seed)) as worker,
+    ):
+        for case in bar.track(range(cases)):
+            if case not in rows:
+                rows[case] = run(worker, seed, case)
+                lines.append(asdict(rows[case]))
+    return [rows[case] for case in range(cases)]
+
+
+def _row(kept: Mapping[str, Any]) -> Row:
+    fields: dict[str, Any] = {name: np.nan if x is None else x for name, x in kept.items()}
+    return Row(**fields)
+
+
+def run(worker: Worker, seed: int, case: int) -> Row:
+    """Let a worker examine one case, whatever happens."""
+    try:
+        return worker.run(case, SECONDS)
+    except Lost as lost:
+        return Row(case, np.nan, False, str(lost), f"surface({seed}, {case})")
 
 
 def _is_mapped(row: Row) -> bool:
@@ -132,77 +174,42 @@ def _stretch_class(row: Row) -> float | None:
     return next(c for c in STRETCHES if row.stretch <= c) if row.disk else None
 
 
-# -- one case, in a process of its own -------------------------------------------------
-
-
-class Worker:
-    """A process that runs cases, and is replaced when it crashes or hangs."""
-
-    def __init__(self, seed: int) -> None:
-        self._seed = seed
-        self._start()
-
-    def _start(self) -> None:
-        context = get_context("spawn")
-        self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, self._seed), daemon=True)
-        self._process.start()
-        theirs.close()
-
-    def run(self, case: int) -> Row:
-        """Run one case, whatever happens."""
-        try:
-            self._pipe.send(case)
-            if self._pipe.poll(SECONDS):
-                return self._pipe.recv()
-            outcome = "hang"
-        except (EOFError, OSError):
-            outcome = "crash"
-        self._stop()
-        self._start()
-        return Row(case, np.inf, False, outcome, f"surface({self._seed}, {case})")
-
-    def _stop(self) -> None:
-        self._process.kill()
-        self._process.join()
-        self._pipe.close()
-
-    def __enter__(self) -> Worker:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._stop()
-
-
-def _serve(pipe: Connection, seed: int) -> None:
-    warnings.simplefilter("error")  # a warning is no way to report anything
-    while True:
-        pipe.send(examine(seed, pipe.recv()))
+# -- one case --------------------------------------------------------------------------
 
 
 def examine(seed: int, case: int) -> Row:
-    """Map the surface of a case and judge the answer."""
+    """Map the surface of a case, and judge the answer; map it refined, if that is its turn."""
     given = surface(seed, case)
     disk = check(given.V, given.F).is_disk
-    message, distortion = "", np.nan
+    refine = REFINE[case % len(REFINE)]
+    plain = _judged(given, disk, 0)
+    row = Row(case, given.stretch, disk, plain[0], given.made, *plain[1:])
+    if not (refine and _is_mapped(row)):
+        return row
+    outcome, message, mean = _judged(given, disk, refine)
+    if not outcome.startswith("map, "):
+        message = f"refine={refine}: {outcome}. {message}"
+        return replace(row, outcome="refinement failed", message=message)
+    return replace(row, refine=refine, refined=mean)
+
+
+def _judged(given: Case, disk: bool, refine: int) -> tuple[str, str, float]:
+    """Map a surface; return the outcome, the message, and the mean angular distortion."""
     try:
-        result = disk_map(given.V, given.F)
+        result = disk_map(given.V, given.F, refine=refine)
     except MeshError as error:
-        outcome = "disk refused" if disk else f"MeshError: {error.defect}"
-        message = str(error)
+        return "disk refused" if disk else f"MeshError: {error.defect}", str(error), np.nan
     except MapError as error:
         crowding = "crowding" in str(error).lower()
         outcome = "MapError: crowding" if crowding else "MapError: not a bijection"
-        message = str(error)
+        return outcome, str(error), np.nan
     except SolverError as error:
-        outcome, message = "SolverError", str(error)
+        return "SolverError", str(error), np.nan
     except Exception as error:
-        outcome, message = "untyped exception", f"{type(error).__name__}: {error}"
-    else:
-        sound = disk and certify(DiskMesh(given.V, given.F), result.uv).valid
-        outcome = f"map, {result.trace.name}" if sound else "not certified"
-        distortion = result.distortion.mean
-    return Row(case, given.stretch, disk, outcome, given.made, message, distortion)
+        return "untyped exception", f"{type(error).__name__}: {error}", np.nan
+    sound = disk and certify(DiskMesh(given.V, given.F), result.uv).valid
+    outcome = f"map, {result.trace.name}" if sound else "not certified"
+    return outcome, "", result.distortion.mean
 
 
 # -- surfaces --------------------------------------------------------------------------

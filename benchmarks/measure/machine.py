@@ -22,7 +22,11 @@ from .peers import versions
 __all__ = ["MACHINE", "describe", "memory_mib", "pin_threads"]
 
 MACHINE = f"{os.cpu_count()}-core-{platform.machine()}"  # a neutral name of this machine
-POOLS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+# The last because CHOLMOD 3 asks OpenMP for four threads whatever the others say.
+POOLS = (
+    *("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"),
+    "OMP_THREAD_LIMIT",
+)
 
 
 def pin_threads(threads: int) -> None:

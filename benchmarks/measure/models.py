@@ -7,24 +7,24 @@ import hashlib
 import itertools
 import os
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from cdcp_igl import MeshError, check, datasets
+from cdcp_igl import check, datasets, surface_map
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.io import READABLE, read_mesh
 
 from ..records.paper import PAPER
-from ..records.record import Record
-from ..records.results import NotMeasured
+from ..records.record import OPENED
+from ..records.store import Work
 from .fuzzing import surface
 
-__all__ = ["Model", "by_name", "digest", "find", "patches", "quick", "surfaces_of"]
+__all__ = ["Model", "as_disk", "by_name", "digest", "find", "patches", "quick"]
 
 Surface = tuple[Floats, Ints]
 
@@ -155,14 +155,16 @@ def find(wanted: Sequence[str] = ()) -> list[Model]:
 
 def patches(count: int) -> list[Model]:
     """Random disks: the first so many among the cases of the command fuzz."""
-    disks = (case for case in itertools.count() if check(*_patch(case)).is_disk)
-    numbers = itertools.islice(disks, count)
-    return [Model(f"patch {case:04}", partial(_patch, case)) for case in numbers]
+    made = ((case, surface(SEED, case)) for case in itertools.count())
+    disks = ((case, patch.V, patch.F) for case, patch in made if check(patch.V, patch.F).is_disk)
+    return [
+        Model(f"patch {case:04}", partial(_given, V, F))
+        for case, V, F in itertools.islice(disks, count)
+    ]
 
 
-def _patch(case: int) -> Surface:
-    made = surface(SEED, case)
-    return made.V, made.F
+def _given(V: Floats, F: Ints) -> Surface:
+    return V, F
 
 
 def by_name(names: Sequence[str]) -> list[Model]:
@@ -170,24 +172,31 @@ def by_name(names: Sequence[str]) -> list[Model]:
     return [_named(name) for name in names]
 
 
-def surfaces_of(
-    records: Iterable[Record], models: Sequence[Model]
-) -> Callable[[str], tuple[Floats, Ints]]:
-    """Return the function that finds the surface of a name, if it is the one measured."""
-    meshes = {record.model: record.mesh for record in records}
-    named = {model.name: model for model in models}
+def as_disk(model: Model, work: Work) -> tuple[str, Floats, Ints]:
+    """Load a model and open it if it is no disk; the work folder has it then.
 
-    @cache
-    def measured(name: str) -> tuple[Floats, Ints]:
-        try:
-            V, F = (named.get(name) or _named(name)).load()
-        except (OSError, ValueError, ImportError, MeshError) as error:
-            raise NotMeasured(f"the surface is not to be had any more: {error}") from error
-        if digest(V, F) != meshes[name]:
-            raise NotMeasured("the surface is not the one that was measured")
-        return V, F
+    Of a surface that is none, the largest disk of its `surface_map` is taken, whose cut has
+    grown and whose holes are filled.
 
-    return measured
+    Returns
+    -------
+    mesh : str
+        Its name in the work folder.
+    V : (n, 3) float64
+    F : (m, 3) int64
+    """
+    V, F = model.load()
+    mesh = digest(V, F)
+    for name in (mesh, mesh + OPENED):
+        kept = work.surface(name)
+        if kept is not None:
+            return name, *kept
+    if not check(V, F).is_disk:
+        disks = surface_map(V, F).disks
+        largest = max((disk.mesh for disk in disks), key=lambda disk: len(disk.F))
+        mesh, V, F = mesh + OPENED, largest.positions, largest.F
+    work.keep_surface(mesh, V, F)
+    return mesh, V, F
 
 
 def digest(V: Floats, F: Ints) -> str:

@@ -19,7 +19,6 @@ from typing import Any
 
 import igl
 import numpy as np
-from scipy.spatial import cKDTree
 
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.errors import MapError
@@ -114,6 +113,9 @@ def _arap(V: Floats, F: Ints) -> Floats:
 
 def _bff(V: Floats, F: Ints, *, options: tuple[str, ...]) -> Floats:
     """Run the program on files; its order of vertices is its own."""
+    # Imported here: the process of every case, whatever its method, would wait for it.
+    from scipy.spatial import cKDTree
+
     scaled = (V - V.mean(axis=0)) * (BFF_SIZE / np.ptp(V, axis=0).max())
     with TemporaryDirectory() as folder:
         given, made = Path(folder, "surface.obj"), Path(folder, "map.obj")

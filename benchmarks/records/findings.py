@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from .results import FROM, Measured, Section, growth
 __all__ = ["sentences"]
 
 MARGIN = 0.005  # degrees by which CDCP's mean may be above that of FDCP or LDCP
+NAMED = 12  # surfaces, of more; the tables have them all
 
 
 def sentences(measured: Measured) -> list[str]:
@@ -26,6 +27,12 @@ def sentences(measured: Measured) -> list[str]:
     if ablation := measured.sections.get("ablation"):
         found += _mobius(ablation)
     return found
+
+
+def _listed(names: Sequence[str], between: str = ", ") -> str:
+    """Join names, or the first of many."""
+    others = len(names) - NAMED
+    return between.join(names[:NAMED]) + (f" and {others:,} more" if others > 0 else "")
 
 
 def _comparison(tables: Section) -> str:
@@ -43,11 +50,11 @@ def _comparison(tables: Section) -> str:
     skipped = [model for model in tables.sizes if model not in compared]
     text = f"All three are valid on {len(compared)} surfaces."
     if above:
-        text += f" CDCP's mean is more than {MARGIN} degrees above on: {'; '.join(above)}."
+        text += f" CDCP's mean is more than {MARGIN} degrees above on: {_listed(above, '; ')}."
     elif compared:
         text += f" On each of them CDCP's mean is at most {MARGIN} degrees above both."
     if skipped:
-        text += f" Not compared, because one is missing or failed: {', '.join(skipped)}."
+        text += f" Not compared, because one is missing or failed: {_listed(skipped)}."
     return text
 
 
@@ -59,13 +66,13 @@ def _validity(tables: Section) -> Iterator[str]:
         name = method.upper() if method in PUBLISHED else method.replace("_", " ")
         counts.append(f"{name} on {len(run) - len(failed)} of {len(run)}")
         if failed:
-            failures.append(f"{name} on {', '.join(failed)}")
+            failures.append(f"{name} on {_listed(failed)}")
     if counts:
         text = f"Valid maps onto the disk, certified: {', '.join(counts)} surfaces."
         yield text + (f" There is none by {'; by '.join(failures)}." if failures else "")
     missing = [r.model for r in tables.records if not r.vertices]
     if missing:
-        yield f"Not to be had: {', '.join(dict.fromkeys(missing))}."
+        yield f"Not to be had: {_listed(list(dict.fromkeys(missing)))}."
 
 
 def _published(tables: Section) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
@@ -11,8 +12,9 @@ import numpy as np
 from cdcp_igl.arrays import Floats
 from cdcp_igl.reference.case import OK, Case
 
-__all__ = ["EDGES", "Record"]
+__all__ = ["EDGES", "OPENED", "Record"]
 
+OPENED = "-opened"
 EDGES: Floats = np.arange(201) / 20  # of the histogram, degrees: bins of 0.05 up to 10
 
 
@@ -27,7 +29,8 @@ class Record:
     model : str
         Name; `benchmarks.measure.models.find` has the surface.
     mesh : str
-        Digest of V and F; empty if the model is not to be had.
+        Digest of V and F; empty if the model is not to be had. If that was opened to a disk, it
+        ends with `OPENED`, and the sizes are those of the disk.
     vertices, faces, boundary_vertices : int
         Sizes; 0 if the model is not to be had.
     repeat : int
@@ -72,6 +75,10 @@ class Record:
             name: None if isinstance(value, float) and not np.isfinite(value) else value
             for name, value in self.row().items()
         }
+
+    def line(self) -> str:
+        """Return it as one line of JSON."""
+        return json.dumps(self.as_json(), ensure_ascii=False, allow_nan=False) + "\n"
 
     @classmethod
     def of_json(cls, row: Mapping[str, Any]) -> Record:

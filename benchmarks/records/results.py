@@ -11,7 +11,7 @@ from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.reference.case import OK
 
 from .paper import row_of
-from .record import Record
+from .record import OPENED, Record
 
 __all__ = ["FROM", "Measured", "NotMeasured", "Section", "growth"]
 
@@ -38,6 +38,8 @@ class Section:
         not to be had.
     mapped : dict of str to int
         Of those that were mapped, or should have been.
+    opened : set of str
+        Of those that are no disks, see `Record.mesh`.
     maps : list of str
         The methods that make maps.
     medians : DataFrame
@@ -57,6 +59,7 @@ class Section:
             self._runs.setdefault((record.model, record.case.method), []).append(record)
         known = {r.model: r.vertices or _published_size(r.model) for r in self.records}
         self.sizes = dict(sorted(known.items(), key=lambda model: model[1]))
+        self.opened = {r.model for r in self.records if r.mesh.endswith(OPENED)}
         maps = frame[frame["boundary"] != "none"]
         self.maps = list(dict.fromkeys(maps["method"]))
         there = set(maps["model"][maps["vertices"] > 0])
@@ -97,18 +100,14 @@ class Section:
         return [m for m in self.mapped if self.of(m, method) and self.failure(m, method)]
 
 
-def _no_surface(model: str) -> tuple[Floats, Ints]:
-    raise NotMeasured("the surface is not at hand")
-
-
 class Measured:
     """What has been measured.
 
     Parameters
     ----------
     records : iterable of Record
-    surface : callable
-        ``surface(model)`` returns V (n, 3) and F (m, 3), or raises NotMeasured.
+    kept : callable
+        ``kept(mesh)`` returns V (n, 3) and F (m, 3) of a digest, or None.
     map : callable
         ``map(model, method)`` returns uv (n, 2), or None where there is no valid map.
 
@@ -122,7 +121,7 @@ class Measured:
     def __init__(
         self,
         records: Iterable[Record],
-        surface: Callable[[str], tuple[Floats, Ints]] = _no_surface,
+        kept: Callable[[str], tuple[Floats, Ints] | None] = lambda mesh: None,
         map: Callable[[str, str], Floats | None] = lambda model, method: None,
     ) -> None:
         known = list(records)
@@ -132,7 +131,15 @@ class Measured:
         }
         sizes = {record.model: record.vertices for record in known if record.vertices}
         self.sizes = dict(sorted(sizes.items(), key=lambda model: model[1]))
-        self.surface, self.map = surface, map
+        self._meshes = {record.model: record.mesh for record in known}
+        self._kept, self.map = kept, map
+
+    def surface(self, model: str) -> tuple[Floats, Ints]:
+        """V (n, 3) and F (m, 3) of what was measured; NotMeasured if it is not there any more."""
+        surface = self._kept(self._meshes[model])
+        if surface is None:
+            raise NotMeasured("the surface is not in the work folder any more")
+        return surface
 
     def require(self, section: str, wanted: Sequence[str]) -> tuple[Section, list[str]]:
         """Return a section and which of the methods were run; NotMeasured if none was."""

@@ -4,20 +4,23 @@ The work folder is ``build/benchmarks/CODE/`` (not under version control), CODE 
 sources of cdcp_igl and of the versions below it, so that numbers of different code never meet
 in one table, whatever the commit is called::
 
-    records.jsonl                one `Record` a line, in the order of measurement
+    results.jsonl                one `Record` a line, in the order of measurement
+    results.1-of-4.jsonl         the same of a part of the surfaces, perhaps of another machine
+    surfaces/MESH.npz            V and F of every surface, by their digest
     maps/MODEL--METHOD.npz       uv (n, 2) float64, of the section "tables"
 
-A run that was killed goes on where it stopped: what has a line is not measured again. To start
-over, delete the folder. The finished results, ``MACHINE.json``, hold the records of the last
-call of each command together with the machine they are from.
+The lines are the journals of a batch, `cdcp_igl.batching`. A run that was killed goes on where
+it stopped: what has a line is not measured again. To start over, delete the folder. The finished
+results, ``MACHINE.json``, hold the records of the last call of each command together with the
+machine they are from.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -26,7 +29,9 @@ from typing import Any
 import numpy as np
 
 import cdcp_igl
-from cdcp_igl.arrays import Floats
+from cdcp_igl.arrays import Floats, Ints
+from cdcp_igl.batching.journal import Journal, journal_lines
+from cdcp_igl.batching.shards import Shard
 from cdcp_igl.io import whole_file
 
 from .record import Record
@@ -49,35 +54,41 @@ class Work:
 
     def __init__(self, folder: Path | None = None) -> None:
         self.folder = folder or WORK / code()
-        self._file = self.folder / "records.jsonl"
 
     def records(self) -> list[Record]:
-        """All records, in the order of measurement; a half-written last line does not count."""
-        return list(self._read())
+        """All records, in the order of measurement; a line that was cut off does not count."""
+        records = []
+        for line in journal_lines(self.folder):
+            with suppress(json.JSONDecodeError):
+                records.append(Record.of_json(json.loads(line)))
+        return records
 
-    def _read(self) -> Iterator[Record]:
-        if not self._file.exists():
-            return
-        for line in self._file.read_text(encoding="utf-8").splitlines(keepends=True):
-            if line.endswith("\n"):
-                yield Record.of_json(json.loads(line))
-
-    def append(self, record: Record, uv: Floats | None = None) -> None:
-        """Keep a record, and the map if there is one; once this returns, they are on disk."""
+    def journal(self, shard: Shard | None = None) -> Journal:
+        """Open the file of records to add some; OSError if another run has it."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        if uv is not None:
-            path = self.map_path(record.model, record.case.method)
-            path.parent.mkdir(exist_ok=True)
-            with whole_file(path) as unfinished:
-                np.savez(unfinished, uv=uv)
-        with self._file.open("ab+") as file:
-            end = file.seek(0, os.SEEK_END)
-            if end:  # a line that a killed run left unfinished goes
-                kept = self._file.read_bytes().rfind(b"\n") + 1
-                file.truncate(kept)
-            file.write(_line(record).encode() + b"\n")
-            file.flush()
-            os.fsync(file.fileno())
+        return Journal(self.folder, shard)
+
+    def surface_path(self, mesh: str) -> Path:
+        """Where the surface of a digest is kept."""
+        return self.folder / "surfaces" / f"{mesh}.npz"
+
+    def keep_surface(self, mesh: str, V: Floats, F: Ints) -> None:
+        """Write a surface down, for the processes that map it and for the figures."""
+        with _unfinished(self.surface_path(mesh)) as file:
+            np.savez(file, V=V, F=F)
+
+    def surface(self, mesh: str) -> tuple[Floats, Ints] | None:
+        """V (n, 3) and F (m, 3) of a digest, None if it is not there."""
+        path = self.surface_path(mesh)
+        if not path.exists():
+            return None
+        with np.load(path) as saved:
+            return saved["V"], saved["F"]
+
+    def keep_map(self, model: str, method: str, uv: Floats) -> None:
+        """Write a map down."""
+        with _unfinished(self.map_path(model, method)) as file:
+            np.savez(file, uv=uv)
 
     def map_path(self, model: str, method: str) -> Path:
         """Where the map of the section "tables" is kept, if it was valid."""
@@ -91,6 +102,11 @@ class Work:
             return None
         with np.load(path) as saved:
             return saved["uv"]
+
+
+def _unfinished(path: Path) -> AbstractContextManager[Path]:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return whole_file(path)
 
 
 @cache
@@ -108,14 +124,10 @@ def write_results(path: Path, machine: Mapping[str, Any], records: Sequence[Reco
     """Write ``{"machine": ..., "records": [...]}``, whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     about = json.dumps(machine, ensure_ascii=False, indent=1)
-    rows = ",\n".join(_line(record) for record in records)
+    rows = ",\n".join(record.line().rstrip() for record in records)
     with whole_file(path) as unfinished:
         text = f'{{"machine": {about},\n"records": [\n{rows}\n]}}\n'
         unfinished.write_text(text, encoding="utf-8")
-
-
-def _line(record: Record) -> str:
-    return json.dumps(record.as_json(), ensure_ascii=False, allow_nan=False)
 
 
 def read_results(path: Path) -> tuple[dict[str, Any], list[Record]]:

@@ -55,6 +55,7 @@ def model_cells(results: Section, model: str) -> Row:
     """Name, what it stands for, and size."""
     row, there = published(model), results.mapped.get(model, 0)
     name = model.removesuffix(f"_{there}").replace("_", " ")
+    name += ", opened" * (model in results.opened)
     if row:
         other = f", for {row.name}" if row.own == "stand-in" else f" ({row.own})"
         name = row.name if row.own == "own" else name + other

@@ -26,7 +26,7 @@ METHODS = {
     **{"cdcp": "disk", "cdcp refine=5": "disk", "fdcp": "disk", "ldcp": "disk"},
     **{"harmonic": "disk", "BFF disk": "disk", "lscm": "free", "BFF free": "free"},
     **{"Blender angle-based": "free", "Blender conformal": "free", "MeshLab LSCM": "free"},
-    "SLIM": "free",
+    **{"SLIM conformal": "free", "SLIM": "free"},
 }
 
 
@@ -53,7 +53,8 @@ def rewrite(page: Path, results: Path) -> None:
         "Mean / SD / greatest angular distortion in degrees, flipped faces if there are any, and "
         "time as a multiple of T, the time of CDCP in the same run. A free boundary has less to "
         "keep, so less distortion, but its image is no disk; the harmonic map is onto the disk but "
-        f"not conformal. {about['cores']} cores, {about['cpu']}; {versions}. Written by "
+        "not conformal; SLIM keeps lengths rather than angles unless told so. "
+        f"{about['cores']} cores, {about['cpu']}; {versions}. Written by "
         "`python -m benchmarks readme`; all surfaces, the paper's own numbers and the figures: "
         f"[benchmarks/results](benchmarks/results/{results.stem}.md)."
     )

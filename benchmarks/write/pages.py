@@ -161,6 +161,8 @@ def _facts(results: Section, model: str) -> Iterator[tuple[str, str]]:
     yield "Vertices", f"{of.vertices:,}"
     yield "Faces", f"{of.faces:,}"
     yield "Boundary vertices", f"{of.boundary_vertices:,}"
+    if model in results.opened:
+        yield "Opened", "the largest disk of its surface_map, holes filled"
     row = published(model)
     if row:
         yield "In the paper", row.name if row.own == "own" else f"{row.name} ({row.own})"
@@ -171,7 +173,7 @@ def _facts(results: Section, model: str) -> Iterator[tuple[str, str]]:
             flipped, rounds = details["repair"]["flipped_faces"], details["repair"]["rounds"]
             yield "Repair", f"{flipped:,} faces in {rounds} rounds" if flipped else "not needed"
             w = np.hypot(*details["mobius"]["w"])
-            yield "Möbius", f"{details['mobius']['method']}, |w| = {w:.4f}"
+            yield "Möbius", f"{details['mobius']['method']}, moves w to the centre, |w| = {w:.4f}"
             yield "Solver", details["solver"]
 
 

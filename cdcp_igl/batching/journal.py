@@ -5,9 +5,10 @@ from __future__ import annotations
 import csv
 import errno
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import TracebackType
+from typing import Protocol
 
 try:
     import fcntl
@@ -17,8 +18,16 @@ except ModuleNotFoundError:  # Windows: two batches in one folder are not kept a
 from ..io import whole_file
 from .names import shown
 from .records import COLUMNS, Record
+from .shards import Shard
 
-__all__ = ["Journal", "is_summary", "read_journals", "write_summary"]
+__all__ = ["Journal", "is_summary", "journal_lines", "read_journals", "write_summary"]
+
+
+class Line(Protocol):
+    """What can be written down in a line."""
+
+    def line(self) -> str:
+        """Return it with the end of the line."""
 
 
 class Journal:
@@ -37,7 +46,7 @@ class Journal:
         If the file cannot be written, or another batch writes it.
     """
 
-    def __init__(self, folder: Path, shard: tuple[int, int] | None = None) -> None:
+    def __init__(self, folder: Path, shard: Shard | None = None) -> None:
         name = "results" + (f".{shard[0]}-of-{shard[1]}" if shard else "")
         self.path = folder / f"{name}.jsonl"
         self._file = self.path.open("ab+", buffering=0)
@@ -48,7 +57,7 @@ class Journal:
             self._file.close()
             raise
 
-    def append(self, record: Record) -> None:
+    def append(self, record: Line) -> None:
         """Add a line, which is there for good when this returns."""
         line = record.line().encode()
         if self._file.write(line) != len(line):
@@ -88,19 +97,24 @@ class Journal:
         self._file.close()
 
 
+def journal_lines(folder: Path) -> Iterator[str]:
+    """Yield the lines of all journals of a folder; some may be cut off."""
+    for path in sorted(folder.glob("results*.jsonl")):
+        with path.open(encoding="utf-8", errors="replace") as file:
+            yield from file
+
+
 def read_journals(folder: Path, options_digest: str) -> dict[str, Record]:
     """Return the latest record of each name made with these options, from all journals."""
     records: dict[str, Record] = {}
-    for path in sorted(folder.glob("results*.jsonl")):
-        with path.open(encoding="utf-8", errors="replace") as file:
-            for line in file:
-                try:
-                    record = Record.from_line(line)
-                except ValueError:  # cut off
-                    continue
-                known = records.get(record.name, record)
-                if record.options_digest == options_digest and record.finished >= known.finished:
-                    records[record.name] = record
+    for line in journal_lines(folder):
+        try:
+            record = Record.from_line(line)
+        except ValueError:  # cut off
+            continue
+        known = records.get(record.name, record)
+        if record.options_digest == options_digest and record.finished >= known.finished:
+            records[record.name] = record
     return records
 
 

@@ -16,6 +16,7 @@ from ..arrays import Floats, Ints
 from ..atlas import SurfaceMap, surface_map
 from ..distortion import area_distortion
 from ..io import whole_file, write_map
+from ..io.writing import MapResult
 from ..result import DiskMap
 from ..steps.phases import Progress
 from ..surface.cleaning import clean
@@ -42,7 +43,7 @@ class Mapped:
     n_written : int
         Vertices that are written; the others fill holes.
     written : (k,) ndarray of int64
-        Faces that are written; the others fill holes, or repeat a face.
+        Faces that are written; the others fill holes, or are on no disk.
     indices : dict of str to ndarray
         What an npz file says beside V, F and uv: of a surface that was mended or cut, the rows
         that the vertices and faces come from, and the disk of each face.
@@ -70,16 +71,17 @@ class Mapped:
             If it cannot be written.
         """
         suffix, disk = target.suffix.lower(), settings.disk
-        if isinstance(self.result, DiskMap):
+        V, F, like = self.V[: self.n_written], self.F[self.written], None
+        uv: MapResult | Floats
+        if {suffix, source.suffix.lower()} == {".obj"} and not settings.clean:
+            # It keeps whatever else is in it, and faces on no disk as well.
+            F, uv, like = self.F, self.result, source
+        elif isinstance(self.result, DiskMap):
             uv = self.result.uv[: self.n_written]
         elif disk or suffix == ".npz":
             uv = self.result.uv[self.written]
         else:
             uv, disk = self.result.packed()[self.written], True  # in the unit square already
-        # An obj file that has all its faces keeps whatever else is in it.
-        whole = len(self.written) == len(self.F) and not settings.clean
-        like = source if {suffix, source.suffix.lower()} == {".obj"} and whole else None
-        V, F = self.V[: self.n_written], self.F[self.written]
         with whole_file(target) as unfinished:
             write_map(unfinished, V, F, uv, disk=disk, like=like)
             if suffix == ".npz" and self.indices:
@@ -157,8 +159,8 @@ def _cut_and_mapped(
 ) -> Mapped:
     result = surface_map(V, F, whole=whole, progress=progress, **settings.options)
     rows = np.flatnonzero(result.face_disk >= 0)
-    repeated = len(F) - len(rows)
-    note = (f"faces that repeat others are not in the file: {repeated:,}",) if repeated else ()
+    left_out = len(F) - len(rows)
+    note = (f"faces on no disk: {left_out:,}",) if left_out else ()
     indices = {"face_index": rows, "face_disk": result.face_disk[rows]}
     return Mapped(V, F, result, (*result.changes, *note), len(V), rows, indices)
 

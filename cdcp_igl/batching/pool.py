@@ -19,7 +19,7 @@ import numpy as np
 
 from ..reference.processes import available_memory, cause_of_death, resident
 from .memory import memory_needed
-from .records import FAILED, Record
+from .records import Record
 from .work import Task
 
 __all__ = ["Pool"]
@@ -157,7 +157,7 @@ class _Worker:
         """
         if self.excess:
             error, message = self.excess
-            return task.record(FAILED, error=error, message=message)
+            return task.failed(error, message)
         self._errors.seek(0)
         errors = self._errors.read().decode(errors="replace")
         cause = cause_of_death(self._process.wait(), errors)
@@ -165,7 +165,7 @@ class _Worker:
             raise RuntimeError(f"no worker can be started: {cause}")
         if attempts < ATTEMPTS:
             return None
-        return task.record(FAILED, error="Crash", message=f"{cause} ({attempts} times)")
+        return task.failed("Crash", f"{cause} ({attempts} times)")
 
     def close(self) -> None:
         """End the process, whatever it does."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +22,7 @@ from .page import report_page
 from .pool import Pool
 from .records import DONE, FAILED, Record
 from .settings import Settings
+from .shards import Shard, shard_of
 from .stamps import Stamp, put_stamp, read_stamp
 from .targets import refuse_another, try_to_write
 from .work import Task
@@ -224,14 +225,11 @@ def _tasks(
     files: list[Path],
     folder: Path,
     settings: Settings,
-    shard: tuple[int, int] | None,
+    shard: Shard | None,
     pictures: bool,
-) -> list[Task]:
+) -> Sequence[Task]:
     if not files:
         raise ValueError("there is no surface to map")
-    part, parts = shard or (1, 1)
-    if not 1 <= part <= parts:
-        raise ValueError(f"shard must be (i, n) with i from 1 to n, not {shard!r}")
     tasks = [
         Task(
             name,
@@ -242,7 +240,7 @@ def _tasks(
         )
         for name, file in zip(result_names(files), files, strict=True)
     ]
-    return tasks[part - 1 :: parts]
+    return shard_of(tasks, shard)
 
 
 def _settled(task: Task, record: Record, retry: bool) -> bool:

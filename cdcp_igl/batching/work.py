@@ -21,7 +21,7 @@ from .stamps import Stamp
 from .targets import digest_of, objection
 from .thumbnails import draw_thumbnail
 
-__all__ = ["Task", "Unwritten", "map_file"]
+__all__ = ["Task", "Unwritten"]
 
 Array = NDArray[Any]
 
@@ -72,12 +72,20 @@ class Task:
             **values,
         )
 
+    def failed(self, error: str, message: str) -> Record:
+        """Make the record of this surface if there is no other."""
+        return self.record(FAILED, error=error, message=message)
+
+    def run(self) -> Record:
+        """Map the surface; Unwritten if the result cannot be written."""
+        return _map_file(self)
+
 
 class Unwritten(OSError):
     """A result could not be written, which is no fault of the surface."""
 
 
-def map_file(task: Task) -> Record:
+def _map_file(task: Task) -> Record:
     """Map one surface.
 
     Returns

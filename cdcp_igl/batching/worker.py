@@ -12,7 +12,7 @@ import sys
 from queue import SimpleQueue
 from threading import Thread
 
-from .work import Task, Unwritten, map_file
+from .work import Task, Unwritten
 
 __all__: list[str] = []
 
@@ -29,7 +29,7 @@ def _main() -> None:
         answers.flush()
         task = tasks.get()
         try:
-            answer = map_file(task)
+            answer = task.run()
         except Unwritten as error:
             answer = error
 

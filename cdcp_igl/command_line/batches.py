@@ -49,12 +49,12 @@ class Format(StrEnum):
 
 
 def _shard(text: str | None) -> tuple[int, int] | None:
-    if text is None:
-        return None
-    part, slash, parts = text.partition("/")
-    if not (slash and part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
-        raise typer.BadParameter("must be I/N, with I from 1 to N.")
-    return int(part), int(parts)
+    from ..batching.shards import read_shard
+
+    try:
+        return None if text is None else read_shard(text)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
 
 
 def batch_command(

@@ -80,6 +80,7 @@ def compare_command(
     names = (methods or ",".join(METHODS)).split(",")
     cases: dict[str, list[Case]] = {}
     rows: list[MapRow] = []
+    drawn: list[str] = []
     with exit_codes(), writing():
         if picture:
             with from_extra("plot"):
@@ -101,6 +102,7 @@ def compare_command(
                 progress(name, done / len(names))
                 made.append(run_case(name, V, F, time_limit=time_limit))
         cases[str(mesh)] = [case for case, _ in made]
+        drawn.append(mesh.name)
         rows.append((V, F, [(case.method, case.mean, uv) for case, uv in made]))
         width = None if sys.stdout.isatty() else 120
         Console(width=width).print(table(f"{mesh}: {len(V):,} vertices", cases[str(mesh)]))
@@ -113,6 +115,6 @@ def compare_command(
                     write(unfinished, cases)
         if picture:
             with whole_file(picture) as unfinished:
-                side_by_side(rows).savefig(unfinished)
+                side_by_side(rows, names=drawn).savefig(unfinished)
     if len(cases) < len(meshes):
         raise typer.Exit(SOME_FAILED)

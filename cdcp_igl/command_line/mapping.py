@@ -95,7 +95,7 @@ def map_command(
         typer.Option(
             metavar="P.png",
             callback=target(".png", ".svg", ".pdf"),
-            help="Surface, disk and histogram of the angular distortion (.png .svg .pdf).",
+            help="Surface, disk or disks, and the angular distortion (.png .svg .pdf).",
         ),
     ] = None,
     view: Annotated[
@@ -223,15 +223,15 @@ class _Job:
                 try_to_write(path)
 
     def _draw(self, mapped: Mapped, stamp: Stamp) -> None:
-        """Draw the picture and the page; of several disks, that of the largest part."""
+        """Draw the picture and the page."""
         from ..batching.stamps import put_stamp
         from ..io import whole_file
 
-        disk, name = mapped.disks[0], self.source.name
+        name = self.source.name
         if self.picture:
             from ..plot import picture
 
-            figure = picture(disk.mesh.positions, disk.mesh.F, disk, name=name)
+            figure = picture(mapped.V, mapped.F, mapped.result, name=name)
             with whole_file(self.picture) as unfinished:
                 figure.savefig(unfinished)
                 put_stamp(unfinished, stamp)
@@ -239,5 +239,5 @@ class _Job:
             from ..plot import view_html
 
             with whole_file(self.view) as unfinished:
-                unfinished.write_text(view_html(disk, title=name), encoding="utf-8")
+                unfinished.write_text(view_html(mapped.result, title=name), encoding="utf-8")
                 put_stamp(unfinished, stamp)

@@ -1,8 +1,9 @@
-"""Real surfaces: the paper's models that are public, and a terrain."""
+"""Real surfaces: models that are public, the paper's among them, and a terrain."""
 
 from __future__ import annotations
 
 import os
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -15,28 +16,14 @@ from ..io import read_mesh
 
 __all__ = ["NAMES", "load"]
 
-# Apache-2.0 files of garyptchoi/disk-conformal-map at one commit, with their SHA-256.
-_URL = (
-    "https://raw.githubusercontent.com/garyptchoi/disk-conformal-map/"
-    "9961ed1f7ebc75e481b9b32f77a0af662ca81fe7/"
-)
+# Each line has the name of a surface, that of its file, the SHA-256 of the file and its address,
+# which names one commit of a repository.
 _FILES = {
-    "chinese_lion": (
-        "chinese_lion.mat",
-        "1a54710cfdfecca95546ca61cd4035e5e02e8b142e81b968c838b5c62957840e",
-    ),
-    "human_brain": (
-        "human_brain.mat",
-        "e6f8c9cd972a465b6affff3233795b208a2a224679c2a9d9c65b2a32b50d43cc",
-    ),
-    "human_face": (
-        "human_face.mat",
-        "705421e733d7368ec2aa80daa1ca8751bc0afd0d71fa21157049bbc160a64571",
-    ),
-    "left_hand": (
-        "hand.mat",
-        "a88112a32b7f9d351c5ecfbd17042253ca79b50ab1a2e86b424e317487935386",
-    ),
+    name: (file, sha256, url)
+    for name, file, sha256, url in (
+        line.split()
+        for line in (files(__package__) / "registry.txt").read_text("utf-8").splitlines()
+    )
 }
 _TERRAIN = "jacksboro_fault"
 
@@ -52,8 +39,13 @@ def load(name: str) -> tuple[Floats, Ints]:
         One of
 
         - ``"chinese_lion"``, ``"human_brain"``, ``"human_face"``, ``"left_hand"``: scans
-          that the papers on disk conformal maps use, downloaded once, checked by SHA-256
-          and cached (needs the extra ``data``);
+          that the papers on disk conformal maps use;
+        - any other of `NAMES`: models that are known in the field. Names that begin with
+          ``closed``, ``handles``, ``loops``, ``parts`` and ``defects`` are no disks: closed of
+          genus 0, closed with handles, with several boundary loops, of several parts, and with
+          edges of three faces and the like. Like the scans, they are downloaded once, checked
+          by SHA-256 and cached (needs the extra ``data``). The terms are those of the
+          repositories that they come from;
         - ``"jacksboro_fault"``: SRTM elevations of a mountain in Tennessee, from
           Matplotlib's sample data (needs the extra ``plot``, and no network);
         - the name of a mesh file, with or without its suffix, in the directory that the
@@ -115,16 +107,14 @@ def _in_data_directory(name: str) -> Path | None:
 def _downloaded(name: str) -> Path:
     with from_extra("data"):
         import pooch
-    file, sha256 = _FILES[name]
+    file, sha256, url = _FILES[name]
     try:
-        return Path(
-            pooch.retrieve(_URL + file, f"sha256:{sha256}", file, pooch.os_cache("cdcp_igl"))
-        )
+        return Path(pooch.retrieve(url, f"sha256:{sha256}", file, pooch.os_cache("cdcp_igl")))
     except Exception as error:  # requests' errors have no common base worth naming
         raise OSError(
             f"{name} is not cached and could not be downloaded ({type(error).__name__}). Either "
-            f"connect to the network once, or put {file} (SHA-256 {sha256}) into a directory "
-            "and set the environment variable CDCP_IGL_DATA to it."
+            f"connect to the network once, or put the file of {url} (SHA-256 {sha256}) as {file} "
+            "into a directory and set the environment variable CDCP_IGL_DATA to it."
         ) from error
 
 

@@ -18,7 +18,7 @@ __all__ = ["save"]
 
 
 class Saved(Protocol):
-    """A map of a disk that can show itself: a DiskMap."""
+    """A map of a disk that can show itself: a DiskMap or a RectangleMap."""
 
     @property
     def uv(self) -> Floats:
@@ -45,7 +45,7 @@ def save(result: Saved, path: str | PathLike[str]) -> None:
     """Write a map; see `DiskMap.save`."""
     suffix = Path(path).suffix.lower()
     if suffix in WRITABLE:
-        write_map(path, result.mesh.positions, result.mesh.F, result.uv)
+        write_map(path, result.mesh.positions, result.mesh.F, result)
     elif suffix in PICTURES:
         figure = result.plot()[0].figure
         with whole_file(path) as unfinished:

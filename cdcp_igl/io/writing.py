@@ -63,10 +63,11 @@ def write_map(
         Vertex positions.
     F : (m, 3) array_like of integers
         Corners of the faces.
-    uv : (n, 2) array_like, (m, 3, 2) array_like, DiskMap or SurfaceMap
+    uv : (n, 2) array_like, (m, 3, 2) array_like, DiskMap, SurfaceMap or RectangleMap
         Map onto the unit disk, for each vertex or for each corner of the faces. Faces with NaN
         at all corners are on no disk: in an obj file they have no texture coordinates, else
-        zeros. Of a SurfaceMap, its disks side by side (``packed()``) become texture coordinates.
+        zeros. Of a SurfaceMap, its disks side by side become texture coordinates, of a
+        RectangleMap, the rectangle scaled (``packed()``).
     disk : bool
         Leave texture coordinates as they are, in the unit disk, rather than in the unit
         square ((uv + 1) / 2), where texturing programs expect them.
@@ -118,7 +119,7 @@ def write_map(
     positions = np.zeros((np.shape(V)[0], 3))
     positions[:, : np.shape(V)[1]] = V
     if not disk:
-        plane = uv.packed() if hasattr(uv, "packed") else (plane + 1) / 2
+        plane = _of_whole_faces(uv.packed()) if hasattr(uv, "packed") else (plane + 1) / 2
     if plane.ndim == 2:
         texture, FT, vertex = plane, faces, np.arange(len(plane))
     else:
@@ -160,7 +161,7 @@ def _check_options(
 
 def _map(uv: ArrayLike | MapResult, n: int, m: int) -> Floats:
     """Take uv as an array; ValueError if it is no map of n vertices or m faces."""
-    plane = np.asarray(getattr(uv, "uv", uv))
+    plane = _of_whole_faces(uv.uv) if hasattr(uv, "uv") else np.asarray(uv)
     if plane.dtype.kind not in "iuf" or plane.shape not in ((n, 2), (m, 3, 2)):
         raise ValueError(
             f"uv has shape {plane.shape}: it must be ({n}, 2), a row a vertex, "
@@ -172,6 +173,13 @@ def _map(uv: ArrayLike | MapResult, n: int, m: int) -> Floats:
     if len(bad):
         raise ValueError(f"uv is NaN or infinite in {len(bad):,} rows, the first {bad[0]}.")
     return plane.astype(np.float64, copy=False)
+
+
+def _of_whole_faces(plane: Floats) -> Floats:
+    """Put a face on no disk if one of its corners is on none, which a result may have."""
+    if plane.ndim == 3 and np.isnan(plane).any():
+        return np.where(np.isnan(plane).any(axis=(1, 2), keepdims=True), np.nan, plane)
+    return plane
 
 
 def _check_like(like: Path, V: Floats, F: Ints) -> None:

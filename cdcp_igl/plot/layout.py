@@ -87,6 +87,10 @@ class Layout:
         What the image is called.
     middle, scale : (float, float) and float
         The coordinates of the map are ``middle + scale * uv``.
+    distortion : AngleDistortion
+        Of the faces that are drawn.
+    flipped : int
+        How many of them are not positively oriented.
     facts : tuple of str
         What there is to know of it.
     """
@@ -99,15 +103,22 @@ class Layout:
     plane: str
     middle: tuple[float, float]
     scale: float
+    distortion: AngleDistortion
+    flipped: int
     facts: tuple[str, ...]
+
+    @property
+    def turns(self) -> bool:
+        """Whether the image may be turned to match the surface; a rectangle stands upright."""
+        return self.plane == "Disk"
 
 
 def lay_out(result: Mapped | Opened) -> Layout:
     """Lay out a map of any kind."""
     verdict = "certified bijection" if result.valid else "NOT VALID"
-    distortion = f"{result.distortion.mean:.3g}° ± {result.distortion.sd:.3g}°"
-    facts = [f"angular distortion {distortion}", verdict]
-    if hasattr(result, "packed"):
+    mean, sd = result.distortion.mean, result.distortion.sd
+    facts = [f"angular distortion: mean {mean:.3g}°, SD {sd:.3g}°", verdict]
+    if hasattr(result, "disks"):
         return _laid_out_opened(cast(Opened, result), facts)
     V, F, uv = result.mesh.positions, result.mesh.F, result.uv
     plane, middle, scale = "Disk", (0.0, 0.0), 1.0
@@ -117,7 +128,8 @@ def lay_out(result: Mapped | Opened) -> Layout:
     facts.insert(0, f"{len(V):,} vertices")
     uv = (uv - middle) / scale
     rows = np.arange(len(V)), np.arange(len(F))
-    return Layout(V, F, uv, *rows, plane, middle, scale, tuple(facts))
+    flipped = len(result.certificate.flipped)
+    return Layout(V, F, uv, *rows, plane, middle, scale, result.distortion, flipped, tuple(facts))
 
 
 def _laid_out_opened(result: Opened, facts: Sequence[str]) -> Layout:
@@ -132,4 +144,16 @@ def _laid_out_opened(result: Opened, facts: Sequence[str]) -> Layout:
     F = np.where((left < right)[:, None], F[:, ::-1], F)
     plane = f"{count:,} disks" if count > 1 else "Disk"
     named = (f"{len(np.unique(cut.vertex_index)):,} vertices", *facts)
-    return Layout(V, F, uv, cut.vertex_index, faces, plane, (0.5, 0.5), 0.5, named)
+    return Layout(
+        V=V,
+        F=F,
+        uv=uv,
+        vertices=cut.vertex_index,
+        faces=faces,
+        plane=plane,
+        middle=(0.5, 0.5),
+        scale=0.5,
+        distortion=result.distortion,
+        flipped=sum(len(disk.certificate.flipped) for disk in result.disks),
+        facts=named,
+    )

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from textwrap import fill
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
-from ..distortion import angle_distortion
+from ..distortion import AngleDistortion, angle_distortion
 from ..extras import from_extra
-from .layout import Mapped
+from ..surface.validation import as_surface
+from .layout import Layout, Mapped, Opened, lay_out
 from .raster import Bytes
 from .scene import Extent, Scene
 
@@ -20,16 +23,17 @@ with from_extra("plot"):
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle
 
-__all__ = ["MapRow", "picture", "side_by_side"]
+__all__ = ["MapRow", "draw", "picture", "side_by_side"]
 
 # A mesh and its maps: name, mean angular distortion, and uv where there is one.
 MapRow = tuple[Floats, Ints, Sequence[tuple[str, float, Floats | None]]]
 
 INK, FAINT = "#222222", "#9a9a9a"
 PIXELS, SMALL = 620, 360  # across a surface, alone and among many
+LINE = 30  # characters of a name
 
 
-def picture(V: ArrayLike, F: ArrayLike, result: Mapped, *, name: str = "") -> Figure:
+def picture(V: ArrayLike, F: ArrayLike, result: Mapped | Opened, *, name: str = "") -> Figure:
     """Draw the surface, its image, a checkerboard and the angular distortion side by side.
 
     Parameters
@@ -38,18 +42,24 @@ def picture(V: ArrayLike, F: ArrayLike, result: Mapped, *, name: str = "") -> Fi
         Vertex positions.
     F : (m, 3) array_like of integers
         Corners of the faces.
-    result : DiskMap
-        The map of this mesh.
+    result : DiskMap, SurfaceMap or RectangleMap
+        The map of this mesh; of a SurfaceMap, all parts are drawn.
     name : str
         Of the mesh, for the title.
 
     Returns
     -------
     matplotlib.figure.Figure
-        The surface coloured by its normals, the same colours on the disk, the surface under
-        a checkerboard of the disk, whose squares keep their right angles where the map is
-        conformal, and the histogram of the angular distortion. The disk is turned to match the
-        view of the surface. Independent of pyplot: save it with ``savefig``.
+        The surface coloured by its normals, the same colours on its image, the surface under
+        a checkerboard of the image, whose squares keep their right angles where the map is
+        conformal, and the histogram of the angular distortion with its mean and, as a band,
+        one standard deviation (SD) to either side. A disk is turned to match the view of
+        the surface. Independent of pyplot: save it with ``savefig``.
+
+    Raises
+    ------
+    ValueError
+        If V and F are not the mesh of this map.
 
     Examples
     --------
@@ -60,33 +70,54 @@ def picture(V: ArrayLike, F: ArrayLike, result: Mapped, *, name: str = "") -> Fi
     >>> len(figure.axes)
     4
     """
-    scene = Scene(V, F, PIXELS)
+    V, F = as_surface(V, F)
+    layout = lay_out(result)
+    rows, faces = layout.vertices, layout.faces
+    if (
+        len(V) <= rows.max()
+        or len(F) <= faces.max()
+        or (np.sort(F[faces]) != np.sort(rows[layout.F])).any()
+    ):
+        raise ValueError(
+            f"V and F, with {len(V):,} vertices and {len(F):,} faces, are not those of this map"
+        )
+    return draw(replace(layout, V=V[rows]), name)
+
+
+def draw(layout: Layout, name: str = "") -> Figure:
+    """Draw what `picture` returns."""
+    uv, plane = layout.uv, layout.plane.lower()
+    scene = Scene(layout.V, layout.F, PIXELS, turns=layout.turns)
     figure = Figure(figsize=(20, 5.4), dpi=150, facecolor="white")
     FigureCanvasAgg(figure)
-    surface, disk, board, histogram = figure.subplots(
+    surface, image, board, histogram = figure.subplots(
         1, 4, width_ratios=(1, 1, 1, 0.85), gridspec_kw={"wspace": 0.12}
     )
-    _show(surface, scene.by_normal())
-    _show(disk, scene.disk(result.uv), scene.extent(result.uv))
-    _show(board, scene.checkerboard(result.uv))
-    disk.add_patch(Circle((0, 0), 1, fill=False, edgecolor=INK, linewidth=0.6))
-    _draw_histogram(histogram, angle_distortion(V, F, result.uv).ravel(), result)
+    _show(surface, scene.by_normal(), title="surface, coloured by its normals")
+    _show(image, scene.disk(uv), scene.extent(uv), title=f"{plane} in the same colours")
+    _show(board, scene.checkerboard(uv), title=f"checkerboard of the {plane} on the surface")
+    if layout.plane == "Disk":
+        image.add_patch(Circle((0, 0), 1, fill=False, edgecolor=INK, linewidth=0.6))
+    degrees = angle_distortion(layout.V, layout.F, uv).ravel()
+    _draw_histogram(histogram, degrees, layout.distortion)
     figure.subplots_adjust(left=0.01, right=0.985, bottom=0.12, top=0.88)
 
-    flips = len(result.certificate.flipped)
+    mean, sd = layout.distortion.mean, layout.distortion.sd
     title = ", ".join(
         [
             *([name] if name else []),
-            f"{len(result.uv):,} vertices",
-            f"angular distortion {result.distortion.mean:.3f}° ± {result.distortion.sd:.3f}°",
-            f"{flips:,} flipped faces",
+            f"{len(np.unique(layout.vertices)):,} vertices",
+            f"angular distortion: mean {mean:.3f}°, SD {sd:.3f}°",
+            f"{layout.flipped:,} flipped faces",
         ]
     )
-    figure.suptitle(title, color=INK, fontsize=13, y=0.965)
+    figure.suptitle(title, color=INK, fontsize=13, y=0.965, parse_math=False)
     return figure
 
 
-def side_by_side(rows: Sequence[MapRow]) -> Figure:
+def side_by_side(
+    rows: Sequence[MapRow], *, names: Sequence[str] = (), turns: bool = True
+) -> Figure:
     """Draw several maps of each of several meshes.
 
     Parameters
@@ -94,12 +125,16 @@ def side_by_side(rows: Sequence[MapRow]) -> Figure:
     rows : sequence of (V, F, maps)
         A mesh and its maps, a sequence of (name, mean angular distortion in degrees,
         uv (n, 2), or None where there is no map).
+    names : sequence of str, optional
+        Of the meshes.
+    turns : bool
+        Turn each map to match the view of the surface.
 
     Returns
     -------
     matplotlib.figure.Figure
         A row a mesh: the surface coloured by its normals, then each map in the same
-        colours, scaled to the same size and turned to match the view.
+        colours, scaled to the same size.
 
     Examples
     --------
@@ -118,47 +153,43 @@ def side_by_side(rows: Sequence[MapRow]) -> Figure:
     figure = Figure(figsize=(2.6 * columns, 2.9 * len(rows)), dpi=150, facecolor="white")
     FigureCanvasAgg(figure)
     panels = figure.subplots(len(rows), columns, squeeze=False)
-    for line, (V, F, maps) in zip(panels, rows, strict=True):
-        scene = Scene(V, F, SMALL)
-        _show(line[0], scene.by_normal())
-        line[0].set_title(f"{len(V):,} vertices", color=INK, fontsize=10)
-        for axes, (name, mean, uv) in zip(line[1:], maps, strict=False):
+    for line, mesh, (V, F, maps) in zip(panels, names or [""] * len(rows), rows, strict=True):
+        scene = Scene(V, F, SMALL, turns=turns)
+        lines = [*([fill(mesh, LINE)] if mesh else []), f"{len(V):,} vertices"]
+        _show(line[0], scene.by_normal(), title="\n".join(lines))
+        for axes in line[1:]:
             axes.set_axis_off()
-            axes.set_title(name if uv is None else f"{name}  {mean:.3f}°", color=INK, fontsize=10)
+        for axes, (name, mean, uv) in zip(line[1:], maps, strict=False):
             if uv is None:
+                axes.set_title(name, color=INK, fontsize=10)
                 axes.text(0.5, 0.5, "no map", ha="center", color=FAINT)
             else:
-                _show(axes, scene.disk(uv))
+                _show(axes, scene.disk(uv), title=f"{name}  {mean:.3f}°")
+    note = "Degrees: mean of the angular distortion"
+    figure.supxlabel(note, x=0.01, ha="left", color=FAINT, fontsize=8)
     figure.tight_layout()
     return figure
 
 
-def _show(axes: Axes, image: Bytes, extent: Extent | None = None) -> None:
+def _show(axes: Axes, image: Bytes, extent: Extent | None = None, *, title: str) -> None:
     axes.imshow(image, extent=extent)
     axes.set_axis_off()
+    axes.set_title(title, color=INK, fontsize=10, parse_math=False)  # a name may have dollars
 
 
-def _draw_histogram(axes: Axes, degrees: Floats, result: Mapped) -> None:
+def _draw_histogram(axes: Axes, degrees: Floats, distortion: AngleDistortion) -> None:
     """Draw the shares of the corners by distortion, the long tail cut off."""
-    mean, sd = result.distortion.mean, result.distortion.sd
+    mean, sd = distortion.mean, distortion.sd
     end = max(float(np.quantile(degrees, 0.99)), mean + 2 * sd, 1e-9)
     beyond = float((degrees > end).mean())
     shares = np.full(len(degrees), 100 / len(degrees))
     axes.hist(degrees, bins=60, range=(0, end), weights=shares, color="#5b7db1", linewidth=0)
-    axes.axvline(mean, color=INK, linewidth=1)
-    axes.axvspan(max(mean - sd, 0), mean + sd, color=INK, alpha=0.07, linewidth=0, zorder=0)
-    axes.text(
-        0.97,
-        0.95,
-        f"mean {mean:.3f}°\nSD {sd:.3f}°\nmax {result.distortion.max:.1f}°\n"
-        f"{100 * beyond:.2g} % beyond {end:.3g}°",
-        transform=axes.transAxes,
-        ha="right",
-        va="top",
-        color=INK,
-        fontsize=11,
-        linespacing=1.5,
-    )
+    axes.axvline(mean, color=INK, linewidth=1, label=f"mean {mean:.3f}°")
+    band = axes.axvspan(max(mean - sd, 0), mean + sd, color=INK, alpha=0.07, linewidth=0, zorder=0)
+    band.set_label(f"mean ± SD, SD {sd:.3f}°")
+    tail = f"maximum {distortion.max:.1f}°\n{100 * beyond:.2g} % beyond {end:.3g}°"
+    axes.plot([], [], linestyle="none", label=tail)
+    axes.legend(loc="upper right", frameon=False, labelcolor=INK, fontsize=11)
     axes.set(xlim=(0, end), xlabel="angular distortion in degrees", ylabel="% of corners")
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(FAINT)

@@ -38,10 +38,12 @@ class Scene:
         Corners of the faces.
     pixels : int
         Width and height of the pictures.
+    turns : bool
+        Turn each map so that what one sees of the surface keeps its direction.
     """
 
-    def __init__(self, V: ArrayLike, F: ArrayLike, pixels: int) -> None:
-        (self._V, self._F), self._pixels = as_surface(V, F), pixels
+    def __init__(self, V: ArrayLike, F: ArrayLike, pixels: int, *, turns: bool = True) -> None:
+        (self._V, self._F), self._pixels, self._turns = as_surface(V, F), pixels, turns
         self.points = self._V @ choose_viewpoint(self._V, self._F).T
         self.surface = rasterize(self.points, self._F, pixels)
         self._normals = vertex_normals(self.points, self._F)
@@ -82,6 +84,8 @@ class Scene:
 
     def _turned(self, uv: Floats) -> Floats:
         """Turn a map so that what one sees of the surface keeps its direction."""
+        if not self._turns:
+            return uv
         front = self._normals[:, 2] > 0
         z, x = uv @ [1, 1j], self.points[:, :2] @ [1, 1j]
         z = z * np.exp(1j * np.angle(np.vdot(z[front], x[front] - x.mean())))
@@ -90,8 +94,10 @@ class Scene:
     def locate(self, face: int) -> tuple[float, float, bool]:
         """Return where a face is in the picture, right and down, and whether one sees it."""
         x, y = in_picture(self.points, self._pixels)[self._F[face]].mean(axis=0)
-        shown = self.surface.face[int(SAMPLES * y), int(SAMPLES * x)]
-        depth, nearest = (self.points[self._F[f], 2].mean() for f in (face, shown))
+        sample = int(SAMPLES * y), int(SAMPLES * x)
+        hiding = self._F[self.surface.face[sample]]
+        depth = self.points[self._F[face], 2].mean()
+        nearest = self.surface.weights[sample] @ self.points[hiding, 2]
         return x, y, bool(depth > nearest - NEAR * np.ptp(self.points[:, :2], axis=0).max())
 
 

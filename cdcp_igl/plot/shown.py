@@ -7,7 +7,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, cast
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..surface.notebook import table_of
 
@@ -15,7 +16,20 @@ __all__ = ["Shown"]
 
 
 class Shown:
-    """A map that `view` shows; the base of all results."""
+    """A map that shows itself; the base of all results."""
+
+    def plot(self) -> NDArray[Any]:
+        """Draw the surface, its image, a checkerboard and the distortion: `plot.picture`.
+
+        Returns
+        -------
+        (4,) ndarray of matplotlib.axes.Axes
+            In a figure that does not depend on pyplot: ``axes[0].figure.savefig``.
+        """
+        from .layout import lay_out
+        from .pictures import draw  # needs Matplotlib, which is optional and slow to import
+
+        return np.array(draw(lay_out(cast(Any, self))).axes)
 
     def view(
         self,

@@ -140,7 +140,7 @@ def view_html(
     """
     layout = lay_out(result)
     V, F, uv = layout.V, layout.F, layout.uv
-    about, arrays = _geometry(V, F, uv, turned=layout.plane == "Disk")
+    about, arrays = _geometry(V, F, uv, turned=layout.turns)
     if (layout.vertices != np.arange(len(V))).any():
         arrays["vertexOrder"] = layout.vertices
     if len(layout.faces) and (layout.faces != np.arange(len(F))).any():
@@ -176,7 +176,7 @@ def view_html(
         plane=layout.plane,
         style=(source / "viewer.css").read_text("utf-8"),
         script=(source / "viewer.js").read_text("utf-8"),
-        poster=_poster(layout, result.distortion.mean),
+        poster=_poster(layout),
         # A closing tag in a name would end the script element.
         about=json.dumps(about).replace("<", "\\u003c"),
         data=data,
@@ -308,13 +308,13 @@ def _image(texture: str | PathLike[str] | ArrayLike) -> str:
 
 def poster(result: Mapped | Opened) -> str:
     """Return an image element with a picture of a map."""
-    source = _poster(lay_out(result), result.distortion.mean)
-    return f'<img alt="The surface and its image" src="{source}">'
+    return f'<img alt="The surface and its image" src="{_poster(lay_out(result))}">'
 
 
-def _poster(layout: Layout, mean: float) -> str:
+def _poster(layout: Layout) -> str:
     """Return the picture that stands where the browser cannot draw."""
-    figure = side_by_side([(layout.V, layout.F, [(layout.plane, mean, layout.uv)])])
+    maps = [(layout.plane, layout.distortion.mean, layout.uv)]
+    figure = side_by_side([(layout.V, layout.F, maps)], turns=layout.turns)
     file = BytesIO()
     figure.savefig(file, format="jpeg", dpi=120, pil_kwargs={"quality": 75})
     return _uri(file.getvalue(), "jpeg")

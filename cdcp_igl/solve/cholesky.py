@@ -13,6 +13,7 @@ from scipy.sparse import csc_matrix, spmatrix
 
 from ..arrays import Complex, Floats
 from ..errors import SolverError
+from .buffers import take_buffers
 from .solvers import Solver, solver
 from .threads import one_thread
 
@@ -102,6 +103,7 @@ def _errors(used: Solver, size: int) -> Iterator[None]:
     """Run a solver on one thread and translate its errors."""
     try:
         with one_thread():
+            take_buffers(used)
             yield
     except Exception as error:
         if not isinstance(error, (MemoryError, *used.ERRORS)):

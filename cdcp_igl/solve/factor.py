@@ -9,7 +9,7 @@ import numpy as np
 from ..surface.mesh import DiskMesh
 from .cholesky import Cholesky, Numbers
 from .laplacian import Laplacian
-from .ordering import interior_order
+from .ordering import elimination_order
 
 __all__ = ["Factor"]
 
@@ -37,7 +37,7 @@ class Factor:
     """
 
     def __init__(self, mesh: DiskMesh, L: Laplacian) -> None:
-        self._rows, ordering, name = interior_order(mesh, L)
+        self._rows, ordering, name = elimination_order(L, mesh.V, ~mesh.on_boundary)
         self._cholesky = Cholesky(L.block(self._rows), ordering)
         self.order = self._rows[self._cholesky.permutation]
         used = self._cholesky.solver

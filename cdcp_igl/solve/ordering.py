@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from ..arrays import Floats, Indices, Ints
-from ..surface.mesh import DiskMesh
+from ..arrays import Bools, Floats, Indices, Ints
 from .cholesky import Ordering, fill_reducing_order
 from .laplacian import Laplacian
 from .solvers import solver
 
-__all__ = ["LARGE", "dissected", "elimination_order", "interior_order"]
+__all__ = ["LARGE", "dissected", "elimination_order"]
 
 # Minimum degree sees no further than the next vertex; a few straight cuts first keep its fronts
 # short. Below this many vertices there is nothing to gain, and on folded surfaces something to
@@ -21,43 +20,26 @@ LEVELS = 5
 SAMPLE = 20_000  # vertices from which the cuts are found
 
 
-def interior_order(mesh: DiskMesh, L: Laplacian) -> tuple[Ints | Indices, Ordering, str]:
-    """Find how to order the interior vertices for a factor of L_II.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-    L : Laplacian
-
-    Returns
-    -------
-    rows : (nI,) ndarray of int
-        The interior vertices.
-    {"amd", "natural"}
-        Whether the solver is still to find an order of these, or takes them as they come.
-    str
-        What the order is called.
-    """
-    if not solver().ORDERS:
-        return mesh.interior, "natural", "minimum degree"
-    if len(mesh.V) < LARGE:
-        return mesh.interior, "amd", "AMD"
-    order = elimination_order(L, mesh.V)
-    return order[~mesh.on_boundary[order]], "natural", "nested dissection and AMD"
-
-
-def elimination_order(L: Laplacian, V: Floats) -> Indices:
-    """Find an order of many vertices in which the factor of their Laplacian stays sparse.
+def elimination_order(L: Laplacian, V: Floats, free: Bools) -> tuple[Ints | Indices, Ordering, str]:
+    """Find an order of the unknowns in which the factor of their Laplacian stays sparse.
 
     Parameters
     ----------
     L : Laplacian
     V : (n, 3) float64
-        Where the vertices are. The order depends on it, and the map by rounding errors only.
+        Where the vertices are. The order depends on it on large meshes only, and the map
+        by rounding errors only.
+    free : (n,) bool
+        The vertices that are unknowns; on the others values are given.
 
     Returns
     -------
-    (n,) ndarray of int
+    rows : (k,) ndarray of int
+        The free vertices.
+    {"amd", "natural"}
+        Whether the solver is still to find an order of these, or takes them as they come.
+    str
+        What the order is called.
 
     References
     ----------
@@ -66,7 +48,12 @@ def elimination_order(L: Laplacian, V: Floats) -> Indices:
     P. R. Amestoy, T. A. Davis, I. S. Duff. An approximate minimum degree ordering algorithm.
     SIAM J. Matrix Anal. Appl. 17(4), 1996.
     """
-    return _order_by_parts(dissected(L.low, L.high, V), L.low, L.high)
+    if not solver().ORDERS:
+        return np.flatnonzero(free), "natural", "minimum degree"
+    if len(V) < LARGE:
+        return np.flatnonzero(free), "amd", "AMD"
+    order = _order_by_parts(dissected(L.low, L.high, V), L.low, L.high)
+    return order[free[order]], "natural", "nested dissection and AMD"
 
 
 def dissected(low: Indices, high: Indices, V: Floats, levels: int = LEVELS) -> Ints:

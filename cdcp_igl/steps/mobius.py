@@ -59,7 +59,8 @@ class Normalization:
 
     def __str__(self) -> str:
         note = f" (rejected: {self.rejected})" if self.rejected else ""
-        return f"{self.method}, |w| = {abs(self.w):.4f}{note}"
+        moved = f", moves a point w to the centre, |w| = {abs(self.w):.4f}" if self.w else ""
+        return f"{self.method}{moved}{note}"
 
 
 def normalize(

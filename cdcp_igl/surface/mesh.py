@@ -84,7 +84,7 @@ class DiskMesh:
             indices.flags.writeable = False
         self._set(
             V=examined.V,
-            F=surface.F.view(),  # may be the caller's own array, whose flag stays his
+            F=surface.F.copy(),  # it may be the caller's own array, which he may change
             loop=loop,
             interior=np.flatnonzero(~on_boundary),
             on_boundary=on_boundary,

@@ -10,7 +10,7 @@ from cdcp_igl.arrays import Floats
 
 from ...records.record import EDGES
 from ...records.results import Measured, NotMeasured, Section
-from .style import INK, by_model, legend, model_name, new, series, style
+from .style import INK, by_model, legend, model_name, new, require_few, series, style
 
 COMPARED = ("fdcp", "ldcp", "double_cover", "cdcp", "cdcp refine=5", "harmonic", "lscm")
 CENTERS = ("center heat t=1e4 without Möbius", "center centroid without Möbius")
@@ -26,6 +26,7 @@ COLUMNS = 4
 def histograms(measured: Measured) -> Figure:
     """Figure 6: share of the corners by angular distortion, a panel for each model."""
     results, methods = measured.require("tables", tuple(LINES))
+    require_few(results)
     counted = {model: _histograms(results, model, methods) for model in results.mapped}
     counted = {model: of for model, of in counted.items() if of}
     if not counted:

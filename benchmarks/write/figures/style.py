@@ -27,6 +27,7 @@ BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE = (
 )
 LEAST = 100  # by which factor below the median a number may be to have its place on an axis
 DECADES = 1e3  # ratio of the ends of an axis from which on it has ticks at 1, 10, ... only
+MOST = 60  # surfaces that a figure with a row or a panel for each can show
 HATCHES = ("", "///", "...", "\\\\\\", "xxx", "---", "ooo", "+++")
 
 
@@ -131,6 +132,15 @@ def series(results: Section, methods: Iterable[str], name: str) -> list[Series]:
     return made
 
 
+def require_few(results: Section) -> None:
+    """Raise NotMeasured if there are too many surfaces for a figure that shows each."""
+    if len(results.mapped) > MOST:
+        raise NotMeasured(
+            f"{len(results.mapped):,} surfaces are too many to show each, more than {MOST}; "
+            "see the figures over all of them"
+        )
+
+
 def by_model(results: Section, panels: Mapping[str, list[Series]]) -> Figure:
     """Draw a row for each model and a marker for each method, in panels side by side.
 
@@ -140,6 +150,7 @@ def by_model(results: Section, panels: Mapping[str, list[Series]]) -> Figure:
     panels : mapping of str to list of Series
         By the label of the horizontal axis, which is logarithmic.
     """
+    require_few(results)
     methods = max(len(plotted) for plotted in panels.values())
     height = 1.1 + len(results.mapped) * (0.14 + 0.08 * methods)
     figure, axes = new(3.5 + 3.75 * len(panels), height, ncols=len(panels))

@@ -12,7 +12,7 @@ from cdcp_igl.surface.mesh import DiskMesh
 
 from ...measure.ablation import CENTERS
 from ...records.results import Measured, NotMeasured
-from .style import BLUE, GREEN, INK, ORANGE, RED, legend, model_name, new
+from .style import BLUE, GREEN, INK, ORANGE, RED, legend, model_name, new, require_few
 
 SHOWN = ("chinese_lion", "stanford_bunny_31593", "human_brain", "left_hand")  # with centres
 LARGEST = 100_000  # vertices of a model with centres, where those are not at hand
@@ -73,6 +73,7 @@ def _centers(measured: Measured, names: Sequence[str]) -> Figure:
 def images(measured: Measured) -> Figure:
     """Figure 5: surfaces and their disks by CDCP, coloured by the normal of the surface."""
     results, _ = measured.require("tables", ("cdcp",))
+    require_few(results)
     pictures = []
     for model in results.mapped:
         uv = measured.map(model, "cdcp")

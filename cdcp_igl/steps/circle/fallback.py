@@ -42,6 +42,10 @@ ENOUGH_POINTS = 200
 # lost more than four digits. Harmonic measure keeps them.
 RESOLVED = 1e-11
 
+# The trace of a dipole of size 1 is as small as this on surfaces that are closed but for a small
+# hole, or long. Its errors are some 1e-17 whatever its size, and 10 to 100 times larger in the map.
+SMALLEST_TRACE = 1e-10
+
 # How many times larger the smallest share must become for another centre to be tried.
 WORTH_MOVING = 10
 
@@ -135,9 +139,11 @@ def by_trace(
     Raises
     ------
     Rejected
-        If slivers or a bad dipole have made the trace cross itself, or the surface is so long
-        that the trace has too few digits.
+        If slivers or a bad dipole have made the trace cross itself, or the dipole is so far from
+        the boundary that the trace has too few digits.
     """
+    if 0 < abs(trace - trace[0]).max() < SMALLEST_TRACE:
+        raise Rejected("geodesic: the trace is too small for the digits of the dipole")
     f_B = circle(trace)
     if not np.isfinite(f_B).all():
         raise Rejected("geodesic: not finite")

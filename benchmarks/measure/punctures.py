@@ -1,0 +1,321 @@
+"""Closed surfaces with a small hole: no option and no other method may do much better."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from itertools import groupby
+from pathlib import Path
+from time import process_time
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+from rich.table import Table
+
+from cdcp_igl import MapError, MeshError, SolverError, angle_distortion, check, disk_map
+from cdcp_igl.arrays import Floats, Ints
+from cdcp_igl.certificate import certify
+from cdcp_igl.io import READABLE, read_mesh
+from cdcp_igl.reference import fdcp, harmonic
+from cdcp_igl.surface.mesh import DiskMesh
+
+from ..records.lines import Lines
+from ..records.store import WORK, code
+from .worker import Lost, Worker
+
+__all__ = ["opened", "punctures"]
+
+SECONDS = 600.0  # after which a map hangs
+RINGS = {"face": 0, "vertex": 1, "2-ring": 2}  # of faces around a vertex that are taken out
+REFINE = (0, 5)
+NOT_WORSE = 1.2  # than the best of the others
+HIGH = 12.0  # degrees
+MAPPED = "map"
+TYPED = ("MapError", "SolverError")
+QUANTILES = (0.5, 0.9, 1)
+WIDE = 160  # columns of a table that is printed to a file
+
+
+@dataclass(frozen=True)
+class Hole:
+    """Where a surface is opened: `row` of F, or of V."""
+
+    surface: str
+    kind: str
+    place: int
+    row: int
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a method made of a surface with a hole."""
+
+    surface: str
+    kind: str
+    place: int
+    row: int
+    method: str
+    outcome: str
+    mean: float = np.nan  # angular distortion, degrees
+    message: str = ""
+    vertices: int = 0
+    boundary_vertices: int = 0
+    seconds: float = np.nan  # of CPU
+
+
+@dataclass(frozen=True)
+class Task:
+    """A hole and a method."""
+
+    path: Path
+    hole: Hole
+    method: str
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A map of a surface with a hole, beside those of other methods."""
+
+    ours: Row
+    others: Sequence[Row]
+
+    @property
+    def best(self) -> Row | None:
+        """The best of the others, if one of them is a map."""
+        mapped = [row for row in self.others if row.outcome == MAPPED]
+        return min(mapped, key=lambda row: row.mean, default=None)
+
+    @property
+    def ratio(self) -> float:
+        """Mean distortion by that of the best of the others; NaN without two maps."""
+        return self.ours.mean / self.best.mean if self.best else np.nan
+
+    @property
+    def is_fault(self) -> bool:
+        """Whether what happened must not happen."""
+        return self.ours.outcome not in (MAPPED, *TYPED)
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether another method is much better; there may be no map of ours."""
+        return self.best is not None and not self.ratio <= NOT_WORSE
+
+    @property
+    def is_high(self) -> bool:
+        """Whether the map is far from conformal."""
+        return self.ours.mean > HIGH
+
+    def __str__(self) -> str:
+        ours, best = self.ours, self.best
+        where = "face" if ours.kind == "face" else "vertex"
+        text = f"{ours.surface} less a {ours.kind} ({where} {ours.row}): {ours.method} "
+        if ours.outcome == MAPPED:
+            text += f"{ours.mean:.2f}°"
+        else:
+            text += f"{ours.outcome}, {ours.message[:100]}"
+        return text + (f"; {best.method} {best.mean:.2f}°" if best else "; no other map")
+
+
+# The methods by the steps of refinement for which they are compared: the first is ours.
+COMPARED: Mapping[int, Sequence[str]] = {
+    refine: (f"refine={refine}", f"refine={refine}, mobius=None", "FDCP", "arc length")
+    for refine in REFINE
+}
+METHODS = tuple(dict.fromkeys(method for methods in COMPARED.values() for method in methods))
+
+
+def punctures(
+    folder: Annotated[
+        Path | None, typer.Argument(help="Files; those of no closed surface are left out.")
+    ] = None,
+    places: Annotated[int, typer.Option(min=1, help="Places to open each surface at.")] = 3,
+    most: Annotated[int, typer.Option(min=1, help="Vertices of the largest.")] = 10**9,
+    seed: Annotated[int, typer.Option(min=0, help="A place depends on this and its number.")] = 1,
+) -> None:
+    """Take a face, a vertex or a 2-ring out of closed surfaces without handles, and map them.
+
+    Maps with 0 and 5 steps of refinement stand beside those without a Möbius transformation, of
+    FDCP, and by arc length. Exit code 1 if one is much worse than the best of the others, or
+    something crashes, hangs or goes wrong without saying so. What has been mapped is kept in
+    build/benchmarks, and not mapped again.
+    """
+    lines = Lines(WORK / code() / f"punctures-{seed}.jsonl")
+    files = sorted((folder or Path(os.environ.get("CDCP_IGL_DATA", "."), "any")).iterdir())
+    paths = [path for path in files if path.suffix in READABLE and _is_closed(path, most)]
+    tasks = list(_tasks(paths, places, seed))
+    console = Console()
+    if not console.is_terminal:
+        console.width = WIDE
+    rows = _mapped(tasks, lines, console)
+    wrong = False
+    for methods in COMPARED.values():
+        comparisons = list(_comparisons(rows, methods))
+        console.print(_summary(methods[0], comparisons))
+        for one in comparisons:
+            if one.is_fault or one.is_worse or one.is_high:
+                console.print(str(one), soft_wrap=True)
+            wrong |= one.is_fault or one.is_worse
+    console.print(f"All rows: {lines.path}", soft_wrap=True)
+    if wrong:
+        raise typer.Exit(1)
+
+
+def _is_closed(path: Path, most: int) -> bool:
+    V, F = _surface(path)
+    return len(V) <= most and check(V, F).kind == "genus 0, closed"
+
+
+@cache
+def _surface(path: Path) -> tuple[Floats, Ints]:
+    V, F = read_mesh(path)
+    return V.astype(np.float64), F.astype(np.int64)
+
+
+def opened(V: Floats, F: Ints, kind: str, row: int) -> tuple[Floats, Ints]:
+    """Take out a face, a vertex, or a vertex with its neighbours.
+
+    Parameters
+    ----------
+    V : (n, 3) float64
+    F : (m, 3) int64
+    kind : {"face", "vertex", "2-ring"}
+    row : int
+        Row of F or of V.
+
+    Returns
+    -------
+    V, F
+        What is left, without vertices that no face uses.
+    """
+    if kind == "face":
+        left = np.delete(F, row, axis=0)
+    else:
+        near = np.arange(len(V)) == row
+        for _ in range(RINGS[kind] - 1):
+            near[F[near[F].any(axis=1)]] = True
+        left = F[~near[F].any(axis=1)]
+    used = np.unique(left)
+    return V[used], np.searchsorted(used, left)
+
+
+def _tasks(paths: Iterable[Path], places: int, seed: int) -> Iterator[Task]:
+    """Choose random places at which a hole leaves a disk."""
+    for path in paths:
+        V, F = _surface(path)
+        for kind in RINGS:
+            for place in range(places):
+                rng = np.random.default_rng([seed, RINGS[kind], place])
+                row = _row_that_leaves_a_disk(rng, V, F, kind)
+                if row is not None:
+                    hole = Hole(path.stem, kind, place, row)
+                    for method in METHODS:
+                        yield Task(path, hole, method)
+
+
+def _row_that_leaves_a_disk(rng: np.random.Generator, V: Floats, F: Ints, kind: str) -> int | None:
+    rows = rng.permutation(len(F if kind == "face" else V)).tolist()
+    return next((row for row in rows if check(*opened(V, F, kind, row)).is_disk), None)
+
+
+def _mapped(tasks: Sequence[Task], lines: Lines, console: Console) -> list[Row]:
+    """Map what has not been mapped by this code."""
+    known = {(row.surface, row.kind, row.place, row.method): row for row in map(_row, lines.read())}
+    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    rows = []
+    with Progress(*columns, console=console, transient=True) as bar, Worker(examine) as worker:
+        for task in bar.track(tasks):
+            hole = task.hole
+            row = known.get((hole.surface, hole.kind, hole.place, task.method))
+            if row is None:
+                try:
+                    row = worker.run(task, SECONDS)
+                except Lost as lost:
+                    row = Row(**asdict(hole), method=task.method, outcome=str(lost))
+                lines.append(asdict(row))
+            rows.append(row)
+    return rows
+
+
+def _row(kept: Mapping[str, Any]) -> Row:
+    fields: dict[str, Any] = {name: np.nan if x is None else x for name, x in kept.items()}
+    return Row(**fields)
+
+
+def examine(task: Task) -> Row:
+    """Map a surface with a hole by one method, and judge the map."""
+    V, F = opened(*_surface(task.path), task.hole.kind, task.hole.row)
+    mesh = DiskMesh(V, F)
+    start = process_time()
+    mean, message = np.nan, ""
+    try:
+        uv = _map(task.method, V, F)
+    except (MapError, MeshError, SolverError) as error:
+        outcome, message = type(error).__name__, str(error)
+    except Exception as error:
+        outcome, message = "untyped exception", f"{type(error).__name__}: {error}"
+    else:
+        outcome = MAPPED if certify(mesh, uv).valid else "not certified"
+        mean = float(angle_distortion(V, F, uv).mean())
+    return Row(
+        **asdict(task.hole),
+        method=task.method,
+        outcome=outcome,
+        mean=mean,
+        message=message,
+        vertices=len(V),
+        boundary_vertices=len(mesh.loop),
+        seconds=process_time() - start,
+    )
+
+
+def _map(method: str, V: Floats, F: Ints) -> Floats:
+    for refine, (ours, plain, *_) in COMPARED.items():
+        if method == ours:
+            return disk_map(V, F, refine=refine).uv
+        if method == plain:
+            return disk_map(V, F, refine=refine, mobius=None).uv
+    return fdcp(V, F) if method == "FDCP" else harmonic(V, F)
+
+
+# -- what is told ----------------------------------------------------------------------
+
+
+def _comparisons(rows: Iterable[Row], methods: Sequence[str]) -> Iterator[Comparison]:
+    for _, group in groupby(rows, lambda row: (row.surface, row.kind, row.place)):
+        of = {row.method: row for row in group}
+        ours, *others = (of[method] for method in methods)
+        yield Comparison(ours, others)
+
+
+def _summary(title: str, comparisons: Sequence[Comparison]) -> Table:
+    """Show quantiles of the distortion and count what is wrong, surface by surface."""
+    table = Table(title=f"Mean angular distortion in degrees, {title}")
+    table.add_column("surface", no_wrap=True)
+    names = ("holes", "median", "90 %", "worst", f"above {HIGH:g}", "worst by the best")
+    for name in (*names, f"above {NOT_WORSE:g} times", "typed errors", "faults"):
+        table.add_column(name, justify="right")
+    for surface, group in groupby(comparisons, lambda one: one.ours.surface):
+        table.add_row(surface, *_cells(list(group)))
+    table.add_section()
+    table.add_row("all", *_cells(comparisons))
+    return table
+
+
+def _cells(comparisons: Sequence[Comparison]) -> list[str]:
+    means = [one.ours.mean for one in comparisons if one.ours.outcome == MAPPED]
+    quantiles = np.quantile(means, QUANTILES) if means else [np.nan] * len(QUANTILES)
+    ratios = [one.ratio for one in comparisons if np.isfinite(one.ratio)]
+    return [
+        f"{len(comparisons):,}",
+        *(f"{mean:.2f}" for mean in quantiles),
+        f"{sum(one.is_high for one in comparisons)}",
+        f"{max(ratios, default=np.nan):.3f}",
+        f"{sum(one.is_worse for one in comparisons)}",
+        f"{sum(one.ours.outcome in TYPED for one in comparisons)}",
+        f"{sum(one.is_fault for one in comparisons)}",
+    ]

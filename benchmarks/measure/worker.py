@@ -1,0 +1,66 @@
+"""A process that may crash or hang without harm."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from typing import Any
+
+__all__ = ["Lost", "Worker"]
+
+
+class Lost(Exception):
+    """There is no answer: its text is "crash" or "hang"."""
+
+
+class Worker:
+    """A process that answers one request after the other, and is replaced when it is lost.
+
+    Parameters
+    ----------
+    answer : callable
+        Function of a request; both can be pickled. Warnings are errors to it.
+    """
+
+    def __init__(self, answer: Callable[[Any], Any]) -> None:
+        self._answer = answer
+        self._start()
+
+    def _start(self) -> None:
+        context = get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs, self._answer), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def run(self, request: Any, seconds: float) -> Any:
+        """Return the answer; Lost if there is none in so many seconds."""
+        try:
+            self._pipe.send(request)
+            if self._pipe.poll(seconds):
+                return self._pipe.recv()
+            lost = Lost("hang")
+        except (EOFError, OSError):
+            lost = Lost("crash")
+        self._stop()
+        self._start()
+        raise lost
+
+    def _stop(self) -> None:
+        self._process.kill()
+        self._process.join()
+        self._pipe.close()
+
+    def __enter__(self) -> Worker:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._stop()
+
+
+def _serve(pipe: Connection, answer: Callable[[Any], Any]) -> None:
+    warnings.simplefilter("error")  # a warning is no way to report anything
+    while True:
+        pipe.send(answer(pipe.recv()))

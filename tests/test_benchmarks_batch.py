@@ -1,0 +1,169 @@
+"""Many surfaces: any of them, side by side, in parts, and nothing that git tracks changed."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import igl
+import meshes
+import numpy as np
+import pytest
+
+import cdcp_igl
+from benchmarks.measure.cases import Limits, run
+from benchmarks.measure.methods import METHODS, TABLE
+from benchmarks.measure.models import Model, as_disk
+from benchmarks.records.record import OPENED
+from benchmarks.records.results import Measured, NotMeasured
+from benchmarks.records.store import Work, read_results
+from cdcp_igl.batching.shards import read_shard, shard_of
+
+ROOT = Path(__file__).parents[1]
+GRIDS = [Model(f"grid {k}", lambda k=k: meshes.grid(6 + k, 7)) for k in range(3)]
+TETRAHEDRON = (
+    np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]),
+    np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]),
+)
+
+
+def measure(folder, models, names=("cdcp", "harmonic"), **options):
+    chosen = {name: METHODS[name] for name in names}
+    limits = Limits(60, 4000)
+    return run("tables", models, chosen, table=TABLE, limits=limits, work=Work(folder), **options)
+
+
+def accuracies(records):
+    return [(r.model, r.case.method, r.case.outcome, r.case.mean, r.histogram) for r in records]
+
+
+def test_parts_and_jobs_measure_what_one_run_measures(tmp_path):
+    alone = measure(tmp_path / "alone", GRIDS)
+    parts = [measure(tmp_path / "w", GRIDS, shard=(part, 2), jobs=2) for part in (1, 2)]
+    assert [{r.model for r in part} for part in parts] == [{"grid 0", "grid 2"}, {"grid 1"}]
+    lines = [path.read_bytes() for path in sorted((tmp_path / "w").glob("results*.jsonl"))]
+    assert [text.count(b"\n") for text in lines] == [4, 2]
+    together = measure(tmp_path / "w", GRIDS)
+    assert accuracies(together) == accuracies(alone)
+    assert (tmp_path / "w" / "results.jsonl").read_bytes() == b""  # nothing was left to measure
+    assert not list((tmp_path / "w").glob(".*.attempts"))
+
+
+def test_two_runs_do_not_write_to_one_folder(tmp_path):
+    with Work(tmp_path).journal(), pytest.raises(OSError, match="another batch is writing"):
+        measure(tmp_path, GRIDS)
+    done = tables("--models", "ellipse_20", "--work", tmp_path, lock=tmp_path)
+    assert done.returncode == 2
+    assert "share the work by shards" in told(done)
+
+
+def tables(*arguments, lock=None):
+    command = [sys.executable, "-m", "benchmarks", "tables", "--methods", "cdcp", *arguments]
+    options = {"cwd": ROOT, "capture_output": True, "text": True, "timeout": 300}
+    if lock is None:
+        return subprocess.run([str(part) for part in command], **options)
+    with Work(lock).journal():
+        return subprocess.run([str(part) for part in command], **options)
+
+
+def told(done):
+    return " ".join(done.stderr.replace("│", "").split())
+
+
+def test_parts_by_command(tmp_path):
+    arguments = ("--models", "ellipse_20,square_80", "--work", tmp_path / "w", "--machine", "here")
+    for part in ("1/2", "2/2"):
+        done = tables(*arguments, "--shard", part)
+        assert done.returncode == 0, done.stderr
+        assert "the same without --shard writes the results" in done.stdout
+    assert not (tmp_path / "w" / "here.json").exists()
+    assert tables(*arguments).returncode == 0
+    records = read_results(tmp_path / "w" / "here.json")[1]
+    assert [record.model for record in records] == ["ellipse_20", "square_80"]
+
+
+@pytest.mark.parametrize("part", ["0/2", "3/2", "1", "a/b"])
+def test_a_part_that_is_none(part):
+    with pytest.raises(ValueError, match="I/N"):
+        read_shard(part)
+    done = tables("--shard", part)
+    assert done.returncode == 2
+    assert "I/N" in told(done)
+
+
+def test_the_parts_are_all():
+    items = list(range(10))
+    parts = [shard_of(items, (part, 3)) for part in (1, 2, 3)]
+    assert sorted(item for part in parts for item in part) == items
+    assert shard_of(items, None) == items
+    with pytest.raises(ValueError, match="from 1 to n"):
+        shard_of(items, (4, 3))
+
+
+def test_a_surface_that_is_no_disk_is_opened_once(tmp_path, monkeypatch):
+    closed = Model("closed", lambda: TETRAHEDRON)
+    (record,) = measure(tmp_path, [closed], ["cdcp"])
+    assert record.ok
+    assert record.mesh.endswith(OPENED)
+    assert (record.faces, record.boundary_vertices) == (4, 4)
+    V, F = Measured([record], Work(tmp_path).surface).surface("closed")
+    assert cdcp_igl.check(V, F).is_disk
+    monkeypatch.setattr("benchmarks.measure.models.surface_map", None)  # not called again
+    assert measure(tmp_path, [closed], ["cdcp"]) == [record]
+
+
+def test_the_largest_part_is_taken_with_its_holes_filled(tmp_path):
+    V, F = meshes.grid(9, 9)
+    middle = np.flatnonzero((F == 40).any(axis=1))
+    holed = np.delete(F, middle, axis=0)
+    small_V, small_F = meshes.grid(3, 3)
+    both = np.vstack([small_V, V + 10]), np.vstack([small_F, holed + len(small_V)])
+    mesh, _, disk = as_disk(Model("both", lambda: both), Work(tmp_path))
+    assert mesh.endswith(OPENED)
+    assert len(holed) < len(disk) <= len(F)
+
+
+def test_a_surface_that_cannot_be_opened_is_a_row(tmp_path):
+    V = np.random.default_rng(0).normal(size=(5, 3))
+    moebius = np.array([[k, (k + 1) % 5, (k + 2) % 5] for k in range(5)])
+    (record,) = measure(tmp_path, [Model("strip", lambda: (V, moebius))], ["cdcp"])
+    assert record.case.outcome.startswith("not to be had: ")
+    assert "one-sided" in record.case.outcome or "orient" in record.case.outcome
+
+
+def test_a_surface_that_is_gone_is_not_measured(tmp_path):
+    (record,) = measure(tmp_path, GRIDS[:1], ["cdcp"])
+    Work(tmp_path).surface_path(record.mesh).unlink()
+    with pytest.raises(NotMeasured, match="not in the work folder any more"):
+        Measured([record], Work(tmp_path).surface).surface(record.model)
+
+
+@pytest.mark.slow
+def test_the_commands_of_the_readme_change_nothing_that_git_tracks(tmp_path):
+    """In a clean clone."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("not a clone")
+    clone = tmp_path / "clone"
+    subprocess.run(["git", "clone", "--quiet", ROOT, clone], check=True)
+    (clone / "scans").mkdir()
+    for k in range(2):
+        V, F = meshes.grid(8, 9 + k)
+        igl.writeOBJ(str(clone / "scans" / f"scan{k}.obj"), V, F)
+    text = (clone / "README.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    (block,) = (block for block in blocks if "python -m benchmarks" in block)
+    commands = block.splitlines()
+    environment = {k: v for k, v in os.environ.items() if k != "CDCP_IGL_DATA"}
+    environment |= {
+        "PYTHONPATH": str(clone),
+        "PATH": f"{Path(sys.executable).parent}:/usr/bin:/bin",
+    }
+    for command in commands:
+        done = subprocess.run(
+            command, shell=True, cwd=clone, env=environment, capture_output=True, timeout=600
+        )
+        assert done.returncode == 0, done.stderr.decode()
+    tracked = ["git", "status", "--porcelain", "--untracked-files=no"]
+    assert subprocess.check_output(tracked, cwd=clone) == b""
+    assert (clone / "mine").is_dir()

@@ -1,0 +1,121 @@
+"""Surfaces on which maps have gone wrong: what must not be lost again."""
+
+import contextlib
+
+import meshes
+import numpy as np
+import pytest
+from test_straightening import blob, punctured
+from threadpoolctl import threadpool_limits
+
+import cdcp_igl
+from cdcp_igl.reference import fdcp, harmonic
+from cdcp_igl.steps.relaxation import Relaxation
+from cdcp_igl.steps.repair import mend
+from cdcp_igl.surface.mesh import DiskMesh
+
+
+def square_with_a_tail(cells, length, width):
+    """Square cells; the tail is `width` cells wide and `length` times longer."""
+    V, F = meshes.corridor(1, cells)
+    tail, G = meshes.corridor(length, width)
+    both = np.vstack([V, tail + np.array([cells, cells // 2])])
+    _, first, same = np.unique(both, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    V = both[first[order]]
+    return V, np.argsort(order)[same.ravel()][np.vstack([F, G + len(both) - len(tail)])]
+
+
+@pytest.mark.parametrize("width", [3, 4, 6])
+def test_a_crowded_tail_does_not_spoil_the_rest(width):
+    """Its end is 1e-15 of the disk, where faces cannot be told to be positively oriented."""
+    V, F = square_with_a_tail(20, 11, width)
+    assert cdcp_igl.check(V, F).is_disk
+    result = cdcp_igl.disk_map(V, F)
+    assert result.valid
+    degrees = cdcp_igl.angle_distortion(V, F, result.uv).mean(axis=1)
+    inside = V[F, 0].max(axis=1) <= 20
+    alone = cdcp_igl.disk_map(*meshes.corridor(1, 20)).distortion.mean
+    assert degrees[inside].mean() < 1.2 * alone
+    assert degrees.mean() < 8
+
+
+@pytest.mark.parametrize("rings", [0, 1, 2])
+@pytest.mark.parametrize("seed", range(6))
+def test_no_other_method_is_better_where_the_boundary_is_short(rings, seed):
+    V, F = punctured(*blob(seed), rings, seed)
+    mean = cdcp_igl.disk_map(V, F).distortion.mean
+    paper = cdcp_igl.disk_map(V, F, preset="paper").distortion.mean
+    others = [cdcp_igl.angle_distortion(V, F, method(V, F)).mean() for method in (fdcp, harmonic)]
+    assert mean < 1.02 * min(paper, *others)
+
+
+def split_triangle(corners, parts):
+    """A triangle, each side in so many parts."""
+    i, j = np.array([(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]).T
+    V = np.column_stack([parts - i - j, i, j]) / parts @ np.array(corners, dtype=float)
+    row = {pair: k for k, pair in enumerate(zip(i.tolist(), j.tolist(), strict=True))}
+    lower = [[row[a, b], row[a + 1, b], row[a, b + 1]] for a, b in row if a + b < parts]
+    upper = [[row[a + 1, b], row[a + 1, b + 1], row[a, b + 1]] for a, b in row if a + b < parts - 1]
+    return V, np.array(lower + upper)
+
+
+@pytest.mark.parametrize("parts", [4, 6, 8])
+@pytest.mark.parametrize("height", [1e-1, 1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("tip", [0, -0.5])
+def test_no_other_method_is_much_better_on_needles(parts, height, tip):
+    """The geodesic algorithm has certified maps of them that are far from conformal."""
+    V, F = split_triangle([[0, 0], [1, tip * height], [1, (1 + tip) * height]], parts)
+    mean = cdcp_igl.disk_map(V, F).distortion.mean
+    others = []
+    for method in (fdcp, harmonic):
+        with contextlib.suppress(cdcp_igl.MapError):
+            others.append(cdcp_igl.angle_distortion(V, F, method(V, F)).mean())
+    assert mean < 1.2 * min(others)
+
+
+@pytest.mark.parametrize("name", ["camelhead_11381", "femur_2411"])
+def test_no_other_method_is_better_where_the_boundary_is_coarse(name, real_mesh):
+    V, F = real_mesh(name)
+    by_fdcp = cdcp_igl.angle_distortion(V, F, fdcp(V, F)).mean()
+    assert cdcp_igl.disk_map(V, F).distortion.mean < by_fdcp
+
+
+def test_refined_maps_do_not_depend_on_the_threads_of_blas():
+    V, F, _ = cdcp_igl.datasets.spherical_cap(70)
+    V = V + 0.02 * np.sin(9 * V[:, [1, 2, 0]])
+    maps = []
+    for threads in (1, 2, 4):
+        with threadpool_limits(threads, "blas"):
+            maps.append(cdcp_igl.cdcp(V, F, refine=3))
+    np.testing.assert_array_equal(maps[1], maps[0])
+    np.testing.assert_array_equal(maps[2], maps[0])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rounding_of_the_vertices_does_not_decide_between_maps(seed, real_mesh):
+    """On a mesh with collapsed faces, whose angles on the disk are noise."""
+    V, F = real_mesh("face_1180_ears")
+    noise = np.random.default_rng(seed).uniform(-1e-15, 1e-15, V.shape)
+    one, other = cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(V * (1 + noise), F)
+    assert other.distortion.mean == pytest.approx(one.distortion.mean, abs=1e-6)
+    np.testing.assert_allclose(other.uv, one.uv, atol=1e-6)
+
+
+def test_a_relaxation_that_flips_a_face_at_the_end_of_repair_is_undone(monkeypatch):
+    V, F = meshes.grid(10, 12)
+    mesh = DiskMesh(V, F)
+    f = cdcp_igl.cdcp(V, F) @ [1, 1j]
+    folded = f.copy()
+    vertex = mesh.interior[44]
+    folded[vertex] += 0.4
+    well, repair = mend(mesh, folded)
+    assert repair.rounds == 1  # so that the relaxation at the end is the only one
+
+    def throw(self, f, sweeps, softness=0.0):
+        return np.where(np.arange(len(f)) == len(f) // 2, 2, f)
+
+    monkeypatch.setattr(Relaxation, "sweep", throw)
+    mended, _ = mend(mesh, folded)
+    assert cdcp_igl.certificate.certify(mesh, np.column_stack([mended.real, mended.imag])).valid
+    assert abs(mended - well).max() < 0.1
