@@ -40,7 +40,7 @@ MUCH_REPAIRED = 0.5
 WORTH = 0.001
 MOST_STEPS, MOST_STEPS_SMALL = 20, 100
 SMALL = 5_000  # vertices
-PATIENT = 10  # halvings of their steps
+PATIENT = 12  # halvings of their steps
 
 
 @dataclass(frozen=True, eq=False)
