@@ -66,7 +66,9 @@ class Candidate:
     @property
     def steps_due(self) -> int:
         """Steps of refinement for a map that is measurably not near the conformal one."""
-        if not self.conformality or self.repair.n_moved > MUCH_REPAIRED * len(self.f):
+        replaced = self.repair.n_moved > MUCH_REPAIRED * len(self.f)
+        replaced |= self.trace.laplacian == "constrained Delaunay"
+        if not self.conformality or replaced:
             return MOST_STEPS if len(self.f) > SMALL else MOST_STEPS_SMALL
         unlike = self.straightening.gain > COARSE or self.conformality.excess > EXCESS
         return STEPS_DUE if unlike else 0
