@@ -107,7 +107,7 @@ def test_coarse_faces_are_no_shear():
 
 
 def test_the_result_says_so(caplog):
-    V, F = meshes.corridor(60, 4)
+    V, F = meshes.corridor(400, 2)
     with caplog.at_level(logging.INFO, "cdcp_igl"):
         result = cdcp_igl.disk_map(V, F)
     assert str(result).startswith(f"disk map of {len(V):,} vertices: valid, NOT CONFORMAL")

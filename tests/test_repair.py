@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import cdcp_igl
+from cdcp_igl import selection
 from cdcp_igl.certificate import certify, flipped_faces
 from cdcp_igl.steps.relaxation import Relaxation
 from cdcp_igl.steps.repair import mean_value_weights, mend, unfold
@@ -72,6 +73,7 @@ def test_disk_map_repairs_and_says_so(monkeypatch):
         "harmonic_extension",
         lambda surface, f_B: np.where(surface.mesh.on_boundary, Z, 0.3),
     )
+    monkeypatch.setattr(selection, "keep_faces", lambda mesh, harmonic, straightened: harmonic)
     result = cdcp_igl.disk_map(V, F)
     assert result.certificate.valid
     assert result.repair.n_flipped > 0

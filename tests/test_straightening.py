@@ -112,7 +112,7 @@ def test_what_was_straightened_much_is_refined_and_says_so():
     V, F = punctured(*blob(4), 0, 4)
     result = cdcp_igl.disk_map(V, F)
     assert result.straightening.gain > 0.2
-    assert result.refinement.steps == 2
+    assert result.refinement.steps >= 2
     assert "common shear" in str(result)
     assert result.report()["straightening"]["shear"] == result.straightening.shear
     paper = cdcp_igl.disk_map(V, F, preset="paper")

@@ -40,7 +40,7 @@ MUCH_REPAIRED = 0.5
 WORTH = 0.001
 MOST_STEPS, MOST_STEPS_SMALL = 20, 100
 SMALL = 5_000  # vertices
-PATIENT = 10  # halvings of their steps
+PATIENT = 12  # halvings of their steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,9 @@ class Candidate:
     @property
     def steps_due(self) -> int:
         """Steps of refinement for a map that is measurably not near the conformal one."""
-        if not self.conformality or self.repair.n_moved > MUCH_REPAIRED * len(self.f):
+        replaced = self.repair.n_moved > MUCH_REPAIRED * len(self.f)
+        replaced |= self.trace.laplacian == "constrained Delaunay"
+        if not self.conformality or replaced:
             return MOST_STEPS if len(self.f) > SMALL else MOST_STEPS_SMALL
         unlike = self.straightening.gain > COARSE or self.conformality.excess > EXCESS
         return STEPS_DUE if unlike else 0
@@ -115,12 +117,14 @@ def refined(
             opened=lambda f: hold_open(trimmed.mesh, f)[0],
             advance=advance,
         )
+        if refinement.stopped:
+            log.info("refinement: %s", refinement)
+        if refinement.steps == 0:
+            return replace(candidate, refinement=refinement)
         # Turned once, at the end: it rounds all coordinates, and small faces feel it.
         f, _ = hold_open(mesh, rotate(mesh, trimmed.completed(f), options.align))
     with phase("repair"):
         f, repair = mend(mesh, f)
-    if refinement.stopped:
-        log.info("refinement: %s", refinement)
     closely = candidate.repair.n_flipped > 0
     certificate, errors, conformality = judged(mesh, f, phase, closely=closely)
     if not certificate.valid:  # the last turn has rounded a face over that nothing unfolds

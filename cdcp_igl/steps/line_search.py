@@ -11,15 +11,16 @@ from ..certificate import certify
 from ..distortion import angle_errors
 from ..surface.mesh import DiskMesh
 
-__all__ = ["HALVINGS", "line_search"]
+__all__ = ["HALVINGS", "search_along"]
 
 HALVINGS = 6  # of a step, before it is computed again with more damping
 THIN = 1e-15  # high: rounding, as when the map is turned, may turn such a face over
-# Of a step at a face that it flips. Where that is still too much, vertices stay.
+# Of a step at a face that it flips. Where that is still too much, vertices stay,
 SMALLEST_SCALE = 0.03
+TINY = 1e-14  # and at once at faces of this size, which rounding flips however short the step is
 
 
-def line_search(
+def search_along(
     mesh: DiskMesh,
     f: Complex,
     step: Complex,
@@ -54,7 +55,7 @@ def line_search(
     float
         Its objective. None in place of the three if nothing has helped.
     """
-    scale, thin = np.ones(len(f)), _thin(mesh.F, f)
+    scale, thin, tiny = np.ones(len(f)), _thin(mesh.F, f), _sizes(mesh.F, f) < TINY
     for _ in range(halvings):
         trial = opened(_slide(mesh, f, scale * step))
         certificate = certify(mesh, coordinates(trial))
@@ -63,6 +64,7 @@ def line_search(
         if flipped.any():
             corners = np.unique(mesh.F[flipped])
             scale[corners] = np.where(scale[corners] > SMALLEST_SCALE, scale[corners] / 2, 0)
+            scale[mesh.F[flipped & tiny]] = 0
             continue
         r = angle_errors(mesh, trial)
         value = measure(r)
@@ -90,3 +92,9 @@ def _thin(F: Ints, f: Complex) -> Bools:
     e = corner - corner[:, [2, 0, 1]]
     twice_area = (e[:, 0].conj() * e[:, 1]).imag
     return np.asarray(twice_area < THIN * abs(e).max(axis=1))
+
+
+def _sizes(F: Ints, f: Complex) -> Floats:
+    """(m,) the longest edges."""
+    corner = f[F]
+    return np.asarray(abs(corner - corner[:, [2, 0, 1]]).max(axis=1))

@@ -18,7 +18,7 @@ from ..solve.cholesky import Cholesky
 from ..solve.iterative import conjugate_gradients
 from ..solve.laplacian import Laplacian
 from ..surface.mesh import DiskMesh
-from .line_search import HALVINGS, line_search
+from .line_search import HALVINGS, search_along
 
 Array = TypeVar("Array", Complex, Ints)
 
@@ -157,7 +157,7 @@ def lower_angle_distortion(
         else:
             used, last = (p, attempt), objective
             step = gauss_newton_step(mesh, f, r, p, DAMPINGS[attempt], laplacian, anew=stale)
-            found = line_search(mesh, f, step, measure, objective, opened, halvings)
+            found = search_along(mesh, f, step, measure, objective, opened, halvings)
             if found is None:
                 attempt += 1
             else:

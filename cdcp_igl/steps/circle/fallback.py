@@ -67,11 +67,12 @@ class BoundaryMethod:
     rejected : tuple of str
         The other methods that were tried, each with the reason why its map was not used.
     n_spread : int
-        Faces inscribed in the circle that had collapsed in double precision, and are held
-        open by the last digits of their corners.
+        Faces inscribed in the circle, or behind chords of it, that had collapsed in double
+        precision, and are held open by the last digits of their corners.
     laplacian : str
         Whose harmonic functions the map is made of: ``"cotangent"``, or, after the geodesic
-        algorithm has failed, ``"intrinsic Delaunay"``.
+        algorithm has failed, ``"intrinsic Delaunay"``; ``"constrained Delaunay"`` where faces had
+        to be kept lest they be turned over.
     reason : str
         Why the map of this boundary cannot be conformal everywhere; empty if it can.
     """

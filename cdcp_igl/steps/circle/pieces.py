@@ -15,7 +15,7 @@ from ..repair import mean_value_weights
 
 __all__ = ["flat_pieces", "raise_pieces"]
 
-FLAT = 1e-6  # radians: an arc of this length is 1e-13 high
+FLAT = 1e-5  # radians: a piece over an arc of this length is 1e-11 high, its faces much less
 # Above the circle, in turn; a certificate allows 1e-12.
 HEIGHTS = 1e-13 * 4.0 ** np.arange(-3, 1)
 
@@ -39,9 +39,9 @@ def raise_pieces(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
     """Give pieces with collapsed faces a height above their chord, no more than rounding errors.
 
     A piece of the disk over a short arc s of the circle is s^2 / 8 high. Where that is less than
-    the distance between doubles, it has no room for vertices inside. So its boundary is put
-    on a parabola over the chord, and its interior at mean values, which in a convex polygon
-    turn over no face.
+    the distance between doubles, it has no room for vertices inside. So its boundary is spread
+    evenly on a parabola over the chord, and its interior put at mean values, which in a convex
+    polygon turn over no face.
 
     Parameters
     ----------
@@ -61,11 +61,11 @@ def raise_pieces(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
         return f, 0
     flat = flat_pieces(mesh, f[mesh.loop])
     for k in np.flatnonzero(chords.hollow & flat).tolist():
-        F, run = mesh.F[chords.faces(k)], chords.run(k)
-        collapsed, steps = _n_flipped(f, F), increments(f[run])[:-1]
-        if collapsed == 0 or not (steps > 0).all():
+        F = mesh.F[chords.faces(k)]
+        collapsed = _n_flipped(f, F)
+        if collapsed == 0:
             continue
-        raised = _Raised(mesh, chords.faces(k), run, steps)
+        raised = _Raised(mesh, chords.faces(k), chords.run(k))
         for height in HEIGHTS:
             trial = raised.by(f, height)
             left = _n_flipped(trial, F)
@@ -90,9 +90,9 @@ class _Corners:
 class _Raised:
     """A piece over its chord, whose ends stay where they are."""
 
-    def __init__(self, mesh: DiskMesh, faces: Ints, run: Ints, steps: Floats) -> None:
-        along = np.cumsum(steps)[:-1] / steps.sum()
-        self._run, self._bulge = run[1:-1], 4 * along * (1 - along)
+    def __init__(self, mesh: DiskMesh, faces: Ints, run: Ints) -> None:
+        self._ends, self._run = run[[0, -1]], run[1:-1]
+        self._along = np.linspace(0, 1, len(run))[1:-1]
         vertices, corners = np.unique(mesh.F[faces], return_inverse=True)
         W = mean_value_weights(
             _Corners(mesh.V[vertices], corners.reshape(-1, 3), mesh.angles[faces])
@@ -106,8 +106,10 @@ class _Raised:
     def by(self, f: Complex, height: float) -> Complex:
         """Raise it by a height in the middle."""
         f = f.copy()
-        on_circle = f[self._run] / abs(f[self._run])
-        f[self._run] = on_circle * (1 + height * self._bulge)
+        arc = increments(f[self._ends])[0]
+        turned = f[self._ends[0]] * np.exp(1j * arc * self._along)
+        bulge = 4 * self._along * (1 - self._along)
+        f[self._run] = turned / abs(turned) * (1 + height * bulge)
         origin = f[self._rim[0]]  # a small shape has digits that its place has not
         pull = self._from_rim @ (f[self._rim] - origin)
         f[self._inside] = origin + self._system.solve(coordinates(pull)) @ [1, 1j]
