@@ -145,6 +145,8 @@ def by_trace(
     """
     if 0 < abs(trace - trace[0]).max() < SMALLEST_TRACE:
         raise Rejected("geodesic: the trace is too small for the digits of the dipole")
+    if _turns_back(trace):
+        raise Rejected("geodesic: the trace turns back")
     f_B = circle(trace)
     if not np.isfinite(f_B).all():
         raise Rejected("geodesic: not finite")
@@ -156,6 +158,18 @@ def by_trace(
     f_B = f_B / f_B[0]
     extend = _extension(surface)
     return CircleMap(steps, f_B / abs(f_B), extend, BoundaryMethod("geodesic"))
+
+
+def _turns_back(trace: Complex) -> bool:
+    """Whether a step of a clockwise curve has nothing of the direction of the one before.
+
+    Next to a circle, a chord turns from the one before by half of both arcs.
+    """
+    step = np.roll(trace, -1) - trace
+    length = abs(step)
+    half_arcs = np.pi * (length + np.roll(length, -1)) / max(length.sum(), SMALLEST_TRACE)
+    turn = np.roll(step, -1) * step.conj() * np.exp(1j * half_arcs)
+    return bool((turn.real < 0).any())
 
 
 def whitened_geodesic_map(trace: Complex) -> Complex:
