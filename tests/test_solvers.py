@@ -68,7 +68,8 @@ def test_unknown_solvers_are_refused_first():
         disk_map(None, None, solver="umfpack")
 
 
-def test_what_is_asked_for_in_one_thread_is_not_asked_for_in_another():
+def test_what_is_asked_for_in_one_thread_is_not_asked_for_in_another(monkeypatch):
+    monkeypatch.delenv("CDCP_IGL_SOLVER", raising=False)
     seen = []
     with using("scipy"):
         thread = threading.Thread(target=lambda: seen.append(solver()))

@@ -130,6 +130,9 @@ def refined(
     if not certificate.valid:  # the last turn has rounded a face over that nothing unfolds
         undone = replace(refinement, steps=0, stopped="no certificate", after=refinement.before)
         return replace(candidate, refinement=undone)
+    if candidate.trace.reason and conformality:  # low errors do not undo the shortening
+        shortened = ("remote parts are shortened",)
+        conformality = replace(candidate.conformality, reasons=shortened)
     n_moved = max(candidate.repair.n_moved, repair.n_moved)
     return replace(
         candidate,
