@@ -86,9 +86,10 @@ def best_map(
             break
     if all(candidate.conformality.sheared for candidate in candidates):
         candidates += [
-            _unfolded(mesh, harmonic, candidate, options, phase)
+            unfolded
             for harmonic, candidate in zip(known, tuple(candidates), strict=True)
             if not candidate.certificate.valid
+            for unfolded in _unfolded(mesh, harmonic, candidate, options, phase)
         ]
     candidates.sort(key=lambda candidate: candidate.rank)
     steps = max(options.refine, 0 if options.paper else candidates[0].steps_due)
@@ -152,23 +153,26 @@ def _normalized(
 
 def _unfolded(
     mesh: DiskMesh, harmonic: HarmonicMap, failed: Candidate, options: Options, phase: Phases
-) -> Candidate:
-    """Find a valid map with this boundary at whatever cost, and judge it.
+) -> Iterator[Candidate]:
+    """Find valid maps with this boundary at whatever cost, and judge them.
 
-    If the faces that are turned over cannot be kept, the interior is replaced, without a
-    Möbius transformation.
+    The interior is replaced, without a Möbius transformation, if the faces that are turned over
+    cannot be kept. It is replaced as well if the mesh is small: slivers that are kept may shear
+    what is around them.
     """
     with phase("extension"):
         kept = keep_faces(mesh, harmonic, straightened=not options.paper)
     if kept is not harmonic:
         candidate = _normalized(mesh, kept, options, phase, share=MANY)
-        if candidate.certificate.valid:
-            return candidate
+        yield candidate
+        if candidate.certificate.valid and len(mesh.V) > SMALL:
+            return
     repaired = embed if failed.repair.rounds else unfold
     candidate = _repaired(mesh, harmonic, options, None, repaired, phase)
-    if options.mobius_method is None:
-        return candidate
-    return replace(candidate, mobius=Normalization(options.mobius_method, 0j, "repair"))
+    if options.mobius_method is not None:
+        rejected = Normalization(options.mobius_method, 0j, "repair")
+        candidate = replace(candidate, mobius=rejected)
+    yield candidate
 
 
 def _repaired(
