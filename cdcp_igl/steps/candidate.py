@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
+from time import perf_counter
 
 import numpy as np
 
@@ -15,10 +16,11 @@ from .alignment import rotate
 from .center import Center
 from .circle import BoundaryMethod, hold_open
 from .conformality import Conformality, judge
+from .line_search import HALVINGS, THIN
 from .mobius import Normalization
 from .options import Options
 from .phases import Phases
-from .refine import HALVINGS, Refinement, lower_angle_distortion
+from .refine import Refinement, lower_angle_distortion
 from .repair import Repair, mend
 from .straightening import Straightening
 from .trimming import Trimmed
@@ -101,33 +103,25 @@ def refined(
     options: Options,
     phase: Phases,
 ) -> Candidate:
-    """Lower the angular distortion beyond that of the harmonic map."""
-    least = max(options.refine, STEPS_DUE)
-    with phase("refine") as advance:
-        trimmed = Trimmed(mesh, candidate.f)
-        f, refinement = lower_angle_distortion(
-            trimmed.mesh,
-            trimmed.f,
-            trimmed.order(order),
-            steps,
-            options.refine_norm,
-            seconds=options.refine_seconds,
-            halvings=HALVINGS if candidate.conformality else PATIENT,
-            enough=lambda taken, gain: taken >= least and gain < WORTH,
-            opened=lambda f: hold_open(trimmed.mesh, f)[0],
-            advance=advance,
-        )
+    """Lower the angular distortion beyond that of the harmonic map.
+
+    Where rounding turns faces over at the end, it is done again with steps that leave room.
+    """
+    deadline = perf_counter() + options.refine_seconds
+    for thin in (0.0, THIN):
+        seconds = deadline - perf_counter()
+        f, refinement = _lowered(mesh, candidate, order, steps, options, phase, thin, seconds)
         if refinement.stopped:
             log.info("refinement: %s", refinement)
         if refinement.steps == 0:
             return replace(candidate, refinement=refinement)
-        # Turned once, at the end: it rounds all coordinates, and small faces feel it.
-        f, _ = hold_open(mesh, rotate(mesh, trimmed.completed(f), options.align))
-    with phase("repair"):
-        f, repair = mend(mesh, f)
-    closely = candidate.repair.n_flipped > 0
-    certificate, errors, conformality = judged(mesh, f, phase, closely=closely)
-    if not certificate.valid:  # the last turn has rounded a face over that nothing unfolds
+        with phase("repair"):
+            f, repair = mend(mesh, f)
+        closely = candidate.repair.n_flipped > 0
+        certificate, errors, conformality = judged(mesh, f, phase, closely=closely)
+        if certificate.valid:
+            break
+    else:
         undone = replace(refinement, steps=0, stopped="no certificate", after=refinement.before)
         return replace(candidate, refinement=undone)
     if candidate.trace.reason and conformality:  # low errors do not undo the shortening
@@ -143,3 +137,35 @@ def refined(
         refinement=refinement,
         repair=replace(candidate.repair, n_moved=n_moved),
     )
+
+
+def _lowered(
+    mesh: DiskMesh,
+    candidate: Candidate,
+    order: Ints,
+    steps: int,
+    options: Options,
+    phase: Phases,
+    thin: float,
+    seconds: float,
+) -> tuple[Complex, Refinement]:
+    least = max(options.refine, STEPS_DUE)
+    with phase("refine") as advance:
+        trimmed = Trimmed(mesh, candidate.f)
+        f, refinement = lower_angle_distortion(
+            trimmed.mesh,
+            trimmed.f,
+            trimmed.order(order),
+            steps,
+            options.refine_norm,
+            seconds=seconds,
+            halvings=HALVINGS if candidate.conformality else PATIENT,
+            thin=thin,
+            enough=lambda taken, gain: taken >= least and gain < WORTH,
+            opened=lambda f: hold_open(trimmed.mesh, f)[0],
+            advance=advance,
+        )
+        if refinement.steps:
+            # Turned once, at the end: it rounds all coordinates, and small faces feel it.
+            f, _ = hold_open(mesh, rotate(mesh, trimmed.completed(f), options.align))
+    return f, refinement

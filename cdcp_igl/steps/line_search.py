@@ -11,7 +11,7 @@ from ..certificate import certify
 from ..distortion import angle_errors
 from ..surface.mesh import DiskMesh
 
-__all__ = ["HALVINGS", "search_along"]
+__all__ = ["HALVINGS", "THIN", "search_along"]
 
 HALVINGS = 6  # of a step, before it is computed again with more damping
 THIN = 1e-15  # high: rounding, as when the map is turned, may turn such a face over
@@ -28,6 +28,7 @@ def search_along(
     objective: float,
     opened: Callable[[Complex], Complex],
     halvings: int,
+    thin: float,
 ) -> tuple[Complex, Floats, float] | None:
     """Halve a step until the objective falls, and at faces that it flips until it does not.
 
@@ -46,6 +47,8 @@ def search_along(
         Applied to each map before it is looked at.
     halvings : int
         At most so many.
+    thin : float
+        Faces that become less high than this count as flipped; 0, or `THIN`.
 
     Returns
     -------
@@ -55,11 +58,12 @@ def search_along(
     float
         Its objective. None in place of the three if nothing has helped.
     """
-    scale, thin, tiny = np.ones(len(f)), _thin(mesh.F, f), _sizes(mesh.F, f) < TINY
+    scale, tiny = np.ones(len(f)), _sizes(mesh.F, f) < TINY
+    allowed = _lower(mesh.F, f, thin)
     for _ in range(halvings):
         trial = opened(_slide(mesh, f, scale * step))
         certificate = certify(mesh, coordinates(trial))
-        flipped = _thin(mesh.F, trial) & ~thin
+        flipped = _lower(mesh.F, trial, thin) & ~allowed
         flipped[certificate.flipped] = True
         if flipped.any():
             corners = np.unique(mesh.F[flipped])
@@ -86,12 +90,12 @@ def _slide(mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
     return moved
 
 
-def _thin(F: Ints, f: Complex) -> Bools:
-    """(m,) whether faces are flipped, or so thin that rounding might flip them."""
+def _lower(F: Ints, f: Complex, height: float) -> Bools:
+    """(m,) whether faces are flipped, or less high than that."""
     corner = f[F]
     e = corner - corner[:, [2, 0, 1]]
     twice_area = (e[:, 0].conj() * e[:, 1]).imag
-    return np.asarray(twice_area < THIN * abs(e).max(axis=1))
+    return np.asarray(twice_area < height * abs(e).max(axis=1))
 
 
 def _sizes(F: Ints, f: Complex) -> Floats:

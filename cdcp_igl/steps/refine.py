@@ -87,6 +87,7 @@ def lower_angle_distortion(
     *,
     seconds: float = np.inf,
     halvings: int = HALVINGS,
+    thin: float = 0.0,
     enough: Callable[[int, float], bool] = lambda taken, gain: False,
     opened: Callable[[Complex], Complex] = lambda f: f,
     advance: Callable[[float], None] = lambda done: None,
@@ -116,6 +117,8 @@ def lower_angle_distortion(
     halvings : int
         Of a step, before it is computed again with more damping. More of them are slower, and
         go on where a map is bad.
+    thin : float
+        Steps keep faces this high that were so before.
     enough : callable
         Given the number of steps taken and the share of the objective that the last one has
         removed, says whether to end here.
@@ -157,7 +160,7 @@ def lower_angle_distortion(
         else:
             used, last = (p, attempt), objective
             step = gauss_newton_step(mesh, f, r, p, DAMPINGS[attempt], laplacian, anew=stale)
-            found = search_along(mesh, f, step, measure, objective, opened, halvings)
+            found = search_along(mesh, f, step, measure, objective, opened, halvings, thin)
             if found is None:
                 attempt += 1
             else:
