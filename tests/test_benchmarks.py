@@ -364,7 +364,7 @@ def test_the_table_of_the_readme_is_that_of_the_results(tmp_path):
     records.append(record("chinese_lion", "BFF free", "not to be had: no BFF", section="peers"))
     write_results(tmp_path / "here.json", MACHINE, records)
     readme = tmp_path / "README.md"
-    markers = f"before\n{front_page.BEGIN}\nold\n{front_page.END}\nafter\n"
+    markers = f"before\n{front_page.BEGIN}\noutdated\n{front_page.END}\nafter\n"
     readme.write_text(markers, encoding="utf-8")
     front_page.rewrite(readme, tmp_path / "here.json")
     lines = readme.read_text(encoding="utf-8").splitlines()
@@ -374,7 +374,7 @@ def test_the_table_of_the_readme_is_that_of_the_results(tmp_path):
     assert rows["| CDCP"].startswith("| CDCP | disk | 1.250 / 2.500 / 87 (1 T) |")
     assert rows["| LSCM"].startswith("| LSCM | free | 1.250 / 2.500 / 87 (4 T) |")
     assert rows["| SLIM"].startswith("| SLIM | free | 1.250 / 2.500 / 87 (100 T) |")
-    assert not any("BFF" in line or "old" in line for line in lines)
+    assert not any("BFF" in line or "outdated" in line for line in lines)
 
 
 def test_without_results_there_is_no_table_for_the_readme():

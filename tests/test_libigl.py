@@ -27,7 +27,8 @@ def test_the_main_path_computes_with_libigl(monkeypatch, real_mesh):
     for name in ("squared_edge_lengths", "doublearea", "edges_to_path", "internal_angles"):
         monkeypatch.setattr(igl, name, counted(name))
     result = cdcp_igl.disk_map(V, F)
-    assert sum(len(faces) for _, faces in seen["squared_edge_lengths"]) == len(F)
+    in_space = [len(faces) for points, faces in seen["squared_edge_lengths"]]
+    assert sum(in_space) >= len(F)
     areas = seen["doublearea"]
     in_space = [len(faces) for points, faces in areas if points.shape[1] == 3]
     assert sum(in_space) >= len(F)

@@ -55,7 +55,7 @@ def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
     --------
     >>> import cdcp_igl
     >>> from cdcp_igl.reference import double_cover
-    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
+    >>> V, F, _ = cdcp_igl.datasets.paraboloid(16)
     >>> bool(abs(double_cover(V, F) - cdcp_igl.cdcp(V, F)).max() < 1e-3)
     True
     """
