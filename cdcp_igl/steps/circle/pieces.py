@@ -56,6 +56,8 @@ def raise_pieces(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
     int
         The number of collapsed faces that were opened.
     """
+    if (increments(f[mesh.loop]) >= FLAT).all():  # no edge is short, so no arc: saves the chords
+        return f, 0
     n_opened, chords = 0, mesh.chords
     if not chords.hollow.any():
         return f, 0
