@@ -181,8 +181,9 @@ def test_a_scheduler_started_by_hand(scans, tmp_path):
     assert contents(tmp_path / "maps") == contents(tmp_path / "whole")
 
 
-def test_no_scheduler(scans, tmp_path):
+def test_no_scheduler(scans, tmp_path, monkeypatch):
     pytest.importorskip("distributed")
+    monkeypatch.setenv("DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT", "2s")  # rather than 30
     done = command(scans, tmp_path / "maps", "--scheduler", "tcp://127.0.0.1:9", timeout=100)
     assert done.returncode == 1
     assert "tcp://127.0.0.1:9" in done.stderr
