@@ -150,11 +150,11 @@ def test_ones_own_methods_join_the_tables_and_fail_in_rows(tmp_path):
         "raises": "failed: KeyError",
         "not_finite": "not valid: not finite",
         "flipped": "not valid",
-        "hangs": "no result within 30 s",
+        "hangs": "no result within 15 s",
         "hog": "more than 600 MiB of memory",
     }
     own = [f"--method=failing_methods:{name}" for name in told]
-    done = tables(tmp_path, *own, "--time-limit", "30", "--memory-limit", "600", "--jobs", "2")
+    done = tables(tmp_path, *own, "--time-limit", "15", "--memory-limit", "600", "--jobs", "2")
     assert done.returncode == 0, done.stderr
     first, *others = [record.case.outcome for record in read_results(tmp_path / "here.json")[1]]
     assert first == "ok"
