@@ -97,7 +97,9 @@ def test_quick_without_any_data(tmp_path):
     assert all(sum(r.histogram) == 3 * r.faces for r in records if r.case.boundary != "none")
     assert machine["blas_threads"] == 1
     assert machine["commit"].split()[0] != ""
-    assert "Again: `python -m benchmarks tables --quick --methods factor,cdcp,fdcp,lscm --out" in text
+    assert (
+        f"Again: `python -m benchmarks tables --quick --methods {','.join(methods)} --out" in text
+    )
     for method in ("CDCP", "FDCP", "LSCM, free boundary"):  # and printed
         assert done.stdout.count(f" {method} ") == 3
     for table in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE):
