@@ -27,7 +27,7 @@ def _generated_surfaces(monkeypatch):
     fuzz.sources.cache_clear()
 
 
-@settings(max_examples=50)
+@settings(max_examples=30)
 @given(st.integers(0, 2**31))
 def test_certified_map_or_typed_error(seed):
     row = fuzz.examine(seed, 0)
