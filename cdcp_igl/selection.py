@@ -18,7 +18,7 @@ from .steps.alignment import rotate
 from .steps.candidate import SMALL, Candidate, judged, refined
 from .steps.circle import BoundaryMethod, Rejected, hold_open
 from .steps.harmonic_map import HarmonicMap
-from .steps.mobius import MobiusMethod, Normalization, normalize
+from .steps.mobius import MobiusMethod, Normalization, composed, normalize
 from .steps.options import Options
 from .steps.phases import Phases
 from .steps.repair import Repair, embed, mend, unfold
@@ -37,6 +37,8 @@ MANY = 0.03  # of the faces, also where they have been kept: rounding has turned
 HOPELESS = 10
 # A map with so many times the distortion of another may still be the better one after refinement.
 HANDICAP = 2
+# Even area, if it was asked for, may raise the angular distortion by so much.
+PRICE_OF_AREA = 1.05
 REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
 
 
@@ -137,17 +139,25 @@ def _normalized(
 ) -> Candidate:
     """Do the second half of Algorithm 1, the Möbius transformation; then repair and judge.
 
-    A transformed map that had to be repaired is held against the repaired map without the
-    transformation, and the better one is taken. Nothing is repaired if a larger share of the
-    faces is flipped.
+    A transformed map that had to be repaired, or that has moved a small part of the surface away
+    from 0, is held against the map without the transformation, and the better one is taken.
+    Nothing is repaired if a larger share of the faces is flipped.
     """
-    repair = partial(mend, most=share * len(mesh.F))
-    candidate = _repaired(mesh, harmonic, options, options.mobius_method, repair, phase)
-    hopeless = len(candidate.certificate.flipped) > HOPELESS
-    if candidate.repair.rounds and candidate.mobius.w and not hopeless:
+    method, repair = options.mobius_method, partial(mend, most=share * len(mesh.F))
+    plain = None
+    if harmonic.w and method:
         plain = _repaired(mesh, harmonic, options, None, repair, phase)
-        if plain.rank < candidate.rank:
-            return replace(plain, mobius=Normalization(candidate.mobius.method, 0j, "repair"))
+    if plain and plain.certificate.valid:
+        repair = partial(mend, most=0)  # what needs repair now is no improvement
+    candidate = _repaired(mesh, harmonic, options, method, repair, phase)
+    hopeless = len(candidate.certificate.flipped) > HOPELESS
+    if candidate.repair.rounds and candidate.mobius.w != harmonic.w and not (plain or hopeless):
+        plain = _repaired(mesh, harmonic, options, None, repair, phase)
+    price = PRICE_OF_AREA if method == "area" else 1
+    if plain and (plain.rank[0], price * plain.rank[1]) < candidate.rank:
+        reason = candidate.mobius.rejected or "repair"
+        rejected = Normalization(candidate.mobius.method, harmonic.w, reason)
+        return replace(plain, mobius=rejected)
     return candidate
 
 
@@ -188,13 +198,13 @@ def _repaired(
     def finished(f: Complex, w: complex) -> Complex:
         nonlocal n_held
         f = rotate(mesh, f, options.align)
-        if harmonic.remote:
-            f = harmonic.remote.placed(f, w)
+        f = harmonic.placed(f, w)
         f, n_held = hold_open(mesh, f)
         return f
 
     with phase("mobius"):
         f, normalization = normalize(mesh, harmonic.f, method, finished)  # (19), (20)
+    normalization = replace(normalization, w=composed(harmonic.w, normalization.w))
     with phase("repair"):
         f, repair = repaired(mesh, f)
     if repair.n_flipped:

@@ -10,11 +10,19 @@ def voxels(seed, size=4, share=0.5, missing=0):
     fans meet. Some faces may be missing, which makes boundary loops.
     """
     rng = np.random.default_rng(seed)
-    solid = np.zeros((size + 2,) * 3, dtype=bool)
-    solid[1:-1, 1:-1, 1:-1] = rng.random((size,) * 3) < share
+    solid = rng.random((size,) * 3) < share
     if not solid.any():
-        solid[1, 1, 1] = True
-    corner = np.arange((size + 3) ** 3).reshape((size + 3,) * 3)
+        solid[0, 0, 0] = True
+    V, F = skin(solid)
+    F = np.delete(F, rng.permutation(_plain(F))[:missing], axis=0)
+    used, faces = np.unique(F, return_inverse=True)
+    return V[used] + rng.uniform(-0.2, 0.2, (len(used), 3)), faces.reshape(F.shape)
+
+
+def skin(solid):
+    """The surface of a set of cubes, given as a three-dimensional array of bool."""
+    solid = np.pad(solid, 1)
+    corner = np.arange(np.prod(np.add(solid.shape, 1))).reshape(np.add(solid.shape, 1))
     quads = []
     for axis in range(3):
         step = np.eye(3, dtype=int)[axis]
@@ -26,10 +34,8 @@ def voxels(seed, size=4, share=0.5, missing=0):
             quads.append(np.column_stack([corner[tuple(p.T)] for p in ring[:: 1 if side else -1]]))
     quads = np.vstack(quads)
     F = np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    F = np.delete(F, rng.permutation(_plain(F))[:missing], axis=0)
     used, faces = np.unique(F, return_inverse=True)
-    V = np.argwhere(corner >= 0)[used] + rng.uniform(-0.2, 0.2, (len(used), 3))
-    return V, faces.reshape(F.shape)
+    return np.argwhere(corner >= 0)[used] - 1.0, faces.reshape(F.shape)
 
 
 def _plain(F):

@@ -71,7 +71,7 @@ def test_disk_map_repairs_and_says_so(monkeypatch):
     monkeypatch.setattr(
         sys.modules["cdcp_igl.steps.circle.fallback"],
         "harmonic_extension",
-        lambda surface, f_B: np.where(surface.mesh.on_boundary, Z, 0.3),
+        lambda surface, f_B: np.where(surface.mesh.on_boundary, Z, Z.conj() / 2),
     )
     monkeypatch.setattr(selection, "keep_faces", lambda mesh, harmonic, straightened: harmonic)
     result = cdcp_igl.disk_map(V, F)

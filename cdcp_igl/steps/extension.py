@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..arrays import Complex
 from ..solve.factored import FactoredSurface
 
-__all__ = ["harmonic_extension"]
+__all__ = ["harmonic_extension", "settled_extension"]
 
 
 def harmonic_extension(surface: FactoredSurface, f_B: Complex) -> Complex:
@@ -24,3 +26,27 @@ def harmonic_extension(surface: FactoredSurface, f_B: Complex) -> Complex:
     f = surface.factor.solve(-(surface.coupling @ f_B))
     f[surface.mesh.loop] = f_B
     return f
+
+
+def settled_extension(surface: FactoredSurface, f: Complex) -> Complex:
+    """Make the interior of a map harmonic again, by the differences of neighbours.
+
+    Where they are much smaller than f itself, and f is small, they have digits that a solution
+    for the boundary values has not.
+
+    Parameters
+    ----------
+    surface : FactoredSurface
+    f : (n,) complex128
+
+    Returns
+    -------
+    (n,) complex128
+        The same on the boundary.
+    """
+    L, n = surface.laplacian, len(f)
+    flow = L.weights * (f[L.high] - f[L.low])
+    pull = np.zeros(n, dtype=complex)
+    for part, flows in ((pull.real, flow.real), (pull.imag, flow.imag)):
+        part += np.bincount(L.low, flows, n) - np.bincount(L.high, flows, n)
+    return f + surface.factor.solve(pull)

@@ -8,6 +8,8 @@ from ..arrays import Complex
 from ..surface.mesh import DiskMesh
 from .center import Center
 from .circle import CircleMap
+from .mobius import composed
+from .recentering import recentered
 from .remote import Remote, remote_parts
 from .straightening import Straightening, straighten
 
@@ -26,6 +28,8 @@ class HarmonicMap:
         What is too close to the circle for f to tell its vertices apart.
     center : Center
     straightening : Straightening
+    w : complex
+        The point that has gone to 0, lest what is around it be too small; 0 if none has.
     """
 
     f: Complex
@@ -33,6 +37,7 @@ class HarmonicMap:
     remote: Remote | None
     center: Center
     straightening: Straightening
+    w: complex = 0j
 
     @classmethod
     def of(
@@ -46,9 +51,11 @@ class HarmonicMap:
             if straightening.before:
                 boundary = boundary.turned(f[mesh.loop])
         remote = remote_parts(mesh, boundary.steps, boundary.f_B, boundary.extend)
-        return cls(f, boundary, remote, center, straightening)
+        w = 0j
+        if boundary.settle:
+            f, w = recentered(mesh, f, boundary.settle)
+        return cls(f, boundary, remote, center, straightening, w)
 
-    @property
-    def placed(self) -> Complex:
-        """(n,) the map, remote parts as accurate as complex numbers can be."""
-        return self.remote.placed(self.f, 0j) if self.remote else self.f
+    def placed(self, f: Complex, w: complex) -> Complex:
+        """(n,) put remote parts of psi_w o f, turned about 0, where they are to the last digit."""
+        return self.remote.placed(f, composed(self.w, w)) if self.remote else f

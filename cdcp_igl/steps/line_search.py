@@ -14,10 +14,13 @@ from ..surface.mesh import DiskMesh
 __all__ = ["HALVINGS", "THIN", "search_along"]
 
 HALVINGS = 6  # of a step, before it is computed again with more damping
-THIN = 1e-15  # high: rounding, as when the map is turned, may turn such a face over
+# High by the distance from 0: rounding, as when the map is turned, may turn such a face over.
+THIN = 1e-15
 # Of a step at a face that it flips. Where that is still too much, vertices stay,
 SMALLEST_SCALE = 0.03
-TINY = 1e-14  # and at once at faces of this size, which rounding flips however short the step is
+# and at once at faces of this size by their distance from 0, which rounding flips however short
+# the step is.
+TINY = 1e-14
 
 
 def search_along(
@@ -48,7 +51,8 @@ def search_along(
     halvings : int
         At most so many.
     thin : float
-        Faces that become less high than this count as flipped; 0, or `THIN`.
+        Faces that become less high than this, by their distance from 0, count as flipped; 0, or
+        `THIN`.
 
     Returns
     -------
@@ -58,7 +62,7 @@ def search_along(
     float
         Its objective. None in place of the three if nothing has helped.
     """
-    scale, tiny = np.ones(len(f)), _sizes(mesh.F, f) < TINY
+    scale, tiny = np.ones(len(f)), _sizes(mesh.F, f) < TINY * _distances(mesh.F, f)
     allowed = _lower(mesh.F, f, thin)
     for _ in range(halvings):
         trial = opened(_slide(mesh, f, scale * step))
@@ -95,10 +99,15 @@ def _lower(F: Ints, f: Complex, height: float) -> Bools:
     corner = f[F]
     e = corner - corner[:, [2, 0, 1]]
     twice_area = (e[:, 0].conj() * e[:, 1]).imag
-    return np.asarray(twice_area < height * abs(e).max(axis=1))
+    return np.asarray(twice_area < height * _distances(F, f) * abs(e).max(axis=1))
 
 
 def _sizes(F: Ints, f: Complex) -> Floats:
     """(m,) the longest edges."""
     corner = f[F]
     return np.asarray(abs(corner - corner[:, [2, 0, 1]]).max(axis=1))
+
+
+def _distances(F: Ints, f: Complex) -> Floats:
+    """(m,) the largest distances from 0."""
+    return np.asarray(abs(f)[F].max(axis=1))

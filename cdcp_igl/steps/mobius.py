@@ -19,6 +19,7 @@ __all__ = [
     "MobiusMethod",
     "Normalization",
     "angle_change",
+    "composed",
     "conformal_barycenter",
     "least_angle_distortion",
     "least_angle_distortion_nelder_mead",
@@ -140,6 +141,11 @@ def _flipped(mesh: DiskMesh, f: Complex) -> Ints:
 def mobius_transformation(z: Complex, w: complex) -> Complex:
     """Apply psi_w(z) = (z - w) / (1 - conj(w) z), eq. (19): the disk onto itself, w to 0."""
     return (z - w) / (1 - np.conj(w) * z)
+
+
+def composed(first: complex, w: complex) -> complex:
+    """Find the point that goes to 0 when psi_first comes before psi_w."""
+    return (w + first) / (1 + first.conjugate() * w)
 
 
 def angle_change(F: Ints, z: Complex, w: complex) -> Floats:

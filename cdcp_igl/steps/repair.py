@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -13,6 +14,7 @@ from scipy.sparse.linalg import splu
 from ..arrays import Bools, Complex, Floats, Ints, coordinates
 from ..certificate import flipped_faces
 from ..surface.mesh import DiskMesh
+from .recentering import recentered
 from .relaxation import Relaxation
 from .star_search import search_stars
 
@@ -98,6 +100,7 @@ def embed(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
     whole = _Neighbourhood(mesh, np.ones(len(f), dtype=bool))
     n_flipped = len(_flipped(mesh.F, f))
     f = whole.combine(f, whole.free)
+    f, _ = recentered(mesh, f, partial(whole.combine, patch=whole.free))
     whole.moved = whole.free
     if len(whole.flipped(f)) == 0:
         f = whole.relaxed(f)

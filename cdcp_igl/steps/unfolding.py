@@ -14,7 +14,7 @@ from ..solve.factor import Factor
 from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
 from .circle import CircleMap, hold_open
-from .extension import harmonic_extension
+from .extension import harmonic_extension, settled_extension
 from .harmonic_map import HarmonicMap
 
 __all__ = ["keep_faces"]
@@ -49,7 +49,7 @@ def keep_faces(mesh: DiskMesh, harmonic: HarmonicMap, *, straightened: bool) -> 
     first = harmonic.boundary
     kept = np.zeros(len(mesh.F), dtype=bool)
     for _ in range(ROUNDS):
-        f, _ = hold_open(mesh, harmonic.placed)
+        f, _ = hold_open(mesh, harmonic.placed(harmonic.f, 0j))
         flipped, _ = flipped_faces(coordinates(f), mesh.F)
         if kept[flipped].all():
             break
@@ -63,6 +63,11 @@ def keep_faces(mesh: DiskMesh, harmonic: HarmonicMap, *, straightened: bool) -> 
 
 def _extended(mesh: DiskMesh, boundary: CircleMap, kept: Bools) -> CircleMap:
     L = constrained_delaunay_laplacian(mesh, kept)
-    extend = partial(harmonic_extension, FactoredSurface(mesh, L, Factor(mesh, L)))
+    surface = FactoredSurface(mesh, L, Factor(mesh, L))
     method = replace(boundary.method, laplacian="constrained Delaunay")
-    return replace(boundary, extend=extend, method=method)
+    return replace(
+        boundary,
+        extend=partial(harmonic_extension, surface),
+        settle=partial(settled_extension, surface),
+        method=method,
+    )

@@ -12,7 +12,7 @@ from ...arrays import Complex, Floats
 from ...certificate import increments, is_around
 from ...solve.factored import FactoredSurface
 from ...surface.mesh import DiskMesh
-from ..extension import harmonic_extension
+from ..extension import harmonic_extension, settled_extension
 from .crowding import balanced, crowding_reason
 from .geodesic import geodesic_map
 from .harmonic_measure import arc_length_shares, around, harmonic_shares
@@ -103,12 +103,16 @@ class CircleMap:
     extend : callable
         Extends boundary values harmonically to all of the surface.
     method : BoundaryMethod
+    settle : callable or None
+        Makes the interior of a map harmonic again, as `settled_extension`; None if there is
+        nothing too small.
     """
 
     steps: Floats
     f_B: Complex
     extend: Callable[[Complex], Complex]
     method: BoundaryMethod
+    settle: Callable[[Complex], Complex] | None = None
 
     @property
     def is_crowded(self) -> bool:
@@ -156,8 +160,8 @@ def by_trace(
     if steps.min() < RESOLVED and len(surface.mesh.interior):
         raise Rejected("geodesic: arcs too short for the digits of the trace")
     f_B = f_B / f_B[0]
-    extend = _extension(surface)
-    return CircleMap(steps, f_B / abs(f_B), extend, BoundaryMethod("geodesic"))
+    extend, settle = _extension(surface), partial(settled_extension, surface)
+    return CircleMap(steps, f_B / abs(f_B), extend, BoundaryMethod("geodesic"), settle)
 
 
 def _turns_back(trace: Complex) -> bool:
@@ -295,7 +299,8 @@ def by_arc_length(surface: FactoredSurface, face: int) -> CircleMap:
 
 def _on_delaunay(surface: FactoredSurface, steps: Floats, name: str) -> CircleMap:
     method = BoundaryMethod(name, laplacian="intrinsic Delaunay")
-    return CircleMap(steps, around(steps), _extension(surface.delaunay), method)
+    extend, settle = _extension(surface.delaunay), partial(settled_extension, surface.delaunay)
+    return CircleMap(steps, around(steps), extend, method, settle)
 
 
 def _extension(surface: FactoredSurface) -> Callable[[Complex], Complex]:

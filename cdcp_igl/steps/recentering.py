@@ -1,0 +1,91 @@
+"""Recentering: what lies too deep inside the disk for the digits of its place goes to 0."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..arrays import Complex, Floats, Ints, spread_evenly
+from ..surface.mesh import DiskMesh
+
+__all__ = ["deep_vertex", "recentered"]
+
+FACES = 1_000  # enough to tell whether a part of the surface is too small
+# Faces this small by their distance from 0, and from the circle, have angles with errors of 1e-4;
+TOO_SMALL = 1e-12
+FEW = 0.01  # of the faces, with which nothing needs to be done
+ROUNDS = 2  # of settling; the first leaves what was lost in the digits of the place
+
+
+def recentered(
+    mesh: DiskMesh, f: Complex, settled: Callable[[Complex], Complex]
+) -> tuple[Complex, complex]:
+    """Move what is too small for the digits of its place to 0, where doubles are dense.
+
+    A surface that is closed but for a small hole, or that has its boundary at the end of a long
+    arm, is mapped to a spot around a point w; a face of size s there has errors of
+    1e-16 abs(w) / s. Differences from one of the vertices keep their digits, and psi_w, eq. (19),
+    takes them to the disk again:
+
+        psi_w(w + d) = d / (1 - abs(w)^2 - conj(w) d).
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    f : (n,) complex128
+        Map onto the disk.
+    settled : callable
+        Computes the interior of a map again, by differences of neighbours, such that small parts
+        have all their digits if they lie at 0. The boundary may be a translated circle.
+
+    Returns
+    -------
+    f : (n,) complex128
+        The argument itself if nothing is too small.
+    w : complex
+        The point that went to 0.
+    """
+    vertex = deep_vertex(mesh, f)
+    if vertex is None:
+        return f, 0j
+    w, d = 0j, f
+    for _ in range(1 + ROUNDS):
+        w, d = w + complex(d[vertex]), d - d[vertex]
+        d = settled(d)
+    w, d = w + complex(d[vertex]), d - d[vertex]
+    f = d / (1 - abs(w) ** 2 - np.conj(w) * d)
+    f[mesh.loop] /= abs(f[mesh.loop])
+    return f, w
+
+
+def deep_vertex(mesh: DiskMesh, f: Complex) -> int | None:
+    """Find the middle of the faces that are too small, far from the circle and from 0.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    f : (n,) complex128
+        Map onto the disk.
+
+    Returns
+    -------
+    int or None
+        An interior vertex; None in the ordinary case.
+    """
+    faces = mesh.F[spread_evenly(len(mesh.F), FACES)]
+    small = _is_too_small(f[faces])
+    if np.count_nonzero(small) <= FEW * len(faces):
+        return None
+    corners = f[faces[small]]
+    middle = complex(np.median(corners.real), np.median(corners.imag))
+    inside: Ints = mesh.interior
+    return int(inside[abs(f[inside] - middle).argmin()])
+
+
+def _is_too_small(corners: Complex) -> Floats:
+    """(k,) whether faces with these corners (k, 3) are too small."""
+    size = abs(corners - corners[:, [1, 2, 0]]).max(axis=1)
+    distance = abs(corners)
+    room = np.minimum(distance.max(axis=1), 1 - distance.max(axis=1))
+    return size < TOO_SMALL * room
