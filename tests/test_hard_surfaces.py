@@ -119,3 +119,11 @@ def test_a_relaxation_that_flips_a_face_at_the_end_of_repair_is_undone(monkeypat
     mended, _ = mend(mesh, folded)
     assert cdcp_igl.certificate.certify(mesh, np.column_stack([mended.real, mended.imag])).valid
     assert abs(mended - well).max() < 0.1
+
+
+@pytest.mark.parametrize("height", [3e-7, 3e-8, 1e-8, 3e-9])
+def test_needles_whose_lengths_do_not_know_their_angles(height):
+    """Flipping edges by their lengths went on for ever."""
+    V, F = meshes.grid(14, 17)
+    result = cdcp_igl.disk_map(V * [1, height, height], F)
+    assert result.valid

@@ -10,11 +10,14 @@ from ..arrays import Bools, Floats, Ints
 from ..surface.mesh import DiskMesh
 from .laplacian import Laplacian
 
-__all__ = ["constrained_delaunay_laplacian"]
+__all__ = ["constrained_delaunay_laplacian", "too_thin"]
 
 # The least weight of an edge, for cotangents that are negative: that of an edge opposite two
 # angles of 89.4 degrees. With less, kept faces come nearer to collapse than doubles can hold.
 LEAST_WEIGHT = 0.01
+# Of such an angle, in radians, the lengths of the sides know nothing: its square is below their
+# last digit. Edges would be flipped to and fro for ever.
+THINNEST = 5e-8
 
 
 def constrained_delaunay_laplacian(mesh: DiskMesh, kept: Bools) -> Laplacian:
@@ -30,7 +33,7 @@ def constrained_delaunay_laplacian(mesh: DiskMesh, kept: Bools) -> Laplacian:
     ----------
     mesh : DiskMesh
     kept : (m,) bool
-        Faces that stay.
+        Faces that stay, besides those that are too thin.
 
     Returns
     -------
@@ -44,6 +47,7 @@ def constrained_delaunay_laplacian(mesh: DiskMesh, kept: Bools) -> Laplacian:
     M. S. Floater. One-to-one piecewise linear mappings over triangulations. Math. Comp.
     72(242), 2003.
     """
+    kept = kept | too_thin(mesh)
     weights = _half_cotangents(mesh, np.flatnonzero(kept))
     others = mesh.F[~kept]
     if len(others):
@@ -53,6 +57,11 @@ def constrained_delaunay_laplacian(mesh: DiskMesh, kept: Bools) -> Laplacian:
     edges = edges.tocoo()
     positive = np.maximum(edges.data, LEAST_WEIGHT)
     return Laplacian.of(edges.row, edges.col, positive, len(mesh.V))
+
+
+def too_thin(mesh: DiskMesh) -> Bools:
+    """(m,) faces that are too thin for their edges to be flipped by their lengths."""
+    return np.asarray(mesh.angles.min(axis=1) < THINNEST)
 
 
 def _half_cotangents(mesh: DiskMesh, faces: Ints) -> csr_matrix:
