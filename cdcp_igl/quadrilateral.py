@@ -201,11 +201,9 @@ def _sides(mesh: DiskMesh, corners: ArrayLike) -> list[Ints]:
     chosen = np.asarray(corners)
     if chosen.shape != (4,) or chosen.dtype.kind not in "iu":
         raise ValueError(f"corners must be four vertices, not {corners!r}")
-    place = np.full(len(mesh.V), -1)
-    place[mesh.loop] = np.arange(len(mesh.loop))
+    place, nB = mesh.place, len(mesh.loop)
     if not ((chosen >= 0) & (chosen < len(place))).all() or (place[chosen] < 0).any():
         raise ValueError(f"corners={chosen.tolist()} must be boundary vertices")
-    nB = len(mesh.loop)
     steps = (np.roll(place[chosen], -1) - place[chosen]) % nB
     if (steps == 0).any() or steps.sum() != nB:
         order = mesh.loop[np.sort(place[chosen])].tolist()
