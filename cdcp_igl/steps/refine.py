@@ -98,7 +98,7 @@ def lower_angle_distortion(
     Levenberg-Marquardt damping of the shear of every face; when the strongest damping does not
     help, the refinement ends. The weights begin with those of p = 2, which bring the large
     errors down that a smaller p would take for outliers; each step without damping lowers p
-    until it is the norm, and so does the strongest damping where it does not help.
+    until it is the norm.
 
     Parameters
     ----------
@@ -152,9 +152,7 @@ def lower_angle_distortion(
         return f, Refinement(steps, taken, "no improvement", norm, before, objective)
     laplacian, stale = WeightedLaplacian(mesh, order), True
     while taken < steps and not stopped:
-        if attempt == len(DAMPINGS) and p > norm:
-            p, attempt, stale = norm, 0, True
-        elif attempt == len(DAMPINGS):
+        if attempt == len(DAMPINGS):
             stopped = "no improvement"
         elif perf_counter() >= deadline:
             stopped = "time limit"
