@@ -35,6 +35,9 @@ __all__ = [
 
 VERSION = version("libigl")
 
+# For more faces `squared_edge_lengths` starts threads, which takes longer than to do without.
+SERIAL = 999
+
 
 def adjacency_matrix(F: Ints) -> csc_matrix:
     """(n, n) matrix of int64 with 1 for each edge, symmetric."""
@@ -99,7 +102,11 @@ def path(edges: Ints) -> Ints:
 
 def squared_edge_lengths(V: Floats, F: Ints) -> Floats:
     """(m, 3) squared lengths of the edges opposite each corner."""
-    return igl.squared_edge_lengths(V, F)
+    squared = np.empty(F.shape)
+    for start in range(0, len(F), SERIAL):
+        part = slice(start, start + SERIAL)
+        squared[part] = igl.squared_edge_lengths(V, F[part])
+    return squared
 
 
 def vector_area_matrix(F: Ints) -> csc_matrix:

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from .arrays import Complex, coordinates
-from .distortion import AngleDistortion, disk_map_distortion
+from .distortion import AngleDistortion
 from .errors import MapError
 from .result import DiskMap
 from .solve.factored import FactoredSurface
@@ -217,18 +217,17 @@ def _repaired(
 
 
 def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskMap:
-    mesh, uv = surface.mesh, coordinates(best.f)
+    mesh = surface.mesh
     with phase("distortion"):
-        degrees = disk_map_distortion(mesh, uv)
-        distortion = free = AngleDistortion.of(degrees)
+        distortion = free = AngleDistortion.of(best.degrees)
         if 0 < len(mesh.inscribed) < len(mesh.F):
-            free = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
+            free = AngleDistortion.of(np.delete(best.degrees, mesh.inscribed, axis=0))
     conformality = best.conformality
     if not conformality:
         causes = tuple(_causes(best.trace, best.repair, len(mesh.V)))
         conformality = replace(conformality, reasons=conformality.reasons + causes)
     return DiskMap(
-        uv=uv,
+        uv=coordinates(best.f),
         mesh=mesh,
         certificate=best.certificate,
         conformality=conformality,

@@ -37,7 +37,7 @@ def test_the_scale_explains_the_errors_of_exact_maps(known):
         errors = angle_errors(mesh, f)
         inner = ~mesh.on_boundary[F].any(axis=1)
         left.append(abs(errors - explained(mesh, f))[inner].mean())
-        assert judge(mesh, f, errors)
+        assert judge(mesh, f, np.degrees(abs(errors)))
     assert np.log2(left[0] / left[2]) / 2 > 1.5
 
 
@@ -83,7 +83,7 @@ def test_arc_length_is_not_conformal(name, real_mesh):
     error, of_scale = means(V, F, harmonic(V, F))
     assert 1.8 * of_scale < error < 9 * of_scale
     f = harmonic(V, F) @ [1, 1j]
-    verdict = judge(mesh, f, angle_errors(mesh, f))
+    verdict = judge(mesh, f, np.degrees(abs(angle_errors(mesh, f))))
     assert verdict.sheared
     assert not verdict
     assert "the scale explains" in str(verdict)

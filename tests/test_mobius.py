@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 import cdcp_igl
 from cdcp_igl.distortion import plane_angles
 from cdcp_igl.steps.mobius import (
+    AngleErrors,
     angle_change,
     conformal_barycenter,
     least_angle_distortion,
@@ -48,7 +49,7 @@ def test_angle_change_is_exact(w):
 @given(st.complex_numbers(max_magnitude=0.6))
 def test_newton_undoes_any_moebius_transformation(w):
     moved = mobius_transformation(Z, w)
-    found = least_angle_distortion(F, moved, angles_of(Z))
+    found = least_angle_distortion(AngleErrors.of(F, moved, angles_of(Z)))
     np.testing.assert_allclose(found, -w, atol=1e-7)
 
 
@@ -68,7 +69,7 @@ def test_newton_ends_where_nelder_mead_ends(real_mesh):
     def mean(w):
         return np.degrees(abs(residual + angle_change(F, z, w)).mean())
 
-    newton = least_angle_distortion(F, z, internal_angles(V, F))
+    newton = least_angle_distortion(AngleErrors.of(F, z, internal_angles(V, F)))
     simplex = least_angle_distortion_nelder_mead(F, z, internal_angles(V, F))
     assert mean(newton) < mean(0) - 0.001
     assert mean(newton) < mean(simplex) + 1e-4

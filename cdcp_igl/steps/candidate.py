@@ -6,11 +6,9 @@ import logging
 from dataclasses import dataclass, replace
 from time import perf_counter
 
-import numpy as np
-
 from ..arrays import Complex, Floats, Ints, coordinates
 from ..certificate import Certificate, certify
-from ..distortion import angle_errors
+from ..distortion import disk_map_distortion
 from ..surface.mesh import DiskMesh
 from .alignment import rotate
 from .center import Center
@@ -47,11 +45,11 @@ PATIENT = 12  # halvings of their steps
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A normalised map with what is known of it."""
+    """A normalised map with what is known of it; `degrees` (m, 3) is its angular distortion."""
 
     f: Complex
     certificate: Certificate
-    errors: Floats
+    degrees: Floats
     conformality: Conformality
     center: Center
     trace: BoundaryMethod
@@ -63,7 +61,7 @@ class Candidate:
     @property
     def rank(self) -> tuple[bool, float]:
         """Valid maps come first, then those of low mean distortion."""
-        return not self.certificate.valid, float(abs(self.errors).mean())
+        return not self.certificate.valid, float(self.degrees.mean())
 
     @property
     def steps_due(self) -> int:
@@ -80,19 +78,19 @@ class Candidate:
         name = self.trace.name
         if not self.certificate.valid:
             return f"{name}: no certificate"
-        return f"{name}: mean distortion {np.degrees(self.rank[1]):.2f} degrees, not conformal"
+        return f"{name}: mean distortion {self.rank[1]:.2f} degrees, not conformal"
 
 
 def judged(
     mesh: DiskMesh, f: Complex, phase: Phases, *, closely: bool
 ) -> tuple[Certificate, Floats, Conformality]:
-    """Certify a map (n,), and judge it if it is valid; `closely` as in `judge`."""
+    """Certify a map (n,), measure it, and judge it if it is valid; `closely` as in `judge`."""
+    uv = coordinates(f)
     with phase("certificate"):
-        certificate = certify(mesh, coordinates(f))
-        errors = angle_errors(mesh, f)
+        certificate, degrees = certify(mesh, uv), disk_map_distortion(mesh, uv)
         if not certificate.valid:
-            return certificate, errors, Conformality(True, ("it is not valid",))
-        return certificate, errors, judge(mesh, f, errors, closely=closely)
+            return certificate, degrees, Conformality(True, ("it is not valid",))
+        return certificate, degrees, judge(mesh, f, degrees, closely=closely)
 
 
 def refined(
@@ -139,7 +137,7 @@ def refined(
         with phase("repair"):
             f, repair = mend(mesh, f)
         closely = candidate.repair.n_flipped > 0
-        certificate, errors, conformality = judged(mesh, f, phase, closely=closely)
+        certificate, degrees, conformality = judged(mesh, f, phase, closely=closely)
         if certificate.valid:
             break
     else:
@@ -153,7 +151,7 @@ def refined(
         candidate,
         f=f,
         certificate=certificate,
-        errors=errors,
+        degrees=degrees,
         conformality=conformality,
         refinement=refinement,
         repair=replace(candidate.repair, n_moved=n_moved),

@@ -95,7 +95,8 @@ def centrality(surface: FactoredSurface, method: CenterMethod) -> Floats:
         return -heat[mesh.F].sum(axis=1)  # (15)
     if method == "torsion":
         u = surface.factor.solve(np.ones(len(mesh.V)))
-        return u[mesh.F].sum(axis=1)
+        i, j, k = u[mesh.F.T]
+        return i + j + k
     barycenters = mesh.V[mesh.F].mean(axis=1)
     centroid = np.average(barycenters, axis=0, weights=face_areas(mesh.V, mesh.F))
     return -np.linalg.norm(barycenters - centroid, axis=1)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import libigl
-from ..arrays import Complex, Floats, Ints, blocks
+from ..arrays import Complex, Floats, Ints
 from ..surface.mesh import DiskMesh
 
 __all__ = ["Conformality", "explained_errors", "judge"]
@@ -54,7 +54,7 @@ class Conformality:
         return f"NO: {'; '.join(self.reasons)}" + (f". To lower it, {remedies}" if remedies else "")
 
 
-def judge(mesh: DiskMesh, f: Complex, errors: Floats, *, closely: bool = False) -> Conformality:
+def judge(mesh: DiskMesh, f: Complex, degrees: Floats, *, closely: bool = False) -> Conformality:
     """Judge a valid map.
 
     Parameters
@@ -62,8 +62,8 @@ def judge(mesh: DiskMesh, f: Complex, errors: Floats, *, closely: bool = False) 
     mesh : DiskMesh
     f : (n,) complex128
         Map onto the disk without flipped faces.
-    errors : (m, 3) float64
-        Its angle errors in radians, of `angle_errors`.
+    degrees : (m, 3) float64
+        Its angular distortion, of `disk_map_distortion`.
     closely : bool
         Look at all faces, for a map that may be sheared in few places only, rather than at some
         4,000 spread over the surface.
@@ -72,16 +72,14 @@ def judge(mesh: DiskMesh, f: Complex, errors: Floats, *, closely: bool = False) 
     -------
     Conformality
     """
-    mean = float(np.degrees(abs(errors).mean()))
+    mean = mean_free = float(degrees.mean())
     if mean <= SMALL:
         return Conformality(sheared=False)
-    faces = np.arange(len(errors)) if closely else _sample(len(errors))
-    share = abs(explained_errors(mesh, f, faces)).mean() / abs(errors[faces]).mean()
-    explained = float(mean * share)
-    free = errors
-    if len(mesh.inscribed) < len(mesh.F):
-        free = np.delete(errors, mesh.inscribed, axis=0)
-    mean_free = float(np.degrees(abs(free).mean()))
+    faces = np.arange(len(degrees)) if closely else _sample(len(degrees))
+    explained_there = np.degrees(abs(explained_errors(mesh, f, faces))).mean()
+    explained = float(mean * explained_there / degrees[faces].mean())
+    if 0 < len(mesh.inscribed) < len(mesh.F):
+        mean_free = float(np.delete(degrees, mesh.inscribed, axis=0).mean())
 
     reasons, remedies = [], []
     sheared = mean > EXCESS * explained
@@ -127,36 +125,31 @@ def explained_errors(mesh: DiskMesh, f: Complex, faces: Ints) -> Floats:
     """
     here = np.zeros(len(mesh.V), dtype=bool)
     here[mesh.F[faces]] = True
-    around = np.flatnonzero(here[mesh.F].any(axis=1))
-    F = mesh.F[around]
+    i, j, k = here.take(mesh.F.T)
+    F = mesh.F[np.flatnonzero(i | j | k)]
     scale = _edge_scales(mesh, f, F)
-    u = scale.sum(axis=1, keepdims=True) - 2 * scale
-    known = np.isfinite(u).all(axis=1)  # not so where an edge has collapsed
-    corners = F[known].ravel()
-    count = np.maximum(np.bincount(corners, minlength=len(f)), 1)
-    u_v = np.bincount(corners, u[known].ravel(), len(f)) / count
+    u = scale.sum(axis=0) - 2 * scale
+    known = np.isfinite(u).all(axis=0)  # not so where an edge has collapsed
+    u[:, ~known] = 0
+    corners = F.T.ravel()
+    count = np.maximum(np.bincount(corners, np.tile(known, 3), len(f)), 1)
+    u_v = np.bincount(corners, u.ravel(), len(f)) / count
 
     F = mesh.F[faces]
     i, j, k = np.exp(u_v[F.T])
     square = libigl.squared_edge_lengths(mesh.V, F).T * [j * k, k * i, i * j]
-    angles = np.empty(F.shape)
-    for k in range(3):
-        a, b, c = square[k - 2], square[k - 1], square[k]
-        cosine = (a + b - c) / (2 * np.sqrt(a * b))
-        angles[:, k] = np.arccos(np.clip(cosine, -1, 1))
-    return angles - mesh.angles[faces]
+    i, j, k = np.sqrt(square)
+    cosine = (square.sum(axis=0) - 2 * square) / (2 * np.array([j * k, k * i, i * j]))
+    return np.arccos(np.clip(cosine, -1, 1)).T - mesh.angles[faces]
 
 
 def _edge_scales(mesh: DiskMesh, f: Complex, F: Ints) -> Floats:
-    """(k, 3) logarithms of the length on the disk by that on the surface, opposite corners."""
-    scale = libigl.squared_edge_lengths(mesh.V, F)
+    """(3, k) logarithms of the length on the disk by that on the surface, opposite corners."""
+    i, j, k = f[F.T]
+    edges = np.array([j - k, k - i, i - j])
     with np.errstate(divide="ignore", invalid="ignore"):  # of edges that have collapsed
-        for part in blocks(len(F)):
-            i, j, k = f[F[part].T]
-            for corner, edge in enumerate((j - k, k - i, i - j)):
-                square = edge.real**2 + edge.imag**2
-                scale[part, corner] = np.log(square / scale[part, corner]) / 2
-    return scale
+        squared = edges.real**2 + edges.imag**2
+        return np.log(squared / libigl.squared_edge_lengths(mesh.V, F).T) / 2
 
 
 def _sample(m: int) -> Ints:

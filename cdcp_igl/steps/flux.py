@@ -52,7 +52,9 @@ def shared_by_edges(mesh: DiskMesh, flux: Numbers) -> Numbers:
     (nB,) of the same type
         From each vertex of ``mesh.loop`` to the next.
     """
-    exponent = np.pi / np.bincount(mesh.F.ravel(), mesh.angles.ravel())[mesh.loop]
+    corners = np.flatnonzero(mesh.on_boundary.take(mesh.F.T))
+    around = np.bincount(mesh.F.T.flat[corners], mesh.angles.T.flat[corners])
+    exponent = np.pi / around[mesh.loop]
     length = edge_lengths(mesh)
     # The part of the edge that follows, at most 1 / (1 + 0): a power of a ratio may overflow.
     with np.errstate(over="ignore"):

@@ -23,8 +23,8 @@ PHASES = {
     "mobius": 0.05,
     "repair": 0.02,
     "refine": 0.0,
-    "certificate": 0.01,
-    "distortion": 0.04,
+    "certificate": 0.04,
+    "distortion": 0.01,
 }
 REFINEMENT_STEP = 0.5  # share of one step of refinement, by the total of the above
 

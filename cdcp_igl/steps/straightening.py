@@ -113,7 +113,7 @@ def _straighter(
     # To first order in a = x + iy, i zeta theta = i (a conj(zeta) + conj(a) zeta^3) / 2, and
     # the extension of conj(zeta) is conj(f).
     moves = [(f.conj() + third) / 2 * 1j, (third - f.conj()) / 2]
-    responses = [_angle_response(f[faces], move[faces]) for move in moves]
+    responses = [_angle_response(f[faces], move[faces]).imag for move in moves]
     a, _ = _least_errors(plane_angles(f, faces) - angles, *responses)
     for _ in range(HALVINGS):
         turned = boundary * np.exp(1j * (a * boundary.conj() ** 2).real)
@@ -147,22 +147,21 @@ def common_shear(mesh: DiskMesh, f: Complex, most: int) -> tuple[complex, float]
     judges = spread_evenly(len(mesh.F), most)
     corners = f[mesh.F[judges]]
     errors = plane_angles(f, mesh.F[judges]) - mesh.angles[judges]
-    response = [_angle_response(corners, move * corners.conj()) for move in (-1, -1j)]
-    mu, after = _least_errors(errors, *response)
+    response = _angle_response(corners, -corners.conj())
+    mu, after = _least_errors(errors, response.imag, response.real)
     before = abs(errors).mean()
     return mu, float(1 - after / before) if before > 0 else 0.0
 
 
-def _angle_response(corners: Complex, move: Complex) -> Floats:
+def _angle_response(corners: Complex, move: Complex) -> Complex:
     """(k, 3) change of the angles of plane triangles (k, 3) when their corners move.
 
-    An edge e that changes by de turns by Im(de / e). Edges that have collapsed do not count.
+    An edge e that changes by de turns by Im(de / e). Edges that have collapsed do not count. The
+    imaginary part is the change, and the real part that for i times the move.
     """
-    edge, change = (np.roll(x, -1, axis=1) - x for x in (corners, move))  # leaves its corner
-    turn = np.zeros(edge.shape)
-    long = abs(edge) > 0
-    turn[long] = (change[long] / edge[long]).imag
-    return np.roll(turn, 1, axis=1) - turn
+    edge, change = (x[:, [1, 2, 0]] - x for x in (corners, move))  # leaves its corner
+    turn = np.divide(change, edge, out=np.zeros_like(edge), where=edge != 0)
+    return turn[:, [2, 0, 1]] - turn
 
 
 def _least_errors(errors: Floats, by_x: Floats, by_y: Floats) -> tuple[complex, float]:
@@ -171,7 +170,7 @@ def _least_errors(errors: Floats, by_x: Floats, by_y: Floats) -> tuple[complex, 
     r = errors
     soft = max(SOFT * float(np.median(abs(errors))), np.finfo(float).eps)
     for _ in range(ROUNDS):
-        weights = 1 / np.hypot(r, soft)
+        weights = 1 / np.sqrt(r * r + soft * soft)
         wx, wy = weights * by_x, weights * by_y
         xx, xy, yy = (wx * by_x).sum(), (wx * by_y).sum(), (wy * by_y).sum()
         determinant = xx * yy - xy * xy

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix, get_index_dtype
+from scipy.sparse import coo_matrix, get_index_dtype
 
 from ..arrays import Floats, Indices, Ints
 
@@ -53,17 +53,20 @@ def half_edges(F: Ints, n: int) -> tuple[Indices, Indices]:
 def group_by_edge(tail: Indices, head: Indices, n: int) -> Edges:
     """Sort the half-edges of a mesh of n vertices by undirected edge; stable."""
     low, high = np.minimum(tail, head), np.maximum(tail, head)
-    sides = _counting_sort(high, n)
-    sides = sides[_counting_sort(low[sides], n)]
-    low, high = low[sides], high[sides]
+    high, low, sides = _counting_sort(high, low, np.arange(len(tail), dtype=tail.dtype), n)
+    low, high, sides = _counting_sort(low, high, sides, n)
     first = np.ones(len(sides), dtype=bool)
     first[1:] = (low[1:] != low[:-1]) | (high[1:] != high[:-1])
     start = np.flatnonzero(first).astype(sides.dtype)
     return Edges(low[start], high[start], sides, start)
 
 
-def _counting_sort(keys: Indices, n: int) -> Indices:
-    """Stable order of keys from 0 to n - 1: the columns of a matrix with one entry a row."""
-    rows = len(keys)
-    ends = np.arange(rows + 1, dtype=keys.dtype)
-    return csr_matrix((np.zeros(rows, bool), keys, ends), (rows, n)).tocsc().indices
+def _counting_sort(
+    keys: Indices, values: Indices, order: Indices, n: int
+) -> tuple[Indices, Indices, Indices]:
+    """Sort keys from 0 to n - 1, and what goes with them, like a matrix by its rows; stable."""
+    entries = coo_matrix((values, (keys, order)), (n, len(keys)))
+    entries.has_canonical_format = True  # saves scipy a search
+    rows = entries.tocsr()
+    keys = np.repeat(np.arange(n, dtype=keys.dtype), np.diff(rows.indptr))
+    return keys, rows.data, rows.indices

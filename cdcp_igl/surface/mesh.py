@@ -84,7 +84,7 @@ class DiskMesh:
             indices.flags.writeable = False
         self._set(
             V=examined.V,
-            F=surface.F.copy(),  # it may be the caller's own array, which he may change
+            F=surface.F,
             loop=loop,
             interior=np.flatnonzero(~on_boundary),
             on_boundary=on_boundary,
@@ -106,7 +106,9 @@ class DiskMesh:
     @cached_property
     def angles(self) -> Floats:
         """(m, 3) corner angles of the surface in radians, column k at corner k; read-only."""
-        angles = np.arctan2(1, self.cotangents)
+        with np.errstate(divide="ignore"):  # the arctangent of infinity is a right angle
+            angles = np.arctan(1 / self.cotangents)  # half the time of arctan2
+        angles += np.pi * (angles < 0)
         angles.flags.writeable = False
         return angles
 
@@ -116,7 +118,7 @@ class DiskMesh:
 
         On the disk they are inscribed in the circle, and the circle fixes their angles.
         """
-        i, j, k = self.on_boundary[self.F.T]
+        i, j, k = self.on_boundary.take(self.F.T)
         inscribed = np.flatnonzero(i & j & k)
         inscribed.flags.writeable = False
         return inscribed

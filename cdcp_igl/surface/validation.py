@@ -106,7 +106,7 @@ def unit_size(given: NDArray[Any]) -> Floats:
 
 
 def face_array(F: ArrayLike, n: int) -> Ints:
-    """(m, 3) int64 F in C order, indices in range; MeshError if that cannot be."""
+    """(m, 3) int64 copy of F in C order, indices in range; MeshError if that cannot be."""
     given = _numeric("F", F)
     if given.ndim != 2 or given.shape[1] != 3 or len(given) == 0:
         polygons = given.ndim == 2 and given.shape[1] > 3
@@ -131,7 +131,7 @@ def face_array(F: ArrayLike, n: int) -> Ints:
                 outside,
             )
         )
-    faces = np.ascontiguousarray(given, dtype=np.int64)
+    faces = np.array(given, dtype=np.int64, order="C")
     if given.dtype.kind == "f" and not np.array_equal(faces, given):
         fractional = np.flatnonzero((faces != given).any(axis=1))
         raise MeshError(

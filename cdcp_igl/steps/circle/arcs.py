@@ -19,7 +19,7 @@ def open_arcs(x: Complex, y: Floats, k: int) -> None:
     infinity, the geodesic arc from there to the next point c is the ray upwards from c. It
     becomes the ray from i, and opens:
 
-        s = (x - Re c) / Im c,  x <- s / sqrt(1 + s^2)
+        s = x - Re c,  x <- s / sqrt(s^2 + (Im c)^2)
 
     The root is the principal one, which jumps on that ray and nowhere else. Where the tip was is
     x = 1 then, and c is the tip.
@@ -41,9 +41,7 @@ def open_arcs(x: Complex, y: Floats, k: int) -> None:
         height = max(c.imag, PINCHED * abs(c.real))
         for points in (x[j + 1 :], y[: opened + j]):
             points -= c.real
-            points /= height
             root = points * points
-            root += 1
-            np.sqrt(root, out=root)
-            points /= root
+            root += height * height
+            points /= np.sqrt(root, out=root)
         y[opened + j] = 1

@@ -52,7 +52,7 @@ def open_blocks(x: Complex, y: Floats, k: int) -> None:
     T. Kennedy. A fast algorithm for simulating the chordal Schramm-Loewner evolution.
     J. Stat. Phys. 128(5), 2007: power series for blocks of maps, there about infinity.
     """
-    if k <= FEW:
+    if k <= FEW or len(x) + len(y) - k < WORTH:
         open_arcs(x, y, k)
         return
     opened, size = len(y) - k, -(-k // PARTS)
