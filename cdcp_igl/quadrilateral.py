@@ -15,9 +15,8 @@ from .certificate import Certificate, flipped_faces
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, spell
 from .plot.shown import Shown
-from .solve.cholesky import Cholesky
+from .solve.factor import Factor
 from .solve.laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
-from .solve.ordering import elimination_order
 from .steps.repair import Repair, unfold
 from .surface.bijection import as_rows
 from .surface.mesh import DiskMesh
@@ -202,11 +201,9 @@ def _sides(mesh: DiskMesh, corners: ArrayLike) -> list[Ints]:
     chosen = np.asarray(corners)
     if chosen.shape != (4,) or chosen.dtype.kind not in "iu":
         raise ValueError(f"corners must be four vertices, not {corners!r}")
-    place = np.full(len(mesh.V), -1)
-    place[mesh.loop] = np.arange(len(mesh.loop))
+    place, nB = mesh.place, len(mesh.loop)
     if not ((chosen >= 0) & (chosen < len(place))).all() or (place[chosen] < 0).any():
         raise ValueError(f"corners={chosen.tolist()} must be boundary vertices")
-    nB = len(mesh.loop)
     steps = (np.roll(place[chosen], -1) - place[chosen]) % nB
     if (steps == 0).any() or steps.sum() != nB:
         order = mesh.loop[np.sort(place[chosen])].tolist()
@@ -241,8 +238,8 @@ def _mapped(mesh: DiskMesh, L: Laplacian, name: str, sides: list[Ints]) -> Recta
     """Solve for both coordinates, scale them by the modulus, and certify."""
     bottom, right, top, left = sides
     matrix = L.matrix()
-    u = _harmonic(L, mesh.V, zero=left, one=right)
-    v = _harmonic(L, mesh.V, zero=bottom, one=top)
+    u = _harmonic(mesh, L, zero=left, one=right)
+    v = _harmonic(mesh, L, zero=bottom, one=top)
     # The energy of the one with values 0 and 1 is height by width, that of the other width by
     # height, and each at most too large.
     bounds = float(1 / (u @ (matrix @ u))), float(v @ (matrix @ v))
@@ -274,16 +271,12 @@ def _mapped(mesh: DiskMesh, L: Laplacian, name: str, sides: list[Ints]) -> Recta
     )
 
 
-def _harmonic(L: Laplacian, V: Floats, zero: Ints, one: Ints) -> Floats:
+def _harmonic(mesh: DiskMesh, L: Laplacian, zero: Ints, one: Ints) -> Floats:
     """(n,) harmonic function with these values on two sides, and no flux across the others."""
-    value, free = np.zeros(len(V)), np.ones(len(V), dtype=bool)
+    value, free = np.zeros(len(mesh.V)), np.ones(len(mesh.V), dtype=bool)
     value[one] = 1
     free[zero] = free[one] = False
-    rows, ordering, _ = elimination_order(L, V, free)
-    if len(rows):
-        factor = Cholesky(L.block(rows), ordering)
-        value[rows] = factor.solve(-(L.matrix() @ value)[rows])
-    return value
+    return value + Factor(mesh, L, free).solve(-(L.matrix() @ value))
 
 
 def _monotone(sides: list[Ints], u: Floats, v: Floats) -> bool:

@@ -21,7 +21,7 @@ from .steps.harmonic_map import HarmonicMap
 from .steps.mobius import MobiusMethod, Normalization, normalize
 from .steps.options import Options
 from .steps.phases import Phases
-from .steps.repair import Repair, embed, mend, unfold
+from .steps.repair import MANY, Repair, embed, mend, unfold
 from .steps.unfolding import keep_faces
 from .surface.mesh import DiskMesh
 
@@ -32,7 +32,6 @@ log = logging.getLogger("cdcp_igl")
 # If a larger share of the faces is flipped, other maps come first: those of the intrinsic
 # Delaunay Laplacian have a hundredth of the flipped faces of the cotangent one on slivers.
 MANY_FLIPPED = 0.003
-MANY = 0.03  # of the faces, also where they have been kept: rounding has turned them over
 # With more flipped faces left by repair, another start does not help.
 HOPELESS = 10
 # A map with so many times the distortion of another may still be the better one after refinement.

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -108,7 +107,7 @@ def fuzz(
 def _examined(cases: int, seed: int, console: Console) -> list[Row]:
     """Examine what has not been examined by this code."""
     lines = Lines(WORK / code() / f"fuzz-{seed}.jsonl")
-    rows = {row["case"]: _row(row) for row in lines.read()}
+    rows = {row["case"]: Row(**row) for row in lines.read()}
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with (
         Progress(*columns, console=console, transient=True) as bar,
@@ -119,11 +118,6 @@ def _examined(cases: int, seed: int, console: Console) -> list[Row]:
                 rows[case] = run(worker, seed, case)
                 lines.append(asdict(rows[case]))
     return [rows[case] for case in range(cases)]
-
-
-def _row(kept: Mapping[str, Any]) -> Row:
-    fields: dict[str, Any] = {name: np.nan if x is None else x for name, x in kept.items()}
-    return Row(**fields)
 
 
 def run(worker: Worker, seed: int, case: int) -> Row:

@@ -9,7 +9,7 @@ from functools import cache
 from itertools import groupby
 from pathlib import Path
 from time import process_time
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -227,7 +227,7 @@ def _row_that_leaves_a_disk(rng: np.random.Generator, V: Floats, F: Ints, kind: 
 
 def _mapped(tasks: Sequence[Task], lines: Lines, console: Console) -> list[Row]:
     """Map what has not been mapped by this code."""
-    known = {_key(row, row.method): row for row in map(_row, lines.read())}
+    known = {_key(row, row.method): row for row in (Row(**kept) for kept in lines.read())}
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     rows = []
     with Progress(*columns, console=console, transient=True) as bar, Worker(examine) as worker:
@@ -245,11 +245,6 @@ def _mapped(tasks: Sequence[Task], lines: Lines, console: Console) -> list[Row]:
 
 def _key(hole: Hole | Row, method: str) -> tuple[str | int, ...]:
     return hole.surface, hole.mesh, hole.kind, hole.place, method
-
-
-def _row(kept: Mapping[str, Any]) -> Row:
-    fields: dict[str, Any] = {name: np.nan if x is None else x for name, x in kept.items()}
-    return Row(**fields)
 
 
 def examine(task: Task) -> Row:

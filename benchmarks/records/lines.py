@@ -26,11 +26,15 @@ class Lines:
         self.path = path
 
     def read(self) -> list[dict[str, Any]]:
-        """All rows, in the order in which they came; a half-written last line does not count."""
+        """All rows, in the order in which they came, NaN for null.
+
+        A half-written last line does not count.
+        """
         if not self.path.exists():
             return []
         lines = self.path.read_text(encoding="utf-8").splitlines(keepends=True)
-        return [json.loads(line) for line in lines if line.endswith("\n")]
+        rows = (json.loads(line) for line in lines if line.endswith("\n"))
+        return [{k: np.nan if x is None else x for k, x in row.items()} for row in rows]
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Add a row, null for NaN and infinity; once this returns, it is on disk."""

@@ -1,4 +1,4 @@
-"""The factorization of L_II, which serves every step of the algorithm."""
+"""The factorization for given values: that of L_II serves every step of the algorithm."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from copy import copy
 
 import numpy as np
 
+from ..arrays import Bools
 from ..surface.mesh import DiskMesh
 from .cholesky import Cholesky, Numbers
 from .laplacian import Laplacian
@@ -16,30 +17,33 @@ __all__ = ["Factor"]
 
 
 class Factor:
-    """The Cholesky factor of the interior block of a Laplacian.
+    """The Cholesky factor of a block of a Laplacian: L_II, or that of other free vertices.
 
     Parameters
     ----------
     mesh : DiskMesh
     L : Laplacian
-        L_II positive definite.
+        The block positive definite.
+    free : (n,) bool, optional
+        The vertices that are unknowns, elsewhere values are given; those inside, if not told.
 
     Attributes
     ----------
-    order : (nI,) ndarray of int
-        The interior vertices in the order of elimination.
+    order : (k,) ndarray of int
+        The free vertices in the order of elimination.
     solver : str
         Solver, version, ordering and mode.
 
     Raises
     ------
     SolverError
-        If L_II is numerically not positive definite, or cannot fit into memory.
+        If the block is numerically not positive definite, or cannot fit into memory.
     """
 
-    def __init__(self, mesh: DiskMesh, L: Laplacian) -> None:
+    def __init__(self, mesh: DiskMesh, L: Laplacian, free: Bools | None = None) -> None:
         require_memory(len(mesh.V))
-        self._rows, ordering, name = elimination_order(L, mesh.V, ~mesh.on_boundary)
+        free = ~mesh.on_boundary if free is None else free
+        self._rows, ordering, name = elimination_order(L, mesh.V, free)
         self._cholesky = Cholesky(L.block(self._rows), ordering)
         self.order = self._rows[self._cholesky.permutation]
         used = self._cholesky.solver
@@ -66,17 +70,17 @@ class Factor:
         self.__dict__.pop("_cholesky", None)
 
     def solve(self, b: Numbers) -> Numbers:
-        """Solve L_II x_I = b_I.
+        """Solve L_II x_I = b_I, I the free vertices.
 
         Parameters
         ----------
         b : (n,) complex128 or float64
-            By the vertices; not looked at on the boundary.
+            By the vertices; looked at where they are free.
 
         Returns
         -------
         (n,) of the same type
-            Zero on the boundary.
+            Zero elsewhere.
         """
         x = np.zeros_like(b)
         x[self._rows] = self._cholesky.solve(b[self._rows])

@@ -45,10 +45,8 @@ class FactoredSurface:
         low, high = L.low[between], L.high[between]
         outwards = mesh.on_boundary[high]
         inner, outer = np.where(outwards, low, high), np.where(outwards, high, low)
-        place = np.empty(len(mesh.V), dtype=np.int64)
-        place[mesh.loop] = np.arange(len(mesh.loop))
         shape = len(mesh.V), len(mesh.loop)
-        return csc_matrix((-L.weights[between], (inner, place[outer])), shape)
+        return csc_matrix((-L.weights[between], (inner, mesh.place[outer])), shape)
 
     @cached_property
     def delaunay(self) -> FactoredSurface:

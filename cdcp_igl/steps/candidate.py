@@ -108,9 +108,30 @@ def refined(
     Where rounding turns faces over at the end, it is done again with steps that leave room.
     """
     deadline = perf_counter() + options.refine_seconds
+    least, trimmed = max(options.refine, STEPS_DUE), Trimmed(mesh, candidate.f)
+
+    def lowered(thin: float) -> tuple[Complex, Refinement]:
+        with phase("refine") as advance:
+            f, refinement = lower_angle_distortion(
+                trimmed.mesh,
+                trimmed.f,
+                trimmed.order(order),
+                steps,
+                options.refine_norm,
+                seconds=deadline - perf_counter(),
+                halvings=HALVINGS if candidate.conformality else PATIENT,
+                thin=thin,
+                enough=lambda taken, gain: taken >= least and gain < WORTH,
+                opened=lambda f: hold_open(trimmed.mesh, f)[0],
+                advance=advance,
+            )
+            if refinement.steps:
+                # Turned once, at the end: it rounds all coordinates, and small faces feel it.
+                f, _ = hold_open(mesh, rotate(mesh, trimmed.completed(f), options.align))
+        return f, refinement
+
     for thin in (0.0, THIN):
-        seconds = deadline - perf_counter()
-        f, refinement = _lowered(mesh, candidate, order, steps, options, phase, thin, seconds)
+        f, refinement = lowered(thin)
         if refinement.stopped:
             log.info("refinement: %s", refinement)
         if refinement.steps == 0:
@@ -137,35 +158,3 @@ def refined(
         refinement=refinement,
         repair=replace(candidate.repair, n_moved=n_moved),
     )
-
-
-def _lowered(
-    mesh: DiskMesh,
-    candidate: Candidate,
-    order: Ints,
-    steps: int,
-    options: Options,
-    phase: Phases,
-    thin: float,
-    seconds: float,
-) -> tuple[Complex, Refinement]:
-    least = max(options.refine, STEPS_DUE)
-    with phase("refine") as advance:
-        trimmed = Trimmed(mesh, candidate.f)
-        f, refinement = lower_angle_distortion(
-            trimmed.mesh,
-            trimmed.f,
-            trimmed.order(order),
-            steps,
-            options.refine_norm,
-            seconds=seconds,
-            halvings=HALVINGS if candidate.conformality else PATIENT,
-            thin=thin,
-            enough=lambda taken, gain: taken >= least and gain < WORTH,
-            opened=lambda f: hold_open(trimmed.mesh, f)[0],
-            advance=advance,
-        )
-        if refinement.steps:
-            # Turned once, at the end: it rounds all coordinates, and small faces feel it.
-            f, _ = hold_open(mesh, rotate(mesh, trimmed.completed(f), options.align))
-    return f, refinement

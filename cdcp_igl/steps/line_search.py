@@ -58,17 +58,17 @@ def search_along(
     float
         Its objective. None in place of the three if nothing has helped.
     """
-    scale, tiny = np.ones(len(f)), _sizes(mesh.F, f) < TINY
-    allowed = _lower(mesh.F, f, thin)
+    scale, low = np.ones(len(f)), _lower(mesh.F, f, thin)
     for _ in range(halvings):
         trial = opened(_slide(mesh, f, scale * step))
         certificate = certify(mesh, coordinates(trial))
-        flipped = _lower(mesh.F, trial, thin) & ~allowed
+        flipped = _lower(mesh.F, trial, thin) & ~low
         flipped[certificate.flipped] = True
         if flipped.any():
-            corners = np.unique(mesh.F[flipped])
+            turned = mesh.F[flipped]
+            corners = np.unique(turned)
             scale[corners] = np.where(scale[corners] > SMALLEST_SCALE, scale[corners] / 2, 0)
-            scale[mesh.F[flipped & tiny]] = 0
+            scale[turned[_sizes(turned, f) < TINY]] = 0
             continue
         r = angle_errors(mesh, trial)
         value = measure(r)

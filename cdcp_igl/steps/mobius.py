@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arrays import Complex, Floats, Ints, coordinates, spread_evenly
 from ..certificate import flipped_faces, is_around
@@ -129,8 +128,8 @@ def _is_improvement(z: Complex, errors: Floats, w: complex) -> bool:
     The change of the angles is exact, also in faces that are as good as collapsed, whose
     angles are rounding errors and would decide otherwise.
     """
-    change = _differences(np.angle(1 - np.conj(w) * z))
-    return bool(abs(errors + change).mean() < abs(errors).mean())
+    change = _differences(np.angle(1 - np.conj(w) * z.T))
+    return bool(abs(errors + change.T).mean() < abs(errors).mean())
 
 
 def _flipped(mesh: DiskMesh, f: Complex) -> Ints:
@@ -148,7 +147,7 @@ def angle_change(F: Ints, z: Complex, w: complex) -> Floats:
     The angle at corner i of a face [i, j, k] grows by a_j - a_k, a = arg(1 - conj(w) z):
     one argument a vertex replaces three angles a face.
     """
-    return _differences(np.angle(1 - np.conj(w) * z)[F])
+    return _differences(np.angle(1 - np.conj(w) * z)[F].T).T
 
 
 def least_angle_distortion(F: Ints, z: Complex, angles: Floats) -> complex:
@@ -202,11 +201,11 @@ class _Objective:
         re, im = -(self._x * c + self._y * s) / square, (self._x * s - self._y * c) / square
         root = np.sqrt(r * r + 1)
         first, second = r / root, 1 / (root * root * root * self._soft)
-        d_re, d_im = _row_differences(re), _row_differences(im)
+        d_re, d_im = _differences(re), _differences(im)
         xx, yy = _sum(second * d_im, d_im), _sum(second * d_re, d_re)
         xy = -_sum(second * d_im, d_re)
         # Summed by parts: the sum of first times differences of h is minus that of this times h.
-        back = _row_differences(first)
+        back = _differences(first)
         gradient = np.array([-_sum(back, im), _sum(back, re)])
         cxx, cxy = 2 * _sum(back * re, im), _sum(back, im * im - re * re)
         if xx + yy > 0 and (xx + cxx) * (yy - cxx) > (xy + cxy) ** 2:  # positive definite
@@ -217,7 +216,7 @@ class _Objective:
         """(3, k) angle errors of psi_w o f by the corner of the pseudo-Huber function."""
         if self._last is None or self._last[0] != w:
             c, s = self._below(w)
-            change = _row_differences(np.arctan2(s, c))
+            change = _differences(np.arctan2(s, c))
             self._last = w, self._errors + change / self._soft
         return self._last[1]
 
@@ -226,8 +225,8 @@ class _Objective:
         return 1 - w.real * self._x - w.imag * self._y, w.imag * self._x - w.real * self._y
 
 
-def _row_differences(a: Floats) -> Floats:
-    """(3, k) as `_differences`, by rows."""
+def _differences(a: Floats) -> Floats:
+    """(3, k) a_j - a_k at each corner i of the faces [i, j, k]; row by row a corner."""
     out = np.empty_like(a)
     for i in range(3):
         np.subtract(a[i - 2], a[i - 1], out=out[i])
@@ -253,12 +252,6 @@ def _newton(objective: _Objective, w: complex) -> complex:
             break
         w += step
     return w
-
-
-def _differences(a: NDArray[Any]) -> NDArray[Any]:
-    """(m, 3) a_j - a_k at each corner i of the faces [i, j, k]."""
-    i, j, k = a.T
-    return np.stack([j - k, k - i, i - j], axis=1)
 
 
 def _backtrack(

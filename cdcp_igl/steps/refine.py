@@ -23,7 +23,6 @@ from .line_search import HALVINGS, search_along
 Array = TypeVar("Array", Complex, Ints)
 
 __all__ = [
-    "HALVINGS",
     "Refinement",
     "WeightedLaplacian",
     "gauss_newton_step",

@@ -16,7 +16,7 @@ from ..surface.mesh import DiskMesh
 from .relaxation import Relaxation
 from .star_search import search_stars
 
-__all__ = ["Repair", "embed", "mean_value_weights", "mend", "unfold"]
+__all__ = ["MANY", "Repair", "embed", "mean_value_weights", "mend", "unfold"]
 
 RINGS = 10  # largest radius of a patch around a flipped face
 ATTEMPTS = 4  # with patches up to a quarter of that, a half and so on

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Complex
-from ..solve.cholesky import Cholesky
+from ..solve.factor import Factor
 from ..solve.factored import FactoredSurface
 from .dipole import face_dipole
 from .flux import boundary_flux, shared_by_edges
@@ -62,10 +62,9 @@ def boundary_trace(surface: FactoredSurface, face: int) -> Complex:
     Raises
     ------
     SolverError
-        If L pinned is numerically not positive definite.
+        If L pinned is numerically not positive definite, or its factor cannot fit into memory.
     """
     mesh = surface.mesh
-    free = np.delete(np.arange(len(mesh.V)), mesh.loop[0])  # h = 0 at the pin, b_1
-    h, r = np.zeros(len(mesh.V), dtype=complex), face_dipole(mesh, face)
-    h[free] = Cholesky(surface.laplacian.block(free)).solve(r[free])
-    return h[mesh.loop]
+    free = np.arange(len(mesh.V)) != mesh.loop[0]  # h = 0 at the pin, b_1
+    pinned = Factor(mesh, surface.laplacian, free)
+    return pinned.solve(face_dipole(mesh, face))[mesh.loop]

@@ -31,14 +31,14 @@ class Trimmed:
     """
 
     def __init__(self, mesh: DiskMesh, f: Complex) -> None:
-        chords = mesh.chords
-        cut = chords.outermost(flat_pieces(mesh, f[mesh.loop]))
-        self.mesh, self._f, self._runs = mesh, f, [chords.run(k) for k in cut]
-        self._vertices = np.arange(len(f))
-        if len(cut):
+        self.mesh, self._f, self._vertices = mesh, f, np.arange(len(f))
+        self._runs: list[Ints] = []
+        flat = flat_pieces(mesh, f[mesh.loop])
+        if len(flat):
             outside = np.ones(len(mesh.F), dtype=bool)
-            for k in cut:
-                outside[chords.faces(k)] = False
+            for k in mesh.chords.outermost(flat):
+                outside[mesh.chords.faces(k)] = False
+                self._runs.append(mesh.chords.run(k))
             self._vertices, corners = np.unique(mesh.F[outside], return_inverse=True)
             self.mesh = DiskMesh(mesh.V[self._vertices], corners.reshape(-1, 3))
 

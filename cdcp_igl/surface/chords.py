@@ -35,7 +35,7 @@ class Chords:
     _behind: Ints  # the number of parts behind each chord
 
     @classmethod
-    def of(cls, F: Ints, edges: Edges, loop: Ints, on_boundary: Bools) -> Chords:
+    def of(cls, F: Ints, edges: Edges, loop: Ints, place: Ints) -> Chords:
         """Find the chords of a disk.
 
         Parameters
@@ -43,9 +43,10 @@ class Chords:
         F : (m, 3) int64
         edges : Edges
         loop : (nB,) int64
-        on_boundary : (n,) bool
+        place : (n,) int64
+            Of each vertex in the loop, -1 inside.
         """
-        m, inside = len(F), edges.valence == 2
+        m, inside, on_boundary = len(F), edges.valence == 2, place >= 0
         one, other = (edges.sides[edges.start[inside] + k].astype(np.int64) for k in (0, 1))
         chord = on_boundary[edges.low[inside]] & on_boundary[edges.high[inside]]
         near = coo_matrix(
@@ -65,8 +66,6 @@ class Chords:
         side = np.where(rank[part[one % m]] > rank[part[other % m]], one, other)
         side = side[np.argsort(rank[part[side % m]])]
         face, corner = side % m, side // m
-        place = np.full(len(on_boundary), -1)
-        place[loop] = np.arange(len(loop))
         hollow = np.bincount(rank[part], ~on_boundary[F].all(axis=1), count) > 0
         return cls(
             start=place[F[face, (corner + 1) % 3]],
@@ -92,10 +91,10 @@ class Chords:
         length = (self.end[k] - self.start[k]) % len(self._loop) + 1
         return self._loop[(self.start[k] + np.arange(length)) % len(self._loop)]
 
-    def outermost(self, chosen: Bools) -> Ints:
-        """Of chosen pieces (k,), those that no other chosen piece contains."""
+    def outermost(self, chosen: Ints) -> Ints:
+        """Of chosen pieces, ascending, those that no other chosen piece contains."""
         found, after = [], 0
-        for k in np.flatnonzero(chosen):
+        for k in chosen:
             if k >= after:
                 found.append(k)
                 after = k + self._behind[k]

@@ -122,9 +122,17 @@ class DiskMesh:
         return inscribed
 
     @cached_property
+    def place(self) -> Ints:
+        """(n,) place of each vertex in ``loop``, -1 inside; read-only."""
+        place = np.full(len(self.V), -1)
+        place[self.loop] = np.arange(len(self.loop))
+        place.flags.writeable = False
+        return place
+
+    @cached_property
     def chords(self) -> Chords:
         """Edges inside between boundary vertices, and the pieces that they cut off."""
-        return Chords.of(self.F, self.edges, self.loop, self.on_boundary)
+        return Chords.of(self.F, self.edges, self.loop, self.place)
 
     def moved(self, V: ArrayLike) -> DiskMesh:
         """Return the mesh with its vertices elsewhere; what is known of its faces is kept.

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import identity
 from scipy.sparse.linalg import splu
 
-from ...arrays import Bools, Complex, Floats, Ints, coordinates
+from ...arrays import Complex, Floats, Ints, coordinates
 from ...certificate import flipped_faces, increments
 from ...surface.mesh import DiskMesh
 from ..repair import mean_value_weights
@@ -20,19 +20,26 @@ FLAT = 1e-5  # radians: a piece over an arc of this length is 1e-11 high, its fa
 HEIGHTS = 1e-13 * 4.0 ** np.arange(-3, 1)
 
 
-def flat_pieces(mesh: DiskMesh, f_B: Complex) -> Bools:
-    """(k,) which of ``mesh.chords`` cut off an arc of the circle that is as good as straight.
+def flat_pieces(mesh: DiskMesh, f_B: Complex) -> Ints:
+    """Find ``mesh.chords`` that cut off an arc of the circle that is as good as straight.
 
     Parameters
     ----------
     mesh : DiskMesh
     f_B : (nB,) complex128
         The boundary on the circle.
+
+    Returns
+    -------
+    ndarray of int
+        Their numbers, ascending.
     """
-    chords = mesh.chords
-    angle = np.append(0, np.cumsum(increments(f_B)))
+    steps = increments(f_B)
+    if (steps >= FLAT).all():  # no edge is short, so no arc: saves the chords
+        return np.empty(0, dtype=np.int64)
+    chords, angle = mesh.chords, np.append(0, np.cumsum(steps))
     arc = angle[chords.end] - angle[chords.start]
-    return np.where(chords.end < chords.start, arc + angle[-1], arc) < FLAT
+    return np.flatnonzero(np.where(chords.end < chords.start, arc + angle[-1], arc) < FLAT)
 
 
 def raise_pieces(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
@@ -56,13 +63,11 @@ def raise_pieces(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
     int
         The number of collapsed faces that were opened.
     """
-    if (increments(f[mesh.loop]) >= FLAT).all():  # no edge is short, so no arc: saves the chords
-        return f, 0
-    n_opened, chords = 0, mesh.chords
-    if not chords.hollow.any():
-        return f, 0
-    flat = flat_pieces(mesh, f[mesh.loop])
-    for k in np.flatnonzero(chords.hollow & flat).tolist():
+    n_opened = 0
+    for k in flat_pieces(mesh, f[mesh.loop]).tolist():
+        chords = mesh.chords
+        if not chords.hollow[k]:
+            continue
         F = mesh.F[chords.faces(k)]
         collapsed = _n_flipped(f, F)
         if collapsed == 0:

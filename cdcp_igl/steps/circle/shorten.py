@@ -111,7 +111,6 @@ def image_scale(surface: FactoredSurface, face: int) -> tuple[Floats, Floats]:
     mesh = surface.mesh
     source = np.zeros(len(mesh.V))
     source[mesh.F[face]] = 1
-    source[mesh.loop] = 0
     heat = surface.factor.solve(source)
     heat *= 2 * np.pi / -(surface.coupling.T @ heat).sum()
     derivative = (wirtinger_derivative(mesh.V, mesh.F) * heat[mesh.F]).sum(axis=1)
