@@ -13,11 +13,11 @@ demo: setup
 	@sh .ci/demo
 
 test: setup
-	$(PYTHON) -m pytest -n auto
+	$(PYTHON) -m pytest -n auto --dist loadgroup
 
 # Without what takes long: under two minutes.
 test-quick: setup
-	$(PYTHON) -m pytest -n auto -m 'not slow'
+	$(PYTHON) -m pytest -n auto --dist loadgroup -m 'not slow'
 
 lint: setup
 	$(PYTHON) -m ruff check .

@@ -28,16 +28,23 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.slow)
 
 
+def public_name(name: str) -> str | None:
+    """What `datasets` calls a mesh, whose name may stand without its size there."""
+    names = Path(name).name, re.sub(r"_\d+(_ears)?$", "", Path(name).name)
+    return next((known for known in names if known in datasets.NAMES), None)
+
+
 @pytest.fixture(scope="session")
 def real_mesh() -> Callable[[str], Mesh]:
     unreachable = []
 
     def public(name: str) -> Mesh:
-        """Download a mesh, whose name may stand without its size there."""
-        names = Path(name).name, re.sub(r"_\d+(_ears)?$", "", Path(name).name)
-        found = next((known for known in names if known in datasets.NAMES), None)
+        found = public_name(name)
         if not found:
-            pytest.skip(f"{name} is not public: set CDCP_IGL_DATA to a directory that has it")
+            pytest.skip(
+                f"{name} is not public: set CDCP_IGL_DATA to a directory that has it; "
+                "docs/reference/datasets.md says what it is made of"
+            )
         if unreachable:  # each try takes long
             pytest.skip(unreachable[0])
         try:

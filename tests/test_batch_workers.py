@@ -133,10 +133,16 @@ def test_an_executor_that_breaks(scans, tmp_path):
 @pytest.fixture
 def cluster(unruly):
     distributed = pytest.importorskip("distributed")
+    dask = pytest.importorskip("dask")
     # Port 0 is any that is free; without it the first of two suites on one machine has 8787.
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
-    ) as cluster:
+    options = {"threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
+    # Dask gives up a worker that is killed while it starts, as happens on a busy machine. Others
+    # take its place; without any, the test would wait for ever.
+    with (
+        dask.config.set({"distributed.scheduler.no-workers-timeout": "60s"}),
+        distributed.LocalCluster(n_workers=2, **options) as cluster,
+    ):
+        cluster.adapt(minimum=2, maximum=2)
         yield cluster
 
 

@@ -10,6 +10,7 @@ import igl
 import meshes
 import numpy as np
 import pytest
+from benchmark_commands import ROOT, benchmarks, refused
 
 import cdcp_igl
 from benchmarks.measure.cases import Limits, run
@@ -20,7 +21,6 @@ from benchmarks.records.results import Measured, NotMeasured
 from benchmarks.records.store import Work, read_results
 from cdcp_igl.batching.shards import read_shard, shard_of
 
-ROOT = Path(__file__).parents[1]
 GRIDS = [Model(f"grid {k}", lambda k=k: meshes.grid(6 + k, 7)) for k in range(3)]
 TETRAHEDRON = (
     np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]),
@@ -53,22 +53,14 @@ def test_parts_and_jobs_measure_what_one_run_measures(tmp_path):
 def test_two_runs_do_not_write_to_one_folder(tmp_path):
     with Work(tmp_path).journal(), pytest.raises(OSError, match="another batch is writing"):
         measure(tmp_path, GRIDS)
-    done = tables("--models", "ellipse_20", "--work", tmp_path, lock=tmp_path)
+    with Work(tmp_path).journal():
+        done = tables("--models", "ellipse_20", "--work", tmp_path)
     assert done.returncode == 2
-    assert "share the work by shards" in told(done)
+    assert "share the work by shards" in " ".join(done.stderr.replace("│", "").split())
 
 
-def tables(*arguments, lock=None):
-    command = [sys.executable, "-m", "benchmarks", "tables", "--methods", "cdcp", *arguments]
-    options = {"cwd": ROOT, "capture_output": True, "text": True, "timeout": 300}
-    if lock is None:
-        return subprocess.run([str(part) for part in command], **options)
-    with Work(lock).journal():
-        return subprocess.run([str(part) for part in command], **options)
-
-
-def told(done):
-    return " ".join(done.stderr.replace("│", "").split())
+def tables(*arguments):
+    return benchmarks("tables", "--methods", "cdcp", *arguments)
 
 
 def test_parts_by_command(tmp_path):
@@ -87,9 +79,7 @@ def test_parts_by_command(tmp_path):
 def test_a_part_that_is_none(part):
     with pytest.raises(ValueError, match="I/N"):
         read_shard(part)
-    done = tables("--shard", part)
-    assert done.returncode == 2
-    assert "I/N" in told(done)
+    assert "I/N" in refused("tables", "--shard", part)
 
 
 def test_the_parts_are_all():

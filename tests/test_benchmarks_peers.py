@@ -1,14 +1,13 @@
 """Other programs, methods of one's own, and statistics over many surfaces."""
 
-import os
 import re
-import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmark_commands import ROOT, benchmarks, refused
 
 from benchmarks.measure import models
 from benchmarks.measure.cases import Limits, run
@@ -25,7 +24,6 @@ from cdcp_igl.reference import harmonic
 from cdcp_igl.reference.case import Case
 from cdcp_igl.surface.mesh import DiskMesh
 
-ROOT = Path(__file__).parents[1]
 V, F, _ = datasets.ellipse(5)
 LIMITS = Limits(60, 4000)
 
@@ -132,15 +130,10 @@ def measure(tmp_path, names, model=None, limits=LIMITS):
 
 
 def tables(tmp_path, *arguments):
-    path = os.pathsep.join([str(ROOT), str(ROOT / "tests"), str(tmp_path)])
-    return subprocess.run(
-        [
-            *(sys.executable, "-m", "benchmarks", "tables", "--models", "spherical_cap_20"),
-            *("--methods", "cdcp", "--out", tmp_path, "--work", tmp_path / "w"),
-            *("--machine", "here", *arguments),
-        ],
-        **{"cwd": ROOT, "env": os.environ | {"PYTHONPATH": path}, "timeout": 300},
-        **{"capture_output": True, "text": True},
+    return benchmarks(
+        *("tables", "--models", "spherical_cap_20", "--methods", "cdcp"),
+        *("--out", tmp_path, "--work", tmp_path / "w", "--machine", "here", *arguments),
+        path=[ROOT / "tests", tmp_path],
     )
 
 
@@ -182,10 +175,8 @@ def test_the_method_of_the_documentation_maps():
 
 
 @pytest.mark.parametrize("name", ["no_such_module:map", "failing_methods:no_such", "cdcp"])
-def test_a_method_that_is_not_there_is_an_error(tmp_path, name):
-    done = tables(tmp_path, "--method", name)
-    assert done.returncode == 2
-    assert "no method" in done.stderr
+def test_a_method_that_is_not_there_is_an_error(name):
+    assert "no method" in refused("tables", "--method", name)
 
 
 # -- many surfaces ---------------------------------------------------------------------

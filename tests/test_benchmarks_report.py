@@ -1,23 +1,48 @@
 """The report for the browser, drawn by ``figures --quick`` and opened in Chromium."""
 
-import os
 import re
-import subprocess
-import sys
 from dataclasses import dataclass, replace
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from benchmark_commands import benchmarks, refused
 from browser import chromium
 
+from benchmarks.records.record import Record
 from benchmarks.records.results import Measured
 from benchmarks.records.store import read_results
 from benchmarks.write.figures import PLOTS
 from benchmarks.write.pages import write_pages
 from cdcp_igl.reference.case import Case
 
-ROOT = Path(__file__).parents[1]
+# They share what was measured.
+pytestmark = pytest.mark.xdist_group("the report of the benchmarks")
+
+METHODS = ["factor", "cdcp", "fdcp", "lscm"]
+
+
+@dataclass(frozen=True)
+class Quick:
+    """What ``tables --quick`` wrote and printed, and its folder."""
+
+    folder: Path
+    page: str
+    results: tuple[dict, list[Record]]
+    printed: str
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results")
+    done = benchmarks("tables", "--quick", "--methods", ",".join(METHODS), *here(folder))
+    assert done.returncode == 0, done.stderr
+    page = (folder / "here.md").read_text()
+    return Quick(folder, page, read_results(folder / "here.json"), done.stdout)
+
+
+def here(folder):
+    return ("--out", folder, "--work", folder / "work", "--machine", "here")
 
 
 @dataclass(frozen=True)
@@ -29,19 +54,33 @@ class Drawn:
 
 
 @pytest.fixture(scope="module")
-def drawn(tmp_path_factory):
-    out = tmp_path_factory.mktemp("results")
-    done = subprocess.run(
-        [
-            *(sys.executable, "-m", "benchmarks", "figures", "--quick", "--machine", "here"),
-            *("--out", str(out), "--work", str(out / "work")),
-        ],
-        **{"cwd": ROOT, "capture_output": True, "text": True, "timeout": 600},
-        env={name: value for name, value in os.environ.items() if name != "CDCP_IGL_DATA"},
-    )
+def drawn(quick):
+    out = quick.folder
+    done = benchmarks("figures", "--quick", *here(out))
     assert done.returncode == 0, done.stderr
     assert str(out / "here" / "index.html") in done.stdout.replace("\n", "")
     return Drawn(out / "here", out / "here.json")
+
+
+def test_quick_without_any_data(quick):
+    machine, records = quick.results
+    names = list(dict.fromkeys(record.model for record in records))
+    assert sorted(names) == ["ellipse_20", "spherical_cap_20", "terrain_coarse"]
+    assert all(f"| {name.replace('_', ' ')} |" in quick.page for name in names)
+    assert {(r.model, r.case.method) for r in records if r.section == "tables"} == {
+        (model, method) for model in names for method in METHODS
+    }
+    for made in records:
+        assert made.case.outcome == "ok", made
+    assert all(sum(r.histogram) == 3 * r.faces for r in records if r.case.boundary != "none")
+    assert machine["blas_threads"] == 1
+    assert machine["commit"].split()[0] != ""
+    command = f"python -m benchmarks tables --quick --methods {','.join(METHODS)} --out"
+    assert f"Again: `{command}" in quick.page
+    for method in ("CDCP", "FDCP", "LSCM, free boundary"):  # and printed
+        assert quick.printed.count(f" {method} ") == 3
+    for table in re.findall(r"(?:^\|.*\n)+", quick.page, re.MULTILINE):
+        assert len({row.count("|") for row in table.splitlines()}) == 1, table
 
 
 class Links(HTMLParser):
@@ -95,12 +134,7 @@ def test_the_numbers_are_those_of_the_records(drawn):
 
 
 def test_without_results_it_says_what_to_run(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-m", "benchmarks", "figures", "--out", str(tmp_path)],
-        **{"cwd": ROOT, "capture_output": True, "text": True, "timeout": 60},
-    )
-    assert done.returncode == 2
-    assert "python -m benchmarks tables" in " ".join(done.stderr.replace("│", "").split())
+    assert "python -m benchmarks tables" in refused("figures", "--out", tmp_path)
 
 
 # -- in the browser --------------------------------------------------------------------

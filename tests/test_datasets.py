@@ -1,14 +1,18 @@
+import os
 import re
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import public_name
 
 import cdcp_igl
 from cdcp_igl import datasets
 from cdcp_igl.datasets import real
 from cdcp_igl.io.reading import READABLE
+
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture
@@ -73,7 +77,7 @@ def test_every_download_is_of_one_commit():
 
 
 def test_the_pages_say_where_each_surface_comes_from():
-    page = Path(__file__).parents[1] / "docs" / "reference" / "datasets.md"
+    page = ROOT / "docs" / "reference" / "datasets.md"
     rows = [line for line in page.read_text("utf-8").splitlines() if line.startswith("| `")]
     said = {
         name: repository
@@ -83,6 +87,18 @@ def test_the_pages_say_where_each_surface_comes_from():
     assert said == {
         name: "/".join(url.split("/")[3:5]) for name, (_, _, url) in real._FILES.items()
     }
+
+
+def test_the_pages_name_what_else_the_tests_use():
+    if os.environ.get("CDCP_IGL_REQUIRE_DATA") != "1":
+        pytest.skip("the directory may have any surfaces")
+    page = (ROOT / "docs" / "reference" / "datasets.md").read_text("utf-8")
+    listed = page.partition("## Not to be downloaded")[2].partition("## With known maps")[0]
+    named = re.findall(r"^\| (`.*?`) \|", listed, re.MULTILINE)
+    folder = Path(os.environ["CDCP_IGL_DATA"])
+    there = {str(path.relative_to(folder).with_suffix("")) for path in folder.rglob("*.npz")}
+    private = {name for name in there if public_name(name) is None}
+    assert set(re.findall("`(.*?)`", " ".join(named))) == private
 
 
 def test_download_is_pinned_and_checked(no_data_directory, tmp_path, monkeypatch):

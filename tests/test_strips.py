@@ -8,6 +8,7 @@ import pytest
 
 import cdcp_igl
 from cdcp_igl.solve.factored import FactoredSurface
+from cdcp_igl.solve.solvers import SOLVERS
 from cdcp_igl.steps import remote
 from cdcp_igl.steps.circle.crowding import balanced
 from cdcp_igl.steps.circle.harmonic_measure import around, harmonic_shares
@@ -69,13 +70,30 @@ class Parts:
         self.remote = remote_parts(self.mesh, self.steps, around(self.steps), self.extend)
 
 
-@pytest.mark.parametrize("length", [8, 10, 12, 14, 16, 18, 20, 22])
+@pytest.mark.parametrize("length", [8, 10, 12, 14, 16, 18, 20, 21])
 def test_as_good_as_the_exact_map_as_far_as_doubles_go(length):
     V, F = strip(length)
     result = cdcp_igl.disk_map(V, F)
     assert result.certificate.valid
-    # At 22, the last cells are smaller than the distance between doubles.
-    assert result.distortion.mean < (1.02 if length < 22 else 1.04) * exact_distortion(V, F, length)
+    assert result.distortion.mean < 1.02 * exact_distortion(V, F, length)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_where_the_last_digit_decides(solver):
+    """At 22, the last cells are smaller than the distance between doubles.
+
+    A hundred faces are equally central but for rounding, in which the solvers differ. With the
+    dipole on some of them the last cells can still be told apart, with others they cannot.
+    """
+    V, F = strip(22)
+    result = cdcp_igl.disk_map(V, F, solver=solver)
+    assert result.certificate.valid
+    ratio = result.distortion.mean / exact_distortion(V, F, 22)
+    if result.trace.name == "shortened":
+        assert any("crowding" in reason for reason in result.conformality.reasons)
+        assert ratio < 1.25
+    else:
+        assert ratio < 1.04
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binomtest, wilcoxon
 
 from cdcp_igl.arrays import Floats
 
@@ -100,6 +99,8 @@ class Paired:
 
 def paired(results: Section, method: str, other: str, name: str) -> Paired:
     """Compare two methods surface by surface."""
+    from scipy.stats import binomtest, wilcoxon  # slow to import
+
     first, second = results.values(method, name), results.values(other, name)
     both = np.isfinite(first) & np.isfinite(second)
     first, second = first[both], second[both]
