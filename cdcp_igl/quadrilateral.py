@@ -15,8 +15,9 @@ from .certificate import Certificate, flipped_faces
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, spell
 from .plot.shown import Shown
+from .solve.delaunay import intrinsic_delaunay_laplacian
 from .solve.factor import Factor
-from .solve.laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
+from .solve.laplacian import Laplacian, cotangent_laplacian
 from .steps.repair import Repair, unfold
 from .surface.bijection import as_rows
 from .surface.mesh import DiskMesh

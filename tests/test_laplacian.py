@@ -3,7 +3,8 @@ import meshes
 import numpy as np
 import pytest
 
-from cdcp_igl.solve.laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
+from cdcp_igl.solve.delaunay import intrinsic_delaunay_laplacian
+from cdcp_igl.solve.laplacian import cotangent_laplacian
 from cdcp_igl.surface.mesh import DiskMesh
 
 SLIVER = 25.0  # cotangent beyond which a face is one

@@ -7,9 +7,13 @@ import pytest
 import cdcp_igl
 from cdcp_igl import selection
 from cdcp_igl.certificate import certify, flipped_faces
-from cdcp_igl.solve.constrained_delaunay import LEAST_WEIGHT, constrained_delaunay_laplacian
+from cdcp_igl.solve.delaunay import (
+    LEAST_WEIGHT,
+    constrained_delaunay_laplacian,
+    intrinsic_delaunay_laplacian,
+)
 from cdcp_igl.solve.factored import FactoredSurface
-from cdcp_igl.solve.laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
+from cdcp_igl.solve.laplacian import cotangent_laplacian
 from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.circle import arc_length_map, hold_open
 from cdcp_igl.steps.circle.fallback import by_arc_length

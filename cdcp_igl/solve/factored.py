@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csc_matrix
 
 from ..surface.mesh import DiskMesh
-from .constrained_delaunay import constrained_delaunay_laplacian, too_thin
+from .delaunay import intrinsic_delaunay_laplacian
 from .factor import Factor
-from .laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
+from .laplacian import Laplacian, cotangent_laplacian
 
 __all__ = ["FactoredSurface"]
 
@@ -53,14 +53,9 @@ class FactoredSurface:
     def delaunay(self) -> FactoredSurface:
         """The same surface with the Laplacian of its intrinsic Delaunay triangulation.
 
-        It has no negative weights; made when it is first asked for. Faces that are too thin
-        are not flipped.
+        It has no negative weights; made when it is first asked for.
         """
-        thin = too_thin(self.mesh)
-        if thin.any():
-            L = constrained_delaunay_laplacian(self.mesh, thin)
-        else:
-            L = intrinsic_delaunay_laplacian(self.mesh)
+        L = intrinsic_delaunay_laplacian(self.mesh)
         return FactoredSurface(self.mesh, L, Factor(self.mesh, L))
 
     def moved(self, V: ArrayLike) -> FactoredSurface:

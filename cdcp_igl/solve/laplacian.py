@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, triu
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 
-from .. import libigl
 from ..arrays import Floats, Indices, Ints
 from ..surface.mesh import DiskMesh
 
-__all__ = ["Laplacian", "cotangent_laplacian", "intrinsic_delaunay_laplacian"]
+__all__ = ["Laplacian", "cotangent_laplacian"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,28 +88,3 @@ def cotangent_laplacian(mesh: DiskMesh) -> Laplacian:
     edges = mesh.edges
     weights = edges.sum_opposite(mesh.cotangents) / 2
     return Laplacian.of(edges.low, edges.high, weights, len(mesh.V))
-
-
-def intrinsic_delaunay_laplacian(mesh: DiskMesh) -> Laplacian:
-    """Compute the cotangent Laplacian of the intrinsic Delaunay triangulation.
-
-    The same surface, vertices and boundary with edges flipped until no interior edge has
-    a negative weight. For traces on meshes with slivers.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-
-    Returns
-    -------
-    Laplacian
-        Its weights are not negative but at boundary edges.
-
-    References
-    ----------
-    M. Fisher, B. Springborn, A. Bobenko, P. Schröder. An algorithm for the construction
-    of intrinsic Delaunay triangulations with applications to digital geometry
-    processing. SIGGRAPH Courses, 2006.
-    """
-    above = triu(libigl.intrinsic_delaunay_cotangent_matrix(mesh.V, mesh.F), 1).tocsr().tocoo()
-    return Laplacian.of(above.row, above.col, above.data, len(mesh.V))

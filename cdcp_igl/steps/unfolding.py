@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arrays import Bools, coordinates
 from ..certificate import flipped_faces
-from ..solve.constrained_delaunay import constrained_delaunay_laplacian
+from ..solve.delaunay import constrained_delaunay_laplacian
 from ..solve.factor import Factor
 from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
