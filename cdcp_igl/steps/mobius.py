@@ -49,7 +49,8 @@ class Normalization:
     method : str
         What chose it: ``"angle"``, ``"nelder-mead"``, ``"area"`` or ``"none"``.
     w : complex
-        The point that went to 0, eq. (19); 0 where nothing was applied.
+        The point that went to 0, eq. (19); 0 where nothing was applied. With ``"none"`` too, if
+        a part of the surface was too small for double precision anywhere else.
     rejected : str
         Why the method's result was not used; empty where it was.
     """
