@@ -12,12 +12,13 @@ setup: .venv/ready
 demo: setup
 	@sh .ci/demo
 
+# File by file, as the tests of a file share what they have measured.
 test: setup
-	$(PYTHON) -m pytest -n auto --dist loadgroup
+	$(PYTHON) -m pytest -n auto --dist loadfile
 
 # Without what takes long: under two minutes.
 test-quick: setup
-	$(PYTHON) -m pytest -n auto --dist loadgroup -m 'not slow'
+	$(PYTHON) -m pytest -n auto --dist loadfile -m 'not slow'
 
 lint: setup
 	$(PYTHON) -m ruff check .

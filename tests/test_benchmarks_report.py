@@ -16,9 +16,6 @@ from benchmarks.write.figures import PLOTS
 from benchmarks.write.pages import write_pages
 from cdcp_igl.reference.case import Case
 
-# They share what was measured.
-pytestmark = pytest.mark.xdist_group("the report of the benchmarks")
-
 METHODS = ["factor", "cdcp", "fdcp", "lscm"]
 
 

@@ -1,7 +1,7 @@
 import meshes
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from igl import internal_angles
 from scipy.optimize import minimize
@@ -47,6 +47,7 @@ def test_angle_change_is_exact(w):
 
 
 @given(st.complex_numbers(max_magnitude=0.6))
+@example(6e-8 + 0j)
 def test_newton_undoes_any_moebius_transformation(w):
     moved = mobius_transformation(Z, w)
     found = least_angle_distortion(AngleErrors.of(F, moved, angles_of(Z)))

@@ -36,7 +36,7 @@ FEW_FACES, MANY_FACES = 2_000, 10_000
 SOFT = 0.2  # corner of the pseudo-Huber function, by the median residual
 MAX_STEPS = 30
 HALVINGS = 10  # of w, until no face is turned over
-LAST_STEP = 1e-6  # so short that Newton's method has converged
+LAST_STEP = 1e-6  # so short, and within the corner, that Newton's method has converged
 TOLERANCE = 1e-8  # steps of w below this change the objective by its last digits only
 
 
@@ -172,7 +172,7 @@ def least_angle_distortion(errors: AngleErrors, w: complex = 0j) -> complex:
         gradient, hessian = errors.derivatives(w)
         dx, dy = np.linalg.lstsq(hessian, -gradient, rcond=None)[0]
         newton = complex(dx, dy)
-        if abs(newton) < LAST_STEP and abs(w + newton) < 1:
+        if abs(newton) < min(LAST_STEP, errors.corner) and abs(w + newton) < 1:
             return w + newton  # what it gains is lost in the rounding of the objective
         step, best = _backtrack(errors.value, w, newton, best)
         if step == 0:
@@ -194,12 +194,17 @@ class AngleErrors:
         half the time of complex columns.
     errors : (3, k) float64
         The angle errors of f in radians.
+
+    Attributes
+    ----------
+    corner : float
+        Of the pseudo-Huber function, in radians.
     """
 
     def __init__(self, x: Floats, y: Floats, errors: Floats) -> None:
         self._x, self._y, self._errors = x, y, errors
-        self._soft = max(SOFT * float(np.median(abs(errors))), np.finfo(float).eps)
-        self._last = 0j, errors / self._soft
+        self.corner = max(SOFT * float(np.median(abs(errors))), np.finfo(float).eps)
+        self._last = 0j, errors / self.corner
 
     @classmethod
     def of(cls, F: Ints, z: Complex, angles: Floats, most: int = MANY_FACES) -> AngleErrors:
@@ -221,7 +226,7 @@ class AngleErrors:
 
     def mean(self, w: complex) -> float:
         """Mean of the absolute errors in radians."""
-        return float(abs(self._residuals(w)).mean()) * self._soft
+        return float(abs(self._residuals(w)).mean()) * self.corner
 
     def value(self, w: complex) -> float:
         """Pseudo-Huber function of the errors."""
@@ -236,7 +241,7 @@ class AngleErrors:
         square = c * c + s * s
         re, im = -(self._x * c + self._y * s) / square, (self._x * s - self._y * c) / square
         root = np.sqrt(r * r + 1)
-        first, second = r / root, 1 / (root * root * root * self._soft)
+        first, second = r / root, 1 / (root * root * root * self.corner)
         d_re, d_im = _differences(re), _differences(im)
         xx, yy = _sum(second * d_im, d_im), _sum(second * d_re, d_re)
         xy = -_sum(second * d_im, d_re)
@@ -253,7 +258,7 @@ class AngleErrors:
         if self._last[0] != w:
             c, s = self._below(w)
             change = _differences(np.arctan2(s, c))
-            self._last = w, (self._errors + change) / self._soft
+            self._last = w, (self._errors + change) / self.corner
         return self._last[1]
 
     def _below(self, w: complex) -> tuple[Floats, Floats]:
