@@ -26,7 +26,7 @@ from benchmarks.records.paper import PAPER
 from benchmarks.records.record import EDGES, Record
 from benchmarks.records.results import Measured
 from benchmarks.records.store import Work, read_results, write_results
-from benchmarks.write import front_page
+from benchmarks.write import front_page, sections
 from benchmarks.write.report import as_markdown
 from cdcp_igl.reference.case import OK, Case
 
@@ -274,6 +274,15 @@ def test_growth_is_measured_on_one_surface_in_several_sizes(tmp_path):
     measured = Measured(run("growth", [small, large], methods, **options))
     assert all(record.ok for record in measured.sections["growth"].records)
     assert measured.sizes == {}  # no surface of the other tables
+
+
+def test_a_surface_of_which_no_map_was_measured_has_no_row():
+    records = [
+        Record("speed", model, "", n, 2 * n, 10, 0, Case(method, METHODS[method].boundary, OK))
+        for model, n, method in (("small", 99, "cdcp warm"), ("large", 999, "cdcp"))
+    ]
+    table = sections.cases(Measured(records).sections["speed"])
+    assert [row[0].text for row in table.rows] == ["large"]
 
 
 def test_the_exponents_of_growth_are_in_the_table():

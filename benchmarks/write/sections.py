@@ -79,6 +79,7 @@ def cases(results: Section) -> Table:
         [
             [*model_cells(results, model), *case(results, model, method)]
             for model in results.sizes
+            if any(results.of(model, method) for method in methods)
             for method in methods
         ],
     )
