@@ -10,6 +10,7 @@ from ..arrays import Bools, Complex, Floats, Ints, coordinates
 from ..certificate import certify
 from ..distortion import angle_errors
 from ..surface.mesh import DiskMesh
+from .recentering import extents
 
 __all__ = ["HALVINGS", "THIN", "search_along"]
 
@@ -72,7 +73,8 @@ def search_along(
             turned = mesh.F[flipped]
             corners = np.unique(turned)
             scale[corners] = np.where(scale[corners] > SMALLEST_SCALE, scale[corners] / 2, 0)
-            scale[turned[_sizes(turned, f) < TINY * _distances(turned, f)]] = 0
+            size, distance = extents(f[turned])
+            scale[turned[size < TINY * distance]] = 0
             continue
         r = angle_errors(mesh, trial)
         value = measure(r)
@@ -95,19 +97,11 @@ def _slide(mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
 
 
 def _lower(F: Ints, f: Complex, height: float) -> Bools:
-    """(m,) whether faces are flipped, or less high than that."""
+    """(m,) whether faces are flipped, or less high than that by their distance from 0."""
     corner = f[F]
     e = corner - corner[:, [2, 0, 1]]
     twice_area = (e[:, 0].conj() * e[:, 1]).imag
-    return np.asarray(twice_area < height * _distances(F, f) * abs(e).max(axis=1))
-
-
-def _sizes(F: Ints, f: Complex) -> Floats:
-    """(m,) the longest edges."""
-    corner = f[F]
-    return np.asarray(abs(corner - corner[:, [2, 0, 1]]).max(axis=1))
-
-
-def _distances(F: Ints, f: Complex) -> Floats:
-    """(m,) the largest distances from 0."""
-    return np.asarray(abs(f)[F].max(axis=1))
+    if height == 0:
+        return np.asarray(twice_area < 0)
+    size, distance = extents(corner)
+    return np.asarray(twice_area < height * distance * size)

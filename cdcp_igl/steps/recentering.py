@@ -9,13 +9,13 @@ import numpy as np
 from ..arrays import Complex, Floats, Ints, spread_evenly
 from ..surface.mesh import DiskMesh
 
-__all__ = ["deep_vertex", "recentered"]
+__all__ = ["deep_vertex", "extents", "recentered"]
 
 FACES = 1_000  # enough to tell whether a part of the surface is too small
-# Faces this small by their distance from 0, and from the circle, have angles with errors of 1e-4;
+# Faces this small by their distance from 0, and from the circle, have angles with errors of 1e-4.
 TOO_SMALL = 1e-12
 FEW = 0.01  # of the faces, with which nothing needs to be done
-ROUNDS = 2  # of settling; the first leaves what was lost in the digits of the place
+ROUNDS = 3  # of settling; the first leaves what was lost in the digits of the place
 
 
 def recentered(
@@ -49,11 +49,10 @@ def recentered(
     vertex = deep_vertex(mesh, f)
     if vertex is None:
         return f, 0j
-    w, d = 0j, f
-    for _ in range(1 + ROUNDS):
-        w, d = w + complex(d[vertex]), d - d[vertex]
+    w, d = complex(f[vertex]), f - f[vertex]
+    for _ in range(ROUNDS):
         d = settled(d)
-    w, d = w + complex(d[vertex]), d - d[vertex]
+        w, d = w + complex(d[vertex]), d - d[vertex]
     f = d / (1 - abs(w) ** 2 - np.conj(w) * d)
     f[mesh.loop] /= abs(f[mesh.loop])
     return f, w
@@ -74,7 +73,8 @@ def deep_vertex(mesh: DiskMesh, f: Complex) -> int | None:
         An interior vertex; None in the ordinary case.
     """
     faces = mesh.F[spread_evenly(len(mesh.F), FACES)]
-    small = _is_too_small(f[faces])
+    size, distance = extents(f[faces])
+    small = size < TOO_SMALL * np.minimum(distance, 1 - distance)
     if np.count_nonzero(small) <= FEW * len(faces):
         return None
     corners = f[faces[small]]
@@ -83,9 +83,7 @@ def deep_vertex(mesh: DiskMesh, f: Complex) -> int | None:
     return int(inside[abs(f[inside] - middle).argmin()])
 
 
-def _is_too_small(corners: Complex) -> Floats:
-    """(k,) whether faces with these corners (k, 3) are too small."""
-    size = abs(corners - corners[:, [1, 2, 0]]).max(axis=1)
-    distance = abs(corners)
-    room = np.minimum(distance.max(axis=1), 1 - distance.max(axis=1))
-    return size < TOO_SMALL * room
+def extents(corners: Complex) -> tuple[Floats, Floats]:
+    """(k,) longest edges of faces with these corners (k, 3), and their largest distances from 0."""
+    size = abs(corners - corners[:, [2, 0, 1]]).max(axis=1)
+    return size, abs(corners).max(axis=1)
