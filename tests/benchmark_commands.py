@@ -24,8 +24,13 @@ def benchmarks(*arguments, path=()):
     )
 
 
+def in_one_line(told):
+    """What a command says, without the frame and the lines that depend on the window."""
+    return " ".join(told.replace("│", "").split())
+
+
 def refused(*arguments):
     """Run a command that ends before it measures; return what it says, in one line."""
     done = CliRunner().invoke(app, [str(argument) for argument in arguments])
     assert done.exit_code == 2, done.output
-    return " ".join(done.output.replace("│", "").split())
+    return in_one_line(done.output)

@@ -10,7 +10,7 @@ import igl
 import meshes
 import numpy as np
 import pytest
-from benchmark_commands import ROOT, benchmarks, refused
+from benchmark_commands import ROOT, benchmarks, in_one_line, refused
 
 import cdcp_igl
 from benchmarks.measure.cases import Limits, run
@@ -56,7 +56,7 @@ def test_two_runs_do_not_write_to_one_folder(tmp_path):
     with Work(tmp_path).journal():
         done = tables("--models", "ellipse_20", "--work", tmp_path)
     assert done.returncode == 2
-    assert "share the work by shards" in " ".join(done.stderr.replace("│", "").split())
+    assert "share the work by shards" in in_one_line(done.stderr)
 
 
 def tables(*arguments):
