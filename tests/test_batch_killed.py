@@ -16,7 +16,7 @@ from cdcp_igl.batching.journal import read_journals
 from cdcp_igl.batching.settings import Settings
 
 SURFACES = 40
-KILLS = 30
+KILLS = 50
 
 
 @pytest.fixture

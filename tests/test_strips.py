@@ -89,7 +89,7 @@ def test_where_the_last_digit_decides(solver):
     result = cdcp_igl.disk_map(V, F, solver=solver)
     assert result.certificate.valid
     ratio = result.distortion.mean / exact_distortion(V, F, 22)
-    if result.trace.name == "shortened":
+    if solver == "scipy" and result.trace.name == "shortened":
         assert any("crowding" in reason for reason in result.conformality.reasons)
         assert ratio < 1.25
     else:
