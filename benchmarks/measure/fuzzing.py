@@ -25,7 +25,7 @@ from cdcp_igl.surface.triangles import face_areas
 
 from ..records.lines import Lines
 from ..records.store import WORK, code
-from .worker import Lost, Worker
+from .worker import Jobs, Lost, answers
 
 SECONDS = 600.0  # after which a case hangs, on however busy a machine
 FEWEST, MOST = 8, 4_000  # vertices of a patch
@@ -69,6 +69,7 @@ class Row:
 def fuzz(
     cases: Annotated[int, typer.Option(min=1, help="How many surfaces.")] = 200,
     seed: Annotated[int, typer.Option(min=0, help="A case depends on this and its number.")] = 1,
+    jobs: Jobs = 1,
 ) -> None:
     """Map random surfaces, half of them refined as well.
 
@@ -76,7 +77,7 @@ def fuzz(
     mapped. What has been examined is kept in build/benchmarks, and not examined again.
     """
     console = Console()
-    rows = _examined(cases, seed, console)
+    rows = _examined(cases, seed, jobs, console)
     console.print(_outcomes(rows))
     console.print(_distortions(rows))
     for name, means in (
@@ -104,28 +105,25 @@ def fuzz(
         raise typer.Exit(1)
 
 
-def _examined(cases: int, seed: int, console: Console) -> list[Row]:
+def _examined(cases: int, seed: int, jobs: int, console: Console) -> list[Row]:
     """Examine what has not been examined by this code."""
     lines = Lines(WORK / code() / f"fuzz-{seed}.jsonl")
     rows = {row["case"]: Row(**row) for row in lines.read()}
+    missing = [case for case in range(cases) if case not in rows]
+    examined = answers(partial(examine, seed), missing, SECONDS, jobs)
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with (
-        Progress(*columns, console=console, transient=True) as bar,
-        Worker(partial(examine, seed)) as worker,
-    ):
-        for case in bar.track(range(cases)):
-            if case not in rows:
-                rows[case] = run(worker, seed, case)
-                lines.append(asdict(rows[case]))
+    with Progress(*columns, console=console, transient=True) as bar:
+        for case, row in bar.track(examined, total=len(missing)):
+            rows[case] = _row(seed, case, row)
+            lines.append(asdict(rows[case]))
     return [rows[case] for case in range(cases)]
 
 
-def run(worker: Worker, seed: int, case: int) -> Row:
-    """Let a worker examine one case, whatever happens."""
-    try:
-        return worker.run(case, SECONDS)
-    except Lost as lost:
-        return Row(case, np.nan, False, str(lost), f"surface({seed}, {case})")
+def _row(seed: int, case: int, answer: Row | Lost) -> Row:
+    """Make a row of a case, whatever happened."""
+    if isinstance(answer, Lost):
+        return Row(case, np.nan, False, str(answer), f"surface({seed}, {case})")
+    return answer
 
 
 def _is_mapped(row: Row) -> bool:

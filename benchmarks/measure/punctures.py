@@ -27,7 +27,7 @@ from cdcp_igl.surface.mesh import DiskMesh
 from ..records.lines import Lines
 from ..records.store import WORK, code
 from .models import digest
-from .worker import Lost, Worker
+from .worker import Jobs, Lost, answers
 
 __all__ = ["opened", "punctures"]
 
@@ -139,6 +139,7 @@ def punctures(
     places: Annotated[int, typer.Option(min=1, help="Places to open each surface at.")] = 3,
     most: Annotated[int, typer.Option(min=1, help="Vertices of the largest.")] = 10**9,
     seed: Annotated[int, typer.Option(min=0, help="A place depends on this and its number.")] = 1,
+    jobs: Jobs = 1,
 ) -> None:
     """Take a face, a vertex or a 2-ring out of closed surfaces without handles, and map them.
 
@@ -154,7 +155,7 @@ def punctures(
     console = Console()
     if not console.is_terminal:
         console.width = WIDE
-    rows = _mapped(tasks, lines, console)
+    rows = _mapped(tasks, lines, jobs, console)
     wrong = False
     for methods in COMPARED.values():
         comparisons = list(_comparisons(rows, methods))
@@ -225,22 +226,19 @@ def _row_that_leaves_a_disk(rng: np.random.Generator, V: Floats, F: Ints, kind: 
     return next((row for row in rows if check(*opened(V, F, kind, row)).is_disk), None)
 
 
-def _mapped(tasks: Sequence[Task], lines: Lines, console: Console) -> list[Row]:
+def _mapped(tasks: Sequence[Task], lines: Lines, jobs: int, console: Console) -> list[Row]:
     """Map what has not been mapped by this code."""
     known = {_key(row, row.method): row for row in (Row(**kept) for kept in lines.read())}
+    missing = [task for task in tasks if _key(task.hole, task.method) not in known]
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    rows = []
-    with Progress(*columns, console=console, transient=True) as bar, Worker(examine) as worker:
-        for task in bar.track(tasks):
-            row = known.get(_key(task.hole, task.method))
-            if row is None:
-                try:
-                    row = worker.run(task, SECONDS)
-                except Lost as lost:
-                    row = Row(**asdict(task.hole), method=task.method, outcome=str(lost))
-                lines.append(asdict(row))
-            rows.append(row)
-    return rows
+    with Progress(*columns, console=console, transient=True) as bar:
+        examined = answers(examine, missing, SECONDS, jobs)
+        for task, row in bar.track(examined, total=len(missing)):
+            if isinstance(row, Lost):
+                row = Row(**asdict(task.hole), method=task.method, outcome=str(row))
+            known[_key(task.hole, task.method)] = row
+            lines.append(asdict(row))
+    return [known[_key(task.hole, task.method)] for task in tasks]
 
 
 def _key(hole: Hole | Row, method: str) -> tuple[str | int, ...]:

@@ -1,14 +1,21 @@
-"""A process that may crash or hang without harm."""
+"""Processes that may crash or hang without harm."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from typing import Any
+from queue import SimpleQueue
+from typing import Annotated, Any
 
-__all__ = ["Lost", "Worker"]
+import typer
+
+__all__ = ["Jobs", "Lost", "Worker", "answers"]
+
+Jobs = Annotated[int, typer.Option(min=1, help="Cases side by side.")]
 
 
 class Lost(Exception):
@@ -58,6 +65,42 @@ class Worker:
 
     def __exit__(self, *exception: object) -> None:
         self._stop()
+
+
+def answers(
+    answer: Callable[[Any], Any], requests: Iterable[Any], seconds: float, jobs: int
+) -> Iterator[tuple[Any, Any]]:
+    """Yield each request with its answer, or with the `Lost` of it, as they are done.
+
+    Parameters
+    ----------
+    answer : callable
+        As of a `Worker`.
+    requests : iterable
+    seconds : float
+        For each.
+    jobs : int
+        Workers, each with a request at a time.
+    """
+    idle: SimpleQueue[Worker] = SimpleQueue()
+
+    def run(request: Any) -> Any:
+        worker = idle.get()
+        try:
+            return worker.run(request, seconds)
+        except Lost as lost:
+            return lost
+        finally:
+            idle.put(worker)
+
+    with ExitStack() as stack:
+        for _ in range(jobs):
+            idle.put(stack.enter_context(Worker(answer)))
+        threads = ThreadPoolExecutor(jobs)
+        stack.callback(threads.shutdown, cancel_futures=True)
+        asked = {threads.submit(run, request): request for request in requests}
+        for done in as_completed(asked):
+            yield asked[done], done.result()
 
 
 def _serve(pipe: Connection, answer: Callable[[Any], Any]) -> None:
