@@ -48,7 +48,7 @@ class Chords:
         """
         m, inside, on_boundary = len(F), edges.valence == 2, place >= 0
         one, other = (edges.sides[edges.start[inside] + k].astype(np.int64) for k in (0, 1))
-        chord = on_boundary[edges.low[inside]] & on_boundary[edges.high[inside]]
+        chord = edges.chords(on_boundary)[inside]
         near = coo_matrix(
             (np.ones(np.count_nonzero(~chord)), (one[~chord] % m, other[~chord] % m)), (m, m)
         )

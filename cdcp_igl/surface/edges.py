@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_matrix, get_index_dtype
 
-from ..arrays import Floats, Indices, Ints
+from ..arrays import Bools, Floats, Indices, Ints
 
 __all__ = ["Edges", "group_by_edge", "half_edges"]
 
@@ -35,6 +35,10 @@ class Edges:
     def valence(self) -> Indices:
         """(e,) number of half-edges, which is that of faces, of each edge."""
         return np.diff(self.start, append=self.start.dtype.type(len(self.sides)))
+
+    def chords(self, on_boundary: Bools) -> Bools:
+        """(e,) which edges with two faces join two boundary vertices."""
+        return (self.valence == 2) & on_boundary[self.low] & on_boundary[self.high]
 
     def sum_opposite(self, x: Floats) -> Floats:
         """(e,) sums of the values x (m, 3) at the corners opposite each edge."""

@@ -74,9 +74,7 @@ class Topology:
         """(k, 2) ends of the edges with two faces that join two boundary vertices."""
         on_boundary = np.zeros(self.n, dtype=bool)
         on_boundary[self._tail[self.border]] = on_boundary[self._head[self.border]] = True
-        edges = self.edges
-        inner = (edges.valence == 2) & on_boundary[edges.low] & on_boundary[edges.high]
-        return self.ends(inner)
+        return self.ends(self.edges.chords(on_boundary))
 
     def ends(self, chosen: Bools) -> Ints:
         """(k, 2) vertices of some of the edges."""

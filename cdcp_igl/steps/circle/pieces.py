@@ -34,10 +34,15 @@ def flat_pieces(mesh: DiskMesh, f_B: Complex) -> Ints:
     ndarray of int
         Their numbers, ascending.
     """
-    steps = increments(f_B)
-    if (steps >= FLAT).all():  # no edge is short, so no arc: saves the chords
-        return np.empty(0, dtype=np.int64)
-    chords, angle = mesh.chords, np.append(0, np.cumsum(steps))
+    steps, nothing = increments(f_B), np.empty(0, dtype=np.int64)
+    if (steps >= FLAT).all():  # no edge is short, so no arc
+        return nothing
+    edges, angle = mesh.edges, np.append(0, np.cumsum(steps))
+    ends = np.flatnonzero(edges.chords(mesh.on_boundary))
+    arc = abs(angle[mesh.place[edges.low[ends]]] - angle[mesh.place[edges.high[ends]]])
+    if (np.minimum(arc, angle[-1] - arc) >= FLAT).all():  # saves the pieces, all but always
+        return nothing
+    chords = mesh.chords
     arc = angle[chords.end] - angle[chords.start]
     return np.flatnonzero(np.where(chords.end < chords.start, arc + angle[-1], arc) < FLAT)
 
