@@ -10,7 +10,7 @@ import numpy as np
 from . import libigl
 from .arrays import Complex, Floats, Ints, blocks
 from .surface.mesh import DiskMesh
-from .surface.triangles import ORIENTATION_BOUND, area_products
+from .surface.triangles import oriented_areas
 
 __all__ = ["Certificate", "certify", "flipped_faces", "increments", "is_around"]
 
@@ -110,12 +110,13 @@ def certify(mesh: DiskMesh, uv: Floats) -> Certificate:
     """
     if not np.isfinite(uv).all():
         return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)
-    boundary = uv[mesh.loop]
+    f: Complex = uv[:, 0] + 1j * uv[:, 1]
+    boundary = f[mesh.loop]
     turns, monotone = _around(boundary)
-    flipped, n_exact = flipped_faces(uv, mesh.F)
+    flipped, n_exact = flipped_faces(f, mesh.F)
     return Certificate(
         finite=True,
-        boundary_error=float(abs(np.hypot(*boundary.T) - 1).max()),
+        boundary_error=float(abs(abs(boundary) - 1).max()),
         boundary_monotone=monotone,
         winding_number=turns,
         flipped=flipped,
@@ -123,15 +124,15 @@ def certify(mesh: DiskMesh, uv: Floats) -> Certificate:
     )
 
 
-def _around(boundary: Floats) -> tuple[int, bool]:
+def _around(boundary: Complex) -> tuple[int, bool]:
     """Winding number about 0, and whether it is 1 with every step forward."""
-    steps = increments(boundary[:, 0] + 1j * boundary[:, 1])
+    steps = increments(boundary)
     turns = round(steps.sum() / (2 * np.pi))
     # Rounding may give a step of zero either sign, so the orientation of the triangles
     # with 0 decides, exactly; only a step of more than a half turn has it reversed.
     n = len(boundary)
     fan = np.column_stack([np.full(n, n), np.arange(n), np.roll(np.arange(n), -1)])
-    not_forward, _ = flipped_faces(np.vstack([boundary, [0, 0]]), fan)
+    not_forward, _ = flipped_faces(np.append(boundary, 0), fan)
     return turns, turns == 1 and bool((steps[not_forward] > 1).all())
 
 
@@ -146,15 +147,16 @@ def is_around(f_B: Complex) -> bool:
     return bool((steps > SMALLEST_STEP).all()) and round(steps.sum() / (2 * np.pi)) == 1
 
 
-def flipped_faces(uv: Floats, F: Ints) -> tuple[Ints, int]:
+def flipped_faces(f: Complex, F: Ints) -> tuple[Ints, int]:
     """Faces that are not positively oriented, exactly, and how many were in doubt."""
-    u, v = uv.T
-    positive, in_doubt = np.empty(len(F), dtype=bool), np.empty(len(F), dtype=bool)
+    positive = np.empty(len(F), dtype=bool)
     for part in blocks(len(F)):
-        left, right = area_products(u, v, F[part])
-        twice_area = left - right
-        in_doubt[part] = abs(twice_area) <= ORIENTATION_BOUND * (abs(left) + abs(right))
-        positive[part] = twice_area > 0
-    doubtful = np.flatnonzero(in_doubt)
-    positive[doubtful] = libigl.is_counterclockwise(uv[F[doubtful]])
-    return np.flatnonzero(~positive), len(doubtful)
+        area, error = oriented_areas(f, F[part])
+        np.greater(area, error, out=positive[part])
+    others = np.flatnonzero(~positive)
+    area, error = oriented_areas(f, F[others])
+    in_doubt = abs(area) <= error
+    corners = f[F[others[in_doubt]]]
+    turned = np.ones(len(others), dtype=bool)
+    turned[in_doubt] = ~libigl.is_counterclockwise(np.stack([corners.real, corners.imag], axis=-1))
+    return others[turned], int(np.count_nonzero(in_doubt))

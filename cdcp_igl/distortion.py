@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from . import libigl
 from .arrays import Complex, Floats, Ints, blocks, coordinates
 from .surface.mesh import DiskMesh
-from .surface.triangles import area_products, face_areas
+from .surface.triangles import face_areas, oriented_areas
 from .surface.validation import as_surface, as_vertices
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "angle_errors",
     "area_distortion",
     "conformal_factor",
+    "corner_angles",
     "disk_map_distortion",
     "plane_angles",
     "quasi_conformal_dilatation",
@@ -238,8 +239,8 @@ def area_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     array([0., 0.])
     """
     positions, faces, z = _surface_and_image(V, F, uv)
-    left, right = area_products(z.real, z.imag, faces)
-    image, surface = np.maximum(left - right, 0), face_areas(positions, faces)
+    image = np.maximum(oriented_areas(z, faces)[0], 0)
+    surface = face_areas(positions, faces)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = (image / image.sum()) / (surface / surface.sum())
         return np.where(ratio > 0, np.log(ratio), -np.inf)
@@ -288,13 +289,17 @@ def plane_angles(z: Complex, F: Ints) -> Floats:
 
     0 or pi, never NaN, in triangles that have collapsed.
     """
-    corners = [z[F[:, k]] for k in range(3)]
-    u, v, w = (corners[k - 2] - corners[k] for k in range(3))  # edge k leaves corner k
+    return corner_angles(*(z[corner] for corner in F.T)).T
+
+
+def corner_angles(i: Complex, j: Complex, k: Complex) -> Floats:
+    """(3, m) as `plane_angles`, of triangles with these corners; row by row a corner."""
+    u, v, w = j - i, k - j, i - k  # each leaves its corner
     twice_area = u.real * v.imag - u.imag * v.real
-    angles = np.empty(F.shape)
-    for k, (ahead, back) in enumerate([(u, w), (v, u), (w, v)]):
+    angles = np.empty((3, len(u)))
+    for (ahead, back), out in zip([(u, w), (v, u), (w, v)], angles, strict=True):
         cosine = -(ahead.real * back.real + ahead.imag * back.imag)
-        np.arctan2(twice_area, cosine, out=angles[:, k])
+        np.arctan2(twice_area, cosine, out=out)
     return angles
 
 

@@ -249,7 +249,7 @@ def _mapped(mesh: DiskMesh, L: Laplacian, name: str, sides: list[Ints]) -> Recta
     repair = Repair()
     if _monotone(sides, u, v):
         f, repair = unfold(mesh, f)
-    flipped, n_exact = flipped_faces(as_rows(f), mesh.F)
+    flipped, n_exact = flipped_faces(f, mesh.F)
     certificate = Certificate(
         finite=bool(np.isfinite(f).all()),
         boundary_error=0.0,  # the sides are set, not solved for

@@ -358,11 +358,11 @@ def test_a_collapsed_ear_is_held_open_by_the_last_digits(turn):
     f = np.zeros(len(mesh.V), complex)
     f[mesh.loop] = np.exp(1j * angles)
     f[mesh.loop[tip]] *= 1 - 1e-15
-    flipped, _ = flipped_faces(np.column_stack([f.real, f.imag]), mesh.F[mesh.inscribed])
+    flipped, _ = flipped_faces(f, mesh.F[mesh.inscribed])
     assert 0 in flipped
     g, count = hold_open(mesh, f)
     assert count == len(flipped)
-    flipped, _ = flipped_faces(np.column_stack([g.real, g.imag]), mesh.F[mesh.inscribed])
+    flipped, _ = flipped_faces(g, mesh.F[mesh.inscribed])
     assert len(flipped) == 0
     assert abs(g - f).max() < 3e-15
     assert np.flatnonzero(g != f).tolist() == [mesh.loop[tip]]

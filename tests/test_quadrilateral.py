@@ -212,7 +212,7 @@ def test_what_a_chord_cuts_off_is_named():
 
 def test_what_is_no_bijection_is_not_returned(monkeypatch):
     V, F = grid()
-    monkeypatch.setattr(quadrilateral, "flipped_faces", lambda uv, F: (np.array([3]), 0))
+    monkeypatch.setattr(quadrilateral, "flipped_faces", lambda f, F: (np.array([3]), 0))
     with pytest.raises(cdcp_igl.MapError, match="rectangle: 1 flipped") as caught:
         cdcp_igl.rectangle_map(V, F, [0, 7, 47, 40])
     assert not caught.value.result.valid

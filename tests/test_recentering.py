@@ -67,7 +67,7 @@ def test_the_map_differs_by_a_mobius_transformation():
         harmonic.f, mobius_transformation(before, harmonic.w), rtol=0, atol=1e-13
     )
     assert abs(abs(harmonic.f[mesh.loop]) - 1).max() < 1e-15
-    lost = flipped_faces(coordinates(before), mesh.F)[0]
+    lost = flipped_faces(before, mesh.F)[0]
     assert len(lost) > 0
     assert certify(mesh, coordinates(harmonic.f)).valid
 

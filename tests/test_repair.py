@@ -120,10 +120,10 @@ def test_a_vertex_is_found_a_place_however_small_its_star(size):
     fan = np.array([[5, i, (i + 1) % 5] for i in range(5)])
     g = np.append(rim, rim[0] + size)
     free = np.arange(6) == 5
-    flipped = flipped_faces(np.column_stack([g.real, g.imag]), fan)[0]
+    flipped = flipped_faces(g, fan)[0]
     assert len(flipped)
     placed, moved = search_stars(fan, g, flipped, free)
-    assert len(flipped_faces(np.column_stack([placed.real, placed.imag]), fan)[0]) == 0
+    assert len(flipped_faces(placed, fan)[0]) == 0
     np.testing.assert_array_equal(moved, free)
 
 

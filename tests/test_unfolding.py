@@ -33,7 +33,7 @@ def rugged(seed):
 
 
 def flipped(mesh, f):
-    return flipped_faces(np.column_stack([f.real, f.imag]), mesh.F)[0]
+    return flipped_faces(f, mesh.F)[0]
 
 
 def with_blister():

@@ -12,7 +12,7 @@ from ..arrays import Floats, Ints
 from ..certificate import Certificate
 from ..distortion import AngleDistortion
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import area_products
+from ..surface.triangles import oriented_areas
 
 __all__ = ["Layout", "Mapped", "Opened", "lay_out"]
 
@@ -139,9 +139,9 @@ def _laid_out_opened(result: Opened, facts: Sequence[str]) -> Layout:
     faces = np.flatnonzero(result.face_disk >= 0)  # the others have no area, or are there twice
     F, uv = cut.F[faces], np.zeros((len(V), 2))
     uv[F] = 2 * result.packed()[faces] - 1
-    left, right = area_products(uv[:, 0], uv[:, 1], F)
+    area, _ = oriented_areas(uv[:, 0] + 1j * uv[:, 1], F)
     # Faces of a surface with faces turned over, as the disks have them.
-    F = np.where((left < right)[:, None], F[:, ::-1], F)
+    F = np.where((area < 0)[:, None], F[:, ::-1], F)
     plane = f"{count:,} disks" if count > 1 else "Disk"
     named = (f"{len(np.unique(cut.vertex_index)):,} vertices", *facts)
     return Layout(

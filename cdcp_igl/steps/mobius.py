@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, coordinates, spread_evenly
+from ..arrays import Complex, Floats, Ints, spread_evenly
 from ..certificate import flipped_faces, is_around
-from ..distortion import plane_angles
+from ..distortion import corner_angles, plane_angles
 from ..surface.mesh import DiskMesh
 from .alignment import at_one, vertex_areas
 
@@ -36,8 +36,8 @@ FEW_FACES, MANY_FACES = 2_000, 10_000
 SOFT = 0.2  # corner of the pseudo-Huber function, by the median residual
 MAX_STEPS = 30
 HALVINGS = 10  # of w, until no face is turned over
-LAST_STEP = 1e-6  # so short, and within the corner, that Newton's method has converged
 TOLERANCE = 1e-8  # steps of w below this change the objective by its last digits only
+NEAR = 1e-2  # the minimum on few faces is no nearer to that on many
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def normalize(
     if method == "angle":
         w = 0j
         if len(mesh.F) > FEW_FACES:
-            w = least_angle_distortion(AngleErrors.of(mesh.F, f, mesh.angles, FEW_FACES))
+            w = least_angle_distortion(errors.on_fewer(FEW_FACES), tolerance=NEAR)
         w = least_angle_distortion(errors, w)
     elif method == "nelder-mead":
         w = least_angle_distortion_nelder_mead(mesh.F, f, mesh.angles)
@@ -116,9 +116,9 @@ def normalize(
         moved = at_one(mesh, mobius_transformation(f, w), mesh.loop[0])
         if is_around(moved[mesh.loop]):
             moved = finished(moved, w)
-            turned = _flipped(mesh, moved)
+            turned, _ = flipped_faces(moved, mesh.F)
             if len(turned) and allowed is None:
-                allowed = _flipped(mesh, finished(f, 0j))
+                allowed, _ = flipped_faces(finished(f, 0j), mesh.F)
             if allowed is None or np.isin(turned, allowed).all():
                 return moved, Normalization(method, w)
             reason = "flipped faces"
@@ -126,10 +126,6 @@ def normalize(
             reason = "crowding"
         w /= 2
     return finished(f, 0j), Normalization(method, 0j, reason)
-
-
-def _flipped(mesh: DiskMesh, f: Complex) -> Ints:
-    return flipped_faces(coordinates(f), mesh.F)[0]
 
 
 def mobius_transformation(z: Complex, w: complex) -> Complex:
@@ -151,7 +147,9 @@ def angle_change(F: Ints, z: Complex, w: complex) -> Floats:
     return _differences(np.angle(1 - np.conj(w) * z)[F].T).T
 
 
-def least_angle_distortion(errors: AngleErrors, w: complex = 0j) -> complex:
+def least_angle_distortion(
+    errors: AngleErrors, w: complex = 0j, tolerance: float = TOLERANCE
+) -> complex:
     """Find w that minimises the angular distortion of psi_w o f, eq. (20), by Newton.
 
     The sum of absolute values is replaced by a pseudo-Huber function.
@@ -161,6 +159,8 @@ def least_angle_distortion(errors: AngleErrors, w: complex = 0j) -> complex:
     errors : AngleErrors
     w : complex
         Where to start.
+    tolerance : float
+        How near to the minimum to come.
 
     Returns
     -------
@@ -172,8 +172,10 @@ def least_angle_distortion(errors: AngleErrors, w: complex = 0j) -> complex:
         gradient, hessian = errors.derivatives(w)
         dx, dy = np.linalg.lstsq(hessian, -gradient, rcond=None)[0]
         newton = complex(dx, dy)
-        if abs(newton) < min(LAST_STEP, errors.corner) and abs(w + newton) < 1:
-            return w + newton  # what it gains is lost in the rounding of the objective
+        # Convergence is quadratic in hyperbolic length, and the objective bends at its corner.
+        length = abs(newton) / (1 - abs(w) ** 2)
+        if length**2 < tolerance * errors.corner and abs(w + newton) < 1:
+            return w + newton
         step, best = _backtrack(errors.value, w, newton, best)
         if step == 0:
             break
@@ -207,8 +209,8 @@ class AngleErrors:
         self._last = 0j, errors / self.corner
 
     @classmethod
-    def of(cls, F: Ints, z: Complex, angles: Floats, most: int = MANY_FACES) -> AngleErrors:
-        """Take at most so many faces, spread evenly through F.
+    def of(cls, F: Ints, z: Complex, angles: Floats) -> AngleErrors:
+        """Take at most 10,000 of the faces, spread evenly.
 
         Parameters
         ----------
@@ -217,12 +219,16 @@ class AngleErrors:
             The map f.
         angles : (m, 3) float64
             Corner angles of the surface in radians.
-        most : int
         """
-        faces = spread_evenly(len(F), most)
-        corners = z[F[faces].T]
-        errors = np.ascontiguousarray((plane_angles(z, F[faces]) - angles[faces]).T)
+        faces = spread_evenly(len(F), MANY_FACES)
+        corners = z.take(F[faces].T)
+        errors = corner_angles(*corners) - angles.T[:, faces]
         return cls(corners.real.copy(), corners.imag.copy(), errors)
+
+    def on_fewer(self, most: int) -> AngleErrors:
+        """Take at most so many of these faces, spread evenly."""
+        faces = spread_evenly(self._errors.shape[1], most)
+        return AngleErrors(self._x[:, faces], self._y[:, faces], self._errors[:, faces])
 
     def mean(self, w: complex) -> float:
         """Mean of the absolute errors in radians."""

@@ -11,7 +11,7 @@ from scipy.sparse import coo_matrix, csr_matrix, diags, identity
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from ..arrays import Bools, Complex, Floats, Ints, coordinates
+from ..arrays import Bools, Complex, Floats, Ints
 from ..certificate import flipped_faces
 from ..surface.mesh import DiskMesh
 from .recentering import recentered
@@ -89,7 +89,7 @@ def unfold(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
     M. S. Floater. Mean value coordinates. Comput. Aided Geom. Design 20(1), 2003.
     """
     g, repair = mend(mesh, f, MANY * len(mesh.F))
-    if len(_flipped(mesh.F, g)) == 0:
+    if len(flipped_faces(g, mesh.F)[0]) == 0:
         return g, repair
     f, whole = embed(mesh, f)
     return f, Repair(whole.n_flipped, whole.n_moved, repair.rounds + 1)
@@ -98,7 +98,7 @@ def unfold(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
 def embed(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
     """Set the whole interior to mean values and relax it; otherwise as `unfold`."""
     whole = _Neighbourhood(mesh, np.ones(len(f), dtype=bool))
-    n_flipped = len(_flipped(mesh.F, f))
+    n_flipped = len(flipped_faces(f, mesh.F)[0])
     f = whole.combine(f, whole.free)
     f, _ = recentered(mesh, f, partial(whole.combine, patch=whole.free))
     whole.moved = whole.free
@@ -130,7 +130,7 @@ def mend(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Rep
         It may still have flipped faces; the argument itself if nothing was done.
     Repair
     """
-    flipped = _flipped(mesh.F, f)
+    flipped, _ = flipped_faces(f, mesh.F)
     if len(flipped) == 0 or len(flipped) > most:
         return f, Repair(len(flipped))
     folded = np.zeros(len(f), dtype=bool)
@@ -210,7 +210,7 @@ class _Neighbourhood:
 
     def flipped(self, g: Complex) -> Ints:
         """Rows of F that are not positively oriented."""
-        return _flipped(self.F, g)
+        return flipped_faces(g, self.F)[0]
 
     def average(self, g: Complex, rings: int) -> tuple[Complex, int]:
         """Set patches around flipped faces to mean values, and keep those that are better then.
@@ -310,10 +310,6 @@ class _Neighbourhood:
             for corner in self.F.T:
                 np.maximum.at(level, corner, highest)
         return level >= 0
-
-
-def _flipped(F: Ints, f: Complex) -> Ints:
-    return flipped_faces(coordinates(f), F)[0]
 
 
 def _grow(F: Ints, vertices: Bools, rings: int) -> Bools:

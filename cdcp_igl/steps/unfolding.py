@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from ..arrays import Bools, coordinates
+from ..arrays import Bools
 from ..certificate import flipped_faces
 from ..solve.delaunay import constrained_delaunay_laplacian
 from ..solve.factor import Factor
@@ -50,7 +50,7 @@ def keep_faces(mesh: DiskMesh, harmonic: HarmonicMap, *, straightened: bool) -> 
     kept = np.zeros(len(mesh.F), dtype=bool)
     for _ in range(ROUNDS):
         f, _ = hold_open(mesh, harmonic.placed(harmonic.f, 0j))
-        flipped, _ = flipped_faces(coordinates(f), mesh.F)
+        flipped, _ = flipped_faces(f, mesh.F)
         if kept[flipped].all():
             break
         corners = np.zeros(len(mesh.V), dtype=bool)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Bools, Complex, Floats, Ints
 from .mesh import DiskMesh
-from .triangles import ORIENTATION_BOUND, area_products
+from .triangles import oriented_areas, spanned_areas
 
 __all__ = ["FaceFinder", "z_order"]
 
@@ -48,9 +48,8 @@ class FaceFinder:
         self._corners = z[mesh.F]
         self._across = _faces_across(mesh)
         self._angles, self._rim = _rim(mesh, z)
-        left, right = area_products(z.real, z.imag, mesh.F)
-        flipped = left - right < -ORIENTATION_BOUND * (abs(left) + abs(right))
-        if flipped.any() or (left - right).sum() > 2 * np.pi * (1 + ON_CIRCLE):
+        area, error = oriented_areas(z, mesh.F)
+        if (area < -error).any() or area.sum() > 2 * np.pi * (1 + ON_CIRCLE):
             raise ValueError("the map is no bijection onto the disk: points have no one place")
         codes = _morton(self._corners.mean(axis=1))
         self._start = np.argsort(codes, kind="stable")
@@ -148,10 +147,8 @@ def _orientations(seen: Complex) -> tuple[Floats, Bools]:
     """
     areas, beyond = np.empty(seen.shape), np.empty(seen.shape, dtype=bool)
     for k in range(3):
-        a, b = seen[:, k - 2], seen[:, k - 1]
-        left, right = a.real * b.imag, a.imag * b.real
-        areas[:, k] = left - right
-        beyond[:, k] = areas[:, k] < -ORIENTATION_BOUND * (abs(left) + abs(right))
+        areas[:, k], error = spanned_areas(seen[:, k - 2], seen[:, k - 1])
+        beyond[:, k] = areas[:, k] < -error
     return areas, beyond
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from .. import libigl
-from ..arrays import Floats, Ints, blocks
+from ..arrays import Complex, Floats, Ints, blocks
 
-__all__ = ["ORIENTATION_BOUND", "area_products", "corner_cotangents", "face_areas"]
+__all__ = ["corner_cotangents", "face_areas", "oriented_areas", "spanned_areas"]
 
 EPS = np.finfo(float).eps / 2
 # Shewchuk's bound: beyond it, the rounded determinant of an orientation has the sign of the
@@ -36,7 +36,13 @@ def corner_cotangents(V: Floats, F: Ints) -> Floats:
     return cotangents.T
 
 
-def area_products(u: Floats, v: Floats, F: Ints) -> tuple[Floats, Floats]:
-    """Compute the two products whose difference is twice the signed area."""
-    i, j, k = F.T
-    return (u[i] - u[k]) * (v[j] - v[k]), (v[i] - v[k]) * (u[j] - u[k])
+def oriented_areas(z: Complex, F: Ints) -> tuple[Floats, Floats]:
+    """(m,) twice the signed areas of plane triangles, and (m,) bounds of their rounding errors."""
+    i, j, k = (z[corner] for corner in F.T)
+    return spanned_areas(i - k, j - k)
+
+
+def spanned_areas(u: Complex, v: Complex) -> tuple[Floats, Floats]:
+    """Twice the signed areas of plane triangles with edges u and v; their bounds likewise."""
+    left, right = u.real * v.imag, u.imag * v.real
+    return left - right, ORIENTATION_BOUND * (abs(left) + abs(right))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...arrays import Complex, Ints, coordinates
+from ...arrays import Complex, Ints
 from ...certificate import flipped_faces, increments
 from ...surface.mesh import DiskMesh
 from .pieces import raise_pieces
@@ -66,7 +66,7 @@ def _open_inscribed(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
 
 def _collapsed(mesh: DiskMesh, f: Complex) -> Ints:
     """Rows of ``mesh.inscribed`` whose faces are not positively oriented."""
-    return flipped_faces(coordinates(f), mesh.F[mesh.inscribed])[0]
+    return flipped_faces(f, mesh.F[mesh.inscribed])[0]
 
 
 def _tips(mesh: DiskMesh, f: Complex) -> tuple[Ints, Complex]:
@@ -83,9 +83,6 @@ def _tips(mesh: DiskMesh, f: Complex) -> tuple[Ints, Complex]:
 def _raise(f: Complex, face: Ints, tip: int) -> None:
     """Move the tip outwards until the face is positively oriented, in place."""
     on_circle, outwards = f[tip] / abs(f[tip]), LAST_DIGIT
-    while outwards <= MOST and len(flipped_faces(f[face].view(float).reshape(3, 2), _FACE)[0]):
+    while outwards <= MOST and len(flipped_faces(f, face[None])[0]):
         f[tip] = on_circle * (1 + outwards)
         outwards *= 2
-
-
-_FACE = np.arange(3)[None]

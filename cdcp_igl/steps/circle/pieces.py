@@ -74,22 +74,18 @@ def raise_pieces(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
         if not chords.hollow[k]:
             continue
         F = mesh.F[chords.faces(k)]
-        collapsed = _n_flipped(f, F)
+        collapsed = len(flipped_faces(f, F)[0])
         if collapsed == 0:
             continue
         raised = _Raised(mesh, chords.faces(k), chords.run(k))
         for height in HEIGHTS:
             trial = raised.by(f, height)
-            left = _n_flipped(trial, F)
+            left = len(flipped_faces(trial, F)[0])
             if left < collapsed:
                 f, n_opened, collapsed = trial, n_opened + collapsed - left, left
             if left == 0:
                 break
     return f, n_opened
-
-
-def _n_flipped(f: Complex, F: Ints) -> int:
-    return len(flipped_faces(coordinates(f), F)[0])
 
 
 @dataclass(frozen=True, eq=False)
