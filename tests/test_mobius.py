@@ -9,14 +9,13 @@ from scipy.spatial.transform import Rotation
 
 import cdcp_igl
 from cdcp_igl.distortion import plane_angles
-from cdcp_igl.steps.mobius import (
+from cdcp_igl.steps.least_distortion import (
     AngleErrors,
     angle_change,
-    conformal_barycenter,
     least_angle_distortion,
     least_angle_distortion_nelder_mead,
-    mobius_transformation,
 )
+from cdcp_igl.steps.mobius import conformal_barycenter, mobius_transformation
 from cdcp_igl.surface.mesh import DiskMesh
 
 V, F = meshes.grid(10, 12)
