@@ -32,8 +32,6 @@ log = logging.getLogger("cdcp_igl")
 # If a larger share of the faces is flipped, other maps come first: those of the intrinsic
 # Delaunay Laplacian have a hundredth of the flipped faces of the cotangent one on slivers.
 MANY_FLIPPED = 0.003
-# With more flipped faces left by repair, another start does not help.
-HOPELESS = 10
 # A map with so many times the distortion of another may still be the better one after refinement.
 HANDICAP = 2
 # Even area, if it was asked for, may raise the angular distortion by so much.
@@ -139,7 +137,8 @@ def _normalized(
     """Do the second half of Algorithm 1, the Möbius transformation; then repair and judge.
 
     A transformed map that had to be repaired, or that has moved a small part of the surface away
-    from 0, is held against the map without the transformation, and the better one is taken.
+    from 0, is held against the map without the transformation, and the better one is taken. What
+    cannot be repaired cannot without it either: it has the same flipped faces.
     Nothing is repaired if a larger share of the faces is flipped.
     """
     method, repair = options.mobius_method, partial(mend, most=share * len(mesh.F))
@@ -149,8 +148,8 @@ def _normalized(
     if plain and plain.certificate.valid:
         repair = partial(mend, most=0)  # what needs repair now is no improvement
     candidate = _repaired(mesh, harmonic, options, method, repair, phase)
-    hopeless = len(candidate.certificate.flipped) > HOPELESS
-    if candidate.repair.rounds and candidate.mobius.w != harmonic.w and not (plain or hopeless):
+    repaired = candidate.repair.rounds > 0 and candidate.certificate.valid
+    if repaired and candidate.mobius.w != harmonic.w and not plain:
         plain = _repaired(mesh, harmonic, options, None, repair, phase)
     price = PRICE_OF_AREA if method == "area" else 1
     if plain and (plain.rank[0], price * plain.rank[1]) < candidate.rank:

@@ -10,6 +10,7 @@ from ..distortion import wirtinger_derivative
 __all__ = ["Relaxation"]
 
 HALVINGS = 12  # of a vertex's step
+UNFOLDING = 4  # of that of a vertex at a flipped face, which a shorter one hardly ever unfolds
 
 
 class Relaxation:
@@ -84,7 +85,8 @@ class _Star:
         z = z - z[:, :1]  # as differences, lest a small face lose its digits to its place
         p = (self._derivative * z).sum(axis=1)
         q = (self._derivative.conj() * z).sum(axis=1)
-        above, below = abs(p) ** 2 + abs(q) ** 2, abs(p) ** 2 - abs(q) ** 2
+        p_squared, q_squared = abs(p) ** 2, abs(q) ** 2
+        above, below = p_squared + q_squared, p_squared - q_squared
         size = np.bincount(self._owner, above, len(self._vertices)) / self._count
         soft = (softness * size)[self._owner]
         # Gradients with respect to the vertex (x, y) as complex numbers x + iy. `below` is
@@ -107,22 +109,24 @@ class _Star:
         step[~np.isfinite(step)] = 0
 
         energy = self._energy(p, q, soft)
+        most = np.where(np.isfinite(energy), HALVINGS, UNFOLDING)
         scale = np.ones(len(step))
-        for _ in range(HALVINGS):
+        for halvings in range(HALVINGS):
             move = (scale * step)[self._owner]
             after = self._energy(p + c * move, q + c.conj() * move, soft)
             worse = ~(np.isfinite(after) & (after <= energy))
-            if not worse.any():
+            if not (worse & (halvings < most)).any():
                 break
             scale[worse] /= 2
         scale[worse] = 0
         f[self._vertices] += scale * step
 
     def _energy(self, p: Complex, q: Complex, soft: Floats) -> Floats:
+        p_squared, q_squared = abs(p) ** 2, abs(q) ** 2
         with np.errstate(all="ignore"):
-            below, _ = _lifted(abs(p) ** 2 - abs(q) ** 2, soft)
+            below, _ = _lifted(p_squared - q_squared, soft)
         energy: Floats = np.full(len(p), np.inf)
-        np.divide(abs(p) ** 2 + abs(q) ** 2, below, out=energy, where=below > 0)
+        np.divide(p_squared + q_squared, below, out=energy, where=below > 0)
         return np.bincount(self._owner, energy, len(self._vertices)).astype(float)
 
     def _sum(self, values: Complex) -> Complex:
@@ -135,6 +139,8 @@ class _Star:
 
 def _lifted(below: Floats, soft: Floats) -> tuple[Floats, Floats]:
     """(J + sqrt(J^2 + s^2)) / 2 without cancellation, and its derivative; J itself where s = 0."""
+    if not soft.any():
+        return below, np.ones_like(below)
     root = np.hypot(below, soft)
     lifted = np.where(below > 0, (below + root) / 2, soft**2 / (2 * (root - below)))
     hard = soft == 0

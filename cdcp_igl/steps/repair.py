@@ -22,6 +22,7 @@ __all__ = ["MANY", "Repair", "embed", "mean_value_weights", "mend", "unfold"]
 
 RINGS = 10  # largest radius of a patch around a flipped face
 ATTEMPTS = 4  # with patches up to a quarter of that, a half and so on
+IN_VAIN = 2  # attempts in succession that mend nothing, and no further one will
 MANY = 0.03  # of the faces: so many flipped faces are not near each other, but everywhere
 FEW = 10  # faces that are worth another attempt even if the last one mended none
 SOFTNESSES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the relaxation that pulls faces over, in turn
@@ -137,7 +138,7 @@ def mend(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Rep
     folded[mesh.F[flipped]] = True
     near = _Neighbourhood(mesh, _grow(mesh.F, folded, RINGS + RELAXED + 1))
     g = near.of(f)
-    rounds = 0
+    rounds = in_vain = 0
     for attempt in range(1, ATTEMPTS + 1):
         before = len(near.flipped(g))
         g, tried = near.average(g, attempt * RINGS // ATTEMPTS)
@@ -145,7 +146,8 @@ def mend(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Rep
         g = near.pull_over(g, attempt)
         g = near.search(g)
         left = len(near.flipped(g))
-        if left == 0 or left > max(0.9 * before, FEW):
+        in_vain = in_vain + 1 if left == before else 0
+        if left == 0 or in_vain == IN_VAIN or left > max(0.9 * before, FEW):
             break
     f = f.copy()
     f[near.vertices] = g if left else near.relaxed(g)
