@@ -38,6 +38,15 @@ def skin(solid):
     return np.argwhere(corner >= 0)[used] - 1.0, faces.reshape(F.shape)
 
 
+def arms(length, width):
+    """Three arms of cubes, with a face taken out at the end of one."""
+    solid = np.zeros((2 * length + width, length + width, width), dtype=bool)
+    solid[:, :width] = solid[length : length + width] = True
+    V, F = skin(solid)
+    at_the_end = (V[F, 0] == 0).all(axis=1)
+    return V, np.delete(F, at_the_end.argmax(), axis=0)
+
+
 def _plain(F):
     """Faces all of whose edges have two faces: without one the others are still oriented."""
     edges = np.sort(np.stack([F, np.roll(F, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)

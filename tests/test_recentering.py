@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from surfaces import skin
+from surfaces import arms
 
 import cdcp_igl
 from cdcp_igl.algorithm import Attempts, Steps
@@ -14,15 +14,6 @@ from cdcp_igl.steps.mobius import composed, mobius_transformation
 from cdcp_igl.steps.phases import Phases
 from cdcp_igl.steps.recentering import deep_vertex, recentered
 from cdcp_igl.surface.mesh import DiskMesh
-
-
-def arms(length, width):
-    """Three arms of cubes, with a face taken out at the end of one."""
-    solid = np.zeros((2 * length + width, length + width, width), dtype=bool)
-    solid[:, :width] = solid[length : length + width] = True
-    V, F = skin(solid)
-    at_the_end = (V[F, 0] == 0).all(axis=1)
-    return V, np.delete(F, at_the_end.argmax(), axis=0)
 
 
 def harmonic_map(V, F):

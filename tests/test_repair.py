@@ -3,12 +3,13 @@ import sys
 import meshes
 import numpy as np
 import pytest
+from surfaces import arms
 
 import cdcp_igl
 from cdcp_igl import selection
-from cdcp_igl.certificate import certify, flipped_faces
+from cdcp_igl.certificate import certify, flipped_faces, is_around
 from cdcp_igl.steps.relaxation import Relaxation
-from cdcp_igl.steps.repair import mean_value_weights, mend, unfold
+from cdcp_igl.steps.repair import embed, mean_value_weights, mend, unfold
 from cdcp_igl.steps.star_search import search_stars
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -39,6 +40,18 @@ def test_one_misplaced_vertex_is_put_back_and_the_rest_stays():
     assert "unfolded" in str(repair)
     assert np.count_nonzero(f != folded) <= repair.n_moved < len(MESH.interior)
     assert abs(f[vertex] - Z[vertex]) < 0.05
+
+
+def test_weights_that_differ_less_embed_what_mean_values_crowd(monkeypatch):
+    mesh = DiskMesh(*arms(32, 2))
+    f = np.zeros(len(mesh.V), dtype=complex)
+    f[mesh.loop] = np.exp(2j * np.pi * np.arange(len(mesh.loop)) / len(mesh.loop))
+    embedded, account = embed(mesh, f)
+    assert account.rounds > 1
+    assert len(flipped_faces(embedded, mesh.F)[0]) == 0
+    assert is_around(embedded[mesh.loop])
+    monkeypatch.setattr("cdcp_igl.steps.repair.POWERS", (1,))
+    assert len(flipped_faces(embed(mesh, f)[0], mesh.F)[0]) > 0
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -28,6 +28,7 @@ FEW = 10  # faces that are worth another attempt even if the last one mended non
 SOFTNESSES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the relaxation that pulls faces over, in turn
 SWEEPS = 4  # of that relaxation with each
 SEARCHES = 6  # of all stars with a flipped face
+POWERS = (1, 1 / 2, 0)  # of the mean-value weights of a whole surface, in turn
 RELAXED = 6  # rings around what was moved, that are relaxed with it
 MOVES, MOST_SWEEPS = 200_000, 30  # of vertices at most, in these sweeps at most
 
@@ -97,15 +98,22 @@ def unfold(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
 
 
 def embed(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
-    """Set the whole interior to mean values and relax it; otherwise as `unfold`."""
-    whole = _Neighbourhood(mesh, np.ones(len(f), dtype=bool))
-    n_flipped = len(flipped_faces(f, mesh.F)[0])
-    f = whole.combine(f, whole.free)
-    f, _ = recentered(mesh, f, partial(whole.combine, patch=whole.free))
-    whole.moved = whole.free
-    if len(whole.flipped(f)) == 0:
-        f = whole.relaxed(f)
-    return f, Repair(n_flipped, len(mesh.interior), 1)
+    """Set the whole interior to mean values and relax it; otherwise as `unfold`.
+
+    Where these crowd too much for double precision, the weights differ less. Where most of the
+    surface is in one spot, a Möbius transformation takes it to 0.
+    """
+    flipped, rounds = flipped_faces(f, mesh.F)[0], 0
+    for power in POWERS:
+        whole = _Neighbourhood(mesh, np.ones(len(f), dtype=bool), power)
+        g = whole.combine(f, whole.free)
+        g, _ = recentered(mesh, g, partial(whole.combine, patch=whole.free))
+        rounds += 1
+        if len(whole.flipped(g)) == 0:
+            whole.moved = whole.free
+            g = whole.relaxed(g)
+            break
+    return g, Repair(len(flipped), len(mesh.interior), rounds)
 
 
 def mend(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:
@@ -195,7 +203,7 @@ class _Neighbourhood:
         Which have been moved.
     """
 
-    def __init__(self, mesh: DiskMesh, inside: Bools) -> None:
+    def __init__(self, mesh: DiskMesh, inside: Bools, power: float = 1.0) -> None:
         faces = np.flatnonzero(inside[mesh.F].all(axis=1))
         self.vertices, corners = np.unique(mesh.F[faces], return_inverse=True)
         self.F: Ints = corners.reshape(-1, 3)
@@ -205,6 +213,7 @@ class _Neighbourhood:
         self.free: Bools = whole & ~mesh.on_boundary[self.vertices]
         self.moved: Bools = np.zeros(len(self.vertices), dtype=bool)
         self._weights = mean_value_weights(self)
+        self._weights.data **= power
 
     def of(self, f: Complex) -> Complex:
         """(k,) the map here."""
