@@ -34,17 +34,23 @@ def flat_pieces(mesh: DiskMesh, f_B: Complex) -> Ints:
     ndarray of int
         Their numbers, ascending.
     """
-    steps, nothing = increments(f_B), np.empty(0, dtype=np.int64)
-    if (steps >= FLAT).all():  # no edge is short, so no arc
-        return nothing
-    edges, angle = mesh.edges, np.append(0, np.cumsum(steps))
-    ends = np.flatnonzero(edges.chords(mesh.on_boundary))
-    arc = abs(angle[mesh.place[edges.low[ends]]] - angle[mesh.place[edges.high[ends]]])
-    if (np.minimum(arc, angle[-1] - arc) >= FLAT).all():  # saves the pieces, all but always
-        return nothing
+    angle = np.append(0, np.cumsum(increments(f_B)))
+    if not _is_a_chord_short(mesh, angle):
+        return np.empty(0, dtype=np.int64)
     chords = mesh.chords
     arc = angle[chords.end] - angle[chords.start]
     return np.flatnonzero(np.where(chords.end < chords.start, arc + angle[-1], arc) < FLAT)
+
+
+def _is_a_chord_short(mesh: DiskMesh, angle: Floats) -> bool:
+    """Whether a chord cuts off a flat piece; all but always not, and that saves the pieces."""
+    if (np.diff(angle) >= FLAT).all():  # no arc is shorter than an edge
+        return False
+    edges = mesh.edges
+    chords = np.flatnonzero(edges.chords(mesh.on_boundary))
+    start, end = (angle[mesh.place[ends[chords]]] for ends in (edges.low, edges.high))
+    arc = abs(end - start)
+    return bool((np.minimum(arc, angle[-1] - arc) < FLAT).any())
 
 
 def raise_pieces(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
