@@ -119,8 +119,8 @@ def disk_map(
         corners; boundary vertices slide on the circle. Not in the paper. Most of the gain
         comes with the first two; the first costs about two thirds of the map itself, each further
         one half. A harmonic map that is measurably not near the conformal one has two steps in
-        any case. One that is not conformal, or had to be replaced by repair, has up to 20, with
-        5,000 vertices or fewer up to 100, as long as each gains a thousandth.
+        any case. One that is not conformal, or had to be replaced by repair, has up to 100, as
+        long as each gains a thousandth; above 5,000 vertices, from the 20th on, a hundredth.
     refine_norm : float
         The exponent p, from 1 to 2. The default lowers mean and SD; the nearer to 1, the
         lower the mean and the higher the SD.

@@ -135,3 +135,11 @@ def test_a_repair_of_nearly_half_of_the_surface_is_refined_as_one_of_more(real_m
     F = np.delete(F, 5392, axis=0)
     mean, plain = (cdcp_igl.disk_map(V, F, mobius=m).distortion.mean for m in ("angle", None))
     assert mean < 1.05 * plain
+
+
+def test_steps_go_on_where_they_pay(real_mesh):
+    V, F = real_mesh("any/closed_belt_8194")
+    result = cdcp_igl.disk_map(V, np.delete(F, 1000, axis=0))
+    assert 20 < result.refinement.steps < result.refinement.asked
+    assert result.conformal
+    assert result.distortion.mean < 2.7  # 2.79 with 20 steps

@@ -35,10 +35,12 @@ COARSE = 0.2
 EXCESS = 1.05
 STEPS_DUE = 2
 # A map that is not conformal, or whose interior had to be replaced, has more of them, as long as
-# one lowers the objective by this share; on small meshes, where they take no time, many.
+# one lowers the objective by a share that is worth its time: on a mesh that is not small, after
+# a few steps, a larger share.
 MUCH_REPAIRED = 0.1  # of the vertices
-WORTH = 0.001
-MOST_STEPS, MOST_STEPS_SMALL = 20, 100
+MOST_STEPS = 100
+WORTH, WORTH_LATER = 0.001, 0.01
+FEW_STEPS = 20
 SMALL = 5_000  # vertices
 PATIENT = 12  # halvings of their steps
 
@@ -69,7 +71,7 @@ class Candidate:
         replaced = self.repair.n_moved > MUCH_REPAIRED * len(self.f)
         replaced |= self.trace.laplacian == "constrained Delaunay"
         if not self.conformality or replaced:
-            return MOST_STEPS if len(self.f) > SMALL else MOST_STEPS_SMALL
+            return MOST_STEPS
         unlike = self.straightening.gain > COARSE or self.conformality.excess > EXCESS
         return STEPS_DUE if unlike else 0
 
@@ -108,6 +110,10 @@ def refined(
     deadline = perf_counter() + options.refine_seconds
     least, trimmed = max(options.refine, STEPS_DUE), Trimmed(mesh, candidate.f)
 
+    def enough(taken: int, gain: float) -> bool:
+        later = taken >= FEW_STEPS and len(mesh.V) > SMALL
+        return taken >= least and gain < (WORTH_LATER if later else WORTH)
+
     def lowered(thin: float) -> tuple[Complex, Refinement]:
         with phase("refine") as advance:
             f, refinement = lower_angle_distortion(
@@ -119,7 +125,7 @@ def refined(
                 seconds=deadline - perf_counter(),
                 halvings=HALVINGS if candidate.conformality else PATIENT,
                 thin=thin,
-                enough=lambda taken, gain: taken >= least and gain < WORTH,
+                enough=enough,
                 opened=lambda f: hold_open(trimmed.mesh, f)[0],
                 advance=advance,
             )
