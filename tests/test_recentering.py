@@ -95,6 +95,16 @@ def test_what_is_small_next_to_the_circle_stays_there():
     assert deep_vertex(DiskMesh(V, F), f) is None
 
 
+def test_what_settles_on_the_circle_stays():
+    surface, harmonic = harmonic_map(*arms(20, 1))
+    mesh, boundary = surface.mesh, harmonic.boundary
+    f = boundary.extend(boundary.f_B)
+    vertex = deep_vertex(mesh, f)
+    same, w = recentered(mesh, f, lambda d: d + (1 - f[vertex]))
+    assert same is f
+    assert w == 0
+
+
 def test_composed_transformations():
     z, first, second = 0.3 - 0.4j, 0.5 + 0.1j, -0.2 + 0.6j
     both = mobius_transformation(mobius_transformation(z, first), second)

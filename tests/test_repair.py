@@ -9,7 +9,7 @@ import cdcp_igl
 from cdcp_igl import selection
 from cdcp_igl.certificate import certify, flipped_faces, is_around
 from cdcp_igl.steps.relaxation import Relaxation
-from cdcp_igl.steps.repair import embed, mean_value_weights, mend, unfold
+from cdcp_igl.steps.repair import _Neighbourhood, embed, mean_value_weights, mend, unfold
 from cdcp_igl.steps.star_search import search_stars
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -40,6 +40,27 @@ def test_one_misplaced_vertex_is_put_back_and_the_rest_stays():
     assert "unfolded" in str(repair)
     assert np.count_nonzero(f != folded) <= repair.n_moved < len(MESH.interior)
     assert abs(f[vertex] - Z[vertex]) < 0.05
+
+
+def test_patches_that_undo_each_other_come_to_an_end(monkeypatch):
+    """A round mends one of two faces and turns over the other, for ever."""
+    one, *_, other = np.flatnonzero(~MESH.on_boundary[MESH.F].any(axis=1))
+    near = _Neighbourhood(MESH, np.ones(len(V), dtype=bool))
+    calls = []
+
+    def turned(self, g):
+        return np.array([one if (g[MESH.F[one]] == g[MESH.F[other]]).all() else other])
+
+    def combined(self, g, patch):
+        calls.append(patch)
+        assert len(calls) < 20
+        return np.where(patch, 1 - g, g)
+
+    monkeypatch.setattr(_Neighbourhood, "flipped", turned)
+    monkeypatch.setattr(_Neighbourhood, "combine", combined)
+    monkeypatch.setattr(Relaxation, "sweep", lambda self, g, *_: g)
+    _, rounds = near.average(np.zeros(len(V), dtype=complex), 2)
+    assert rounds == len(calls) > 2
 
 
 def test_weights_that_differ_less_embed_what_mean_values_crowd(monkeypatch):

@@ -53,6 +53,8 @@ def recentered(
     for _ in range(ROUNDS):
         d = settled(d)
         w, d = w + complex(d[vertex]), d - d[vertex]
+    if not abs(w) < 1 - TOO_SMALL:  # the part lies at the circle, and not inside
+        return f, 0j
     f = d / (1 - abs(w) ** 2 - np.conj(w) * d)
     f[mesh.loop] /= abs(f[mesh.loop])
     return f, w

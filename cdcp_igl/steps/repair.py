@@ -226,7 +226,8 @@ class _Neighbourhood:
     def average(self, g: Complex, rings: int) -> tuple[Complex, int]:
         """Set patches around flipped faces to mean values, and keep those that are better then.
 
-        A patch that is not is larger by a ring the next time, up to so many.
+        A patch that is not is larger by a ring the next time, up to so many; and so are all if
+        there are not fewer flipped faces then.
         """
         reach = np.zeros(len(g), dtype=np.int64)
         rounds = 0
@@ -247,9 +248,11 @@ class _Neighbourhood:
             better = (counts[1] < counts[0])[part + 1] & patch
             g = np.where(better, trial, g)
             self.moved |= better
-            reach[folded[~better[folded]]] += 1
+            before, flipped = flipped, self.flipped(g)
+            # Patches may take turns to flip what the other has mended.
+            in_vain = ~better[folded] | (len(flipped) >= len(before))
+            reach[folded[in_vain]] += 1
             rounds += 1
-            flipped = self.flipped(g)
         return g, rounds
 
     def pull_over(self, g: Complex, rings: int) -> Complex:
