@@ -120,7 +120,7 @@ def disk_map(
         comes with the first two; the first costs about two thirds of the map itself, each further
         one half. A harmonic map that is measurably not near the conformal one has two steps in
         any case. One that is not conformal, or had to be replaced by repair, has up to 100, as
-        long as each gains a thousandth; above 5,000 vertices, from the 20th on, a hundredth.
+        long as each gains a thousandth; above 5,000 vertices, from the 20th on, three.
     refine_norm : float
         The exponent p, from 1 to 2. The default lowers mean and SD; the nearer to 1, the
         lower the mean and the higher the SD.

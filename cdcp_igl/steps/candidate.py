@@ -39,7 +39,7 @@ STEPS_DUE = 2
 # a few steps, a larger share.
 MUCH_REPAIRED = 0.1  # of the vertices
 MOST_STEPS = 100
-WORTH, WORTH_LATER = 0.001, 0.01
+WORTH, WORTH_LATER = 0.001, 0.003
 FEW_STEPS = 20
 SMALL = 5_000  # vertices
 PATIENT = 12  # halvings of their steps
