@@ -94,7 +94,7 @@ def unfold(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
     if len(flipped_faces(g, mesh.F)[0]) == 0:
         return g, repair
     f, whole = embed(mesh, f)
-    return f, Repair(whole.n_flipped, whole.n_moved, repair.rounds + 1)
+    return f, Repair(whole.n_flipped, whole.n_moved, repair.rounds + whole.rounds)
 
 
 def embed(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
