@@ -220,13 +220,10 @@ def _sides(mesh: DiskMesh, corners: ArrayLike) -> list[Ints]:
 
 def _refuse_chords(mesh: DiskMesh, sides: list[Ints]) -> None:
     """Raise ValueError for edges inside that join two vertices of one side."""
-    edges = mesh.edges
-    inner = edges.valence == 2
-    ends = np.column_stack([edges.low[inner], edges.high[inner]]).astype(np.int64)
     for number, side in enumerate(sides, 1):
         on_side = np.zeros(len(mesh.V), dtype=bool)
         on_side[side] = True
-        chords = ends[on_side[ends].all(axis=1)]
+        chords = mesh.edges.ends(mesh.edges.chords(on_side))
         if len(chords):
             raise ValueError(
                 f"{len(chords):,} edges inside join two vertices of side {number}, so that the "

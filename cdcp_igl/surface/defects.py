@@ -84,7 +84,7 @@ def _faces_and_edges(surface: Topology) -> Iterator[Defect]:
                 duplicates,
             )
     if singular.any():
-        ends = surface.ends(singular)
+        ends = surface.edges.ends(singular)
         yield Defect(
             "non-manifold edge",
             f"{counted(ends, 'edge lies', 'edges lie')} on three or more faces",

@@ -37,8 +37,12 @@ class Edges:
         return np.diff(self.start, append=self.start.dtype.type(len(self.sides)))
 
     def chords(self, on_boundary: Bools) -> Bools:
-        """(e,) which edges with two faces join two boundary vertices."""
+        """(e,) which edges with two faces join two boundary vertices, or two of some of these."""
         return (self.valence == 2) & on_boundary[self.low] & on_boundary[self.high]
+
+    def ends(self, chosen: Bools) -> Ints:
+        """(k, 2) vertices of some of the edges."""
+        return np.column_stack([self.low[chosen], self.high[chosen]]).astype(np.int64)
 
     def sum_opposite(self, x: Floats) -> Floats:
         """(e,) sums of the values x (m, 3) at the corners opposite each edge."""

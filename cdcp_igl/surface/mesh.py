@@ -132,6 +132,13 @@ class DiskMesh:
         return place
 
     @cached_property
+    def chord_ends(self) -> Ints:
+        """(k, 2) places in ``loop`` of the ends of edges inside between boundary vertices."""
+        ends = self.place[self.edges.ends(self.edges.chords(self.on_boundary))]
+        ends.flags.writeable = False
+        return ends
+
+    @cached_property
     def chords(self) -> Chords:
         """Edges inside between boundary vertices, and the pieces that they cut off."""
         return Chords.of(self.F, self.edges, self.loop, self.place)

@@ -74,11 +74,7 @@ class Topology:
         """(k, 2) ends of the edges with two faces that join two boundary vertices."""
         on_boundary = np.zeros(self.n, dtype=bool)
         on_boundary[self._tail[self.border]] = on_boundary[self._head[self.border]] = True
-        return self.ends(self.edges.chords(on_boundary))
-
-    def ends(self, chosen: Bools) -> Ints:
-        """(k, 2) vertices of some of the edges."""
-        return np.column_stack([self.edges.low[chosen], self.edges.high[chosen]]).astype(np.int64)
+        return self.edges.ends(self.edges.chords(on_boundary))
 
     # -- components and orientation ----------------------------------------------------
 

@@ -46,9 +46,7 @@ def _is_a_chord_short(mesh: DiskMesh, angle: Floats) -> bool:
     """Whether a chord cuts off a flat piece; all but always not, and that saves the pieces."""
     if (np.diff(angle) >= FLAT).all():  # no arc is shorter than an edge
         return False
-    edges = mesh.edges
-    chords = np.flatnonzero(edges.chords(mesh.on_boundary))
-    start, end = (angle[mesh.place[ends[chords]]] for ends in (edges.low, edges.high))
+    start, end = angle[mesh.chord_ends].T
     arc = abs(end - start)
     return bool((np.minimum(arc, angle[-1] - arc) < FLAT).any())
 
