@@ -12,7 +12,6 @@ from typing import Annotated
 import numpy as np
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 from rich.table import Table
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, dijkstra
@@ -110,12 +109,9 @@ def _examined(cases: int, seed: int, jobs: int, console: Console) -> list[Row]:
     lines = Lines(WORK / code() / f"fuzz-{seed}.jsonl")
     rows = {row["case"]: Row(**row) for row in lines.read()}
     missing = [case for case in range(cases) if case not in rows]
-    examined = answers(partial(examine, seed), missing, SECONDS, jobs)
-    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
-        for case, row in bar.track(examined, total=len(missing)):
-            rows[case] = _row(seed, case, row)
-            lines.append(asdict(rows[case]))
+    for case, row in answers(partial(examine, seed), missing, SECONDS, jobs, console):
+        rows[case] = _row(seed, case, row)
+        lines.append(asdict(rows[case]))
     return [rows[case] for case in range(cases)]
 
 

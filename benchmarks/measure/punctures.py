@@ -14,7 +14,6 @@ from typing import Annotated
 import numpy as np
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 from rich.table import Table
 
 from cdcp_igl import MapError, MeshError, SolverError, angle_distortion, check, disk_map
@@ -230,14 +229,11 @@ def _mapped(tasks: Sequence[Task], lines: Lines, jobs: int, console: Console) ->
     """Map what has not been mapped by this code."""
     known = {_key(row, row.method): row for row in (Row(**kept) for kept in lines.read())}
     missing = [task for task in tasks if _key(task.hole, task.method) not in known]
-    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
-        examined = answers(examine, missing, SECONDS, jobs)
-        for task, row in bar.track(examined, total=len(missing)):
-            if isinstance(row, Lost):
-                row = Row(**asdict(task.hole), method=task.method, outcome=str(row))
-            known[_key(task.hole, task.method)] = row
-            lines.append(asdict(row))
+    for task, row in answers(examine, missing, SECONDS, jobs, console):
+        if isinstance(row, Lost):
+            row = Row(**asdict(task.hole), method=task.method, outcome=str(row))
+        known[_key(task.hole, task.method)] = row
+        lines.append(asdict(row))
     return [known[_key(task.hole, task.method)] for task in tasks]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import ExitStack
 from multiprocessing import get_context
@@ -12,6 +12,8 @@ from queue import SimpleQueue
 from typing import Annotated, Any
 
 import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
 __all__ = ["Jobs", "Lost", "Worker", "answers"]
 
@@ -68,7 +70,11 @@ class Worker:
 
 
 def answers(
-    answer: Callable[[Any], Any], requests: Iterable[Any], seconds: float, jobs: int
+    answer: Callable[[Any], Any],
+    requests: Sequence[Any],
+    seconds: float,
+    jobs: int,
+    console: Console,
 ) -> Iterator[tuple[Any, Any]]:
     """Yield each request with its answer, or with the `Lost` of it, as they are done.
 
@@ -76,11 +82,13 @@ def answers(
     ----------
     answer : callable
         As of a `Worker`.
-    requests : iterable
+    requests : sequence
     seconds : float
         For each.
     jobs : int
         Workers, each with a request at a time.
+    console : Console
+        For the progress bar.
     """
     idle: SimpleQueue[Worker] = SimpleQueue()
 
@@ -93,13 +101,15 @@ def answers(
         finally:
             idle.put(worker)
 
+    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with ExitStack() as stack:
+        bar = stack.enter_context(Progress(*columns, console=console, transient=True))
         for _ in range(jobs):
             idle.put(stack.enter_context(Worker(answer)))
         threads = ThreadPoolExecutor(jobs)
         stack.callback(threads.shutdown, cancel_futures=True)
         asked = {threads.submit(run, request): request for request in requests}
-        for done in as_completed(asked):
+        for done in bar.track(as_completed(asked), total=len(asked)):
             yield asked[done], done.result()
 
 
