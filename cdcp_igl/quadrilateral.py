@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Floats, Ints
+from .arrays import Complex, Floats, Ints
 from .certificate import Certificate, flipped_faces
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, spell
@@ -244,14 +244,15 @@ def _mapped(mesh: DiskMesh, L: Laplacian, name: str, sides: list[Ints]) -> Recta
     modulus = float(np.sqrt(bounds[0] * bounds[1]))
     f = modulus * u + 1j * v
     repair = Repair()
-    if _monotone(sides, u, v):
-        f, repair = unfold(mesh, f)
+    if _monotone(sides, f):
+        f, repair = unfold(mesh, f, on_disk=False)
+    off = f.imag[bottom], f.real[right] - modulus, f.imag[top] - 1, f.real[left]
     flipped, n_exact = flipped_faces(f, mesh.F)
     certificate = Certificate(
         finite=bool(np.isfinite(f).all()),
-        boundary_error=0.0,  # the sides are set, not solved for
-        boundary_monotone=_monotone(sides, u, v),
-        winding_number=1,
+        boundary_error=float(abs(np.concatenate(off)).max()),
+        boundary_monotone=_monotone(sides, f),
+        winding_number=1,  # of a boundary that runs through the four sides
         flipped=flipped,
         n_exact=n_exact,
     )
@@ -277,12 +278,12 @@ def _harmonic(mesh: DiskMesh, L: Laplacian, zero: Ints, one: Ints) -> Floats:
     return value + Factor(mesh, L, free).solve(-(L.matrix() @ value))
 
 
-def _monotone(sides: list[Ints], u: Floats, v: Floats) -> bool:
+def _monotone(sides: list[Ints], f: Complex) -> bool:
     """Whether each side is run through forwards, no two vertices in one place."""
     bottom, right, top, left = sides
     return bool(
-        (np.diff(u[bottom]) > 0).all()
-        and (np.diff(v[right]) > 0).all()
-        and (np.diff(u[top]) < 0).all()
-        and (np.diff(v[left]) < 0).all()
+        (np.diff(f.real[bottom]) > 0).all()
+        and (np.diff(f.imag[right]) > 0).all()
+        and (np.diff(f.real[top]) < 0).all()
+        and (np.diff(f.imag[left]) < 0).all()
     )

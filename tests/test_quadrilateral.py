@@ -10,9 +10,11 @@ from meshes import TWO_TRIANGLES, fan, grid, strip
 from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import ellipk, ellipkm1
+from surfaces import tube
 
 import cdcp_igl
 from cdcp_igl import quadrilateral
+from cdcp_igl.steps.repair import Repair
 from cdcp_igl.surface.mesh import DiskMesh
 
 REAL = [
@@ -216,6 +218,27 @@ def test_what_is_no_bijection_is_not_returned(monkeypatch):
     with pytest.raises(cdcp_igl.MapError, match="rectangle: 1 flipped") as caught:
         cdcp_igl.rectangle_map(V, F, [0, 7, 47, 40])
     assert not caught.value.result.valid
+
+
+def test_a_boundary_that_is_not_on_the_sides_is_no_rectangle(monkeypatch):
+    def moved(mesh, f, **how):
+        return f / 2, Repair(1)
+
+    monkeypatch.setattr(quadrilateral, "unfold", moved)
+    with pytest.raises(cdcp_igl.MapError, match=r"rectangle: .* boundary error [5-7].*e-01"):
+        cdcp_igl.rectangle_map(*grid(), [0, 7, 47, 40])
+
+
+@pytest.mark.parametrize("corners", [[0, 1, 2, 3], [0, 6, 12, 18]])
+def test_a_long_tube_with_one_end(corners):
+    """Nearly all of it is in one spot, which no Möbius transformation may take elsewhere."""
+    V, F = tube(80, 24, 40.0)
+    end = len(V) - 24 + np.arange(24)
+    cap = np.column_stack([end, np.roll(end, -1), np.full(24, len(V))])
+    V, F = np.vstack([V, [0, 0, 40]]), np.vstack([F, cap])
+    result = cdcp_igl.rectangle_map(V, F, DiskMesh(V, F).loop[corners])
+    assert result.repair.n_moved > 1000
+    assert on_sides(result, result.mesh)
 
 
 def test_slivers_are_mapped_too():

@@ -67,8 +67,8 @@ class Repair:
         )
 
 
-def unfold(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
-    """Make every face positively oriented, boundary fixed, at whatever cost.
+def unfold(mesh: DiskMesh, f: Complex, *, on_disk: bool = True) -> tuple[Complex, Repair]:
+    """Make every face positively oriented, at whatever cost.
 
     Where `mend` cannot, because of many flipped faces or stubborn ones, the whole interior
     is set to mean values, and Floater's theorem applies: positive weights and a convex
@@ -79,6 +79,8 @@ def unfold(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
     mesh : DiskMesh
     f : (n,) complex128
         Map onto the disk, boundary strictly counterclockwise on the circle.
+    on_disk : bool
+        If not, the map is onto another convex figure, and its boundary stays where it is.
 
     Returns
     -------
@@ -93,21 +95,22 @@ def unfold(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
     g, repair = mend(mesh, f, MANY * len(mesh.F))
     if len(flipped_faces(g, mesh.F)[0]) == 0:
         return g, repair
-    f, whole = embed(mesh, f)
+    f, whole = embed(mesh, f, on_disk=on_disk)
     return f, Repair(whole.n_flipped, whole.n_moved, repair.rounds + whole.rounds)
 
 
-def embed(mesh: DiskMesh, f: Complex) -> tuple[Complex, Repair]:
+def embed(mesh: DiskMesh, f: Complex, *, on_disk: bool = True) -> tuple[Complex, Repair]:
     """Set the whole interior to mean values and relax it; otherwise as `unfold`.
 
     Where these crowd too much for double precision, the weights differ less. Where most of the
-    surface is in one spot, a Möbius transformation takes it to 0.
+    surface is in one spot of the disk, a Möbius transformation takes it to 0.
     """
     flipped, rounds = flipped_faces(f, mesh.F)[0], 0
     for power in POWERS:
         whole = _Neighbourhood(mesh, np.ones(len(f), dtype=bool), power)
         g = whole.combine(f, whole.free)
-        g, _ = recentered(mesh, g, partial(whole.combine, patch=whole.free))
+        if on_disk:
+            g, _ = recentered(mesh, g, partial(whole.combine, patch=whole.free))
         rounds += 1
         if len(whole.flipped(g)) == 0:
             whole.moved = whole.free
