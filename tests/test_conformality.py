@@ -12,7 +12,7 @@ import cdcp_igl
 from cdcp_igl import datasets
 from cdcp_igl.distortion import angle_errors
 from cdcp_igl.reference import harmonic
-from cdcp_igl.steps.conformality import explained_errors, judge
+from cdcp_igl.steps.conformality import dilatation, explained_errors, judge
 from cdcp_igl.surface.mesh import DiskMesh
 
 EXACT = [datasets.ellipse, datasets.square, datasets.paraboloid]
@@ -104,6 +104,31 @@ def test_coarse_faces_are_no_shear():
     assert result.trace.name == "geodesic"
     assert "as the faces are large" in result.conformality.reasons[0]
     assert cdcp_igl.disk_map(*meshes.corridor(6, 16)).conformal
+
+
+@settings(max_examples=20)
+@given(st.floats(1, 1e6), st.floats(0, 7), st.integers(2, 100))
+def test_dilatation_of_a_linear_map(stretch, angle, needles):
+    """It is the quotient of the singular values, whatever the faces are like."""
+    V, F, _ = datasets.ellipse(6)
+    V = V * [needles, 1, 1]
+    mesh, z = DiskMesh(V, F), np.exp(1j * angle) * (V[:, :2] @ [1, 1j])
+    f = z.real * stretch + 1j * z.imag
+    assert dilatation(mesh, f, np.arange(len(F))) == pytest.approx(stretch, rel=1e-6)
+
+
+@pytest.mark.parametrize("length", [30, 1e3, 1e6])
+def test_needles_hide_what_is_done_to_them(length):
+    """Strips of 30 by 30 cells: the angles of their faces hardly change by arc length."""
+    V, F = meshes.corridor(1, 30)
+    result = cdcp_igl.disk_map(V * [length, 1], F)
+    assert result.trace.name == "arc length"
+    assert result.distortion.mean < 12
+    assert not result.conformal
+    assert "stretched" in str(result)
+    assert "remesh" in str(result)
+    for shorter in (1, 5, 10):
+        assert cdcp_igl.disk_map(V * [shorter, 1], F).conformal
 
 
 def test_the_result_says_so(caplog):

@@ -9,11 +9,13 @@ import numpy as np
 from .. import libigl
 from ..arrays import Complex, Floats, Ints
 from ..surface.mesh import DiskMesh
+from ..surface.triangles import face_areas, oriented_areas
 
-__all__ = ["Conformality", "explained_errors", "judge"]
+__all__ = ["Conformality", "dilatation", "explained_errors", "judge"]
 
 SMALL = 1.0  # degrees: a mean error that no one sees, whatever it comes from
 LARGE = 12.0  # degrees: more than any use of a conformal map can bear
+STRETCHED = 3.0  # times as long one way as the other, which no use can bear either
 SAMPLE, RUN = 4_096, 128  # faces that are looked at, and how many in succession
 EXCESS = 1.2  # of the errors, by those that the scale explains; of conformal maps it is 0.9 to 1.06
 
@@ -25,7 +27,10 @@ class Conformality:
     On a mesh, even the exact conformal map changes angles: its scale differs between the
     corners of a face. A map is called conformal if its mean angle error is at most 1 degree; or
     at most 12 degrees and at most 1.2 times what the scale at the vertices explains, see
-    `explained_errors`. Faces inscribed in the circle do not count in the 12 degrees.
+    `explained_errors`; and if its faces are stretched, see `dilatation`, at most 3 times as much
+    one way as the other: two angles of a needle stay near a right one, and the third near none,
+    whatever is done to its length. Faces inscribed in the circle do not count in the 12 degrees
+    and the 3 times.
 
     Attributes
     ----------
@@ -37,12 +42,16 @@ class Conformality:
         What would help.
     excess : float
         Mean angle error by what the scale explains; 1 where the error is at most 1 degree.
+    stretch : float
+        How many times a face is longer one way than the other, compared with itself on the
+        surface: the geometric mean, by area.
     """
 
     sheared: bool
     reasons: tuple[str, ...] = ()
     remedies: tuple[str, ...] = ()
     excess: float = 1.0
+    stretch: float = 1.0
 
     def __bool__(self) -> bool:
         return not self.reasons
@@ -73,16 +82,18 @@ def judge(mesh: DiskMesh, f: Complex, degrees: Floats, *, closely: bool = False)
     Conformality
     """
     mean = mean_free = float(degrees.mean())
-    if mean <= SMALL:
-        return Conformality(sheared=False)
     faces = np.arange(len(degrees)) if closely else _sample(len(degrees))
+    free = faces[~mesh.on_boundary[mesh.F[faces]].all(axis=1)]
+    stretch = dilatation(mesh, f, free if len(free) else faces)
+    if mean <= SMALL and stretch <= STRETCHED:
+        return Conformality(sheared=False, stretch=stretch)
     explained_there = np.degrees(abs(explained_errors(mesh, f, faces))).mean()
     explained = float(mean * explained_there / degrees[faces].mean())
     if 0 < len(mesh.inscribed) < len(mesh.F):
         mean_free = float(np.delete(degrees, mesh.inscribed, axis=0).mean())
 
     reasons, remedies = [], []
-    sheared = mean > EXCESS * explained
+    sheared = mean > max(EXCESS * explained, SMALL)
     if sheared:
         reasons.append(
             f"the mean angle error is {mean:.2f} degrees, and the scale explains {explained:.2f}"
@@ -91,10 +102,44 @@ def judge(mesh: DiskMesh, f: Complex, degrees: Floats, *, closely: bool = False)
     elif mean_free > LARGE:
         reasons.append(f"the mean angle error is {mean_free:.2f} degrees, as the faces are large")
         remedies.append("subdivide the faces, or cut the surface (cdcp_igl.cut)")
+    elif stretch > STRETCHED:
+        reasons.append(
+            f"faces are stretched {stretch:.3g} times more one way than the other, which the "
+            "angles of needles do not show"
+        )
+        remedies.append("remesh the surface to rounder faces")
     if reasons and mean > 2 * mean_free:
         remedies.append("flip the ears (cdcp_igl.clean with flip_ears=True)")
     excess = mean / explained if explained else np.inf
-    return Conformality(sheared, tuple(reasons), tuple(remedies), excess)
+    return Conformality(sheared, tuple(reasons), tuple(remedies), excess, stretch)
+
+
+def dilatation(mesh: DiskMesh, f: Complex, faces: Ints) -> float:
+    """Geometric mean, by area, of the dilatation K of some faces: 1 where no angle changes.
+
+    K is the quotient of the singular values of f on a face. Its Dirichlet energy by its area is
+    (K + 1/K) / 2.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    f : (n,) complex128
+        Map onto the disk.
+    faces : (k,) int64
+
+    Returns
+    -------
+    float
+    """
+    F = mesh.F[faces]
+    i, j, k = f[F.T]
+    squared = [abs(edge) ** 2 for edge in (j - k, k - i, i - j)]
+    with np.errstate(divide="ignore", invalid="ignore"):  # of faces as small as rounding errors
+        energy = np.einsum("kc,ck->k", mesh.cotangents[faces], squared) / 2
+        log_K = np.arccosh(np.maximum(energy / oriented_areas(f, F)[0], 1))
+    known = np.isfinite(log_K)
+    area = face_areas(mesh.V, F[known])
+    return float(np.exp(np.average(log_K[known], weights=area))) if known.any() else 1.0
 
 
 def explained_errors(mesh: DiskMesh, f: Complex, faces: Ints) -> Floats:
