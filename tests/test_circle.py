@@ -22,12 +22,14 @@ from cdcp_igl.steps.circle import (
     Rejected,
     arc_length_map,
     blocks,
+    bulge,
     by_trace,
     hold_open,
     whitened_geodesic_map,
 )
 from cdcp_igl.steps.circle.arcs import open_arcs
 from cdcp_igl.steps.circle.blocks import open_blocks
+from cdcp_igl.steps.circle.crowding import crowding_reason
 from cdcp_igl.steps.circle.geodesic import geodesic_map
 from cdcp_igl.steps.circle.harmonic_measure import harmonic_shares
 from cdcp_igl.steps.circle.whiten import whiten_trace
@@ -337,6 +339,23 @@ def test_an_ear_that_is_turned_over_is_left_to_the_certificate():
     g, count = hold_open(mesh, f)
     assert count == 1
     np.testing.assert_allclose(g, f, atol=1e-12)
+
+
+def test_what_cannot_be_opened_is_not_tried_for_ever(monkeypatch):
+    mesh, tried = DiskMesh(*meshes.strip(40)), []
+    monkeypatch.setattr(bulge, "_raise", lambda f, face, tip: tried.append(tip))
+    f = np.zeros(len(mesh.V), complex)
+    f[mesh.loop] = arc_length_map(mesh).conj()  # all of it turned over
+    _, count = hold_open(mesh, f)
+    assert count == len(mesh.F)
+    assert len(tried) == count
+
+
+def test_crowding_inside_names_no_boundary_vertices():
+    mesh = DiskMesh(*meshes.grid())
+    even = np.ones(len(mesh.loop))
+    assert crowding_reason(mesh, even) == ""
+    assert crowding_reason(mesh, even, few=True).startswith("crowding, vertices inside closer")
 
 
 def test_inscribed_faces_that_have_not_collapsed_stay():

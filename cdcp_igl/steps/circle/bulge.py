@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...arrays import Complex, Ints
+from ...arrays import Complex, Ints, coordinates
 from ...certificate import flipped_faces, increments
+from ...libigl import is_counterclockwise
 from ...surface.mesh import DiskMesh
 from .pieces import raise_pieces
 
@@ -58,8 +59,8 @@ def _open_inscribed(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
         # The chord under a face may be a side of another with a longer chord: that one first.
         for row in collapsed[np.argsort(-span[collapsed], kind="stable")]:
             _raise(f, mesh.F[mesh.inscribed[row]], tip[row])
-        collapsed = _collapsed(mesh, f)
-        if len(collapsed) == 0:
+        before, collapsed = len(collapsed), _collapsed(mesh, f)
+        if not 0 < len(collapsed) < before:
             break
     return f, n_collapsed
 
@@ -83,6 +84,6 @@ def _tips(mesh: DiskMesh, f: Complex) -> tuple[Ints, Complex]:
 def _raise(f: Complex, face: Ints, tip: int) -> None:
     """Move the tip outwards until the face is positively oriented, in place."""
     on_circle, outwards = f[tip] / abs(f[tip]), LAST_DIGIT
-    while outwards <= MOST and len(flipped_faces(f, face[None])[0]):
+    while outwards <= MOST and not is_counterclockwise(coordinates(f[face])[None])[0]:
         f[tip] = on_circle * (1 + outwards)
         outwards *= 2

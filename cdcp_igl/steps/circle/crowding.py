@@ -35,9 +35,11 @@ def crowding_reason(mesh: DiskMesh, steps: Floats, *, few: bool = False) -> str:
     crowded = mesh.loop[steps < CROWDED * steps.sum()]
     if len(crowded) <= MANY_CROWDED * len(steps) and not few:
         return ""
+    where = "vertices inside"
+    if len(crowded):
+        where = f"{len(crowded):,} of {len(steps):,} boundary vertices (vertices {spell(crowded)})"
     return (
-        f"crowding, {len(crowded):,} of {len(steps):,} boundary vertices (vertices "
-        f"{spell(crowded)}) closer to their neighbours than double precision can tell apart; "
+        f"crowding, {where} closer to their neighbours than double precision can tell apart; "
         "to lower the distortion, cut the surface into shorter parts"
     )
 
