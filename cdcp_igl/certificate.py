@@ -12,7 +12,14 @@ from .arrays import Complex, Floats, Ints, blocks
 from .surface.mesh import DiskMesh
 from .surface.triangles import oriented_areas
 
-__all__ = ["Certificate", "certify", "flipped_faces", "increments", "is_around"]
+__all__ = [
+    "BOUNDARY_TOLERANCE",
+    "Certificate",
+    "certify",
+    "flipped_faces",
+    "increments",
+    "is_around",
+]
 
 
 BOUNDARY_TOLERANCE = 1e-12

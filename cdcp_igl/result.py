@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .arrays import Floats, coordinates
-from .certificate import Certificate, certify
+from .certificate import BOUNDARY_TOLERANCE, Certificate, certify
 from .distortion import AngleDistortion
 from .errors import MapError
 from .plot.shown import Shown
 from .steps.center import Center
-from .steps.circle import BoundaryMethod
+from .steps.circle import BoundaryMethod, hold_open
 from .steps.conformality import Conformality
 from .steps.landmarks import landmark_automorphism
 from .steps.mobius import Normalization
 from .steps.refine import Refinement
-from .steps.repair import Repair
+from .steps.repair import Repair, mend
 from .steps.straightening import Straightening
 from .surface.bijection import Bijection
 
@@ -214,7 +214,11 @@ class DiskMap(Bijection, Shown):
             map_.uv[column] @ [1, 1j] for map_, column in zip((self, to), pairs.T, strict=True)
         )
         f = landmark_automorphism(here, there)(self.uv @ np.array([1, 1j]))
-        f[self.mesh.loop] /= abs(f[self.mesh.loop])
+        # No digit more than need be is rounded, and what that turns over in crowded parts opened.
+        radius = abs(f[self.mesh.loop])
+        f[self.mesh.loop] /= np.where(abs(radius - 1) < BOUNDARY_TOLERANCE / 10, 1, radius)
+        f, _ = hold_open(self.mesh, f)
+        f, _ = mend(self.mesh, f)
         uv = coordinates(f)
         certificate = certify(self.mesh, uv)
         if not certificate.valid:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from meshes import TRIANGLE, fan, grid, strip
+from meshes import TRIANGLE, corridor, fan, grid, strip
 
 import cdcp_igl
 from cdcp_igl.steps.landmarks import Automorphism, landmark_automorphism
@@ -266,6 +266,16 @@ def test_registration_does_not_depend_on_the_normalisation(cap):
     uv = result.register(other, landmarks)
     assert abs(uv - other.uv).max() < 1e-9
     assert abs(other.interpolate(V, uv) - V).max() < 1e-7
+
+
+@pytest.mark.parametrize("landmarks", [[0, -1], [200, 150, 300]])
+def test_a_crowded_map_is_registered_with_itself(landmarks):
+    """Faces at the ends of a strip are as thin as rounding errors."""
+    V, F = corridor(15, 6)
+    result = cdcp_igl.disk_map(V, F)
+    pairs = np.column_stack([np.arange(len(V))[landmarks]] * 2) % len(V)
+    uv = result.register(result, pairs)
+    assert abs(uv - result.uv).max() < 1e-15
 
 
 def test_landmarks_are_judged(cap):
