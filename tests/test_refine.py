@@ -275,7 +275,7 @@ def test_bad_options():
     for bad in (-1, 1.5, "2", None):
         with pytest.raises(ValueError, match="refine must"):
             cdcp_igl.disk_map(V, F, refine=bad)
-    for bad in (0.9, 2.1, float("nan")):
+    for bad in (0.9, 2.1, float("nan"), True):
         with pytest.raises(ValueError, match="refine_norm"):
             cdcp_igl.disk_map(V, F, refine=1, refine_norm=bad)
     for bad in (-1, float("nan")):

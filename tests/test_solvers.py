@@ -66,6 +66,8 @@ def test_the_variable_chooses_and_the_argument_has_the_last_word(monkeypatch):
 def test_unknown_solvers_are_refused_first():
     with pytest.raises(ValueError, match="not 'umfpack'"):
         disk_map(None, None, solver="umfpack")
+    with pytest.raises(ValueError, match="solver must be one of"):
+        disk_map(None, None, solver=["scipy"])
 
 
 def test_what_is_asked_for_in_one_thread_is_not_asked_for_in_another(monkeypatch):

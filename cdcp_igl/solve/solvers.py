@@ -93,7 +93,7 @@ def using(name: SolverName | None) -> Iterator[None]:
 
 def checked(name: str) -> str:
     """Return the name; ValueError if no solver has it."""
-    if name not in SOLVERS:
+    if name not in tuple(SOLVERS):  # whatever the name is
         known = ", ".join(f'"{solver}"' for solver in SOLVERS)
         raise ValueError(f"solver must be one of {known}, not {name!r}")
     return name

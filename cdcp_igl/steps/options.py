@@ -80,4 +80,4 @@ def _whole(value: object) -> bool:
 
 
 def _real(value: object) -> bool:
-    return isinstance(value, int | float | np.integer | np.floating)
+    return _whole(value) or isinstance(value, float | np.floating)
