@@ -15,7 +15,7 @@ WORKERS = Path(__file__).parent / "workers"
 
 
 def write_surfaces(folder, count, rows=5, columns=6):
-    folder.mkdir(exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     for i in range(count):
         V, F = meshes.grid(rows + i % 4, columns, seed=i)
         np.savez(folder / f"surface_{i:03}.npz", V=V, F=F)

@@ -3,6 +3,8 @@
 import csv
 import json
 import os
+from functools import partial
+from pathlib import Path
 
 import meshes
 import numpy as np
@@ -130,14 +132,24 @@ def test_what_failed_is_done_once_it_has_been_mended(scans, tmp_path):
     assert batch([scans], tmp_path / "maps").failed == ()
 
 
-def test_a_result_that_was_lost_is_made_again(scans, tmp_path):
+@pytest.mark.parametrize("lose", [Path.unlink, partial(Path.write_bytes, data=b"")])
+def test_a_result_that_was_lost_is_made_again(scans, tmp_path, lose):
     out = tmp_path / "maps"
     batch([scans], out)
     before = contents(out)
-    (out / "surface_002.npz").unlink()
+    lose(out / "surface_002.npz")
     batch([scans], out)
     assert contents(out) == before
     assert len(lines(out)) == 6
+
+
+def test_a_result_that_was_replaced_is_no_result(scans, tmp_path):
+    out = tmp_path / "maps"
+    batch([scans], out)
+    (out / "surface_002.npz").write_bytes(b"thesis")
+    [failed] = batch([scans], out).failed
+    assert failed.error == "FileExistsError"
+    assert (out / "surface_002.npz").read_bytes() == b"thesis"
 
 
 def test_a_result_without_a_line_is_made_again(scans, tmp_path):

@@ -1,12 +1,15 @@
 """Which surfaces a batch maps, and what the results are called."""
 
 import os
+from pathlib import Path
 
 import pytest
 from batches import command, lines, write_surfaces
+from typer.testing import CliRunner
 
 from cdcp_igl.batching import batch
 from cdcp_igl.batching.names import result_names, shown, surface_files
+from cdcp_igl.command_line.program import app
 
 
 @pytest.fixture
@@ -30,6 +33,29 @@ def test_names_do_not_collide(tmp_path):
 def test_large_and_small_letters_count_as_equal(tmp_path):
     names = result_names([tmp_path / "Face.obj", tmp_path / "face.obj"])
     assert len({name.casefold() for name in names}) == 2
+
+
+def test_one_file_is_one_surface_however_it_is_spelled(scans, tmp_path, monkeypatch):
+    """And no result of another folder's surface gets out of the folder of the results."""
+    mine = write_surfaces(tmp_path / "work" / "scans", 1, rows=9) / "surface_000.npz"
+    before, first = mine.read_bytes(), Path("../scans/surface_000.npz")
+    monkeypatch.chdir(tmp_path / "work")
+    assert surface_files([first, scans / first.name, f"./{first}"], Path("o")) == [
+        scans / first.name
+    ]
+    made = batch(["../scans", "scans", "../work/scans"], "maps")
+    assert len(made.done) == 6
+    assert len(list(Path("maps").rglob("surface_*.npz"))) == 6
+    same = Path("../work/../scans/surface_000.npz")
+    done = CliRunner().invoke(app, ["map", *map(str, (first, mine, same)), "--out-dir", "od"])
+    assert done.exit_code == 0, done.output
+    assert {path.as_posix() for path in Path("od").rglob("*.npz")} == {
+        "od/scans/surface_000.npz",
+        "od/work/scans/surface_000.npz",
+    }
+    assert mine.read_bytes() == before
+    with pytest.raises(ValueError, match="folder of the results"):
+        surface_files(["../scans"], scans)
 
 
 def test_folders_and_patterns(scans, tmp_path):

@@ -62,6 +62,7 @@ class Journal:
         line = record.line().encode()
         if self._file.write(line) != len(line):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path))
+        os.fsync(self._file.fileno())
 
     def _lock(self) -> None:
         if fcntl is None:

@@ -73,7 +73,8 @@ class Mapped:
         suffix, disk = target.suffix.lower(), settings.disk
         V, F, like = self.V[: self.n_written], self.F[self.written], None
         uv: MapResult | Floats
-        if {suffix, source.suffix.lower()} == {".obj"} and not settings.clean:
+        mended = settings.clean and self.changes
+        if {suffix, source.suffix.lower()} == {".obj"} and not mended:
             # It keeps whatever else is in it, and faces on no disk as well.
             F, uv, like = self.F, self.result, source
         elif isinstance(self.result, DiskMap):

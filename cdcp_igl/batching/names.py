@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ..io import READABLE
 
-__all__ = ["result_names", "shown", "surface_files"]
+__all__ = ["located", "result_names", "shown", "surface_files"]
 
 
 def surface_files(
@@ -37,21 +37,20 @@ def surface_files(
     ValueError
         If a folder or a pattern has no surface, or a folder is that of the results.
     """
-    out = out.absolute()
+    out = located(out)
     if isinstance(inputs, str | os.PathLike):
         inputs = [inputs]
     return list(dict.fromkeys(file for given in inputs for file in _expand(Path(given), out)))
 
 
 def _expand(given: Path, out: Path) -> Iterable[Path]:
-    given = given.absolute()
     if given.is_dir():
-        found = _surfaces_below(given, out)
+        found = _surfaces_below(located(given), out)
     elif glob.has_magic(str(given)) and not given.exists():
-        paths = map(Path, glob.glob(str(given), recursive=True))
+        paths = (located(Path(path)) for path in glob.glob(str(given), recursive=True))
         found = sorted(path for path in paths if _readable(path) and path.is_file())
     else:
-        return [given]
+        return [located(given)]
     if not found:
         raise ValueError(f"{shown(given)}: no surface there ({' '.join(READABLE)})")
     return found
@@ -73,8 +72,14 @@ def _readable(path: Path) -> bool:
     return path.suffix.lower() in READABLE
 
 
+def located(path: Path) -> Path:
+    """Make a path absolute; one folder, however it is spelled, is one path."""
+    # The last name stays, though it may be that of a symbolic link: people know the file by it.
+    return path.resolve() if path.name in ("", "..") else path.parent.resolve() / path.name
+
+
 def result_names(files: list[Path]) -> list[str]:
-    """Name the result of each file, without suffix and all different.
+    """Name the result of each file, `located`, without suffix and all different.
 
     The name of the file will do where it is the only one; files of one name in several
     folders keep the folders below the common one, and those of one name and folder their

@@ -17,7 +17,7 @@ from ..extras import from_extra
 from ..io import remove_stale, whole_file
 from .executors import run_on
 from .journal import Journal, is_summary, read_journals, write_summary
-from .names import result_names, shown, surface_files
+from .names import located, result_names, shown, surface_files
 from .page import report_page
 from .pool import Pool
 from .records import DONE, FAILED, Record
@@ -175,7 +175,7 @@ def batch(
         raise ValueError("jobs and limits are those of the executor; give one or the other")
     if jobs < 1:
         raise ValueError(f"jobs must be 1 or more, not {jobs!r}")
-    folder = Path(out).absolute()
+    folder = located(Path(out))
     tasks = _tasks(surface_files(files, folder), folder, settings, shard, report is not None)
     folder.mkdir(parents=True, exist_ok=True)
     summary_file = folder / "summary.csv"
@@ -247,6 +247,7 @@ def _settled(task: Task, record: Record, retry: bool) -> bool:
     """Whether a former run has done with this surface, as it is now."""
     if (record.input, record.input_size, record.input_mtime) != (task.source, *task.state()):
         return False
-    if record.status == DONE:
-        return os.path.exists(task.target)
+    if record.status == DONE:  # and the result is what it was
+        target, stamp = Path(task.target), Stamp(record.input_digest, record.options_digest)
+        return target.is_file() and read_stamp(target) == stamp
     return record.status == FAILED and not retry

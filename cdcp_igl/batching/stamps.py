@@ -7,6 +7,7 @@ is a comment of the file's own format, so that other programs read the file as b
 from __future__ import annotations
 
 import json
+import os
 import re
 import struct
 import zlib
@@ -51,7 +52,10 @@ def put_stamp(path: Path, stamp: Stamp) -> None:
 
 def _append(template: bytes) -> Callable[[Path, bytes], None]:
     def put(path: Path, mark: bytes) -> None:
-        with path.open("ab") as file:
+        with path.open("rb+") as file:
+            file.seek(-1, os.SEEK_END)
+            if file.read() != b"\n":  # an obj file as it was, perhaps with its last line open
+                file.write(b"\n")
             file.write(template % mark)
 
     return put

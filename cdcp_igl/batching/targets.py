@@ -37,8 +37,8 @@ def objection(target: Path, source: Path, ours: Callable[[Stamp | None], bool], 
         return ""
     if os.path.samefile(source, target):
         return f"{shown(target)} is the surface itself; give the result another place."
-    if not target.is_file():
-        return ""  # a device or a pipe, which is written to and not replaced
+    if not target.is_file() or target.stat().st_size == 0:
+        return ""  # a device or a pipe, which is written to and not replaced; nothing to lose
     if ours(read_stamp(target)):
         return ""
     return f"{shown(target)} is there, and was not made from {shown(source.name)}{remedy}."

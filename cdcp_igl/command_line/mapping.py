@@ -145,11 +145,11 @@ def _pairs(files: list[Path], out_dir: Path | None) -> list[tuple[Path, Path]]:
         source, out = files
         target(*WRITABLE)(out)
         return [(source, out)]
-    from ..batching.names import result_names
+    from ..batching.names import located, result_names
 
-    names = result_names([file.absolute() for file in files])
+    surfaces = {located(file): file for file in files}  # each once
     pairs = []
-    for source, name in zip(files, names, strict=True):
+    for source, name in zip(surfaces.values(), result_names(list(surfaces)), strict=True):
         suffix = source.suffix if source.suffix.lower() in WRITABLE else ".obj"
         pairs.append((source, out_dir / f"{name}{suffix}"))
     return pairs
@@ -215,11 +215,12 @@ class _Job:
             return self.force or (found is not None and found.input == stamp.input)
 
         for path in filter(None, (self.out, self.report, self.picture, self.view)):
+            with writing():
+                path.parent.mkdir(parents=True, exist_ok=True)
             if message := objection(path, self.source, ours, "; --force replaces it"):
                 typer.echo(message, err=True)
                 raise typer.Exit(BAD_INPUT)
             with writing():
-                path.parent.mkdir(parents=True, exist_ok=True)
                 try_to_write(path)
 
     def _draw(self, mapped: Mapped, stamp: Stamp) -> None:

@@ -61,6 +61,8 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
             _remove_stale_once(target.parent)
             unfinished = _created(target, there)
             yield unfinished
+            with unfinished.open("rb+") as file:  # lest a power failure leave an empty one
+                os.fsync(file.fileno())
             if there is not None and there.st_nlink > 1:
                 shutil.copyfile(unfinished, target)  # to move it would cut the links
             else:
