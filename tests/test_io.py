@@ -125,8 +125,11 @@ def test_ply_quads_and_points(tmp_path):
     assert read_mesh(path)[1].shape == (0, 3)
 
 
+@pytest.mark.parametrize(
+    "name", ["a", "vertex part", "endloop of a facet with a vertex", "endsolid"]
+)
 @pytest.mark.parametrize("binary", [False, True])
-def test_stl_corners_are_merged_in_order_of_appearance(tmp_path, binary):
+def test_stl_corners_are_merged_in_order_of_appearance(tmp_path, binary, name):
     path = tmp_path / "a.stl"
     corners = V5[[[2, 0, 1], [3, 0, 2]]]
     if binary:
@@ -134,7 +137,7 @@ def test_stl_corners_are_merged_in_order_of_appearance(tmp_path, binary):
     else:
         loops = ("".join("vertex {} {} {}\n".format(*p) for p in c) for c in corners)
         facets = (f"facet normal 0 0 1\nouter loop\n{a}endloop\nendfacet\n" for a in loops)
-        path.write_text("solid a\n" + "".join(facets) + "endsolid a\n")
+        path.write_text(f"solid {name}\n{''.join(facets)}endsolid {name}\n")
     V, F = read_mesh(path)
     np.testing.assert_array_equal(V, V5[[2, 0, 1, 3]])
     np.testing.assert_array_equal(F, [[0, 1, 2], [3, 1, 0]])

@@ -15,6 +15,7 @@ __all__ = ["merge_duplicates", "read_stl"]
 
 FACET = np.dtype([("normal", "<3f4"), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 LOOP = re.compile(rb"outer\s+loop\s" + 3 * rb"\s*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s" + rb"\s*endloop")
+FACETS = re.compile(rb"facet\s+normal")
 HEADER = 84  # bytes, of which the last four are the number of facets
 
 
@@ -36,11 +37,14 @@ def read_stl(path: Path) -> tuple[Floats, Ints]:
 
 def _corners(text: bytes) -> Floats:
     """(3m, 3) corners of the facets of a text file."""
-    _, _, facets = text.lower().partition(b"facet")  # before it comes a name, of any words
+    # Before them and behind them comes a name, of any words.
+    facets = FACETS.split(text.lower(), maxsplit=1)[-1]
+    body, end, _ = facets.rpartition(b"endsolid")
+    facets = body if end else facets
     loops = LOOP.findall(facets)
     if not len(loops) == facets.count(b"endloop") == facets.count(b"vertex") / 3:
         raise Damage("a facet has not three corners")
-    if b"endsolid" not in text.lower():
+    if not end:
         raise Damage("it is cut off: it has no end")
     try:
         return np.array([float(x) for loop in loops for x in loop]).reshape(-1, 3)
