@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import igl
 import matplotlib
 import meshes
 import numpy as np
@@ -146,6 +147,27 @@ def test_devices_and_pipes_are_written_to_and_not_replaced(scan):
         text = pipe.read_text()
     assert process.returncode == 0
     assert text.count("\nvt ") == len(meshes.grid()[0])
+
+
+def test_a_last_line_that_is_left_open_is_ended_first(scan):
+    scan.write_bytes(scan.read_bytes().rstrip())
+    out = scan.with_name("o.obj")
+    assert invoke("map", scan, out).exit_code == 0
+    igl.read_triangle_mesh(str(out))
+    last, mark = out.read_bytes().splitlines()[-2:]
+    assert last.startswith(b"f ")
+    assert mark.startswith(b"# cdcp_igl")
+    assert invoke("map", scan, out).exit_code == 0
+
+
+def test_what_clean_leaves_alone_comes_back_as_it_was(scan):
+    whole = f"g skin\n{scan.read_text()}"
+    for name, text, kept in (("whole", whole, True), ("folded", f"{whole}f 1 2 1\n", False)):
+        scan.write_text(text)
+        out = scan.with_name(f"{name}.obj")
+        result = invoke("map", scan, out, "--clean")
+        assert result.exit_code == 0, result.output
+        assert ("g skin" in out.read_text()) == kept
 
 
 def test_a_report_says_what_it_was_made_from(scan):
