@@ -8,6 +8,7 @@ from meshes import TRIANGLE, corridor, fan, grid, strip
 
 import cdcp_igl
 from cdcp_igl.steps.landmarks import Automorphism, landmark_automorphism
+from cdcp_igl.surface import location
 from cdcp_igl.surface.lattice import disk_lattice, even_ring
 
 SMALL = {"triangle": TRIANGLE, "fan": fan(), "strip": strip(), "grid": grid()}
@@ -266,6 +267,19 @@ def test_registration_does_not_depend_on_the_normalisation(cap):
     uv = result.register(other, landmarks)
     assert abs(uv - other.uv).max() < 1e-9
     assert abs(other.interpolate(V, uv) - V).max() < 1e-7
+
+
+def test_points_in_long_faces_are_found_in_few_steps(monkeypatch):
+    """All faces of a fan reach from the middle to the circle, and no centre is near."""
+    result, looked_at, orientations = cdcp_igl.disk_map(*fan(600)), [], location._orientations
+
+    def counted(seen):
+        looked_at.append(len(seen))
+        return orientations(seen)
+
+    monkeypatch.setattr(location, "_orientations", counted)
+    result.bake(result.uv, size=200)
+    assert sum(looked_at) < 20 * 200**2
 
 
 @pytest.mark.parametrize("landmarks", [[0, -1], [200, 150, 300]])

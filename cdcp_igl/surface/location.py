@@ -17,6 +17,7 @@ BITS = 31  # of each coordinate in a Morton code: a cell of 1e-9
 ON_CIRCLE = 1e-12  # points this far outside the circle have left it by rounding
 RESOLUTION = 2.0**-52  # of coordinates in the disk
 BLOCK = 1 << 17  # points that walk at a time: their arrays stay in the cache
+AHEAD = 16  # of so many points that are close together, one goes ahead
 
 
 class FaceFinder:
@@ -83,6 +84,9 @@ class FaceFinder:
             rows = inside[first : first + BLOCK]
             nearest = np.searchsorted(self._codes, codes[first : first + BLOCK])
             start = self._start[np.minimum(nearest, len(self._start) - 1)]
+            if len(inside) > len(self._start):  # neighbours are nearer than centres of long faces
+                sent, _ = self._walk(points[rows[::AHEAD]], start[::AHEAD], lots)
+                start = np.repeat(sent, AHEAD)[: len(rows)]
             face[rows], barycentric[rows] = self._walk(points[rows], start, lots)
         return face, barycentric
 
