@@ -203,6 +203,22 @@ def test_names_of_files_stand_beside_the_meshes():
     figure.savefig(BytesIO())  # dollars are no formula
 
 
+@pytest.mark.parametrize(
+    ("names", "columns"), [(["", "CAPITALS_" * 5], 1), (["a.obj", "three_lines_" * 4], 7)]
+)
+def test_titles_lie_in_the_picture_and_on_no_image(names, columns):
+    V, F = grid(4, lambda x, y: 0 * x)
+    figure = side_by_side([(V, F, [("lscm", np.nan, None)] * columns)] * 2, names=names)
+    figure.draw_without_rendering()
+    titles = [axes.title.get_window_extent() for axes in figure.axes]
+    images = [image.get_window_extent() for axes in figure.axes for image in axes.images]
+    for title in titles:
+        assert figure.bbox.containsx(title.x0)
+        assert figure.bbox.containsx(title.x1)
+        assert figure.bbox.containsy(title.y1)
+        assert not title.count_overlaps(images)
+
+
 def test_disk_is_turned_to_match_the_view():
     V, F = grid(20, lambda x, y: -0.3 * (x**2 + y**2))
     z = (cdcp(V, F) @ [1, 1j]) * np.exp(2j)

@@ -30,7 +30,7 @@ MapRow = tuple[Floats, Ints, Sequence[tuple[str, float, Floats | None]]]
 
 INK, FAINT = "#222222", "#9a9a9a"
 PIXELS, SMALL = 620, 360  # across a surface, alone and among many
-LINE = 30  # characters of a name
+LINE = 26  # characters of a name: as many capitals are as wide as a surface
 
 
 def picture(V: ArrayLike, F: ArrayLike, result: Mapped | Opened, *, name: str = "") -> Figure:
@@ -150,7 +150,9 @@ def side_by_side(
     3
     """
     columns = 1 + max(len(maps) for _, _, maps in rows)
-    figure = Figure(figsize=(2.6 * columns, 2.9 * len(rows)), dpi=150, facecolor="white")
+    size = (2.6 * columns, 2.9 * len(rows))
+    # The layout that makes room for titles of several lines.
+    figure = Figure(figsize=size, dpi=150, facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(len(rows), columns, squeeze=False)
     for line, mesh, (V, F, maps) in zip(panels, names or [""] * len(rows), rows, strict=True):
@@ -167,7 +169,6 @@ def side_by_side(
                 _show(axes, scene.disk(uv), title=f"{name}  {mean:.3f}°")
     note = "Degrees: mean of the angular distortion"
     figure.supxlabel(note, x=0.01, ha="left", color=FAINT, fontsize=8)
-    figure.tight_layout()
     return figure
 
 
