@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import cdcp_igl
+from cdcp_igl.command_line import tables
+from cdcp_igl.command_line.cases import print_cases
 from cdcp_igl.reference import METHODS
 from cdcp_igl.reference.case import Case, run_case
 
@@ -110,7 +112,8 @@ def test_every_row_is_there(tmp_path, mesh):
     assert done.stderr == ""
     for method in METHODS:
         assert method in done.stdout
-    assert done.stdout.count("no disk") == 3  # lscm, spectral and the caption
+    assert done.stdout.count(" *") == 2  # lscm and spectral
+    assert "* no disk: a map with free boundary" in done.stdout
     rows = json.loads((tmp_path / "r.json").read_text())
     assert [row["method"] for row in rows] == list(METHODS)
     assert all(row["outcome"] == "ok" for row in rows)
@@ -119,13 +122,35 @@ def test_every_row_is_there(tmp_path, mesh):
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_method_that_fails_has_a_row_that_says_so(tmp_path, real_mesh):
+def test_a_method_that_fails_has_a_row_and_a_line_that_says_why(tmp_path, real_mesh):
     positions, faces = real_mesh("face_1180_ears")
     np.savez(tmp_path / "ears.npz", V=positions, F=faces)
     done = compare(tmp_path / "ears.npz", "--methods", "cdcp,fdcp")
     assert done.returncode == 0
     assert "MapError" in done.stdout
     assert done.stdout.index("cdcp") < done.stdout.index("fdcp") < done.stdout.index("MapError")
+
+
+@pytest.mark.parametrize("width", [40, 80, 120])
+def test_the_table_is_whole_on_a_terminal_of_any_width(monkeypatch, capsys, width):
+    numbers = [12.345, 23.456, 178.9, 5.678, 1234, 1e-16, 123.45, 12345]
+    monkeypatch.setattr(tables, "PIPE", width)
+    print_cases("[red]", [Case("double_cover", "disk", "ok", *numbers), Case("x", "free", "ok")])
+    title, headings, _, first, second, _ = capsys.readouterr().out.splitlines()
+    assert title.strip() == "[red]"  # no markup
+    assert headings.split() == [
+        *("method", "mean", "°", "SD", "°", "max", "°", "area", "flips", "boundary", "s", "MiB")
+    ]
+    row = "double_cover 12.345 23.456 178.9 5.678 1,234 1e-16 123.45 12,345"
+    assert first.split() == row.split()
+    assert second.startswith("x *")
+    assert len(first) <= 80
+
+
+def test_each_mesh_is_compared_once(mesh):
+    done = compare(mesh, mesh, "--methods", "lscm")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.count("lscm") == 1
 
 
 @pytest.mark.parametrize(

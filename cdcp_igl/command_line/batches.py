@@ -27,14 +27,13 @@ from .map_options import (
 from .messages import SOME_FAILED, exit_codes, writing
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from ..batching import Batch, Record
 
 __all__ = ["batch_command"]
 
 LONG = 100  # rows of a table that can still be read
 WORST = 20  # of a longer one: the maps with the largest distortion
+HEADINGS = ("surface", "vertices", "mean °", "SD °", "area", "flips", "s", "MiB")
 KEPT = ". What is done is kept: mend this, and run the batch again."
 NOW_AND_THEN = 10.0  # seconds between two lines where there is no terminal
 
@@ -200,16 +199,18 @@ def _progress(quiet: bool) -> Iterator[Callable[[int, int, int], None] | None]:
 
 
 def _show(made: Batch, out: Path) -> None:
-    from rich.console import Console
-
     from ..batching.names import shown
+    from .tables import print_table
 
     done, title = made.done, ""
     if len(done) > LONG:
         done = tuple(sorted(done, key=lambda record: record.mean, reverse=True)[:WORST])
         title = f"the {WORST} with the largest mean"
     if done:
-        Console(width=None if sys.stdout.isatty() else 120).print(_table(title, done))
+        print_table(title, HEADINGS, [_row(record) for record in done])
+    for record in done:
+        if not record.conformal:
+            typer.echo(f"{shown(record.name)}: not conformal: {record.boundary}")
     for record in made.failed[:LONG]:
         typer.echo(f"{shown(record.name)}: {record.error}: {record.message}")
     if len(made.failed) > LONG:
@@ -217,27 +218,16 @@ def _show(made: Batch, out: Path) -> None:
     typer.echo(f"{made}\nOf each surface: {shown(out / 'summary.csv')}")
 
 
-def _table(title: str, records: tuple[Record, ...]) -> Table:
-    from rich.table import Table
-    from rich.text import Text
-
+def _row(record: Record) -> list[str]:
     from ..batching.names import shown
 
-    made = Table(title=title, title_justify="left")
-    made.add_column("surface", overflow="fold")
-    for heading in ("vertices", "mean °", "SD °", "area", "flips", "s", "MiB"):
-        made.add_column(heading, justify="right", no_wrap=True)
-    made.add_column("", overflow="fold")
-    for record in records:
-        made.add_row(
-            Text(shown(record.name)),
-            f"{record.vertices:,}",
-            f"{record.mean:.3f}",
-            f"{record.sd:.3f}",
-            f"{record.area:.3f}",
-            f"{record.flips:,}",
-            f"{record.seconds:.2f}",
-            f"{record.memory:,.0f}",
-            "" if record.conformal else f"not conformal: {record.boundary}",
-        )
-    return made
+    return [
+        shown(record.name),
+        f"{record.vertices:,}",
+        f"{record.mean:.3f}",
+        f"{record.sd:.3f}",
+        f"{record.area:.3f}",
+        f"{record.flips:,}",
+        f"{record.seconds:.2f}",
+        f"{record.memory:,.0f}",
+    ]

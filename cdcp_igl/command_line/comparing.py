@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -63,31 +62,30 @@ def compare_command(
 ) -> None:
     """Compare methods on meshes: a table of distortion, flips, time and memory for each.
 
-    Each method runs in a process of its own; one that fails has a row that says so. A mesh that
-    is no disk is named, and left out.
+    Each method runs in a process of its own; one that fails has a row without numbers, and a line
+    that says why. A mesh that is no disk is named, and left out.
 
     Exit codes: 0 all rows are there; 1 a file could not be written, or an extra is missing;
     2 bad input; 4 some meshes were left out.
     """
-    from rich.console import Console
-
+    from ..batching.names import shown
     from ..batching.targets import try_to_write
     from ..io import read_mesh, whole_file
     from ..reference.case import run_case
     from ..surface.mesh import DiskMesh
-    from .tables import table, write_csv, write_json
+    from .cases import print_cases, write_csv, write_json
 
-    names = (methods or ",".join(METHODS)).split(",")
-    cases: dict[str, list[Case]] = {}
+    chosen = (methods or ",".join(METHODS)).split(",")
+    meshes = list(dict.fromkeys(meshes))
+    cases: dict[Path, list[Case]] = {}
     rows: list[MapRow] = []
-    drawn: list[str] = []
     with exit_codes(), writing():
         if picture:
             with from_extra("plot"):
                 from ..plot import side_by_side
         for path in filter(None, (json_file, csv_file, picture)):
             if path.exists() and not force:
-                raise typer.BadParameter(f"{path} is there; --force replaces it.")
+                raise typer.BadParameter(f"{shown(path)} is there; --force replaces it.")
             try_to_write(path)
     for mesh in meshes:
         try:
@@ -98,14 +96,12 @@ def compare_command(
             continue  # and the message has been printed
         made = []
         with progress_bar() as progress:
-            for done, name in enumerate(names):
-                progress(name, done / len(names))
-                made.append(run_case(name, V, F, time_limit=time_limit))
-        cases[str(mesh)] = [case for case, _ in made]
-        drawn.append(mesh.name)
+            for done, method in enumerate(chosen):
+                progress(method, done / len(chosen))
+                made.append(run_case(method, V, F, time_limit=time_limit))
+        cases[mesh] = [case for case, _ in made]
         rows.append((V, F, [(case.method, case.mean, uv) for case, uv in made]))
-        width = None if sys.stdout.isatty() else 120
-        Console(width=width).print(table(f"{mesh}: {len(V):,} vertices", cases[str(mesh)]))
+        print_cases(f"{shown(mesh)}: {len(V):,} vertices", cases[mesh])
     if not cases:
         raise typer.Exit(BAD_INPUT)
     with writing():
@@ -115,6 +111,7 @@ def compare_command(
                     write(unfinished, cases)
         if picture:
             with whole_file(picture) as unfinished:
-                side_by_side(rows, names=drawn).savefig(unfinished)
+                names = [shown(mesh.name) for mesh in cases]
+                side_by_side(rows, names=names).savefig(unfinished)
     if len(cases) < len(meshes):
         raise typer.Exit(SOME_FAILED)

@@ -1,66 +1,45 @@
-"""Tables of methods on meshes, for ``cdcp-igl compare``."""
+"""Tables on a terminal, of any width."""
 
 from __future__ import annotations
 
-import csv
-import json
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+import sys
+from collections.abc import Sequence
 
-import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
-from ..reference.case import FIELDS, OK, Case
+__all__ = ["print_table"]
 
-__all__ = ["table", "write_csv", "write_json"]
+PIPE = 120  # columns where there is no terminal
+FOLDED = 20  # characters of a name where the terminal is too narrow
 
 
-def table(title: str, cases: Sequence[Case]) -> Table:
-    """One row a method; a method without a map says why."""
-    made = Table(title=title, title_justify="left", caption_justify="left")
-    made.add_column("method", no_wrap=True)
-    for heading in ("mean °", "SD °", "max °", "area", "flips", "boundary", "s", "MiB"):
+def _number_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    """Make a table with a column of names and then columns of numbers, as narrow as can be."""
+    made = Table(
+        title=Text(title, "table.title") if title else None,
+        title_justify="left",
+        box=SIMPLE_HEAD,
+        show_edge=False,
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    made.add_column(headings[0], overflow="fold")
+    for heading in headings[1:]:
         made.add_column(heading, justify="right", no_wrap=True)
-    made.add_column("", overflow="fold")
-    for case in cases:
-        remark = case.outcome
-        if case.outcome == OK:
-            remark = "no disk" if case.boundary == "free" else ""
-        made.add_row(case.method, *_numbers(case), remark)
-    if any(case.boundary == "free" and case.outcome == OK for case in cases):
-        made.caption = "no disk: a map with free boundary; compare it on angles only"
+    for name, *numbers in rows:
+        made.add_row(Text(name), *numbers)
     return made
 
 
-def _numbers(case: Case) -> list[str]:
-    formats: Mapping[str, str] = {
-        "mean": ".3f",
-        "sd": ".3f",
-        "max": ".1f",
-        "area": ".3f",
-        "flips": ",.0f",
-        "boundary_error": ".0e",
-        "seconds": ".2f",
-        "memory": ",.0f",
-    }
-    row = []
-    for name, form in formats.items():
-        value = getattr(case, name)
-        off = name == "boundary_error" and case.boundary == "free"
-        row.append("–" if np.isnan(value) or off else format(value, form))
-    return row
-
-
-def write_json(path: Path, cases: Mapping[str, Sequence[Case]]) -> None:
-    """Write a list of objects, one a case, null where there is no number."""
-    rows = [{"mesh": mesh, **case.as_json()} for mesh, of in cases.items() for case in of]
-    path.write_text(json.dumps(rows, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-
-
-def write_csv(path: Path, cases: Mapping[str, Sequence[Case]]) -> None:
-    """Write one line a case, empty where there is no number."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, ["mesh", *FIELDS])
-        writer.writeheader()
-        for mesh, of in cases.items():
-            writer.writerows({"mesh": mesh, **case.as_json()} for case in of)
+def print_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print such a table; where the terminal is too narrow names fold, and no number is cut."""
+    made = _number_table(title, headings, rows)
+    console = Console(width=None if sys.stdout.isatty() else PIPE)
+    unbounded = console.options.update(max_width=sys.maxsize)
+    longest = max(Text(name).cell_len for name, *_ in rows)
+    least = console.measure(made, options=unbounded).maximum - max(longest - FOLDED, 0)
+    console.width = max(console.width, least)
+    console.print(made)
