@@ -265,6 +265,27 @@ def test_the_message_names_line_and_file(tmp_path):
         read_mesh(path)
 
 
+@pytest.mark.parametrize("name", ["folder", "folder.obj"])
+def test_a_folder_is_no_file(tmp_path, monkeypatch, name):
+    (tmp_path / name).mkdir()
+    with pytest.raises(MeshError, match=rf"{name}' is a folder\. .*cdcp-igl batch"):
+        read_mesh(tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(MeshError, match=r"'\.' is a folder"):
+        read_mesh(".")
+
+
+@pytest.mark.parametrize("suffix", ["npz", "mat"])
+def test_transposed_arrays_are_named_with_their_shapes(tmp_path, suffix):
+    V, F = bumpy_grid()
+    path = tmp_path / f"a.{suffix}"
+    save = savemat if suffix == "mat" else lambda file, arrays: np.savez(file, **arrays)
+    save(path, {"V": V.T, "F": F})
+    with pytest.raises(MeshError, match=r"V has shape \(3, \d+\), .*: transpose") as caught:
+        read_mesh(path)
+    assert caught.value.defect == "shape of V"
+
+
 @pytest.mark.parametrize("suffix", ["obj", "stl", "npz", "mat"])
 def test_missing_files_are_os_errors(tmp_path, suffix):
     with pytest.raises(FileNotFoundError):

@@ -45,8 +45,21 @@ def _pick(found: dict[str, Array | None]) -> tuple[Array, Array]:
             for name, array in zip(names, (V, F), strict=True):
                 if array.ndim != 2:
                     raise Damage(f"{name} is no table, but has shape {array.shape}")
+            _refuse_transposed(V, F)
             return V, F
     raise Damage(f"it must hold V and F (or v and f), not {', '.join(found) or 'nothing'}")
+
+
+def _refuse_transposed(V: Array, F: Array) -> None:
+    """Raise MeshError if a row is a coordinate, rather than a vertex."""
+    if V.shape[0] in (2, 3) and V.shape[1] > 3:
+        raise MeshError(
+            Defect(
+                "shape of V",
+                f"V has shape {V.shape}, and F has shape {F.shape}",
+                "V must be (n, 3) and F (m, 3), a row for each: transpose what is not.",
+            )
+        )
 
 
 # V and F, and where faces may be polygons, which of these each triangle is a part of.
@@ -152,17 +165,21 @@ def read_polygons(
     array([0, 0, 1])
     """
     path = Path(path)
+    if path.is_dir():
+        raise _unreadable(
+            f"{str(path)!r} is a folder",
+            "Name a file in it; cdcp_igl.batch maps all of them (cdcp-igl batch).",
+        )
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise _unreadable(f"{path.name!r} is of no known type", f"Readable: {' '.join(READABLE)}.")
     if "\0" in str(path):
         raise _unreadable(f"{path.name!r} is no name of a file", "It holds a zero.")
-    kind = path.stat().st_mode
-    if not (stat.S_ISREG(kind) or stat.S_ISDIR(kind)):  # to open a FIFO may take for ever
+    if not stat.S_ISREG(path.stat().st_mode):  # to open a FIFO may take for ever
         raise _unreadable(
             f"{path.name!r} is a device, a FIFO or a socket", "Copy it to a file first."
         )
-    path.open("rb").close()  # OSError if it is a folder or forbidden; later ones mean damage
+    path.open("rb").close()  # OSError if it is forbidden; later ones mean damage
     try:
         V, F, *polygons = reader(path)
     except Damage as error:
