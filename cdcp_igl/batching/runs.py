@@ -105,6 +105,9 @@ def batch(
     the results are those of an undisturbed run. A file that is there already is replaced only
     if it was made from the same surface with the same options.
 
+    A result has the name of its surface where no other one given has it, else its folders as well.
+    So give a batch that is to go on the same folders as before, or always the one above them.
+
     Parameters
     ----------
     files : path-like or iterable of path-like
