@@ -45,7 +45,10 @@ def invoke(*arguments):
 
 def run(*arguments, **options):
     return subprocess.run(
-        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, **options
+        [*COMMAND, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        **{"env": {**os.environ, "PYTHONPATH": str(ROOT)}, **options},
     )
 
 
@@ -376,6 +379,67 @@ def test_completion(cap):
 
 
 # -- as a process ----------------------------------------------------------------------
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("unbuffered", ["1", ""])
+@pytest.mark.parametrize("command", [("map", "in.npz", "o.obj"), ("check", "in.npz"), ("--help",)])
+def test_a_full_stdout_is_said_in_a_line(cap, command, unbuffered):
+    cap.rename(cap.with_name("in.npz"))
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": unbuffered}
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*COMMAND, *command],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=cap.parent,
+            env=environment,
+        )
+    assert (done.returncode, done.stderr) == (1, "Not printed: No space left on device\n")
+    assert cap.with_name("o.obj").exists() == (command[0] == "map")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs sh")
+@pytest.mark.parametrize("closed", [">&-", ">&- 2>&-"])
+def test_a_closed_stdout(cap, closed):
+    out = cap.with_name("o.obj")
+    done = subprocess.run(
+        ["sh", "-c", f'"$@" {closed}', "sh", *COMMAND, "map", cap, out],
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert read_mesh(out)[0].shape == (144, 3)
+
+
+@pytest.mark.parametrize(
+    "terminal",
+    [
+        {"PYTHONIOENCODING": "cp932"},
+        {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+    ],
+    ids=["cp932", "C"],
+)
+@pytest.mark.parametrize("command", ["map", "compare"])
+def test_characters_that_the_terminal_lacks(cap, command, terminal):
+    arguments = {
+        "map": [cap, cap.with_name("o.obj")],
+        "compare": [cap, "--methods", "lscm", "--json", cap.with_name("o.json")],
+    }[command]
+    done = subprocess.run(
+        [*COMMAND, command, *arguments], capture_output=True, env={**os.environ, **terminal}
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"bius  " in done.stdout or b"lscm *" in done.stdout
+    assert arguments[-1].exists()
+
+
+def test_characters_that_the_font_lacks(cap):
+    name = "日本語 हिंदी.npz"  # there is a warning for a character, and one for a script
+    cap.rename(cap.with_name(name))
+    done = run("compare", name, "--methods", "lscm", "--picture", "p.png", cwd=cap.parent)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_quiet_in_a_pipe(cap):
