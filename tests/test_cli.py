@@ -7,6 +7,7 @@ import sys
 import time
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -295,6 +296,15 @@ def test_indices_from_one_are_announced(cap):
         assert "from 1" in result.stdout
 
 
+def test_a_missing_file_is_an_object_as_well(cap):
+    missing = cap.with_name("missing.obj")
+    result = invoke("check", "--json", missing, cap)
+    assert (result.exit_code, result.stderr) == (2, "")
+    rows = json.loads(result.stdout)
+    assert [(row["file"], row["disk"]) for row in rows] == [(str(missing), False), (str(cap), True)]
+    assert rows[0]["defects"][0]["what"] == f"{missing}: No such file or directory"
+
+
 def test_every_defect_is_named(cap, monkeypatch):
     defects = Defect("one", "First", "Mend."), Defect("two", "Second", "Mend.")
 
@@ -433,6 +443,44 @@ def test_characters_that_the_terminal_lacks(cap, command, terminal):
     assert (done.returncode, done.stderr) == (0, b"")
     assert b"bius  " in done.stdout or b"lscm *" in done.stdout
     assert arguments[-1].exists()
+
+
+@pytest.fixture
+def no_text(cap, monkeypatch):
+    """The cap in a file whose name is no UTF-8, in the working directory."""
+    monkeypatch.chdir(cap.parent)
+    monkeypatch.setattr("cdcp_igl.plot.pictures.PIXELS", 60)
+    try:
+        return cap.rename(os.fsdecode(b"Stra\xdfe.npz"))  # Latin-1
+    except OSError:  # a file system that takes UTF-8 only
+        pytest.skip("no such names here")
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "file"),
+    [
+        ("map", "--view", "v.html"),
+        ("map", "--picture", "p.svg"),
+        ("compare", "--json", "r.json"),
+        ("compare", "--csv", "r.csv"),
+        ("compare", "--picture", "p.svg"),
+    ],
+)
+def test_names_that_are_no_text_in_files(no_text, command, option, file):
+    more = ("o.obj",) if command == "map" else ("--methods", "lscm")
+    with matplotlib.rc_context({"svg.fonttype": "none"}):  # text stays text
+        result = invoke(command, no_text, *more, option, file)
+    assert (result.exit_code, result.stderr) == (0, "")
+    written = Path(file).read_text().replace("\\\\", "\\")  # which JSON doubles
+    assert "Stra\\xdfe.npz" in written
+
+
+@pytest.mark.parametrize("command", [("check",), ("compare", "--methods", "lscm")])
+def test_names_that_are_no_text_on_the_screen(no_text, command):
+    missing = no_text.with_name(f"no {no_text.name}")
+    result = invoke(*command, no_text, missing)
+    assert "Stra\\xdfe.npz: 144 vertices" in result.stdout
+    assert result.stderr == "no Stra\\xdfe.npz: No such file or directory\n"
 
 
 def test_characters_that_the_font_lacks(cap):

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from .arguments import Inputs
-from .messages import BAD_INPUT, exit_codes, show
+from .messages import BAD_INPUT, exit_codes, reason, show
 
 if TYPE_CHECKING:
+    from ..errors import Defect, MeshError
     from ..surface.report import MeshReport
 
 __all__ = ["check_command"]
@@ -27,6 +27,7 @@ def check_command(
 
     Exit codes: 0 all are disks, 2 one is not a disk or not readable.
     """
+    from ..batching.names import shown
     from ..errors import MeshError
     from ..io import read_mesh
     from ..surface.report import MeshReport, check
@@ -39,16 +40,16 @@ def check_command(
                 try:
                     V, F = read_mesh(mesh, notes.append)
                     report = check(V, F)
-                except MeshError as error:
+                except (MeshError, OSError) as error:
                     if not as_json:
                         raise
-                    report = MeshReport(0, 0, defects=error.defects)
+                    report = MeshReport(0, 0, defects=_defects(error))
         except typer.Exit:
             continue  # and the message has been printed
         disks += report.is_disk
-        rows.append(_as_json(mesh, report, notes))
+        rows.append(_as_json(shown(mesh), report, notes))
         if not as_json:
-            name = f"{mesh}: " if len(meshes) > 1 else ""
+            name = f"{shown(mesh)}: " if len(meshes) > 1 else ""
             show(f"{name}{report}", notes, "green" if report.is_disk else "red")
     if as_json:
         typer.echo(json.dumps(rows, indent=2))
@@ -56,9 +57,17 @@ def check_command(
         raise typer.Exit(BAD_INPUT)
 
 
-def _as_json(mesh: Path, report: MeshReport, notes: list[str]) -> dict[str, Any]:
+def _defects(error: MeshError | OSError) -> tuple[Defect, ...]:
+    from ..errors import Defect, MeshError
+
+    if isinstance(error, MeshError):
+        return error.defects
+    return (Defect("unreadable file", reason(error), "Name a file that may be read."),)
+
+
+def _as_json(name: str, report: MeshReport, notes: list[str]) -> dict[str, Any]:
     return {
-        "file": str(mesh),
+        "file": name,
         "disk": report.is_disk,
         "kind": report.kind,
         "vertices": report.n_vertices,

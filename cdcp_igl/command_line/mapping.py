@@ -225,10 +225,11 @@ class _Job:
 
     def _draw(self, mapped: Mapped, stamp: Stamp) -> None:
         """Draw the picture and the page."""
+        from ..batching.names import shown
         from ..batching.stamps import put_stamp
         from ..io import whole_file
 
-        name = self.source.name
+        name = shown(self.source.name)
         if self.picture:
             from ..plot import picture
 

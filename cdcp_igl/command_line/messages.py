@@ -12,7 +12,7 @@ import typer
 
 from ..extras import MissingExtra
 
-__all__ = ["BAD_INPUT", "SOME_FAILED", "exit_codes", "show", "writing"]
+__all__ = ["BAD_INPUT", "FAILED", "SOME_FAILED", "exit_codes", "reason", "show", "writing"]
 
 FAILED, BAD_INPUT, NO_MAP, SOME_FAILED = 1, 2, 3, 4  # exit codes
 
@@ -47,14 +47,17 @@ def exit_codes(file: Path | None = None) -> Iterator[None]:
         message, code = str(error), FAILED
     else:
         return
-    if file and str(file) not in message:
+    if file and shown(file) not in message:
         message = "\n".join(f"{shown(file)}: {line}" for line in message.splitlines())
     typer.echo(message, err=True)
     raise typer.Exit(code)
 
 
 def reason(error: OSError) -> str:
-    return f"{error.filename}: {error.strerror}" if error.filename else str(error)
+    """Say what the system says, and of which file."""
+    from ..batching.names import shown
+
+    return f"{shown(error.filename)}: {error.strerror}" if error.filename else str(error)
 
 
 def show(summary: str, notes: list[str], color: str) -> None:
