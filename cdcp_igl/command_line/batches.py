@@ -24,7 +24,7 @@ from .map_options import (
     RefineSeconds,
     chosen_options,
 )
-from .messages import SOME_FAILED, exit_codes, writing
+from .messages import FAILED, SOME_FAILED, exit_codes, writing
 
 if TYPE_CHECKING:
     from ..batching import Batch, Record
@@ -112,7 +112,8 @@ def batch_command(
 ) -> None:
     """Map many surfaces, each to a file in OUT; run again, it goes on where it was.
 
-    OUT/results.jsonl has a line for each surface, OUT/summary.csv the latest ones.
+    OUT/results.jsonl has a line for each surface, OUT/summary.csv the latest ones. Surfaces of one
+    name are told apart by their folders: to go on, give the same ones, or the one above them.
 
     Exit codes: 0 all are mapped; 1 a file could not be written, or an extra is missing;
     2 a bad argument; 4 some are not mapped.
@@ -157,7 +158,12 @@ def _executor(scheduler: str | None) -> Iterator[Any]:
         return
     with from_extra("batch"):
         from distributed import Client
-    with Client(scheduler) as client:
+    try:
+        client = Client(scheduler)
+    except OSError as error:
+        typer.echo(f"No scheduler answers at {scheduler}: {error}", err=True)
+        raise typer.Exit(FAILED) from error
+    with client:
         yield client
 
 
