@@ -144,6 +144,7 @@ def test_the_class_of_a_surface(name, kind, components, loops, genus):
     assert report.kind == kind
     assert (report.n_components, report.n_loops, report.genus) == (components, loops, genus)
     assert kind in str(report)
+    assert "but not" not in str(report).replace("but not fit", "")
 
 
 def test_faces_are_counted_where_coordinates_are_not_finite():

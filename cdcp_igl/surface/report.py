@@ -144,7 +144,7 @@ class MeshReport:
         elif self.kind == "disk":
             verdict = "A disk by its topology, but not fit for a map:"
         else:
-            verdict = f"Not a triangulated disk, but {self.kind}:"
+            verdict = f"Not a triangulated disk: {self.kind}."
         lines = [counts, verdict, *(f"- {d.name}: {d}" for d in self.defects)]
         return "\n".join([*lines, f"Next: {self.next_step}"])
 
