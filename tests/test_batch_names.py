@@ -56,6 +56,9 @@ def test_one_file_is_one_surface_however_it_is_spelled(scans, tmp_path, monkeypa
     assert mine.read_bytes() == before
     with pytest.raises(ValueError, match="folder of the results"):
         surface_files(["../scans"], scans)
+    Path("link").symlink_to(scans)
+    for _ in range(2):  # the second time, there are results below the link
+        assert len(batch("link", "link/maps").done) == 5
 
 
 def test_folders_and_patterns(scans, tmp_path):

@@ -37,7 +37,7 @@ def surface_files(
     ValueError
         If a folder or a pattern has no surface, or a folder is that of the results.
     """
-    out = located(out)
+    out = out.resolve()
     if isinstance(inputs, str | os.PathLike):
         inputs = [inputs]
     return list(dict.fromkeys(file for given in inputs for file in _expand(Path(given), out)))
@@ -45,7 +45,7 @@ def surface_files(
 
 def _expand(given: Path, out: Path) -> Iterable[Path]:
     if given.is_dir():
-        found = _surfaces_below(located(given), out)
+        found = _surfaces_below(given.resolve(), out)
     elif glob.has_magic(str(given)) and not given.exists():
         paths = (located(Path(path)) for path in glob.glob(str(given), recursive=True))
         found = sorted(path for path in paths if _readable(path) and path.is_file())
