@@ -24,6 +24,7 @@ from .surface.cut_growth import grow, lead_away
 from .surface.cut_surface import CutSurface, Opened
 from .surface.cutting import Cut, cut_along, open_to_disk, split_components
 from .surface.holes import fill_holes
+from .surface.left_out import fill_left_out
 from .surface.packing import packed_circles
 from .surface.sheets import Sheets, oriented_sheets
 from .surface.triangles import face_areas
@@ -326,12 +327,7 @@ def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[_Chart]) -> Surfa
     turned = sheets.rows[sheets.turned]
     for array in (corners, uv):
         array[turned] = array[turned, ::-1]
-    left_out, mapped = face_disk < 0, face_disk >= 0
-    number, image = np.full(len(V), -1), np.full((len(V), 2), np.nan)
-    number[F[mapped]], image[F[mapped]] = corners[mapped], uv[mapped]
-    elsewhere = number[F[left_out]]
-    corners[left_out] = np.where(elsewhere >= 0, elsewhere, corners[left_out])
-    uv[left_out] = image[F[left_out]]
+    fill_left_out(F, face_disk >= 0, corners, uv)
     opened, changes = cut_along(V, F, corners), list(sheets.changes)
     if filled := sum(chart.n_filled for chart in charts):
         changes.append(f"filled {filled:,} hole" + "s" * (filled > 1))

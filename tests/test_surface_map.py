@@ -50,6 +50,25 @@ def test_random_surfaces(mesh):
     assert (a * d - b * c > 0).all()
 
 
+def test_duplicates_have_the_images_of_their_twins():
+    """Also along a cut, where each vertex has several."""
+    V, F = surfaces.sphere()
+    result = cdcp_igl.surface_map(V, np.vstack([F, np.roll(F, 1, axis=1)]))
+    one, other = np.split(result.uv, 2)
+    left_out = result.face_disk.reshape(2, -1).argmin(axis=0)
+    assert set(left_out) <= {0, 1}
+    np.testing.assert_array_equal(np.roll(one, 1, axis=1), other)
+    single = cdcp_igl.surface_map(V, F)
+    assert len(result.cut.edges) == len(single.cut.edges)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e200])
+def test_cuts_have_a_length_in_any_unit(scale):
+    V, F = surfaces.sphere()
+    lengths = [cdcp_igl.surface_map(V * s, F).cut.length for s in (1, scale)]
+    assert lengths[1] == pytest.approx(lengths[0] * scale)
+
+
 @settings(max_examples=15)
 @given(RANDOM, st.integers(0, 1000))
 def test_turned_faces_are_mapped_as_the_others(mesh, seed):

@@ -179,7 +179,9 @@ def cut_along(V: Floats, F: Ints, corners: Ints) -> Cut:
     )
     is_cut = ~np.logical_and.reduceat(same, edges.start)
     ends = np.column_stack([edges.low[is_cut], edges.high[is_cut]]).astype(np.int64)
-    length = float(np.linalg.norm(V[ends[:, 1]] - V[ends[:, 0]], axis=1).sum())
+    unit = abs(V[ends]).max(initial=np.finfo(float).tiny)  # whose square is in range
+    apart = (V[ends[:, 1]] - V[ends[:, 0]]) / unit
+    length = float(unit * np.linalg.norm(apart, axis=1).sum())
     return Cut(V[vertex_index], F_cut, vertex_index, ends, length)
 
 

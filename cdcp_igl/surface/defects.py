@@ -100,7 +100,8 @@ def _sides_and_parts(surface: Topology, V: Floats) -> Iterator[Defect]:
         yield Defect(
             "not orientable",
             "The surface is one-sided, like a Möbius strip",
-            "Take faces out until it has two sides; no cut is made for you.",
+            "Cut it across with cdcp_igl.cut(V, F, path), or take faces out, until it has two "
+            "sides.",
         )
     elif len(surface.against):
         yield Defect(
