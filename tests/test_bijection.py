@@ -269,6 +269,13 @@ def test_registration_does_not_depend_on_the_normalisation(cap):
     assert abs(other.interpolate(V, uv) - V).max() < 1e-7
 
 
+def test_no_part_of_complex_values_is_dropped(cap):
+    V, _, result = cap
+    for carry in (result.bake, result.pull_back, lambda z: result.interpolate(z, [0, 0])):
+        with pytest.raises(ValueError, match="must be real"):
+            carry(V * 1j)
+
+
 def test_points_in_long_faces_are_found_in_few_steps(monkeypatch):
     """All faces of a fan reach from the middle to the circle, and no centre is near."""
     result, looked_at, orientations = cdcp_igl.disk_map(*fan(600)), [], location._orientations

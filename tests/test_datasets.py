@@ -11,6 +11,7 @@ import cdcp_igl
 from cdcp_igl import datasets
 from cdcp_igl.datasets import real
 from cdcp_igl.io.reading import READABLE
+from cdcp_igl.surface.mesh import DiskMesh
 
 ROOT = Path(__file__).parents[1]
 
@@ -127,3 +128,26 @@ def test_missing_extra_is_named(no_data_directory, monkeypatch, module, name):
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(ImportError, match=r"pip install 'cdcp_igl\[(data|plot)\]'"):
         datasets.load(name)
+
+
+@pytest.mark.parametrize(
+    ("surface", "options"),
+    [
+        *((datasets.ellipse, {"aspect": aspect}) for aspect in (-1, 0.5, 1, 8.1, float("nan"))),
+        *((datasets.spherical_cap, {"angle": angle}) for angle in (0, 180, 200)),
+        *((datasets.paraboloid, {"steepness": steepness}) for steepness in (0, float("inf"))),
+    ],
+)
+def test_surfaces_whose_map_is_not_known_are_refused(surface, options):
+    with pytest.raises(ValueError, match=f"{next(iter(options))} must be"):
+        surface(4, **options)
+    for resolution in (0, -1):
+        with pytest.raises(ValueError, match="resolution must be at least 1"):
+            surface(resolution)
+
+
+@pytest.mark.parametrize("aspect", [1.01, 2, 8])
+def test_the_rim_of_an_ellipse_is_on_the_circle(aspect):
+    V, F, uv = datasets.ellipse(20, aspect)
+    loop = DiskMesh(V, F).loop
+    assert abs(np.linalg.norm(uv[loop], axis=1) - 1).max() < 1e-9

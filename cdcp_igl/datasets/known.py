@@ -26,6 +26,11 @@ def square(resolution: int) -> tuple[Floats, Ints, Floats]:
     uv : (n, 2) float64
         Exact conformal map of the vertices onto the unit disk, 0 to 0.
 
+    Raises
+    ------
+    ValueError
+        If `resolution` is not at least 1.
+
     Examples
     --------
     >>> from cdcp_igl.datasets import square
@@ -33,6 +38,7 @@ def square(resolution: int) -> tuple[Floats, Ints, Floats]:
     >>> len(V), len(F)
     (81, 128)
     """
+    _check_resolution(resolution)
     t = np.linspace(-1, 1, 2 * resolution + 1)
     x, y = (grid.ravel() for grid in np.meshgrid(t, t))
     corner = np.arange(x.size).reshape(len(t), len(t))
@@ -66,12 +72,18 @@ def ellipse(resolution: int, aspect: float = 2.0) -> tuple[Floats, Ints, Floats]
     resolution : int
         Rings of vertices, at least 1.
     aspect : float
-        Ratio of the axes, above 1; the short half-axis is 1.
+        Ratio of the axes, above 1 and at most 8, up to where the map has ten digits; the short
+        half-axis is 1.
 
     Returns
     -------
     V, F, uv
         As `square`.
+
+    Raises
+    ------
+    ValueError
+        If `resolution` or `aspect` is out of range.
 
     Examples
     --------
@@ -80,6 +92,8 @@ def ellipse(resolution: int, aspect: float = 2.0) -> tuple[Floats, Ints, Floats]
     >>> V.max(axis=0)
     array([3., 1., 0.])
     """
+    if not 1 < aspect <= 8:
+        raise ValueError(f"aspect must be above 1 and at most 8, not {aspect!r}")
     z, F = _rings(resolution)
     V = np.column_stack([aspect * z.real, z.imag, 0 * z.real])
     from scipy.special import ellipk  # slow to import
@@ -110,6 +124,11 @@ def spherical_cap(resolution: int, angle: float = 120.0) -> tuple[Floats, Ints, 
     V, F, uv
         As `square`; the unit sphere, the pole at the centre.
 
+    Raises
+    ------
+    ValueError
+        If `resolution` or `angle` is out of range.
+
     Examples
     --------
     >>> from cdcp_igl.datasets import spherical_cap
@@ -117,6 +136,8 @@ def spherical_cap(resolution: int, angle: float = 120.0) -> tuple[Floats, Ints, 
     >>> (V**2).sum(axis=1).round(12).min()
     np.float64(1.0)
     """
+    if not 0 < angle < 180:
+        raise ValueError(f"angle must be between 0 and 180 degrees, not {angle!r}")
     z, F = _rings(resolution)
     polar: Floats = np.abs(z) * np.radians(angle)
     direction = _direction(z)
@@ -140,6 +161,11 @@ def paraboloid(resolution: int, steepness: float = 1.0) -> tuple[Floats, Ints, F
     V, F, uv
         As `square`; a surface of revolution, the apex at the centre.
 
+    Raises
+    ------
+    ValueError
+        If `resolution` or `steepness` is out of range.
+
     Examples
     --------
     >>> from cdcp_igl.datasets import paraboloid
@@ -147,6 +173,8 @@ def paraboloid(resolution: int, steepness: float = 1.0) -> tuple[Floats, Ints, F
     >>> V[:, 2].max().round(12)
     np.float64(2.0)
     """
+    if not 0 < steepness < np.inf:
+        raise ValueError(f"steepness must be positive, not {steepness!r}")
     z, F = _rings(resolution)
     r: Floats = np.abs(z)
     V = np.column_stack([z.real, z.imag, steepness * r**2])
@@ -161,6 +189,7 @@ def paraboloid(resolution: int, steepness: float = 1.0) -> tuple[Floats, Ints, F
 
 def _rings(resolution: int) -> tuple[Complex, Ints]:
     """Triangulate the unit disk by rings of 6, 12, 18, ... vertices about 0."""
+    _check_resolution(resolution)
     ring = np.repeat(np.arange(resolution + 1), np.maximum(6 * np.arange(resolution + 1), 1))
     first = 1 + 3 * np.arange(-1, resolution + 1) * np.arange(resolution + 2)
     first[0] = 0
@@ -184,6 +213,11 @@ def _rings(resolution: int) -> tuple[Complex, Ints]:
             )
         )
     return z, np.concatenate(faces)
+
+
+def _check_resolution(resolution: int) -> None:
+    if not resolution >= 1:
+        raise ValueError(f"resolution must be at least 1, not {resolution!r}")
 
 
 def _direction(z: Complex) -> Complex:

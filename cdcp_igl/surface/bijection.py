@@ -138,7 +138,7 @@ class Bijection:
         Raises
         ------
         ValueError
-            If `values` has not a row for each vertex, or as `invert`.
+            If `values` has not a row for each vertex or is complex, or as `invert`.
 
         Examples
         --------
@@ -175,7 +175,7 @@ class Bijection:
         Raises
         ------
         ValueError
-            If `values` has not a row for each vertex, or `size` is not positive.
+            If `values` has not a row for each vertex or is complex, or `size` is not positive.
 
         Examples
         --------
@@ -210,7 +210,7 @@ class Bijection:
         Raises
         ------
         ValueError
-            If `values` is no image.
+            If `values` is no image, or complex.
 
         Examples
         --------
@@ -221,7 +221,7 @@ class Bijection:
         >>> bool(abs(heights - V[:, 2]).max() < 0.01)
         True
         """
-        image = np.asarray(values, dtype=np.float64)
+        image = _real(values)
         if image.ndim < 2 or image.size == 0:
             raise ValueError(f"values has shape {image.shape}; it must be (height, width, ...)")
         return bilinear(image, self._z)
@@ -279,12 +279,19 @@ class Bijection:
         return FaceFinder(self.mesh, self._z)
 
     def _field(self, values: ArrayLike) -> Floats:
-        at_vertices = np.asarray(values, dtype=np.float64)
+        at_vertices = _real(values)
         if at_vertices.ndim == 0 or len(at_vertices) != len(self.uv):
             raise ValueError(
                 f"values has shape {at_vertices.shape}; it must have {len(self.uv)} rows"
             )
         return at_vertices
+
+
+def _real(values: ArrayLike) -> Floats:
+    """Return values as float64; ValueError if they are complex, rather than without a part."""
+    if np.iscomplexobj(values):
+        raise ValueError("values must be real; of complex ones give both parts, as two columns")
+    return np.asarray(values, dtype=np.float64)
 
 
 def _rows(corners: NDArray[np.float64], face: Ints) -> Floats:
