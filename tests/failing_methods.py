@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from cdcp_igl import cdcp, disk_map
-from cdcp_igl.reference import Method
+from cdcp_igl.reference import Method, harmonic
 from cdcp_igl.reference.case import Timed
 
 
@@ -37,6 +37,12 @@ def too_short(V, F):
     return cdcp(V, F)[1:]
 
 
+def flattens_the_surface(V, F):
+    uv = harmonic(V, F)
+    V[:], F[:] = np.pad(uv, ((0, 0), (0, 1))), F[::-1].copy()
+    return uv
+
+
 def hangs(V, F):
     time.sleep(600)
 
@@ -56,6 +62,7 @@ METHODS = {
     "flipped": Method(flipped, "disk", ""),
     "nothing": Method(nothing, "free", ""),
     "too short": Method(too_short, "free", ""),
+    "flattens the surface": Method(flattens_the_surface, "disk", ""),
     "hangs": Method(hangs, "disk", ""),
     "hog": Method(hog, "disk", ""),
     "phases": Method(disk_map, "disk", ""),

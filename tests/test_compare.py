@@ -73,6 +73,15 @@ def test_a_failure_is_an_outcome(method, outcome):
     assert np.isnan([case.mean, case.sd, case.max, case.area, case.flips, case.seconds]).all()
 
 
+def test_a_method_that_changes_the_surface_is_judged_by_the_one_it_was_given():
+    changed, uv = run_case(
+        "flattens the surface", V, F, time_limit=60, table="failing_methods:METHODS"
+    )
+    expected = cdcp_igl.angle_distortion(V, F, uv).mean()
+    assert changed.mean == pytest.approx(expected)
+    assert expected > 1
+
+
 def test_memory_limit():
     limits = {"time_limit": 60, "memory_limit": 400}
     case, uv = run_case("hog", V, F, **limits, table="failing_methods:METHODS")

@@ -195,13 +195,14 @@ def _watch(process: subprocess.Popen[bytes], time_limit: float, memory_limit: fl
             return f"more than {memory_limit:,.0f} MiB of memory"
 
 
-def _measure(table: str, method: str, V: Floats, F: Ints) -> tuple[dict[str, Any], Floats | None]:
+def _measure(table: str, method: str, mesh: str) -> tuple[dict[str, Any], Floats | None]:
     chosen = _table(table)[method]
     if prepare := getattr(chosen, "prepare", None):
         prepare()
+    given = _surface(mesh)
     start = perf_counter()
     try:
-        made = chosen.function(V, F)
+        made = chosen.function(*given)
     except (MapError, SolverError) as error:
         return {"outcome": f"{type(error).__name__}: {error}"}, None
     cost = {"seconds": perf_counter() - start, "memory": peak_memory()}
@@ -209,6 +210,7 @@ def _measure(table: str, method: str, V: Floats, F: Ints) -> tuple[dict[str, Any
         details = {"seconds": dict(made.phases)}
         return {"outcome": OK, **cost, "seconds": made.seconds, "details": details}, None
     uv, details = (made.uv, made.report()) if isinstance(made, DiskMap) else (made, {})
+    V, F = _surface(mesh)  # the method may have changed what it was given
     certificate = certify(DiskMesh(V, F), uv)
     if not (certificate.valid if chosen.boundary == "disk" else certificate.finite):
         return {"outcome": f"not valid: {certificate}"}, None
@@ -226,10 +228,13 @@ def _measure(table: str, method: str, V: Floats, F: Ints) -> tuple[dict[str, Any
     }, uv
 
 
-def _main(table: str, method: str, mesh: str, result: str) -> None:
+def _surface(mesh: str) -> tuple[Floats, Ints]:
     with np.load(mesh) as saved:
-        V, F = saved["V"], saved["F"]
-    measured, uv = _measure(table, method, V, F)
+        return saved["V"], saved["F"]
+
+
+def _main(table: str, method: str, mesh: str, result: str) -> None:
+    measured, uv = _measure(table, method, mesh)
     arrays: dict[str, Any] = {} if uv is None else {"uv": uv}
     np.savez(result, measured=json.dumps(measured), **arrays)
 
