@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import failing_methods
@@ -28,6 +29,7 @@ from benchmarks.records.results import Measured
 from benchmarks.records.store import Work, read_results, write_results
 from benchmarks.write import front_page, sections
 from benchmarks.write.report import as_markdown
+from cdcp_igl import reference
 from cdcp_igl.reference.case import OK, Case
 
 V, F = meshes.grid(8, 9)
@@ -51,7 +53,7 @@ def failing(tmp_path, name, **options):
     where = "failing_methods:METHODS"
     work = measure(tmp_path, [name], failing_methods.METHODS, where, **options)
     (made,) = work.records()
-    assert work.map("grid", name) is None
+    assert work.map(made) is None
     assert made.histogram == []
     return made.case
 
@@ -72,7 +74,7 @@ def test_what_a_record_says_is_what_the_map_is(tmp_path):
 
     work = measure(tmp_path, ["cdcp", "factor"])
     made, factor = work.records()
-    uv = work.map("grid", "cdcp")
+    uv = work.map(made)
     np.testing.assert_array_equal(uv, cdcp_igl.cdcp(V, F))
     degrees = cdcp_igl.angle_distortion(V, F, uv)
     assert made.case.mean == pytest.approx(degrees.mean())
@@ -201,6 +203,22 @@ def test_a_changed_mesh_is_measured_again(tmp_path):
     assert len(work.records()) == 1
     measure(tmp_path, ["cdcp"], model=Model("grid", lambda: (2 * V, F)))
     assert len(work.records()) == 2
+
+
+def test_a_map_is_that_of_its_mesh_and_of_its_model(tmp_path):
+    long, work = (V * [3, 1, 1], F), Work(tmp_path)
+    for name, surface in (("a_b", (V, F)), ("a_b", long), ("a b", long)):
+        measure(tmp_path, ["harmonic"], model=Model(name, lambda given=surface: given))
+    before, _, other = work.records()
+    again = Measured([before, other], work.surface, work.map)  # as if measured once more
+    for name, surface in (("a_b", (V, F)), ("a b", long)):
+        np.testing.assert_array_equal(again.map(name, "harmonic"), reference.harmonic(*surface))
+
+
+def test_the_surface_is_that_of_the_maps():
+    later = replace(record("m", "cdcp", section="speed"), mesh="changed")
+    measured = Measured([record("m", "cdcp"), later], lambda mesh: mesh)
+    assert measured.surface("m") == "d"
 
 
 def test_methods_take_turns(tmp_path):

@@ -86,7 +86,7 @@ class Measurement:
             degrees = angle_distortion(*surface, uv).ravel()
             histogram = np.histogram(degrees, [*EDGES, np.inf])[0].tolist()
             if self.record.section == "tables" and self.record.repeat == 0:
-                self.work.keep_map(self.record.model, case.method, uv)
+                self.work.keep_map(self.record, uv)
         return replace(self.record, case=case, histogram=histogram)
 
     def failed(self, error: str, message: str) -> Record:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
@@ -63,6 +64,11 @@ class Record:
     def key(self) -> tuple[str | int, ...]:
         """What makes this case the same as one of another run."""
         return self.section, self.model, self.mesh, self.case.method, self.source, self.repeat
+
+    @property
+    def digest(self) -> str:
+        """The key, short enough for the name of a file."""
+        return hashlib.sha256(repr(self.key).encode()).hexdigest()[:12]
 
     def row(self) -> dict[str, Any]:
         """Return all fields, those of the case beside the others."""

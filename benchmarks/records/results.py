@@ -109,7 +109,7 @@ class Measured:
     kept : callable
         ``kept(mesh)`` returns V (n, 3) and F (m, 3) of a digest, or None.
     map : callable
-        ``map(model, method)`` returns uv (n, 2), or None where there is no valid map.
+        ``map(record)`` returns uv (n, 2), or None where there is no valid map.
 
     Attributes
     ----------
@@ -123,17 +123,19 @@ class Measured:
         self,
         records: Iterable[Record],
         kept: Callable[[str], tuple[Floats, Ints] | None] = lambda mesh: None,
-        map: Callable[[str, str], Floats | None] = lambda model, method: None,
+        map: Callable[[Record], Floats | None] = lambda record: None,
     ) -> None:
         known = list(records)
         self.sections = {
             section: Section(record for record in known if record.section == section)
             for section in dict.fromkeys(record.section for record in known)
         }
+        # A model may have changed between two sections: "tables" has the maps.
+        known.sort(key=lambda record: record.section == "tables")
         sizes = {r.model: r.vertices for r in known if r.vertices and r.section != "growth"}
         self.sizes = dict(sorted(sizes.items(), key=lambda model: model[1]))
         self._meshes = {record.model: record.mesh for record in known}
-        self._kept, self.map = kept, map
+        self._kept, self._map = kept, map
 
     def surface(self, model: str) -> tuple[Floats, Ints]:
         """V (n, 3) and F (m, 3) of what was measured; NotMeasured if it is not there any more."""
@@ -141,6 +143,12 @@ class Measured:
         if surface is None:
             raise NotMeasured("the surface is not in the work folder any more")
         return surface
+
+    def map(self, model: str, method: str) -> Floats | None:
+        """(n, 2) map of the surface, None where there is none."""
+        tables = self.sections.get("tables")
+        runs = tables.of(model, method) if tables else []
+        return next((self._map(run) for run in runs if run.ok and not run.repeat), None)
 
     def require(self, section: str, wanted: Sequence[str]) -> tuple[Section, list[str]]:
         """Return a section and which of the methods were run; NotMeasured if none was."""

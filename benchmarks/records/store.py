@@ -7,7 +7,7 @@ in one table, whatever the commit is called::
     results.jsonl                one `Record` a line, in the order of measurement
     results.1-of-4.jsonl         the same of a part of the surfaces, perhaps of another machine
     surfaces/MESH.npz            V and F of every surface, by their digest
-    maps/MODEL--METHOD.npz       uv (n, 2) float64, of the section "tables"
+    maps/RECORD.npz              uv (n, 2) float64, of the section "tables", by `Record.digest`
 
 The lines are the journals of a batch, `cdcp_igl.batching`. A run that was killed goes on where
 it stopped: what has a line is not measured again. To start over, delete the folder. The finished
@@ -85,19 +85,18 @@ class Work:
         with np.load(path) as saved:
             return saved["V"], saved["F"]
 
-    def keep_map(self, model: str, method: str, uv: Floats) -> None:
-        """Write a map down."""
-        with _unfinished(self.map_path(model, method)) as file:
+    def keep_map(self, record: Record, uv: Floats) -> None:
+        """Write the map of a record down."""
+        with _unfinished(self.map_path(record)) as file:
             np.savez(file, uv=uv)
 
-    def map_path(self, model: str, method: str) -> Path:
-        """Where the map of the section "tables" is kept, if it was valid."""
-        name = f"{model}--{method}".translate(str.maketrans("/: ", "___"))
-        return self.folder / "maps" / f"{name}.npz"
+    def map_path(self, record: Record) -> Path:
+        """Where the map of a record of the section "tables" is kept, if it was valid."""
+        return self.folder / "maps" / f"{record.digest}.npz"
 
-    def map(self, model: str, method: str) -> Floats | None:
-        """(n, 2) map of the section "tables", None where there is none."""
-        path = self.map_path(model, method)
+    def map(self, record: Record) -> Floats | None:
+        """(n, 2) map of a record of the section "tables", None where there is none."""
+        path = self.map_path(record)
         if not path.exists():
             return None
         with np.load(path) as saved:
