@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import failing_methods
@@ -29,7 +28,6 @@ from benchmarks.records.results import Measured
 from benchmarks.records.store import Work, read_results, write_results
 from benchmarks.write import front_page, sections
 from benchmarks.write.report import as_markdown
-from cdcp_igl import reference
 from cdcp_igl.reference.case import OK, Case
 
 V, F = meshes.grid(8, 9)
@@ -203,22 +201,6 @@ def test_a_changed_mesh_is_measured_again(tmp_path):
     assert len(work.records()) == 1
     measure(tmp_path, ["cdcp"], model=Model("grid", lambda: (2 * V, F)))
     assert len(work.records()) == 2
-
-
-def test_a_map_is_that_of_its_mesh_and_of_its_model(tmp_path):
-    long, work = (V * [3, 1, 1], F), Work(tmp_path)
-    for name, surface in (("a_b", (V, F)), ("a_b", long), ("a b", long)):
-        measure(tmp_path, ["harmonic"], model=Model(name, lambda given=surface: given))
-    before, _, other = work.records()
-    again = Measured([before, other], work.surface, work.map)  # as if measured once more
-    for name, surface in (("a_b", (V, F)), ("a b", long)):
-        np.testing.assert_array_equal(again.map(name, "harmonic"), reference.harmonic(*surface))
-
-
-def test_the_surface_is_that_of_the_maps():
-    later = replace(record("m", "cdcp", section="speed"), mesh="changed")
-    measured = Measured([record("m", "cdcp"), later], lambda mesh: mesh)
-    assert measured.surface("m") == "d"
 
 
 def test_methods_take_turns(tmp_path):

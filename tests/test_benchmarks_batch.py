@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import igl
@@ -20,6 +21,7 @@ from benchmarks.records.record import OPENED
 from benchmarks.records.results import Measured, NotMeasured
 from benchmarks.records.store import Work, read_results
 from cdcp_igl.batching.shards import read_shard, shard_of
+from cdcp_igl.reference import harmonic
 
 GRIDS = [Model(f"grid {k}", lambda k=k: meshes.grid(6 + k, 7)) for k in range(3)]
 TETRAHEDRON = (
@@ -120,6 +122,24 @@ def test_a_surface_that_cannot_be_opened_is_a_row(tmp_path):
     (record,) = measure(tmp_path, [Model("strip", lambda: (V, moebius))], ["cdcp"])
     assert record.case.outcome.startswith("not to be had: ")
     assert "one-sided" in record.case.outcome or "orient" in record.case.outcome
+
+
+def test_a_map_is_that_of_its_mesh_and_of_its_model(tmp_path):
+    wide, long = (meshes.grid(9, 6), meshes.grid(6, 9))
+    for name, surface in (("a_b", wide), ("a_b", long), ("a b", long)):
+        measure(tmp_path, [Model(name, lambda given=surface: given)], ["harmonic"])
+    work = Work(tmp_path)
+    before, _, other = work.records()
+    again = Measured([before, other], work.surface, work.map)  # the first mesh is back
+    for name, surface in (("a_b", wide), ("a b", long)):
+        np.testing.assert_array_equal(again.map(name, "harmonic"), harmonic(*surface))
+
+
+def test_the_surface_is_that_of_the_maps(tmp_path):
+    (record,) = measure(tmp_path, GRIDS[:1], ["harmonic"])
+    later = replace(record, section="speed", mesh="changed")
+    measured = Measured([record, later], Work(tmp_path).surface)
+    np.testing.assert_array_equal(measured.surface("grid 0")[0], GRIDS[0].load()[0])
 
 
 def test_a_surface_that_is_gone_is_not_measured(tmp_path):

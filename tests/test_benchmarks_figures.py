@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from benchmarks.measure.machine import describe
 from benchmarks.measure.methods import maps
 from benchmarks.records.findings import NAMED, sentences
 from benchmarks.records.record import EDGES, Record
@@ -15,7 +16,9 @@ from benchmarks.write.figures import PLOTS, accuracy, surfaces
 from benchmarks.write.figures.accuracy import histograms, table_1
 from benchmarks.write.figures.cost import STACK, factorizations, phases
 from benchmarks.write.figures.many import performance_profiles, quartiles
-from benchmarks.write.figures.style import HATCHES, MOST, STYLES, encode
+from benchmarks.write.figures.style import HATCHES, MOST, STYLES, encode, model_name
+from benchmarks.write.pages import write_pages
+from benchmarks.write.sections import cases
 from cdcp_igl import cdcp, datasets
 from cdcp_igl.plot.raster import SAMPLES, rasterize
 from cdcp_igl.plot.scene import Scene
@@ -256,3 +259,26 @@ def test_a_finding_names_the_first_of_many():
     (first, *_) = sentences(measured_means(NAMED + 3, {"cdcp": NAMED + 3, "fdcp": 1, "ldcp": 1}))
     assert first.count("surface ") == NAMED
     assert first.endswith("and 2 more.")
+
+
+# -- names of surfaces -----------------------------------------------------------------
+
+
+def named(*names):
+    case = Case("harmonic", "disk", "ok")
+    return [Record("tables", name, "d", 100, 180, 18, 0, case, [1] * len(EDGES)) for name in names]
+
+
+def test_names_are_told_apart_and_paths_stay_as_they_are():
+    names = ("left_ear_100", "a_b", "a b", "/tmp/my_scans/ear.obj")
+    table = cases(Measured(named(*names)).sections["tables"])
+    assert [row[0].text for row in table.rows] == ["left ear", *names[1:]]
+    assert model_name(names[-1], 100) == "/tmp/my_scans/ear.obj  100"
+
+
+def test_each_surface_has_a_page_of_its_own(tmp_path):
+    V, F, _ = datasets.ellipse(3)
+    measured = Measured(named("a_b", "a b"), lambda mesh: (V, F))
+    about = describe(1) | {"time_limit": 60, "memory_limit": 4000, "commands": {}}
+    write_pages(tmp_path, about, measured, [], lambda model: None)
+    assert {page.name for page in tmp_path.glob("a*.html")} == {"a_b.html", "a~20b.html"}

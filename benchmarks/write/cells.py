@@ -8,7 +8,7 @@ import numpy as np
 
 from ..records.paper import PUBLISHED, published
 from ..records.results import Section
-from .figures.style import STYLES, style
+from .figures.style import STYLES, in_words, style
 from .table import NOTHING, Cell, Row, best, number
 
 __all__ = [
@@ -54,7 +54,8 @@ def in_order(methods: Iterable[str]) -> list[str]:
 def model_cells(results: Section, model: str) -> Row:
     """Name, what it stands for, and size."""
     row, there = published(model), results.mapped.get(model, 0)
-    name = model.removesuffix(f"_{there}").replace("_", " ")
+    name = in_words(model, there)
+    name = model if name in results.sizes else name  # another one is called so
     name += ", opened" * (model in results.opened)
     if row:
         other = f", for {row.name}" if row.own == "stand-in" else f" ({row.own})"

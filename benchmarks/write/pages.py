@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
@@ -127,7 +128,8 @@ def _write_model(folder: Path, measured: Measured, model: str) -> dict[str, str]
         counted = {"data": _data(encode(histogram(measured, model), ".png"), "png")} | HISTOGRAM
     except NotMeasured as error:
         counted = {"data": "", "missing": str(error)}
-    file = folder / f"{model.replace('/', '_').replace(' ', '_')}.html"
+    # Other characters by number: two names never share a page, and links need no escapes.
+    file = folder / (re.sub(r"[^\w.-]", lambda other: f"~{ord(other[0]):x}", model) + ".html")
     _render(
         file,
         "model.html",

@@ -92,7 +92,12 @@ def encode(figure: Figure, suffix: str) -> bytes:
 
 def model_name(model: str, n: int) -> str:
     """Return the name of a model and its size, as axes show it."""
-    return f"{model.removesuffix(f'_{n}').replace('_', ' ')}  {n:,}"
+    return f"{in_words(model, n)}  {n:,}"
+
+
+def in_words(model: str, n: int) -> str:
+    """Return the name of a model with spaces, without its size; a path has to stay as it is."""
+    return model if "/" in model else model.removesuffix(f"_{n}").replace("_", " ")
 
 
 @dataclass(frozen=True)
