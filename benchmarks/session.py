@@ -16,6 +16,7 @@ from rich.console import Console
 
 from cdcp_igl.batching.shards import read_shard
 from cdcp_igl.io import whole_file
+from cdcp_igl.solve.solvers import solver
 
 from .measure import models as surfaces
 from .measure.candidate import Candidate, of_ones_own
@@ -72,7 +73,7 @@ class Session:
     def __post_init__(self) -> None:
         self.kept = Work(self.work)
         share = round(0.75 * memory_mib() / self.jobs)
-        self.limits = Limits(self.time_limit, self.memory_limit or share)
+        self.limits = Limits(self.time_limit, self.memory_limit or share, self.threads)
         try:
             self.part = read_shard(self.shard) if self.shard else None
         except ValueError as error:
@@ -118,6 +119,10 @@ class Session:
         repeats: Callable[[str, int], int],
     ) -> list[Record]:
         """Measure what is missing of a section."""
+        try:
+            solver()
+        except (ValueError, ImportError) as error:
+            raise typer.BadParameter(str(error), param_hint="CDCP_IGL_SOLVER") from error
         pin_threads(self.threads)
         try:
             return run(

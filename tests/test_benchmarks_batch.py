@@ -23,6 +23,7 @@ from benchmarks.records.store import Work, read_results
 from cdcp_igl.batching.shards import read_shard, shard_of
 from cdcp_igl.reference import harmonic
 
+LIMITS = Limits(60, 4000)
 GRIDS = [Model(f"grid {k}", lambda k=k: meshes.grid(6 + k, 7)) for k in range(3)]
 TETRAHEDRON = (
     np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]),
@@ -30,9 +31,8 @@ TETRAHEDRON = (
 )
 
 
-def measure(folder, models, names=("cdcp", "harmonic"), **options):
+def measure(folder, models, names=("cdcp", "harmonic"), limits=LIMITS, **options):
     chosen = {name: METHODS[name] for name in names}
-    limits = Limits(60, 4000)
     return run("tables", models, chosen, table=TABLE, limits=limits, work=Work(folder), **options)
 
 
@@ -50,6 +50,29 @@ def test_parts_and_jobs_measure_what_one_run_measures(tmp_path):
     assert accuracies(together) == accuracies(alone)
     assert (tmp_path / "w" / "results.jsonl").read_bytes() == b""  # nothing was left to measure
     assert not list((tmp_path / "w").glob(".*.attempts"))
+
+
+def test_other_conditions_are_measured_too(tmp_path, monkeypatch):
+    def again(threads):
+        (record,) = measure(tmp_path, GRIDS[:1], ["cdcp"], limits=Limits(60, 4000, threads))
+        return record.threads, record.case.details["solver"]
+
+    monkeypatch.setenv("CDCP_IGL_SOLVER", "scikit-sparse")
+    assert [threads for threads, _ in map(again, (1, 4, 1))] == [1, 4, 1]
+    monkeypatch.setenv("CDCP_IGL_SOLVER", "scipy")
+    assert "SuperLU" in again(1)[1]
+    assert len(Work(tmp_path).records()) == 3
+    monkeypatch.setenv("CDCP_IGL_SOLVER", "magic")
+    assert "not 'magic'" in refused("tables", "--models", "ellipse_20", "--work", tmp_path)
+
+
+def test_what_a_limit_has_ended_is_measured_again_under_a_larger_one(tmp_path):
+    outcomes = []
+    for limits in (Limits(0.01, 4000), Limits(0.005, 4000), Limits(60, 5), Limits(60, 4000)):
+        (record,) = measure(tmp_path, GRIDS[:1], ["cdcp"], limits=limits)
+        outcomes.append(record.case.outcome)
+    late = "no result within 0.01 s"
+    assert outcomes == [late, late, "more than 5 MiB of memory", "ok"]
 
 
 def test_two_runs_do_not_write_to_one_folder(tmp_path):

@@ -14,7 +14,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from cdcp_igl import MapError, MeshError, SolverError, angle_distortion
 from cdcp_igl.batching.executors import run_on
 from cdcp_igl.batching.shards import Shard, shard_of
-from cdcp_igl.reference.case import OK, Case, run_case
+from cdcp_igl.reference.case import OK, TOO_LARGE, TOO_LONG, Case, run_case
+from cdcp_igl.solve.solvers import solver
 from cdcp_igl.surface.mesh import DiskMesh
 
 from ..records.record import EDGES, Record
@@ -38,10 +39,19 @@ class Limits:
     seconds : float
     mib : float
         Of resident memory.
+    threads : int
+        Of BLAS and OpenMP, which are to be pinned before.
     """
 
     seconds: float
     mib: float
+    threads: int = 1
+
+    def leave_more_to(self, record: Record) -> bool:
+        """Whether a case that was ended by its limit may get further under this one."""
+        outcome = record.case.outcome
+        late = outcome.startswith(TOO_LONG) and self.seconds > record.time_limit
+        return late or (outcome.startswith(TOO_LARGE) and self.mib > record.memory_limit)
 
 
 @dataclass(frozen=True)
@@ -147,10 +157,10 @@ def run(
         Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as bar,
         ThreadPoolExecutor(jobs) as executor,
     ):
-        done = {record.key: record for record in work.records()}
+        done = {r.key: r for r in work.records() if not limits.leave_more_to(r)}
         plan: list[Record] = []
         for model in bar.track(shard_of(models, shard), description="reading the models"):
-            plan += _cases(section, model, methods, repeats, work)
+            plan += _cases(section, model, methods, repeats, limits, work)
         missing = [record for record in plan if record.key not in done]
         done |= {record.key: record for record in missing if not record.ok}
         to_run = [Measurement(record, table, limits, work) for record in missing if record.ok]
@@ -170,6 +180,7 @@ def _cases(
     model: Model,
     methods: Mapping[str, Candidate],
     repeats: Callable[[str, int], int],
+    limits: Limits,
     work: Work,
 ) -> Iterator[Record]:
     """Yield the cases of a model in the order of measurement; not "ok" if something is missing."""
@@ -187,7 +198,12 @@ def _cases(
                 case = Case(method, methods[method].boundary, reasons[method] or OK)
                 source = methods[method].source
                 yield Record(
-                    section, model.name, mesh, *sizes, repeat=repeat, case=case, source=source
+                    *(section, model.name, mesh, *sizes, repeat, case),
+                    source=source,
+                    threads=limits.threads,
+                    solver=solver().PACKAGE,
+                    time_limit=limits.seconds,
+                    memory_limit=limits.mib,
                 )
 
 

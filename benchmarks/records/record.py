@@ -16,6 +16,7 @@ from cdcp_igl.reference.case import OK, Case
 __all__ = ["EDGES", "OPENED", "Record"]
 
 OPENED = "-opened"
+LIMITS = {"time_limit", "memory_limit"}
 EDGES: Floats = np.arange(201) / 20  # of the histogram, degrees: bins of 0.05 up to 10
 
 
@@ -42,6 +43,12 @@ class Record:
         Corners by angular distortion, between `EDGES`; one more for all beyond.
     source : str
         Digest of the file of a method of one's own.
+    threads : int
+        Of BLAS and OpenMP.
+    solver : str
+        Which factored, with its version; empty in old results.
+    time_limit, memory_limit : float
+        Seconds and MiB that the case had.
     """
 
     section: str
@@ -54,6 +61,10 @@ class Record:
     case: Case
     histogram: Sequence[int] = ()
     source: str = ""
+    threads: int = 1
+    solver: str = ""
+    time_limit: float = np.inf
+    memory_limit: float = np.inf
 
     @property
     def ok(self) -> bool:
@@ -63,7 +74,8 @@ class Record:
     @property
     def key(self) -> tuple[str | int, ...]:
         """What makes this case the same as one of another run."""
-        return self.section, self.model, self.mesh, self.case.method, self.source, self.repeat
+        case = self.section, self.model, self.mesh, self.case.method, self.source, self.repeat
+        return *case, self.threads, self.solver
 
     @property
     def digest(self) -> str:
@@ -93,4 +105,5 @@ class Record:
         made: dict[str, Any] = {f.name: row[f.name] for f in fields(Case) if f.name in row}
         made |= {name: np.nan for name in floats & made.keys() if made[name] is None}
         own = {f.name: row[f.name] for f in fields(cls) if f.name in row}
+        own |= {name: np.inf for name in LIMITS & own.keys() if own[name] is None}
         return cls(**own, case=Case(**made))

@@ -28,9 +28,10 @@ from ..result import DiskMap
 from ..surface.mesh import DiskMesh
 from .processes import cause_of_death, peak_memory, resident
 
-__all__ = ["OK", "Case", "Timed", "run_case"]
+__all__ = ["OK", "TOO_LARGE", "TOO_LONG", "Case", "Timed", "run_case"]
 
 OK = "ok"
+TOO_LONG, TOO_LARGE = "no result within", "more than"  # begin the outcomes of the two limits
 POLL = 0.05  # seconds between two looks at the memory of the process
 
 
@@ -190,9 +191,9 @@ def _watch(process: subprocess.Popen[bytes], time_limit: float, memory_limit: fl
             return ""
         except subprocess.TimeoutExpired:
             if monotonic() >= end:
-                return f"no result within {time_limit:g} s"
+                return f"{TOO_LONG} {time_limit:g} s"
         if np.isfinite(memory_limit) and resident(process.pid) > memory_limit:
-            return f"more than {memory_limit:,.0f} MiB of memory"
+            return f"{TOO_LARGE} {memory_limit:,.0f} MiB of memory"
 
 
 def _measure(table: str, method: str, mesh: str) -> tuple[dict[str, Any], Floats | None]:
