@@ -19,7 +19,7 @@ from .measure.peers import PEERS
 from .measure.punctures import punctures
 from .records.record import Record
 from .records.results import Measured
-from .records.store import ROOT, WORK, Work, read_results
+from .records.store import ROOT, WORK, Work
 from .session import Machine, Out, Quick, Session, WorkFolder, with_session
 from .write.cells import in_order
 from .write.comparisons import summary_table
@@ -170,7 +170,7 @@ def figures(
         raise typer.BadParameter(
             f"there is no {session.results}; first run: python -m benchmarks tables"
         )
-    about, records = read_results(session.results)
+    about, records = session.earlier()
     kept = Work(work or WORK / about["code"])
     measured = Measured(records, kept.surface, kept.map)
     typer.echo(draw(session.results.with_suffix(""), about, measured))

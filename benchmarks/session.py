@@ -5,10 +5,12 @@ from __future__ import annotations
 import inspect
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Annotated, Any, get_type_hints
 
 import typer
@@ -119,12 +121,9 @@ class Session:
         repeats: Callable[[str, int], int],
     ) -> list[Record]:
         """Measure what is missing of a section."""
-        try:
-            solver()
-        except (ValueError, ImportError) as error:
-            raise typer.BadParameter(str(error), param_hint="CDCP_IGL_SOLVER") from error
+        self._check()
         pin_threads(self.threads)
-        try:
+        with _no_os_error("--work"):
             return run(
                 *(section, models, methods),
                 table=table,
@@ -135,19 +134,34 @@ class Session:
                 shard=self.part,
                 console=Console(stderr=True),
             )
-        except OSError as error:
-            reason = f"{error.filename}: {error.strerror}"
-            raise typer.BadParameter(reason, param_hint="--work") from error
+
+    def _check(self) -> None:
+        """Find out before all is measured that it could not be, or not be written."""
+        try:
+            solver()
+        except (ValueError, ImportError) as error:
+            raise typer.BadParameter(str(error), param_hint="CDCP_IGL_SOLVER") from error
+        if self.part is None:
+            self.earlier()
+            with _no_os_error("--out" if self.out else "--work"):
+                self.results.parent.mkdir(parents=True, exist_ok=True)
+                TemporaryFile(dir=self.results.parent).close()
+
+    def earlier(self) -> tuple[dict[str, Any], list[Record]]:
+        """Read the results that are there; nothing if there are none."""
+        try:
+            return read_results(self.results) if self.results.exists() else ({}, [])
+        except ValueError as error:
+            raise typer.BadParameter(str(error), param_hint="--out, --machine") from error
 
     def write(self, section: str, records: Sequence[Record]) -> Measured:
         """Write the results of a section; those of other sections stay if the code is the same."""
         command = shlex.join(["python", "-m", "benchmarks", *sys.argv[1:]])
         commands, others = {section: command}, []
-        if self.results.exists():
-            about, earlier = read_results(self.results)
-            if about["code"] == code():
-                others = [record for record in earlier if record.section != section]
-                commands = about["commands"] | commands
+        about, earlier = self.earlier()
+        if about.get("code") == code():
+            others = [record for record in earlier if record.section != section]
+            commands = about["commands"] | commands
         machine = describe(self.threads) | {
             "time_limit": self.limits.seconds,
             "memory_limit": self.limits.mib,
@@ -176,6 +190,16 @@ def with_session(command: Callable[..., None]) -> Callable[..., None]:
     with_options.__annotations__ = {p.name: p.annotation for p in parameters}
     del with_options.__wrapped__
     return with_options
+
+
+@contextmanager
+def _no_os_error(option: str) -> Iterator[None]:
+    """Turn what the system refuses into a message about an option."""
+    try:
+        yield
+    except OSError as error:
+        reason = f"{error.filename}: {error.strerror}"
+        raise typer.BadParameter(reason, param_hint=option) from error
 
 
 def _parameters(of: type) -> list[inspect.Parameter]:

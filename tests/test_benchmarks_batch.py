@@ -75,6 +75,26 @@ def test_what_a_limit_has_ended_is_measured_again_under_a_larger_one(tmp_path):
     assert outcomes == [late, late, "more than 5 MiB of memory", "ok"]
 
 
+def test_results_that_cannot_be_written_are_told_before_anything_is_measured(tmp_path):
+    file = tmp_path / "file"
+    file.touch()
+    options = ("--models", "ellipse_20", "--work", tmp_path / "w")
+    assert f"Invalid value for --out: {file}" in refused("tables", *options, "--out", file / "x")
+    other = tmp_path / "here.json"
+    for text in ("{}", "[]", "thesis"):
+        other.write_text(text)
+        for command in (("tables", *options), ("figures",)):
+            told = refused(*command, "--out", tmp_path, "--machine", "here")
+            assert "is no file of results: move it" in told
+    assert not (tmp_path / "w").exists()
+
+
+@pytest.mark.parametrize("line", ["{}", "3", '{"section": "tables", "method": "cdcp"}', '{"sect'])
+def test_a_line_that_is_no_record_does_not_count(tmp_path, line):
+    (tmp_path / "results.jsonl").write_text(f"{line}\n")
+    assert Work(tmp_path).records() == []
+
+
 def test_two_runs_do_not_write_to_one_folder(tmp_path):
     with Work(tmp_path).journal(), pytest.raises(OSError, match="another batch is writing"):
         measure(tmp_path, GRIDS)

@@ -56,10 +56,10 @@ class Work:
         self.folder = folder or WORK / code()
 
     def records(self) -> list[Record]:
-        """All records, in the order of measurement; a line that was cut off does not count."""
+        """All records, in the order of measurement; what is no record, as half a line, is not."""
         records = []
         for line in journal_lines(self.folder):
-            with suppress(json.JSONDecodeError):
+            with suppress(json.JSONDecodeError, TypeError):
                 records.append(Record.of_json(json.loads(line)))
         return records
 
@@ -130,6 +130,9 @@ def write_results(path: Path, machine: Mapping[str, Any], records: Sequence[Reco
 
 
 def read_results(path: Path) -> tuple[dict[str, Any], list[Record]]:
-    """Read what `write_results` wrote."""
-    content = json.loads(path.read_text(encoding="utf-8"))
-    return content["machine"], [Record.of_json(row) for row in content["records"]]
+    """Read what `write_results` wrote; ValueError if it is something else."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        return dict(content["machine"]), [Record.of_json(row) for row in content["records"]]
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} is no file of results: move it, or take another name") from error
