@@ -4,6 +4,7 @@ import meshes
 import numpy as np
 import pytest
 import surfaces
+from benchmark_commands import refused
 from typer.testing import CliRunner
 
 import cdcp_igl
@@ -25,6 +26,18 @@ def test_a_row_for_each_surface_by_class(tmp_path):
     assert shown.stdout.index("## handles") < shown.stdout.index("## loops")
     assert "| loops_strip | 18 | refused: The surface is one-sided" in shown.stdout
     assert "| handles_torus | 96 | 1 | yes | " in shown.stdout
+
+
+def test_surfaces_that_are_missing_are_told_with_what_to_do(tmp_path, monkeypatch):
+    for command, missing in (("surfaces", tmp_path / "a"), ("punctures", "/nope"), ("solvers", "b")):
+        assert f"'{missing}' does not exist" in refused(command, missing)
+    for command in ("surfaces", "punctures"):
+        assert "give another folder" in refused(command, tmp_path)
+    monkeypatch.delenv("CDCP_IGL_DATA", raising=False)
+    assert "set CDCP_IGL_DATA to a folder" in refused("surfaces")
+    monkeypatch.setenv("CDCP_IGL_DATA", "/nope")
+    for command in (["surfaces"], ["tables", "--quick"], ["tables", "--models", "nefertiti_299"]):
+        assert "'/nope' is no folder: set it" in refused(*command)
 
 
 @pytest.mark.parametrize(

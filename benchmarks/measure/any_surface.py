@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
@@ -18,6 +17,8 @@ from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.libigl import angles
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas
+
+from .folders import files_of
 
 __all__ = ["least_distortion", "punched", "surfaces"]
 
@@ -50,14 +51,16 @@ disk_map: seconds by those of one `disk_map` of the opened components, in the sa
 
 def surfaces(
     folder: Annotated[
-        Path | None, typer.Argument(help="npz files with V and F, the class first in the name.")
+        Path | None,
+        typer.Argument(
+            exists=True, file_okay=False, help="npz files with V and F, the class first in the name."
+        ),
     ] = None,
     refine: Annotated[int, typer.Option(help="Steps of refinement.")] = 0,
     spread: Annotated[float, typer.Option(help="Grow cuts to this spread.")] = 1.0,
 ) -> None:
     """Map surfaces that are no disks, by class; then filling of holes against cutting."""
-    data = Path(os.environ.get("CDCP_IGL_DATA", "."))
-    files = sorted((folder or data / "any").glob("*.npz"))
+    files = files_of(folder, {".npz"})
     for kind, group in groupby(files, key=lambda file: file.stem.partition("_")[0]):
         typer.echo(f"\n## {kind}\n")
         reasons = _print_rows(COLUMNS, _rows(group, refine=refine, spread=spread))
@@ -66,7 +69,8 @@ def surfaces(
     typer.echo(NOTE)
     if folder is None:
         typer.echo("## Three round holes, filled or cut to\n")
-        _print_rows(("surface", "faces a hole", "filled", "cut to", "cut edges"), _fillings(data))
+        columns = ("surface", "faces a hole", "filled", "cut to", "cut edges")
+        _print_rows(columns, _fillings(files[0].parents[1]))
 
 
 def _rows(

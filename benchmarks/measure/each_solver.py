@@ -23,7 +23,7 @@ ENOUGH = 60  # seconds of a surface, after which another round hardly changes th
 
 
 def solvers(
-    meshes: Annotated[list[Path], typer.Argument(metavar="IN...")],
+    meshes: Annotated[list[Path], typer.Argument(metavar="IN...", exists=True, dir_okay=False)],
     rounds: Annotated[
         int, typer.Option(min=1, help="At most; each solver has its turn in each.")
     ] = 3,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import glob
 import hashlib
 import itertools
-import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from cdcp_igl.io import READABLE, read_mesh
 from ..records.paper import PAPER
 from ..records.record import OPENED
 from ..records.store import Work
+from .folders import data
 from .fuzzing import surface
 
 __all__ = ["Model", "as_disk", "by_name", "digest", "find", "patches", "quick", "subdivided"]
@@ -73,11 +73,11 @@ def _known() -> list[Model]:
         for row in PAPER
     ]
     models.append(_named("human_face"))
-    folder = os.environ.get("CDCP_IGL_DATA")
+    folder = data()
     if not folder:
         return [*models, *GENERATED]
     taken = tuple(model.name for model in models)
-    files = sorted(path for path in Path(folder).iterdir() if path.suffix in READABLE)
+    files = sorted(path for path in folder.iterdir() if path.suffix in READABLE)
     others = [_file(path) for path in files if not path.stem.startswith(taken)]
     return [*models, *others]
 
@@ -106,7 +106,7 @@ def _missing(name: str, reason: str) -> Model:
 
 def quick() -> list[Model]:
     """Three small surfaces."""
-    if os.environ.get("CDCP_IGL_DATA"):
+    if data():
         return by_name(("nefertiti_299", "femur_2411", "camelhead_11381"))
     return [
         model

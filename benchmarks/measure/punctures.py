@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
@@ -25,6 +24,7 @@ from cdcp_igl.surface.mesh import DiskMesh
 
 from ..records.lines import Lines
 from ..records.store import WORK, code
+from .folders import files_of
 from .models import digest
 from .worker import Jobs, Lost, answers
 
@@ -133,7 +133,10 @@ METHODS = tuple(dict.fromkeys(method for methods in COMPARED.values() for method
 
 def punctures(
     folder: Annotated[
-        Path | None, typer.Argument(help="Files; those of no closed surface are left out.")
+        Path | None,
+        typer.Argument(
+            exists=True, file_okay=False, help="Files; those of no closed surface are left out."
+        ),
     ] = None,
     places: Annotated[int, typer.Option(min=1, help="Places to open each surface at.")] = 3,
     most: Annotated[int, typer.Option(min=1, help="Vertices of the largest.")] = 10**9,
@@ -148,8 +151,7 @@ def punctures(
     build/benchmarks, and not mapped again.
     """
     lines = Lines(WORK / code() / f"punctures-{seed}.jsonl")
-    files = sorted((folder or Path(os.environ.get("CDCP_IGL_DATA", "."), "any")).iterdir())
-    paths = [path for path in files if path.suffix in READABLE and _is_closed(path, most)]
+    paths = [path for path in files_of(folder, READABLE) if _is_closed(path, most)]
     tasks = list(_tasks(paths, places, seed))
     console = Console()
     if not console.is_terminal:
