@@ -18,7 +18,8 @@ from benchmarks.write.figures.cost import STACK, factorizations, phases
 from benchmarks.write.figures.many import performance_profiles, quartiles
 from benchmarks.write.figures.style import HATCHES, MOST, STYLES, encode, model_name
 from benchmarks.write.pages import write_pages
-from benchmarks.write.sections import cases
+from benchmarks.write.sections import cases, tables
+from benchmarks.write.table import markdown
 from cdcp_igl import cdcp, datasets
 from cdcp_igl.plot.raster import SAMPLES, rasterize
 from cdcp_igl.plot.scene import Scene
@@ -274,6 +275,17 @@ def test_names_are_told_apart_and_paths_stay_as_they_are():
     table = cases(Measured(named(*names)).sections["tables"])
     assert [row[0].text for row in table.rows] == ["left ear", *names[1:]]
     assert model_name(names[-1], 100) == "/tmp/my_scans/ear.obj  100"
+
+
+def test_a_bar_in_a_name_is_no_column():
+    table = markdown(cases(Measured(named("a|b")).sections["tables"]))
+    assert r"| a\|b | 100 |" in table
+
+
+def test_a_table_without_rows_is_left_out():
+    case = Case("cdcp", "disk", "ok", seconds=1.0)
+    measured = Measured([Record("speed", "cat", "d", 100, 180, 18, 0, case)])
+    assert [table.id for table in tables(measured)] == []
 
 
 def test_each_surface_has_a_page_of_its_own(tmp_path):

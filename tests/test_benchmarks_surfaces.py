@@ -29,8 +29,8 @@ def test_a_row_for_each_surface_by_class(tmp_path):
 
 
 def test_surfaces_that_are_missing_are_told_with_what_to_do(tmp_path, monkeypatch):
-    for command, missing in (("surfaces", tmp_path / "a"), ("punctures", "/nope"), ("solvers", "b")):
-        assert f"'{missing}' does not exist" in refused(command, missing)
+    for command in ("surfaces", "punctures", "solvers"):
+        assert "'/nope' does not exist" in refused(command, "/nope")
     for command in ("surfaces", "punctures"):
         assert "give another folder" in refused(command, tmp_path)
     monkeypatch.delenv("CDCP_IGL_DATA", raising=False)

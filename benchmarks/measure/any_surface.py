@@ -53,7 +53,7 @@ def surfaces(
     folder: Annotated[
         Path | None,
         typer.Argument(
-            exists=True, file_okay=False, help="npz files with V and F, the class first in the name."
+            exists=True, file_okay=False, help="npz files of V and F, the class first in the name."
         ),
     ] = None,
     refine: Annotated[int, typer.Option(help="Steps of refinement.")] = 0,

@@ -64,7 +64,8 @@ def tables(measured: Measured) -> Iterator[Table]:
     }
     for section, make in sections.items():
         if section in measured.sections:
-            yield from make(measured.sections[section])
+            made = make(measured.sections[section])
+            yield from (table for table in made if table.rows)
 
 
 def cases(results: Section) -> Table:

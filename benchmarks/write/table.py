@@ -81,7 +81,8 @@ def markdown(table: Table) -> str:
     first = table.rows[0] if table.rows else []
     rules = ["---" if "text" in cell.kind or cell.model else "---:" for cell in first]
     lines = [list(table.headings), rules, *([text(cell) for cell in row] for row in table.rows)]
-    rows = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    escaped = ([text.replace("|", r"\|") for text in line] for line in lines)
+    rows = "\n".join("| " + " | ".join(line) + " |" for line in escaped)
     told = "\n".join(f"[{k}] {note}  " for k, note in enumerate(notes, 1))
     return rows + (f"\n\n{told}" if told else "")
 
