@@ -18,6 +18,7 @@ from benchmarks.records.comparison import paired, profiles, summary
 from benchmarks.records.record import Record
 from benchmarks.records.results import Section
 from benchmarks.records.store import Work, read_results
+from benchmarks.write.comparisons import peer_tables
 from cdcp_igl import angle_distortion, check, datasets
 from cdcp_igl.certificate import certify
 from cdcp_igl.reference import harmonic
@@ -118,6 +119,12 @@ def test_what_is_not_installed_is_told_and_tried_again(tmp_path, monkeypatch, bf
 def test_peers_are_measured_only_when_asked_for():
     assert not set(maps()) & set(PEERS)
     assert set(PEERS) < set(METHODS)
+
+
+def test_the_head_of_a_column_says_what_the_boundary_is():
+    made = section({name: [1] for name in ("cdcp", "lscm", "BFF disk", "BFF free")})
+    heads = ["CDCP", "LSCM, free boundary", "BFF disk, not certified", "BFF free, free boundary"]
+    assert next(peer_tables(made)).headings[2:] == heads
 
 
 def measure(tmp_path, names, model=None, limits=LIMITS):

@@ -31,6 +31,9 @@ class Candidate:
         Returns why it cannot be run here; empty if it can.
     prepare : callable
         Called in the process that runs it before the clock starts: the import of a package.
+    onto_disk : bool
+        Whether a map that counts as free is meant to be onto the disk, in too few digits to be
+        certified.
     source : str
         Digest of its file, of a method of one's own, which may change.
     """
@@ -41,6 +44,7 @@ class Candidate:
     single: bool = False
     missing: Callable[[], str] = str
     prepare: Callable[[], object] = str
+    onto_disk: bool = False
     source: str = ""
 
 

@@ -179,13 +179,16 @@ def _without_bff() -> str:
     return "" if _bff_program() else f"not to be had: no {BFF} on PATH, nor its path in BFF"
 
 
-def _of_package(package: str, map: Callable[[Floats, Ints], Any], citation: str) -> Candidate:
+def _of_package(
+    package: str, map: Callable[[Floats, Ints], Any], citation: str, onto_disk: bool = False
+) -> Candidate:
     """Describe a map in single precision."""
     return Candidate(
         partial(_counterclockwise, map=map),
         *("free", citation, True),
         missing=partial(_without, package),
         prepare=partial(import_module, package),
+        onto_disk=onto_disk,
     )
 
 
@@ -195,7 +198,12 @@ def _of_libigl(map: Callable[[Floats, Ints], Any], citation: str) -> Candidate:
 
 def _of_bff(citation: str, *options: str) -> Candidate:
     map = partial(_bff, options=options)
-    return Candidate(partial(_counterclockwise, map=map), "free", citation, missing=_without_bff)
+    return Candidate(
+        partial(_counterclockwise, map=map),
+        *("free", citation),
+        missing=_without_bff,
+        onto_disk="--flattenToDisk" in options,
+    )
 
 
 LSCM, HARMONIC = "least_squares_conformal_maps", "harmonic"  # as MeshLab calls its filters
@@ -210,7 +218,7 @@ PEERS: Mapping[str, Candidate] = {
     ),
     "MeshLab LSCM": _of_package("pymeshlab", partial(_meshlab, filter=LSCM), "LSCM"),
     "MeshLab harmonic": _of_package(
-        "pymeshlab", partial(_meshlab, filter=HARMONIC), "harmonic, onto the circle"
+        "pymeshlab", partial(_meshlab, filter=HARMONIC), "harmonic, onto the circle", onto_disk=True
     ),
     "xatlas": _of_package("xatlas", _xatlas, "an atlas of charts"),
     "SLIM": _of_libigl(partial(_slim, energy="SYMMETRIC_DIRICHLET"), "Rabinovich et al. 2017"),

@@ -66,9 +66,10 @@ def peer_tables(results: Section) -> Iterator[Table]:
     """Make the tables of other programs."""
 
     def heading(method: str) -> str:
-        free = METHODS[method].boundary == "free" and "free boundary" not in style(method).label
-        marks = ["free boundary"] * free + ["single precision"] * METHODS[method].single
-        return ", ".join([style(method).label, *marks])
+        label, of = style(method).label, METHODS[method]
+        free = of.boundary == "free" and "free boundary" not in label
+        marks = ["not certified" if of.onto_disk else "free boundary"] * free
+        return ", ".join([label, *marks, *["single precision"] * of.single])
 
     headings = ["surface", "n", *(heading(method) for method in results.maps)]
     yield Table(
