@@ -19,6 +19,10 @@ def raises(V, F):
     raise KeyError("what")
 
 
+def raises_two_lines(V, F):
+    raise RuntimeError("boom | pipe\nnewline")
+
+
 def not_finite(V, F):
     uv = cdcp(V, F)
     uv[len(uv) // 2] = np.nan
@@ -35,6 +39,14 @@ def nothing(V, F):
 
 def too_short(V, F):
     return cdcp(V, F)[1:]
+
+
+def listed(V, F):
+    return cdcp(V, F).tolist()
+
+
+def complex_numbers(V, F):
+    return cdcp(V, F) @ [1, 1j]
 
 
 def flattens_the_surface(V, F):
@@ -57,11 +69,14 @@ def hog(V, F):
 METHODS = {
     "kills itself": Method(kills_itself, "disk", ""),
     "raises": Method(raises, "disk", ""),
+    "raises two lines": Method(raises_two_lines, "disk", ""),
     "not finite": Method(not_finite, "disk", ""),
     "free, not finite": Method(not_finite, "free", ""),
     "flipped": Method(flipped, "disk", ""),
     "nothing": Method(nothing, "free", ""),
     "too short": Method(too_short, "free", ""),
+    "list": Method(listed, "disk", ""),
+    "complex": Method(complex_numbers, "disk", ""),
     "flattens the surface": Method(flattens_the_surface, "disk", ""),
     "hangs": Method(hangs, "disk", ""),
     "hog": Method(hog, "disk", ""),

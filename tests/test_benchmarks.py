@@ -104,8 +104,7 @@ def test_records_survive_json(tmp_path):
         ("not finite", "not valid: not finite"),
         ("free, not finite", "not valid: not finite"),
         ("flipped", "not valid: "),
-        ("nothing", "failed: "),
-        ("too short", "failed: "),
+        ("nothing", "failed: must return (n, 2) numbers, and returned NoneType"),
     ],
 )
 def test_a_failure_is_a_row_without_numbers(tmp_path, name, outcome):

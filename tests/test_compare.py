@@ -16,6 +16,7 @@ from cdcp_igl.reference import METHODS
 from cdcp_igl.reference.case import Case, run_case
 
 V, F = meshes.grid(8, 9)
+MUST = "failed: must return (n, 2) numbers, and returned "
 
 
 def compare(*arguments):
@@ -61,6 +62,11 @@ def test_time_limit():
     [
         ("kills itself", "crashed: SIGSEGV"),
         ("raises", "failed: KeyError: 'what'"),
+        ("raises two lines", "failed: RuntimeError: boom | pipe"),
+        ("nothing", f"{MUST}NoneType"),
+        ("list", f"{MUST}list"),
+        ("complex", f"{MUST}complex128 of shape ({len(V)},)"),
+        ("too short", f"{MUST}float64 of shape ({len(V) - 1}, 2)"),
         ("not finite", "not valid: not finite"),
         ("flipped", f"not valid: {len(F)} flipped faces"),
         ("free, not finite", "not valid: not finite"),

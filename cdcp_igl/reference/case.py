@@ -204,14 +204,18 @@ def _measure(table: str, method: str, mesh: str) -> tuple[dict[str, Any], Floats
     start = perf_counter()
     try:
         made = chosen.function(*given)
-    except (MapError, SolverError) as error:
-        return {"outcome": f"{type(error).__name__}: {error}"}, None
+    except Exception as error:
+        typed = isinstance(error, (MapError, SolverError))
+        return {"outcome": "failed: " * (not typed) + _first_line(error)}, None
     cost = {"seconds": perf_counter() - start, "memory": peak_memory()}
     if isinstance(made, Timed):
         details = {"seconds": dict(made.phases)}
         return {"outcome": OK, **cost, "seconds": made.seconds, "details": details}, None
     uv, details = (made.uv, made.report()) if isinstance(made, DiskMap) else (made, {})
     V, F = _surface(mesh)  # the method may have changed what it was given
+    if returned := _other_than_map(uv, len(V)):
+        return {"outcome": f"failed: must return (n, 2) numbers, and returned {returned}"}, None
+    uv = np.asarray(uv, dtype=np.float64)
     certificate = certify(DiskMesh(V, F), uv)
     if not (certificate.valid if chosen.boundary == "disk" else certificate.finite):
         return {"outcome": f"not valid: {certificate}"}, None
@@ -227,6 +231,18 @@ def _measure(table: str, method: str, mesh: str) -> tuple[dict[str, Any], Floats
         **cost,
         "details": details,
     }, uv
+
+
+def _first_line(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}".splitlines()[0].removesuffix(": ")
+
+
+def _other_than_map(made: object, n: int) -> str:
+    """Describe what is no map of n vertices; empty if it may be one."""
+    if not isinstance(made, np.ndarray):
+        return type(made).__name__
+    is_map = made.shape == (n, 2) and made.dtype.kind in "fiu"
+    return "" if is_map else f"{made.dtype} of shape {made.shape}, where n is {n:,}"
 
 
 def _surface(mesh: str) -> tuple[Floats, Ints]:
