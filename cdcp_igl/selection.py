@@ -110,7 +110,8 @@ def best_map(
     if not result.valid:
         raise MapError(
             f"The map is not a bijection onto the disk: {result.certificate}. "
-            f"Boundary: {result.trace}",
+            f"Boundary: {result.trace}. Parts of it may be too small on the disk for double "
+            "precision: cut the surface where it is long or branches (cdcp_igl.cut)",
             result,
         )
     if not result.conformal:
