@@ -75,11 +75,11 @@ def test_what_a_limit_has_ended_is_measured_again_under_a_larger_one(tmp_path):
     assert outcomes == [late, late, "more than 5 MiB of memory", "ok"]
 
 
-def test_results_that_cannot_be_written_are_told_before_anything_is_measured(tmp_path):
-    file = tmp_path / "file"
-    file.touch()
+def test_results_that_cannot_be_written_are_told_before_anything_is_measured(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # the message names the path, and is cut into lines
+    Path("file").touch()
     options = ("--models", "ellipse_20", "--work", tmp_path / "w")
-    assert f"Invalid value for --out: {file}" in refused("tables", *options, "--out", file / "x")
+    assert "Invalid value for --out: file/x: " in refused("tables", *options, "--out", "file/x")
     other = tmp_path / "here.json"
     for text in ("{}", "[]", "thesis"):
         other.write_text(text)
