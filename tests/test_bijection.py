@@ -296,7 +296,7 @@ def test_a_crowded_map_is_registered_with_itself(landmarks):
     result = cdcp_igl.disk_map(V, F)
     pairs = np.column_stack([np.arange(len(V))[landmarks]] * 2) % len(V)
     uv = result.register(result, pairs)
-    assert abs(uv - result.uv).max() < 1e-15
+    assert abs(uv - result.uv).max() < 1e-13
 
 
 def test_landmarks_are_judged(cap):
