@@ -173,6 +173,18 @@ with whole_file({str(tmp_path / "a.json")!r}) as unfinished:
     assert sorted(os.listdir(tmp_path)) == [foreign.name, "b.json"]
 
 
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs Linux to tell")
+def test_a_process_that_nobody_has_waited_for_is_dead(tmp_path):
+    # In a container whose first process does not do so, orphans of a killed batch stay like this.
+    code = f"from cdcp_igl.io.output import _created; _created({tmp_path / 'a'!r}, None)"
+    ended = subprocess.Popen([sys.executable, "-c", f"from pathlib import PosixPath; {code}"])
+    os.waitid(os.P_PID, ended.pid, os.WEXITED | os.WNOWAIT)
+    os.kill(ended.pid, 0)  # its number is still taken
+    (left,) = tmp_path.iterdir()
+    assert remove_stale(tmp_path) == [left]
+    ended.wait()
+
+
 @posix
 def test_a_number_of_a_process_that_comes_again(tmp_path):
     with whole_file(tmp_path / "a") as unfinished:
