@@ -351,6 +351,16 @@ def test_what_cannot_be_opened_is_not_tried_for_ever(monkeypatch):
     assert len(tried) == count
 
 
+def test_a_round_that_opens_one_face_and_closes_another_is_not_the_last(monkeypatch):
+    mesh, left = DiskMesh(*meshes.strip(40)), [[0, 1, 2], [1, 3], [3, 4], []]
+    monkeypatch.setattr(bulge, "_raise", lambda f, face, tip: None)
+    monkeypatch.setattr(bulge, "_collapsed", lambda mesh, f: np.array(left.pop(0), dtype=int))
+    f = np.zeros(len(mesh.V), complex)
+    f[mesh.loop] = arc_length_map(mesh)
+    _, count = hold_open(mesh, f)
+    assert (left, count) == ([], 3)
+
+
 def test_crowding_inside_names_no_boundary_vertices():
     mesh = DiskMesh(*meshes.grid())
     even = np.ones(len(mesh.loop))

@@ -59,8 +59,8 @@ def _open_inscribed(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
         # The chord under a face may be a side of another with a longer chord: that one first.
         for row in collapsed[np.argsort(-span[collapsed], kind="stable")]:
             _raise(f, mesh.F[mesh.inscribed[row]], tip[row])
-        before, collapsed = len(collapsed), _collapsed(mesh, f)
-        if not 0 < len(collapsed) < before:
+        before, collapsed = collapsed, _collapsed(mesh, f)
+        if len(collapsed) == 0 or np.array_equal(collapsed, before):
             break
     return f, n_collapsed
 
