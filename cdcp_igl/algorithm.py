@@ -143,9 +143,9 @@ def disk_map(
     -------
     DiskMap
         ``uv`` (n, 2) with the certificate, the distortion, and what was used. Where the
-        geodesic algorithm gives no valid map, or one that is sheared, others are tried,
-        and the valid map with the lowest mean distortion is returned; ``conformal`` says
-        whether it is what a conformal map of this mesh should be.
+        geodesic algorithm gives no valid map, or one that is measurably not near the
+        conformal one, others are tried, and the valid map with the lowest mean distortion is
+        returned; ``conformal`` says whether it is what a conformal map of this mesh should be.
 
     Raises
     ------

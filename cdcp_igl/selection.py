@@ -17,6 +17,7 @@ from .solve.factored import FactoredSurface
 from .steps.alignment import rotate
 from .steps.candidate import SMALL, Candidate, judged, refined
 from .steps.circle import BoundaryMethod, Rejected, hold_open
+from .steps.conformality import STRETCHED
 from .steps.harmonic_map import HarmonicMap
 from .steps.mobius import MobiusMethod, Normalization, composed, normalize
 from .steps.options import Options
@@ -50,7 +51,7 @@ def best_map(
     *,
     keep_factor: bool,
 ) -> DiskMap:
-    """Try one way after the other until a map is conformal, and refine the best.
+    """Try one way after the other until a map is near the conformal one, and refine the best.
 
     Parameters
     ----------
@@ -81,7 +82,7 @@ def best_map(
             continue
         known.append(harmonic)
         candidates.append(_normalized(mesh, harmonic, options, phase, MANY_FLIPPED))
-        if not candidates[-1].conformality.sheared:
+        if _will_do(mesh, candidates[-1], options):
             break
     if all(candidate.conformality.sheared for candidate in candidates):
         candidates += [
@@ -90,15 +91,16 @@ def best_map(
             if not candidate.certificate.valid
             for unfolded in _unfolded(mesh, harmonic, candidate, options, phase)
         ]
+    first = candidates[0]
     candidates.sort(key=lambda candidate: candidate.rank)
-    steps = max(options.refine, 0 if options.paper else candidates[0].steps_due)
-    if steps and candidates[0].certificate.valid:
+    rivals = _rivals(candidates, first)
+    due = [max(options.refine, 0 if options.paper else rival.steps_due) for rival in rivals]
+    if any(due) and candidates[0].certificate.valid:
         if not keep_factor:
             surface.release()
-        rivals = _rivals(candidates)
-        candidates[:rivals] = [
-            refined(mesh, candidate, surface.factor.order, steps, options, phase)
-            for candidate in candidates[:rivals]
+        candidates[: len(rivals)] = [
+            refined(mesh, rival, surface.factor.order, steps, options, phase) if steps else rival
+            for rival, steps in zip(rivals, due, strict=True)
         ]
         candidates.sort(key=lambda candidate: candidate.rank)
     best, *others = candidates
@@ -120,16 +122,29 @@ def best_map(
     return result
 
 
-def _rivals(candidates: list[Candidate]) -> int:
-    """How many of the candidates, best first, are refined: more than one if none is conformal.
+def _will_do(mesh: DiskMesh, candidate: Candidate, options: Options) -> bool:
+    """Whether nothing says that another way would lead nearer to the conformal map.
+
+    Errors that only the size of the faces explains do not. What does is shear, stretched needles,
+    and a centre at the boundary, where a dipole has no room, as in a fan around one vertex.
+    """
+    verdict = candidate.conformality
+    if verdict.sheared or options.paper:
+        return not verdict.sheared
+    cramped = mesh.on_boundary[mesh.F[candidate.center.face]].any()
+    return verdict.stretch <= STRETCHED and not cramped
+
+
+def _rivals(candidates: list[Candidate], first: Candidate) -> list[Candidate]:
+    """Those of the candidates, best first, that are refined: the best, or all that are near it.
 
     Which of several bad maps of a coarse mesh leads to the best one shows in the end only.
     """
     best = candidates[0]
-    if best.conformality or len(best.f) > SMALL:
-        return 1
+    if (best.conformality and first.conformality) or len(best.f) > SMALL:
+        return [best]
     worst = (False, HANDICAP * best.rank[1])
-    return sum(candidate.rank <= worst for candidate in candidates)
+    return [candidate for candidate in candidates if candidate.rank <= worst] or [best]
 
 
 def _normalized(

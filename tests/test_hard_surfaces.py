@@ -5,6 +5,8 @@ import contextlib
 import meshes
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from test_straightening import blob, punctured
 from threadpoolctl import threadpool_limits
 
@@ -72,6 +74,26 @@ def test_no_other_method_is_better_on_needles(parts, height, tip):
         with contextlib.suppress(cdcp_igl.MapError):
             others.append(cdcp_igl.angle_distortion(V, F, method(V, F)).mean())
     assert mean < 1.1 * min(others)
+
+
+@pytest.mark.parametrize("spokes", [5, 8, 12, 20, 30, 100, 1000])
+def test_a_fan_maps_to_itself(spokes):
+    """All its faces lie at the boundary; where they are many, angles do not show what is wrong."""
+    F = meshes.fan(spokes)[1]
+    V = np.append(np.exp(2j * np.pi * np.arange(spokes) / spokes), 0)
+    result = cdcp_igl.disk_map(np.column_stack([V.real, V.imag]), F)
+    assert result.conformal
+    assert result.distortion.mean < 1e-6
+    assert result.conformality.stretch < 1 + 1e-5
+
+
+@settings(max_examples=25)
+@given(st.integers(10, 40), st.floats(0, 2), st.floats(0.3, 1), st.integers(0, 1000))
+def test_no_other_method_is_better_on_fans(spokes, height, least, seed):
+    V, F = meshes.fan(spokes, height)
+    V = V * np.append(np.random.default_rng(seed).uniform(least, 1, spokes), 1)[:, None]
+    mean = cdcp_igl.disk_map(V, F).distortion.mean
+    assert mean < 1.1 * cdcp_igl.angle_distortion(V, F, harmonic(V, F)).mean() + 1e-6
 
 
 # What they have reached, in degrees.

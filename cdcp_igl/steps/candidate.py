@@ -76,11 +76,12 @@ class Candidate:
         return STEPS_DUE if unlike else 0
 
     def objection(self) -> str:
-        """Why another map was sought after this one."""
+        """Why another map was sought after this one, or taken instead."""
         name = self.trace.name
         if not self.certificate.valid:
             return f"{name}: no certificate"
-        return f"{name}: mean distortion {self.rank[1]:.2f} degrees, not conformal"
+        verdict = "" if self.conformality else ", not conformal"
+        return f"{name}: mean distortion {self.rank[1]:.2f} degrees{verdict}"
 
 
 def judged(
