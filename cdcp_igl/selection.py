@@ -38,6 +38,9 @@ HANDICAP = 2
 # Even area, if it was asked for, may raise the angular distortion by so much.
 PRICE_OF_AREA = 1.05
 REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
+# If the scale at the vertices explains so many more errors than there are, it jumps from one to
+# the next, as that of a conformal map does not.
+LEAST_EXCESS = 0.6
 
 
 Way = Callable[[Phases], HarmonicMap]  # to a harmonic map; raises Rejected where there is none
@@ -126,13 +129,14 @@ def _will_do(mesh: DiskMesh, candidate: Candidate, options: Options) -> bool:
     """Whether nothing says that another way would lead nearer to the conformal map.
 
     Errors that only the size of the faces explains do not. What does is shear, stretched needles,
-    and a centre at the boundary, where a dipole has no room, as in a fan around one vertex.
+    a scale that jumps, and a centre at the boundary, where a dipole has no room, as in a fan
+    around one vertex.
     """
     verdict = candidate.conformality
     if verdict.sheared or options.paper:
         return not verdict.sheared
     cramped = mesh.on_boundary[mesh.F[candidate.center.face]].any()
-    return verdict.stretch <= STRETCHED and not cramped
+    return verdict.stretch <= STRETCHED and verdict.excess >= LEAST_EXCESS and not cramped
 
 
 def _rivals(candidates: list[Candidate], first: Candidate) -> list[Candidate]:

@@ -96,6 +96,22 @@ def test_no_other_method_is_better_on_fans(spokes, height, least, seed):
     assert mean < 1.1 * cdcp_igl.angle_distortion(V, F, harmonic(V, F)).mean() + 1e-6
 
 
+@pytest.mark.parametrize("sides", [16, 48, 200])
+@pytest.mark.parametrize("height", [0.5, 2, 10])
+def test_a_prism_with_needles(sides, height):
+    """As in a drawing: no vertex inside the lid, which is a fan from one on its rim."""
+    z = np.exp(2j * np.pi * np.arange(sides) / sides)
+    V = [np.column_stack([z.real, z.imag, np.full(sides, h)]) for h in (0, height)]
+    i = np.arange(sides)
+    j, lid = (i + 1) % sides, sides + i[1:-1]
+    side = [np.column_stack([i, j, sides + j]), np.column_stack([i, sides + j, sides + i])]
+    F = np.vstack([*side, np.column_stack([np.full(sides - 2, sides), lid, lid + 1])])
+    V = np.vstack(V)
+    by_length = cdcp_igl.angle_distortion(V, F, harmonic(V, F)).mean()
+    # Below a degree, nobody looks for a better one.
+    assert cdcp_igl.disk_map(V, F).distortion.mean < max(1.1 * by_length, 1)
+
+
 # What they have reached, in degrees.
 REACHED = {
     "3holes_g3_seam": 5.120,
