@@ -17,7 +17,6 @@ from .solve.factored import FactoredSurface
 from .steps.alignment import rotate
 from .steps.candidate import SMALL, Candidate, judged, refined
 from .steps.circle import BoundaryMethod, Rejected, hold_open
-from .steps.conformality import STRETCHED
 from .steps.harmonic_map import HarmonicMap
 from .steps.mobius import MobiusMethod, Normalization, composed, normalize
 from .steps.options import Options
@@ -38,9 +37,6 @@ HANDICAP = 2
 # Even area, if it was asked for, may raise the angular distortion by so much.
 PRICE_OF_AREA = 1.05
 REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
-# If the scale at the vertices explains so many more errors than there are, it jumps from one to
-# the next, as that of a conformal map does not.
-LEAST_EXCESS = 0.6
 
 
 Way = Callable[[Phases], HarmonicMap]  # to a harmonic map; raises Rejected where there is none
@@ -85,7 +81,8 @@ def best_map(
             continue
         known.append(harmonic)
         candidates.append(_normalized(mesh, harmonic, options, phase, MANY_FLIPPED))
-        if _will_do(mesh, candidates[-1], options):
+        latest = candidates[-1]
+        if not (latest.conformality.sheared if options.paper else latest.doubtful(mesh)):
             break
     if all(candidate.conformality.sheared for candidate in candidates):
         candidates += [
@@ -123,20 +120,6 @@ def best_map(
         log.warning("the map is not conformal: %s", "; ".join(result.conformality.reasons))
     phase.done()
     return result
-
-
-def _will_do(mesh: DiskMesh, candidate: Candidate, options: Options) -> bool:
-    """Whether nothing says that another way would lead nearer to the conformal map.
-
-    Errors that only the size of the faces explains do not. What does is shear, stretched needles,
-    a scale that jumps, and a centre at the boundary, where a dipole has no room, as in a fan
-    around one vertex.
-    """
-    verdict = candidate.conformality
-    if verdict.sheared or options.paper:
-        return not verdict.sheared
-    cramped = mesh.on_boundary[mesh.F[candidate.center.face]].any()
-    return verdict.stretch <= STRETCHED and verdict.excess >= LEAST_EXCESS and not cramped
 
 
 def _rivals(candidates: list[Candidate], first: Candidate) -> list[Candidate]:

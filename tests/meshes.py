@@ -202,3 +202,14 @@ def corridor(length, width=4):
     )
     F = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
     return np.column_stack([x.ravel(), y.ravel()]), F
+
+
+def prism(sides, height):
+    """Open below, closed above by a fan from a vertex on the rim."""
+    i = np.arange(sides)
+    j, lid = (i + 1) % sides, sides + i[1:-1]
+    z = np.exp(2j * np.pi * i / sides)
+    V = [np.column_stack([z.real, z.imag, np.full(sides, h)]) for h in (0, height)]
+    wall = [np.column_stack([i, j, sides + j]), np.column_stack([i, sides + j, sides + i])]
+    F = np.vstack([*wall, np.column_stack([np.full(sides - 2, sides), lid, lid + 1])])
+    return np.vstack(V), F

@@ -100,13 +100,7 @@ def test_no_other_method_is_better_on_fans(spokes, height, least, seed):
 @pytest.mark.parametrize("height", [0.5, 2, 10])
 def test_a_prism_with_needles(sides, height):
     """As in a drawing: no vertex inside the lid, which is a fan from one on its rim."""
-    z = np.exp(2j * np.pi * np.arange(sides) / sides)
-    V = [np.column_stack([z.real, z.imag, np.full(sides, h)]) for h in (0, height)]
-    i = np.arange(sides)
-    j, lid = (i + 1) % sides, sides + i[1:-1]
-    side = [np.column_stack([i, j, sides + j]), np.column_stack([i, sides + j, sides + i])]
-    F = np.vstack([*side, np.column_stack([np.full(sides - 2, sides), lid, lid + 1])])
-    V = np.vstack(V)
+    V, F = meshes.prism(sides, height)
     by_length = cdcp_igl.angle_distortion(V, F, harmonic(V, F)).mean()
     # Below a degree, nobody looks for a better one.
     assert cdcp_igl.disk_map(V, F).distortion.mean < max(1.1 * by_length, 1)

@@ -13,7 +13,7 @@ from ..surface.mesh import DiskMesh
 from .alignment import rotate
 from .center import Center
 from .circle import BoundaryMethod, hold_open
-from .conformality import Conformality, judge
+from .conformality import STRETCHED, Conformality, judge
 from .line_search import HALVINGS, THIN
 from .mobius import Normalization
 from .options import Options
@@ -42,6 +42,9 @@ MOST_STEPS = 100
 WORTH, WORTH_LATER = 0.001, 0.003
 FEW_STEPS = 20
 SMALL = 5_000  # vertices
+# If the scale at the vertices explains so many more errors than there are, it jumps from one to
+# the next, as that of a conformal map does not.
+LEAST_EXCESS = 0.6
 PATIENT = 12  # halvings of their steps
 
 
@@ -74,6 +77,18 @@ class Candidate:
             return MOST_STEPS
         unlike = self.straightening.gain > COARSE or self.conformality.excess > EXCESS
         return STEPS_DUE if unlike else 0
+
+    def doubtful(self, mesh: DiskMesh) -> bool:
+        """Whether another way to the circle may lead nearer to the conformal map.
+
+        Errors that only the size of the faces explains do not say so. What does is shear,
+        stretched needles, a scale that jumps, and a centre at the boundary, where a dipole has no
+        room, as in a fan around one vertex.
+        """
+        verdict = self.conformality
+        if verdict.sheared or verdict.stretch > STRETCHED or verdict.excess < LEAST_EXCESS:
+            return True
+        return bool(mesh.on_boundary[mesh.F[self.center.face]].any())
 
     def objection(self) -> str:
         """Why another map was sought after this one, or taken instead."""

@@ -11,7 +11,7 @@ from ..arrays import Complex, Floats, Ints
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import face_areas, oriented_areas
 
-__all__ = ["Conformality", "dilatation", "explained_errors", "judge"]
+__all__ = ["STRETCHED", "Conformality", "dilatation", "explained_errors", "judge"]
 
 SMALL = 1.0  # degrees: a mean error that no one sees, whatever it comes from
 LARGE = 12.0  # degrees: more than any use of a conformal map can bear
