@@ -166,6 +166,15 @@ def test_openmp_loops_are_serial_and_the_callers_setting_is_restored(A, monkeypa
     assert runtime.levels[-1] == 3
 
 
+def test_libraries_may_be_loaded_meanwhile(monkeypatch):
+    """As by another thread, whose solver is another one."""
+    before, after = Runtime(), Runtime()
+    monkeypatch.setattr(cdcp_igl.solve.threads, "_OPENMP", [before])
+    with one_thread():
+        monkeypatch.setattr(cdcp_igl.solve.threads, "_OPENMP", [before, after])
+    assert (before.levels, after.levels) == ([3, 0, 3], [3])
+
+
 def test_only_the_lower_triangle_is_read(A):
     b = np.ones(40)
     lower = sp.tril(A, format="csc")

@@ -46,9 +46,10 @@ class Edges:
 
     def sum_opposite(self, x: Floats) -> Floats:
         """(e,) sums of the values x (m, 3) at the corners opposite each edge."""
-        # Half-edge k m + f leaves corner k of face f, so it lies opposite corner k - 1.
-        opposite = np.roll(x.T, 1, axis=0).ravel()
-        return np.add.reduceat(opposite[self.sides], self.start)
+        # Half-edge k m + f leaves corner k of face f, so it lies opposite corner k - 1, where
+        # that of the first is the last: counted from the end, as negative indices are.
+        opposite = x.T.ravel()[self.sides - len(x)]
+        return np.add.reduceat(opposite, self.start)
 
 
 def half_edges(F: Ints, n: int) -> tuple[Indices, Indices]:
