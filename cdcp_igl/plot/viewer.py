@@ -22,7 +22,7 @@ from ..arrays import Floats, Ints
 from ..distortion import angle_distortion, conformal_factor
 from ..extras import from_extra
 from ..io import whole_file
-from ..surface.edges import group_by_edge, half_edges
+from ..surface.edges import group_by_edge, heads, tails
 from ..surface.triangles import face_areas
 from .layout import Layout, Mapped, Opened, lay_out
 from .packing import ordered, pack, quantized
@@ -214,10 +214,10 @@ def _spin(V: Floats, F: Ints, uv: Floats, home: Floats) -> float:
 
 def _rim_and_cut(V: Floats, F: Ints) -> tuple[Ints, Ints]:
     """Edges with one face; where two of them lie in one place, the surface was cut there."""
-    tails, heads = half_edges(F, len(V))
-    by_edge = group_by_edge(tails, heads, len(V))
+    tail = tails(F, len(V))
+    by_edge = group_by_edge(tail, len(V))
     single = by_edge.sides[by_edge.start[by_edge.valence == 1]]
-    edges = np.column_stack([tails[single], heads[single]]).astype(np.int64)
+    edges = np.column_stack([tail[single], heads(tail)[single]]).astype(np.int64)
     ends, place = np.unique(edges), V[np.unique(edges)]
     where = np.unique(place, axis=0, return_inverse=True)[1].ravel()
     name = np.sort(where[np.searchsorted(ends, edges)], axis=1)

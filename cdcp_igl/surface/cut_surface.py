@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
 from ..arrays import Bools, Floats, Ints
-from .edges import group_by_edge, half_edges
+from .edges import group_by_edge, heads, tails
 from .triangles import corner_cotangents
 
 __all__ = ["CutSurface", "Opened"]
@@ -45,8 +45,9 @@ class CutSurface:
 
     def __post_init__(self) -> None:
         n = len(self.V)
-        self.tail, self.head = (ends.astype(np.int64) for ends in half_edges(self.F, n))
-        edges = group_by_edge(*half_edges(self.F, n), n)
+        edges = group_by_edge(tails(self.F, n), n)
+        self.tail = self.F.T.ravel()
+        self.head = heads(self.tail)
         two = edges.start[edges.valence == 2]
         one, other = edges.sides[two], edges.sides[two + 1]
         self.twin = np.full(self.F.size, -1)

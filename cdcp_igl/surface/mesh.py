@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, blocks
 from ..errors import Defect, MeshError
 from .chords import Chords
 from .defects import degenerate_defect
@@ -106,9 +106,11 @@ class DiskMesh:
     @cached_property
     def angles(self) -> Floats:
         """(m, 3) corner angles of the surface in radians, column k at corner k; read-only."""
+        angles = np.empty_like(self.cotangents)
         with np.errstate(divide="ignore"):  # the arctangent of infinity is a right angle
-            angles = np.arctan(1 / self.cotangents)  # half the time of arctan2
-        angles += np.pi * (angles < 0)
+            for part in blocks(len(angles)):
+                out = np.arctan(1 / self.cotangents[part], out=angles[part])
+                out += np.pi * (out < 0)  # by arctan2 it would take twice as long
         angles.flags.writeable = False
         return angles
 

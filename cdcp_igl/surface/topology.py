@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from .. import libigl
 from ..arrays import Bools, Floats, Indices, Ints
-from .edges import Edges, group_by_edge, half_edges
+from .edges import Edges, group_by_edge, tails
 
 __all__ = ["Topology", "duplicate_faces", "outer_loop"]
 
@@ -38,7 +38,7 @@ class Topology:
     @cached_property
     def edges(self) -> Edges:
         """The undirected edges."""
-        return group_by_edge(self._tail, self._head, self.n)
+        return group_by_edge(self._tail, self.n)
 
     @cached_property
     def singular(self) -> Bools:
@@ -73,7 +73,7 @@ class Topology:
     def chords(self) -> Ints:
         """(k, 2) ends of the edges with two faces that join two boundary vertices."""
         on_boundary = np.zeros(self.n, dtype=bool)
-        on_boundary[self._tail[self.border]] = on_boundary[self._head[self.border]] = True
+        on_boundary[self._border_ends] = True
         return self.edges.ends(self.edges.chords(on_boundary))
 
     # -- components and orientation ----------------------------------------------------
@@ -162,7 +162,7 @@ class Topology:
         """
         if self.singular.any() or len(self.border) == 0 or self.components[0] > 1:
             return False
-        ends = np.concatenate([self._tail[self.border], self._head[self.border]])
+        ends = self._border_ends.ravel()
         return self.euler_characteristic == 1 and bool(np.bincount(ends).max() == 2)
 
     # -- boundary and genus ------------------------------------------------------------
@@ -180,7 +180,7 @@ class Topology:
         """
         if not self.is_manifold or self.against is None:
             return []
-        tail, head = self._tail[self.border], self._head[self.border]
+        tail, head = self._border_ends
         if len(self.against):
             turned = np.isin(self.border % len(self.F), self.against)
             tail, head = np.where(turned, head, tail), np.where(turned, tail, head)
@@ -197,11 +197,12 @@ class Topology:
 
     @cached_property
     def _tail(self) -> Indices:
-        return half_edges(self.F, self.n)[0]
+        return tails(self.F, self.n)
 
     @cached_property
-    def _head(self) -> Indices:
-        return np.roll(self._tail, -len(self.F))
+    def _border_ends(self) -> Indices:
+        """(2, k) where the half-edges of the border begin, and where they end."""
+        return self._tail[np.array([self.border, (self.border + len(self.F)) % self.F.size])]
 
 
 def duplicate_faces(F: Ints) -> Ints:
