@@ -1,6 +1,7 @@
 """Names of the array types used in signatures, and blocks of long arrays."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,12 @@ Ints = NDArray[np.int64]
 Indices = NDArray[np.signedinteger[Any]]  # 32 bits where that is enough
 
 BLOCK = 1 << 14  # faces
+
+# Freed memory goes back to the system, and what is taken again has to be cleared page by page. The
+# C library of Linux (glibc) keeps as much as it has seen freed in one block, up to 32 MB. Such a
+# block, which nobody touches, takes no memory, and halves the pages of a first map.
+with suppress(MemoryError):
+    np.empty((1 << 25) - (1 << 16), dtype=np.uint8)
 
 
 def coordinates(z: Complex) -> Floats:
