@@ -28,7 +28,8 @@ BLOCK = 1 << 14  # faces
 
 # Freed memory goes back to the system, and what is taken again has to be cleared page by page. The
 # C library of Linux (glibc) keeps as much as it has seen freed in one block, up to 32 MB. Such a
-# block, which nobody touches, takes no memory, and halves the pages of a first map.
+# block, which nobody touches, takes no memory, and halves the pages of a first map of 20,000
+# vertices.
 with suppress(MemoryError):
     np.empty((1 << 25) - (1 << 16), dtype=np.uint8)
 

@@ -121,9 +121,7 @@ def normalize(
 
 def mobius_transformation(z: Complex, w: complex) -> Complex:
     """Apply psi_w(z) = (z - w) / (1 - conj(w) z), eq. (19): the disk onto itself, w to 0."""
-    moved = z - w
-    moved /= 1 - np.conj(w) * z
-    return moved
+    return (z - w) / (1 - np.conj(w) * z)
 
 
 def composed(first: complex, w: complex) -> complex:
