@@ -37,6 +37,7 @@ SPEED_MODELS = (
     *("nefertiti_750281", "gcanyon_996999"),
 )
 SMALL_MODEL, SMALL_METHODS = "nefertiti_299", ("cdcp warm", "import")
+MOVING_MODELS, MOVING_METHOD = ("chinese_lion", "gcanyon_216196"), "cdcp sequence"
 GROWTH_METHODS = ("factor", "cdcp")
 ROUNDS, QUICK_ROUNDS = 6, 2  # of subdivision: up to 4 million vertices, or 16,000
 REPEATED = ("factor", "cdcp")  # the others run once on large models
@@ -96,7 +97,8 @@ def speed(session: Session, repeats: Repeats = 5) -> None:
     """Measure times as multiples of one factorization, memory, growth; methods take turns.
 
     Growth is that on one terrain, subdivided from 1,000 to 4 million vertices, which takes 6 GiB;
-    one run each, and not if methods or surfaces are chosen.
+    one run each. Neither it nor small meshes and moving ones are measured if methods or surfaces
+    are chosen.
 
     Above 500,000 vertices all but CDCP and the factorization run once.
 
@@ -114,6 +116,9 @@ def speed(session: Session, repeats: Repeats = 5) -> None:
         small = session.wanted_models([SMALL_MODEL])[:1]
         few = {name: METHODS[name] for name in SMALL_METHODS}
         records += session.run("speed", small, few, table, runs)
+        moving = session.wanted_models(MOVING_MODELS)
+        method = {MOVING_METHOD: METHODS[MOVING_METHOD]}
+        records += session.run("speed", moving, method, table, runs)
         grown = subdivided(QUICK_ROUNDS if session.quick else ROUNDS)
         both = {name: METHODS[name] for name in GROWTH_METHODS}
         session.write("growth", session.run("growth", grown, both, table, lambda *_: 1))

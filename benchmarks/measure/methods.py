@@ -10,7 +10,9 @@ from functools import partial
 from time import perf_counter
 from typing import Any
 
-from cdcp_igl import cdcp, disk_map, reference
+import numpy as np
+
+from cdcp_igl import DiskMapper, cdcp, disk_map, reference
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.reference.case import Timed
 from cdcp_igl.solve.cholesky import Cholesky
@@ -24,6 +26,7 @@ __all__ = ["COST", "METHODS", "TABLE", "maps"]
 
 TABLE = f"{__name__}:METHODS"
 WARM_CALLS = 101
+FRAMES = 5
 
 
 def _factor(V: Floats, F: Ints) -> Timed:
@@ -50,6 +53,21 @@ def _warm(function: Callable[[Floats, Ints], Any], V: Floats, F: Ints) -> Timed:
     return Timed(statistics.median(seconds))
 
 
+def _sequence(V: Floats, F: Ints) -> Timed:
+    """Median of maps of a surface that moves, by `DiskMapper.moved`; those by `disk_map` beside."""
+    mapper, seconds = DiskMapper(V, F), []
+    mapper.map()
+    for frame in range(FRAMES):
+        positions = V * (1 + 0.01 * np.sin(6 * V[:, [1, 2, 0]] / np.ptp(V) + frame))
+        start = perf_counter()
+        disk_map(positions, F)
+        between = perf_counter()
+        mapper.moved(positions).map()
+        seconds.append((between - start, perf_counter() - between))
+    afresh, moved = map(statistics.median, zip(*seconds, strict=True))
+    return Timed(moved, {"afresh": afresh})
+
+
 def _import(V: Floats, F: Ints) -> Timed:
     """Import of cdcp_igl in a fresh interpreter, NumPy and SciPy included."""
     code = "from time import perf_counter as t; s = t(); import cdcp_igl; print(t() - s)"
@@ -74,6 +92,7 @@ METHODS: Mapping[str, Candidate] = Methods(
         ),
         "factor": Candidate(_factor, "none", "CHOLMOD, AMD"),
         "cdcp warm": Candidate(partial(_warm, cdcp), "none", "median of many calls in one process"),
+        "cdcp sequence": Candidate(_sequence, "none", "DiskMapper.moved, median of five frames"),
         "import": Candidate(_import, "none", "import cdcp_igl in a fresh process"),
         **PEERS,
     }

@@ -28,7 +28,8 @@ from .table import NOTHING, Cell, Row, Table, number
 
 __all__ = ["about", "cases", "tables"]
 
-UNITS = ("factor", "cdcp warm", "import")  # methods that are what others are measured by
+# Methods that are what others are measured by, or have tables of their own.
+UNITS = ("factor", "cdcp warm", "cdcp sequence", "import")
 
 
 def about(machine: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -179,6 +180,15 @@ def _speed(results: Section) -> Iterator[Table]:
         ["what", "ms"],
         list(_small(results)),
     )
+    yield Table(
+        "sequences",
+        "Sequences",
+        "The same faces with moved vertices, in one process: T is `disk_map`, S is "
+        "`DiskMapper.moved(V).map()`, which keeps the check of the faces and the analysis of the "
+        "factor. Medians.",
+        ["surface", "n", "T, s", "S, s", "S/T", "maps a second"],
+        list(_sequences(results)),
+    )
 
 
 def _growth(results: Section) -> Iterator[Table]:
@@ -234,6 +244,16 @@ def _small(results: Section) -> Iterator[Row]:
             ms = [1000 * run.case.seconds for run in results.of(model, method) if run.ok]
             if ms:
                 yield [Cell(text, kind="text name"), _spread(ms, ".4g")]
+
+
+def _sequences(results: Section) -> Iterator[Row]:
+    for model in results.sizes:
+        runs = [run for run in results.of(model, "cdcp sequence") if run.ok]
+        if runs:
+            S = median(run.case.seconds for run in runs)
+            T = median(run.case.details["seconds"]["afresh"] for run in runs)
+            values = number(T, ".3g"), number(S, ".3g"), number(S / T, ".2f"), number(1 / S, ".2g")
+            yield [*model_cells(results, model), *values]
 
 
 def _ablation(results: Section) -> Iterator[Table]:
