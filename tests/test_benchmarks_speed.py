@@ -21,7 +21,8 @@ def test_a_sequence_is_measured_beside_single_maps(tmp_path):
     measured = Measured(run("speed", [grid], {METHOD: METHODS[METHOD]}, **options))
     (record,) = measured.sections["speed"].records
     moved, afresh = record.case.seconds, record.case.details["seconds"]["afresh"]
-    assert record.ok and 0 < moved and 0 < afresh
+    assert record.ok
+    assert min(moved, afresh) > 0
     (table,) = (table for table in tables(measured) if table.id == "sequences")
     (row,) = table.rows
     assert row[0].text == "grid"

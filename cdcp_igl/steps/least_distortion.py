@@ -16,13 +16,13 @@ __all__ = [
     "least_angle_distortion_nelder_mead",
 ]
 
-# Faces on which Newton's method looks: on 13 scans, the mean angular distortion is within 1e-4
-# degrees of that with all faces. To begin with fewer saves no step: their minimum is as far away
-# as 0 is.
-MANY_FACES = 10_000
+# Faces on which Newton's method looks: few at first, to come near. On 13 scans, the mean
+# angular distortion with 10,000 is within 1e-4 degrees of that with all faces.
+FEW_FACES, MANY_FACES = 2_000, 10_000
 SOFT = 0.2  # corner of the pseudo-Huber function, by the median residual
 MAX_STEPS = 30
 TOLERANCE = 1e-8  # steps of w below this change the objective by its last digits only
+NEAR = 1e-2  # the minimum on few faces is no nearer to that on many
 
 
 def least_angle_distortion(errors: AngleErrors) -> complex:
@@ -39,7 +39,13 @@ def least_angle_distortion(errors: AngleErrors) -> complex:
     complex
         |w| < 1.
     """
-    w = 0j
+    start = 0j
+    if errors.n_faces > FEW_FACES:
+        start = _newton(errors.on_fewer(FEW_FACES), start, NEAR)
+    return _newton(errors, start, TOLERANCE)
+
+
+def _newton(errors: AngleErrors, w: complex, tolerance: float) -> complex:
     best = errors.value(w)
     for _ in range(MAX_STEPS):
         gradient, hessian = errors.derivatives(w)
@@ -47,7 +53,7 @@ def least_angle_distortion(errors: AngleErrors) -> complex:
         newton = complex(dx, dy)
         # Convergence is quadratic in hyperbolic length, and the objective bends at its corner.
         length = abs(newton) / (1 - abs(w) ** 2)
-        if length**2 < TOLERANCE * errors.corner and abs(w + newton) < 1:
+        if length**2 < tolerance * errors.corner and abs(w + newton) < 1:
             return w + newton
         step, best = _backtrack(errors.value, w, newton, best)
         if step == 0:
@@ -81,6 +87,11 @@ class AngleErrors:
         self.corner = max(SOFT * float(np.median(abs(errors))), np.finfo(float).eps)
         self._last = 0j, errors / self.corner
 
+    @property
+    def n_faces(self) -> int:
+        """How many faces these are."""
+        return self._errors.shape[1]
+
     @classmethod
     def of(cls, F: Ints, z: Complex, angles: Floats) -> AngleErrors:
         """Take at most 10,000 of the faces, spread evenly.
@@ -97,6 +108,11 @@ class AngleErrors:
         corners = z.take(F[faces].T)
         errors = corner_angles(*corners) - angles.T[:, faces]
         return cls(corners.real.copy(), corners.imag.copy(), errors)
+
+    def on_fewer(self, most: int) -> AngleErrors:
+        """Take at most so many of these faces, spread evenly."""
+        faces = spread_evenly(self.n_faces, most)
+        return AngleErrors(self._x[:, faces], self._y[:, faces], self._errors[:, faces])
 
     def mean(self, w: complex) -> float:
         """Mean of the absolute errors in radians."""
