@@ -42,10 +42,10 @@ MOST_STEPS = 100
 WORTH, WORTH_LATER = 0.001, 0.003
 FEW_STEPS = 20
 SMALL = 5_000  # vertices
+PATIENT = 12  # halvings of their steps
 # If the scale at the vertices explains so many more errors than there are, it jumps from one to
 # the next, as that of a conformal map does not.
 LEAST_EXCESS = 0.6
-PATIENT = 12  # halvings of their steps
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from ..errors import Defect, MeshError, counted
 from .cut_arcs import slit, straighten
 from .cut_surface import CutSurface
 from .cut_system import cut_to_disk
-from .edges import group_by_edge, tails
+from .edges import group_by_edge, heads, tails
 from .sheets import orient, part_sheets, polygon_numbers, used_positions
 from .topology import Topology, duplicate_faces
 from .validation import as_faces, vertex_array
@@ -169,9 +169,9 @@ def cut_along(V: Floats, F: Ints, corners: Ints) -> Cut:
     row[order] = np.arange(len(order))
     F_cut, vertex_index = row[corner.reshape(F.shape)], vertex[order]
 
-    edges = group_by_edge(tails(F, len(V)), len(V))
-    tail, head = F_cut.T.ravel(), np.roll(F_cut.T, -1, axis=0).ravel()
-    forward = F.T.ravel() < np.roll(F.T, -1, axis=0).ravel()
+    before, tail = tails(F, len(V)), F_cut.T.ravel()
+    edges, head = group_by_edge(before, len(V)), heads(tail)
+    forward = before < heads(before)
     at_low = np.where(forward, tail, head)[edges.sides]
     at_high = np.where(forward, head, tail)[edges.sides]
     same = (at_low == np.repeat(at_low[edges.start], edges.valence)) & (

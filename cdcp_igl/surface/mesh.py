@@ -109,8 +109,9 @@ class DiskMesh:
         angles = np.empty_like(self.cotangents)
         with np.errstate(divide="ignore"):  # the arctangent of infinity is a right angle
             for part in blocks(len(angles)):
+                # In half the time of arctan2.
                 out = np.arctan(1 / self.cotangents[part], out=angles[part])
-                out += np.pi * (out < 0)  # by arctan2 it would take twice as long
+                out += np.pi * (out < 0)
         angles.flags.writeable = False
         return angles
 
