@@ -62,7 +62,7 @@ def cdcp(
 
     Raises
     ------
-    MeshError, SolverError, MapError, ValueError
+    MeshError, SolverError, MapError, ValueError, ImportError
         As `disk_map`.
 
     Examples
@@ -117,8 +117,8 @@ def disk_map(
     refine : int
         Steps of refinement, 0 for none: Gauss-Newton on the sum of |angle error|^p over all
         corners; boundary vertices slide on the circle. Not in the paper. Most of the gain
-        comes with the first two; the first costs about two thirds of the map itself, each further
-        one half. A harmonic map that is measurably not near the conformal one has two steps in
+        comes with the first two; five take one to three times as long as the map itself. A harmonic
+        map that is measurably not near the conformal one has two steps in
         any case. One that is not conformal, or had to be replaced by repair, has up to 100, as
         long as each gains a thousandth; above 5,000 vertices, from the 20th on, three.
     refine_norm : float
@@ -155,9 +155,11 @@ def disk_map(
         If the Laplacian cannot be factored.
     MapError
         If no map is a bijection onto the disk, which the crowding of a surface that is too
-        long and thin for double precision may prevent; the last one is its ``result``.
+        long and thin for double precision may prevent; the one of least mean distortion is its
+        ``result``.
     ValueError
-        If an option is not one of those above; nothing has been computed then.
+        If an option is not one of those above; nothing has been computed then. Or, once there
+        is a map, if the surface has no slope in the direction `align`.
     ImportError
         If the solver that was asked for is not installed.
 

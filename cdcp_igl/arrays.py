@@ -1,7 +1,6 @@
-"""Names of the array types used in signatures, and blocks of long arrays."""
+"""Names of the array types used in signatures, points as complex numbers, parts of arrays."""
 
 from collections.abc import Iterator
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ __all__ = [
     "Floats",
     "Indices",
     "Ints",
+    "as_complex",
     "blocks",
     "coordinates",
     "spread_evenly",
@@ -26,12 +26,10 @@ Indices = NDArray[np.signedinteger[Any]]  # 32 bits where that is enough
 
 BLOCK = 1 << 14  # faces
 
-# Freed memory goes back to the system, and what is taken again has to be cleared page by page. The
-# C library of Linux (glibc) keeps as much as it has seen freed in one block, up to 32 MB. Such a
-# block, which nobody touches, takes no memory, and halves the pages of a first map of 20,000
-# vertices.
-with suppress(MemoryError):
-    np.empty((1 << 25) - (1 << 16), dtype=np.uint8)
+
+def as_complex(uv: Floats) -> Complex:
+    """(n,) u + iv of points (n, 2)."""
+    return np.array(uv, dtype=np.float64, order="C").view(np.complex128)[:, 0]
 
 
 def coordinates(z: Complex) -> Floats:

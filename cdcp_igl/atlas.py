@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .algorithm import disk_map
-from .arrays import Floats, Ints
+from .arrays import Floats, Ints, as_complex
 from .distortion import AngleDistortion, plane_angles
 from .errors import MapError, counted
 from .plot.shown import Shown
@@ -121,8 +121,8 @@ class SurfaceMap(Shown):
         certified = sum(disk.certificate.valid for disk in self.disks)
         return "\n".join(
             [
-                f"surface map of {len(self.uv):,} faces onto {len(self.disks):,} "
-                f"disk{'s'[: len(self.disks) > 1]}: {certified:,} valid"
+                f"surface map of {counted(len(self.uv), 'face', 'faces')} onto "
+                f"{counted(len(self.disks), 'disk', 'disks')}: {certified:,} valid"
                 + ("" if self.conformal else ", NOT CONFORMAL"),
                 f"  angular distortion  {self.distortion}",
                 f"  spread of scale     {self.spread:.2f}",
@@ -183,7 +183,7 @@ def surface_map(
     MeshError
         If V and F are no triangle mesh, a face has no area, or a component is one-sided, like a
         Möbius strip or a Klein bottle.
-    SolverError, MapError
+    SolverError, MapError, ImportError
         As `disk_map`.
     ValueError
         If an option is not one of those above.
@@ -251,14 +251,16 @@ def _charts(
     progress: Progress | None,
 ) -> Iterator[_Chart]:
     """Fill, open and map each component."""
-    done = 0.0
+    done = reported = 0.0
     for component in split_components(sheets.V, sheets.F, sheets.vertices, sheets.polygon):
         n_faces = len(component.rows)
         share = n_faces / len(sheets.F)
 
         def advance(phase: str, fraction: float, done: float = done, share: float = share) -> None:
+            nonlocal reported
             if progress and phase != "done":
-                progress(phase, done + share * fraction)
+                reported = max(reported, done + share * fraction)  # each map begins anew
+                progress(phase, reported)
 
         surface, n_filled = fill_holes(component.surface) if fill else (component.surface, 0)
         open_to_disk(surface)
@@ -320,9 +322,8 @@ def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[_Chart]) -> Surfa
         tail = chart.opened.F[: len(rows)]
         uv[rows], face_disk[rows], corners[rows] = chart.disk.uv[tail], k, count + tail
         count += chart.opened.n
-        z = chart.disk.uv[:, 0] + 1j * chart.disk.uv[:, 1]
         angles = chart.opened.surface.angle.reshape(3, -1).T[: len(rows)]
-        errors.append(np.degrees(abs(plane_angles(z, tail) - angles)))
+        errors.append(np.degrees(abs(plane_angles(as_complex(chart.disk.uv), tail) - angles)))
         areas.append(float(face_areas(sheets.V, F[rows]).sum()))
     turned = sheets.rows[sheets.turned]
     for array in (corners, uv):
@@ -330,9 +331,9 @@ def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[_Chart]) -> Surfa
     fill_left_out(F, face_disk >= 0, corners, uv)
     opened, changes = cut_along(V, F, corners), list(sheets.changes)
     if filled := sum(chart.n_filled for chart in charts):
-        changes.append(f"filled {filled:,} hole" + "s" * (filled > 1))
+        changes.append(f"filled {counted(filled, 'hole', 'holes')}")
     if len(opened.edges):
-        changes.append(f"cut open along {counted(opened.edges, 'edge', 'edges')}")
+        changes.append(f"cut open along {counted(len(opened.edges), 'edge', 'edges')}")
     return SurfaceMap(
         uv=uv,
         disks=tuple(chart.disk for chart in charts),

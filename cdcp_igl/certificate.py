@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from . import libigl
-from .arrays import Complex, Floats, Ints, blocks
+from .arrays import Complex, Floats, Ints, as_complex, blocks
+from .errors import counted
 from .surface.mesh import DiskMesh
 from .surface.triangles import oriented_areas
 
@@ -95,8 +96,9 @@ class Certificate:
     def __str__(self) -> str:
         if not self.finite:
             return "not finite"
+        flipped = counted(len(self.flipped), "flipped face", "flipped faces")
         return (
-            f"{len(self.flipped):,} flipped faces ({self.n_exact:,} decided exactly), "
+            f"{flipped} ({self.n_exact:,} decided exactly), "
             f"boundary error {self.boundary_error:.1e}, "
             f"boundary {'monotone' if self.boundary_monotone else 'not monotone'}, "
             f"winding number {self.winding_number}"
@@ -117,7 +119,7 @@ def certify(mesh: DiskMesh, uv: Floats) -> Certificate:
     """
     if not np.isfinite(uv).all():
         return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)
-    f: Complex = uv[:, 0] + 1j * uv[:, 1]
+    f = as_complex(uv)
     boundary = f[mesh.loop]
     turns, monotone = _around(boundary)
     flipped, n_exact = flipped_faces(f, mesh.F)

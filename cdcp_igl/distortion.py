@@ -11,7 +11,7 @@ from . import libigl
 from .arrays import Complex, Floats, Ints, blocks, coordinates
 from .surface.mesh import DiskMesh
 from .surface.triangles import face_areas, oriented_areas
-from .surface.validation import as_surface, as_vertices
+from .surface.validation import as_surface, as_vertices, size_exponent
 
 __all__ = [
     "AngleDistortion",
@@ -200,7 +200,7 @@ def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
         corners = np.bincount(faces.ravel(), minlength=len(z))
         mean = np.bincount(faces.ravel(), u.ravel(), len(z)) / corners
     # The coordinates have been scaled to unit size by powers of two: back to their units.
-    exponent = np.frexp(np.abs(uv).max())[1] - np.frexp(np.abs(V).max())[1]
+    exponent = size_exponent(np.asarray(uv)) - size_exponent(np.asarray(V))
     return mean + exponent * np.log(2)
 
 

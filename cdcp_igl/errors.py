@@ -170,6 +170,6 @@ def spell(indices: Ints) -> str:
     return shown + (f" and {hidden:,} more" if hidden > 0 else "")
 
 
-def counted(indices: Ints, one: str, many: str) -> str:
+def counted(number: int, one: str, many: str) -> str:
     """Say how many there are: ``"1 face has"``, ``"2 faces have"``."""
-    return f"{len(indices):,} {one if len(indices) == 1 else many}"
+    return f"{number:,} {one if number == 1 else many}"

@@ -7,8 +7,6 @@ some inputs that break this.
 
 from __future__ import annotations
 
-from importlib.metadata import version
-
 import igl
 import igl.predicates
 import numpy as np
@@ -17,7 +15,6 @@ from scipy.sparse import csc_matrix
 from .arrays import Bools, Floats, Ints
 
 __all__ = [
-    "VERSION",
     "adjacency_matrix",
     "angles",
     "double_areas",
@@ -32,8 +29,6 @@ __all__ = [
     "vector_area_matrix",
     "vertex_normals",
 ]
-
-VERSION = version("libigl")
 
 # For more faces `squared_edge_lengths` starts threads, which takes longer than to do without.
 SERIAL = 999

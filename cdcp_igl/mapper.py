@@ -51,6 +51,10 @@ class DiskMapper:
         If the input is not a triangulated disk.
     SolverError
         If the Laplacian cannot be factored.
+    ValueError
+        If `solver` is none of these.
+    ImportError
+        If the solver that was asked for is not installed.
 
     Examples
     --------
@@ -146,7 +150,7 @@ class DiskMapper:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The factor is in memory of the solver: another process makes its own on arrival.
-        return partial(DiskMapper, solver=self._solver), (self.mesh.V, self.mesh.F)
+        return partial(DiskMapper, solver=self._solver), (self.mesh.positions, self.mesh.F)
 
     def __repr__(self) -> str:
         return f"DiskMapper({self.mesh!r})"

@@ -10,16 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Complex, Floats, Ints
+from .arrays import Complex, Floats, Ints, coordinates
 from .certificate import Certificate, flipped_faces
 from .distortion import AngleDistortion, angle_errors
-from .errors import MapError, SolverError, spell
+from .errors import MapError, SolverError, counted, spell
 from .plot.shown import Shown
 from .solve.delaunay import intrinsic_delaunay_laplacian
 from .solve.factor import Factor
 from .solve.laplacian import Laplacian, cotangent_laplacian
 from .steps.repair import Repair, unfold
-from .surface.bijection import as_rows
 from .surface.mesh import DiskMesh
 
 __all__ = ["RectangleMap", "rectangle_map"]
@@ -163,7 +162,7 @@ def rectangle_map(V: ArrayLike, F: ArrayLike, corners: ArrayLike) -> RectangleMa
         If the corners are no four boundary vertices in this order, or an edge inside joins
         two vertices of one side: what it cuts off would become a segment of that side.
     MapError
-        If no map is a bijection; the last one is its ``result``.
+        If no map is a bijection; the one of least distortion is its ``result``.
     SolverError
         If neither Laplacian can be factored.
 
@@ -225,10 +224,11 @@ def _refuse_chords(mesh: DiskMesh, sides: list[Ints]) -> None:
         on_side[side] = True
         chords = mesh.edges.ends(mesh.edges.chords(on_side))
         if len(chords):
+            found = counted(len(chords), "edge inside joins", "edges inside join")
             raise ValueError(
-                f"{len(chords):,} edges inside join two vertices of side {number}, so that the "
-                f"faces they cut off would have no area in a rectangle: {spell(chords)}. Choose "
-                "a corner among these faces, or split the edges."
+                f"{found} two vertices of side {number}, so that the faces cut off would have no "
+                f"area in a rectangle: {spell(chords)}. Choose a corner among these faces, or "
+                "split the edges."
             )
 
 
@@ -258,7 +258,7 @@ def _mapped(mesh: DiskMesh, L: Laplacian, name: str, sides: list[Ints]) -> Recta
     )
     first = tuple(int(side[0]) for side in sides)
     return RectangleMap(
-        uv=as_rows(f),
+        uv=coordinates(f),
         mesh=mesh,
         modulus=modulus,
         modulus_bounds=bounds,

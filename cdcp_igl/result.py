@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Floats, coordinates
+from .arrays import Floats, as_complex, coordinates
 from .certificate import BOUNDARY_TOLERANCE, Certificate, certify
 from .distortion import AngleDistortion
 from .errors import MapError
@@ -62,7 +62,7 @@ class DiskMap(Bijection, Shown):
         The Möbius transformation (19) that was applied, or why none was.
     refinement : Refinement or None
         How far the angular distortion was lowered beyond that of the harmonic map;
-        None if that was not asked for.
+        None if no step was asked for and none was due.
     solver : str
         Sparse solver, version, ordering and mode.
     timings : dict of str to float
@@ -190,7 +190,8 @@ class DiskMap(Bijection, Shown):
         ValueError
             If `landmarks` is none of that.
         MapError
-            If the landmarks ask for a transformation so strong that vertices coincide.
+            If the landmarks ask for a transformation so strong that vertices coincide. Its
+            ``result`` is this map with the coordinates and the certificate that were refused.
 
         Examples
         --------
@@ -211,9 +212,9 @@ class DiskMap(Bijection, Shown):
         if min(len(np.unique(column)) for column in pairs.T) < 2:
             raise ValueError("two landmarks or more are needed, at different vertices")
         here, there = (
-            map_.uv[column] @ [1, 1j] for map_, column in zip((self, to), pairs.T, strict=True)
+            as_complex(map_.uv[column]) for map_, column in zip((self, to), pairs.T, strict=True)
         )
-        f = landmark_automorphism(here, there)(self.uv @ np.array([1, 1j]))
+        f = landmark_automorphism(here, there)(as_complex(self.uv))
         # No digit more than need be is rounded, and what that turns over in crowded parts opened.
         radius = abs(f[self.mesh.loop])
         f[self.mesh.loop] /= np.where(abs(radius - 1) < BOUNDARY_TOLERANCE / 10, 1, radius)
@@ -222,7 +223,8 @@ class DiskMap(Bijection, Shown):
         uv = coordinates(f)
         certificate = certify(self.mesh, uv)
         if not certificate.valid:
-            raise MapError(f"The landmarks lie too far apart to register: {certificate}", self)
+            refused = replace(self, uv=uv, certificate=certificate)
+            raise MapError(f"The landmarks lie too far apart to register: {certificate}", refused)
         return uv
 
     def report(self) -> dict[str, Any]:

@@ -1,5 +1,7 @@
 """Points, fields, images and meshes carried through a map, and two maps registered."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -297,6 +299,17 @@ def test_a_crowded_map_is_registered_with_itself(landmarks):
     pairs = np.column_stack([np.arange(len(V))[landmarks]] * 2) % len(V)
     uv = result.register(result, pairs)
     assert abs(uv - result.uv).max() < 1e-13
+
+
+def test_a_registration_that_cannot_be_certified_is_an_error_with_its_map(cap):
+    _, _, result = cap
+    here, there = np.array([result.uv[:, 0].argmax(), result.uv[:, 0].argmin()]), [0, 1]
+    other = replace(result, uv=np.array([[1, 0], [1 - 1e-15, 4e-8]]))
+    with pytest.raises(cdcp_igl.MapError, match="landmarks lie too far apart") as raised:
+        result.register(other, np.column_stack([here, there]))
+    assert not raised.value.result.valid
+    assert not np.array_equal(raised.value.result.uv, result.uv)
+    assert result.valid
 
 
 def test_landmarks_are_judged(cap):

@@ -1,5 +1,6 @@
 """Whitening, the geodesic algorithm, harmonic measure and the order of the methods."""
 
+import itertools
 import re
 from functools import partial
 
@@ -17,6 +18,7 @@ from cdcp_igl.solve.laplacian import (
     Laplacian,
     cotangent_laplacian,
 )
+from cdcp_igl.steps import phases
 from cdcp_igl.steps.circle import (
     FALLBACKS,
     Rejected,
@@ -308,14 +310,16 @@ def test_until_it_crowds(length, width):
     assert "crowding" in result.trace.rejected[1]
 
 
-def test_progress_and_timings_of_several_attempts():
-    seen = []
+def test_progress_and_timings_of_several_attempts(monkeypatch):
+    seen, clock = [], itertools.count()
+    monkeypatch.setattr(phases, "perf_counter", lambda: next(clock))
     result = cdcp_igl.disk_map(*meshes.corridor(60), progress=lambda *step: seen.append(step))
     assert len(result.trace.rejected) == 4
     fractions = [fraction for _, fraction in seen]
     assert fractions == sorted(fractions)
     assert (fractions[0], seen[-1]) == (0, ("done", 1))
     assert list(result.timings)[-1] == "distortion"
+    assert result.timings["circle"] == 5  # of ways to the circle, those without a map as well
 
 
 def test_no_map_that_can_be_certified_is_an_error_with_all_reasons(monkeypatch):

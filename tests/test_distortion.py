@@ -63,8 +63,9 @@ def test_shape_of_uv(bad):
 def test_nan_in_uv_is_no_zero():
     bad = UV.copy()
     bad[3] = np.nan
-    with pytest.raises(cdcp_igl.MeshError, match="NaN"):
+    with pytest.raises(cdcp_igl.MeshError, match=r"NaN .* in uv .*") as raised:
         cdcp_igl.angle_distortion(V, F, bad)
+    assert "clean" not in raised.value.remedy
 
 
 def linear(matrix):
@@ -97,6 +98,13 @@ def test_conformal_factor_of_a_moebius_transformation_is_exact():
     found = cdcp_igl.conformal_factor(V[:, :2] / 40, F, np.column_stack([moved.real, moved.imag]))
     derivative = (1 - abs(w) ** 2) / (1 - np.conj(w) * z) ** 2
     np.testing.assert_allclose(found, np.log(abs(derivative)), atol=1e-12)
+
+
+@pytest.mark.parametrize("dtype", [np.int8, np.int64, np.float32])
+def test_conformal_factor_of_any_type_of_number(dtype):
+    square = np.array([[-128, -128], [0, -128], [0, 0], [-128, 0]], dtype=dtype)
+    u = cdcp_igl.conformal_factor(square, [[0, 1, 2], [0, 2, 3]], square)
+    np.testing.assert_allclose(u, 0, atol=1e-15)
 
 
 def test_conformal_factor_depends_on_the_unit():

@@ -235,7 +235,7 @@ def test_faces_on_no_disk(tmp_path, like):
     np.testing.assert_allclose(texture, np.nan_to_num(uv), atol=1e-7)
     np.testing.assert_array_equal(np.load(tmp_path / "a.npz")["uv"], uv)
     uv[0, 0, 0] = 0
-    with pytest.raises(ValueError, match="NaN or infinite in 1 rows, the first 0"):
+    with pytest.raises(ValueError, match="NaN or infinite in 1 row, the first 0"):
         write_map(path, V, F, uv)
 
 
@@ -348,7 +348,7 @@ def test_the_checkerboard():
         ({"V": np.nan}, "NaN"),
         ({"F": 10**6}, "outside"),
         ({"F": -1}, "outside"),
-        ({"uv": np.nan}, "uv is NaN or infinite in 1 rows, the first 0"),
+        ({"uv": np.nan}, "uv is NaN or infinite in 1 row, the first 0"),
         ({"short": 1}, "uv has shape"),
         ({"uv": 1j}, "uv has shape"),
     ],

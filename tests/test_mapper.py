@@ -139,10 +139,11 @@ def test_a_surface_that_needs_several_attempts():
 
 
 def test_it_can_be_sent_to_another_process():
-    mapper = DiskMapper(V, F)
+    mapper = DiskMapper(100 * V, F)
     before = mapper.map().uv
-    for other in (pickle.loads(pickle.dumps(mapper)), copy.deepcopy(mapper)):
+    for other in (pickle.loads(pickle.dumps(mapper)), copy.copy(mapper), copy.deepcopy(mapper)):
         np.testing.assert_array_equal(other.map().uv, before)
+        np.testing.assert_array_equal(other.mesh.positions, mapper.mesh.positions)
     moved = mapper.moved(V * [1, 2, 1])
     again = pickle.loads(pickle.dumps(moved)).map().uv  # with an order of elimination of its own
     np.testing.assert_allclose(again, moved.map().uv, atol=1e-10)

@@ -1,5 +1,7 @@
 """DiskMesh: what it accepts, and what it promises."""
 
+import copy
+import pickle
 from dataclasses import FrozenInstanceError
 
 import meshes
@@ -65,9 +67,10 @@ def test_loop_and_interior():
 def test_immutable_and_inputs_untouched():
     positions, faces = V.copy(), F.astype(np.int64)
     mesh = DiskMesh(positions, faces)
-    for array in (mesh.V, mesh.F, mesh.loop, mesh.interior):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 0
+    for known in (mesh, copy.deepcopy(mesh), pickle.loads(pickle.dumps(mesh))):
+        for array in (known.V, known.F, known.loop, known.interior, known.edges.low):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 0
     with pytest.raises(FrozenInstanceError):
         mesh.V = positions
     assert positions.flags.writeable

@@ -195,6 +195,15 @@ def test_progress_goes_from_0_to_1():
     assert [phase for phase, _ in seen].count("done") == 1
 
 
+def test_progress_never_goes_back_while_a_cut_grows():
+    seen = []
+    V, F = surfaces.tube(n=80, k=16, length=16)
+    cdcp_igl.surface_map(V, F, progress=lambda phase, done: seen.append((phase, done)))
+    fractions = [done for _, done in seen]
+    assert [phase for phase, _ in seen].count("factor") > 1
+    assert fractions == sorted(fractions)
+
+
 # -- holes and growth ------------------------------------------------------------------
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import counted
 from ..extras import from_extra
 from ..io import remove_stale, whole_file
 from .executors import run_on
@@ -64,14 +65,17 @@ class Batch:
         return tuple(record for record in self.records if record.status != DONE)
 
     def __str__(self) -> str:
-        lines = [f"{len(self.done):,} of {len(self.records):,} surfaces mapped"]
+        surfaces = counted(len(self.records), "surface", "surfaces")
+        lines = [f"{len(self.done):,} of {surfaces} mapped"]
         if self.done:
             mean = np.array([record.mean for record in self.done])
+            flips = sum(record.flips for record in self.done)
+            worse = sum(not record.conformal for record in self.done)
             lines += [
                 f"  mean angular distortion {np.median(mean):.3f}° in the median, "
                 f"{mean.max():.3f}° at most",
-                f"  {sum(record.flips for record in self.done):,} flipped faces, "
-                f"{sum(not record.conformal for record in self.done):,} maps not conformal",
+                f"  {counted(flips, 'flipped face', 'flipped faces')}, "
+                f"{counted(worse, 'map', 'maps')} not conformal",
             ]
         lines += [
             f"  {count:,} {error}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints
+from ..arrays import Complex, Floats, Ints, coordinates
 
 __all__ = ["ellipse", "paraboloid", "spherical_cap", "square"]
 
@@ -243,4 +243,4 @@ def _jacobi(z: Complex, m: float) -> tuple[Complex, Complex, Complex]:
 
 
 def _uv(f: Complex) -> Floats:
-    return np.column_stack([f.real, f.imag])
+    return coordinates(f)

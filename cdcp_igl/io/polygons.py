@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from .. import libigl
 from ..arrays import Ints
-from ..errors import Defect, MeshError
+from ..errors import Defect, MeshError, counted
 
 __all__ = ["fans", "strips"]
 
@@ -39,7 +39,7 @@ def fans(corners: ArrayLike, sizes: ArrayLike) -> tuple[Ints, Ints]:
         raise MeshError(
             Defect(
                 "too few corners",
-                f"{len(few):,} of {len(size):,} faces have fewer than three corners",
+                f"{counted(len(few), 'face has', 'faces have')} fewer than three corners",
                 "The file may be cut off: export it again, or drop these faces.",
                 "faces",
                 few,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
+from ..errors import counted
 from ..surface.validation import as_vertices, face_array
 from .corners import indexed
 from .glb import write_glb
@@ -171,7 +172,9 @@ def _map(uv: ArrayLike | MapResult, n: int, m: int) -> Floats:
     without = np.isnan(rows).all(axis=1) & (plane.ndim == 3)
     bad = np.flatnonzero(~np.isfinite(rows).all(axis=1) & ~without)
     if len(bad):
-        raise ValueError(f"uv is NaN or infinite in {len(bad):,} rows, the first {bad[0]}.")
+        raise ValueError(
+            f"uv is NaN or infinite in {counted(len(bad), 'row', 'rows')}, the first {bad[0]}."
+        )
     return plane.astype(np.float64, copy=False)
 
 

@@ -8,7 +8,7 @@ from typing import Any, Protocol, cast
 
 import numpy as np
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, as_complex
 from ..certificate import Certificate
 from ..distortion import AngleDistortion
 from ..surface.mesh import DiskMesh
@@ -139,7 +139,7 @@ def _laid_out_opened(result: Opened, facts: Sequence[str]) -> Layout:
     faces = np.flatnonzero(result.face_disk >= 0)  # the others have no area, or are there twice
     F, uv = cut.F[faces], np.zeros((len(V), 2))
     uv[F] = 2 * result.packed()[faces] - 1
-    area, _ = oriented_areas(uv[:, 0] + 1j * uv[:, 1], F)
+    area, _ = oriented_areas(as_complex(uv), F)
     # Faces of a surface with faces turned over, as the disks have them.
     F = np.where((area < 0)[:, None], F[:, ::-1], F)
     plane = f"{count:,} disks" if count > 1 else "Disk"

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, as_complex
 from ..surface.location import z_order
 
 __all__ = ["ordered", "pack", "quantized"]
@@ -49,7 +49,7 @@ def ordered(uv: Floats, F: Ints) -> tuple[Ints, Ints]:
     faces : (m,) int64
         By their vertices in this order.
     """
-    vertices = z_order(uv @ np.array([1, 1j]))
+    vertices = z_order(as_complex(uv))
     rank = np.empty(len(uv), dtype=np.int64)
     rank[vertices] = np.arange(len(uv))
     return vertices, np.lexsort(np.sort(rank[F], axis=1).T[::-1])

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
 from ..distortion import AngleDistortion, angle_distortion
+from ..errors import counted
 from ..extras import from_extra
 from ..surface.validation import as_surface
 from .layout import Layout, Mapped, Opened, lay_out
@@ -108,7 +109,7 @@ def draw(layout: Layout, name: str = "") -> Figure:
             *([name] if name else []),
             f"{len(np.unique(layout.vertices)):,} vertices",
             f"angular distortion: mean {mean:.3f}°, SD {sd:.3f}°",
-            f"{layout.flipped:,} flipped faces",
+            counted(layout.flipped, "flipped face", "flipped faces"),
         ]
     )
     figure.suptitle(title, color=INK, fontsize=13, y=0.965, parse_math=False)

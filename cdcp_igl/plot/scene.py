@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import libigl
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, as_complex, coordinates
 from ..distortion import angle_distortion
 from ..extras import from_extra
 from ..surface.validation import as_surface
@@ -87,9 +87,9 @@ class Scene:
         if not self._turns:
             return uv
         front = self._normals[:, 2] > 0
-        z, x = uv @ [1, 1j], self.points[:, :2] @ [1, 1j]
+        z, x = as_complex(uv), as_complex(self.points[:, :2])
         z = z * np.exp(1j * np.angle(np.vdot(z[front], x[front] - x.mean())))
-        return np.column_stack([z.real, z.imag])
+        return coordinates(z)
 
     def locate(self, face: int) -> tuple[float, float, bool]:
         """Return where a face is in the picture, right and down, and whether one sees it."""

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, as_complex
 from ..distortion import angle_distortion, conformal_factor
 from ..extras import from_extra
 from ..io import whole_file
@@ -208,8 +208,8 @@ def _spin(V: Floats, F: Ints, uv: Floats, home: Floats) -> float:
     """Angle by which to turn the image so that what one sees of the surface keeps its direction."""
     seen = V @ home.T
     front = (np.nan_to_num(vertex_normals(V, F)) @ home[2]) > 0
-    x = seen[front, :2] @ np.array([1, 1j])
-    return float(np.angle(np.vdot(uv[front] @ np.array([1, 1j]), x - x.mean()))) if len(x) else 0.0
+    x, z = as_complex(seen[front, :2]), as_complex(uv[front])
+    return float(np.angle(np.vdot(z, x - x.mean()))) if len(x) else 0.0
 
 
 def _rim_and_cut(V: Floats, F: Ints) -> tuple[Ints, Ints]:

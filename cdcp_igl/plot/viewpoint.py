@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, spread_evenly
 
 __all__ = ["choose_viewpoint"]
 
@@ -35,8 +35,8 @@ def choose_viewpoint(V: Floats, F: Ints) -> Floats:
     (3, 3) float64
         Rotation whose rows point right, up and towards the viewer.
     """
-    chosen = np.linspace(0, len(F) - 1, min(len(F), FACES)).astype(np.int64)
-    i, j, k = F[chosen].T
+    F = F[spread_evenly(len(F), FACES)]
+    i, j, k = F.T
     across = np.cross(V[j] - V[i], V[k] - V[i])
     twice_area = np.linalg.norm(across, axis=1, keepdims=True)
     mean_normal = across.sum(axis=0) / twice_area.sum()
@@ -48,7 +48,7 @@ def choose_viewpoint(V: Floats, F: Ints) -> Floats:
     top = mean_normal / openness if openness > CLOSED else Y_AXIS
     directions = _sphere(DIRECTIONS)
     frames = [_frame(d, top) for d in directions[abs(directions @ top) < LEVEL]]
-    centers, normals = V[F[chosen]].mean(axis=1), across / twice_area
+    centers, normals = V[F].mean(axis=1), across / twice_area
     return max(frames, key=lambda frame: _merit(centers @ frame.T, normals @ frame.T))
 
 

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix, diags
 
 from .. import libigl
-from ..arrays import Complex, Floats
+from ..arrays import Complex, Floats, as_complex, coordinates
 from ..steps.circle import arc_length_map
 from ..surface.mesh import DiskMesh
 from .certified import certified_disk_map
@@ -69,8 +69,7 @@ def harmonic(V: ArrayLike, F: ArrayLike, *, tutte: bool = False) -> Floats:
 
 
 def _harmonic(mesh: DiskMesh, f_B: Complex) -> Complex:
-    uv = libigl.harmonic(mesh.V, mesh.F, mesh.loop, np.column_stack([f_B.real, f_B.imag]))
-    return uv[:, 0] + 1j * uv[:, 1]
+    return as_complex(libigl.harmonic(mesh.V, mesh.F, mesh.loop, coordinates(f_B)))
 
 
 def _tutte(mesh: DiskMesh, f_B: Complex) -> Complex:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import libigl
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, as_complex
 from ..surface.mesh import DiskMesh
 from .certified import checked_free_map
 
@@ -55,7 +55,7 @@ def lscm(V: ArrayLike, F: ArrayLike) -> Floats:
     """
     mesh = DiskMesh(V, F)
     uv = libigl.lscm(mesh.V, mesh.F, _two_far_vertices(mesh), np.eye(2)[::-1] * [1, 0])
-    return checked_free_map(mesh, uv[:, 0] + 1j * uv[:, 1])
+    return checked_free_map(mesh, as_complex(uv))
 
 
 def _two_far_vertices(mesh: DiskMesh) -> Ints:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, spmatrix
 
-from ..arrays import Complex, Floats
+from ..arrays import Complex, Floats, as_complex
 from ..errors import SolverError
 from .buffers import take_buffers
 from .solvers import Solver, solver
@@ -71,8 +71,8 @@ class Cholesky:
     def solve(self, b: Numbers) -> Numbers:
         """Solve A x = b; b is real, one or several columns, or one complex vector."""
         if np.iscomplexobj(b):
-            x = self._solve(np.array([b.real, b.imag]).T)  # Fortran order
-            return x[:, 0] + 1j * x[:, 1]
+            x: Any = as_complex(self._solve(np.array([b.real, b.imag]).T))  # Fortran order
+            return x
         return self._solve(b)
 
     def _solve(self, b: Any) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from ..arrays import Bools, Floats, Indices, Ints
+from ..arrays import Bools, Floats, Indices, Ints, spread_evenly
 from .cholesky import Ordering, fill_reducing_order
 from .laplacian import Laplacian
 from .solvers import solver
@@ -96,8 +96,8 @@ def _sides(V: Floats, levels: int) -> Ints:
 
     Each part is cut at its centre, across the axis along which it is longest.
     """
-    chosen = np.linspace(0, len(V) - 1, min(SAMPLE, len(V))).astype(np.int64)
-    seen, at = V[chosen], np.zeros(len(chosen), dtype=np.int64)
+    seen = V[spread_evenly(len(V), SAMPLE)]
+    at = np.zeros(len(seen), dtype=np.int64)
     sides = np.zeros(len(V), dtype=np.int64)
     for level in range(levels):
         k = 1 << level

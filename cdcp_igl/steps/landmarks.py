@@ -15,7 +15,12 @@ __all__ = ["Automorphism", "landmark_automorphism"]
 MAX_STEPS = 100
 EPS = np.finfo(float).eps
 INSIDE = 0.99  # factor on points whose barycentre is sought
-LARGEST_DAMPING = 1e12  # steps so damped no longer move a point
+# With less, the system of two points on the circle, which leave one degree of freedom, is singular;
+# steps that are damped more no longer move a point.
+LEAST_DAMPING, LARGEST_DAMPING = 1e-12, 1e12
+LONGEST = 0.5  # step, from the middle of the disk
+# The point that goes to 0 is no nearer to the circle: |a|^2 - |b|^2 would be rounding errors.
+NEAREST = 1e-10
 
 
 @dataclass(frozen=True)
@@ -99,15 +104,15 @@ def _descend(z: Complex, target: Complex) -> Automorphism:
         while True:
             system, scale = J.T @ J, np.diag(np.maximum((J**2).sum(axis=0), EPS))
             angle, *d = np.linalg.solve(system + damping * scale, J.T @ _real(target - y))
-            if abs(complex(*d)) < 1:
+            if abs(complex(*d)) < LONGEST:
                 trial = Automorphism.of(angle, complex(*d)).after(T)
                 misfit = _misfit(trial(z), target)
-                if misfit < least:
+                if misfit < least and abs(trial.w) < 1 - NEAREST:
                     break
             damping *= 4
             if damping > LARGEST_DAMPING:
                 return T
-        T, least, damping = trial, misfit, damping / 10
+        T, least, damping = trial, misfit, max(damping / 10, LEAST_DAMPING)
     return T
 
 

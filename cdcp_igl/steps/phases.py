@@ -46,7 +46,8 @@ class Phases:
     Attributes
     ----------
     seconds : dict of str to float
-        Wall time of each finished phase; of all its runs where it was repeated.
+        Wall time of each phase that has ended; of all its runs where it was repeated, those that
+        failed included.
     """
 
     def __init__(
@@ -75,8 +76,10 @@ class Phases:
 
         advance(0)
         start = perf_counter()
-        yield advance
-        self.seconds[phase] = self.seconds.get(phase, 0.0) + perf_counter() - start
+        try:
+            yield advance
+        finally:
+            self.seconds[phase] = self.seconds.get(phase, 0.0) + perf_counter() - start
 
     def done(self) -> None:
         """Report the end."""

@@ -14,6 +14,7 @@ from scipy.sparse import csr_matrix
 from ..arrays import Complex, Floats, Ints, blocks, coordinates
 from ..certificate import certify
 from ..distortion import angle_errors
+from ..errors import counted
 from ..solve.cholesky import Cholesky
 from ..solve.iterative import conjugate_gradients
 from ..solve.laplacian import Laplacian
@@ -46,7 +47,7 @@ class Refinement:
     Attributes
     ----------
     asked : int
-        Steps that were asked for, at least 1.
+        Steps that were allowed, at least 1: as many as were asked for, or were due.
     steps : int
         Steps that were taken.
     stopped : str
@@ -71,8 +72,9 @@ class Refinement:
         if self.steps == 0:
             return self.stopped
         note = f" ({self.stopped})" if self.stopped else ""
+        asked = counted(self.asked, "step", "steps")
         return (
-            f"{self.steps} of {self.asked} steps{note}, angle errors in the {self.norm:g}-norm "
+            f"{self.steps} of {asked}{note}, angle errors in the {self.norm:g}-norm "
             f"from {self.before:.4f} to {self.after:.4f} degrees"
         )
 

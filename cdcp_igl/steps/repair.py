@@ -11,8 +11,9 @@ from scipy.sparse import coo_matrix, csr_matrix, diags, identity
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from ..arrays import Bools, Complex, Floats, Ints
+from ..arrays import Bools, Complex, Floats, Ints, as_complex
 from ..certificate import flipped_faces
+from ..errors import counted
 from ..surface.mesh import DiskMesh
 from .recentering import recentered
 from .relaxation import Relaxation
@@ -59,12 +60,11 @@ class Repair:
     def __str__(self) -> str:
         if self.n_flipped == 0:
             return "not needed"
+        flipped = counted(self.n_flipped, "flipped face", "flipped faces")
         if self.is_left_undone:
-            return f"{self.n_flipped:,} flipped faces, too many to be repaired"
-        return (
-            f"{self.n_flipped:,} flipped faces unfolded by moving {self.n_moved:,} vertices "
-            f"in {self.rounds} rounds"
-        )
+            return f"{flipped}, too many to be repaired"
+        moved = counted(self.n_moved, "vertex", "vertices")
+        return f"{flipped}, {moved} moved in {counted(self.rounds, 'round', 'rounds')}"
 
 
 def unfold(mesh: DiskMesh, f: Complex, *, on_disk: bool = True) -> tuple[Complex, Repair]:
@@ -305,7 +305,7 @@ class _Neighbourhood:
         for _ in range(2):
             pull = rows.data * (g[rows.indices] - g[inside[owner]])
             b = [np.bincount(owner, part, len(inside)) for part in (pull.real, pull.imag)]
-            g[inside] += system.solve(np.column_stack(b)) @ [1, 1j]
+            g[inside] += as_complex(system.solve(np.column_stack(b)))
         return g
 
     def relaxed(self, g: Complex) -> Complex:

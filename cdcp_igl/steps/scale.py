@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, as_complex
 from ..distortion import conformal_factor
 from .mobius import conformal_barycenter
 
@@ -30,7 +30,7 @@ def centered_factor(V: Floats, F: Ints, uv: Floats, area: Floats) -> Floats:
     -------
     (n,) float64
     """
-    z = uv[:, 0] + 1j * uv[:, 1]
+    z = as_complex(uv)
     w = conformal_barycenter(z, area)
     derivative = (1 - abs(w) ** 2) / abs(1 - w.conjugate() * z) ** 2  # of the transformation (19)
     return np.maximum(conformal_factor(V, F, uv) + np.log(derivative), LEAST_FACTOR)

@@ -8,13 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Complex, Floats, Ints
+from ..arrays import Complex, Floats, Ints, as_complex, coordinates
 from .lattice import disk_lattice, even_ring, with_corners
 from .location import FaceFinder
 from .mesh import DiskMesh
 from .raster import bilinear, pixel_centers
 
-__all__ = ["Bijection", "as_complex", "as_rows"]
+__all__ = ["Bijection"]
 
 SUM_TOLERANCE = 1e-6  # barycentric coordinates that add up to 1 no better are a mistake
 
@@ -189,7 +189,7 @@ class Bijection:
             raise ValueError(f"size must be at least 1, not {size!r}")
         z = pixel_centers(size)
         z /= np.maximum(abs(z), 1)
-        baked = self.interpolate(values, as_rows(z))
+        baked = self.interpolate(values, coordinates(z))
         return baked.reshape(size, size, *baked.shape[1:])
 
     def pull_back(self, values: ArrayLike) -> Floats:
@@ -265,9 +265,9 @@ class Bijection:
             raise ValueError(f"side must be between 0 and 1, not {side!r}")
         V, loop = self.mesh.positions, self.mesh.loop
         ring = even_ring(side)
-        ring = with_corners(ring, self._z[loop], self.interpolate(V, as_rows(ring)), V[loop])
+        ring = with_corners(ring, self._z[loop], self.interpolate(V, coordinates(ring)), V[loop])
         z, F = disk_lattice(side, ring)
-        uv = as_rows(z)
+        uv = coordinates(z)
         return self.interpolate(V, uv), F, uv
 
     @cached_property
@@ -297,13 +297,3 @@ def _real(values: ArrayLike) -> Floats:
 def _rows(corners: NDArray[np.float64], face: Ints) -> Floats:
     """Flatten the axes of `face`."""
     return corners.reshape(face.size, *corners.shape[face.ndim :])
-
-
-def as_complex(uv: Floats) -> Complex:
-    """(k,) u + iv of points (k, 2)."""
-    return uv @ np.array([1, 1j])
-
-
-def as_rows(z: Complex) -> Floats:
-    """(k, 2) real and imaginary parts."""
-    return np.column_stack([z.real, z.imag])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Bools, Floats, Ints
-from ..errors import Defect, MeshError
+from ..errors import Defect, MeshError, counted
 from .defects import degenerate_faces
 from .filling import fill_hole
 from .report import check
@@ -306,7 +306,7 @@ class _Surface:
 
     def _say(self, count: int, what: str, one: str, many: str) -> None:
         if count > 0:
-            self.changes.append(what.format(f"{count:,} {one if count == 1 else many}"))
+            self.changes.append(what.format(counted(count, one, many)))
 
 
 def _area_vectors(V: Floats, a: Ints, b: Ints, c: Ints) -> Floats:

@@ -33,12 +33,8 @@ def lead_away(surface: CutSurface) -> None:
     area = face_areas(surface.V, surface.F).sum() / mean**2
     if length**2 > TINY * 4 * np.pi * area:
         return
-    distance, *_ = dijkstra(
-        opened.graph(surface.length),
-        indices=np.flatnonzero(opened.on_boundary),
-        min_only=True,
-        return_predecessors=True,
-    )
+    boundary = np.flatnonzero(opened.on_boundary)
+    distance = dijkstra(opened.graph(surface.length), indices=boundary, min_only=True)
     farthest = int(distance.argmax())  # in the interior, whose vertices keep their numbers
     branch_to(surface, farthest)
 

@@ -55,7 +55,7 @@ def cut_to_disk(surface: CutSurface) -> None:
             on_path[v] = True
             v = parent[v]
     surface.set_cut(np.append(left_over, up[on_path]), cut=True)
-    _prune(surface, root)
+    _prune(surface)
 
 
 def _nodes(surface: CutSurface) -> Ints:
@@ -102,8 +102,8 @@ def _in_cotree(surface: CutSurface, candidates: Ints, closed: Floats) -> Bools:
     return chosen
 
 
-def _prune(surface: CutSurface, root: int) -> None:
-    """Join again the edges of the cut that end nowhere: those at the root."""
+def _prune(surface: CutSurface) -> None:
+    """Join again the edges of the cut that end nowhere, as near the root."""
     at_border = np.zeros(len(surface.V), dtype=bool)
     at_border[surface.tail[surface.twin < 0]] = True
     while True:

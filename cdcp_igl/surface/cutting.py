@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints
-from ..errors import Defect, MeshError, counted
+from ..errors import Defect, MeshError
 from .cut_arcs import slit, straighten
 from .cut_surface import CutSurface
 from .cut_system import cut_to_disk
+from .defects import duplicate_defect, turned_defect
 from .edges import group_by_edge, heads, tails
 from .sheets import orient, part_sheets, polygon_numbers, used_positions
 from .topology import Topology, duplicate_faces
@@ -126,27 +127,11 @@ def cut(
             raise ValueError("path says where to cut already: leave out whole")
         return cut_along(given, faces, _corners_cut_at(faces, len(given), path))
     if len(duplicates := duplicate_faces(faces)):
-        raise MeshError(
-            Defect(
-                "duplicate face",
-                f"{counted(duplicates, 'face repeats', 'faces repeat')} the corners of another",
-                "Drop these faces, as cdcp_igl.clean does.",
-                "faces",
-                duplicates,
-            )
-        )
+        raise MeshError(duplicate_defect(duplicates))
     sheets = part_sheets(faces, len(given), polygon)
     turned = orient(sheets)
     if len(turned):
-        raise MeshError(
-            Defect(
-                "inconsistent orientation",
-                f"{counted(turned, 'face is', 'faces are')} oriented against the others",
-                "Reverse the corners of these faces, as cdcp_igl.clean and surface_map do.",
-                "faces",
-                turned,
-            )
-        )
+        raise MeshError(turned_defect(turned))
     corners = np.empty(faces.shape, np.int64)
     count = 0
     for component in split_components(positions, faces, sheets, polygon):

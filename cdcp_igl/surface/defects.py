@@ -10,7 +10,16 @@ from ..arrays import Floats, Ints
 from ..errors import Defect, counted
 from .topology import Topology, duplicate_faces, outer_loop
 
-__all__ = ["CUT", "MENDED", "degenerate_defect", "degenerate_faces", "topological_defects"]
+__all__ = [
+    "CUT",
+    "MENDED",
+    "degenerate_defect",
+    "degenerate_faces",
+    "duplicate_defect",
+    "one_sided_defect",
+    "topological_defects",
+    "turned_defect",
+]
 
 
 # A face is degenerate when area / longest edge^2 is below this: a relative measure, so
@@ -51,12 +60,13 @@ def _topological_defects(surface: Topology, V: Floats) -> Iterator[Defect]:
         return
     yield from _sides_and_parts(surface, V)
     if len(surface.pinched):
+        pinched = surface.pinched
         yield Defect(
             "non-manifold vertex",
-            f"{counted(surface.pinched, 'vertex joins', 'vertices join')} several fans of faces",
+            f"{counted(len(pinched), 'vertex joins', 'vertices join')} several fans of faces",
             "Split each into one copy a fan, as cdcp_igl.clean does.",
             "vertices",
-            surface.pinched,
+            pinched,
         )
         return
     yield from _boundary_and_handles(surface, V)
@@ -67,7 +77,7 @@ def _faces_and_edges(surface: Topology) -> Iterator[Defect]:
         unused = np.flatnonzero(~surface.used)
         yield Defect(
             "unreferenced vertex",
-            f"{counted(unused, 'vertex belongs', 'vertices belong')} to no face",
+            f"{counted(len(unused), 'vertex belongs', 'vertices belong')} to no face",
             "Drop them and renumber F, as cdcp_igl.clean does.",
             "vertices",
             unused,
@@ -76,18 +86,12 @@ def _faces_and_edges(surface: Topology) -> Iterator[Defect]:
     if singular.any() or len(surface.border) == 0:  # the copy of a face leaves no edge with one
         duplicates = duplicate_faces(surface.F)
         if len(duplicates):
-            yield Defect(
-                "duplicate face",
-                f"{counted(duplicates, 'face repeats', 'faces repeat')} the corners of another",
-                "Drop these faces, as cdcp_igl.clean does.",
-                "faces",
-                duplicates,
-            )
+            yield duplicate_defect(duplicates)
     if singular.any():
         ends = surface.edges.ends(singular)
         yield Defect(
             "non-manifold edge",
-            f"{counted(ends, 'edge lies', 'edges lie')} on three or more faces",
+            f"{counted(len(ends), 'edge lies', 'edges lie')} on three or more faces",
             "Drop the surplus faces, or part the sheets that meet there: cdcp_igl.clean keeps the "
             "largest of them, cdcp_igl.surface_map maps them all.",
             "edges",
@@ -97,20 +101,9 @@ def _faces_and_edges(surface: Topology) -> Iterator[Defect]:
 
 def _sides_and_parts(surface: Topology, V: Floats) -> Iterator[Defect]:
     if surface.against is None:
-        yield Defect(
-            "not orientable",
-            "The surface is one-sided, like a Möbius strip",
-            "Cut it across with cdcp_igl.cut(V, F, path), or take faces out, until it has two "
-            "sides.",
-        )
+        yield one_sided_defect()
     elif len(surface.against):
-        yield Defect(
-            "inconsistent orientation",
-            f"{counted(surface.against, 'face is', 'faces are')} oriented against the others",
-            "Reverse the corners of these faces, as cdcp_igl.clean does.",
-            "faces",
-            surface.against,
-        )
+        yield turned_defect(surface.against)
     n_parts, part = surface.components
     if n_parts > 1:
         sizes = np.bincount(part)
@@ -154,6 +147,39 @@ def _boundary_and_handles(surface: Topology, V: Floats) -> Iterator[Defect]:
         )
 
 
+def duplicate_defect(faces: Ints) -> Defect:
+    """Faces that repeat the corners of another, as a defect."""
+    return Defect(
+        "duplicate face",
+        f"{counted(len(faces), 'face repeats', 'faces repeat')} the corners of another",
+        "Drop these faces, as cdcp_igl.clean does.",
+        "faces",
+        faces,
+    )
+
+
+def turned_defect(faces: Ints) -> Defect:
+    """Faces that are turned over, as a defect."""
+    return Defect(
+        "inconsistent orientation",
+        f"{counted(len(faces), 'face is', 'faces are')} oriented against the others",
+        "Reverse the corners of these faces, as cdcp_igl.clean and surface_map do.",
+        "faces",
+        faces,
+    )
+
+
+def one_sided_defect(faces: Ints | None = None) -> Defect:
+    """One-sidedness, as a defect; of the components that have these faces, or of all."""
+    return Defect(
+        "not orientable",
+        "The surface is one-sided, like a Möbius strip",
+        "Cut it across with cdcp_igl.cut(V, F, path), or take faces out, until it has two sides.",
+        "faces",
+        np.empty(0, np.int64) if faces is None else faces,
+    )
+
+
 def degenerate_defect(cotangents: Floats) -> Defect | None:
     """Faces without area, as a defect; None if there are none."""
     bad = degenerate_faces(cotangents)
@@ -161,7 +187,7 @@ def degenerate_defect(cotangents: Floats) -> Defect | None:
         return None
     return Defect(
         "degenerate face",
-        f"{counted(bad, 'face has', 'faces have')} no area to speak of",
+        f"{counted(len(bad), 'face has', 'faces have')} no area to speak of",
         "Merge coinciding vertices, and collapse or flip the slivers; cdcp_igl.clean merges, and "
         "drops what is left of them.",
         "faces",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints
+from ..arrays import Complex, Floats, Ints, coordinates
 
 __all__ = ["disk_lattice", "even_ring", "with_corners"]
 
@@ -80,7 +80,7 @@ def disk_lattice(side: float, ring: Complex) -> tuple[Complex, Ints]:
     inner = side * (column + row * np.exp(1j * np.pi / 3)).ravel()
     inner = inner[abs(inner) < 1 - MARGIN * side]
     z = np.concatenate([ring, inner])
-    F = Delaunay(np.column_stack([z.real, z.imag])).simplices.astype(np.int64)
+    F = Delaunay(coordinates(z)).simplices.astype(np.int64)
     a, b, c = z[F.T]
     clockwise = ((b - a).conj() * (c - a)).imag < 0
     F[clockwise] = F[clockwise, ::-1]

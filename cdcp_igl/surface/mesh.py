@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Bools, Floats, Ints, blocks
-from ..errors import Defect, MeshError
+from ..errors import Defect, MeshError, counted
 from .chords import Chords
 from .defects import degenerate_defect
 from .edges import Edges
+from .heap import keep_freed_memory
 from .report import examine
 from .triangles import corner_cotangents
-from .validation import as_vertices
+from .validation import as_vertices, size_exponent
 
 __all__ = ["DiskMesh"]
 
@@ -72,6 +73,7 @@ class DiskMesh:
     _exponent: int
 
     def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
+        keep_freed_memory()
         examined = examine(V, F)
         if examined.surface is None or examined.defects:
             raise MeshError(*examined.defects)
@@ -91,7 +93,14 @@ class DiskMesh:
             cotangents=examined.cotangents,
         )
         object.__setattr__(self, "edges", edges)
-        object.__setattr__(self, "_exponent", _exponent(V))
+        object.__setattr__(self, "_exponent", size_exponent(np.asarray(V)))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # Arrays that were pickled come back writeable.
+        for value in (*state.values(), *vars(state["edges"]).values()):
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+        self.__dict__.update(state)
 
     def _set(self, **arrays: NDArray[Any]) -> None:
         for name, array in arrays.items():
@@ -177,16 +186,11 @@ class DiskMesh:
         mesh = copy(self)
         mesh.__dict__.pop("angles", None)
         mesh._set(V=positions, cotangents=cotangents)
-        object.__setattr__(mesh, "_exponent", _exponent(V))
+        object.__setattr__(mesh, "_exponent", size_exponent(np.asarray(V)))
         return mesh
 
     def __repr__(self) -> str:
         return (
-            f"DiskMesh({len(self.V):,} vertices, {len(self.F):,} faces, "
+            f"DiskMesh({len(self.V):,} vertices, {counted(len(self.F), 'face', 'faces')}, "
             f"{len(self.loop):,} boundary vertices)"
         )
-
-
-def _exponent(V: ArrayLike) -> int:
-    """Of the power of two by which the positions were divided."""
-    return int(np.frexp(np.abs(np.asarray(V, dtype=np.float64)).max())[1])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
-from ..errors import Defect, MeshError, spell
+from ..errors import Defect, MeshError, counted, spell
 from .defects import CUT, MENDED, degenerate_defect, topological_defects
 from .notebook import html_table
 from .topology import Topology, outer_loop
@@ -94,7 +94,7 @@ class MeshReport:
             return parts + ("one-sided" if one_sided else "not a manifold")
         if not parts and (self.genus, self.n_loops) == (0, 1):
             return "disk"
-        loops = f"{self.n_loops:,} boundary loop" + ("s" if self.n_loops > 1 else "")
+        loops = counted(self.n_loops, "boundary loop", "boundary loops")
         return f"{parts}genus {self.genus:,}, {loops if self.n_loops else 'closed'}"
 
     @property
@@ -117,10 +117,11 @@ class MeshReport:
 
     def __repr__(self) -> str:
         found = "a disk" if self.is_disk else ", ".join(d.name for d in self.defects)
-        return f"MeshReport({self.n_vertices:,} vertices, {self.n_faces:,} faces: {found})"
+        faces = counted(self.n_faces, "face", "faces")
+        return f"MeshReport({self.n_vertices:,} vertices, {faces}: {found})"
 
     def _repr_html_(self) -> str:
-        counts = f"{self.n_vertices:,} vertices, {self.n_faces:,} faces"
+        counts = f"{self.n_vertices:,} vertices, {counted(self.n_faces, 'face', 'faces')}"
         rows = [
             ("kind", self.kind),
             ("boundary vertices", f"{self.n_boundary:,}"),
@@ -133,10 +134,10 @@ class MeshReport:
 
     def __str__(self) -> str:
         counts = (
-            f"{self.n_vertices:,} vertices, {self.n_faces:,} faces, "
-            f"{self.n_boundary:,} boundary vertices, {len(self.ears):,} ears"
+            f"{self.n_vertices:,} vertices, {counted(self.n_faces, 'face', 'faces')}, "
+            f"{self.n_boundary:,} boundary vertices, {counted(len(self.ears), 'ear', 'ears')}"
             + (f" (faces {spell(self.ears)})" if len(self.ears) else "")
-            + f", {len(self.chords):,} chords"
+            + f", {counted(len(self.chords), 'chord', 'chords')}"
             + (f" (edges {spell(self.chords)})" if len(self.chords) else "")
         )
         if self.is_disk:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
 from ..errors import Defect, MeshError, counted
-from .defects import degenerate_faces
+from .defects import degenerate_faces, one_sided_defect
 from .topology import Topology, duplicate_faces
 from .triangles import corner_cotangents
 from .validation import (
@@ -80,10 +80,10 @@ def oriented_sheets(V: ArrayLike, F: ArrayLike, whole: ArrayLike | None = None) 
     vertices = part_sheets(faces, len(positions), polygon)
     copies = np.arange(len(np.unique(faces)), len(np.unique(vertices)))
     if len(copies):
-        changes.append(f"split off {counted(copies, 'vertex', 'vertices')} where sheets met")
+        changes.append(f"split off {counted(len(copies), 'vertex', 'vertices')} where sheets met")
     turned = orient(vertices)
     if len(turned):
-        changes.append(f"reversed {counted(turned, 'face', 'faces')}")
+        changes.append(f"reversed {counted(len(turned), 'face', 'faces')}")
     for corners in (faces, vertices):
         corners[turned] = corners[turned, ::-1]
     return Sheets(positions, faces, vertices, polygon, rows, turned, tuple(changes))
@@ -124,7 +124,7 @@ def _proper_faces(V: Floats, F: Ints) -> tuple[Ints, list[str]]:
     ):
         bad = find(F[kept])
         if len(bad):
-            changes.append(f"left out {counted(bad, 'face', 'faces')} {why}")
+            changes.append(f"left out {counted(len(bad), 'face', 'faces')} {why}")
             kept = np.delete(kept, bad)
     if len(kept) == 0:
         what = f"cdcp_igl.surface_map {', '.join(changes)}, and no face is left"
@@ -195,12 +195,4 @@ def orient(F: Ints) -> Ints:
         for rows in (np.flatnonzero(part == k) for k in range(int(part.max()) + 1))
         if Topology(F[rows], surface.n).against is None
     ]
-    raise MeshError(
-        Defect(
-            "not orientable",
-            "The surface is one-sided, like a Möbius strip",
-            "Cut it across with cdcp_igl.cut(V, F, path).",
-            "faces",
-            np.sort(np.concatenate(one_sided)),
-        )
-    )
+    raise MeshError(one_sided_defect(np.sort(np.concatenate(one_sided))))

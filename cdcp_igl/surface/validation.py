@@ -19,6 +19,7 @@ __all__ = [
     "refuse_swapped",
     "repeated_corner_defect",
     "repeated_corners",
+    "size_exponent",
     "three_columns",
     "unit_size",
     "vertex_array",
@@ -70,21 +71,23 @@ def vertex_array(V: ArrayLike, name: str = "V") -> NDArray[Any]:
 def as_vertices(V: ArrayLike, name: str = "V") -> Floats:
     """(n, 3) float64 copy of V, scaled to unit size; MeshError if that cannot be."""
     given = vertex_array(V, name)
-    if defect := non_finite_defect(given):
+    if defect := non_finite_defect(given, name):
         raise MeshError(defect)
     return unit_size(given)
 
 
-def non_finite_defect(given: NDArray[Any]) -> Defect | None:
+def non_finite_defect(given: NDArray[Any], name: str = "V") -> Defect | None:
     """Vertices with a NaN or infinite coordinate, as a defect; None if there are none."""
     finite = np.isfinite(given)
     if finite.all():
         return None
     bad = np.flatnonzero(~finite.all(axis=1))
+    vertices = counted(len(bad), "vertex has", "vertices have")
     return Defect(
         "non-finite coordinate",
-        f"{counted(bad, 'vertex has', 'vertices have')} a NaN or infinite coordinate",
-        "Restore the coordinates; cdcp_igl.clean drops these vertices with their faces.",
+        f"{vertices} a NaN or infinite coordinate in {name}",
+        "Restore the coordinates"
+        + ("; cdcp_igl.clean drops these vertices with their faces." if name == "V" else "."),
         "vertices",
         bad,
     )
@@ -101,8 +104,12 @@ def unit_size(given: NDArray[Any]) -> Floats:
     """(n, 3) float64 copy of finite positions; the largest coordinate is from 1/2 to 1."""
     positions = three_columns(given)
     # By a power of two, which is exact: products of lengths stay in range in any unit.
-    exponent = int(np.frexp(max(positions.max(), -positions.min()))[1])
-    return np.ldexp(positions, -exponent, out=positions)
+    return np.ldexp(positions, -size_exponent(positions), out=positions)
+
+
+def size_exponent(given: NDArray[Any]) -> int:
+    """Find the power of two by which `unit_size` divides."""
+    return int(np.frexp(max(float(given.max()), -float(given.min())))[1])
 
 
 def face_array(F: ArrayLike, n: int) -> Ints:
@@ -125,7 +132,7 @@ def face_array(F: ArrayLike, n: int) -> Ints:
         raise MeshError(
             Defect(
                 "index out of range",
-                f"{counted(outside, 'face has', 'faces have')} an index outside 0..{n - 1}",
+                f"{counted(len(outside), 'face has', 'faces have')} an index outside 0..{n - 1}",
                 "The indices count from 1: pass F - 1." if one_based else "Mend or drop them.",
                 "faces",
                 outside,
@@ -137,7 +144,7 @@ def face_array(F: ArrayLike, n: int) -> Ints:
         raise MeshError(
             Defect(
                 "fractional index",
-                f"{counted(fractional, 'face has', 'faces have')} an index that is no integer",
+                f"{counted(len(fractional), 'face has', 'faces have')} an index that is no integer",
                 "F takes integers, the rows of V.",
                 "faces",
                 fractional,
@@ -161,7 +168,7 @@ def repeated_corner_defect(F: Ints) -> Defect | None:
         return None
     return Defect(
         "repeated corner",
-        f"{counted(repeated, 'face has', 'faces have')} the same vertex at two corners",
+        f"{counted(len(repeated), 'face has', 'faces have')} the same vertex at two corners",
         "Drop these faces, as cdcp_igl.clean does.",
         "faces",
         repeated,

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...arrays import Complex, Floats
 from ...certificate import increments, is_around
+from ...errors import counted
 from ...solve.factored import FactoredSurface
 from ...surface.mesh import DiskMesh
 from ..extension import harmonic_extension, settled_extension
@@ -85,7 +86,8 @@ class BoundaryMethod:
 
     def __str__(self) -> str:
         laplacian = "" if self.laplacian == "cotangent" else f", {self.laplacian} Laplacian"
-        opened = f", {self.n_spread:,} inscribed faces held open" if self.n_spread else ""
+        faces = counted(self.n_spread, "face", "faces")
+        opened = f", {faces} held open" if self.n_spread else ""
         reasons = "".join(f" (rejected {reason})" for reason in self.rejected)
         return self.name + laplacian + opened + reasons
 
@@ -205,9 +207,11 @@ def by_harmonic_measure(surface: FactoredSurface, face: int) -> CircleMap:
     Raises
     ------
     Rejected
-        If crowding spoils it: many boundary vertices would coincide.
+        If no corner of the face lies inside, or crowding spoils it: many boundary vertices would
+        coincide.
     """
-    return _by_shares(surface, _shares(surface, face), "harmonic measure")
+    name = "harmonic measure"
+    return _by_shares(surface, _shares(surface, name, face), name)
 
 
 def by_balanced_measure(surface: FactoredSurface, face: int) -> CircleMap:
@@ -229,12 +233,14 @@ def by_balanced_measure(surface: FactoredSurface, face: int) -> CircleMap:
     Raises
     ------
     Rejected
-        If that is near the central face, or crowding spoils it nevertheless.
+        If no corner of the face lies inside, remote parts are equally far away from it already,
+        or crowding spoils it nevertheless.
     """
-    _, shares = _balanced(surface, face)
-    if shares.min() < WORTH_MOVING * _shares(surface, face).min():
-        raise Rejected("balanced harmonic measure: remote parts are equally far away")
-    return _by_shares(surface, shares, "balanced harmonic measure")
+    name = "balanced harmonic measure"
+    _, shares = _balanced(surface, name, face)
+    if shares.min() < WORTH_MOVING * _shares(surface, name, face).min():
+        raise Rejected(f"{name}: remote parts are equally far away")
+    return _by_shares(surface, shares, name)
 
 
 def _by_shares(surface: FactoredSurface, shares: Floats, name: str) -> CircleMap:
@@ -261,30 +267,32 @@ def by_shortening(surface: FactoredSurface, face: int) -> CircleMap:
     Raises
     ------
     Rejected
-        If nothing is too small to be told apart, or so small that nothing helps.
+        If no corner of the face lies inside, nothing is too small to be told apart, or all is so
+        small that nothing helps.
     """
-    face, steps = _balanced(surface, face)
+    name = "shortened"
+    face, steps = _balanced(surface, name, face)
     shortened = Shortened(surface.delaunay, face)
     if shortened.part == 1:
-        raise Rejected("shortened: no face is too small")
+        raise Rejected(f"{name}: no face is too small")
     reason = crowding_reason(surface.mesh, steps, few=True)
     if shortened.part == 0:
-        raise Rejected(f"shortened: {reason}")
-    method = BoundaryMethod("shortened", laplacian="intrinsic Delaunay", reason=reason)
+        raise Rejected(f"{name}: {reason}")
+    method = BoundaryMethod(name, laplacian="intrinsic Delaunay", reason=reason)
     return CircleMap(shortened.steps, around(shortened.steps), shortened.extend, method)
 
 
-def _balanced(surface: FactoredSurface, face: int) -> tuple[int, Floats]:
+def _balanced(surface: FactoredSurface, name: str, face: int) -> tuple[int, Floats]:
     """Return the central face, moved if need be, and the harmonic measure (nB,) from there."""
     extend = _extension(surface.delaunay)
-    return balanced(surface.mesh, partial(_shares, surface), extend, face)
+    return balanced(surface.mesh, partial(_shares, surface, name), extend, face)
 
 
-def _shares(surface: FactoredSurface, face: int) -> Floats:
-    """(nB,) harmonic measure of the boundary edges seen from a face."""
+def _shares(surface: FactoredSurface, name: str, face: int) -> Floats:
+    """(nB,) harmonic measure of the boundary edges seen from a face, for the method `name`."""
     shares = harmonic_shares(surface.delaunay, face)
     if not np.isfinite(shares).all():
-        raise Rejected("harmonic measure: no interior vertex at the central face")
+        raise Rejected(f"{name}: no interior vertex at the central face")
     return shares
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import identity
 from scipy.sparse.linalg import splu
 
-from ...arrays import Complex, Floats, Ints, coordinates
+from ...arrays import Complex, Floats, Ints, as_complex, coordinates
 from ...certificate import flipped_faces, increments
 from ...surface.mesh import DiskMesh
 from ..repair import mean_value_weights
@@ -124,5 +124,5 @@ class _Raised:
         f[self._run] = turned / abs(turned) * (1 + height * bulge)
         origin = f[self._rim[0]]  # a small shape has digits that its place has not
         pull = self._from_rim @ (f[self._rim] - origin)
-        f[self._inside] = origin + self._system.solve(coordinates(pull)) @ [1, 1j]
+        f[self._inside] = origin + as_complex(self._system.solve(coordinates(pull)))
         return f
