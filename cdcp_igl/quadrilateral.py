@@ -2,26 +2,45 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
-from dataclasses import asdict, dataclass
+import logging
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Complex, Floats, Ints, coordinates
+from .algorithm import Attempts, Steps
+from .arrays import Complex, Floats, Ints, as_complex, coordinates
 from .certificate import Certificate, flipped_faces
 from .distortion import AngleDistortion, angle_errors
-from .errors import MapError, SolverError, counted, spell
+from .errors import MapError, SolverError
 from .plot.shown import Shown
+from .selection import best_map
 from .solve.delaunay import intrinsic_delaunay_laplacian
 from .solve.factor import Factor
+from .solve.factored import FactoredSurface
 from .solve.laplacian import Laplacian, cotangent_laplacian
+from .steps.conformality import Conformality, judge
+from .steps.extension import harmonic_extension
+from .steps.options import Options
+from .steps.phases import Phases
 from .steps.repair import Repair, unfold
+from .steps.schwarz_christoffel import along_side
 from .surface.mesh import DiskMesh
+from .surface.sides import boundary_sides, is_monotone, refuse_chords
 
 __all__ = ["RectangleMap", "rectangle_map"]
+
+log = logging.getLogger("cdcp_igl")
+
+LAPLACIANS: dict[str, Callable[[DiskMesh], Laplacian]] = {
+    "cotangent": cotangent_laplacian,
+    "intrinsic Delaunay": intrinsic_delaunay_laplacian,
+}
+REMEDY = "choose corners where the boundary has corners, or refine the faces there"
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +65,20 @@ class RectangleMap(Shown):
         As of a `DiskMap`, with the sides of the rectangle in place of the circle.
     distortion : AngleDistortion
         Mean, SD and maximum of the angular distortion in degrees.
+    conformality : Conformality
+        Whether the map is what a conformal map of this mesh should be; if not, the reasons
+        and what would help.
+    boundary : str
+        ``"sliding"``: there is no flux across the sides along which a coordinate varies. Or,
+        where that does not lead to a conformal map without flipped faces and this distorts less,
+        ``"disk map"``: the sides are placed as `disk_map` and elliptic integrals tell, for
+        obtuse faces at a side may turn it back.
     laplacian : str
-        ``"cotangent"``, or ``"intrinsic Delaunay"`` where that folded and this distorts less.
+        ``"cotangent"``, or ``"intrinsic Delaunay"``, for the same reason.
     repair : Repair
         What was done about flipped faces.
+    solver : str
+        Sparse solver, version, ordering and mode.
 
     Examples
     --------
@@ -70,13 +99,28 @@ class RectangleMap(Shown):
     corners: tuple[int, int, int, int]
     certificate: Certificate
     distortion: AngleDistortion
+    conformality: Conformality
+    boundary: str
     laplacian: str
     repair: Repair
+    solver: str
 
     @property
     def valid(self) -> bool:
         """True for a bijection onto the rectangle."""
         return self.certificate.valid
+
+    @property
+    def conformal(self) -> bool:
+        """True for a map that is as conformal as the mesh lets it be, see `conformality`."""
+        return bool(self.conformality)
+
+    @property
+    def verdict(self) -> str:
+        """In a word or two, whether the map is valid and conformal."""
+        if not self.valid:
+            return "NOT VALID"
+        return "valid" if self.conformal else "valid, NOT CONFORMAL"
 
     def packed(self) -> Floats:
         """(n, 2) the image scaled into the unit square: texture coordinates."""
@@ -104,30 +148,36 @@ class RectangleMap(Shown):
         return {
             "vertices": len(self.uv),
             "valid": self.valid,
+            "conformal": self.conformal,
+            "not_conformal_because": list(self.conformality.reasons),
+            "remedies": list(self.conformality.remedies),
             "modulus": self.modulus,
             "modulus_bounds": list(self.modulus_bounds),
             "corners": list(self.corners),
             "angular_distortion_degrees": asdict(self.distortion),
             "certificate": self.certificate.report(),
+            "boundary": self.boundary,
             "laplacian": self.laplacian,
             "repaired_faces": self.repair.n_flipped,
+            "solver": self.solver,
         }
 
     def __repr__(self) -> str:
-        verdict = "valid" if self.valid else "NOT VALID"
-        return f"RectangleMap({len(self.uv):,} vertices: {verdict}, modulus {self.modulus:.6g})"
+        vertices = f"{len(self.uv):,} vertices"
+        return f"RectangleMap({vertices}: {self.verdict}, modulus {self.modulus:.6g})"
 
     def __str__(self) -> str:
         low, high = self.modulus_bounds
         return "\n".join(
             [
-                f"rectangle map of {len(self.uv):,} vertices: "
-                + ("valid" if self.valid else "NOT VALID"),
+                f"rectangle map of {len(self.uv):,} vertices: {self.verdict}",
                 f"  modulus             {self.modulus:.8g}, from {low:.8g} to {high:.8g}",
                 f"  angular distortion  {self.distortion}",
+                *([] if self.conformal else [f"  conformal           {self.conformality}"]),
                 f"  certificate         {self.certificate}",
-                f"  Laplacian           {self.laplacian}",
+                f"  boundary            {self.boundary}, {self.laplacian} Laplacian",
                 f"  repair              {self.repair}",
+                f"  solver              {self.solver}",
             ]
         )
 
@@ -138,7 +188,8 @@ def rectangle_map(V: ArrayLike, F: ArrayLike, corners: ArrayLike) -> RectangleMa
     Its width is found with the map, its height is 1. The coordinates are the harmonic
     functions with values 0 and 1 on two opposite sides, whose derivative across the other
     two vanishes; their energies give the modulus and bounds for it. Vertices slide along the
-    sides. The image is a bijection onto the rectangle, certified as a map onto the disk is.
+    sides. Where that does not lead to a conformal map, the sides are placed as a map onto the
+    disk tells. The image is a bijection onto the rectangle, certified as a map onto the disk is.
 
     Parameters
     ----------
@@ -164,7 +215,7 @@ def rectangle_map(V: ArrayLike, F: ArrayLike, corners: ArrayLike) -> RectangleMa
     MapError
         If no map is a bijection; the one of least distortion is its ``result``.
     SolverError
-        If neither Laplacian can be factored.
+        If no Laplacian can be factored.
 
     References
     ----------
@@ -183,107 +234,115 @@ def rectangle_map(V: ArrayLike, F: ArrayLike, corners: ArrayLike) -> RectangleMa
     (True, 3.0)
     """
     mesh = DiskMesh(V, F)
-    sides = _sides(mesh, corners)
-    _refuse_chords(mesh, sides)
-    found: list[RectangleMap] = []
-    with suppress(SolverError):  # the other Laplacian has no negative weights
-        found.append(_mapped(mesh, cotangent_laplacian(mesh), "cotangent", sides))
-    if not (found and found[0].valid and found[0].repair.n_flipped == 0):
-        found.append(_mapped(mesh, intrinsic_delaunay_laplacian(mesh), "intrinsic Delaunay", sides))
+    sides = boundary_sides(mesh, corners)
+    refuse_chords(mesh, sides)
+    ways: list[Callable[[DiskMesh, list[Ints]], RectangleMap]]
+    ways, found = [*(partial(_sliding, name) for name in LAPLACIANS), _by_disk_map], []
+    for way in ways:
+        try:
+            found.append(way(mesh, sides))
+        except (SolverError, MapError) as error:
+            failure = error
+        else:
+            if found[-1].conformal and found[-1].repair.n_flipped == 0:
+                break
+    if not found:
+        raise failure
     best = min(found, key=lambda result: (not result.valid, result.distortion.mean))
     if not best.valid:
-        raise MapError(f"The map is not a bijection onto the rectangle: {best.certificate}", best)
+        raise MapError(
+            f"The map is not a bijection onto the rectangle: {best.certificate}. Parts of it may "
+            "be too small for double precision: choose corners farther apart, or cut the surface "
+            "where it is long or branches (cdcp_igl.cut)",
+            best,
+        )
+    if not best.conformal:
+        log.warning("the map is not conformal: %s", "; ".join(best.conformality.reasons))
     return best
 
 
-def _sides(mesh: DiskMesh, corners: ArrayLike) -> list[Ints]:
-    """Split the boundary loop: the vertices of each side with its corners, in order."""
-    chosen = np.asarray(corners)
-    if chosen.shape != (4,) or chosen.dtype.kind not in "iu":
-        raise ValueError(f"corners must be four vertices, not {corners!r}")
-    place, nB = mesh.place, len(mesh.loop)
-    if not ((chosen >= 0) & (chosen < len(place))).all() or (place[chosen] < 0).any():
-        raise ValueError(f"corners={chosen.tolist()} must be boundary vertices")
-    steps = (np.roll(place[chosen], -1) - place[chosen]) % nB
-    if (steps == 0).any() or steps.sum() != nB:
-        order = mesh.loop[np.sort(place[chosen])].tolist()
-        raise ValueError(
-            f"corners={chosen.tolist()} must be four vertices in the order of the boundary, "
-            f"the surface on the left, which is {order}"
-        )
-    return [
-        mesh.loop[(place[corner] + np.arange(step + 1)) % nB]
-        for corner, step in zip(chosen, steps, strict=True)
-    ]
+def _sliding(name: str, mesh: DiskMesh, sides: list[Ints]) -> RectangleMap:
+    """Solve for both coordinates, with no flux across the sides along which they vary."""
+    bottom, right, top, left = sides
+    L = LAPLACIANS[name](mesh)
+    u, solver = _harmonic(mesh, L, zero=left, one=right)
+    v, _ = _harmonic(mesh, L, zero=bottom, one=top)
+    return _mapped(mesh, L, sides, u + 1j * v, name, "sliding", solver)
 
 
-def _refuse_chords(mesh: DiskMesh, sides: list[Ints]) -> None:
-    """Raise ValueError for edges inside that join two vertices of one side."""
-    for number, side in enumerate(sides, 1):
-        on_side = np.zeros(len(mesh.V), dtype=bool)
-        on_side[side] = True
-        chords = mesh.edges.ends(mesh.edges.chords(on_side))
-        if len(chords):
-            found = counted(len(chords), "edge inside joins", "edges inside join")
-            raise ValueError(
-                f"{found} two vertices of side {number}, so that the faces cut off would have no "
-                f"area in a rectangle: {spell(chords)}. Choose a corner among these faces, or "
-                "split the edges."
-            )
+def _harmonic(mesh: DiskMesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floats, str]:
+    """(n,) harmonic function with these values on two sides, and what solved for it."""
+    value, free = np.zeros(len(mesh.V)), np.ones(len(mesh.V), dtype=bool)
+    value[one] = 1
+    free[zero] = free[one] = False
+    factor = Factor(mesh, L, free)
+    return value + factor.solve(-(L.matrix() @ value)), factor.solver
 
 
-def _mapped(mesh: DiskMesh, L: Laplacian, name: str, sides: list[Ints]) -> RectangleMap:
-    """Solve for both coordinates, scale them by the modulus, and certify."""
+def _by_disk_map(mesh: DiskMesh, sides: list[Ints]) -> RectangleMap:
+    """Place the boundary as a map onto the disk tells, and both coordinates as harmonic."""
+    surface, options = FactoredSurface.of(mesh), Options()
+    attempts = Attempts(surface, Steps.of(options))
+    disk = best_map(surface, attempts, options, Phases(), keep_factor=True)
+    z, f = as_complex(disk.uv), np.empty(len(mesh.V), dtype=complex)
+    corners = z[[side[0] for side in sides]]
+    for number, side in enumerate(sides):
+        start, along = (0, 1, 1 + 1j, 1j)[number], 1j**number
+        f[side[:-1]] = start + along * along_side(z[side[:-1]], np.roll(corners, -number))
+    f = harmonic_extension(surface, f[mesh.loop])
+    return _mapped(
+        mesh, surface.laplacian, sides, f, "cotangent", "disk map", surface.factor.solver
+    )
+
+
+def _mapped(
+    mesh: DiskMesh,
+    L: Laplacian,
+    sides: list[Ints],
+    square: Complex,
+    laplacian: str,
+    boundary: str,
+    solver: str,
+) -> RectangleMap:
+    """Scale a map onto the unit square to the modulus, repair it, and certify."""
     bottom, right, top, left = sides
     matrix = L.matrix()
-    u = _harmonic(mesh, L, zero=left, one=right)
-    v = _harmonic(mesh, L, zero=bottom, one=top)
     # The energy of the one with values 0 and 1 is height by width, that of the other width by
     # height, and each at most too large.
-    bounds = float(1 / (u @ (matrix @ u))), float(v @ (matrix @ v))
-    modulus = float(np.sqrt(bounds[0] * bounds[1]))
-    f = modulus * u + 1j * v
+    energy_u, energy_v = (float(x @ (matrix @ x)) for x in (square.real, square.imag))
+    modulus = float(np.sqrt(energy_v / energy_u))
+    f = modulus * square.real + 1j * square.imag
     repair = Repair()
-    if _monotone(sides, f):
+    if is_monotone(sides, f):
         f, repair = unfold(mesh, f, on_disk=False)
     off = f.imag[bottom], f.real[right] - modulus, f.imag[top] - 1, f.real[left]
     flipped, n_exact = flipped_faces(f, mesh.F)
     certificate = Certificate(
         finite=bool(np.isfinite(f).all()),
         boundary_error=float(abs(np.concatenate(off)).max()),
-        boundary_monotone=_monotone(sides, f),
+        boundary_monotone=is_monotone(sides, f),
         winding_number=1,  # of a boundary that runs through the four sides
         flipped=flipped,
         n_exact=n_exact,
     )
+    degrees = np.degrees(abs(angle_errors(mesh, f)))
+    conformality = Conformality(True, ("it is not valid",))
+    if certificate.valid:
+        conformality = judge(mesh, f, degrees, closely=repair.n_flipped > 0)
+    if not conformality:
+        conformality = replace(conformality, remedies=(REMEDY,))
     first = tuple(int(side[0]) for side in sides)
     return RectangleMap(
         uv=coordinates(f),
         mesh=mesh,
         modulus=modulus,
-        modulus_bounds=bounds,
+        modulus_bounds=(1 / energy_u, energy_v),
         corners=(first[0], first[1], first[2], first[3]),
         certificate=certificate,
-        distortion=AngleDistortion.of(np.degrees(abs(angle_errors(mesh, f)))),
-        laplacian=name,
+        distortion=AngleDistortion.of(degrees),
+        conformality=conformality,
+        boundary=boundary,
+        laplacian=laplacian,
         repair=repair,
-    )
-
-
-def _harmonic(mesh: DiskMesh, L: Laplacian, zero: Ints, one: Ints) -> Floats:
-    """(n,) harmonic function with these values on two sides, and no flux across the others."""
-    value, free = np.zeros(len(mesh.V)), np.ones(len(mesh.V), dtype=bool)
-    value[one] = 1
-    free[zero] = free[one] = False
-    return value + Factor(mesh, L, free).solve(-(L.matrix() @ value))
-
-
-def _monotone(sides: list[Ints], f: Complex) -> bool:
-    """Whether each side is run through forwards, no two vertices in one place."""
-    bottom, right, top, left = sides
-    return bool(
-        (np.diff(f.real[bottom]) > 0).all()
-        and (np.diff(f.imag[right]) > 0).all()
-        and (np.diff(f.real[top]) < 0).all()
-        and (np.diff(f.imag[left]) < 0).all()
+        solver=solver,
     )

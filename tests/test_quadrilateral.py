@@ -9,12 +9,14 @@ from hypothesis import strategies as st
 from meshes import TWO_TRIANGLES, fan, grid, strip
 from scipy.integrate import quad
 from scipy.optimize import brentq
+from scipy.spatial import Delaunay
 from scipy.special import ellipk, ellipkm1
 from surfaces import tube
 
 import cdcp_igl
 from cdcp_igl import quadrilateral
 from cdcp_igl.steps.repair import Repair
+from cdcp_igl.steps.schwarz_christoffel import along_side
 from cdcp_igl.surface.mesh import DiskMesh
 
 REAL = [
@@ -256,3 +258,60 @@ def test_it_prints_a_summary():
     result = cdcp_igl.rectangle_map(np.column_stack([2 * x, y]), F, corners)
     assert repr(result) == "RectangleMap(25 vertices: valid, modulus 2)"
     assert "modulus             2, from 2 to 2" in str(result)
+
+
+# -- where the sides cannot slide ------------------------------------------------------
+
+
+def scattered(seed, n=200):
+    """Points at random in a square, with obtuse faces along its sides."""
+    points = np.random.default_rng(seed).random((n, 2))
+    F = Delaunay(points).simplices
+    a, b, c = points[F].transpose(1, 0, 2)
+    clockwise = (b - a)[:, 0] * (c - a)[:, 1] < (b - a)[:, 1] * (c - a)[:, 0]
+    F[clockwise] = F[clockwise, ::-1]
+    return points, F
+
+
+@pytest.mark.parametrize("seed", [1, 4, 6])
+def test_a_side_that_turns_back_is_placed_by_the_map_onto_the_disk(seed, caplog):
+    V, F = scattered(seed)
+    mesh = DiskMesh(V, F)
+    result = cdcp_igl.rectangle_map(V, F, mesh.loop[np.arange(4) * len(mesh.loop) // 4])
+    assert result.boundary == "disk map"
+    assert result.valid
+    assert on_sides(result, mesh)
+    low, high = result.modulus_bounds
+    assert low < result.modulus < high
+    assert result.distortion.mean < 12
+    assert ("not conformal" in caplog.text) == (not result.conformal)
+    assert result.report()["conformal"] == result.conformal
+
+
+def test_a_rectangle_that_is_not_conformal_says_so():
+    V = [[0, 0], [1, 0], [1.05, 0.1], [0, 1]]
+    result = cdcp_igl.rectangle_map(V, [[0, 1, 2], [0, 2, 3]], [0, 1, 2, 3])
+    assert not result.conformal
+    assert result.verdict == "valid, NOT CONFORMAL"
+    assert result.conformality.remedies[0] in str(result)
+    assert result.solver in str(result)
+
+
+@pytest.mark.parametrize("angles", [[-2.5, -0.5, 0.7, 2.2], [0.1, 0.2, 3, 3.3]])
+def test_arcs_come_to_lie_along_sides_as_schwarz_and_christoffel_say(angles):
+    """The speed along the circle is the product of the corners' distances^(-1/2)."""
+    corners = np.exp(1j * np.array(angles))
+
+    def length(start, end):
+        def speed(t):
+            return np.prod(abs(np.exp(1j * t) - corners) ** -0.5)
+
+        return quad(speed, start, end, limit=200)[0]
+
+    for side in range(4):
+        start, end = angles[side], [*angles, angles[0] + 2 * np.pi][side + 1]
+        for t in np.linspace(start, end, 5)[1:-1]:
+            [along] = along_side(np.exp([1j * t]), np.roll(corners, -side))
+            assert along == pytest.approx(length(start, t) / length(start, end), abs=1e-8)
+        ends = along_side(corners[[side, (side + 1) % 4]], np.roll(corners, -side))
+        np.testing.assert_allclose(ends, [0, 1], atol=1e-15)
