@@ -181,8 +181,8 @@ def surface_map(
     Raises
     ------
     MeshError
-        If V and F are no triangle mesh, a face has no area, or a component is one-sided, like a
-        Möbius strip or a Klein bottle.
+        If V and F are no triangle mesh, no face has an area, or a component is one-sided, like
+        a Möbius strip or a Klein bottle.
     SolverError, MapError, ImportError
         As `disk_map`.
     ValueError

@@ -190,8 +190,9 @@ class DiskMap(Bijection, Shown):
         ValueError
             If `landmarks` is none of that.
         MapError
-            If the landmarks ask for a transformation so strong that vertices coincide. Its
-            ``result`` is this map with the coordinates and the certificate that were refused.
+            If the landmarks ask for a transformation that turns large faces over, as their edges
+            stay straight, or so strong that vertices coincide. Its ``result`` is this map with
+            the coordinates and the certificate that were refused.
 
         Examples
         --------
@@ -224,7 +225,11 @@ class DiskMap(Bijection, Shown):
         certificate = certify(self.mesh, uv)
         if not certificate.valid:
             refused = replace(self, uv=uv, certificate=certificate)
-            raise MapError(f"The landmarks lie too far apart to register: {certificate}", refused)
+            raise MapError(
+                f"Moved to the landmarks, the map is not a bijection onto the disk: {certificate}. "
+                "Faces are too large for this transformation, or too small: choose other landmarks",
+                refused,
+            )
         return uv
 
     def report(self) -> dict[str, Any]:

@@ -98,11 +98,13 @@ def best_map(
     if any(due) and candidates[0].certificate.valid:
         if not keep_factor:
             surface.release()
-        candidates[: len(rivals)] = [
+        lowered = [
             refined(mesh, rival, surface.factor.order, steps, options, phase) if steps else rival
             for rival, steps in zip(rivals, due, strict=True)
         ]
-        candidates.sort(key=lambda candidate: candidate.rank)
+        # The others are no choice any more: the mean of a refined map may be above theirs, as it
+        # is the power mean that was lowered.
+        candidates[: len(rivals)] = sorted(lowered, key=lambda candidate: candidate.rank)
     best, *others = candidates
     rejected += dict.fromkeys(other.objection() for other in others)
     for objection in rejected:
