@@ -51,9 +51,10 @@ def rewrite(page: Path, results: Path) -> None:
     versions = ", ".join(f"{name} {number}" for name, number in about["versions"].items())
     note = (
         "Mean / SD / greatest angular distortion in degrees, flipped faces if there are any, and "
-        "time as a multiple of T, the time of CDCP in the same run. A free boundary has less to "
-        "keep, so less distortion, but its image is no disk; the harmonic map is onto the disk but "
-        "not conformal; SLIM keeps lengths rather than angles unless told so. "
+        "time as a multiple of T, the time of CDCP in the same run: a hint, as `make bench` runs "
+        "two cases side by side; times measured alone are in the results. A free boundary has less "
+        "to keep, so less distortion, but its image is no disk; the harmonic map is onto the disk "
+        "but not conformal; SLIM keeps lengths rather than angles unless told so. "
         f"{about['cores']} cores, {about['cpu']}; {versions}. Written by "
         "`python -m benchmarks readme`; all surfaces, the paper's own numbers and the figures: "
         f"[benchmarks/results](benchmarks/results/{results.stem}.md)."
