@@ -112,9 +112,10 @@ class DiskMapper:
         """
         options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
         options.check_rows(self.mesh)
-        if self._last is None or self._last[0] != (center, preset):
-            self._last = (center, preset), Attempts(self._surface, Steps.of(options))
-        attempts = self._last[1]
+        last = self._last
+        if last is None or last[0] != (center, preset):
+            last = self._last = (center, preset), Attempts(self._surface, Steps.of(options))
+        attempts = last[1]
         skipped = ["check", "laplacian", "factor"]
         if attempts.started:
             skipped += ["center", "trace", "circle", "extension"]
