@@ -14,7 +14,7 @@ __all__ = ["Defect", "MapError", "MeshError", "SolverError", "counted", "spell"]
 _SHOWN = 8  # indices spelled out in a message; the attribute holds them all
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Defect:
     """One thing that keeps the input from being a triangulated disk.
 
