@@ -156,6 +156,7 @@ def test_flipped_ears_let_their_corners_move(real_mesh):
     assert cleaned.changes == (f"flipped the inner edge of {count} ears",)
     changed = np.flatnonzero((np.sort(cleaned.F) != np.sort(F)).any(axis=1))
     np.testing.assert_array_equal(cleaned.flipped, changed)
+    assert cleaned.flipped.dtype == np.int64
     assert after.is_disk
     plain, flipped = cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(cleaned.V, cleaned.F)
     assert flipped.distortion.mean < plain.distortion.mean

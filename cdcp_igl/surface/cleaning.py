@@ -283,7 +283,8 @@ class _Surface:
         a, b, tip, back = a[can], b[can], tip[can], back[can]
         self.F[mine[can] % m] = np.column_stack([tip, a, back])
         self.F[theirs[can] % m] = np.column_stack([tip, back, b])
-        self.flipped = np.sort(np.concatenate([mine[can] % m, theirs[can] % m]))
+        flipped = np.concatenate([mine[can] % m, theirs[can] % m])
+        self.flipped = np.sort(flipped).astype(np.int64)
         self._say(int(can.sum()), "flipped the inner edge of {}", "ear", "ears")
 
     # -- what the steps share ----------------------------------------------------------
