@@ -14,7 +14,7 @@ __all__ = ["Defect", "MapError", "MeshError", "SolverError", "counted", "spell"]
 _SHOWN = 8  # indices spelled out in a message; the attribute holds them all
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Defect:
     """One thing that keeps the input from being a triangulated disk.
 
@@ -27,9 +27,11 @@ class Defect:
     remedy : str
         What to do about it.
     kind : str
-        What `indices` count: ``"faces"``, ``"vertices"`` or ``"edges"``.
+        What `indices` count: ``"faces"``, ``"vertices"`` or ``"edges"``; or ``"polygons"``, of
+        files in which faces have more than three corners.
     indices : ndarray of int64
-        All offenders: (k,) rows of F or V, or (k, 2) pairs of rows of V for edges.
+        All offenders: (k,) rows of F or V, or (k, 2) pairs of rows of V for edges; the polygon
+        that each face is a part of.
 
     Examples
     --------
@@ -48,7 +50,8 @@ class Defect:
     indices: Ints = field(default_factory=lambda: np.empty(0, np.int64))
 
     def __str__(self) -> str:
-        where = f" ({self.kind} {spell(self.indices)})" if len(self.indices) else ""
+        named = np.unique(self.indices) if self.kind == "polygons" else self.indices
+        where = f" ({self.kind} {spell(named)})" if len(named) else ""
         return f"{self.what}{where}. {self.remedy}"
 
 

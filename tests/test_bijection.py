@@ -1,5 +1,6 @@
 """Points, fields, images and meshes carried through a map, and two maps registered."""
 
+import logging
 from dataclasses import replace
 
 import numpy as np
@@ -215,6 +216,29 @@ def test_a_remeshed_surface_has_the_shapes_of_the_lattice():
         means.append(cdcp_igl.angle_distortion(W, G, uv).mean())
     assert means[1] < 0.6 * means[0] < 3
     assert (np.linalg.norm(uv, axis=1) <= 1 + 1e-15).all()
+
+
+def test_new_faces_without_area_are_said(caplog):
+    """On the disk, the longest edge at the end of a corridor leaves an arc 0.04 high."""
+    result = cdcp_igl.disk_map(*corridor(15, 6))
+    with caplog.at_level(logging.WARNING, "cdcp_igl"):
+        W, G, _ = result.remesh(0.05)
+        assert cdcp_igl.check(W, G).is_disk
+        assert not caplog.records
+        W, G, _ = result.remesh(0.02)
+    [defect] = cdcp_igl.check(W, G).defects
+    [record] = caplog.records
+    assert defect.name == "degenerate face"
+    assert record.message.startswith(f"{len(defect.indices)} new faces have no area")
+
+
+@pytest.mark.parametrize("exponent", [-600, 600])
+def test_a_new_mesh_does_not_depend_on_the_unit(exponent):
+    V, F, _ = cdcp_igl.datasets.square(8)
+    W, G, uv = cdcp_igl.disk_map(V, F).remesh(0.13)
+    scaled = cdcp_igl.disk_map(np.ldexp(V, exponent), F).remesh(0.13)
+    for array, other in zip((np.ldexp(W, exponent), G, uv), scaled, strict=True):
+        np.testing.assert_array_equal(array, other)
 
 
 def test_a_remeshed_square_keeps_its_corners():

@@ -109,6 +109,26 @@ def test_chords_are_the_inner_edges_between_boundary_vertices():
     assert sorted(map(tuple, report.chords.tolist())) == expected
 
 
+@pytest.mark.skipif(np.finfo(np.longdouble).maxexp == 1024, reason="it is float64 here")
+def test_coordinates_beyond_float64_are_not_finite():
+    V, F = meshes.grid()
+    large = V.astype(np.longdouble)
+    large[20, 1] = np.longdouble("1e400")
+    [defect] = cdcp_igl.check(large, F).defects
+    assert (defect.name, defect.indices.tolist()) == ("non-finite coordinate", [20])
+    assert "with a NaN or infinite coordinate" in cdcp_igl.clean(large, F).changes[0]
+    assert cdcp_igl.check(V.astype(np.longdouble), F).is_disk
+
+
+def test_defects_can_be_compared_and_hashed():
+    V, F = meshes.grid()
+    [defect] = cdcp_igl.check(V, np.delete(F, 18, axis=0)).defects
+    [other] = cdcp_igl.check(V, np.delete(F, 18, axis=0)).defects
+    assert defect == defect
+    assert defect != other
+    assert len({defect, other}) == 2
+
+
 @pytest.mark.parametrize("scale", [1e-200, 1e-12, 1.0, 1e12, 1e200])
 def test_degeneracy_does_not_depend_on_the_unit(scale):
     V, F = meshes.grid()

@@ -80,6 +80,14 @@ def test_holes_are_filled_outside_the_given_rows():
     np.testing.assert_allclose(W[-2:], [V[F[f]].mean(axis=0) for f in (50, 18)])
 
 
+@pytest.mark.parametrize("exponent", [-1040, -540, 520, 1023])
+def test_the_unit_does_not_change_which_loop_is_the_outline(exponent):
+    V, F, _ = cdcp_igl.datasets.spherical_cap(8)
+    cleaned = cdcp_igl.clean(np.ldexp(V, exponent), np.delete(F, [0, 50, 51], axis=0))
+    assert cleaned.changes[-1] == "filled 2 holes"
+    assert len(DiskMesh(cleaned.V, cleaned.F).loop) == 48
+
+
 def test_two_columns_stay_two_columns():
     V, F = meshes.grid()
     W, G, _, _ = cdcp_igl.clean(V[:, :2], np.delete(F, 18, axis=0))
@@ -148,6 +156,7 @@ def test_flipped_ears_let_their_corners_move(real_mesh):
     assert cleaned.changes == (f"flipped the inner edge of {count} ears",)
     changed = np.flatnonzero((np.sort(cleaned.F) != np.sort(F)).any(axis=1))
     np.testing.assert_array_equal(cleaned.flipped, changed)
+    assert cleaned.flipped.dtype == np.int64
     assert after.is_disk
     plain, flipped = cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(cleaned.V, cleaned.F)
     assert flipped.distortion.mean < plain.distortion.mean

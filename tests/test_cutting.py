@@ -210,10 +210,16 @@ def test_the_boundary_is_no_path():
         cdcp_igl.cut(V, F, path=[0, 1])
 
 
-@pytest.mark.parametrize("path", [[0.5, 1.5], [[0, 1, 2]], 3, "loop"])
+@pytest.mark.parametrize("path", [[0.5, 1.5], [[0, 1, 2]], [[0, 1], [1]], 3, "loop"])
 def test_a_path_is_vertices_or_edges(path):
     with pytest.raises(ValueError, match="path must be"):
         cdcp_igl.cut(*surfaces.torus(), path=path)
+
+
+def test_an_empty_path_cuts_nothing():
+    V, F = surfaces.torus(n=12, k=8)
+    for path in ([], np.zeros((0, 2), int)):
+        np.testing.assert_array_equal(cdcp_igl.cut(V, F, path=path).F, F)
 
 
 def test_a_moebius_strip_can_be_cut_across():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from cdcp_igl import MeshError, disk_map
+from cdcp_igl import MeshError, check, disk_map
 from cdcp_igl.certificate import certify
 from cdcp_igl.io import read_mesh, whole_file, write_map
 from cdcp_igl.io.stl import merge_duplicates
@@ -172,6 +172,20 @@ def test_archives(tmp_path, suffix, names, first):
     np.testing.assert_array_equal(read_V, V)
     np.testing.assert_array_equal(read_F, F)
     assert len(notes) == first
+
+
+@pytest.mark.parametrize("suffix", ["npz", "mat"])
+@pytest.mark.parametrize("first", [0, 1])
+def test_fractional_indices_stay_to_be_refused(tmp_path, suffix, first):
+    V, F = bumpy_grid()
+    path = tmp_path / f"a.{suffix}"
+    for fraction in (0, 0.5):
+        faces = (F + first).astype(float)
+        faces[[3, 5], 1] += fraction
+        savemat(path, {"V": V, "F": faces}) if suffix == "mat" else np.savez(path, V=V, F=faces)
+        report = check(*read_mesh(path))
+        found = [(defect.name, defect.indices.tolist()) for defect in report.defects]
+        assert found == ([("fractional index", [3, 5])] if fraction else [])
 
 
 def test_indices_are_shifted_only_when_unambiguous(tmp_path):

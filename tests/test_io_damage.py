@@ -67,6 +67,30 @@ def test_ply_headers_of_all_systems(tmp_path, newline):
     np.testing.assert_array_equal(read_mesh(path)[1], F)
 
 
+@pytest.mark.parametrize(
+    "body",
+    [
+        ROWS + "\n3 0 1 2\n3 0 2 3\n",
+        ROWS + "3 0 1 2\n \t\n\n3 0 2 3\n",
+        "\n" + ROWS + "3 0 1 2\n\n3 0 2 3",
+    ],
+    ids=["between", "inside", "before"],
+)
+def test_blank_lines_in_a_ply_are_no_rows(tmp_path, body):
+    path = tmp_path / "a.ply"
+    path.write_text(PLY.format("", 2, "uchar", "int") + body)
+    np.testing.assert_array_equal(read_mesh(path)[1], F)
+
+
+@pytest.mark.parametrize("blank", ["\n", " \n", "\x1c\n", "\xa0\n"])
+def test_blank_lines_do_not_complete_a_ply_that_is_cut_off(tmp_path, blank):
+    path = tmp_path / "a.ply"
+    path.write_bytes(
+        (PLY.format("", 2, "uchar", "int") + ROWS + "3 0 1 2\n" + blank).encode("latin-1")
+    )
+    unreadable(path)
+
+
 @pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
 def test_ply_of_mixed_polygons_with_other_columns(tmp_path, form):
     path = tmp_path / "a.ply"

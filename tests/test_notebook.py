@@ -45,6 +45,18 @@ def test_a_notebook_shows_a_table_and_the_page(mapped):
     assert page == cdcp_igl.plot.view_html(result)
 
 
+@pytest.mark.parametrize("exponent", [-900, 1010])
+def test_what_is_shown_does_not_depend_on_the_unit(exponent):
+    V, F = grid(8, 9)
+    W, G = np.ldexp(V, exponent), np.delete(F, 40, axis=0)
+    for small, large in (
+        (cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(W, F)),
+        (cdcp_igl.surface_map(V, G), cdcp_igl.surface_map(W, G)),
+    ):
+        assert cdcp_igl.plot.view_html(small) == cdcp_igl.plot.view_html(large)
+        assert "<iframe" in large._repr_html_()
+
+
 def test_a_large_surface_is_a_picture_in_a_notebook(mapped, monkeypatch):
     monkeypatch.setattr("cdcp_igl.plot.notebook.MOST_VERTICES", 100)
     shown = mapped[2]._repr_html_()

@@ -1,5 +1,6 @@
 """Meshes of quads and other polygons: cut around them, and given back as they were."""
 
+import json
 import re
 from itertools import chain
 
@@ -239,6 +240,26 @@ def test_polygons_are_read_from_files(tmp_path):
         expected = np.arange(len(F)) if suffix == "npz" else whole
         for array, other in zip(read, (V, F, expected), strict=True):
             np.testing.assert_array_equal(array, other)
+
+
+def test_defects_of_faces_name_the_polygons_of_the_file(tmp_path):
+    V, F = meshes.grid()
+    k = len(F) // 2
+    quads = np.column_stack([F[:k], F[k:, 2]]).tolist()
+    quads[7] = quads[7][::-1]
+    path = tmp_path / "quads.obj"
+    write_scene(path, V, quads)
+    said = "2 faces are oriented against the others (polygons 7)"
+    out = str(tmp_path / "out.obj")
+    for command in (["check"], ["map", "--force"], ["compare", "--methods", "lscm"]):
+        arguments = [str(path), out] if "map" in command else [str(path)]
+        run = CliRunner().invoke(app, [*command, *arguments])
+        assert run.exit_code == 2
+        assert said in " ".join(run.output.split())
+    [defect] = json.loads(CliRunner().invoke(app, ["check", "--json", str(path)]).stdout)[0][
+        "defects"
+    ]
+    assert (defect["of"], defect["indices"]) == ("polygons", [7, 7])
 
 
 def test_a_disk_of_quads_that_is_not_cut(tmp_path):

@@ -68,6 +68,15 @@ def test_unknown_solvers_are_refused_first():
         disk_map(None, None, solver="umfpack")
     with pytest.raises(ValueError, match="solver must be one of"):
         disk_map(None, None, solver=["scipy"])
+    V, F, _ = datasets.spherical_cap(4)
+    with pytest.raises(ValueError, match="not ''"):
+        DiskMapper(V, F, solver="")
+
+
+def test_an_empty_variable_asks_for_no_solver(monkeypatch):
+    V, F, _ = datasets.spherical_cap(4)
+    monkeypatch.setenv("CDCP_IGL_SOLVER", "")
+    assert disk_map(V, F).valid
 
 
 def test_what_is_asked_for_in_one_thread_is_not_asked_for_in_another(monkeypatch):

@@ -16,6 +16,7 @@ from ..arrays import Floats, Ints
 from ..atlas import SurfaceMap, surface_map
 from ..distortion import area_distortion
 from ..io import whole_file, write_map
+from ..io.polygons import naming_polygons
 from ..io.writing import MapResult
 from ..result import DiskMap
 from ..steps.phases import Progress
@@ -138,11 +139,12 @@ def map_surface(
     MeshError, SolverError, MapError, ValueError
         As `disk_map` and `surface_map`.
     """
-    if settings.cut:
-        return _cut_and_mapped(V, F, whole, settings, progress)
-    if settings.clean:
+    if settings.clean:  # which numbers the faces anew
         return _mended_and_mapped(V, F, settings, progress)
-    result = disk_map(V, F, progress=progress, **settings.options)
+    with naming_polygons(whole):
+        if settings.cut:
+            return _cut_and_mapped(V, F, whole, settings, progress)
+        result = disk_map(V, F, progress=progress, **settings.options)
     return Mapped(V, F, result, (), len(V), np.arange(len(F)), {})
 
 

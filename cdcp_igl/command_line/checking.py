@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -29,7 +30,8 @@ def check_command(
     """
     from ..batching.names import shown
     from ..errors import MeshError
-    from ..io import read_mesh
+    from ..io import read_polygons
+    from ..io.polygons import in_polygons
     from ..surface.report import MeshReport, check
 
     rows, disks = [], 0
@@ -38,8 +40,9 @@ def check_command(
         try:
             with exit_codes(mesh if len(meshes) > 1 else None):
                 try:
-                    V, F = read_mesh(mesh, notes.append)
+                    V, F, whole = read_polygons(mesh, notes.append)
                     report = check(V, F)
+                    report = replace(report, defects=in_polygons(report.defects, whole))
                 except (MeshError, OSError) as error:
                     if not as_json:
                         raise

@@ -70,7 +70,8 @@ def compare_command(
     """
     from ..batching.names import shown
     from ..batching.targets import try_to_write
-    from ..io import read_mesh, whole_file
+    from ..io import read_polygons, whole_file
+    from ..io.polygons import naming_polygons
     from ..reference.case import run_case
     from ..surface.mesh import DiskMesh
     from .cases import print_cases, write_csv, write_json
@@ -90,8 +91,9 @@ def compare_command(
     for mesh in meshes:
         try:
             with exit_codes(mesh):
-                V, F = read_mesh(mesh)
-                DiskMesh(V, F)
+                V, F, whole = read_polygons(mesh)
+                with naming_polygons(whole):
+                    DiskMesh(V, F)
         except typer.Exit:
             continue  # and the message has been printed
         made = []

@@ -124,7 +124,7 @@ def _parse_header(data: bytes) -> tuple[str, list[Element], bytes]:
 
 
 def _ascii_tables(body: bytes, elements: list[Element]) -> dict[str, Table]:
-    lines = iter(body.splitlines())
+    lines = (line for line in body.splitlines() if line.strip())
     tables = {}
     for name, count, properties in elements:
         rows = list(islice(lines, count))
@@ -140,6 +140,8 @@ def _ascii_equal(rows: list[bytes], properties: list[Property]) -> Table | None:
     try:
         values = np.loadtxt(rows, comments=None, ndmin=2) if rows else np.empty((0, 0))
     except ValueError:
+        return None
+    if len(values) != len(rows):  # numpy leaves out what it takes for a blank line
         return None
     table = Table()
     at = 0

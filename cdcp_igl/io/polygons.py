@@ -1,6 +1,10 @@
-"""Polygonal faces and strips of triangles, as files have them, into triangles."""
+"""Polygonal faces and strips of triangles, as files have them, into triangles; and back."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,7 +13,7 @@ from .. import libigl
 from ..arrays import Ints
 from ..errors import Defect, MeshError, counted
 
-__all__ = ["fans", "strips"]
+__all__ = ["fans", "in_polygons", "naming_polygons", "strips"]
 
 
 def fans(corners: ArrayLike, sizes: ArrayLike) -> tuple[Ints, Ints]:
@@ -73,3 +77,24 @@ def strips(entries: Ints) -> Ints:
     F[turned] = F[turned][:, [1, 0, 2]]
     i, j, k = F.T
     return F[(F >= 0).all(axis=1) & (i != j) & (j != k) & (k != i)]
+
+
+def in_polygons(defects: Sequence[Defect], whole: Ints) -> tuple[Defect, ...]:
+    """Let the defects of faces name the polygons of the file that these are parts of."""
+    if np.array_equal(whole, np.arange(len(whole))):
+        return tuple(defects)  # all are triangles
+    return tuple(
+        replace(defect, kind="polygons", indices=whole[defect.indices])
+        if defect.kind == "faces" and len(defect.indices)
+        else defect
+        for defect in defects
+    )
+
+
+@contextmanager
+def naming_polygons(whole: Ints) -> Iterator[None]:
+    """Let a MeshError of the body name polygons, as `in_polygons` does."""
+    try:
+        yield
+    except MeshError as error:
+        raise MeshError(*in_polygons(error.defects, whole)) from error

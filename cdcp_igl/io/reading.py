@@ -191,7 +191,9 @@ def read_polygons(
     except DAMAGE as error:
         raise _damaged(path, "it is cut off, or damaged") from error
     if path.suffix.lower() in (".npz", ".mat") and _counts_from_one(V, F):
-        F = F.astype(np.int64) - 1
+        F = F - 1
+        if (np.rint(F) == F).all():  # fractions stay, and are refused as those of any mesh
+            F = F.astype(np.int64)
         if note:
             note("The faces count vertices from 1, as in MATLAB; 1 was subtracted.")
     return V, F, polygons[0] if polygons else np.arange(len(F))

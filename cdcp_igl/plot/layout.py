@@ -13,6 +13,7 @@ from ..certificate import Certificate
 from ..distortion import AngleDistortion
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import oriented_areas
+from ..surface.validation import unit_size
 
 __all__ = ["Layout", "Mapped", "Opened", "lay_out"]
 
@@ -75,6 +76,7 @@ class Layout:
     Attributes
     ----------
     V : (n, 3) float64
+        Scaled to unit size, so that it is drawn alike in any unit.
     F : (m, 3) int64
         Opened where the surface was cut.
     uv : (n, 2) float64
@@ -120,7 +122,7 @@ def lay_out(result: Mapped | Opened) -> Layout:
     facts = [f"angular distortion: mean {mean:.3g}°, SD {sd:.3g}°", verdict]
     if hasattr(result, "disks"):
         return _laid_out_opened(cast(Opened, result), facts)
-    V, F, uv = result.mesh.positions, result.mesh.F, result.uv
+    V, F, uv = result.mesh.V, result.mesh.F, result.uv
     plane, middle, scale = "Disk", (0.0, 0.0), 1.0
     if modulus := getattr(result, "modulus", None):
         plane, middle, scale = "Rectangle", (modulus / 2, 0.5), max(modulus, 1) / 2
@@ -134,8 +136,7 @@ def lay_out(result: Mapped | Opened) -> Layout:
 
 def _laid_out_opened(result: Opened, facts: Sequence[str]) -> Layout:
     cut, count = result.cut, len(result.disks)
-    V = np.zeros((len(cut.V), 3))
-    V[:, : cut.V.shape[1]] = cut.V
+    V = unit_size(cut.V)
     faces = np.flatnonzero(result.face_disk >= 0)  # the others have no area, or are there twice
     F, uv = cut.F[faces], np.zeros((len(V), 2))
     uv[F] = 2 * result.packed()[faces] - 1

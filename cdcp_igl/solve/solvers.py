@@ -84,7 +84,7 @@ def using(name: SolverName | None) -> Iterator[None]:
 
     Other threads are not concerned, and what was factored stays with its solver.
     """
-    token = _asked_for.set(checked(name) if name else _asked_for.get())
+    token = _asked_for.set(_asked_for.get() if name is None else checked(name))
     try:
         yield
     finally:

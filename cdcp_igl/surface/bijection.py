@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,12 +10,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates
+from ..errors import counted
+from .defects import degenerate_faces
 from .lattice import disk_lattice, even_ring, with_corners
 from .location import FaceFinder
 from .mesh import DiskMesh
 from .raster import bilinear, pixel_centers
+from .triangles import corner_cotangents
+from .validation import unit_size
 
 __all__ = ["Bijection"]
+
+log = logging.getLogger("cdcp_igl")
 
 SUM_TOLERANCE = 1e-6  # barycentric coordinates that add up to 1 no better are a mistake
 
@@ -234,6 +241,11 @@ class Bijection:
         scale, least with ``mobius="area"``. Points of the ring move to the corners of the
         boundary that are near.
 
+        Between a boundary edge and its arc the disk has no surface but the edge (see `invert`).
+        Where an edge is longer on the disk than about the root of ``8 * side``, whole triangles
+        lie there, and their faces have no area. ``cdcp_igl.check(V, F)`` lists them, and a
+        warning is logged; a larger side helps, or to split such edges before the map.
+
         Parameters
         ----------
         side : float
@@ -244,7 +256,7 @@ class Bijection:
         V : (k, 3) float64
             Points of the surface. Those of the boundary come first, counterclockwise.
         F : (m, 3) int64
-            A triangulated disk, oriented as the surface is.
+            A disk by its topology, oriented as the surface is.
         uv : (k, 2) float64
             The lattice: the map of the new mesh.
 
@@ -263,12 +275,17 @@ class Bijection:
         """
         if not 0 < side <= 1:
             raise ValueError(f"side must be between 0 and 1, not {side!r}")
-        V, loop = self.mesh.positions, self.mesh.loop
+        V, loop = self.mesh.V, self.mesh.loop
         ring = even_ring(side)
         ring = with_corners(ring, self._z[loop], self.interpolate(V, coordinates(ring)), V[loop])
         z, F = disk_lattice(side, ring)
         uv = coordinates(z)
-        return self.interpolate(V, uv), F, uv
+        W = self.interpolate(self.mesh.positions, uv)
+        flat = degenerate_faces(corner_cotangents(unit_size(W), F))
+        if len(flat):
+            faces = counted(len(flat), "new face has", "new faces have")
+            log.warning("%s no area, between a boundary edge and its arc", faces)
+        return W, F, uv
 
     @cached_property
     def _z(self) -> Complex:

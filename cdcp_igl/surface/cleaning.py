@@ -238,7 +238,8 @@ class _Surface:
                 return None
             hole = wider
         if faces.max() == len(self.V):
-            self.V = np.vstack([self.V, self.V[hole].mean(axis=0)])
+            middle = (self.V[hole] / len(hole)).sum(axis=0)  # the sum alone may overflow
+            self.V = np.vstack([self.V, middle])
             self.vertex_index = np.append(self.vertex_index, -1)
         return faces
 
@@ -247,8 +248,8 @@ class _Surface:
 
         A hole whose corners lie on a line, as a face without area leaves it, cannot be filled.
         """
-        after = np.roll(hole, -1)
-        lengths = np.linalg.norm(self.V[after] - self.V[hole], axis=1)
+        after, V = np.roll(hole, -1), self._scaled()
+        lengths = np.linalg.norm(V[after] - V[hole], axis=1)
         tail, head, opposite = (np.roll(self.F.T, -k, axis=0) for k in range(3))
         for i in np.argsort(-lengths, kind="stable"):
             [corner], [face] = np.nonzero((tail == hole[i]) & (head == after[i]))
@@ -282,7 +283,8 @@ class _Surface:
         a, b, tip, back = a[can], b[can], tip[can], back[can]
         self.F[mine[can] % m] = np.column_stack([tip, a, back])
         self.F[theirs[can] % m] = np.column_stack([tip, back, b])
-        self.flipped = np.sort(np.concatenate([mine[can] % m, theirs[can] % m]))
+        flipped = np.concatenate([mine[can] % m, theirs[can] % m])
+        self.flipped = np.sort(flipped).astype(np.int64)
         self._say(int(can.sum()), "flipped the inner edge of {}", "ear", "ears")
 
     # -- what the steps share ----------------------------------------------------------

@@ -210,7 +210,12 @@ def open_to_disk(surface: CutSurface) -> None:
 
 def _corners_cut_at(F: Ints, n: int, path: ArrayLike) -> Ints:
     """(m, 3) numbers of the vertices of the surface cut along a given path."""
-    steps = np.asarray(path)
+    try:
+        steps = np.asarray(path)
+    except ValueError:  # ragged
+        steps = np.array(None)
+    if steps.shape == (0,):  # an empty list, which numpy takes for one of floats
+        steps = steps.astype(np.int64)
     if steps.dtype.kind not in "iu" or not (steps.ndim == 1 or steps.shape[1:] == (2,)):
         raise ValueError(
             "path must be vertices in succession (k,) or edges (k, 2), integers; "

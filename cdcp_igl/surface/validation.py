@@ -65,6 +65,9 @@ def vertex_array(V: ArrayLike, name: str = "V") -> NDArray[Any]:
                 "It must be (n, 3), or (n, 2) for a planar mesh, with n at least 3.",
             )
         )
+    if given.dtype == np.longdouble:
+        with np.errstate(over="ignore"):  # what is too large for float64 is infinite here
+            given = given.astype(np.float64)
     return given
 
 
