@@ -183,6 +183,14 @@ def test_a_klein_bottle_is_refused():
     assert len(raised.value.indices) == 160
 
 
+def test_a_one_sided_part_is_named_by_the_rows_that_were_given():
+    """Faces that are left out before count as well."""
+    V, F = surfaces.klein_bottle()
+    with pytest.raises(cdcp_igl.MeshError, match="one-sided") as raised:
+        cdcp_igl.surface_map(V, np.vstack([[0, 0, 1], F]))
+    np.testing.assert_array_equal(raised.value.indices, 1 + np.arange(len(F)))
+
+
 def test_progress_goes_from_0_to_1():
     V, F = surfaces.torus()
     seen = []

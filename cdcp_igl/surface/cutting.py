@@ -129,7 +129,7 @@ def cut(
     if len(duplicates := duplicate_faces(faces)):
         raise MeshError(duplicate_defect(duplicates))
     sheets = part_sheets(faces, len(given), polygon)
-    turned = orient(sheets)
+    turned = orient(sheets, np.arange(len(sheets)))
     if len(turned):
         raise MeshError(turned_defect(turned))
     corners = np.empty(faces.shape, np.int64)

@@ -81,7 +81,7 @@ def oriented_sheets(V: ArrayLike, F: ArrayLike, whole: ArrayLike | None = None) 
     copies = np.arange(len(np.unique(faces)), len(np.unique(vertices)))
     if len(copies):
         changes.append(f"split off {counted(len(copies), 'vertex', 'vertices')} where sheets met")
-    turned = orient(vertices)
+    turned = orient(vertices, rows)
     if len(turned):
         changes.append(f"reversed {counted(len(turned), 'face', 'faces')}")
     for corners in (faces, vertices):
@@ -178,8 +178,10 @@ def _without_folds(surface: Topology, polygon: Ints) -> Ints:
     return np.where(folded, polygon.max() + 1 + np.arange(len(polygon)), polygon)
 
 
-def orient(F: Ints) -> Ints:
+def orient(F: Ints, named: Ints) -> Ints:
     """Find the faces of a manifold that are turned over, in each component the fewer.
+
+    `named` (m,) are the rows that an error says instead of those of F.
 
     Raises
     ------
@@ -195,4 +197,4 @@ def orient(F: Ints) -> Ints:
         for rows in (np.flatnonzero(part == k) for k in range(int(part.max()) + 1))
         if Topology(F[rows], surface.n).against is None
     ]
-    raise MeshError(one_sided_defect(np.sort(np.concatenate(one_sided))))
+    raise MeshError(one_sided_defect(np.sort(named[np.concatenate(one_sided)])))
