@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import SOFTWARE_WEBGL, chromium
-from meshes import NASTY, grid
+from meshes import NASTY, corridor, grid
 
 import cdcp_igl
 from cdcp_igl.io import read_mesh, write_map
@@ -129,6 +129,13 @@ def test_a_rectangle_is_saved_as_a_disk_is(tmp_path):
     assert report["certificate"]["flipped_faces"] == []
     with pytest.raises(ValueError, match="no known type"):
         result.save(tmp_path / "map.txt")
+
+
+def test_a_page_says_of_a_map_that_it_is_not_conformal(mapped):
+    V, F = corridor(40)
+    for result in (cdcp_igl.disk_map(V, F), cdcp_igl.surface_map(V, F, spread=np.inf)):
+        assert "certified bijection, NOT CONFORMAL" in result._repr_html_()
+    assert "NOT CONFORMAL" not in mapped[2]._repr_html_()
 
 
 def test_an_unknown_suffix_is_refused(mapped, tmp_path):

@@ -147,6 +147,7 @@ class TwoDisks:
     distortion: object
     face_disk: object
     valid: bool = True
+    conformal: bool = True
 
     def packed(self):
         return np.vstack([(d.uv + 1) / 4 + k / 2 for k, d in enumerate(self.disks)])[self.cut.F]

@@ -41,6 +41,10 @@ class Mapped(Protocol):
     def valid(self) -> bool:
         """True for a bijection."""
 
+    @property
+    def conformal(self) -> bool:
+        """True for a map that is as conformal as the mesh lets it be."""
+
 
 class Opened(Protocol):
     """A map of a surface that was cut open: a SurfaceMap."""
@@ -64,6 +68,10 @@ class Opened(Protocol):
     @property
     def valid(self) -> bool:
         """True if all are certified."""
+
+    @property
+    def conformal(self) -> bool:
+        """True if all are."""
 
     def packed(self) -> Floats:
         """(m, 3, 2) corners of the faces in the unit square."""
@@ -118,6 +126,7 @@ class Layout:
 def lay_out(result: Mapped | Opened) -> Layout:
     """Lay out a map of any kind."""
     verdict = "certified bijection" if result.valid else "NOT VALID"
+    verdict += "" if result.conformal else ", NOT CONFORMAL"
     mean, sd = result.distortion.mean, result.distortion.sd
     facts = [f"angular distortion: mean {mean:.3g}°, SD {sd:.3g}°", verdict]
     if hasattr(result, "disks"):
