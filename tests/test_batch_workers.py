@@ -3,9 +3,11 @@
 import json
 import multiprocessing
 import os
+import struct
 import subprocess
 import sys
 import time
+import zipfile
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
@@ -99,6 +101,29 @@ def test_the_memory_is_guessed_from_above(tmp_path, suffix):
         trimesh.Trimesh(V, F, process=False).export(path)
     least = memory_needed(str(tmp_path / "missing.obj"))
     assert least + 2000 * 1e-3 < memory_needed(str(path)) < least + 2000 * 1e-2
+
+
+def test_odd_archives_are_failures_of_their_own(scans, tmp_path):
+    """Guessing the memory of one ends no batch."""
+    np.savez(scans / "none.npz", uv=np.zeros((3, 2)))
+    headers = {
+        "open": "{'shape': (4",
+        "unhashable": "{[]: 1}",
+        "giant": f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({10**400}, 3)}}",
+    }
+    for name, header in headers.items():
+        with zipfile.ZipFile(scans / f"{name}.npz", "w") as archive:
+            data = np.lib.format.magic(1, 0) + struct.pack("<H", len(header)) + header.encode()
+            archive.writestr("V.npy", data)
+    with zipfile.ZipFile(scans / "packed.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("V.npy", bytes(1000))
+    data = (scans / "packed.npz").read_bytes()
+    (scans / "packed.npz").write_bytes(data[:35] + b"\xff" + data[36:])
+    done = command(scans, tmp_path / "maps")
+    assert (done.returncode, done.stderr) == (4, "")
+    said = {line["name"]: line["error"] for line in lines(tmp_path / "maps") if line["error"]}
+    assert said == dict.fromkeys(["none", *headers, "packed"], "MeshError")
+    assert len(contents(tmp_path / "maps")) == 5
 
 
 # -- executors -------------------------------------------------------------------------
