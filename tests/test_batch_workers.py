@@ -15,10 +15,12 @@ import meshes
 import numpy as np
 import pytest
 from batches import ROOT, WORKERS, command, contents, lines, write_surfaces
+from typer.testing import CliRunner
 
-import cdcp_igl
 from cdcp_igl.batching import batch, pool
 from cdcp_igl.batching.memory import memory_needed
+from cdcp_igl.command_line.program import app
+from cdcp_igl.reference.case import run_case
 
 
 @pytest.fixture
@@ -62,11 +64,20 @@ def test_a_worker_that_cannot_start(scans, tmp_path, monkeypatch):
     broken = tmp_path / "broken"
     broken.mkdir()
     (broken / "numpy.py").write_text("raise ImportError('no numpy today')")
-    monkeypatch.setenv("PYTHONPATH", str(broken))
-    monkeypatch.chdir(Path(cdcp_igl.__file__).parents[1])
-    with pytest.raises(RuntimeError, match="no numpy today"):
-        batch([scans], tmp_path / "maps")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(broken), str(ROOT)]))
+    done = CliRunner().invoke(app, ["batch", str(scans), str(tmp_path / "maps"), "-q"])
+    said = "no worker can be started: failed: ImportError: no numpy today\n"
+    assert (done.exit_code, done.stderr) == (1, said)
     assert lines(tmp_path / "maps") == []
+
+
+def test_files_where_the_user_works_are_no_modules(scans, tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.chdir(tmp_path)
+    for name in ("random", "numpy"):
+        Path(f"{name}.py").write_text("raise ImportError('this is a script')")
+    assert len(batch([scans], "maps").done) == 5
+    assert run_case("lscm", *meshes.grid(), time_limit=60)[0].outcome == "ok"
 
 
 def test_large_surfaces_wait_for_each_other(scans, tmp_path, monkeypatch):

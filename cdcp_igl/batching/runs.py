@@ -161,6 +161,8 @@ def batch(
     OSError
         If the folder or a result cannot be written, or another batch is writing there. What is
         done is kept.
+    BrokenExecutor
+        If no worker can be started, or the executor takes no more surfaces. What is done is kept.
 
     Examples
     --------

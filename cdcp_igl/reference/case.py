@@ -145,6 +145,7 @@ def run_case(
         np.savez(mesh, V=V, F=F)
         command = [
             sys.executable,
+            "-P",  # what lies in the folder where the user works is no module
             "-m",
             "cdcp_igl.reference.case",
             table,
