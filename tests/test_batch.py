@@ -75,6 +75,22 @@ def test_mended_surfaces(tmp_path):
         assert len(saved["uv"]) == len(V)
 
 
+def test_rows_are_those_of_the_file_where_surfaces_are_mended(tmp_path):
+    """Mending drops the first two vertices and faces, and all rows move up."""
+    V, F = meshes.grid(8, 8)
+    folded = np.vstack([[[0, 0, 1], [1, 1, 0]], F + 2])
+    np.savez(tmp_path / "folded.npz", V=np.vstack([V[:2] + 9, V]), F=folded)
+    for option, row in (("align", 7), ("center", 30)):
+        out = tmp_path / option
+        assert batch([tmp_path / "folded.npz"], out, clean=True, **{option: row + 2}).failed == ()
+        with np.load(out / "folded.npz") as saved:
+            expected = cdcp_igl.disk_map(V, F, **{option: row}).uv
+            np.testing.assert_array_equal(saved["uv"], expected)
+        [failed] = batch([tmp_path / "folded.npz"], out / "1", clean=True, **{option: 1}).failed
+        assert failed.error == "ValueError"
+        assert failed.message.endswith(" 1, which is not in the mended surface")
+
+
 @pytest.mark.parametrize("format", ["obj", "ply"])
 def test_formats(scans, tmp_path, format):
     made = batch([scans], tmp_path / "maps", format=format, disk=True)
@@ -241,3 +257,15 @@ def test_records_survive_their_file():
     for line in ("", "{", "[]", "{}", "null", '{"name": "a"'):
         with pytest.raises(ValueError, match=r"no record|Expecting"):
             Record.from_line(line)
+
+
+def test_lines_of_others_are_passed_over(scans, tmp_path):
+    batch([scans], tmp_path / "maps")
+    [line, *_] = lines(tmp_path / "maps")
+    wrong = {"name": ["cap"], "changes": None, "finished": 1, "mean": "high", "flips": None}
+    with (tmp_path / "maps" / "results.jsonl").open("a") as file:
+        for name, value in (*wrong.items(), ("changes", [1])):
+            file.write(json.dumps(line | {name: value}) + "\n")
+            with pytest.raises(ValueError, match="no record"):
+                Record.from_line(json.dumps(line | {name: value}))
+    assert len(batch([scans], tmp_path / "maps").done) == 5

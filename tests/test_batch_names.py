@@ -82,6 +82,36 @@ def test_folders_and_patterns(scans, tmp_path):
         surface_files([scans], scans)
 
 
+def test_results_that_a_pattern_matches_are_not_mapped(scans):
+    out = scans / "maps"
+    for _ in range(2):
+        assert len(batch(f"{scans}/**/*.npz", out).done) == 5
+    assert len(list(out.rglob("*.npz"))) == 5
+    assert len(surface_files(f"{out}/*.npz", out)) == 5  # these are meant
+    assert len(surface_files(f"{scans}/*.npz", scans)) == 5
+
+
+def test_loops_of_links_and_names_that_are_too_long(scans, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("loop.obj").symlink_to("loop.obj")
+    long = "a" * 300
+    odd = ["loop.obj", "loop.obj/a.obj", f"{long}.obj"]
+    result = CliRunner().invoke(app, ["batch", *odd, str(scans), "maps"])
+    assert result.exit_code == 4, result.output
+    assert "5 of 8 surfaces mapped" in result.stdout
+    for arguments in (["batch", str(scans), long], ["batch", str(scans), "loop.obj"]):
+        result = CliRunner().invoke(app, arguments)
+        assert (result.exit_code, result.stderr[:13]) == (1, "Not written: ")
+    for file in odd:
+        for arguments in ([file, "o.obj"], [file, "--out-dir", "od"]):
+            assert CliRunner().invoke(app, ["map", *arguments]).exit_code in (2, 4)
+    surface = str(scans / "surface_000.npz")
+    for out in (f"{long}.obj", f"{long}/o.obj", "loop.obj", "loop.obj/o.obj"):
+        result = CliRunner().invoke(app, ["map", surface, out])
+        assert result.exit_code in (1, 2), result.output
+        assert result.stderr
+
+
 def test_names_that_are_no_text(scans, tmp_path):
     name = os.fsdecode(b"Stra\xdfe 5\n.npz")  # Latin-1
     try:

@@ -93,6 +93,7 @@ def test_a_bar_on_a_terminal(scans, tmp_path):
         (["--report", "page.txt"], "must end in .html"),
         (["--cut", "--clean"], "leave out clean"),
         (["--center", "3", "--cut"], "must be a method"),
+        (["--align", "3", "--cut"], "must be a direction"),
         (["--jobs", "0"], "jobs"),
     ],
 )

@@ -6,9 +6,11 @@ import meshes
 import numpy as np
 import pytest
 from batches import command, contents, lines, write_surfaces
+from matplotlib import image as mpimg
 
 import cdcp_igl
 from cdcp_igl.batching import batch
+from cdcp_igl.batching.stamps import read_stamp
 
 
 @pytest.fixture
@@ -90,3 +92,19 @@ def test_a_page_about_the_batch(scans, tmp_path):
     batch([scans], tmp_path / "maps", cut=True, report=page)
     assert page.read_text() == text
     assert len(lines(tmp_path / "maps")) == 6
+
+
+def test_pictures_of_others_are_not_overwritten(scans, tmp_path):
+    out, page = tmp_path / "maps", tmp_path / "page.html"
+    other = out / "thumbnails" / "surface_001.jpg"
+    other.parent.mkdir(parents=True)
+    other.write_bytes(b"thesis")
+    [refused] = batch([scans], out, report=page).failed
+    assert (refused.name, refused.error) == ("surface_001", "FileExistsError")
+    assert refused.message.startswith(f"{other} is there")
+    assert other.read_bytes() == b"thesis"
+    other.unlink()
+    for format in ("npz", "obj"):  # one picture will do for both
+        assert batch([scans], out, report=page, format=format).failed == ()
+        assert read_stamp(other) == read_stamp(out / f"surface_001.{format}")
+    assert mpimg.imread(other).shape == (64, 64, 3)

@@ -84,13 +84,18 @@ def test_why_a_process_ended():
     assert processes.cause_of_death(3, "") == "failed: no message"
 
 
-@pytest.mark.parametrize("name", ["summary.csv", "page.html"])
-def test_summaries_and_reports_of_others_are_not_overwritten(scans, tmp_path, name):
+VIEW = f"<!-- cdcp_igl: input {'1' * 64} options {'2' * 16} -->\n"  # ends the page of a surface
+
+
+@pytest.mark.parametrize(
+    ("name", "text"), [("summary.csv", "thesis"), ("page.html", "thesis"), ("page.html", VIEW)]
+)
+def test_summaries_and_reports_of_others_are_not_overwritten(scans, tmp_path, name, text):
     (tmp_path / "maps").mkdir()
     other = tmp_path / "maps" / name
-    other.write_text("thesis")
+    other.write_text(text)
     done = command(scans, tmp_path / "maps", "--report", tmp_path / "maps" / "page.html")
     assert done.returncode == 1
     assert f"{other}: is no" in done.stderr
     assert [path.name for path in (tmp_path / "maps").iterdir()] == [name]
-    assert other.read_text() == "thesis"
+    assert other.read_text() == text

@@ -3,9 +3,11 @@
 import json
 import multiprocessing
 import os
+import struct
 import subprocess
 import sys
 import time
+import zipfile
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
@@ -13,10 +15,12 @@ import meshes
 import numpy as np
 import pytest
 from batches import ROOT, WORKERS, command, contents, lines, write_surfaces
+from typer.testing import CliRunner
 
-import cdcp_igl
 from cdcp_igl.batching import batch, pool
 from cdcp_igl.batching.memory import memory_needed
+from cdcp_igl.command_line.program import app
+from cdcp_igl.reference.case import run_case
 
 
 @pytest.fixture
@@ -60,11 +64,20 @@ def test_a_worker_that_cannot_start(scans, tmp_path, monkeypatch):
     broken = tmp_path / "broken"
     broken.mkdir()
     (broken / "numpy.py").write_text("raise ImportError('no numpy today')")
-    monkeypatch.setenv("PYTHONPATH", str(broken))
-    monkeypatch.chdir(Path(cdcp_igl.__file__).parents[1])
-    with pytest.raises(RuntimeError, match="no numpy today"):
-        batch([scans], tmp_path / "maps")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(broken), str(ROOT)]))
+    done = CliRunner().invoke(app, ["batch", str(scans), str(tmp_path / "maps"), "-q"])
+    said = "no worker can be started: failed: ImportError: no numpy today\n"
+    assert (done.exit_code, done.stderr) == (1, said)
     assert lines(tmp_path / "maps") == []
+
+
+def test_files_where_the_user_works_are_no_modules(scans, tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.chdir(tmp_path)
+    for name in ("random", "numpy"):
+        Path(f"{name}.py").write_text("raise ImportError('this is a script')")
+    assert len(batch([scans], "maps").done) == 5
+    assert run_case("lscm", *meshes.grid(), time_limit=60)[0].outcome == "ok"
 
 
 def test_large_surfaces_wait_for_each_other(scans, tmp_path, monkeypatch):
@@ -99,6 +112,29 @@ def test_the_memory_is_guessed_from_above(tmp_path, suffix):
         trimesh.Trimesh(V, F, process=False).export(path)
     least = memory_needed(str(tmp_path / "missing.obj"))
     assert least + 2000 * 1e-3 < memory_needed(str(path)) < least + 2000 * 1e-2
+
+
+def test_odd_archives_are_failures_of_their_own(scans, tmp_path):
+    """Guessing the memory of one ends no batch."""
+    np.savez(scans / "none.npz", uv=np.zeros((3, 2)))
+    headers = {
+        "open": "{'shape': (4",
+        "unhashable": "{[]: 1}",
+        "giant": f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({10**400}, 3)}}",
+    }
+    for name, header in headers.items():
+        with zipfile.ZipFile(scans / f"{name}.npz", "w") as archive:
+            data = np.lib.format.magic(1, 0) + struct.pack("<H", len(header)) + header.encode()
+            archive.writestr("V.npy", data)
+    with zipfile.ZipFile(scans / "packed.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("V.npy", bytes(1000))
+    data = (scans / "packed.npz").read_bytes()
+    (scans / "packed.npz").write_bytes(data[:35] + b"\xff" + data[36:])
+    done = command(scans, tmp_path / "maps")
+    assert (done.returncode, done.stderr) == (4, "")
+    said = {line["name"]: line["error"] for line in lines(tmp_path / "maps") if line["error"]}
+    assert said == dict.fromkeys(["none", *headers, "packed"], "MeshError")
+    assert len(contents(tmp_path / "maps")) == 5
 
 
 # -- executors -------------------------------------------------------------------------

@@ -540,14 +540,15 @@ def _read(terminal):
         return b""
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("module", ["typer", "numpy", "scipy.sparse", "cdcp_igl.algorithm"])
-def test_interrupted_while_a_module_is_imported(cap, module):
+def test_stopped_while_a_module_is_imported(cap, module, number):
     code = f"""
 import os, signal, sys
 class Finder:
     def find_spec(self, name, path, target=None):
         if name == {module!r}:
-            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), {int(number)})
 sys.meta_path.insert(0, Finder())
 from cdcp_igl.command_line.entry import main
 main()
@@ -557,7 +558,8 @@ main()
         capture_output=True,
         text=True,
     )
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "Interrupted\n")
+    said = "Interrupted\n" if number == signal.SIGINT else ""
+    assert (done.returncode, done.stdout, done.stderr) == (128 + number, "", said)
     assert os.listdir(cap.parent) == [cap.name]
 
 

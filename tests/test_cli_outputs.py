@@ -122,6 +122,18 @@ def test_many_surfaces(scan):
     assert "is the surface itself" in result.stderr
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [(("--clean",), "leave out clean"), (("--center", 3), "must be a method")],
+)
+def test_options_that_do_not_go_together_are_no_fault_of_a_surface(scan, options, message):
+    out = scan.with_name("maps")
+    result = invoke("map", scan, "--out-dir", out, "--cut", *options)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert not out.exists()
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_what_cannot_be_written_is_known_before_the_map(scan, monkeypatch):
     with monkeypatch.context() as patched:

@@ -2,6 +2,9 @@
 
 import csv
 import json
+import os
+import re
+import shutil
 import subprocess
 import sys
 
@@ -19,12 +22,14 @@ V, F = meshes.grid(8, 9)
 MUST = "failed: must return (n, 2) numbers, and returned "
 
 
-def compare(*arguments):
+def compare(*arguments, stdout=subprocess.PIPE, **options):
     return subprocess.run(
         [sys.executable, "-m", "cdcp_igl", "compare", *map(str, arguments)],
-        capture_output=True,
+        stdout=stdout,
+        stderr=subprocess.PIPE,
         text=True,
         timeout=300,
+        **options,
     )
 
 
@@ -206,3 +211,32 @@ def test_bad_mesh_is_exit_2_before_anything_runs(tmp_path):
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     assert done.stdout == ""
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+@pytest.mark.parametrize("broken", ["full", "closed"])
+def test_files_are_written_where_stdout_takes_no_more(tmp_path, mesh, broken):
+    other = shutil.copy(mesh, tmp_path / "other.npz")
+    if broken == "full":
+        stdout = os.open("/dev/full", os.O_WRONLY)
+    else:
+        reader, stdout = os.pipe()
+        os.close(reader)
+    done = compare(
+        *(mesh, other, "--methods", "lscm", "--json", tmp_path / "r.json"), stdout=stdout
+    )
+    os.close(stdout)
+    said = "Not printed: No space left on device\n" if broken == "full" else ""
+    assert (done.returncode, done.stderr) == (1, said)
+    rows = json.loads((tmp_path / "r.json").read_text())
+    assert [row["mesh"] for row in rows] == [str(mesh), str(other)]
+
+
+def test_a_temporary_folder_that_is_full(mesh):
+    resource = pytest.importorskip("resource")
+    done = compare(
+        *(mesh, "--methods", "lscm"),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000)),
+    )
+    assert done.returncode == 1
+    assert re.fullmatch(r"Not written: .*mesh\.npz: File too large\n", done.stderr)

@@ -1,11 +1,13 @@
 """Files that appear whole or not at all."""
 
+import errno
 import os
 import signal
 import stat
 import subprocess
 import sys
 import threading
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +48,25 @@ def test_hard_links_are_kept(tmp_path):
     write(one)
     assert other.read_text() == "new"
     assert os.path.samefile(one, other)
+    assert sorted(os.listdir(tmp_path)) == ["one", "other"]
+
+
+@pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="not on this system")
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EOPNOTSUPP])
+def test_hard_links_on_a_full_disk(tmp_path, monkeypatch, code):
+    """The old text stays; file systems that reserve no space are written as ever."""
+    one, other = tmp_path / "one", tmp_path / "other"
+    one.write_text("old")
+    os.link(one, other)
+
+    def fail(descriptor, start, size):
+        os.truncate(descriptor, size - 1)  # as far as it went
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(os, "posix_fallocate", fail)
+    with pytest.raises(OSError, match=str(one)) if code == errno.ENOSPC else nullcontext():
+        write(one, "longer")
+    assert other.read_text() == ("old" if code == errno.ENOSPC else "longer")
     assert sorted(os.listdir(tmp_path)) == ["one", "other"]
 
 

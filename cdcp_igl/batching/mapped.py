@@ -152,9 +152,21 @@ def _mended_and_mapped(V: Array, F: Array, settings: Settings, progress: Progres
     V, F, vertex_index, face_index = cleaned = clean(V, F)
     n, m = int((vertex_index >= 0).sum()), int((face_index >= 0).sum())  # the filling comes last
     note = ("The filling is not in the file.",) if m < len(F) else ()
-    result = disk_map(V, F, progress=progress, **settings.options)
+    options = dict(settings.options)
+    for name, kind, index in (("align", "vertex", vertex_index), ("center", "face", face_index)):
+        if isinstance(row := options.get(name), int | np.integer):  # of the file
+            options[name] = _mended_row(index, row, f"{name} is {kind} {row}")
+    result = disk_map(V, F, progress=progress, **options)
     indices = {"vertex_index": vertex_index[:n], "face_index": face_index[:m]}
     return Mapped(V, F, result, (*cleaned.changes, *note), n, np.arange(m), indices)
+
+
+def _mended_row(index: Ints, row: int | np.integer, what: str) -> int:
+    """Find a given row among those that are left; ValueError if it is not there."""
+    rows = np.flatnonzero(index == row)
+    if not len(rows):
+        raise ValueError(f"{what}, which is not in the mended surface")
+    return int(rows[0])
 
 
 def _cut_and_mapped(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZipFile
 
 import numpy as np
 
@@ -21,16 +21,16 @@ BYTES_PER_VERTEX = {".obj": 40, ".off": 40, ".ply": 36, ".stl": 100, ".mat": 12,
 
 def memory_needed(path: str) -> float:
     """Return MiB, rather too many than too few."""
-    return MIB_OF_PYTHON + MIB_PER_VERTEX * _vertices(Path(path))
+    try:
+        return MIB_OF_PYTHON + MIB_PER_VERTEX * _vertices(Path(path))
+    except Exception:  # whatever is wrong with the file, its worker will find out and say
+        return MIB_OF_PYTHON
 
 
 def _vertices(path: Path) -> float:
-    try:
-        if path.suffix.lower() == ".npz":
-            return _vertices_of_archive(path)
-        return os.stat(path).st_size / BYTES_PER_VERTEX.get(path.suffix.lower(), 12)
-    except (OSError, ValueError, BadZipFile, KeyError):
-        return 0  # which the worker will find out
+    if path.suffix.lower() == ".npz":
+        return _vertices_of_archive(path)
+    return os.stat(path).st_size / BYTES_PER_VERTEX.get(path.suffix.lower(), 12)
 
 
 def _vertices_of_archive(path: Path) -> int:

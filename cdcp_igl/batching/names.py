@@ -7,6 +7,7 @@ import hashlib
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from itertools import takewhile
 from pathlib import Path
 
 from ..io import READABLE
@@ -37,18 +38,17 @@ def surface_files(
     ValueError
         If a folder or a pattern has no surface, or a folder is that of the results.
     """
-    out = out.resolve()
+    out = _resolved(out)
     if isinstance(inputs, str | os.PathLike):
         inputs = [inputs]
     return list(dict.fromkeys(file for given in inputs for file in _expand(Path(given), out)))
 
 
 def _expand(given: Path, out: Path) -> Iterable[Path]:
-    if given.is_dir():
-        found = _surfaces_below(given.resolve(), out)
-    elif glob.has_magic(str(given)) and not given.exists():
-        paths = (located(Path(path)) for path in glob.glob(str(given), recursive=True))
-        found = sorted(path for path in paths if _readable(path) and path.is_file())
+    if os.path.isdir(given):  # and no error where a name is too long to be one
+        found = _surfaces_below(_resolved(given), out)
+    elif glob.has_magic(str(given)) and not os.path.exists(given):
+        found = _surfaces_like(given, out)
     else:
         return [located(given)]
     if not found:
@@ -68,6 +68,14 @@ def _surfaces_below(folder: Path, out: Path) -> list[Path]:
     return sorted(filter(_readable, walk()))
 
 
+def _surfaces_like(pattern: Path, out: Path) -> list[Path]:
+    paths = {located(Path(path)) for path in glob.glob(str(pattern), recursive=True)}
+    plain = Path(*takewhile(lambda part: not glob.has_magic(part), pattern.parts))
+    if not _resolved(plain).is_relative_to(out):  # else that folder is meant, and named
+        paths = {path for path in paths if not path.is_relative_to(out)}
+    return sorted(path for path in paths if _readable(path) and path.is_file())
+
+
 def _readable(path: Path) -> bool:
     return path.suffix.lower() in READABLE
 
@@ -75,7 +83,12 @@ def _readable(path: Path) -> bool:
 def located(path: Path) -> Path:
     """Make a path absolute; one folder, however it is spelled, is one path."""
     # The last name stays, though it may be that of a symbolic link: people know the file by it.
-    return path.resolve() if path.name in ("", "..") else path.parent.resolve() / path.name
+    return _resolved(path) if path.name in ("", "..") else _resolved(path.parent) / path.name
+
+
+def _resolved(path: Path) -> Path:
+    """Follow symbolic links, as `Path.resolve` does, which raises RuntimeError where they loop."""
+    return Path(os.path.realpath(path))
 
 
 def result_names(files: list[Path]) -> list[str]:

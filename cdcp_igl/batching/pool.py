@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
 from contextlib import closing, suppress
 from queue import Empty, SimpleQueue
 from tempfile import TemporaryFile
@@ -53,6 +54,8 @@ class Pool:
         ------
         Unwritten
             If a result could not be written.
+        BrokenExecutor
+            If no process can be started.
         """
         need = {task.name: memory_needed(task.source) for task in tasks}
         waiting = sorted(tasks, key=lambda task: need[task.name], reverse=True)
@@ -114,7 +117,8 @@ class _Worker:
     def __init__(self, inbox: SimpleQueue[Any]) -> None:
         self._errors = TemporaryFile()  # noqa: SIM115 - closed by `close`
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "cdcp_igl.batching.worker"],
+            # -P: what lies in the folder where the user works is no module.
+            [sys.executable, "-P", "-m", "cdcp_igl.batching.worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
@@ -153,7 +157,7 @@ class _Worker:
 
         Raises
         ------
-        RuntimeError
+        BrokenExecutor
             If the worker had not come as far as the surface.
         """
         if self.excess:
@@ -163,7 +167,7 @@ class _Worker:
         errors = self._errors.read().decode(errors="replace")
         cause = cause_of_death(self._process.wait(), errors)
         if not self._ready and self._process.wait() > 0:
-            raise RuntimeError(f"no worker can be started: {cause}")
+            raise BrokenExecutor(f"no worker can be started: {cause}")
         if attempts < ATTEMPTS:
             return None
         return task.failed("Crash", f"{cause} ({attempts} times)")

@@ -30,6 +30,8 @@ from .work import Task
 
 __all__ = ["Batch", "batch"]
 
+NO_INPUT = hashlib.sha256().hexdigest()  # of a report, which is made from no single surface
+
 
 @dataclass(frozen=True, eq=False)
 class Batch:
@@ -161,6 +163,8 @@ def batch(
     OSError
         If the folder or a result cannot be written, or another batch is writing there. What is
         done is kept.
+    BrokenExecutor
+        If no worker can be started, or the executor takes no more surfaces. What is done is kept.
 
     Examples
     --------
@@ -190,7 +194,7 @@ def batch(
     if report is not None:
         with from_extra("plot"):
             import matplotlib  # noqa: F401
-        refuse_another(Path(report), read_stamp, "is no report of a batch")
+        refuse_another(Path(report), _is_report, "is no report of a batch")
         try_to_write(Path(report))
     with Journal(folder, shard) as journal:
         known = read_journals(folder, settings.digest)
@@ -224,8 +228,13 @@ def batch(
         page = report_page(f"Maps in {shown(folder.name)}", str(done), done.records, pictures)
         with whole_file(report) as unfinished:
             unfinished.write_text(page, encoding="utf-8")
-            put_stamp(unfinished, Stamp(hashlib.sha256().hexdigest(), settings.digest))
+            put_stamp(unfinished, Stamp(NO_INPUT, settings.digest))
     return done
+
+
+def _is_report(path: Path) -> bool:
+    stamp = read_stamp(path)
+    return stamp is not None and stamp.input == NO_INPUT
 
 
 def _tasks(

@@ -52,6 +52,8 @@ class Settings:
         checked = Options(**of_map)
         if self.cut and not isinstance(checked.center, str):
             raise ValueError("center must be a method, not a face, where surfaces are cut")
+        if self.cut and isinstance(checked.align, int | np.integer):
+            raise ValueError("align must be a direction, not a vertex, where surfaces are cut")
         if not self.cut and len(of_map) < len(self.options):
             raise ValueError(f"{' and '.join(OF_CUT)} are for surfaces that are cut")
 

@@ -91,6 +91,14 @@ def _into_png(path: Path, mark: bytes) -> None:
     path.write_bytes(data[:-PNG_END] + text + data[-PNG_END:])
 
 
+def _into_jpg(path: Path, mark: bytes) -> None:
+    data = path.read_bytes()
+    # The segment that tells the format has to stay the first one.
+    end = 4 + struct.unpack_from(">H", data, 4)[0]
+    comment = struct.pack(">2sH", b"\xff\xfe", len(mark) + 2) + mark
+    path.write_bytes(data[:end] + comment + data[end:])
+
+
 _STAMPERS: dict[str, Callable[[Path, bytes], None]] = {
     ".npz": _into_archive,
     ".obj": _append(b"# %s\n"),
@@ -98,6 +106,7 @@ _STAMPERS: dict[str, Callable[[Path, bytes], None]] = {
     ".ply": _into_ply,
     ".glb": _into_glb,
     ".png": _into_png,
+    ".jpg": _into_jpg,
     ".svg": _append(b"<!-- %s -->\n"),
     ".html": _append(b"<!-- %s -->\n"),
     ".pdf": _append(b"%% %s\n"),

@@ -12,6 +12,7 @@ from ..arrays import Floats
 from ..io import whole_file
 from ..result import DiskMap
 from ..surface.raster import pixel_centers
+from .stamps import Stamp, put_stamp
 
 __all__ = ["draw_thumbnail"]
 
@@ -20,7 +21,7 @@ IN_A_ROW = 4
 MOST_DISKS = 12
 
 
-def draw_thumbnail(path: Path, disks: Sequence[DiskMap]) -> None:
+def draw_thumbnail(path: Path, disks: Sequence[DiskMap], stamp: Stamp) -> None:
     """Draw disks in rows, the largest parts first, coloured by the normals of the surface.
 
     Raises
@@ -49,3 +50,4 @@ def draw_thumbnail(path: Path, disks: Sequence[DiskMap]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as unfinished:
         unfinished.write_bytes(file.getvalue())
+        put_stamp(unfinished, stamp)

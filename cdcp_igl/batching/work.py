@@ -101,12 +101,11 @@ def _map_file(task: Task) -> Record:
     start = perf_counter()
     forget_peak_memory()
     record = task.record(FAILED)
-    source, target = Path(task.source), Path(task.target)
+    source = Path(task.source)
     try:
         stamp = Stamp(digest_of(source), task.settings.digest)
         record = replace(record, input_digest=stamp.input)
-        # With the right mark, it is from a run that was killed before it could say so.
-        if message := objection(target, source, lambda found: found == stamp, ANOTHER):
+        if message := _objection(task, stamp):
             record = replace(record, status=REFUSED, error="FileExistsError", message=message)
         else:
             notes: list[str] = []
@@ -123,6 +122,17 @@ def _map_file(task: Task) -> Record:
     return replace(record, seconds=seconds, memory=peak_memory(), finished=_now())
 
 
+def _objection(task: Task, stamp: Stamp) -> str:
+    """Say why a file that is there must not be replaced; nothing if all may."""
+    source = Path(task.source)
+    # With the right mark, it is from a run that was killed before it could say so.
+    message = objection(Path(task.target), source, lambda found: found == stamp, ANOTHER)
+    if task.thumbnail and not message:
+        # Results in several formats share a picture: any mark shows that a batch has drawn it.
+        message = objection(Path(task.thumbnail), source, lambda found: found is not None, ANOTHER)
+    return message
+
+
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="microseconds")
 
@@ -137,7 +147,7 @@ def _mapped(
         target.parent.mkdir(parents=True, exist_ok=True)
         mapped.write(target, Path(task.source), task.settings, stamp)
         if task.thumbnail:
-            draw_thumbnail(Path(task.thumbnail), mapped.disks)
+            draw_thumbnail(Path(task.thumbnail), mapped.disks, stamp)
     except OSError as error:
         raise Unwritten(error.errno, error.strerror, task.target) from error
     return replace(record, **mapped.measures())

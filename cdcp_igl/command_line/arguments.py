@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -29,9 +30,9 @@ def target(*suffixes: str) -> Callable[[Path | None], Path | None]:
             return None
         if path.suffix.lower() not in suffixes:
             raise typer.BadParameter(f"{path.name!r} must end in {' or '.join(suffixes)}.")
-        if not path.parent.is_dir():
+        if not os.path.isdir(path.parent):  # and no error where a name is too long to be one
             raise typer.BadParameter(f"there is no folder {str(path.parent)!r}.")
-        if path.is_dir():
+        if os.path.isdir(path):
             raise typer.BadParameter(f"{str(path)!r} is a folder.")
         return path
 

@@ -80,11 +80,13 @@ def compare_command(
     meshes = list(dict.fromkeys(meshes))
     cases: dict[Path, list[Case]] = {}
     rows: list[MapRow] = []
+    unprinted: list[BaseException] = []
+    outputs = list(filter(None, (json_file, csv_file, picture)))
     with exit_codes(), writing():
         if picture:
             with from_extra("plot"):
                 from ..plot import side_by_side
-        for path in filter(None, (json_file, csv_file, picture)):
+        for path in outputs:
             if path.exists() and not force:
                 raise typer.BadParameter(f"{shown(path)} is there; --force replaces it.")
             try_to_write(path)
@@ -97,13 +99,18 @@ def compare_command(
         except typer.Exit:
             continue  # and the message has been printed
         made = []
-        with progress_bar() as progress:
+        with writing(), progress_bar() as progress:  # what each process is given is a file
             for done, method in enumerate(chosen):
                 progress(method, done / len(chosen))
                 made.append(run_case(method, V, F, time_limit=time_limit))
         cases[mesh] = [case for case, _ in made]
         rows.append((V, F, [(case.method, case.mean, uv) for case, uv in made]))
-        print_cases(f"{shown(mesh)}: {len(V):,} vertices", cases[mesh])
+        try:
+            print_cases(f"{shown(mesh)}: {len(V):,} vertices", cases[mesh])
+        except (OSError, SystemExit) as error:  # Rich exits where nobody reads from a pipe
+            if not outputs:
+                raise
+            unprinted.append(error)  # the files are still to be written
     if not cases:
         raise typer.Exit(BAD_INPUT)
     with writing():
@@ -115,5 +122,7 @@ def compare_command(
             with whole_file(picture) as unfinished:
                 names = [shown(mesh.name) for mesh in cases]
                 side_by_side(rows, names=names).savefig(unfinished)
+    if unprinted:
+        raise unprinted[0]
     if len(cases) < len(meshes):
         raise typer.Exit(SOME_FAILED)

@@ -17,8 +17,8 @@ __all__ = ["main"]
 def main() -> None:
     """Run ``cdcp-igl``."""
     # Before the first slow import, and as an exception, so that no unfinished file stays behind.
-    signal.signal(signal.SIGINT, _interrupt)
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _stop)
     _make_printable()
     # The font of a picture lacks many scripts; a box in a title is no reason to print source lines.
     warnings.filterwarnings("ignore", r"Glyph \d+|Matplotlib currently does not support")
@@ -31,8 +31,8 @@ def main() -> None:
     except MissingExtra as error:
         sys.exit(f"cdcp-igl: {error}")
     except Exception as error:
-        if _interrupted:  # compiled modules turn the exception into one of their own
-            sys.exit(128 + signal.SIGINT)
+        if _received:  # compiled modules turn the exception into one of their own
+            sys.exit(128 + _received[0])
         if isinstance(error, OSError) and _stdout_fails():
             sys.exit(f"Not printed: {error.strerror}")
         raise
@@ -59,11 +59,12 @@ def _stdout_fails() -> bool:
     return False
 
 
-_interrupted: list[int] = []
+_received: list[int] = []
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    signal.signal(number, signal.SIG_DFL)  # the second time, nothing is tidied up
-    _interrupted.append(number)
-    print("Interrupted", file=sys.stderr)  # noqa: T201 - typer may not be there yet
+def _stop(number: int, frame: FrameType | None) -> None:
+    _received.append(number)
+    if number == signal.SIGINT:
+        signal.signal(number, signal.SIG_DFL)  # the second time, nothing is tidied up
+        print("Interrupted", file=sys.stderr)  # noqa: T201 - typer may not be there yet
     sys.exit(128 + number)

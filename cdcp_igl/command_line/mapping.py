@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -27,6 +27,7 @@ from .progress import progress_bar
 if TYPE_CHECKING:
     from ..atlas import SurfaceMap
     from ..batching.mapped import Mapped
+    from ..batching.settings import Settings
     from ..batching.stamps import Stamp
     from ..result import DiskMap
 
@@ -120,11 +121,21 @@ def map_command(
     pairs = _pairs(files, out_dir)
     if len(pairs) > 1 and (report or picture or view):
         raise typer.BadParameter("--report, --picture and --view are for one surface.")
+    from ..batching.settings import Settings
+
+    with exit_codes():
+        jobs = [
+            _Job(
+                *(source, out, report, picture, view),
+                Settings(out.suffix[1:].lower(), disk, clean, cut, options),
+                force,
+            )
+            for source, out in pairs
+        ]
     failed = 0
-    for source, out in pairs:
-        job = _Job(source, out, report, picture, view, disk, clean, cut, options, force)
+    for job in jobs:
         try:
-            with exit_codes(source if len(pairs) > 1 else None):
+            with exit_codes(job.source if len(pairs) > 1 else None):
                 result, notes = job.run()
             if not quiet:
                 show(str(result), notes, "green")
@@ -164,16 +175,12 @@ class _Job:
     report: Path | None
     picture: Path | None
     view: Path | None
-    disk: bool
-    clean: bool
-    cut: bool
-    options: dict[str, Any]
+    settings: Settings
     force: bool
 
     def run(self) -> tuple[DiskMap | SurfaceMap, list[str]]:
         """Map the surface; typer.Exit, with its code, if something is wrong."""
         from ..batching.mapped import map_surface
-        from ..batching.settings import Settings
         from ..batching.stamps import Stamp
         from ..batching.targets import digest_of
         from ..io import read_polygons, whole_file
@@ -181,14 +188,11 @@ class _Job:
         notes: list[str] = []
         with progress_bar() as progress:
             progress("read", 0)
-            settings = Settings(
-                self.out.suffix[1:].lower(), self.disk, self.clean, self.cut, self.options
-            )
             surface = read_polygons(self.source, notes.append)
-            stamp = Stamp(digest_of(self.source), settings.digest)
+            stamp = Stamp(digest_of(self.source), self.settings.digest)
             self._check_targets(stamp)
             mapped = map_surface(
-                *surface, settings, lambda phase, done: progress(phase, MAPPED * done)
+                *surface, self.settings, lambda phase, done: progress(phase, MAPPED * done)
             )
             with writing():
                 progress("draw", MAPPED)
@@ -198,8 +202,8 @@ class _Job:
                     report = json.dumps(mapped.report() | {"made": str(stamp)}, indent=2)
                     with whole_file(self.report) as unfinished:
                         unfinished.write_text(f"{report}\n", encoding="utf-8")
-                mapped.write(self.out, self.source, settings, stamp)
-        if not self.cut:  # the summary of a surface that was cut has them
+                mapped.write(self.out, self.source, self.settings, stamp)
+        if not self.settings.cut:  # the summary of a surface that was cut has them
             notes += mapped.changes
         return mapped.result, notes
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -43,7 +44,7 @@ def exit_codes(file: Path | None = None) -> Iterator[None]:
         message, code = str(error), BAD_INPUT
     except (MapError, SolverError) as error:
         message, code = str(error), NO_MAP
-    except MissingExtra as error:
+    except (MissingExtra, BrokenExecutor) as error:
         message, code = str(error), FAILED
     else:
         return

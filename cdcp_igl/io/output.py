@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
-from io import BufferedWriter
+from io import BufferedRandom, BufferedWriter
 from itertools import count
 from os import PathLike
 from pathlib import Path
@@ -64,7 +64,7 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
             with unfinished.open("rb+") as file:  # lest a power failure leave an empty one
                 os.fsync(file.fileno())
             if there is not None and there.st_nlink > 1:
-                shutil.copyfile(unfinished, target)  # to move it would cut the links
+                _overwrite(target, unfinished)  # to move it would cut the links
             else:
                 unfinished.replace(target)
         else:
@@ -109,6 +109,29 @@ def _created(target: Path, there: os.stat_result | None) -> Path:
             os.chown(unfinished, there.st_uid, there.st_gid)
         os.chmod(unfinished, stat.S_IMODE(there.st_mode))
     return unfinished
+
+
+def _overwrite(target: Path, whole: Path) -> None:
+    """Copy a file over another one, which stays as it was if the disk is full."""
+    size = whole.stat().st_size
+    with whole.open("rb") as source, target.open("rb+") as file:
+        _reserve(file, size)
+        shutil.copyfileobj(source, file)
+        file.truncate(size)
+
+
+def _reserve(file: BufferedRandom, size: int) -> None:
+    """Take the space for so many bytes, where the system can; OSError if there is none."""
+    before = os.fstat(file.fileno()).st_size
+    try:
+        if size:
+            os.posix_fallocate(file.fileno(), 0, size)
+    except AttributeError:  # another system
+        return
+    except OSError as error:
+        file.truncate(before)
+        if error.errno not in (errno.EINVAL, errno.EOPNOTSUPP):  # this file system cannot
+            raise
 
 
 def _open_stream(path: str | PathLike[str]) -> BufferedWriter:

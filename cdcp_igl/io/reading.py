@@ -9,6 +9,7 @@ from collections.abc import Callable
 from lzma import LZMAError
 from os import PathLike
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 from zipfile import BadZipFile
 
@@ -77,6 +78,7 @@ READABLE = tuple(READERS)
 DAMAGE = (
     *(OSError, EOFError, ValueError, LookupError, ArithmeticError, RuntimeError),
     *(BadZipFile, LZMAError, struct.error, zlib.error),
+    *(SyntaxError, TypeError, TokenError),  # a header of NumPy is an expression of Python
 )
 
 

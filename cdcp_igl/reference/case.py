@@ -24,6 +24,7 @@ from ..arrays import Floats, Ints
 from ..certificate import certify
 from ..distortion import AngleDistortion, angle_distortion, area_distortion
 from ..errors import MapError, SolverError
+from ..io import whole_file
 from ..result import DiskMap
 from ..surface.mesh import DiskMesh
 from .processes import cause_of_death, peak_memory, resident
@@ -138,13 +139,20 @@ def run_case(
     Case
     uv : (n, 2) float64 or None
         The map, if there is a valid one.
+
+    Raises
+    ------
+    OSError
+        If the temporary folder cannot be written.
     """
     boundary = _table(table)[method].boundary
     with TemporaryDirectory(prefix="cdcp_igl-") as folder:
         mesh, result, errors = (Path(folder, name) for name in ("mesh.npz", "result.npz", "errors"))
-        np.savez(mesh, V=V, F=F)
+        with whole_file(mesh) as unfinished:  # whose errors have its name
+            np.savez(unfinished, V=V, F=F)
         command = [
             sys.executable,
+            "-P",  # what lies in the folder where the user works is no module
             "-m",
             "cdcp_igl.reference.case",
             table,
