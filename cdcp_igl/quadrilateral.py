@@ -70,11 +70,12 @@ class RectangleMap(Shown):
         and what would help.
     boundary : str
         ``"sliding"``: there is no flux across the sides along which a coordinate varies. Or,
-        where that does not lead to a conformal map without flipped faces and this distorts less,
-        ``"disk map"``: the sides are placed as `disk_map` and elliptic integrals tell, for
-        obtuse faces at a side may turn it back.
+        where that does not lead to a conformal map and this distorts less, ``"disk map"``: the
+        sides are placed as `disk_map` and elliptic integrals tell, for obtuse faces at a side may
+        turn it back.
     laplacian : str
-        ``"cotangent"``, or ``"intrinsic Delaunay"``, for the same reason.
+        ``"cotangent"``; or, where that turned faces over, or its map is not conformal, and this
+        distorts less, ``"intrinsic Delaunay"``.
     repair : Repair
         What was done about flipped faces.
     solver : str
@@ -243,17 +244,17 @@ def rectangle_map(V: ArrayLike, F: ArrayLike, corners: ArrayLike) -> RectangleMa
             found.append(way(mesh, sides))
         except (SolverError, MapError) as error:
             failure = error
-        else:
-            if found[-1].conformal and found[-1].repair.n_flipped == 0:
-                break
+        # Flipped faces that were mended are worth another Laplacian, not a map onto the disk.
+        conformal = [result for result in found if result.conformal]
+        if conformal and (len(found) > 1 or conformal[0].repair.n_flipped == 0):
+            break
     if not found:
         raise failure
     best = min(found, key=lambda result: (not result.valid, result.distortion.mean))
     if not best.valid:
         raise MapError(
             f"The map is not a bijection onto the rectangle: {best.certificate}. Parts of it may "
-            "be too small for double precision: choose corners farther apart, or cut the surface "
-            "where it is long or branches (cdcp_igl.cut)",
+            "be too small for double precision: choose corners farther apart",
             best,
         )
     if not best.conformal:
