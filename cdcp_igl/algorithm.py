@@ -117,10 +117,10 @@ def disk_map(
     refine : int
         Steps of refinement, 0 for none: Gauss-Newton on the sum of |angle error|^p over all
         corners; boundary vertices slide on the circle. Not in the paper. Most of the gain
-        comes with the first two; five take one to three times as long as the map itself. A harmonic
-        map that is measurably not near the conformal one has two steps in
-        any case. One that is not conformal, or had to be replaced by repair, has up to 100, as
-        long as each gains a thousandth; above 5,000 vertices, from the 20th on, three.
+        comes with the first two; five take one to three times as long as the map itself. A
+        harmonic map that is measurably not near the conformal one has two steps in any case.
+        One that is not conformal, or had to be replaced by repair, has up to 100, as long as
+        each gains a thousandth; above 5,000 vertices, from the 20th on, three.
     refine_norm : float
         The exponent p, from 1 to 2. The default lowers mean and SD; the nearer to 1, the
         lower the mean and the higher the SD.
@@ -183,8 +183,7 @@ def _disk_map(V: ArrayLike, F: ArrayLike, options: Options, progress: Progress |
     phase = Phases(progress, options.refine)
     with using(options.solver):
         surface = factored_surface(V, F, options, phase)
-        attempts = Attempts(surface, Steps.of(options))
-        return best_map(surface, attempts, options, phase, keep_factor=False)
+        return map_of(surface, options, phase, keep_factor=False)
 
 
 def factored_surface(
@@ -198,6 +197,14 @@ def factored_surface(
         L = cotangent_laplacian(mesh)  # (8)
     with phase("factor"):
         return FactoredSurface(mesh, L, Factor(mesh, L))
+
+
+def map_of(
+    surface: FactoredSurface, options: Options, phase: Phases, *, keep_factor: bool
+) -> DiskMap:
+    """Map a factored surface once; `keep_factor` as in `best_map`."""
+    attempts = Attempts(surface, Steps.of(options))
+    return best_map(surface, attempts, options, phase, keep_factor=keep_factor)
 
 
 @dataclass(frozen=True)

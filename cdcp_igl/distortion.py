@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import libigl
-from .arrays import Complex, Floats, Ints, blocks, coordinates
+from .arrays import Complex, Floats, Ints, as_complex, blocks, coordinates
 from .surface.mesh import DiskMesh
 from .surface.triangles import face_areas, oriented_areas
 from .surface.validation import as_surface, as_vertices, size_exponent
@@ -253,8 +253,7 @@ def _surface_and_image(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> tuple[Float
         raise ValueError(
             f"uv has shape {np.shape(uv)}, V has {len(positions)} rows: uv must be (n, 2)"
         )
-    u, v, _ = as_vertices(uv, "uv").T
-    return positions, faces, u + 1j * v
+    return positions, faces, as_complex(as_vertices(uv, "uv")[:, :2])
 
 
 def _change_in_degrees(uv: Floats, F: Ints, angles: Floats) -> Floats:

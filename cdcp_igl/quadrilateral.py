@@ -12,18 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .algorithm import Attempts, Steps
+from .algorithm import map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates
 from .certificate import Certificate, flipped_faces
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError
 from .plot.shown import Shown
-from .selection import best_map
 from .solve.delaunay import intrinsic_delaunay_laplacian
 from .solve.factor import Factor
 from .solve.factored import FactoredSurface
 from .solve.laplacian import Laplacian, cotangent_laplacian
-from .steps.conformality import Conformality, judge
+from .steps.conformality import Conformality, Judged, judge
 from .steps.extension import harmonic_extension
 from .steps.options import Options
 from .steps.phases import Phases
@@ -44,7 +43,7 @@ REMEDY = "choose corners where the boundary has corners, or refine the faces the
 
 
 @dataclass(frozen=True, eq=False)
-class RectangleMap(Shown):
+class RectangleMap(Judged, Shown):
     """A conformal map onto a rectangle. Printing it gives a summary.
 
     Attributes
@@ -106,23 +105,6 @@ class RectangleMap(Shown):
     repair: Repair
     solver: str
 
-    @property
-    def valid(self) -> bool:
-        """True for a bijection onto the rectangle."""
-        return self.certificate.valid
-
-    @property
-    def conformal(self) -> bool:
-        """True for a map that is as conformal as the mesh lets it be, see `conformality`."""
-        return bool(self.conformality)
-
-    @property
-    def verdict(self) -> str:
-        """In a word or two, whether the map is valid and conformal."""
-        if not self.valid:
-            return "NOT VALID"
-        return "valid" if self.conformal else "valid, NOT CONFORMAL"
-
     def packed(self) -> Floats:
         """(n, 2) the image scaled into the unit square: texture coordinates."""
         return self.uv / max(self.modulus, 1)
@@ -149,9 +131,7 @@ class RectangleMap(Shown):
         return {
             "vertices": len(self.uv),
             "valid": self.valid,
-            "conformal": self.conformal,
-            "not_conformal_because": list(self.conformality.reasons),
-            "remedies": list(self.conformality.remedies),
+            **self.conformality.report(),
             "modulus": self.modulus,
             "modulus_bounds": list(self.modulus_bounds),
             "corners": list(self.corners),
@@ -282,9 +262,8 @@ def _harmonic(mesh: DiskMesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floa
 
 def _by_disk_map(mesh: DiskMesh, sides: list[Ints]) -> RectangleMap:
     """Place the boundary as a map onto the disk tells, and both coordinates as harmonic."""
-    surface, options = FactoredSurface.of(mesh), Options()
-    attempts = Attempts(surface, Steps.of(options))
-    disk = best_map(surface, attempts, options, Phases(), keep_factor=True)
+    surface = FactoredSurface.of(mesh)
+    disk = map_of(surface, Options(), Phases(), keep_factor=True)
     z, f = as_complex(disk.uv), np.empty(len(mesh.V), dtype=complex)
     corners = z[[side[0] for side in sides]]
     for number, side in enumerate(sides):

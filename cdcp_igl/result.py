@@ -16,7 +16,7 @@ from .errors import MapError
 from .plot.shown import Shown
 from .steps.center import Center
 from .steps.circle import BoundaryMethod, hold_open
-from .steps.conformality import Conformality
+from .steps.conformality import Conformality, Judged
 from .steps.landmarks import landmark_automorphism
 from .steps.mobius import Normalization
 from .steps.refine import Refinement
@@ -28,7 +28,7 @@ __all__ = ["DiskMap"]
 
 
 @dataclass(frozen=True, eq=False)
-class DiskMap(Bijection, Shown):
+class DiskMap(Bijection, Judged, Shown):
     """A disk conformal map. Printing it gives a summary.
 
     Attributes
@@ -89,23 +89,6 @@ class DiskMap(Bijection, Shown):
     refinement: Refinement | None
     solver: str
     timings: dict[str, float]
-
-    @property
-    def valid(self) -> bool:
-        """True for a bijection onto the polygon inscribed in the unit circle."""
-        return self.certificate.valid
-
-    @property
-    def conformal(self) -> bool:
-        """True for a map that is as conformal as the mesh lets it be, see `conformality`."""
-        return bool(self.conformality)
-
-    @property
-    def verdict(self) -> str:
-        """In a word or two, whether the map is valid and conformal."""
-        if not self.valid:
-            return "NOT VALID"
-        return "valid" if self.conformal else "valid, NOT CONFORMAL"
 
     def __repr__(self) -> str:
         mean = self.distortion.mean
@@ -237,9 +220,7 @@ class DiskMap(Bijection, Shown):
         return {
             "vertices": len(self.uv),
             "valid": self.valid,
-            "conformal": self.conformal,
-            "not_conformal_because": list(self.conformality.reasons),
-            "remedies": list(self.conformality.remedies),
+            **self.conformality.report(),
             "angular_distortion_degrees": asdict(self.distortion),
             "angular_distortion_of_free_faces_degrees": asdict(self.distortion_free),
             "certificate": self.certificate.report(),

@@ -61,7 +61,7 @@ def square(resolution: int) -> tuple[Floats, Ints, Floats]:
     # at +-K / sqrt(2), +-iK / sqrt(2) onto the disk.
     z = (x + 1j * y) * np.exp(0.25j * np.pi) / np.sqrt(2) * ellipk(0.5)
     sn, _, dn = _jacobi(z, 0.5)
-    return np.column_stack([x, y, 0 * x]), F, _uv(sn / dn / np.sqrt(2))
+    return np.column_stack([x, y, 0 * x]), F, coordinates(sn / dn / np.sqrt(2))
 
 
 def ellipse(resolution: int, aspect: float = 2.0) -> tuple[Floats, Ints, Floats]:
@@ -106,7 +106,7 @@ def ellipse(resolution: int, aspect: float = 2.0) -> tuple[Floats, Ints, Floats]
     m = (theta_2 / theta_3) ** 4
     amplitude = np.arcsin((V[:, 0] + 1j * V[:, 1]) / np.sqrt(aspect**2 - 1))
     sn, _, _ = _jacobi(2 * ellipk(m) / np.pi * amplitude, m)
-    return V, F, _uv(m**0.25 * sn)
+    return V, F, coordinates(m**0.25 * sn)
 
 
 def spherical_cap(resolution: int, angle: float = 120.0) -> tuple[Floats, Ints, Floats]:
@@ -143,7 +143,7 @@ def spherical_cap(resolution: int, angle: float = 120.0) -> tuple[Floats, Ints, 
     direction = _direction(z)
     equatorial = np.sin(polar) * direction
     V = np.column_stack([equatorial.real, equatorial.imag, np.cos(polar)])
-    return V, F, _uv(np.tan(polar / 2) / np.tan(np.radians(angle) / 2) * direction)
+    return V, F, coordinates(np.tan(polar / 2) / np.tan(np.radians(angle) / 2) * direction)
 
 
 def paraboloid(resolution: int, steepness: float = 1.0) -> tuple[Floats, Ints, Floats]:
@@ -184,7 +184,7 @@ def paraboloid(resolution: int, steepness: float = 1.0) -> tuple[Floats, Ints, F
         root = np.sqrt(1 + (2 * steepness * r) ** 2)
         return np.exp(root) * r / (1 + root)
 
-    return V, F, _uv(isothermal(r) / isothermal(1.0) * _direction(z))
+    return V, F, coordinates(isothermal(r) / isothermal(1.0) * _direction(z))
 
 
 def _rings(resolution: int) -> tuple[Complex, Ints]:
@@ -240,7 +240,3 @@ def _jacobi(z: Complex, m: float) -> tuple[Complex, Complex, Complex]:
         (c * c1 - 1j * s * d * s1 * d1) / below,
         (d * c1 * d1 - 1j * m * s * c * s1) / below,
     )
-
-
-def _uv(f: Complex) -> Floats:
-    return coordinates(f)

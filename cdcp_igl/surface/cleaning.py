@@ -18,9 +18,9 @@ from .topology import Topology, duplicate_faces, outer_loop
 from .triangles import corner_cotangents
 from .validation import (
     face_array,
+    finite_size,
     refuse_swapped,
     repeated_corners,
-    unit_size,
     vertex_array,
 )
 
@@ -299,7 +299,7 @@ class _Surface:
 
     def _scaled(self) -> Floats:
         """Positions in three columns and of unit size, as `check` judges them."""
-        return unit_size(np.where(np.isfinite(self.V), self.V, 0))
+        return finite_size(self.V)
 
     def _drop_faces(self, rows: Ints, why: str) -> None:
         self.F = np.delete(self.F, rows, axis=0)

@@ -115,13 +115,15 @@ class MeshReport:
             return _CUT_STEP
         return self.defects[0].remedy
 
+    @property
+    def _size(self) -> str:
+        return f"{self.n_vertices:,} vertices, {counted(self.n_faces, 'face', 'faces')}"
+
     def __repr__(self) -> str:
         found = "a disk" if self.is_disk else ", ".join(d.name for d in self.defects)
-        faces = counted(self.n_faces, "face", "faces")
-        return f"MeshReport({self.n_vertices:,} vertices, {faces}: {found})"
+        return f"MeshReport({self._size}: {found})"
 
     def _repr_html_(self) -> str:
-        counts = f"{self.n_vertices:,} vertices, {counted(self.n_faces, 'face', 'faces')}"
         rows = [
             ("kind", self.kind),
             ("boundary vertices", f"{self.n_boundary:,}"),
@@ -130,11 +132,11 @@ class MeshReport:
             *((defect.name, str(defect)) for defect in self.defects),
             ("next", self.next_step),
         ]
-        return html_table(counts, rows)
+        return html_table(self._size, rows)
 
     def __str__(self) -> str:
         counts = (
-            f"{self.n_vertices:,} vertices, {counted(self.n_faces, 'face', 'faces')}, "
+            f"{self._size}, "
             f"{self.n_boundary:,} boundary vertices, {counted(len(self.ears), 'ear', 'ears')}"
             + (f" (faces {spell(self.ears)})" if len(self.ears) else "")
             + f", {counted(len(self.chords), 'chord', 'chords')}"

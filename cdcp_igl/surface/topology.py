@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 from .. import libigl
 from ..arrays import Bools, Floats, Indices, Ints
 from .edges import Edges, group_by_edge, tails
-from .validation import unit_size
+from .validation import finite_size
 
 __all__ = ["Topology", "duplicate_faces", "outer_loop"]
 
@@ -217,7 +217,7 @@ def outer_loop(V: Floats, loops: list[Ints]) -> Ints:
 
     In the plane it encloses all others, however long and finely resolved those are.
     """
-    finite = unit_size(np.where(np.isfinite(V), V, 0))
+    finite = finite_size(V)
     return max(loops, key=lambda loop: float(np.linalg.norm(np.ptp(finite[loop], axis=0))))
 
 

@@ -15,6 +15,7 @@ __all__ = [
     "as_surface",
     "as_vertices",
     "face_array",
+    "finite_size",
     "non_finite_defect",
     "refuse_swapped",
     "repeated_corner_defect",
@@ -108,6 +109,11 @@ def unit_size(given: NDArray[Any]) -> Floats:
     positions = three_columns(given)
     # By a power of two, which is exact: products of lengths stay in range in any unit.
     return np.ldexp(positions, -size_exponent(positions), out=positions)
+
+
+def finite_size(given: NDArray[Any]) -> Floats:
+    """Like `unit_size`; coordinates that are not finite are 0."""
+    return unit_size(np.where(np.isfinite(given), given, 0))
 
 
 def size_exponent(given: NDArray[Any]) -> int:
