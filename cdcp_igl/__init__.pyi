@@ -1,6 +1,7 @@
 from . import datasets, io, plot, reference
 from .algorithm import cdcp, disk_map
-from .atlas import SurfaceMap, surface_map
+from .atlas.cutting import Cut, cut
+from .atlas.surface import SurfaceMap, surface_map
 from .batching import Batch, batch
 from .certificate import Certificate
 from .distortion import (
@@ -12,11 +13,10 @@ from .distortion import (
 )
 from .errors import Defect, MapError, MeshError, SolverError
 from .mapper import DiskMapper
-from .quadrilateral import RectangleMap, rectangle_map
-from .result import DiskMap
+from .rectangle import RectangleMap, rectangle_map
+from .result.disk_map import DiskMap
+from .surface.checking import MeshReport, check
 from .surface.cleaning import Cleaned, clean
-from .surface.cutting import Cut, cut
-from .surface.report import MeshReport, check
 
 __all__ = [
     "AngleDistortion",

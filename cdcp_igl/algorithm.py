@@ -11,20 +11,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .arrays import Complex, Floats
-from .result import DiskMap
+from .rescue.boundary import FALLBACKS, Rejected, by_trace, whitened_geodesic_map
+from .rescue.harmonic_map import HarmonicMap
+from .result.disk_map import DiskMap
 from .selection import best_map
 from .solve.factor import Factor
 from .solve.factored import FactoredSurface
 from .solve.laplacian import cotangent_laplacian
 from .solve.solvers import SolverName, using
 from .steps.center import Center, CenterMethod, central_face
-from .steps.circle import FALLBACKS, Rejected, by_trace, whitened_geodesic_map
-from .steps.circle.geodesic import geodesic_map
-from .steps.harmonic_map import HarmonicMap
 from .steps.mobius import MobiusMethod, normalize
 from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .steps.trace import boundary_trace, conjugate_trace
+from .steps.zipper import geodesic_map
 from .surface.mesh import DiskMesh
 
 __all__ = ["Attempts", "Steps", "algorithm_1", "cdcp", "disk_map"]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .algorithm import Attempts, Steps
-from .result import DiskMap
+from .result.disk_map import DiskMap
 from .selection import best_map
 from .solve.factored import FactoredSurface
 from .solve.solvers import SolverName, using

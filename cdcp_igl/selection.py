@@ -12,17 +12,18 @@ import numpy as np
 from .arrays import Complex, coordinates
 from .distortion import AngleDistortion
 from .errors import MapError
-from .result import DiskMap
+from .rescue.boundary import BoundaryMethod, Rejected
+from .rescue.candidate import SMALL, Candidate, judged, refined
+from .rescue.collapsed_faces import hold_open
+from .rescue.harmonic_map import HarmonicMap
+from .rescue.repair import MANY, Repair, embed, mend, unfold
+from .rescue.unfolding import keep_faces
+from .result.disk_map import DiskMap
 from .solve.factored import FactoredSurface
 from .steps.alignment import rotate
-from .steps.candidate import SMALL, Candidate, judged, refined
-from .steps.circle import BoundaryMethod, Rejected, hold_open
-from .steps.harmonic_map import HarmonicMap
 from .steps.mobius import MobiusMethod, Normalization, composed, normalize
 from .steps.options import Options
 from .steps.phases import Phases
-from .steps.repair import MANY, Repair, embed, mend, unfold
-from .steps.unfolding import keep_faces
 from .surface.mesh import DiskMesh
 
 __all__ = ["best_map"]

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 import cdcp_igl
 from cdcp_igl import selection
+from cdcp_igl.rescue.repair import Repair
 from cdcp_igl.solve.laplacian import cotangent_laplacian
-from cdcp_igl.steps.repair import Repair
 from cdcp_igl.surface.mesh import DiskMesh
 
 # Mean and SD of the angular distortion in degrees that an independent prototype reached.

@@ -12,33 +12,32 @@ import cdcp_igl
 from cdcp_igl import selection
 from cdcp_igl.certificate import flipped_faces, increments
 from cdcp_igl.distortion import AngleDistortion, angle_errors
+from cdcp_igl.rescue import collapsed_faces as bulge
+from cdcp_igl.rescue.boundary import (
+    FALLBACKS,
+    Rejected,
+    arc_length_map,
+    by_trace,
+    whitened_geodesic_map,
+)
+from cdcp_igl.rescue.collapsed_faces import hold_open
+from cdcp_igl.rescue.crowding import crowding_reason
+from cdcp_igl.rescue.harmonic_measure import harmonic_shares
+from cdcp_igl.rescue.repair import Repair, unfold
 from cdcp_igl.solve.factor import Factor
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.laplacian import (
     Laplacian,
     cotangent_laplacian,
 )
-from cdcp_igl.steps import phases
-from cdcp_igl.steps.circle import (
-    FALLBACKS,
-    Rejected,
-    arc_length_map,
-    blocks,
-    bulge,
-    by_trace,
-    hold_open,
-    whitened_geodesic_map,
-)
-from cdcp_igl.steps.circle.arcs import open_arcs
-from cdcp_igl.steps.circle.blocks import open_blocks
-from cdcp_igl.steps.circle.crowding import crowding_reason
-from cdcp_igl.steps.circle.geodesic import geodesic_map
-from cdcp_igl.steps.circle.harmonic_measure import harmonic_shares
-from cdcp_igl.steps.circle.whiten import whiten_trace
+from cdcp_igl.steps import blocks, phases
+from cdcp_igl.steps.arcs import open_arcs
+from cdcp_igl.steps.blocks import open_blocks
 from cdcp_igl.steps.extension import harmonic_extension
 from cdcp_igl.steps.mobius import mobius_transformation
-from cdcp_igl.steps.repair import Repair, unfold
 from cdcp_igl.steps.trace import boundary_trace, conjugate_trace
+from cdcp_igl.steps.whiten import whiten_trace
+from cdcp_igl.steps.zipper import geodesic_map
 from cdcp_igl.surface.mesh import DiskMesh
 
 
@@ -92,7 +91,7 @@ LONG_CURVES = {
 @pytest.mark.parametrize("z", LONG_CURVES.values(), ids=LONG_CURVES.keys())
 def test_blocks_do_what_the_arcs_do_one_by_one(z, monkeypatch):
     by_blocks = geodesic_map(z)
-    monkeypatch.setattr("cdcp_igl.steps.circle.geodesic.open_blocks", open_arcs)
+    monkeypatch.setattr("cdcp_igl.steps.zipper.open_blocks", open_arcs)
     one_by_one = geodesic_map(z)
     assert (increments(one_by_one) > 0).all()
     assert error_up_to_rotation(by_blocks, one_by_one) < 2e-10

@@ -12,7 +12,7 @@ import cdcp_igl
 from cdcp_igl import datasets
 from cdcp_igl.distortion import angle_errors
 from cdcp_igl.reference import harmonic
-from cdcp_igl.steps.conformality import dilatation, explained_errors, judge
+from cdcp_igl.rescue.conformality import dilatation, explained_errors, judge
 from cdcp_igl.surface.mesh import DiskMesh
 
 EXACT = [datasets.ellipse, datasets.square, datasets.paraboloid]

@@ -6,15 +6,15 @@ import meshes
 import numpy as np
 import pytest
 import surfaces
+from cdcp_igl.atlas.surface.cut_arcs import straighten
+from cdcp_igl.atlas.surface.cut_paths import straight_path
+from cdcp_igl.atlas.surface.cut_surface import CutSurface
+from cdcp_igl.atlas.surface.cut_system import cut_to_disk
+from cdcp_igl.atlas.surface.cutting import open_to_disk
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cdcp_igl
-from cdcp_igl.surface.cut_arcs import straighten
-from cdcp_igl.surface.cut_paths import straight_path
-from cdcp_igl.surface.cut_surface import CutSurface
-from cdcp_igl.surface.cut_system import cut_to_disk
-from cdcp_igl.surface.cutting import open_to_disk
 from cdcp_igl.surface.topology import Topology
 
 RANDOM = st.builds(

@@ -12,8 +12,8 @@ from threadpoolctl import threadpool_limits
 
 import cdcp_igl
 from cdcp_igl.reference import fdcp, harmonic
-from cdcp_igl.steps.relaxation import Relaxation
-from cdcp_igl.steps.repair import mend
+from cdcp_igl.rescue.relaxation import Relaxation
+from cdcp_igl.rescue.repair import mend
 from cdcp_igl.surface.mesh import DiskMesh
 
 

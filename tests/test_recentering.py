@@ -8,11 +8,11 @@ import cdcp_igl
 from cdcp_igl.algorithm import Attempts, Steps
 from cdcp_igl.arrays import coordinates
 from cdcp_igl.certificate import certify, flipped_faces
+from cdcp_igl.rescue.recentering import deep_vertex, recentered
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.steps.extension import harmonic_extension, settled_extension
 from cdcp_igl.steps.mobius import composed, mobius_transformation
 from cdcp_igl.steps.phases import Phases
-from cdcp_igl.steps.recentering import deep_vertex, recentered
 from cdcp_igl.surface.mesh import DiskMesh
 
 

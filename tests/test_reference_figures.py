@@ -18,8 +18,8 @@ from cdcp_igl.reference import (
     spectral,
 )
 from cdcp_igl.reference.fast import _best_edge_to_one, _north_step
+from cdcp_igl.rescue.boundary import arc_length_map
 from cdcp_igl.solve.laplacian import cotangent_laplacian
-from cdcp_igl.steps.circle import arc_length_map
 from cdcp_igl.surface.mesh import DiskMesh
 
 LION, FACE = "chinese_lion_17334", "human_face_17157"

@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 import cdcp_igl
 from cdcp_igl.certificate import certify
 from cdcp_igl.distortion import plane_angles
-from cdcp_igl.steps import refine as refine_module
-from cdcp_igl.steps.refine import WeightedLaplacian, gauss_newton_step, lower_angle_distortion
+from cdcp_igl.rescue import refine as refine_module
+from cdcp_igl.rescue.refine import WeightedLaplacian, gauss_newton_step, lower_angle_distortion
 from cdcp_igl.surface.mesh import DiskMesh
 
 V, F = meshes.grid(9, 11)
@@ -159,7 +159,7 @@ def test_a_bad_start_improves_without_a_flip(seed):
     rng = np.random.default_rng(seed)
     scattered = Z.copy()
     scattered[MESH.interior] = rng.uniform(-1, 1, (len(MESH.interior), 2)) @ [1, 1j] / 2
-    f, _ = cdcp_igl.steps.repair.unfold(MESH, scattered)
+    f, _ = cdcp_igl.rescue.repair.unfold(MESH, scattered)
     refined, account = lower_angle_distortion(MESH, f, ORDER, 20, 1.5)
     assert account.steps > 0
     assert certify(MESH, np.column_stack([refined.real, refined.imag])).valid

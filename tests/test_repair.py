@@ -8,9 +8,9 @@ from surfaces import arms
 import cdcp_igl
 from cdcp_igl import selection
 from cdcp_igl.certificate import certify, flipped_faces, is_around
-from cdcp_igl.steps.relaxation import Relaxation
-from cdcp_igl.steps.repair import _Neighbourhood, embed, mean_value_weights, mend, unfold
-from cdcp_igl.steps.star_search import search_stars
+from cdcp_igl.rescue.relaxation import Relaxation
+from cdcp_igl.rescue.repair import _Neighbourhood, embed, mean_value_weights, mend, unfold
+from cdcp_igl.rescue.star_search import search_stars
 from cdcp_igl.surface.mesh import DiskMesh
 
 V, F = meshes.grid(10, 12)
@@ -71,7 +71,7 @@ def test_weights_that_differ_less_embed_what_mean_values_crowd(monkeypatch):
     assert account.rounds > 1
     assert len(flipped_faces(embedded, mesh.F)[0]) == 0
     assert is_around(embedded[mesh.loop])
-    monkeypatch.setattr("cdcp_igl.steps.repair.POWERS", (1,))
+    monkeypatch.setattr("cdcp_igl.rescue.repair.POWERS", (1,))
     assert len(flipped_faces(embed(mesh, f)[0], mesh.F)[0]) > 0
 
 
@@ -103,7 +103,7 @@ def test_mean_value_weights_are_positive_and_reproduce_the_plane():
 
 def test_disk_map_repairs_and_says_so(monkeypatch):
     monkeypatch.setattr(
-        sys.modules["cdcp_igl.steps.circle.fallback"],
+        sys.modules["cdcp_igl.rescue.boundary"],
         "harmonic_extension",
         lambda surface, f_B: np.where(surface.mesh.on_boundary, Z, Z.conj() / 2),
     )

@@ -6,9 +6,9 @@ import pytest
 import cdcp_igl
 from cdcp_igl.algorithm import Attempts, Steps
 from cdcp_igl.distortion import angle_errors
+from cdcp_igl.rescue.straightening import Straightening, common_shear, straighten
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.steps.phases import Phases
-from cdcp_igl.steps.straightening import Straightening, common_shear, straighten
 from cdcp_igl.surface.mesh import DiskMesh
 
 

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 import cdcp_igl
+from cdcp_igl.rescue import remote
+from cdcp_igl.rescue.crowding import balanced
+from cdcp_igl.rescue.harmonic_measure import around, harmonic_shares
+from cdcp_igl.rescue.remote import remote_parts
+from cdcp_igl.rescue.shorten import Shortened, image_scale
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.solvers import SOLVERS
-from cdcp_igl.steps import remote
-from cdcp_igl.steps.circle.crowding import balanced
-from cdcp_igl.steps.circle.harmonic_measure import around, harmonic_shares
-from cdcp_igl.steps.circle.shorten import Shortened, image_scale
 from cdcp_igl.steps.extension import harmonic_extension
 from cdcp_igl.steps.mobius import mobius_transformation
-from cdcp_igl.steps.remote import remote_parts
 from cdcp_igl.surface.mesh import DiskMesh
 
 WIDTH = 20  # cells

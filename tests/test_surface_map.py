@@ -6,11 +6,11 @@ import meshes
 import numpy as np
 import pytest
 import surfaces
+from cdcp_igl.atlas.surface.packing import packed_circles
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cdcp_igl
-from cdcp_igl.surface.packing import packed_circles
 from cdcp_igl.surface.triangles import face_areas
 
 RANDOM = st.builds(

@@ -7,8 +7,8 @@ from scipy.optimize import least_squares
 
 from cdcp_igl import datasets, disk_map
 from cdcp_igl.certificate import is_around
+from cdcp_igl.rescue.boundary import whitened_geodesic_map
 from cdcp_igl.solve.factored import FactoredSurface
-from cdcp_igl.steps.circle import whitened_geodesic_map
 from cdcp_igl.steps.mobius import mobius_transformation
 from cdcp_igl.steps.trace import boundary_trace, conjugate_trace
 from cdcp_igl.surface.mesh import DiskMesh

@@ -7,6 +7,13 @@ import pytest
 import cdcp_igl
 from cdcp_igl import selection
 from cdcp_igl.certificate import certify, flipped_faces
+from cdcp_igl.rescue.boundary import arc_length_map, by_arc_length
+from cdcp_igl.rescue.collapsed_faces import hold_open
+from cdcp_igl.rescue.harmonic_map import HarmonicMap
+from cdcp_igl.rescue.pieces import flat_pieces
+from cdcp_igl.rescue.refine import lower_angle_distortion
+from cdcp_igl.rescue.trimming import Trimmed
+from cdcp_igl.rescue.unfolding import keep_faces
 from cdcp_igl.solve.delaunay import (
     LEAST_WEIGHT,
     constrained_delaunay_laplacian,
@@ -15,13 +22,6 @@ from cdcp_igl.solve.delaunay import (
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.laplacian import cotangent_laplacian
 from cdcp_igl.steps.center import central_face
-from cdcp_igl.steps.circle import arc_length_map, hold_open
-from cdcp_igl.steps.circle.fallback import by_arc_length
-from cdcp_igl.steps.circle.pieces import flat_pieces
-from cdcp_igl.steps.harmonic_map import HarmonicMap
-from cdcp_igl.steps.refine import lower_angle_distortion
-from cdcp_igl.steps.trimming import Trimmed
-from cdcp_igl.steps.unfolding import keep_faces
 from cdcp_igl.surface.mesh import DiskMesh
 
 

@@ -13,13 +13,13 @@ from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.arrays import Complex, Floats, Ints
 from cdcp_igl.errors import MapError
 from cdcp_igl.reference.certified import certified_disk_map
+from cdcp_igl.rescue.boundary import Rejected
+from cdcp_igl.rescue.repair import unfold
 from cdcp_igl.solve.cholesky import Cholesky
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.steps.center import Center, central_face
-from cdcp_igl.steps.circle import Rejected
-from cdcp_igl.steps.circle.geodesic import geodesic_map
-from cdcp_igl.steps.circle.whiten import whiten_trace
-from cdcp_igl.steps.repair import unfold
+from cdcp_igl.steps.whiten import whiten_trace
+from cdcp_igl.steps.zipper import geodesic_map
 from cdcp_igl.surface.mesh import DiskMesh
 
 from .candidate import Candidate, Methods

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from ..algorithm import disk_map
 from ..arrays import Floats, Ints
-from ..atlas import SurfaceMap, surface_map
+from ..atlas.surface import SurfaceMap, surface_map
 from ..distortion import area_distortion
 from ..io import whole_file, write_map
 from ..io.polygons import naming_polygons
 from ..io.writing import MapResult
-from ..result import DiskMap
+from ..result.disk_map import DiskMap
 from ..steps.phases import Progress
 from ..surface.cleaning import clean
 from .settings import Settings

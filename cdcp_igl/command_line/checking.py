@@ -13,7 +13,7 @@ from .messages import BAD_INPUT, exit_codes, reason, show
 
 if TYPE_CHECKING:
     from ..errors import Defect, MeshError
-    from ..surface.report import MeshReport
+    from ..surface.checking import MeshReport
 
 __all__ = ["check_command"]
 
@@ -32,7 +32,7 @@ def check_command(
     from ..errors import MeshError
     from ..io import read_polygons
     from ..io.polygons import in_polygons
-    from ..surface.report import MeshReport, check
+    from ..surface.checking import MeshReport, check
 
     rows, disks = [], 0
     for mesh in meshes:

@@ -25,11 +25,11 @@ from .messages import BAD_INPUT, SOME_FAILED, exit_codes, show, writing
 from .progress import progress_bar
 
 if TYPE_CHECKING:
-    from ..atlas import SurfaceMap
+    from ..atlas.surface import SurfaceMap
     from ..batching.mapped import Mapped
     from ..batching.settings import Settings
     from ..batching.stamps import Stamp
-    from ..result import DiskMap
+    from ..result.disk_map import DiskMap
 
 __all__ = ["map_command"]
 

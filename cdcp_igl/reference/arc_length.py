@@ -8,7 +8,7 @@ from scipy.sparse import csr_matrix, diags
 
 from .. import libigl
 from ..arrays import Complex, Floats, as_complex, coordinates
-from ..steps.circle import arc_length_map
+from ..rescue.boundary import arc_length_map
 from ..surface.mesh import DiskMesh
 from .certified import certified_disk_map
 from .dirichlet import Dirichlet

@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike
 from ..algorithm import Steps, algorithm_1
 from ..arrays import Complex, Floats
 from ..errors import MapError
+from ..rescue.boundary import Rejected
+from ..rescue.repair import unfold
 from ..solve.factored import FactoredSurface
-from ..steps.circle import Rejected
 from ..steps.dipole import face_dipole
-from ..steps.repair import unfold
 from ..surface.mesh import DiskMesh
 from .certified import certified_disk_map
 from .dirichlet import Dirichlet

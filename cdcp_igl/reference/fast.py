@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 
 from ..arrays import Complex, Floats, Ints
+from ..rescue.boundary import arc_length_map
 from ..solve.laplacian import cotangent_laplacian
-from ..steps.circle import arc_length_map
 from ..surface.mesh import DiskMesh
 from .beltrami import beltrami_coefficient, linear_beltrami_solver
 from .certified import certified_disk_map

@@ -10,9 +10,9 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 from .. import libigl
 from ..arrays import Floats
 from ..errors import SolverError
+from ..rescue.boundary import arc_length_map
 from ..solve.cholesky import Cholesky
 from ..solve.laplacian import cotangent_laplacian
-from ..steps.circle import arc_length_map
 from ..surface.mesh import DiskMesh
 from .certified import checked_free_map
 

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Bools, Floats, Ints
 from ..errors import Defect, MeshError, counted
+from .checking import check
 from .defects import degenerate_faces
 from .filling import fill_hole
-from .report import check
 from .topology import Topology, duplicate_faces, outer_loop
 from .triangles import corner_cotangents
 from .validation import (

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Bools, Floats, Ints, blocks
 from ..errors import Defect, MeshError, counted
+from .checking import examine
 from .chords import Chords
 from .defects import degenerate_defect
 from .edges import Edges
 from .heap import keep_freed_memory
-from .report import examine
 from .triangles import corner_cotangents
 from .validation import as_vertices, size_exponent
 

@@ -11,7 +11,7 @@ STEPS = (
     ("solve/factor.py", "one factorization", "factor of L_II"),
     ("steps/center.py", "eqs. (13)–(15), torsion", "central face"),
     ("steps/trace.py", "Theorem 1, by the conjugate", "boundary trace h_B"),
-    ("steps/circle/", "whitening, eqs. (1)–(6), fallbacks", "f_B on the circle"),
+    ("steps/zipper.py", "whitening, eqs. (1)–(6)", "f_B on the circle"),
     ("steps/extension.py", "eq. (10)", "f on the disk"),
     ("steps/straightening.py", "common shear", "f, not sheared as a whole"),
     ("steps/mobius.py", "eqs. (19)–(20)", "f, least distortion"),

@@ -9,15 +9,16 @@ from time import perf_counter
 from ..arrays import Complex, Floats, Ints, coordinates
 from ..certificate import Certificate, certify
 from ..distortion import disk_map_distortion
+from ..steps.alignment import rotate
+from ..steps.center import Center
+from ..steps.mobius import Normalization
+from ..steps.options import Options
+from ..steps.phases import Phases
 from ..surface.mesh import DiskMesh
-from .alignment import rotate
-from .center import Center
-from .circle import BoundaryMethod, hold_open
+from .boundary import BoundaryMethod
+from .collapsed_faces import hold_open
 from .conformality import STRETCHED, Conformality, judge
 from .line_search import HALVINGS, THIN
-from .mobius import Normalization
-from .options import Options
-from .phases import Phases
 from .refine import Refinement, lower_angle_distortion
 from .repair import Repair, mend
 from .straightening import Straightening

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...arrays import Complex
+from ..arrays import Complex
 
 __all__ = ["whiten_trace"]
 

@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates
 from ..errors import counted
-from .defects import degenerate_faces
+from ..surface.defects import degenerate_faces
+from ..surface.location import FaceFinder
+from ..surface.mesh import DiskMesh
+from ..surface.triangles import corner_cotangents
+from ..surface.validation import unit_size
 from .lattice import disk_lattice, even_ring, with_corners
-from .location import FaceFinder
-from .mesh import DiskMesh
 from .raster import bilinear, pixel_centers
-from .triangles import corner_cotangents
-from .validation import unit_size
 
 __all__ = ["Bijection"]
 

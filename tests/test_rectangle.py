@@ -14,8 +14,8 @@ from scipy.special import ellipk, ellipkm1
 from surfaces import tube
 
 import cdcp_igl
-from cdcp_igl import quadrilateral
-from cdcp_igl.steps.repair import Repair
+from cdcp_igl import rectangle
+from cdcp_igl.rescue.repair import Repair
 from cdcp_igl.steps.schwarz_christoffel import along_side
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -216,7 +216,7 @@ def test_what_a_chord_cuts_off_is_named():
 
 def test_what_is_no_bijection_is_not_returned(monkeypatch):
     V, F = grid()
-    monkeypatch.setattr(quadrilateral, "flipped_faces", lambda f, F: (np.array([3]), 0))
+    monkeypatch.setattr(rectangle, "flipped_faces", lambda f, F: (np.array([3]), 0))
     with pytest.raises(cdcp_igl.MapError, match="rectangle: 1 flipped") as caught:
         cdcp_igl.rectangle_map(V, F, [0, 7, 47, 40])
     assert not caught.value.result.valid
@@ -226,7 +226,7 @@ def test_a_boundary_that_is_not_on_the_sides_is_no_rectangle(monkeypatch):
     def moved(mesh, f, **how):
         return f / 2, Repair(1)
 
-    monkeypatch.setattr(quadrilateral, "unfold", moved)
+    monkeypatch.setattr(rectangle, "unfold", moved)
     with pytest.raises(cdcp_igl.MapError, match=r"rectangle: .* boundary error [5-7].*e-01"):
         cdcp_igl.rectangle_map(*grid(), [0, 7, 47, 40])
 

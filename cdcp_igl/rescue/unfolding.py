@@ -12,9 +12,10 @@ from ..certificate import flipped_faces
 from ..solve.delaunay import constrained_delaunay_laplacian
 from ..solve.factor import Factor
 from ..solve.factored import FactoredSurface
+from ..steps.extension import harmonic_extension, settled_extension
 from ..surface.mesh import DiskMesh
-from .circle import CircleMap, hold_open
-from .extension import harmonic_extension, settled_extension
+from .boundary import CircleMap
+from .collapsed_faces import hold_open
 from .harmonic_map import HarmonicMap
 
 __all__ = ["keep_faces"]

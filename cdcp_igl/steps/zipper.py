@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...arrays import Bools, Complex, Floats
+from ..arrays import Bools, Complex, Floats
 from .blocks import open_blocks
 
 __all__ = ["geodesic_map"]

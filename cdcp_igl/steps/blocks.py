@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ...arrays import Complex, Floats
+from ..arrays import Complex, Floats
 from .arcs import open_arcs
 
 __all__ = ["open_blocks"]

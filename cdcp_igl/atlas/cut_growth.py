@@ -6,9 +6,9 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from ..arrays import Floats
+from ..surface.triangles import face_areas
 from .cut_arcs import branch_to, straighten
 from .cut_surface import CutSurface
-from .triangles import face_areas
 
 __all__ = ["grow", "lead_away"]
 

@@ -10,25 +10,25 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .algorithm import disk_map
-from .arrays import Floats, Ints, as_complex
-from .distortion import AngleDistortion, plane_angles
-from .errors import MapError, counted
-from .plot.shown import Shown
-from .result import DiskMap
-from .steps.center import CenterMethod
-from .steps.options import Options
-from .steps.phases import Progress
-from .steps.scale import centered_factor
-from .surface.cut_growth import grow, lead_away
-from .surface.cut_surface import CutSurface, Opened
-from .surface.cutting import Cut, cut_along, open_to_disk, split_components
-from .surface.holes import fill_holes
-from .surface.left_out import fill_left_out
-from .surface.packing import packed_circles
-from .surface.sheets import Sheets, oriented_sheets
-from .surface.triangles import face_areas
-from .surface.validation import face_array, vertex_array
+from ..algorithm import disk_map
+from ..arrays import Floats, Ints, as_complex
+from ..distortion import AngleDistortion, plane_angles
+from ..errors import MapError, counted
+from ..plot.shown import Shown
+from ..result.disk_map import DiskMap
+from ..steps.center import CenterMethod
+from ..steps.options import Options
+from ..steps.phases import Progress
+from ..surface.triangles import face_areas
+from ..surface.validation import face_array, vertex_array
+from .cut_growth import grow, lead_away
+from .cut_surface import CutSurface, Opened
+from .cutting import Cut, cut_along, open_to_disk, split_components
+from .holes import fill_holes
+from .left_out import fill_left_out
+from .packing import packed_circles
+from .scale import centered_factor
+from .sheets import Sheets, oriented_sheets
 
 __all__ = ["SurfaceMap", "surface_map"]
 

@@ -18,15 +18,15 @@ from .certificate import Certificate, flipped_faces
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError
 from .plot.shown import Shown
+from .rescue.conformality import Conformality, Judged, judge
+from .rescue.repair import Repair, unfold
 from .solve.delaunay import intrinsic_delaunay_laplacian
 from .solve.factor import Factor
 from .solve.factored import FactoredSurface
 from .solve.laplacian import Laplacian, cotangent_laplacian
-from .steps.conformality import Conformality, Judged, judge
 from .steps.extension import harmonic_extension
 from .steps.options import Options
 from .steps.phases import Phases
-from .steps.repair import Repair, unfold
 from .steps.schwarz_christoffel import along_side
 from .surface.mesh import DiskMesh
 from .surface.sides import boundary_sides, is_monotone, refuse_chords

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Complex, Floats
-from .mobius import conformal_barycenter
+from ..steps.mobius import conformal_barycenter
 
 __all__ = ["Automorphism", "landmark_automorphism"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..arrays import Complex
+from ..steps.center import Center
+from ..steps.mobius import composed
 from ..surface.mesh import DiskMesh
-from .center import Center
-from .circle import CircleMap
-from .mobius import composed
+from .boundary import CircleMap
 from .recentering import recentered
 from .remote import Remote, remote_parts
 from .straightening import Straightening, straighten

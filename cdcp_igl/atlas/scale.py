@@ -6,7 +6,7 @@ import numpy as np
 
 from ..arrays import Floats, Ints, as_complex
 from ..distortion import conformal_factor
-from .mobius import conformal_barycenter
+from ..steps.mobius import conformal_barycenter
 
 __all__ = ["centered_factor"]
 

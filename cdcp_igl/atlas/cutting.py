@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints
 from ..errors import Defect, MeshError
+from ..surface.defects import duplicate_defect, turned_defect
+from ..surface.edges import group_by_edge, heads, tails
+from ..surface.topology import Topology, duplicate_faces
+from ..surface.validation import as_faces, vertex_array
 from .cut_arcs import slit, straighten
 from .cut_surface import CutSurface
 from .cut_system import cut_to_disk
-from .defects import duplicate_defect, turned_defect
-from .edges import group_by_edge, heads, tails
 from .sheets import orient, part_sheets, polygon_numbers, used_positions
-from .topology import Topology, duplicate_faces
-from .validation import as_faces, vertex_array
 
 __all__ = ["Component", "Cut", "cut", "cut_along", "open_to_disk", "split_components"]
 

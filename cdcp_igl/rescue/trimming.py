@@ -7,7 +7,7 @@ import numpy as np
 from ..arrays import Complex, Ints
 from ..certificate import increments
 from ..surface.mesh import DiskMesh
-from .circle.pieces import flat_pieces
+from .pieces import flat_pieces
 
 __all__ = ["Trimmed"]
 

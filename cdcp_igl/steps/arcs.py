@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...arrays import Complex, Floats
+from ..arrays import Complex, Floats
 
 __all__ = ["open_arcs"]
 

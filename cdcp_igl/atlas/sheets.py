@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
 from ..errors import Defect, MeshError, counted
-from .defects import degenerate_faces, one_sided_defect
-from .topology import Topology, duplicate_faces
-from .triangles import corner_cotangents
-from .validation import (
+from ..surface.defects import degenerate_faces, one_sided_defect
+from ..surface.topology import Topology, duplicate_faces
+from ..surface.triangles import corner_cotangents
+from ..surface.validation import (
     face_array,
     non_finite_defect,
     refuse_swapped,

@@ -8,17 +8,17 @@ from functools import partial
 
 import numpy as np
 
-from ...arrays import Complex, Floats
-from ...certificate import increments, is_around
-from ...errors import counted
-from ...solve.factored import FactoredSurface
-from ...surface.mesh import DiskMesh
-from ..extension import harmonic_extension, settled_extension
+from ..arrays import Complex, Floats
+from ..certificate import increments, is_around
+from ..errors import counted
+from ..solve.factored import FactoredSurface
+from ..steps.extension import harmonic_extension, settled_extension
+from ..steps.whiten import whiten_trace
+from ..steps.zipper import geodesic_map
+from ..surface.mesh import DiskMesh
 from .crowding import balanced, crowding_reason
-from .geodesic import geodesic_map
 from .harmonic_measure import arc_length_shares, around, harmonic_shares
 from .shorten import Shortened
-from .whiten import whiten_trace
 
 __all__ = [
     "FALLBACKS",

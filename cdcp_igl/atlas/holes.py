@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..surface.filling import fill_hole
+from ..surface.topology import Topology, outer_loop
 from .cut_surface import CutSurface
-from .filling import fill_hole
-from .topology import Topology, outer_loop
 
 __all__ = ["fill_holes"]
 

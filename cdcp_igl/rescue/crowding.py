@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...arrays import Complex, Floats
-from ...errors import spell
-from ...surface.mesh import DiskMesh
+from ..arrays import Complex, Floats
+from ..errors import spell
+from ..surface.mesh import DiskMesh
 from .harmonic_measure import around
 
 __all__ = ["balanced", "crowding_reason"]

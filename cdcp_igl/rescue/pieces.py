@@ -8,10 +8,10 @@ import numpy as np
 from scipy.sparse import identity
 from scipy.sparse.linalg import splu
 
-from ...arrays import Complex, Floats, Ints, as_complex, coordinates
-from ...certificate import flipped_faces, increments
-from ...surface.mesh import DiskMesh
-from ..repair import mean_value_weights
+from ..arrays import Complex, Floats, Ints, as_complex, coordinates
+from ..certificate import flipped_faces, increments
+from ..surface.mesh import DiskMesh
+from .repair import mean_value_weights
 
 __all__ = ["flat_pieces", "raise_pieces"]
 

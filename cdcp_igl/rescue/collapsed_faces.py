@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...arrays import Complex, Ints, coordinates
-from ...certificate import flipped_faces, increments
-from ...libigl import is_counterclockwise
-from ...surface.mesh import DiskMesh
+from ..arrays import Complex, Ints, coordinates
+from ..certificate import flipped_faces, increments
+from ..libigl import is_counterclockwise
+from ..surface.mesh import DiskMesh
 from .pieces import raise_pieces
 
 __all__ = ["hold_open"]

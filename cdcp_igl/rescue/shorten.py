@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...arrays import Complex, Floats
-from ...distortion import wirtinger_derivative
-from ...solve.cholesky import Cholesky, Numbers
-from ...solve.factored import FactoredSurface
-from ...solve.laplacian import Laplacian
-from ...surface.triangles import face_areas
+from ..arrays import Complex, Floats
+from ..distortion import wirtinger_derivative
+from ..solve.cholesky import Cholesky, Numbers
+from ..solve.factored import FactoredSurface
+from ..solve.laplacian import Laplacian
+from ..surface.triangles import face_areas
 from .harmonic_measure import edge_shares
 
 __all__ = ["Shortened", "image_scale"]

@@ -9,20 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Floats, as_complex, coordinates
-from .certificate import BOUNDARY_TOLERANCE, Certificate, certify
-from .distortion import AngleDistortion
-from .errors import MapError
-from .plot.shown import Shown
-from .steps.center import Center
-from .steps.circle import BoundaryMethod, hold_open
-from .steps.conformality import Conformality, Judged
-from .steps.landmarks import landmark_automorphism
-from .steps.mobius import Normalization
-from .steps.refine import Refinement
-from .steps.repair import Repair, mend
-from .steps.straightening import Straightening
-from .surface.bijection import Bijection
+from ..arrays import Floats, as_complex, coordinates
+from ..certificate import BOUNDARY_TOLERANCE, Certificate, certify
+from ..distortion import AngleDistortion
+from ..errors import MapError
+from ..plot.shown import Shown
+from ..rescue.boundary import BoundaryMethod
+from ..rescue.collapsed_faces import hold_open
+from ..rescue.conformality import Conformality, Judged
+from ..rescue.refine import Refinement
+from ..rescue.repair import Repair, mend
+from ..rescue.straightening import Straightening
+from ..steps.center import Center
+from ..steps.mobius import Normalization
+from .bijection import Bijection
+from .landmarks import landmark_automorphism
 
 __all__ = ["DiskMap"]
 
@@ -140,7 +141,7 @@ class DiskMap(Bijection, Judged, Shown):
         OSError
             If it cannot be written; nothing is left behind.
         """
-        from .io.saving import save
+        from ..io.saving import save
 
         save(self, path)
 

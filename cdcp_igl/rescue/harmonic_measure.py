@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...arrays import Complex, Floats
-from ...solve.factored import FactoredSurface
-from ...surface.mesh import DiskMesh
-from ..flux import boundary_flux, edge_lengths, shared_by_edges
+from ..arrays import Complex, Floats
+from ..solve.factored import FactoredSurface
+from ..steps.flux import boundary_flux, edge_lengths, shared_by_edges
+from ..surface.mesh import DiskMesh
 
 __all__ = ["arc_length_shares", "around", "edge_shares", "harmonic_shares"]
 

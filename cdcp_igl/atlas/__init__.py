@@ -1,0 +1,1 @@
+"""Any surface onto disks: sheets, cuts, and a map of each component."""

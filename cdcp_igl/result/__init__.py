@@ -1,0 +1,1 @@
+"""Results, and what is done with a map: apply, invert, remesh, register."""
