@@ -17,10 +17,11 @@ from .measure.methods import METHODS, maps
 from .measure.models import subdivided
 from .measure.peers import PEERS
 from .measure.punctures import punctures
+from .measure.worker import WorkFolder
 from .records.record import Record
 from .records.results import Measured
 from .records.store import ROOT, WORK, Work
-from .session import Machine, Out, Session, WorkFolder, with_session
+from .session import Machine, Out, Session, with_session
 from .write.cells import in_order
 from .write.comparisons import summary_table
 from .write.drawing import draw
