@@ -172,7 +172,7 @@ def _mended_row(index: Ints, row: int | np.integer, what: str) -> int:
 def _cut_and_mapped(
     V: Array, F: Array, whole: Array, settings: Settings, progress: Progress | None
 ) -> Mapped:
-    result = surface_map(V, F, whole=whole, progress=progress, **settings.options)
+    result = surface_map(V, F, polygon_of_face=whole, progress=progress, **settings.options)
     rows = np.flatnonzero(result.face_disk >= 0)
     left_out = len(F) - len(rows)
     note = (f"faces on no disk: {left_out:,}",) if left_out else ()
