@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 from batches import ROOT, contents, write_surfaces
+from cdcp_igl.batching.settings import Settings
 
 from cdcp_igl.batching import batch
 from cdcp_igl.batching.journal import read_journals
-from cdcp_igl.batching.settings import Settings
 
 SURFACES = 40
 KILLS = 50
