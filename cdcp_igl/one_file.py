@@ -216,7 +216,9 @@ def _row_after_cleaning(index: Ints, row: int | np.integer, what: str) -> int:
 def _cut_and_map(
     V: Array, F: Array, polygon_of_face: Array, settings: Settings, progress: Progress | None
 ) -> Mapped:
-    result = surface_map(V, F, whole=polygon_of_face, progress=progress, **settings.options)
+    result = surface_map(
+        V, F, polygon_of_face=polygon_of_face, progress=progress, **settings.options
+    )
     rows = np.flatnonzero(result.face_disk >= 0)
     left_out = len(F) - len(rows)
     note = (f"faces on no disk: {left_out:,}",) if left_out else ()
