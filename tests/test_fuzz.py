@@ -27,7 +27,7 @@ def _generated_surfaces(monkeypatch):
     fuzz.sources.cache_clear()
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(st.integers(0, 2**31))
 def test_certified_map_or_typed_error(seed):
     row = fuzz.examine(seed, 0)
@@ -36,7 +36,7 @@ def test_certified_map_or_typed_error(seed):
         assert row.outcome.startswith("map"), row
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(st.integers(0, 2**31), st.sampled_from([1, 1.5, 2]))
 def test_refinement_never_raises_the_objective(seed, norm):
     case = fuzz.surface(seed, 0)
