@@ -13,8 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 import cdcp_igl
-from cdcp_igl import MapError, MeshError, SolverError, __version__, io
-from cdcp_igl.batching import mapped
+from cdcp_igl import MapError, MeshError, SolverError, __version__, io, one_file
 from cdcp_igl.command_line import arguments, comparing
 from cdcp_igl.command_line.program import app
 from cdcp_igl.errors import Defect
@@ -165,7 +164,7 @@ def test_picture(cap):
 def test_bad_arguments(cap, monkeypatch, arguments):
     monkeypatch.chdir(cap.parent)
     Path("folder.obj").mkdir()
-    monkeypatch.setattr(mapped, "disk_map", lambda *args, **options: pytest.fail("computed"))
+    monkeypatch.setattr(one_file, "disk_map", lambda *args, **options: pytest.fail("computed"))
     result = invoke("map", cap, *arguments)
     assert result.exit_code == 2
     assert result.stderr
@@ -204,7 +203,7 @@ def test_no_valid_map(cap, monkeypatch, error):
     def fail(*args, **options):
         raise error
 
-    monkeypatch.setattr(mapped, "disk_map", fail)
+    monkeypatch.setattr(one_file, "disk_map", fail)
     out = cap.with_name("out.obj")
     out.write_text("old")
     result = invoke("map", cap, out, "--force", "--report", cap.with_name("r.json"))
@@ -218,7 +217,7 @@ def test_unexpected_errors_are_not_swallowed(cap, monkeypatch):
     def fail(*args, **options):
         raise ZeroDivisionError
 
-    monkeypatch.setattr(mapped, "disk_map", fail)
+    monkeypatch.setattr(one_file, "disk_map", fail)
     assert isinstance(invoke("map", cap, cap.with_name("o.obj")).exception, ZeroDivisionError)
 
 
@@ -226,7 +225,7 @@ def test_unwritable_output(cap, monkeypatch):
     def fail(*args, **options):
         raise OSError(28, "No space left on device", "o.obj")
 
-    monkeypatch.setattr(mapped, "write_map", fail)
+    monkeypatch.setattr(one_file, "write_map", fail)
     result = invoke("map", cap, cap.with_name("o.obj"))
     assert result.exit_code == 1
     assert result.stderr == "Not written: o.obj: No space left on device\n"
@@ -311,7 +310,7 @@ def test_every_defect_is_named(cap, monkeypatch):
     def fail(*args, **options):
         raise MeshError(*defects)
 
-    monkeypatch.setattr(mapped, "disk_map", fail)
+    monkeypatch.setattr(one_file, "disk_map", fail)
     assert invoke("map", cap, cap.with_name("o.obj")).stderr.splitlines() == [
         "one: First. Mend.",
         "two: Second. Mend.",
@@ -503,14 +502,14 @@ def test_progress_and_panel_on_a_terminal(tmp_path):
     np.savez(path, V=V, F=F)
     code = """
 import time
-from cdcp_igl.batching import mapped
+from cdcp_igl import one_file
 from cdcp_igl.command_line import entry as cli
-real = mapped.disk_map
+real = one_file.disk_map
 def slow(V, F, progress):
     progress("factor", 0.5)
     time.sleep(1.6)
     return real(V, F, progress=progress)
-mapped.disk_map = slow
+one_file.disk_map = slow
 cli.main()
 """
     try:

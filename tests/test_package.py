@@ -30,6 +30,7 @@ FLOORS = (
     {"mapper", "rectangle"},
     {"reference"},
     {"atlas"},
+    {"one_file"},
     {"datasets", "batching"},
     {"command_line", "__init__", "__main__"},
 )

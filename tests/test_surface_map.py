@@ -98,9 +98,18 @@ def test_options_are_those_of_disk_map():
     np.testing.assert_array_equal(result.uv, cdcp_igl.disk_map(V, F, **options).uv[F])
 
 
+@pytest.mark.parametrize("solver", ["scipy", "cvxopt"])
+def test_any_solver_maps_a_surface(solver):
+    V, F = surfaces.torus()
+    result = cdcp_igl.surface_map(V, F, solver=solver)
+    assert_consistent(result, V, F)
+    np.testing.assert_allclose(result.uv, cdcp_igl.surface_map(V, F).uv, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     "option",
     [
+        {"solver": "pardiso"},
         {"spread": -1},
         {"spread": np.nan},
         {"mobius": "length"},

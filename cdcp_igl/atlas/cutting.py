@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
 from ..errors import Defect, MeshError
@@ -23,9 +23,8 @@ from .sheets import orient, part_sheets, polygon_numbers, used_positions
 __all__ = ["Component", "Cut", "cut", "cut_along", "open_to_disk", "split_components"]
 
 
-@dataclass(frozen=True, eq=False)
-class Cut:
-    """A surface that was cut open; unpacks as ``V_cut, F_cut, vertex_index``.
+class Cut(NamedTuple):
+    """A surface that was cut open; ``cut(V, F)[:2]`` is a surface again.
 
     Attributes
     ----------
@@ -57,16 +56,13 @@ class Cut:
     edges: Ints
     length: float
 
-    def __iter__(self) -> Iterator[NDArray[Any]]:
-        return iter((self.V, self.F, self.vertex_index))
-
 
 def cut(
     V: ArrayLike,
     F: ArrayLike,
     path: ArrayLike | None = None,
     *,
-    whole: ArrayLike | None = None,
+    polygon_of_face: ArrayLike | None = None,
 ) -> Cut:
     """Cut a surface open, so that each of its components becomes a disk.
 
@@ -85,7 +81,7 @@ def cut(
     path : (k,) or (k, 2) array_like of integers, optional
         Cut along this path and nowhere else, whether disks result or not: vertices in
         succession, or edges by their two vertices.
-    whole : (m,) array_like of integers, optional
+    polygon_of_face : (m,) array_like of integers, optional
         Which polygon each face is a part of, as `cdcp_igl.io.read_polygons` returns it: faces
         with the same number are not parted, unless their polygon has a vertex or a hole inside.
 
@@ -99,7 +95,7 @@ def cut(
         If V and F are no triangle mesh; if faces are turned over or the surface is
         one-sided, and no path is given; if a step of the path is no edge between two faces.
     ValueError
-        If path or whole are no arrays as above, or both are given.
+        If path or polygon_of_face are no arrays as above, or both are given.
 
     References
     ----------
@@ -112,19 +108,19 @@ def cut(
     >>> import cdcp_igl
     >>> V = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
     >>> F = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
-    >>> V_cut, F_cut, vertex_index = cdcp_igl.cut(V, F, path=[1, 0, 2])
-    >>> vertex_index
+    >>> opened = cdcp_igl.cut(V, F, path=[1, 0, 2])
+    >>> opened.vertex_index
     array([0, 1, 2, 3, 0])
-    >>> cdcp_igl.check(V_cut, F_cut).is_disk
+    >>> cdcp_igl.check(opened.V, opened.F).is_disk
     True
     """
     positions = used_positions(V, F)
     faces = as_faces(F, len(positions))
     given = vertex_array(V).astype(np.float64)
-    polygon = polygon_numbers(whole, len(faces))
+    polygon = polygon_numbers(polygon_of_face, len(faces))
     if path is not None:
-        if whole is not None:
-            raise ValueError("path says where to cut already: leave out whole")
+        if polygon_of_face is not None:
+            raise ValueError("path says where to cut already: leave out polygon_of_face")
         return cut_along(given, faces, _corners_cut_at(faces, len(given), path))
     if len(duplicates := duplicate_faces(faces)):
         raise MeshError(duplicate_defect(duplicates))

@@ -62,7 +62,7 @@ class Sheets:
     changes: tuple[str, ...]
 
 
-def oriented_sheets(V: ArrayLike, F: ArrayLike, whole: ArrayLike | None = None) -> Sheets:
+def oriented_sheets(V: ArrayLike, F: ArrayLike, polygon_of_face: ArrayLike | None = None) -> Sheets:
     """Leave out what is no face, part sheets and turn faces over.
 
     Raises
@@ -70,11 +70,11 @@ def oriented_sheets(V: ArrayLike, F: ArrayLike, whole: ArrayLike | None = None) 
     MeshError
         If V and F are no triangle mesh, no face is left, or a component is one-sided.
     ValueError
-        If `whole` does not number the polygons of the faces.
+        If `polygon_of_face` does not number the polygons of the faces.
     """
     positions = used_positions(V, F)
     faces = face_array(F, len(positions))
-    polygon = polygon_numbers(whole, len(faces))
+    polygon = polygon_numbers(polygon_of_face, len(faces))
     rows, changes = _proper_faces(positions, faces)
     faces, polygon = faces[rows], polygon[rows]
     vertices = part_sheets(faces, len(positions), polygon)
@@ -89,15 +89,15 @@ def oriented_sheets(V: ArrayLike, F: ArrayLike, whole: ArrayLike | None = None) 
     return Sheets(positions, faces, vertices, polygon, rows, turned, tuple(changes))
 
 
-def polygon_numbers(whole: ArrayLike | None, m: int) -> Ints:
-    """(m,) numbers of the polygons from 0; without `whole`, each face is one."""
-    if whole is None:
+def polygon_numbers(polygon_of_face: ArrayLike | None, m: int) -> Ints:
+    """(m,) numbers of the polygons from 0; without `polygon_of_face`, each face is one."""
+    if polygon_of_face is None:
         return np.arange(m)
-    given = np.asarray(whole)
+    given = np.asarray(polygon_of_face)
     if given.dtype.kind not in "iu" or given.shape != (m,):
         raise ValueError(
-            f"whole must say of each of {m:,} faces, by an integer, which polygon it is a part "
-            f"of; it has shape {given.shape} and type {given.dtype}"
+            f"polygon_of_face must say of each of {m:,} faces, by an integer, which polygon it is "
+            f"a part of; it has shape {given.shape} and type {given.dtype}"
         )
     return np.unique(given, return_inverse=True)[1].astype(np.int64)
 

@@ -20,6 +20,7 @@ from ..plot.layout import Layout
 from ..rescue.conformality import Conformality
 from ..result.base import Result
 from ..result.disk_map import DiskMap
+from ..solve.solvers import SolverName
 from ..steps.center import CenterMethod
 from ..steps.options import Options
 from ..steps.phases import Progress
@@ -194,16 +195,17 @@ def surface_map(
     V: ArrayLike,
     F: ArrayLike,
     *,
-    whole: ArrayLike | None = None,
+    polygon_of_face: ArrayLike | None = None,
     fill: bool = True,
     spread: float = 1.0,
     center: CenterMethod = "torsion",
     mobius: Literal["angle", "area"] | None = "angle",
     align: ArrayLike | None = None,
-    refine: int = 0,
+    refine: int | None = None,
     refine_norm: float = 1.5,
     refine_seconds: float = np.inf,
     preset: Literal["paper"] | None = None,
+    solver: SolverName | None = None,
     progress: Progress | None = None,
 ) -> SurfaceMap:
     """Map any surface conformally onto disks: mend it, cut it open, map each component.
@@ -218,7 +220,7 @@ def surface_map(
         Vertex positions, in any unit. Those that no face uses are ignored.
     F : (m, 3) array_like of integers
         Corners of the faces.
-    whole : (m,) array_like of integers, optional
+    polygon_of_face : (m,) array_like of integers, optional
         As in `cut`: which polygon each face is a part of; polygons are not parted.
     fill : bool
         Fill all boundary loops but the outermost of each component while mapping; those faces
@@ -227,7 +229,7 @@ def surface_map(
         Grow the cut until the standard deviation of the conformal factor is at most this and
         the map is conformal, or nothing is gained: see ``SurfaceMap.spread``. With infinity, no
         cut grows.
-    center, mobius, refine, refine_norm, refine_seconds, preset, progress
+    center, mobius, refine, refine_norm, refine_seconds, preset, solver, progress
         As in `disk_map`, for each disk; `refine_seconds` for each.
     align : (3,) array_like or None
         A direction in space that goes right, as in `disk_map`.
@@ -263,17 +265,12 @@ def surface_map(
         raise ValueError(f"center must be a method, since each disk has a face, not {center!r}")
     if align is not None and np.ndim(align) == 0:
         raise ValueError(f"align must be a direction in space or None, not {align!r}")
-    Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
-    options: dict[str, Any] = {"center": center, "mobius": mobius, "align": align}
-    options |= {
-        "refine_norm": refine_norm,
-        "refine_seconds": refine_seconds,
-        "preset": preset,
-    }
+    steps = 0 if refine is None else refine  # 0 is as needed
+    options = Options(center, mobius, align, steps, refine_norm, refine_seconds, preset, solver)
     start = perf_counter()
-    sheets = oriented_sheets(V, F, whole)
+    sheets = oriented_sheets(V, F, polygon_of_face)
     given = vertex_array(V).astype(np.float64)
-    charts = _charts(sheets, options, refine, fill, spread, progress)
+    charts = _charts(sheets, options, fill, spread, progress)
     made = _together(given, face_array(F, len(given)), sheets, list(charts))
     mapping = sum(made.timings.values())
     return replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
@@ -305,8 +302,7 @@ class _Chart:
 
 def _charts(
     sheets: Sheets,
-    options: dict[str, Any],
-    refine: int,
+    options: Options,
     fill: bool,
     spread: float,
     progress: Progress | None,
@@ -327,7 +323,7 @@ def _charts(
         open_to_disk(surface)
         if spread < np.inf:
             lead_away(surface)
-        chart = _grown(surface, {**options, "progress": advance}, n_faces, refine, spread)
+        chart = _grown(surface, options, advance, n_faces, spread)
         yield replace(chart, rows=component.rows, n_filled=n_filled)
         done += share
     if progress:
@@ -335,32 +331,33 @@ def _charts(
 
 
 def _grown(
-    surface: CutSurface, options: dict[str, Any], n_faces: int, refine: int, spread: float
+    surface: CutSurface, options: Options, progress: Progress, n_faces: int, spread: float
 ) -> _Chart:
     """Map a component that is cut to a disk, and grow the cut while that evens out the scale."""
-    best, n_edges = _chart(surface, options, n_faces, refine), len(surface.cut_edges)
+    best, n_edges = _chart(surface, options, progress, n_faces), len(surface.cut_edges)
+    as_needed = replace(options, refine=0)
     while best.spread > spread or not (best.disk.conformal or spread == np.inf):
         before = surface.is_cut.copy()
         if not grow(surface, best.factor, best.average):
             break
-        grown = _chart(surface, options, n_faces, refine=0)
+        grown = _chart(surface, as_needed, progress, n_faces)
         if not grown.gains_on(best):
             surface.is_cut = before
             break
         best = grown
-    if refine and len(surface.cut_edges) != n_edges:
-        best = _chart(surface, options, n_faces, refine)
+    if options.refine and len(surface.cut_edges) != n_edges:
+        best = _chart(surface, options, progress, n_faces)
     if best.failure:
         raise MapError(best.failure, best.disk)
     return best
 
 
-def _chart(surface: CutSurface, options: dict[str, Any], n_faces: int, refine: int) -> _Chart:
+def _chart(surface: CutSurface, options: Options, progress: Progress, n_faces: int) -> _Chart:
     """Map a component that is cut to a disk once, and measure how its scale varies."""
     opened = surface.opened()
     V, F, failure = opened.positions, opened.F, ""
     try:
-        disk = disk_map(V, F, refine=refine, **options)
+        disk = disk_map(V, F, progress=progress, **vars(options))
     except MapError as error:
         if not isinstance(error.result, DiskMap) or not np.isfinite(error.result.uv).all():
             raise
