@@ -21,15 +21,6 @@ from ..surface.validation import (
     vertex_array,
 )
 
-__all__ = [
-    "Sheets",
-    "orient",
-    "oriented_sheets",
-    "part_sheets",
-    "polygon_numbers",
-    "used_positions",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class Sheets:
