@@ -8,14 +8,11 @@ import typer
 from rich.console import Console
 
 from .measure import ablation as variants
-from .measure import mechanisms
 from .measure import methods as measured_methods
 from .measure.any_surface import surfaces
 from .measure.each_solver import solvers
-from .measure.families import FAMILIES, disks
 from .measure.fuzzing import fuzz
 from .measure.machine import MACHINE
-from .measure.mechanisms import RESCUES
 from .measure.methods import METHODS, maps
 from .measure.models import subdivided
 from .measure.mutants import mutants
@@ -30,7 +27,7 @@ from .write.cells import in_order
 from .write.comparisons import summary_table
 from .write.drawing import draw
 from .write.front_page import MODELS, README, rewrite
-from .write.sections import cases, rescue_tables
+from .write.sections import cases
 from .write.table import printed
 
 __all__ = ["app"]
@@ -132,42 +129,15 @@ def speed(session: Session, repeats: Repeats = 5) -> None:
 
 @app.command()
 @with_session
-def ablation(
-    session: Session,
-    families: Annotated[str, typer.Option(metavar="NAME,...", help="Of disks.")] = ",".join(
-        FAMILIES
-    ),
-    count: Annotated[int, typer.Option(min=1, help="Disks of each family.")] = 6,
-    most: Annotated[int, typer.Option(min=1, help="Vertices of the largest of them.")] = 5_000,
-) -> None:
-    """Measure CDCP with a step of Algorithm 1 changed, then with a part of its rescue left out.
+def ablation(session: Session) -> None:
+    """Measure CDCP with a step left out or replaced: Möbius, centre, trace, whitening, zipper.
 
-    The steps on scans; the rescue on families of disks, or on the models that are chosen. What is
-    there already is not measured again. To start over, delete the work folder.
+    What is there already is not measured again. To start over, delete the work folder.
     """
-    known = {**variants.ABLATIONS, **RESCUES}
-    wanted = session.wanted_methods(known, known)
-    steps = {name: method for name, method in wanted.items() if name not in RESCUES}
-    rescues = {name: method for name, method in wanted.items() if name in RESCUES}
-    if steps:
-        models = session.wanted_models(ABLATION_MODELS)
-        records = session.run("ablation", models, steps, variants.TABLE, lambda *_: 1)
-        _finish(session, "ablation", records)
-    if rescues:
-        chosen = session.models or session.quick
-        models = session.wanted_models() if chosen else disks(_known(families), count, most)
-        records = session.run("rescue", models, rescues, mechanisms.TABLE, lambda *_: 1)
-        _finish(session, "rescue", records)
-
-
-def _known(families: str) -> list[str]:
-    """Names of families, as they were typed."""
-    names = [name for name in families.split(",") if name]
-    for name in names:
-        if name not in FAMILIES:
-            text = f"{name!r} is not one of {', '.join(FAMILIES)}."
-            raise typer.BadParameter(text, param_hint="--families")
-    return names
+    methods = session.wanted_methods(variants.ABLATIONS, variants.ABLATIONS)
+    models = session.wanted_models(ABLATION_MODELS)
+    records = session.run("ablation", models, methods, variants.TABLE, lambda *_: 1)
+    _finish(session, "ablation", records)
 
 
 def _finish(session: Session, section: str, records: list[Record]) -> None:
@@ -177,10 +147,7 @@ def _finish(session: Session, section: str, records: list[Record]) -> None:
         console.width = WIDE
     results = measured.sections[section]
     every = cases(results)
-    if section == "rescue":
-        (table,) = rescue_tables(results)
-        console.print(printed(table, table.headings))
-    elif len(every.rows) <= LONG:
+    if len(every.rows) <= LONG:
         console.print(printed(every, TOLD))
     else:
         over_all = summary_table(results, in_order(results.maps))

@@ -120,7 +120,7 @@ def mutants(
             survivors += [] if noticed else [place]
     console.print(f"{len(drawn) - len(survivors)} of {len(drawn)} killed, seed {seed}")
     for place in survivors:
-        console.print(f"survived: {place}", markup=False)
+        console.print(f"survived: {place}", markup=False, soft_wrap=True)
 
 
 def functions(tree: Path) -> dict[str, Function]:
@@ -147,7 +147,8 @@ def draw(
     rng = np.random.default_rng(seed)
     rows = rng.permutation(len(places))[:count].tolist()
     choices = rng.random(len(rows)).tolist()
-    return [Mutant(*places[row], choice) for row, choice in zip(rows, choices, strict=True)]
+    chosen = zip(rows, choices, strict=True)
+    return [Mutant(places[row][0], places[row][1], choice) for row, choice in chosen]
 
 
 def _defined(body: list[ast.stmt]) -> Iterator[ast.FunctionDef]:
