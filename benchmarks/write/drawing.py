@@ -16,8 +16,6 @@ from .figures import PLOTS, Plot
 from .figures.style import encode
 from .pages import write_pages
 
-__all__ = ["draw"]
-
 
 def draw(folder: Path, about: Mapping[str, Any], measured: Measured) -> Path:
     """Write the figures and the report for the browser into a folder; return its index."""

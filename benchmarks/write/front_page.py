@@ -13,8 +13,6 @@ from .cells import model_cells
 from .figures.style import style
 from .table import NOTHING, Cell, Table, markdown
 
-__all__ = ["BEGIN", "END", "MODELS", "README", "rewrite"]
-
 README = ROOT / "README.md"
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
 

@@ -29,8 +29,6 @@ from .figures.style import encode, model_name, style
 from .sections import about, cases, tables
 from .table import Table
 
-__all__ = ["write_pages"]
-
 PIXELS = 300  # of the pictures on the page of a surface
 MOST = 0.95  # of the corners are within the colour scale of the angular distortion
 
