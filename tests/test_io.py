@@ -11,7 +11,8 @@ from scipy.io import savemat
 
 from cdcp_igl import MeshError, check, disk_map
 from cdcp_igl.certificate import certify
-from cdcp_igl.io import read_mesh, whole_file, write_map
+from cdcp_igl.io import read_mesh, write_map
+from cdcp_igl.io.output import whole_file
 from cdcp_igl.io.stl import merge_duplicates
 from cdcp_igl.surface.mesh import DiskMesh
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cdcp_igl.io import remove_stale, whole_file, write_map
-from cdcp_igl.io.output import _MACHINE
+from cdcp_igl.io import write_map
+from cdcp_igl.io.output import _MACHINE, remove_stale, whole_file
 
 posix = pytest.mark.skipif(os.name != "posix", reason="not on this system")
 
@@ -172,7 +172,7 @@ def test_threads_that_write_one_file_do_not_meet(tmp_path):
 @posix
 def test_what_a_killed_process_left_is_removed_by_the_next(tmp_path):
     code = f"""
-from cdcp_igl.io import whole_file
+from cdcp_igl.io.output import whole_file
 with whole_file({str(tmp_path / "a.json")!r}) as unfinished:
     unfinished.write_text("half")
     print(unfinished.name, flush=True)

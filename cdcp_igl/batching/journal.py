@@ -16,7 +16,7 @@ except ModuleNotFoundError:  # Windows: two batches in one folder are not kept a
     fcntl = None  # type: ignore[assignment]
 
 from ..errors import printable
-from ..io import whole_file
+from ..io.output import whole_file
 from .records import COLUMNS, Record
 from .shards import Shard
 

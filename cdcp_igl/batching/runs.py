@@ -15,8 +15,7 @@ import numpy as np
 
 from ..errors import counted, printable
 from ..extras import from_extra
-from ..io import remove_stale, whole_file
-from ..io.output import try_to_write
+from ..io.output import remove_stale, try_to_write, whole_file
 from ..one_file import Settings
 from .executors import run_on
 from .journal import Journal, is_summary, read_journals, write_summary

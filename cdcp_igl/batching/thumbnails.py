@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import Floats
-from ..io import whole_file
+from ..io.output import whole_file
 from ..result.disk_map import DiskMap
 from ..result.raster import pixel_centers
 from .stamps import Stamp, put_stamp

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import __version__
-from ..io import read_polygons, whole_file
+from ..io import read_polygons
+from ..io.output import whole_file
 from ..one_file import Settings, map_one
 from ..reference.processes import forget_peak_memory, peak_memory
 from .records import DONE, FAILED, REFUSED, Record
