@@ -99,7 +99,7 @@ def _array(name: str, data: bytes) -> Array:
     try:
         array = npy.read_array(file, allow_pickle=False)
     except ValueError:
-        raise Damage(f"{name} is no array of real numbers, or damaged") from None
+        raise Damage(f"{name} is no array of real numbers, or cut off") from None
     if array.dtype.kind not in "biuf":
         raise Damage(f"{name} is no array of real numbers")
     if file.read(1):

@@ -68,6 +68,19 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
             unfinished.unlink(missing_ok=True)
 
 
+class _Tried(Exception):
+    """Nothing is to be written yet."""
+
+
+def try_to_write(path: str | PathLike[str]) -> None:
+    """Raise OSError if a file cannot be written; leave what is there as it is."""
+    path = Path(path)
+    if path.exists() and not path.is_file() and not path.is_dir():
+        return  # who reads from a pipe would take the trial for the end of the file
+    with suppress(_Tried), whole_file(path):
+        raise _Tried
+
+
 def _status(path: str | PathLike[str]) -> os.stat_result | None:
     """Return what is there, None if nothing is; OSError if it must not be replaced."""
     try:

@@ -27,7 +27,7 @@ MOST_ENTRIES = 1 << 16  # of a list, and no polygon has more; a wrong one claims
 
 
 class Property(NamedTuple):
-    """A column of an element; a list has a type for its length."""
+    """A column of an element, with types as ply names them; a list has one for its length."""
 
     name: str
     type: str
@@ -136,9 +136,9 @@ def _parse_header(data: bytes) -> tuple[str, list[Element], bytes]:
             case ["property", "list", length, kind, name] if (
                 elements and TYPES.get(length, "f")[0] != "f" and kind in TYPES
             ):
-                elements[-1].properties.append(Property(name, TYPES[kind], TYPES[length]))
+                elements[-1].properties.append(Property(name, kind, length))
             case ["property", kind, name] if elements and kind in TYPES:
-                elements[-1].properties.append(Property(name, TYPES[kind]))
+                elements[-1].properties.append(Property(name, kind))
             case ["comment" | "obj_info", *_] | []:
                 pass
             case _:
@@ -167,7 +167,7 @@ def _read_table(
     lists = [k for k, column in enumerate(element.properties) if column.length_type]
     left = most = element.rows
     while left:
-        kind = _type_of_row(body, start, element.properties, types)
+        kind = _type_of_row(body, start, element, types)
         there = (len(body) - start) // kind.itemsize
         if not there:
             raise Damage(
@@ -190,18 +190,16 @@ def _read_table(
     return table, start
 
 
-def _type_of_row(
-    body: bytes, start: int, properties: list[Property], types: dict[str, str]
-) -> np.dtype[Any]:
+def _type_of_row(body: bytes, start: int, element: Element, types: dict[str, str]) -> np.dtype[Any]:
     """Return the type of rows whose lists are as long as in the row that begins at a byte."""
     fields: list[tuple[Any, ...]] = []
-    for k, column in enumerate(properties):
+    for k, column in enumerate(element.properties):
         shape: tuple[int, ...] = ()
         if column.length_type:
             length_type = types[column.length_type]
             (length,) = np.frombuffer(body, length_type, 1, start + np.dtype(fields).itemsize)
             if not (0 <= length <= MOST_ENTRIES and length == int(length)):
-                raise Damage(f"it has a list of {length:,} entries")
+                raise Damage(f"it has a list of {length:,.0f} entries in {element.name}")
             fields.append((f"length {k}", length_type))
             shape = (int(length),)
         fields.append((f"entries {k}", types[column.type], shape))
