@@ -8,7 +8,7 @@ import json
 import os
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -200,8 +200,8 @@ def batch(
     if not sources:
         raise ValueError("there is no surface to map")
     digest = _digest_of_options(settings, format)
-    sources_of = dict(zip(result_names(sources), sources, strict=True))
-    names = shard_of(list(sources_of), shard)
+    named = list(zip(result_names(sources), sources, strict=True))
+    mine = shard_of(named, shard)
     folder.mkdir(parents=True, exist_ok=True)
     summary_file = folder / "summary.csv"
     _refuse_another(summary_file, SUMMARY_BEGINS, "is no summary of a batch")
@@ -210,61 +210,104 @@ def batch(
         try_to_write(Path(report))
     with Journal(folder, shard) as journal, _unfinished_folder(journal) as unfinished:
         tasks = [
-            _task(name, sources_of[name], folder, format, unfinished, settings, digest)
-            for name in names
+            _task(name, source, folder, format, unfinished, settings, digest)
+            for name, source in mine
         ]
-        history = read_journals(folder, digest)
-        records = {
-            task.name: history[task.name][-1]
-            for task in tasks
-            if task.name in history and _is_settled(task, history[task.name][-1], retry)
-        }
-        count = Counter(record.status for record in records.values())
-
-        def tell() -> None:
-            if progress is not None:
-                progress(count[DONE], count.total() - count[DONE], len(tasks))
-
-        def write_down(record: Record) -> None:
-            journal.append(record)
-            records[record.name] = record
-            count[record.status] += 1
-            tell()
-
-        tell()
-        left: dict[str, Task] = {}
+        run = _Run(journal, tasks, read_journals(folder, digest), progress or _say_nothing)
         try:
-            for task in tasks:
-                if task.name in records:
-                    continue
-                if refusal := _refusal(task, history.get(task.name, [])):
-                    write_down(refusal)
-                else:
-                    left[task.name] = task
+            left = run.left(retry)
             made = (
-                Pool(jobs, **limits).run(list(left.values()))
+                Pool(jobs, **limits).run(left)
                 if executor is None
-                else run_on(executor, list(left.values()), unfinished / "attempts")
+                else run_on(executor, left, unfinished / "attempts")
             )
             with closing(made):
                 for record in made:
-                    task = left[record.name]
-                    if record.status != DONE:
-                        write_down(record)
-                    elif refusal := _refusal(task, history.get(task.name, [])):  # since it began
-                        write_down(refusal)
-                    else:
-                        write_down(record)  # first, so that each result that is there has a line
-                        _move(task)
+                    run.finish(record)
         finally:
-            latest = read_journals(folder, digest)
-            write_summary(summary_file, (latest[name][-1] for name in sorted(latest)))
-    done = Batch(folder, tuple(records[name] for name in names))
+            history = read_journals(folder, digest)  # with those of other shards
+            write_summary(summary_file, (history[name][-1] for name in sorted(history)))
+    done = Batch(folder, tuple(run.records[task.name] for task in tasks))
     if report is not None:
         page = report_page(f"Maps in {printable(folder.name)}", str(done), done.records)
         with whole_file(report) as file:
             file.write_bytes(page.encode())
     return done
+
+
+class _Run:
+    """What has become of each surface, and what is left."""
+
+    def __init__(
+        self,
+        journal: Journal,
+        tasks: Sequence[Task],
+        history: Mapping[str, Sequence[Record]],
+        progress: Callable[[int, int, int], None],
+    ) -> None:
+        self.records: dict[str, Record] = {}
+        self._journal, self._history, self._progress = journal, history, progress
+        self._tasks = {task.name: task for task in tasks}
+        self._count: Counter[str] = Counter()
+
+    def left(self, retry: bool) -> list[Task]:
+        """Return what former runs have not done, and what is not refused."""
+        for name, task in self._tasks.items():
+            if name in self._history and _is_settled(task, self._history[name][-1], retry):
+                self._keep(self._history[name][-1])
+        self._tell()
+        left = []
+        for name, task in self._tasks.items():
+            if name not in self.records:
+                if refusal := self._refusal(task):
+                    self._write_down(refusal)
+                else:
+                    left.append(task)
+        return left
+
+    def finish(self, record: Record) -> None:
+        """Write down what a worker has made, and put a result into its place."""
+        task = self._tasks[record.name]
+        if record.status != DONE:
+            self._write_down(record)
+        elif refusal := self._refusal(task):  # something is there since the worker began
+            self._write_down(refusal)
+        else:
+            self._write_down(record)  # first, so that each result that is there has a line
+            _move(task)
+
+    def _refusal(self, task: Task) -> Record | None:
+        """Refuse the surface if what is there must not be replaced."""
+        if not (os.path.lexists(task.target) and os.access(task.source, os.R_OK)):
+            return None  # if it cannot be read, its worker will say so
+        target = printable(task.target)
+        if os.path.exists(task.target) and os.path.samefile(task.source, task.target):
+            message = f"{target} is the surface itself; give the result another place."
+        elif _is_ours(task, self._history.get(task.name, ())):
+            return None
+        else:
+            message = (
+                f"{target} is there, and was not made from {printable(Path(task.source).name)} "
+                "with these options, or has been changed; move it, or take another folder."
+            )
+        return task.record(REFUSED, "FileExistsError", message)
+
+    def _write_down(self, record: Record) -> None:
+        self._journal.append(record)
+        self._keep(record)
+        self._tell()
+
+    def _keep(self, record: Record) -> None:
+        self.records[record.name] = record
+        self._count[record.status] += 1
+
+    def _tell(self) -> None:
+        done = self._count[DONE]
+        self._progress(done, self._count.total() - done, len(self._tasks))
+
+
+def _say_nothing(done: int, failed: int, total: int) -> None:
+    """Take the place of a progress that nobody asked for."""
 
 
 def _digest_of_options(settings: Settings, format: str) -> str:
@@ -327,23 +370,6 @@ def _is_settled(task: Task, record: Record, retry: bool) -> bool:
     if record.status == DONE:  # and the result is what it was
         return os.path.isfile(task.target) and digest_of(task.target) == record.output_digest
     return record.status == FAILED and not retry
-
-
-def _refusal(task: Task, history: Sequence[Record]) -> Record | None:
-    """Refuse the surface if what is there must not be replaced."""
-    if not (os.path.lexists(task.target) and os.access(task.source, os.R_OK)):
-        return None  # if it cannot be read, its worker will say so
-    target = printable(task.target)
-    if os.path.exists(task.target) and os.path.samefile(task.source, task.target):
-        message = f"{target} is the surface itself; give the result another place."
-    elif _is_ours(task, history):
-        return None
-    else:
-        message = (
-            f"{target} is there, and was not made from {printable(Path(task.source).name)} "
-            "with these options, or has been changed; move it, or take another folder."
-        )
-    return task.record(REFUSED, "FileExistsError", message)
 
 
 def _is_ours(task: Task, history: Sequence[Record]) -> bool:
