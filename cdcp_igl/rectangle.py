@@ -21,7 +21,6 @@ from .rescue.conformality import Conformality, judge
 from .rescue.repair import Repair, unfold
 from .result.base import Result
 from .solve.delaunay import intrinsic_delaunay_laplacian
-from .solve.factor import Factor
 from .solve.factored import FactoredSurface
 from .solve.laplacian import Laplacian, cotangent_laplacian
 from .solve.solvers import SolverName, using
@@ -281,8 +280,8 @@ def _harmonic(mesh: DiskMesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floa
     value, free = np.zeros(len(mesh.V)), np.ones(len(mesh.V), dtype=bool)
     value[one] = 1
     free[zero] = free[one] = False
-    factor = Factor(mesh, L, free)
-    return value + factor.solve(-(L.matrix() @ value)), factor.solver
+    surface = FactoredSurface(mesh, L, free)
+    return value + surface.solve(-(L.matrix() @ value)), surface.solver
 
 
 def _by_disk_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleMap:
@@ -298,7 +297,7 @@ def _by_disk_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleM
             start, along = (0, 1, 1 + 1j, 1j)[number], 1j**number
             f[side[:-1]] = start + along * along_side(z[side[:-1]], np.roll(corners, -number))
         f = harmonic_extension(surface, f[mesh.loop])
-    L, solver = surface.laplacian, surface.factor.solver
+    L, solver = surface.laplacian, surface.solver
     return _mapped(mesh, L, sides, f, "cotangent", "disk map", solver, phase)
 
 
