@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from batches import ROOT, batch, command, contents, invoke, write_surfaces
 
+from cdcp_igl import processes
 from cdcp_igl.datasets import spherical_cap
-from cdcp_igl.reference import processes
 
 
 @pytest.fixture

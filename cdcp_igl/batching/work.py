@@ -12,7 +12,7 @@ from time import perf_counter
 from .. import __version__
 from ..io import read_polygons
 from ..one_file import Mapped, Settings, map_one
-from ..reference.processes import forget_peak_memory, peak_memory
+from ..processes import forget_peak_memory, peak_memory
 from .journal import DONE, FAILED, Record
 
 
