@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from time import perf_counter
 from typing import Any, Literal
@@ -11,11 +10,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..algorithm import disk_map
 from ..arrays import Floats, Ints, as_complex
 from ..certificate import Certificate
-from ..distortion import AngleDistortion, area_distortion, plane_angles
-from ..errors import MapError, counted
+from ..distortion import AngleDistortion, area_distortion
+from ..errors import counted
 from ..plot.layout import Layout
 from ..rescue.conformality import Conformality
 from ..result.base import Result
@@ -26,19 +24,11 @@ from ..steps.options import Options
 from ..steps.phases import Progress
 from ..surface.triangles import face_areas, oriented_areas
 from ..surface.validation import face_array, unit_size, vertex_array
-from .cut_growth import grow, lead_away
-from .cut_surface import CutSurface, Opened
-from .cutting import Cut, cut_along, open_to_disk, split_components
-from .holes import fill_holes
-from .left_out import fill_left_out
+from .charts import Chart, map_component
+from .cut_graph import split_components
+from .cutting import Cut, cut_along
 from .packing import packed_circles
-from .scale import centered_factor
-from .sheets import Sheets, oriented_sheets
-
-__all__ = ["SurfaceMap", "surface_map"]
-
-# A round of growth is kept if it lowers the spread, or the angle error, by more than this share.
-GAIN = 0.03
+from .sheets import Sheets, fill_left_out, oriented_sheets
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -269,141 +259,67 @@ def surface_map(
     options = Options(center, mobius, align, steps, refine_norm, refine_seconds, preset, solver)
     start = perf_counter()
     sheets = oriented_sheets(V, F, polygon_of_face)
+    charts, done = [], 0.0
+    for component in split_components(sheets.V, sheets.F, sheets.vertices, sheets.polygon):
+        share = len(component.rows) / len(sheets.F)
+        part = _part_of(progress, done, share)
+        charts.append(map_component(component, options, fill, spread, part))
+        done += share
+    if progress:
+        progress("done", 1.0)
     given = vertex_array(V).astype(np.float64)
-    charts = _charts(sheets, options, fill, spread, progress)
-    made = _together(given, face_array(F, len(given)), sheets, list(charts))
+    made = _together(given, face_array(F, len(given)), sheets, charts)
     mapping = sum(made.timings.values())
     return replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
 
 
-@dataclass(frozen=True, eq=False)
-class _Chart:
-    """A component opened to a disk, and its map; `failure` says why that is not valid.
+def _part_of(progress: Progress | None, done: float, share: float) -> Progress | None:
+    """Report one disk as a part of all; a round of growth begins anew, but nothing goes back."""
+    if progress is None:
+        return None
+    reported = done
 
-    `average` and `spread` are those of `factor` over the area. The first faces of `opened` are
-    `rows` of the oriented surface, the others fill holes.
-    """
+    def advance(phase: str, fraction: float) -> None:
+        nonlocal reported
+        if phase != "done":
+            reported = max(reported, done + share * fraction)
+            progress(phase, reported)
 
-    opened: Opened
-    disk: DiskMap
-    failure: str
-    factor: Floats
-    average: float
-    spread: float
-    rows: Ints = field(default_factory=lambda: np.empty(0, np.int64))
-    n_filled: int = 0
-
-    def gains_on(self, other: _Chart) -> bool:
-        """Whether the scale is more even; or the angles are better where they were not good."""
-        if other.disk.conformal:
-            return self.disk.conformal and self.spread < (1 - GAIN) * other.spread
-        return self.disk.distortion.mean < (1 - GAIN) * other.disk.distortion.mean
+    return advance
 
 
-def _charts(
-    sheets: Sheets,
-    options: Options,
-    fill: bool,
-    spread: float,
-    progress: Progress | None,
-) -> Iterator[_Chart]:
-    """Fill, open and map each component."""
-    done = reported = 0.0
-    for component in split_components(sheets.V, sheets.F, sheets.vertices, sheets.polygon):
-        n_faces = len(component.rows)
-        share = n_faces / len(sheets.F)
-
-        def advance(phase: str, fraction: float, done: float = done, share: float = share) -> None:
-            nonlocal reported
-            if progress and phase != "done":
-                reported = max(reported, done + share * fraction)  # each map begins anew
-                progress(phase, reported)
-
-        surface, n_filled = fill_holes(component.surface) if fill else (component.surface, 0)
-        open_to_disk(surface)
-        if spread < np.inf:
-            lead_away(surface)
-        chart = _grown(surface, options, advance, n_faces, spread)
-        yield replace(chart, rows=component.rows, n_filled=n_filled)
-        done += share
-    if progress:
-        progress("done", 1.0)
-
-
-def _grown(
-    surface: CutSurface, options: Options, progress: Progress, n_faces: int, spread: float
-) -> _Chart:
-    """Map a component that is cut to a disk, and grow the cut while that evens out the scale."""
-    best, n_edges = _chart(surface, options, progress, n_faces), len(surface.cut_edges)
-    as_needed = replace(options, refine=0)
-    while best.spread > spread or not (best.disk.conformal or spread == np.inf):
-        before = surface.is_cut.copy()
-        if not grow(surface, best.factor, best.average):
-            break
-        grown = _chart(surface, as_needed, progress, n_faces)
-        if not grown.gains_on(best):
-            surface.is_cut = before
-            break
-        best = grown
-    if options.refine and len(surface.cut_edges) != n_edges:
-        best = _chart(surface, options, progress, n_faces)
-    if best.failure:
-        raise MapError(best.failure, best.disk)
-    return best
-
-
-def _chart(surface: CutSurface, options: Options, progress: Progress, n_faces: int) -> _Chart:
-    """Map a component that is cut to a disk once, and measure how its scale varies."""
-    opened = surface.opened()
-    V, F, failure = opened.positions, opened.F, ""
-    try:
-        disk = disk_map(V, F, progress=progress, **vars(options))
-    except MapError as error:
-        if not isinstance(error.result, DiskMap) or not np.isfinite(error.result.uv).all():
-            raise
-        disk, failure = error.result, str(error)
-    given = F[:n_faces]  # others fill holes
-    area = np.bincount(given.ravel(), np.repeat(face_areas(V, given), 3), len(V))
-    factor = centered_factor(V, F, disk.uv, area.astype(np.float64))
-    average = float(np.average(factor, weights=area))
-    deviation = float(np.sqrt(np.average((factor - average) ** 2, weights=area)))
-    return _Chart(opened, disk, failure, factor, average, deviation)
-
-
-def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[_Chart]) -> SurfaceMap:
+def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[Chart]) -> SurfaceMap:
     """Put the maps of all components back into the rows of the given faces."""
     uv, face_disk = np.full((len(F), 3, 2), np.nan), np.full(len(F), -1)
     corners = -1 - np.arange(F.size).reshape(F.shape)
-    count, errors, areas = 0, [], []
+    count, areas = 0, []
     for k, chart in enumerate(charts):
-        rows = sheets.rows[chart.rows]
-        tail = chart.opened.F[: len(rows)]
-        uv[rows], face_disk[rows], corners[rows] = chart.disk.uv[tail], k, count + tail
+        rows = sheets.rows[chart.opened.component.rows]
+        uv[rows], face_disk[rows], corners[rows] = chart.disk.uv[chart.F], k, count + chart.F
         count += chart.opened.n
-        angles = chart.opened.surface.angle.reshape(3, -1).T[: len(rows)]
-        errors.append(np.degrees(abs(plane_angles(as_complex(chart.disk.uv), tail) - angles)))
         areas.append(float(face_areas(sheets.V, F[rows]).sum()))
     turned = sheets.rows[sheets.turned]
     for array in (corners, uv):
         array[turned] = array[turned, ::-1]
     fill_left_out(F, face_disk >= 0, corners, uv)
+    disks = [chart.disk for chart in charts]
     opened, changes = cut_along(V, F, corners), list(sheets.changes)
-    if filled := sum(chart.n_filled for chart in charts):
+    if filled := sum(chart.opened.component.n_filled for chart in charts):
         changes.append(f"filled {counted(filled, 'hole', 'holes')}")
     if len(opened.edges):
         changes.append(f"cut open along {counted(len(opened.edges), 'edge', 'edges')}")
     return SurfaceMap(
         uv=uv,
-        disks=tuple(chart.disk for chart in charts),
+        disks=tuple(disks),
         face_disk=face_disk,
         cut=opened,
         changes=tuple(changes),
-        certificate=_common_certificate([chart.disk for chart in charts], face_disk),
-        conformality=_worst_conformality([chart.disk for chart in charts]),
-        distortion=AngleDistortion.of(np.concatenate(errors)),
+        certificate=_common_certificate(disks, face_disk),
+        conformality=_worst_conformality(disks),
+        distortion=AngleDistortion.of(np.concatenate([chart.angle_errors() for chart in charts])),
         spread=max(chart.spread for chart in charts),
         shares=np.array(areas) / sum(areas),
-        timings=_sum_of_seconds([chart.disk for chart in charts]),
+        timings=_sum_of_seconds(disks),
     )
 
 
