@@ -1,9 +1,6 @@
 """The estimate of memory, what there is of it, and 64-bit indices."""
 
 import math
-import platform
-import subprocess
-import sys
 
 import meshes
 import numpy as np
@@ -101,25 +98,3 @@ def test_64_bit_indices_where_32_do_not_suffice(monkeypatch):
     np.testing.assert_allclose(long.uv, short.uv, atol=1e-12)
     moved = cdcp_igl.DiskMapper(V, F, solver="scikit-sparse").moved(2 * np.asarray(V)).map()
     np.testing.assert_allclose(moved.uv, cdcp_igl.cdcp(V, F), atol=1e-12)
-
-
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="of glibc")
-def test_freed_memory_is_kept():
-    """Blocks that come and go, as in a map, are cleared once."""
-    code = """
-import resource
-import numpy as np
-from cdcp_igl.surface.mesh import DiskMesh
-
-def pages():
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-    blocks = [np.ones(100_000) for _ in range(20)]
-    del blocks
-    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
-
-DiskMesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]])
-print(pages(), pages())
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    first, second = map(int, done.stdout.split())
-    assert second < first / 20

@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
 from ..arrays import Bools, Floats, Ints
-from ..surface.edges import group_by_edge, heads, tails
+from ..surface.topology import group_by_edge, heads, tails
 from ..surface.triangles import corner_cotangents
 
 __all__ = ["CutSurface", "Opened"]

@@ -21,7 +21,7 @@ from ..steps.center import CenterMethod
 from ..steps.options import Options
 from ..steps.phases import Progress
 from ..surface.triangles import face_areas
-from ..surface.validation import face_array, vertex_array
+from ..surface.validation import usable_arrays
 from .cut_growth import grow, lead_away
 from .cut_surface import CutSurface, Opened
 from .cutting import Cut, cut_along, open_to_disk, split_components
@@ -209,10 +209,10 @@ def surface_map(
         raise ValueError(f"align must be a direction in space or None, not {align!r}")
     steps = 0 if refine is None else refine  # 0 is as needed
     options = Options(center, mobius, align, steps, refine_norm, refine_seconds, preset, solver)
-    sheets = oriented_sheets(V, F, polygon_of_face)
-    given = vertex_array(V).astype(np.float64)
+    given, faces = usable_arrays(V, F)
+    sheets = oriented_sheets(given, faces, polygon_of_face)
     charts = _charts(sheets, options, fill, spread, progress)
-    return _together(given, face_array(F, len(given)), sheets, list(charts))
+    return _together(given.astype(np.float64), faces, sheets, list(charts))
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from ..arrays import Floats, Ints
 from ..distortion import AngleDistortion, angle_distortion
 from ..errors import counted
 from ..extras import from_extra
-from ..surface.validation import as_surface
+from ..surface.validation import checked_surface
 from .layout import Layout, Mapped, Opened, lay_out
 from .raster import Bytes
 from .scene import Extent, Scene
@@ -71,7 +71,7 @@ def picture(V: ArrayLike, F: ArrayLike, result: Mapped | Opened, *, name: str = 
     >>> len(figure.axes)
     4
     """
-    V, F = as_surface(V, F)
+    V, F = checked_surface(V, F)
     layout = lay_out(result)
     rows, faces = layout.vertices, layout.faces
     if (

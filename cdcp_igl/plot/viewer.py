@@ -22,7 +22,7 @@ from ..arrays import Floats, Ints, as_complex
 from ..distortion import angle_distortion, conformal_factor
 from ..extras import from_extra
 from ..io import whole_file
-from ..surface.edges import group_by_edge, heads, tails
+from ..surface.topology import group_by_edge, heads, tails
 from ..surface.triangles import face_areas
 from .layout import Layout, Mapped, Opened, lay_out
 from .packing import ordered, pack, quantized
