@@ -6,7 +6,7 @@ The command ``map`` and the workers of a batch both go this way.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
@@ -144,28 +144,13 @@ class Mapped:
 
     def report(self) -> dict[str, Any]:
         """Return everything but the coordinates, as JSON types."""
-        if isinstance(self.result, DiskMap):
-            return self.result.report()
-        return {
-            "faces": len(self.F),
-            "valid": self.result.valid,
-            "changes": list(self.changes),
-            "angular_distortion_degrees": asdict(self.result.distortion),
-            "spread": self.result.spread,
-            "disks": [disk.report() for disk in self.disks],
-        }
+        changes = {} if isinstance(self.result, DiskMap) else {"changes": list(self.changes)}
+        return self.result.report() | changes
 
     def _area_distortion(self) -> Floats:
         if isinstance(self.result, DiskMap):
             return area_distortion(self.V, self.F, self.result.uv)
-        # The disks side by side, by area, and each corner on its own.
-        corners, packed = self.V[self.F[self.written]], self.result.packed()[self.written]
-        (x, y), (p, q) = (packed[:, 1] - packed[:, 0]).T, (packed[:, 2] - packed[:, 0]).T
-        turned = x * q < y * p  # in the given surface, which is left as it is
-        for array in (corners, packed):
-            array[turned] = array[turned, ::-1]
-        V, uv = (array.reshape(-1, array.shape[-1]) for array in (corners, packed))
-        return area_distortion(V, np.arange(len(V)).reshape(-1, 3), uv)
+        return self.result.area_distortion()
 
 
 def map_one(

@@ -1,26 +1,22 @@
-"""What `cdcp-igl map` replaces, and what it leaves alone."""
+"""What `cdcp-igl map` writes and replaces, and what it leaves alone."""
 
+import json
 import os
 import stat
-import subprocess
-import sys
 from pathlib import Path
+from threading import Thread
 
 import igl
 import matplotlib
 import meshes
 import numpy as np
 import pytest
-from batches import ROOT
-from typer.testing import CliRunner
+from commands import invoke
 
-from cdcp_igl import one_file
-from cdcp_igl.command_line.program import app
 from cdcp_igl.io import read_mesh
 
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments])
+# Letters stay letters in a drawing, and what is painted is small.
+SMALL = {"svg.fonttype": "none", "figure.dpi": 30, "savefig.dpi": 30}
 
 
 @pytest.fixture
@@ -36,44 +32,41 @@ def write_obj(path, V, F):
         np.savetxt(file, F + 1, "f %d %d %d")
 
 
-@pytest.mark.parametrize("option", ["", "--report", "--picture", "--view"])
-def test_files_that_are_there_are_kept(scan, monkeypatch, option):
-    names = {"": "o.obj", "--report": "r.json", "--picture": "p.png", "--view": "v.html"}
-    other = scan.with_name(names[option])
-    other.write_text("v 0 0 0\n")
-    arguments = ["map", scan, other] if not option else ["map", scan, "o.ply", option, other]
+def test_files_that_are_there_are_kept_and_replaced_if_asked_to(scan, monkeypatch):
     monkeypatch.chdir(scan.parent)
-    result = invoke(*arguments)
-    assert result.exit_code == 2
-    assert result.stderr == f"{other} is there; --force replaces it.\n"
-    assert other.read_text() == "v 0 0 0\n"
-    assert sorted(os.listdir()) == sorted([scan.name, other.name])
-    assert invoke(*arguments, "--force").exit_code == 0
-    assert other.read_bytes() != b"v 0 0 0\n"
+    command = ["map", scan, "o.obj"]
+    options = {"--report": "r.json", "--picture": "p.png", "--view": "v.html"}
+    command += [text for option in options.items() for text in option]
+    names = ["o.obj", *options.values()]
+    for name in names:
+        Path(name).write_text("v 0 0 0\n")
+        result = invoke(*command)
+        assert (result.exit_code, result.stderr) == (2, f"{name} is there; --force replaces it.\n")
+        assert Path(name).read_text() == "v 0 0 0\n"
+        assert sorted(os.listdir()) == sorted([scan.name, name])
+        Path(name).unlink()
+    for name in names:
+        Path(name).write_text("v 0 0 0\n")
+    with matplotlib.rc_context(SMALL):
+        assert invoke(*command, "--force").exit_code == 0
+    assert len(read_mesh("o.obj")[0]) == len(meshes.grid()[0])
+    assert json.loads(Path("r.json").read_text())["valid"]
+    assert Path("p.png").read_bytes().startswith(b"\x89PNG")
+    assert Path("v.html").read_text().startswith("<!doctype html>")
+    assert sorted(os.listdir()) == sorted([scan.name, *names])
 
 
 @pytest.mark.parametrize("link", [None, os.symlink, os.link])
-def test_the_surface_is_never_replaced(scan, link):
+@pytest.mark.parametrize("force", [(), ("--force",)])
+def test_the_surface_is_never_replaced(scan, link, force):
     before, out = scan.read_bytes(), scan
     if link:
         out = scan.with_name("link.obj")
         link(scan, out)
-    for force in ((), ("--force",)):
-        result = invoke("map", scan, out, *force)
-        assert result.exit_code == 2
-        assert "is the surface itself" in result.stderr
-    assert scan.read_bytes() == before
-
-
-def test_two_surfaces_are_no_surface_and_its_map(scan):
-    other = scan.with_name("other.obj")
-    write_obj(other, *meshes.grid(7, 7))
-    before = other.read_bytes()
-    assert invoke("map", scan, other).exit_code == 2
-    assert other.read_bytes() == before
-    result = invoke("map", scan, other, scan.with_name("third.obj"))
+    result = invoke("map", scan, out, *force)
     assert result.exit_code == 2
-    assert "--out-dir" in result.stderr
+    assert "is the surface itself" in result.stderr
+    assert scan.read_bytes() == before
 
 
 def test_many_surfaces(scan):
@@ -114,10 +107,9 @@ def test_options_that_do_not_go_together_are_no_fault_of_a_surface(scan, options
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_what_cannot_be_written_is_known_before_the_map(scan, monkeypatch):
-    with monkeypatch.context() as patched:
-        patched.setattr(one_file, "disk_map", lambda *args, **options: pytest.fail("computed"))
-        result = invoke("map", scan, "/proc/out.obj")
+def test_what_cannot_be_written_is_known_before_anything_is_read(scan):
+    scan.write_text("no surface")
+    result = invoke("map", scan, "/proc/out.obj")
     assert result.exit_code == 1
     assert result.stderr.startswith("Not written: /proc/out.obj: ")
 
@@ -130,14 +122,13 @@ def test_devices_and_pipes_are_written_to_and_not_replaced(scan):
     result = invoke("map", scan, scan.with_name("full.obj"))
     assert result.exit_code == 1
     assert "full.obj: No space left on device" in result.stderr
-    pipe = scan.with_name("pipe.obj")
+    pipe, read = scan.with_name("pipe.obj"), []
     os.mkfifo(pipe)
-    with subprocess.Popen(
-        [sys.executable, "-m", "cdcp_igl", "map", scan, pipe], stdout=subprocess.DEVNULL, cwd=ROOT
-    ) as process:
-        text = pipe.read_text()
-    assert process.returncode == 0
-    assert text.count("\nvt ") == len(meshes.grid()[0])
+    reader = Thread(target=lambda: read.append(pipe.read_text()), daemon=True)
+    reader.start()
+    assert invoke("map", scan, pipe).exit_code == 0
+    reader.join()
+    assert read[0].count("\nvt ") == len(meshes.grid()[0])
 
 
 def test_a_last_line_that_is_left_open_is_ended_first(scan):
@@ -157,14 +148,21 @@ def test_what_clean_leaves_alone_comes_back_as_it_was(scan):
         assert ("g skin" in out.read_text()) == kept
 
 
-def test_with_cut_picture_and_page_show_all_parts(scan):
+def test_with_cut_picture_and_page_show_all_parts_and_any_name(scan):
     V, F = meshes.grid()
     V, F = np.vstack([V, V + 30]), np.vstack([F, F + len(V)])
+    try:
+        scan = scan.rename(scan.with_name(os.fsdecode(b"Stra\xdfe.obj")))  # Latin-1
+        name = "Stra\\xdfe.obj"
+    except OSError:  # a file system that takes UTF-8 only
+        name = scan.name
     write_obj(scan, V, F)
     picture, page = scan.with_name("p.svg"), scan.with_name("v.html")
     options = ("--cut", "--picture", picture, "--view", page)
-    with matplotlib.rc_context({"svg.fonttype": "none"}):  # text stays text
-        assert invoke("map", scan, scan.with_name("o.obj"), *options).exit_code == 0
-    for text in (picture.read_text(), page.read_text()):
+    with matplotlib.rc_context(SMALL):
+        result = invoke("map", scan, scan.with_name("o.obj"), *options)
+    assert (result.exit_code, result.stderr) == (0, "")
+    for text in (picture.read_text(), page.read_text().replace("\\\\", "\\")):
+        assert name in text
         assert f"{len(V)} vertices" in text
         assert "2 disks" in text

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -11,14 +9,11 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
 from ..errors import Defect, MeshError
-from ..surface.topology import Topology, duplicate_faces, group_by_edge, heads, tails
+from ..surface.topology import Topology, duplicate_faces
 from ..surface.validation import repeated_corners, usable_arrays
-from .cut_arcs import slit, straighten
-from .cut_surface import CutSurface
-from .cut_system import cut_to_disk
+from .cut_graph import split_components
+from .cut_paths import open_to_disk
 from .sheets import orient, part_sheets, polygon_numbers, used_positions
-
-__all__ = ["Component", "Cut", "cut", "cut_along", "open_to_disk", "split_components"]
 
 
 class Cut(NamedTuple):
@@ -131,8 +126,7 @@ def cut(
     corners = np.empty(faces.shape, np.int64)
     count = 0
     for component in split_components(positions, faces, sheets, polygon):
-        open_to_disk(component.surface)
-        opened = component.surface.opened()
+        opened = open_to_disk(component)
         corners[component.rows] = count + opened.F
         count += opened.n
     return cut_along(given, faces, corners)
@@ -140,68 +134,25 @@ def cut(
 
 def cut_along(V: Floats, F: Ints, corners: Ints) -> Cut:
     """Make a vertex of each set of corners (m, 3) with the same number."""
-    number, first, corner = np.unique(corners, return_index=True, return_inverse=True)
+    _, first, corner = np.unique(corners, return_index=True, return_inverse=True)
     vertex = F.ravel()[first]
     # The first copy of each vertex keeps its place among the others.
-    order = np.lexsort((number, vertex))
+    order = np.argsort(vertex, kind="stable")
     surplus = np.diff(vertex[order], prepend=-1) == 0
     order = np.concatenate([order[~surplus], order[surplus]])
     row = np.empty(len(order), np.int64)
     row[order] = np.arange(len(order))
     F_cut, vertex_index = row[corner.reshape(F.shape)], vertex[order]
 
-    before, tail = tails(F, len(V)), F_cut.T.ravel()
-    edges, head = group_by_edge(before, len(V)), heads(tail)
-    forward = before < heads(before)
-    at_low = np.where(forward, tail, head)[edges.sides]
-    at_high = np.where(forward, head, tail)[edges.sides]
-    same = (at_low == np.repeat(at_low[edges.start], edges.valence)) & (
-        at_high == np.repeat(at_high[edges.start], edges.valence)
-    )
-    is_cut = ~np.logical_and.reduceat(same, edges.start)
-    ends = np.column_stack([edges.low[is_cut], edges.high[is_cut]]).astype(np.int64)
-    unit = abs(V[ends]).max(initial=np.finfo(float).tiny)  # whose square is in range
-    apart = (V[ends[:, 1]] - V[ends[:, 0]]) / unit
+    # An edge that was cut is the origin of several.
+    opened = Topology(F_cut, len(vertex)).edges
+    origin = np.sort(vertex_index[np.column_stack([opened.low, opened.high])], axis=1)
+    number, copies = np.unique(origin[:, 0] * len(V) + origin[:, 1], return_counts=True)
+    edges = np.column_stack(np.divmod(number[copies > 1], len(V)))
+    unit = abs(V[edges]).max(initial=np.finfo(float).tiny)  # whose square is in range
+    apart = (V[edges[:, 1]] - V[edges[:, 0]]) / unit
     length = float(unit * np.linalg.norm(apart, axis=1).sum())
-    return Cut(V[vertex_index], F_cut, vertex_index, ends, length)
-
-
-@dataclass(frozen=True, eq=False)
-class Component:
-    """One component of a surface: some rows of F, as a surface to be cut.
-
-    Attributes
-    ----------
-    rows : (k,) int64
-    surface : CutSurface
-    """
-
-    rows: Ints
-    surface: CutSurface
-
-
-def split_components(V: Floats, F: Ints, sheets: Ints, polygon: Ints) -> Iterator[Component]:
-    """Take an oriented manifold apart; `sheets` (m, 3) numbers its vertices, F those of V."""
-    count, part = Topology(sheets, int(sheets.max()) + 1).components
-    order = np.argsort(part, kind="stable")
-    for rows in np.split(order, np.cumsum(np.bincount(part, minlength=count))[:-1]):
-        _, first, corner = np.unique(sheets[rows], return_index=True, return_inverse=True)
-        vertex = F[rows].ravel()[first]
-        order = np.argsort(vertex, kind="stable")  # as in V
-        place = np.empty(len(order), np.int64)
-        place[order] = np.arange(len(order))
-        surface = CutSurface(V[vertex[order]], place[corner].reshape(-1, 3), polygon[rows])
-        yield Component(rows, surface)
-
-
-def open_to_disk(surface: CutSurface) -> None:
-    """Cut one component until it is a disk, unless it is one."""
-    characteristic = surface.opened().euler_characteristic
-    if characteristic == 2:
-        slit(surface)
-    elif characteristic < 1:
-        cut_to_disk(surface)
-        straighten(surface)
+    return Cut(V[vertex_index], F_cut, vertex_index, edges, length)
 
 
 def _corners_cut_at(F: Ints, n: int, path: ArrayLike) -> Ints:

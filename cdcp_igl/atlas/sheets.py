@@ -8,20 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Floats, Ints
+from ..arrays import Bools, Floats, Ints
 from ..errors import Defect, MeshError, counted
 from ..surface.topology import Topology, duplicate_faces
 from ..surface.triangles import corner_cotangents, degenerate_faces
 from ..surface.validation import checked_vertices, repeated_corners
-
-__all__ = [
-    "Sheets",
-    "orient",
-    "oriented_sheets",
-    "part_sheets",
-    "polygon_numbers",
-    "used_positions",
-]
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,3 +177,33 @@ def orient(F: Ints, named: Ints) -> Ints:
     ]
     rows = np.sort(named[np.concatenate(one_sided)])
     raise MeshError(Defect.of("not orientable", rows))
+
+
+def fill_left_out(F: Ints, mapped: Bools, corners: Ints, uv: Floats) -> None:
+    """Give faces that are not mapped the corners (m, 3) and images of faces that are, in place.
+
+    A duplicate has all those of its twin; of another face, each corner is that of some face there.
+    Along a cut these may be on either side. Where no mapped face is, images are NaN.
+    """
+    left_out = np.flatnonzero(~mapped)
+    if len(left_out) == 0:
+        return
+    some = np.full(F.max() + 1, -1)
+    some[F[mapped]] = 3 * np.flatnonzero(mapped)[:, None] + np.arange(3)
+    source = some[F[left_out]]  # place in the rows of F, one after the other
+    twin = _twins(F, mapped)[left_out]
+    of_twin = np.flatnonzero(twin >= 0)
+    for k in range(3):
+        at = (F[twin[of_twin]] == F[left_out[of_twin], k : k + 1]).argmax(axis=1)
+        source[of_twin, k] = 3 * twin[of_twin] + at
+    known = source >= 0
+    corners[left_out] = np.where(known, corners.ravel()[source], corners[left_out])
+    uv[left_out] = np.where(known[..., None], uv.reshape(-1, 2)[source], np.nan)
+
+
+def _twins(F: Ints, mapped: Bools) -> Ints:
+    """(m,) a mapped face with the same three vertices as each face; -1 where there is none."""
+    _, group = np.unique(np.sort(F, axis=1), axis=0, return_inverse=True)
+    group, twin = group.ravel(), np.full(len(F), -1)
+    twin[group[mapped]] = np.flatnonzero(mapped)
+    return twin[group]

@@ -13,7 +13,7 @@ from .messages import BAD_INPUT, SOME_FAILED, exit_codes, writing
 from .progress import progress_bar
 
 if TYPE_CHECKING:
-    from ..plot import MapRow
+    from ..plot.pictures import MapRow
     from ..reference.case import Case
 
 __all__ = ["compare_command"]

@@ -240,13 +240,9 @@ class _Job:
 
         name = printable(self.source.name)
         if self.picture:
-            from ..plot import picture
-
-            figure = picture(mapped.V, mapped.F, mapped.result, name=name)
+            figure = mapped.result.plot(name=name)[0].figure
             with whole_file(self.picture) as unfinished:
                 figure.savefig(unfinished)
         if self.view:
-            from ..plot import view_html
-
             with whole_file(self.view) as unfinished:
-                unfinished.write_text(view_html(mapped.result, title=name), encoding="utf-8")
+                unfinished.write_text(mapped.result.view_html(title=name), encoding="utf-8")

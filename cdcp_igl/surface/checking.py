@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Floats, Ints
 from ..defects import DEFECTS
 from ..errors import Defect, counted, spell
-from .notebook import html_table
+from ..printing import as_html
 from .topology import Topology, duplicate_faces, outer_loop
 from .triangles import corner_cotangents, degenerate_faces
 from .validation import read, unit_size
@@ -165,7 +165,7 @@ class MeshReport:
             *((defect.name, str(defect)) for defect in self.defects),
             ("next", self.next_step),
         ]
-        return html_table(self._size, rows)
+        return as_html(self._size, rows)
 
     def __str__(self) -> str:
         return self._text(in_shell=False)
