@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from batches import ROOT, command, contents, write_surfaces
 
+from cdcp_igl import processes
 from cdcp_igl.batching import batch
-from cdcp_igl.reference import processes
 
 
 @pytest.fixture

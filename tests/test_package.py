@@ -18,7 +18,7 @@ FLOORS = (
     {"arrays"},
     {"defects"},
     {"errors", "printing"},
-    {"libigl", "extras"},
+    {"libigl", "extras", "processes"},
     {"surface"},
     {"certificate", "distortion"},
     {"io", "plot"},

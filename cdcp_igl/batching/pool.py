@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..reference.processes import cause_of_death, resident
+from ..processes import cause_of_death, resident
 from ..solve.memory import available_memory
 from .memory import memory_needed
 from .records import Record

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..arrays import Floats
 from ..io import whole_file
+from ..result.bijection import _pixel_centers as pixel_centers
 from ..result.disk_map import DiskMap
-from ..result.raster import pixel_centers
 from .stamps import Stamp, put_stamp
 
 __all__ = ["draw_thumbnail"]

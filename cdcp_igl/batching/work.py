@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from .. import __version__
 from ..io import read_polygons, whole_file
 from ..one_file import Settings, map_one
-from ..reference.processes import forget_peak_memory, peak_memory
+from ..processes import forget_peak_memory, peak_memory
 from .records import DONE, FAILED, REFUSED, Record
 from .stamps import Stamp, put_stamp
 from .targets import digest_of, objection
