@@ -50,13 +50,7 @@ def _vertices_and_faces(found: Found) -> tuple[Array, Array]:
             if array.ndim != 2:
                 raise Damage(f"{name} is no table, but has shape {array.shape}")
         if V.shape[0] in (2, 3) and V.shape[1] > 3:
-            raise MeshError(
-                Defect(
-                    "shape of V",
-                    f"V has shape {V.shape}, and F has shape {F.shape}",
-                    "V must be (n, 3) and F (m, 3), a row for each: transpose what is not.",
-                )
-            )
+            raise MeshError(Defect.of("shape of V, transposed", shape=V.shape, faces=F.shape))
         return V, F
     raise Damage(f"it must hold V and F (or v and f), not {', '.join(found) or 'nothing'}")
 

@@ -130,19 +130,14 @@ def read_polygons(
     """
     path = Path(path)
     if path.is_dir():
-        raise _unreadable(
-            f"{str(path)!r} is a folder",
-            "Name a file in it; cdcp_igl.batch maps all of them (cdcp-igl batch).",
-        )
+        raise _unreadable("a folder", path=str(path))
     reader = READERS.get(path.suffix.lower())
     if reader is None:
-        raise _unreadable(f"{path.name!r} is of no known type", f"Readable: {' '.join(READABLE)}.")
+        raise _unreadable("of another type", name=path.name, readable=" ".join(READABLE))
     if "\0" in str(path):
-        raise _unreadable(f"{path.name!r} is no name of a file", "It holds a zero.")
+        raise _unreadable("no name", name=path.name)
     if not stat.S_ISREG(path.stat().st_mode):  # to open a FIFO may take for ever
-        raise _unreadable(
-            f"{path.name!r} is a device, a FIFO or a socket", "Copy it to a file first."
-        )
+        raise _unreadable("a device", name=path.name)
     path.open("rb").close()  # OSError if it is forbidden; later ones mean damage
     try:
         V, F, *polygons = reader(path)
@@ -163,13 +158,12 @@ def read_polygons(
     return V, F, polygons[0] if polygons else np.arange(len(F))
 
 
-def _unreadable(what: str, remedy: str) -> MeshError:
-    return MeshError(Defect("unreadable file", what, remedy))
+def _unreadable(why: str, **given: Any) -> MeshError:
+    return MeshError(Defect.of(f"unreadable file, {why}", **given))
 
 
 def _damaged(path: Path, reason: str) -> MeshError:
-    what = f"{path.name!r} is not a readable {path.suffix[1:]} file: {reason}"
-    return _unreadable(what, "Export it again, or in another format.")
+    return _unreadable("damaged", name=path.name, type=path.suffix[1:], reason=reason)
 
 
 def _counts_from_one(V: Array, F: Array) -> bool:
