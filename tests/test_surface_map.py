@@ -64,10 +64,10 @@ def test_duplicates_have_the_images_of_their_twins():
 
 @settings(max_examples=6)
 @given(RANDOM, st.integers(0, 1000))
-def test_turned_faces_are_mapped_as_the_others(mesh, seed):
+def test_flipped_faces_are_mapped_as_the_others(mesh, seed):
     V, F = mesh
-    turned = np.random.default_rng(seed).random(len(F)) < 0.3
-    given = np.where(turned[:, None], F[:, ::-1], F)
+    flipped = np.random.default_rng(seed).random(len(F)) < 0.3
+    given = np.where(flipped[:, None], F[:, ::-1], F)
     plain = cdcp_igl.surface_map(V, F)
     result = cdcp_igl.surface_map(V, given)
     assert_consistent(result, V, given)
@@ -118,7 +118,7 @@ def test_refinement_comes_after_growth():
     assert refined.disks[0].refinement.steps == 6
 
 
-# -- what is mended --------------------------------------------------------------------
+# -- what is repaired ------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", meshes.NASTY)
@@ -168,12 +168,12 @@ def test_everything_at_once_is_said():
 
 
 def test_a_klein_bottle_is_refused():
-    """By the rows that were given: faces that are left out before count as well."""
-    V, F = surfaces.klein_bottle()
+    """By the rows that were given, whatever is left out, and without the other components."""
+    (V, F), (W, G) = surfaces.torus(), surfaces.klein_bottle()
     with pytest.raises(cdcp_igl.MeshError, match="one-sided") as raised:
-        cdcp_igl.surface_map(V, np.vstack([[0, 0, 1], F]))
+        cdcp_igl.surface_map(np.vstack([V, W]), np.vstack([[0, 0, 1], F, G + len(V)]))
     assert raised.value.defect == "not orientable"
-    np.testing.assert_array_equal(raised.value.indices, 1 + np.arange(len(F)))
+    np.testing.assert_array_equal(raised.value.indices, 1 + len(F) + np.arange(len(G)))
 
 
 def test_progress_never_goes_back():

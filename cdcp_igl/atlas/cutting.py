@@ -86,8 +86,8 @@ def cut(
     Raises
     ------
     MeshError
-        If V and F are no triangle mesh; if faces are turned over or the surface is
-        one-sided, and no path is given; if a step of the path is no edge between two faces.
+        If V and F are no triangle mesh; if faces are flipped or the surface is one-sided,
+        and no path is given; if a step of the path is no edge between two faces.
     ValueError
         If path or polygon_of_face are no arrays as above, or both are given.
 
@@ -119,9 +119,9 @@ def cut(
     if len(duplicates := duplicate_faces(faces)):
         raise MeshError(duplicate_defect(duplicates))
     sheets = part_sheets(faces, len(given), polygon)
-    turned = orient(sheets, np.arange(len(sheets)))
-    if len(turned):
-        raise MeshError(turned_defect(turned))
+    flipped = orient(sheets, np.arange(len(sheets)))
+    if len(flipped):
+        raise MeshError(turned_defect(flipped))
     corners = np.empty(faces.shape, np.int64)
     count = 0
     for component in split_components(positions, faces, sheets, polygon):
