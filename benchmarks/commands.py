@@ -15,6 +15,7 @@ from .measure.fuzzing import fuzz
 from .measure.machine import MACHINE
 from .measure.methods import METHODS, maps
 from .measure.models import subdivided
+from .measure.mutants import mutants
 from .measure.peers import PEERS
 from .measure.punctures import punctures
 from .measure.worker import WorkFolder
@@ -62,6 +63,7 @@ app.command()(fuzz)
 app.command()(surfaces)
 app.command()(punctures)
 app.command()(solvers)
+app.command()(mutants)
 
 
 @app.command()

@@ -17,7 +17,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 FLOORS = (
     {"arrays"},
     {"errors", "printing"},
-    {"libigl", "extras"},
+    {"libigl", "extras", "processes"},
     {"surface"},
     {"certificate", "distortion"},
     {"io", "plot"},

@@ -18,7 +18,7 @@ from cdcp_igl.libigl import angles
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas
 
-from .folders import files_of
+from .models import files_of
 
 __all__ = ["least_distortion", "punched", "surfaces"]
 

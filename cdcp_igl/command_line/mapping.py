@@ -126,7 +126,7 @@ def map_command(
         jobs = [
             _Job(
                 *(source, out, report, picture, view),
-                Settings(out.suffix[1:].lower(), disk, clean, cut, options),
+                Settings(disk, clean, cut, options),
                 force,
             )
             for source, out in pairs
