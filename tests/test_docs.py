@@ -93,18 +93,6 @@ def extensions(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS / "extensions"))
 
 
-def test_every_defect_is_in_the_table_of_errors(extensions):
-    from error_tables import mesh_errors
-
-    sources = "\n".join(path.read_text() for path in (ROOT / "cdcp_igl").rglob("*.py"))
-    named = set(re.findall(r'\bDefect\(\s*f?"([^"]+)"', sources))
-    named = {re.sub(r"\{.*\}", "V", name) for name in named}
-    assert len(named) > 15
-    # Of a file, and of uv, whose shape is checked by its own ValueError before.
-    named |= {"unreadable file"}
-    assert {error.defect for _, error in mesh_errors()} == named
-
-
 def test_every_bad_option_in_the_table_is_refused(extensions):
     from error_tables import CALLS, option_errors
 

@@ -282,7 +282,7 @@ def test_the_message_names_line_and_file(tmp_path):
 @pytest.mark.parametrize("name", ["folder", "folder.obj"])
 def test_a_folder_is_no_file(tmp_path, monkeypatch, name):
     (tmp_path / name).mkdir()
-    with pytest.raises(MeshError, match=rf"{name}' is a folder\. .*cdcp-igl batch"):
+    with pytest.raises(MeshError, match=rf"{name}' is a folder\. .*cdcp_igl.batch"):
         read_mesh(tmp_path / name)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(MeshError, match=r"'\.' is a folder"):

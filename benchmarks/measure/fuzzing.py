@@ -252,7 +252,7 @@ def _patch(rng: np.random.Generator, V: Floats, F: Ints, graph: csr_matrix) -> t
     inside = near[F]
     # With all corners near there are many ears, with any corner near there are few.
     patch = F[inside.all(axis=1)] if rng.random() < 0.5 else F[inside.any(axis=1)]
-    V, F, _, _ = clean(V, patch if len(patch) else F[inside.any(axis=1)])
+    V, F = clean(V, patch if len(patch) else F[inside.any(axis=1)])[:2]
     return V, F
 
 

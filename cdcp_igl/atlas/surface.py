@@ -23,7 +23,7 @@ from ..steps.center import CenterMethod
 from ..steps.options import Options
 from ..steps.phases import Progress
 from ..surface.triangles import face_areas, oriented_areas
-from ..surface.validation import face_array, unit_size, vertex_array
+from ..surface.validation import unit_size, usable_arrays
 from .charts import Chart, map_component
 from .cut_graph import split_components
 from .cutting import Cut, cut_along
@@ -258,7 +258,8 @@ def surface_map(
     steps = 0 if refine is None else refine  # 0 is as needed
     options = Options(center, mobius, align, steps, refine_norm, refine_seconds, preset, solver)
     start = perf_counter()
-    sheets = oriented_sheets(V, F, polygon_of_face)
+    given, faces = usable_arrays(V, F)
+    sheets = oriented_sheets(given, faces, polygon_of_face)
     charts, done = [], 0.0
     for component in split_components(sheets.V, sheets.F, sheets.vertices, sheets.polygon):
         share = len(component.rows) / len(sheets.F)
@@ -267,8 +268,7 @@ def surface_map(
         done += share
     if progress:
         progress("done", 1.0)
-    given = vertex_array(V).astype(np.float64)
-    made = _together(given, face_array(F, len(given)), sheets, charts)
+    made = _together(given.astype(np.float64), faces, sheets, charts)
     mapping = sum(made.timings.values())
     return replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .. import libigl
 from ..arrays import Ints
-from ..errors import Defect, MeshError, counted
+from ..errors import Defect, MeshError
 
 __all__ = ["fans", "in_polygons", "naming_polygons", "strips"]
 
@@ -40,15 +40,7 @@ def fans(corners: ArrayLike, sizes: ArrayLike) -> tuple[Ints, Ints]:
     vertex, size = np.array(corners, dtype=np.int64), np.array(sizes, dtype=np.int64)
     few = np.flatnonzero(size < 3)
     if len(few):
-        raise MeshError(
-            Defect(
-                "too few corners",
-                f"{counted(len(few), 'face has', 'faces have')} fewer than three corners",
-                "The file may be cut off: export it again, or drop these faces.",
-                "faces",
-                few,
-            )
-        )
+        raise MeshError(Defect.of("too few corners", few))
     F = libigl.fans(vertex, np.append(0, np.cumsum(size)))
     return F, np.repeat(np.arange(len(size)), size - 2)
 

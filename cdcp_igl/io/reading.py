@@ -54,13 +54,7 @@ def _pick(found: dict[str, Array | None]) -> tuple[Array, Array]:
 def _refuse_transposed(V: Array, F: Array) -> None:
     """Raise MeshError if a row is a coordinate, rather than a vertex."""
     if V.shape[0] in (2, 3) and V.shape[1] > 3:
-        raise MeshError(
-            Defect(
-                "shape of V",
-                f"V has shape {V.shape}, and F has shape {F.shape}",
-                "V must be (n, 3) and F (m, 3), a row for each: transpose what is not.",
-            )
-        )
+        raise MeshError(Defect.of("shape of V, transposed", shape=V.shape, faces=F.shape))
 
 
 # V and F, and where faces may be polygons, which of these each triangle is a part of.
@@ -168,19 +162,14 @@ def read_polygons(
     """
     path = Path(path)
     if path.is_dir():
-        raise _unreadable(
-            f"{str(path)!r} is a folder",
-            "Name a file in it; cdcp_igl.batch maps all of them (cdcp-igl batch).",
-        )
+        raise _unreadable("a folder", path=str(path))
     reader = READERS.get(path.suffix.lower())
     if reader is None:
-        raise _unreadable(f"{path.name!r} is of no known type", f"Readable: {' '.join(READABLE)}.")
+        raise _unreadable("of another type", name=path.name, readable=" ".join(READABLE))
     if "\0" in str(path):
-        raise _unreadable(f"{path.name!r} is no name of a file", "It holds a zero.")
+        raise _unreadable("no name", name=path.name)
     if not stat.S_ISREG(path.stat().st_mode):  # to open a FIFO may take for ever
-        raise _unreadable(
-            f"{path.name!r} is a device, a FIFO or a socket", "Copy it to a file first."
-        )
+        raise _unreadable("a device", name=path.name)
     path.open("rb").close()  # OSError if it is forbidden; later ones mean damage
     try:
         V, F, *polygons = reader(path)
@@ -201,13 +190,12 @@ def read_polygons(
     return V, F, polygons[0] if polygons else np.arange(len(F))
 
 
-def _unreadable(what: str, remedy: str) -> MeshError:
-    return MeshError(Defect("unreadable file", what, remedy))
+def _unreadable(why: str, **given: Any) -> MeshError:
+    return MeshError(Defect.of(f"unreadable file, {why}", **given))
 
 
 def _damaged(path: Path, reason: str) -> MeshError:
-    what = f"{path.name!r} is not a readable {path.suffix[1:]} file: {reason}"
-    return _unreadable(what, "Export it again, or in another format.")
+    return _unreadable("damaged", name=path.name, type=path.suffix[1:], reason=reason)
 
 
 def _counts_from_one(V: Array, F: Array) -> bool:

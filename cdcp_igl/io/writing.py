@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
 from ..errors import counted
-from ..surface.validation import as_vertices, face_array
+from ..surface.validation import checked_vertices, usable_arrays
 from .corners import indexed
 from .glb import write_glb
 from .images import Image, checkerboard, read_image
@@ -115,8 +115,9 @@ def write_map(
     path = Path(path)
     suffix = path.suffix.lower()
     _check_options(path, suffix, like, image)
-    as_vertices(V)
-    faces, plane = face_array(F, len(np.asarray(V))), _map(uv, np.shape(V)[0], np.shape(F)[0])
+    checked_vertices(V)
+    _, faces = usable_arrays(V, F)
+    plane = _map(uv, np.shape(V)[0], np.shape(F)[0])
     if suffix == ".npz":
         with whole_file(path) as unfinished:
             write_npz(unfinished, V, F, plane)

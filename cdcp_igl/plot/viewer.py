@@ -23,8 +23,8 @@ from ..arrays import Floats, Ints, as_complex
 from ..distortion import angle_distortion, conformal_factor
 from ..extras import from_extra
 from ..io import whole_file
-from ..surface.edges import group_by_edge, heads, tails
 from ..surface.location import z_order
+from ..surface.topology import group_by_edge, heads, tails
 from ..surface.triangles import face_areas
 from .layout import Layout
 from .pictures import side_by_side
