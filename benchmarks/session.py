@@ -17,7 +17,7 @@ import typer
 from rich.console import Console
 
 from cdcp_igl.batching.names import read_shard
-from cdcp_igl.io import whole_file
+from cdcp_igl.io.output import whole_file
 from cdcp_igl.solve.solvers import solver
 
 from .measure import models as surfaces

@@ -13,7 +13,8 @@ import numpy as np
 import typer
 
 from cdcp_igl import MapError, MeshError, SolverError, check, disk_map, surface_map
-from cdcp_igl.io import read_mesh, whole_file
+from cdcp_igl.io import read_mesh
+from cdcp_igl.io.output import whole_file
 from cdcp_igl.solve.solvers import SOLVERS, using
 from cdcp_igl.solve.solvers import solver as solver_in_use
 

@@ -9,7 +9,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from cdcp_igl.io import whole_file
+from cdcp_igl.io.output import whole_file
 
 from ..records.results import Measured, NotMeasured
 from .figures import PLOTS, Plot

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from cdcp_igl.io import whole_file
+from cdcp_igl.io.output import whole_file
 
 from ..records.results import Measured, Section
 from ..records.store import ROOT, read_results

@@ -15,7 +15,7 @@ from matplotlib import colormaps
 from matplotlib.colors import to_hex
 from PIL import Image
 
-from cdcp_igl.io import whole_file
+from cdcp_igl.io.output import whole_file
 from cdcp_igl.plot.raster import Bytes
 from cdcp_igl.plot.scene import SCALE, Scene
 
