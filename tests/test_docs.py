@@ -24,8 +24,6 @@ PUBLIC = (
 )
 NOT_CALLED = {
     "MapRow",  # a type
-    "remove_stale",  # for the command line
-    "whole_file",
 }
 
 
@@ -91,18 +89,6 @@ def test_code_on_the_pages(page):
 @pytest.fixture
 def extensions(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS / "extensions"))
-
-
-def test_every_defect_is_in_the_table_of_errors(extensions):
-    from error_tables import mesh_errors
-
-    sources = "\n".join(path.read_text() for path in (ROOT / "cdcp_igl").rglob("*.py"))
-    named = set(re.findall(r'\bDefect\(\s*f?"([^"]+)"', sources))
-    named = {re.sub(r"\{.*\}", "V", name) for name in named}
-    assert len(named) > 15
-    # Of a file, and of uv, whose shape is checked by its own ValueError before.
-    named |= {"unreadable file"}
-    assert {error.defect for _, error in mesh_errors()} == named
 
 
 def test_every_bad_option_in_the_table_is_refused(extensions):

@@ -22,8 +22,6 @@ from .candidate import Candidate
 from .methods import COST
 from .models import Model, as_disk
 
-__all__ = ["Limits", "run"]
-
 STARTING = 50_000  # vertices on which CDCP takes as long as a process to start
 NOT_THERE = (OSError, ValueError, ImportError, MeshError, SolverError, MapError)
 

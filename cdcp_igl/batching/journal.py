@@ -18,7 +18,7 @@ except ModuleNotFoundError:  # Windows: two batches in one folder are not kept a
     fcntl = None  # type: ignore[assignment]
 
 from ..errors import printable
-from ..io import whole_file
+from ..io.output import whole_file
 from .names import Shard
 
 DONE, FAILED, REFUSED = "done", "failed", "refused"

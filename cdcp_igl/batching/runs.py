@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import counted, printable
-from ..io import WRITABLE, whole_file
-from ..io.output import try_to_write
+from ..io import WRITABLE
+from ..io.output import try_to_write, whole_file
 from ..one_file import Settings
 from .executors import run_on
 from .journal import (
