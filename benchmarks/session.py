@@ -31,8 +31,6 @@ from .records.results import Measured
 from .records.store import Work, code, read_results, write_results
 from .write.report import as_markdown
 
-__all__ = ["Machine", "Models", "Out", "Quick", "Session", "WorkFolder", "with_session"]
-
 Models = Annotated[
     str, typer.Option(metavar="NAME,...", help="Names, paths, or patterns of either.")
 ]

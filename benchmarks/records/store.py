@@ -36,8 +36,6 @@ from cdcp_igl.io.output import whole_file
 
 from .record import Record
 
-__all__ = ["PACKAGES", "ROOT", "WORK", "Work", "code", "read_results", "write_results"]
-
 ROOT = Path(__file__).parents[2]
 WORK = ROOT / "build" / "benchmarks"
 PACKAGES = ("libigl", "numpy", "scikit-sparse", "scipy")
