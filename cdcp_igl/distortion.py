@@ -11,7 +11,7 @@ from . import libigl
 from .arrays import Complex, Floats, Ints, as_complex, blocks, coordinates
 from .surface.mesh import DiskMesh
 from .surface.triangles import face_areas, oriented_areas
-from .surface.validation import as_surface, as_vertices, size_exponent
+from .surface.validation import checked_surface, checked_vertices, size_exponent
 
 __all__ = [
     "AngleDistortion",
@@ -248,12 +248,12 @@ def area_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
 
 def _surface_and_image(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> tuple[Floats, Ints, Complex]:
     """Check the arguments of a measure of distortion; uv as complex numbers."""
-    positions, faces = as_surface(V, F)
+    positions, faces = checked_surface(V, F)
     if np.shape(uv) != (len(positions), 2):
         raise ValueError(
             f"uv has shape {np.shape(uv)}, V has {len(positions)} rows: uv must be (n, 2)"
         )
-    return positions, faces, as_complex(as_vertices(uv, "uv")[:, :2])
+    return positions, faces, as_complex(checked_vertices(uv, "uv")[:, :2])
 
 
 def _change_in_degrees(uv: Floats, F: Ints, angles: Floats) -> Floats:

@@ -160,15 +160,14 @@ def test_faces_that_were_turned_over_have_an_area(mapped):
 # -- in a notebook ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("exponent", [-900, 1010])
-def test_what_is_shown_does_not_depend_on_the_unit(exponent):
+@pytest.mark.parametrize("make", [cdcp_igl.disk_map, cdcp_igl.surface_map])
+def test_what_is_shown_does_not_depend_on_the_unit(make):
     V, F = grid(8, 9)
-    W, G = np.ldexp(V, exponent), np.delete(F, 40, axis=0)
-    for small, large in (
-        (cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(W, F)),
-        (cdcp_igl.surface_map(V, G), cdcp_igl.surface_map(W, G)),
-    ):
-        assert small.view_html() == large.view_html()
+    if make is cdcp_igl.surface_map:
+        F = np.delete(F, 40, axis=0)
+    page = make(V, F).view_html()
+    for exponent in (-900, 1010):
+        assert make(np.ldexp(V, exponent), F).view_html() == page
 
 
 def test_a_large_surface_is_a_picture_in_a_notebook():

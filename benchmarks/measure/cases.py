@@ -13,7 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from cdcp_igl import MapError, MeshError, SolverError, angle_distortion
 from cdcp_igl.batching.executors import run_on
-from cdcp_igl.batching.shards import Shard, shard_of
+from cdcp_igl.batching.names import Shard, shard_of
 from cdcp_igl.reference.case import OK, TOO_LARGE, TOO_LONG, Case, run_case
 from cdcp_igl.solve.solvers import solver
 from cdcp_igl.surface.mesh import DiskMesh
@@ -23,8 +23,6 @@ from ..records.store import Work
 from .candidate import Candidate
 from .methods import COST
 from .models import Model, as_disk
-
-__all__ = ["Limits", "run"]
 
 STARTING = 50_000  # vertices on which CDCP takes as long as a process to start
 NOT_THERE = (OSError, ValueError, ImportError, MeshError, SolverError, MapError)

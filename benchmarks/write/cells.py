@@ -11,17 +11,6 @@ from ..records.results import Section
 from .figures.style import STYLES, in_words, style
 from .table import NOTHING, Cell, Row, best, number
 
-__all__ = [
-    "COLUMNS",
-    "case",
-    "distortion_cell",
-    "failure_cell",
-    "grid",
-    "in_order",
-    "model_cells",
-    "seconds_cell",
-]
-
 COLUMNS = (
     *("method", "mean °", "SD °", "max °", "area", "flips", "boundary error", "s", "s / F"),
     *("MiB", "outcome"),

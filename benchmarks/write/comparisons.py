@@ -11,8 +11,6 @@ from .cells import distortion_cell, grid, seconds_cell
 from .figures.style import style
 from .table import NOTHING, Cell, Table, number
 
-__all__ = ["paired_table", "peer_tables", "summary_table"]
-
 
 def summary_table(results: Section, methods: Sequence[str]) -> Table:
     """Make the table with a row for each method: how often, how good, how fast."""

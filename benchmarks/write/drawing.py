@@ -9,14 +9,12 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from cdcp_igl.io import whole_file
+from cdcp_igl.io.output import whole_file
 
 from ..records.results import Measured, NotMeasured
 from .figures import PLOTS, Plot
 from .figures.style import encode
 from .pages import write_pages
-
-__all__ = ["draw"]
 
 
 def draw(folder: Path, about: Mapping[str, Any], measured: Measured) -> Path:

@@ -15,7 +15,7 @@ from matplotlib import colormaps
 from matplotlib.colors import to_hex
 from PIL import Image
 
-from cdcp_igl.io import whole_file
+from cdcp_igl.io.output import whole_file
 from cdcp_igl.plot.raster import Bytes
 from cdcp_igl.plot.scene import SCALE, Scene
 
@@ -28,8 +28,6 @@ from .figures.accuracy import histogram
 from .figures.style import encode, model_name, style
 from .sections import about, cases, tables
 from .table import Table
-
-__all__ = ["write_pages"]
 
 PIXELS = 300  # of the pictures on the page of a surface
 MOST = 0.95  # of the corners are within the colour scale of the angular distortion

@@ -10,8 +10,6 @@ from ..records.results import Measured
 from .sections import about, tables
 from .table import markdown
 
-__all__ = ["as_markdown"]
-
 
 def as_markdown(machine: Mapping[str, Any], measured: Measured) -> str:
     """Write the report: what was measured on, what was found, the tables.

@@ -26,8 +26,6 @@ from .comparisons import paired_table, peer_tables, summary_table
 from .figures.style import style
 from .table import NOTHING, Cell, Row, Table, number
 
-__all__ = ["about", "cases", "tables"]
-
 # Methods that are what others are measured by, or have tables of their own.
 UNITS = ("factor", "cdcp warm", "cdcp sequence", "import")
 

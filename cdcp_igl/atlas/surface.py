@@ -1,4 +1,4 @@
-"""Any surface onto disks: mended, cut open, and each component mapped."""
+"""Any surface onto disks: cleaned, cut open, and each component mapped."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ..steps.center import CenterMethod
 from ..steps.options import Options
 from ..steps.phases import Progress
 from ..surface.triangles import face_areas, oriented_areas
-from ..surface.validation import face_array, unit_size, vertex_array
+from ..surface.validation import unit_size, usable_arrays
 from .charts import Chart, map_component
 from .cut_graph import split_components
 from .cutting import Cut, cut_along
@@ -47,8 +47,8 @@ class SurfaceMap(Result):
         Which disk each face is in; -1 if it was left out, because it has no area or is there
         already. Its corners lie where other faces have them, or are NaN.
     cut : Cut
-        The opened surface, with the edges that were cut and their length. Where faces were turned
-        over, they still are.
+        The opened surface, with the edges that were cut and their length. Flipped faces still
+        are flipped.
     changes : tuple of str
         What was done to make disks, a sentence each; empty if the surface was a disk.
     certificate : Certificate
@@ -67,7 +67,7 @@ class SurfaceMap(Result):
         Share of each disk in the area of the surface.
     timings : dict of str to float
         Seconds per phase of the maps that were kept, all disks together; "cut" is the rest: what
-        was mended and cut, and the maps with cuts that grew on.
+        was cleaned and cut, and the maps with cuts that grew on.
 
     Examples
     --------
@@ -181,11 +181,11 @@ def surface_map(
     solver: SolverName | None = None,
     progress: Progress | None = None,
 ) -> SurfaceMap:
-    """Map any surface conformally onto disks: mend it, cut it open, map each component.
+    """Map any surface conformally onto disks: clean it, cut it open, map each component.
 
-    What can be mended without changing the shape is: faces turned over, vertices where fans of
-    faces meet split, sheets that meet in an edge of three or more faces parted. Where a disk would
-    shrink a part of the surface, the cut is led to its tip.
+    What can be repaired without changing the shape is: flipped faces are reversed, vertices where
+    fans of faces meet are split, sheets that meet in an edge of three or more faces are parted.
+    Where a disk would shrink a part of the surface, the cut is led to its tip.
 
     Parameters
     ----------
@@ -241,7 +241,8 @@ def surface_map(
     steps = 0 if refine is None else refine  # 0 is as needed
     options = Options(center, mobius, align, steps, refine_norm, refine_seconds, preset, solver)
     start = perf_counter()
-    sheets = oriented_sheets(V, F, polygon_of_face)
+    given, faces = usable_arrays(V, F)
+    sheets = oriented_sheets(given, faces, polygon_of_face)
     charts, done = [], 0.0
     for component in split_components(sheets.V, sheets.F, sheets.vertices, sheets.polygon):
         share = len(component.rows) / len(sheets.F)
@@ -250,8 +251,7 @@ def surface_map(
         done += share
     if progress:
         progress("done", 1.0)
-    given = vertex_array(V).astype(np.float64)
-    made = _together(given, face_array(F, len(given)), sheets, charts)
+    made = _together(given.astype(np.float64), faces, sheets, charts)
     mapping = sum(made.timings.values())
     return replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
 
@@ -281,9 +281,9 @@ def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[Chart]) -> Surfac
         uv[rows], face_disk[rows], corners[rows] = chart.disk.uv[chart.F], k, count + chart.F
         count += chart.opened.n
         areas.append(float(face_areas(sheets.V, F[rows]).sum()))
-    turned = sheets.rows[sheets.turned]
+    flipped = sheets.rows[sheets.flipped]
     for array in (corners, uv):
-        array[turned] = array[turned, ::-1]
+        array[flipped] = array[flipped, ::-1]
     fill_left_out(F, face_disk >= 0, corners, uv)
     disks = [chart.disk for chart in charts]
     opened, changes = cut_along(V, F, corners), list(sheets.changes)

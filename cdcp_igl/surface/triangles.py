@@ -7,12 +7,15 @@ import numpy as np
 from .. import libigl
 from ..arrays import Complex, Floats, Ints, blocks
 
-__all__ = ["corner_cotangents", "face_areas", "oriented_areas", "spanned_areas"]
-
 EPS = np.finfo(float).eps / 2
 # Shewchuk's bound: beyond it, the rounded determinant of an orientation has the sign of the
 # exact one.
 ORIENTATION_BOUND = (3 + 16 * EPS) * EPS
+
+# A face is degenerate when area / longest edge^2 is below this: a relative measure, so
+# that metres and microns are judged alike. The worst faces of real scans are near 1e-5;
+# cotangents above 1e10 would leave the other faces at a vertex too few digits.
+DEGENERATE = 1e-10
 
 
 def face_areas(V: Floats, F: Ints) -> Floats:
@@ -34,6 +37,15 @@ def corner_cotangents(V: Floats, F: Ints) -> Floats:
             np.subtract(squared[0] + squared[1] + squared[2], 2 * squared, out=out)
             out /= 2 * libigl.double_areas(V, F[part])
     return cotangents.T
+
+
+def degenerate_faces(cotangents: Floats) -> Ints:
+    """Faces without area, by the square of their longest edge."""
+    # The cotangents at the ends of an edge add up to its squared length by twice the area.
+    i, j, k = cotangents.T
+    with np.errstate(invalid="ignore"):  # of faces without any area
+        longest_squared = np.maximum(np.maximum(i + j, j + k), k + i)
+    return np.flatnonzero(~(longest_squared < 1 / (2 * DEGENERATE)))
 
 
 def oriented_areas(z: Complex, F: Ints) -> tuple[Floats, Floats]:
