@@ -14,7 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from .. import libigl
 from ..arrays import Floats, Ints
+from ..surface.validation import unit_size
 from .images import Image
 
 __all__ = ["write_glb"]
@@ -104,10 +106,6 @@ def _accessor(view: int, component: int, count: int, kind: str) -> dict[str, Any
 
 def _normals(V: Floats, F: Ints) -> Floats:
     """(n, 3) unit normals of the vertices, faces weighted by area."""
-    a, b, c = V[F.T] / (np.ptp(V, axis=0).max() or 1)  # products stay in range in any unit
-    areas = np.cross(b - a, c - a)
-    weights = np.repeat(areas, 3, axis=0).T
-    normals = np.array([np.bincount(F.ravel(), w, len(V)) for w in weights]).T
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    upwards = np.array([0.0, 0.0, 1.0])  # where there is none, as each must have length 1
-    return np.where(lengths > 0, normals / np.where(lengths > 0, lengths, 1), upwards)
+    normals = libigl.vertex_normals(unit_size(V), F)
+    normals[np.isnan(normals).any(axis=1)] = [0, 0, 1]  # as each must have length 1
+    return normals
