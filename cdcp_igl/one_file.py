@@ -19,7 +19,8 @@ from .algorithm import disk_map
 from .arrays import Floats, Ints
 from .atlas.surface import SurfaceMap, surface_map
 from .distortion import area_distortion
-from .io import whole_file, write_map
+from .io import write_map
+from .io.output import whole_file
 from .io.polygons import naming_polygons
 from .io.writing import MapResult
 from .result.disk_map import DiskMap

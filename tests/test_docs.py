@@ -24,8 +24,6 @@ PUBLIC = (
 )
 NOT_CALLED = {
     "MapRow",  # a type
-    "remove_stale",  # for the command line
-    "whole_file",
 }
 
 

@@ -27,8 +27,6 @@ from ..records.store import WORK, code
 from .models import digest, files_of
 from .worker import Jobs, WorkFolder, kept_answers
 
-__all__ = ["opened", "punctures"]
-
 SECONDS = 600.0  # after which a map hangs
 RINGS = {"face": 0, "vertex": 1, "2-ring": 2}  # of faces around a vertex that are taken out
 REFINE = (0, 5)

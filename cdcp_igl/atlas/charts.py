@@ -36,24 +36,13 @@ LEAST_FACTOR = -50.0
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A component opened to a disk, and its map.
-
-    Attributes
-    ----------
-    opened : OpenedComponent
-    disk : DiskMap
-    failure : str
-        Why the map is not valid, or nothing.
-    factor : (n,) float64
-        Conformal factor with the conformal barycentre at 0.
-    average, spread : float
-        Its mean and standard deviation over the area, without what fills holes.
-    """
+    """A component opened to a disk, and its map."""
 
     opened: OpenedComponent
     disk: DiskMap
-    failure: str
-    factor: Floats
+    failure: str  # why the map is not valid, or nothing
+    factor: Floats  # (n,) conformal factor with the conformal barycentre at 0
+    # Its mean and standard deviation over the area, without what fills holes.
     average: float
     spread: float
 

@@ -117,23 +117,13 @@ def straight_path(
 ) -> Ints:
     """Find a short and straight path from one set of vertices to another.
 
-    The cost of a path is what it adds to `OpenedComponent.bend` when the surface is cut along it,
-    and `STRETCH` by its length. The bend of an inner vertex of the path is
-    abs(left - pi) + abs(right - pi) - abs(2 pi - left - right), the angles on either side,
-    which is never negative, and 0 where the path is straight. It goes around polygons.
+    Half-edges from start to end, none if no path is as short as `longest`. Only at its ends a path
+    touches the boundary, and it goes around polygons.
 
-    Parameters
-    ----------
-    opened : OpenedComponent
-    start, end : (n,) bool
-        Vertices of the boundary or of the interior; a path touches the boundary only there.
-    longest : float
-        A shortest path is not longer than this.
-
-    Returns
-    -------
-    (k,) int64
-        Half-edges from start to end; none if there is no path.
+    Its cost is what it adds to `OpenedComponent.bend` when the surface is cut along it, and
+    `STRETCH` by its length. The bend of an inner vertex of the path, with the angles on either
+    side, is abs(left - pi) + abs(right - pi) - abs(2 pi - left - right). It is never negative, and
+    0 where the path is straight.
     """
     blocked = opened.on_boundary & ~start & ~end
     shortest = _shortest(opened, start, end, blocked, longest)

@@ -17,37 +17,19 @@ from ..surface.validation import checked_vertices, repeated_corners
 
 @dataclass(frozen=True, eq=False)
 class Sheets:
-    """A surface as an oriented manifold.
+    """A surface as an oriented manifold."""
 
-    Attributes
-    ----------
-    V : (n, 3) float64
-        The given positions, scaled to unit size.
-    F : (k, 3) int64
-        Faces, rows of V, oriented.
-    vertices : (k, 3) int64
-        Numbers of their corners: corners with the same number are one vertex of the manifold.
-    polygon : (k,) int64
-        Number of the polygon that each face is a part of.
-    rows : (k,) int64
-        The rows of the given F that they come from.
-    turned : (t,) int64
-        Rows of this F whose corners are reversed.
-    changes : tuple of str
-        What was done, a sentence each.
-    """
-
-    V: Floats
-    F: Ints
-    vertices: Ints
-    polygon: Ints
-    rows: Ints
-    turned: Ints
-    changes: tuple[str, ...]
+    V: Floats  # (n, 3) the given positions, scaled to unit size
+    F: Ints  # (k, 3) faces, rows of V, oriented
+    vertices: Ints  # (k, 3) corners with the same number are one vertex of the manifold
+    polygon: Ints  # (k,) number of the polygon that each face is a part of
+    rows: Ints  # (k,) the rows of the given F that the faces come from
+    flipped: Ints  # the rows of this F whose corners are reversed
+    changes: tuple[str, ...]  # what was done, a sentence each
 
 
 def oriented_sheets(V: NDArray[Any], F: Ints, polygon_of_face: ArrayLike | None = None) -> Sheets:
-    """Leave out what is no face, part sheets and turn faces over.
+    """Leave out what is no face, part sheets and reverse flipped faces.
 
     Raises
     ------
@@ -61,15 +43,15 @@ def oriented_sheets(V: NDArray[Any], F: Ints, polygon_of_face: ArrayLike | None 
     rows, changes = _proper_faces(positions, F)
     faces, polygon = F[rows], polygon[rows]
     vertices = part_sheets(faces, len(positions), polygon)
-    copies = np.arange(len(np.unique(faces)), len(np.unique(vertices)))
-    if len(copies):
-        changes.append(f"split off {counted(len(copies), 'vertex', 'vertices')} where sheets met")
-    turned = orient(vertices, rows)
-    if len(turned):
-        changes.append(f"reversed {counted(len(turned), 'face', 'faces')}")
+    n_copies = len(np.unique(vertices)) - len(np.unique(faces))
+    if n_copies > 0:
+        changes.append(f"split off {counted(n_copies, 'vertex', 'vertices')} where sheets met")
+    flipped = orient(vertices, rows)
+    if len(flipped):
+        changes.append(f"reversed {counted(len(flipped), 'face', 'faces')}")
     for corners in (faces, vertices):
-        corners[turned] = corners[turned, ::-1]
-    return Sheets(positions, faces, vertices, polygon, rows, turned, tuple(changes))
+        corners[flipped] = corners[flipped, ::-1]
+    return Sheets(positions, faces, vertices, polygon, rows, flipped, tuple(changes))
 
 
 def polygon_numbers(polygon_of_face: ArrayLike | None, m: int) -> Ints:
@@ -113,22 +95,9 @@ def _proper_faces(V: Floats, F: Ints) -> tuple[Ints, list[str]]:
 def part_sheets(F: Ints, n: int, polygon: Ints) -> Ints:
     """Make a manifold of faces: split vertices where fans meet, part edges of several faces.
 
-    Where the faces around an edge of three or more hang together at both its ends, all of
-    them but one are parted from everything, each with the other faces of its polygon.
-
-    Parameters
-    ----------
-    F : (m, 3) int64
-        Rows of n vertices, no corner repeated.
-    n : int
-    polygon : (m,) int64
-        Number of the polygon that each face is a part of.
-
-    Returns
-    -------
-    (m, 3) int64
-        The same faces, their corners numbered anew: corners with the same number are one
-        vertex of the manifold.
+    Corners (m, 3) with the same number are one vertex of it. Where the faces around an edge of
+    three or more hang together at both its ends, all of them but one are parted from everything,
+    each with the other faces of its polygon.
     """
     while True:
         surface = Topology(F, n)
@@ -157,14 +126,9 @@ def _without_folds(surface: Topology, polygon: Ints) -> Ints:
 
 
 def orient(F: Ints, named: Ints) -> Ints:
-    """Find the faces of a manifold that are turned over, in each component the fewer.
+    """Find the faces of a manifold that are flipped, in each component the fewer.
 
-    `named` (m,) are the rows that an error says instead of those of F.
-
-    Raises
-    ------
-    MeshError
-        If a component is one-sided.
+    MeshError if a component is one-sided; it says `named` (m,) instead of the rows of F.
     """
     surface = Topology(F, int(F.max()) + 1)
     if surface.misoriented is not None:

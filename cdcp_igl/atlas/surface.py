@@ -1,4 +1,4 @@
-"""Any surface onto disks: mended, cut open, and each component mapped."""
+"""Any surface onto disks: cleaned, cut open, and each component mapped."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ class SurfaceMap(Result):
         Which disk each face is in; -1 if it was left out, because it has no area or is there
         already. Its corners lie where other faces have them, or are NaN.
     cut : Cut
-        The opened surface, with the edges that were cut and their length. Where faces were turned
-        over, they still are.
+        The opened surface, with the edges that were cut and their length. Flipped faces still
+        are flipped.
     changes : tuple of str
         What was done to make disks, a sentence each; empty if the surface was a disk.
     certificate : Certificate
@@ -67,7 +67,7 @@ class SurfaceMap(Result):
         Share of each disk in the area of the surface.
     timings : dict of str to float
         Seconds per phase of the maps that were kept, all disks together; "cut" is the rest: what
-        was mended and cut, and the maps with cuts that grew on.
+        was cleaned and cut, and the maps with cuts that grew on.
 
     Examples
     --------
@@ -198,11 +198,11 @@ def surface_map(
     solver: SolverName | None = None,
     progress: Progress | None = None,
 ) -> SurfaceMap:
-    """Map any surface conformally onto disks: mend it, cut it open, map each component.
+    """Map any surface conformally onto disks: clean it, cut it open, map each component.
 
-    What can be mended without changing the shape is: faces turned over, vertices where fans of
-    faces meet split, sheets that meet in an edge of three or more faces parted. Where a disk would
-    shrink a part of the surface, the cut is led to its tip.
+    What can be repaired without changing the shape is: flipped faces are reversed, vertices where
+    fans of faces meet are split, sheets that meet in an edge of three or more faces are parted.
+    Where a disk would shrink a part of the surface, the cut is led to its tip.
 
     Parameters
     ----------
@@ -298,9 +298,9 @@ def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[Chart]) -> Surfac
         uv[rows], face_disk[rows], corners[rows] = chart.disk.uv[chart.F], k, count + chart.F
         count += chart.opened.n
         areas.append(float(face_areas(sheets.V, F[rows]).sum()))
-    turned = sheets.rows[sheets.turned]
+    flipped = sheets.rows[sheets.flipped]
     for array in (corners, uv):
-        array[turned] = array[turned, ::-1]
+        array[flipped] = array[flipped, ::-1]
     fill_left_out(F, face_disk >= 0, corners, uv)
     disks = [chart.disk for chart in charts]
     opened, changes = cut_along(V, F, corners), list(sheets.changes)

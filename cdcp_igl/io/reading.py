@@ -17,50 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Defect, MeshError
-from . import mat, npz
+from .archives import read_mat, read_npz
 from .damage import Damage
-from .obj import read_obj
-from .off import read_off
 from .ply import read_ply
 from .stl import read_stl
-
-__all__ = ["READABLE", "read_mesh", "read_polygons"]
+from .text import read_obj, read_off
 
 Array = NDArray[Any]
 
-NAMES = (("V", "F"), ("v", "f"))
-
-
-def _read_mat(path: Path) -> tuple[Array, Array]:
-    return _pick(mat.matrices(path, sum(NAMES, ())))
-
-
-def _read_npz(path: Path) -> tuple[Array, Array]:
-    return _pick(npz.stored_arrays(path, sum(NAMES, ())))
-
-
-def _pick(found: dict[str, Array | None]) -> tuple[Array, Array]:
-    for names in NAMES:
-        V, F = map(found.get, names)
-        if V is not None and F is not None:
-            for name, array in zip(names, (V, F), strict=True):
-                if array.ndim != 2:
-                    raise Damage(f"{name} is no table, but has shape {array.shape}")
-            _refuse_transposed(V, F)
-            return V, F
-    raise Damage(f"it must hold V and F (or v and f), not {', '.join(found) or 'nothing'}")
-
-
-def _refuse_transposed(V: Array, F: Array) -> None:
-    """Raise MeshError if a row is a coordinate, rather than a vertex."""
-    if V.shape[0] in (2, 3) and V.shape[1] > 3:
-        raise MeshError(Defect.of("shape of V, transposed", shape=V.shape, faces=F.shape))
-
-
 # V and F, and where faces may be polygons, which of these each triangle is a part of.
 READERS: dict[str, Callable[[Path], tuple[Array, ...]]] = {
-    ".mat": _read_mat,
-    ".npz": _read_npz,
+    ".mat": read_mat,
+    ".npz": read_npz,
     ".obj": read_obj,
     ".off": read_off,
     ".ply": read_ply,
@@ -137,7 +105,7 @@ def read_polygons(
     -------
     V, F
         As of `read_mesh`.
-    whole : (m,) ndarray of int64
+    polygon_of_face : (m,) ndarray of int64
         Number of the polygon that each face is a part of, in the order of the file, counting
         from 0. With it, `cut` and `surface_map` go around polygons.
 
@@ -156,8 +124,8 @@ def read_polygons(
     >>> with TemporaryDirectory() as folder:
     ...     file = Path(folder, "square.obj")
     ...     _ = file.write_text(os.linesep.join(lines))
-    ...     V, F, whole = read_polygons(file)
-    >>> whole
+    ...     V, F, polygon_of_face = read_polygons(file)
+    >>> polygon_of_face
     array([0, 0, 1])
     """
     path = Path(path)

@@ -185,7 +185,8 @@ class Result(ABC):
         OSError
             If it cannot be written; nothing is left behind.
         """
-        from ..io import WRITABLE, whole_file, write_map
+        from ..io import WRITABLE, write_map
+        from ..io.output import whole_file
 
         suffix = Path(path).suffix.lower()
         if suffix in WRITABLE:
