@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spannin
 
 from ..arrays import Bools, Floats, Ints
 from ..surface.topology import Topology
-from ..surface.triangles import corner_cotangents
+from ..surface.triangles import corner_angles, corner_cotangents
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ class Component:
     @cached_property
     def angle(self) -> Floats:
         """(3m,) angle between each half-edge and the edge before it in its face, in radians."""
-        return np.arctan2(1, corner_cotangents(self.V, self.F)).T.ravel()
+        return corner_angles(corner_cotangents(self.V, self.F)).T.ravel()
 
     @cached_property
     def uncut(self) -> OpenedComponent:
