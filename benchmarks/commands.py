@@ -22,11 +22,9 @@ from .records.record import Record
 from .records.results import Measured
 from .records.store import ROOT, WORK, Work
 from .session import Machine, Out, Session, with_session
-from .write.cells import in_order
-from .write.comparisons import summary_table
-from .write.drawing import draw
 from .write.front_page import MODELS, README, rewrite
-from .write.sections import cases
+from .write.report import draw
+from .write.sections import cases, in_order, summary_table
 from .write.table import printed
 
 SPEED_METHODS = ("factor", "cdcp", "cdcp refine=1", "cdcp refine=5", "lscm", "harmonic")

@@ -67,7 +67,7 @@ def whole(scans):
         ("os.rename", ".unfinished/.cdcp_igl", 3, 0, 0),  # two drafts are written
         ("os.rename", "maps/surface_", 3, 2, 3),  # a result has a line, and is not in its place
         ("os.rename", "maps/summary.csv", 1, 5, 5),  # the last one is
-        ("shutil.rmtree", ".unfinished", 4, 5, 5),  # all is done
+        ("shutil.rmtree", ".unfinished", 2, 5, 5),  # all is done
     ],
 )
 def test_killed_the_results_are_those_of_an_undisturbed_run(

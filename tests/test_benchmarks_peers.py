@@ -18,7 +18,7 @@ from benchmarks.measure.peers import PEERS
 from benchmarks.records.comparison import paired, profiles, summary
 from benchmarks.records.results import Section
 from benchmarks.records.store import Work, read_results
-from benchmarks.write.comparisons import peer_tables
+from benchmarks.write.sections import peer_tables
 from cdcp_igl import angle_distortion, check, datasets
 from cdcp_igl.certificate import certify
 from cdcp_igl.reference import harmonic

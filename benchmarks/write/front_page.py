@@ -9,8 +9,8 @@ from cdcp_igl.io.output import whole_file
 
 from ..records.results import Measured, Section
 from ..records.store import ROOT, read_results
-from .cells import model_cells
 from .figures.style import style
+from .sections import model_cells
 from .table import NOTHING, Cell, Table, markdown
 
 README = ROOT / "README.md"

@@ -23,10 +23,9 @@ from ..records.findings import sentences
 from ..records.paper import published
 from ..records.record import EDGES, Record
 from ..records.results import Measured, NotMeasured, Section
-from .cells import COLUMNS, case, in_order
 from .figures.accuracy import histogram
 from .figures.style import encode, model_name, style
-from .sections import about, cases, tables
+from .sections import COLUMNS, about, case, cases, in_order, tables
 from .table import Table
 
 PIXELS = 300  # of the pictures on the page of a surface

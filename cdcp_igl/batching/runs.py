@@ -8,7 +8,7 @@ import json
 import os
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -23,8 +23,6 @@ from ..one_file import Settings
 from .executors import run_on
 from .journal import (
     DONE,
-    FAILED,
-    REFUSED,
     SUMMARY_BEGINS,
     Journal,
     Record,
@@ -34,7 +32,7 @@ from .journal import (
 from .names import located, result_names, shard_of, surface_files
 from .page import PAGE_BEGINS, report_page
 from .pool import Pool
-from .work import Task, digest_of
+from .work import Task
 
 SAME = "same"
 
@@ -213,21 +211,51 @@ def batch(
             _task(name, source, folder, format, unfinished, settings, digest)
             for name, source in mine
         ]
-        run = _Run(journal, tasks, read_journals(folder, digest), progress or _say_nothing)
+        history = read_journals(folder, digest)
+        records = {
+            task.name: history[task.name][-1]
+            for task in tasks
+            if task.name in history and task.is_settled(history[task.name][-1], retry)
+        }
+        count = Counter(record.status for record in records.values())
+
+        def tell() -> None:
+            if progress is not None:
+                progress(count[DONE], count.total() - count[DONE], len(tasks))
+
+        def write_down(record: Record) -> None:
+            journal.append(record.line())
+            records[record.name] = record
+            count[record.status] += 1
+            tell()
+
+        tell()
+        left: dict[str, Task] = {}
         try:
-            left = run.left(retry)
+            for task in tasks:
+                if task.name not in records:
+                    if refusal := task.refusal(history.get(task.name, ())):
+                        write_down(refusal)
+                    else:
+                        left[task.name] = task
+            to_map = list(left.values())
             made = (
-                Pool(jobs, **limits).run(left)
-                if executor is None
-                else run_on(executor, left, unfinished / "attempts")
+                Pool(jobs, **limits).run(to_map) if executor is None else run_on(executor, to_map)
             )
             with closing(made):
                 for record in made:
-                    run.finish(record)
+                    task = left[record.name]
+                    if record.status != DONE:
+                        write_down(record)
+                    elif refusal := task.refusal(history.get(task.name, ())):  # since it began
+                        write_down(refusal)
+                    else:
+                        write_down(record)  # first, so that each result that is there has a line
+                        task.move_draft()
         finally:
-            history = read_journals(folder, digest)  # with those of other shards
-            write_summary(summary_file, (history[name][-1] for name in sorted(history)))
-    done = Batch(folder, tuple(run.records[task.name] for task in tasks))
+            latest = read_journals(folder, digest)  # with those of other shards
+            write_summary(summary_file, (latest[name][-1] for name in sorted(latest)))
+    done = Batch(folder, tuple(records[task.name] for task in tasks))
     if report is not None:
         page = report_page(f"Maps in {printable(folder.name)}", str(done), done.records)
         with whole_file(report) as file:
@@ -235,91 +263,13 @@ def batch(
     return done
 
 
-class _Run:
-    """What has become of each surface, and what is left."""
-
-    def __init__(
-        self,
-        journal: Journal,
-        tasks: Sequence[Task],
-        history: Mapping[str, Sequence[Record]],
-        progress: Callable[[int, int, int], None],
-    ) -> None:
-        self.records: dict[str, Record] = {}
-        self._journal, self._history, self._progress = journal, history, progress
-        self._tasks = {task.name: task for task in tasks}
-        self._count: Counter[str] = Counter()
-
-    def left(self, retry: bool) -> list[Task]:
-        """Return what former runs have not done, and what is not refused."""
-        for name, task in self._tasks.items():
-            if name in self._history and _is_settled(task, self._history[name][-1], retry):
-                self._keep(self._history[name][-1])
-        self._tell()
-        left = []
-        for name, task in self._tasks.items():
-            if name not in self.records:
-                if refusal := self._refusal(task):
-                    self._write_down(refusal)
-                else:
-                    left.append(task)
-        return left
-
-    def finish(self, record: Record) -> None:
-        """Write down what a worker has made, and put a result into its place."""
-        task = self._tasks[record.name]
-        if record.status != DONE:
-            self._write_down(record)
-        elif refusal := self._refusal(task):  # something is there since the worker began
-            self._write_down(refusal)
-        else:
-            self._write_down(record)  # first, so that each result that is there has a line
-            _move(task)
-
-    def _refusal(self, task: Task) -> Record | None:
-        """Refuse the surface if what is there must not be replaced."""
-        if not (os.path.lexists(task.target) and os.access(task.source, os.R_OK)):
-            return None  # if it cannot be read, its worker will say so
-        target = printable(task.target)
-        if os.path.exists(task.target) and os.path.samefile(task.source, task.target):
-            message = f"{target} is the surface itself; give the result another place."
-        elif _is_ours(task, self._history.get(task.name, ())):
-            return None
-        else:
-            message = (
-                f"{target} is there, and was not made from {printable(Path(task.source).name)} "
-                "with these options, or has been changed; move it, or take another folder."
-            )
-        return task.record(REFUSED, "FileExistsError", message)
-
-    def _write_down(self, record: Record) -> None:
-        self._journal.append(record)
-        self._keep(record)
-        self._tell()
-
-    def _keep(self, record: Record) -> None:
-        self.records[record.name] = record
-        self._count[record.status] += 1
-
-    def _tell(self) -> None:
-        done = self._count[DONE]
-        self._progress(done, self._count.total() - done, len(self._tasks))
-
-
-def _say_nothing(done: int, failed: int, total: int) -> None:
-    """Take the place of a progress that nobody asked for."""
-
-
 def _digest_of_options(settings: Settings, format: str) -> str:
-    """Tell the options of a batch from others; TypeError if one cannot be written down."""
-    text = json.dumps(asdict(settings) | {"format": format}, sort_keys=True, default=_plain)
+    text = json.dumps(
+        asdict(settings) | {"format": format},
+        sort_keys=True,
+        default=lambda array: np.asarray(array).tolist(),
+    )
     return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    raise TypeError(f"{value!r} is no option of a batch: it cannot be written down")
 
 
 def _refuse_another(path: Path, beginning: str, what: str) -> None:
@@ -361,31 +311,3 @@ def _task(
     draft = hashlib.sha256(name.encode(errors="surrogateescape")).hexdigest() + suffix
     target = str(folder / f"{name}{suffix}")
     return Task(name, str(source), target, str(unfinished / draft), settings, digest)
-
-
-def _is_settled(task: Task, record: Record, retry: bool) -> bool:
-    """Whether a former run has done with this surface, as it is now."""
-    if (record.input, record.input_size, record.input_mtime) != (task.source, *task.state()):
-        return False
-    if record.status == DONE:  # and the result is what it was
-        return os.path.isfile(task.target) and digest_of(task.target) == record.output_digest
-    return record.status == FAILED and not retry
-
-
-def _is_ours(task: Task, history: Sequence[Record]) -> bool:
-    """Whether what is there is empty, or was made by a batch from this surface as it is now."""
-    if not os.path.isfile(task.target):
-        return False
-    if os.path.getsize(task.target) == 0:
-        return True
-    digests = digest_of(task.source), digest_of(task.target)
-    return any((record.input_digest, record.output_digest) == digests for record in history)
-
-
-def _move(task: Task) -> None:
-    """Put the result into its place."""
-    try:
-        os.makedirs(os.path.dirname(task.target), exist_ok=True)
-        os.replace(task.draft, task.target)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, task.target) from error
