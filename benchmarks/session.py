@@ -16,7 +16,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 from rich.console import Console
 
-from cdcp_igl.batching.shards import read_shard
+from cdcp_igl.batching.names import read_shard
 from cdcp_igl.io import whole_file
 from cdcp_igl.solve.solvers import solver
 

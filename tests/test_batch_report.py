@@ -6,11 +6,11 @@ import meshes
 import numpy as np
 import pytest
 from batches import command, contents, lines, write_surfaces
+from cdcp_igl.batching.stamps import read_stamp
 from matplotlib import image as mpimg
 
 import cdcp_igl
 from cdcp_igl.batching import batch
-from cdcp_igl.batching.stamps import read_stamp
 
 
 @pytest.fixture

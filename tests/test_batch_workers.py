@@ -15,10 +15,10 @@ import meshes
 import numpy as np
 import pytest
 from batches import ROOT, WORKERS, command, contents, lines, write_surfaces
+from cdcp_igl.batching.memory import memory_needed
 from typer.testing import CliRunner
 
 from cdcp_igl.batching import batch, pool
-from cdcp_igl.batching.memory import memory_needed
 from cdcp_igl.command_line.program import app
 from cdcp_igl.reference.case import run_case
 

@@ -19,7 +19,7 @@ from benchmarks.measure.models import Model, as_disk
 from benchmarks.records.record import OPENED
 from benchmarks.records.results import Measured, NotMeasured
 from benchmarks.records.store import Work, read_results
-from cdcp_igl.batching.shards import read_shard, shard_of
+from cdcp_igl.batching.names import read_shard, shard_of
 from cdcp_igl.reference import harmonic
 
 TETRAHEDRON = (

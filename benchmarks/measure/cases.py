@@ -13,7 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from cdcp_igl import MapError, MeshError, SolverError, angle_distortion
 from cdcp_igl.batching.executors import run_on
-from cdcp_igl.batching.shards import Shard, shard_of
+from cdcp_igl.batching.names import Shard, shard_of
 from cdcp_igl.reference.case import OK, TOO_LARGE, TOO_LONG, Case, run_case
 from cdcp_igl.solve.solvers import solver
 from cdcp_igl.surface.mesh import DiskMesh

@@ -31,7 +31,7 @@ import numpy as np
 import cdcp_igl
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.batching.journal import Journal, journal_lines
-from cdcp_igl.batching.shards import Shard
+from cdcp_igl.batching.names import Shard
 from cdcp_igl.io import whole_file
 
 from .record import Record

@@ -12,8 +12,6 @@ from typing import Any, Protocol, TypeVar
 from .pool import ATTEMPTS
 from .work import Unwritten
 
-__all__ = ["Job", "run_on"]
-
 SUSPECTED = "a worker of the executor died while it mapped this surface, or another beside it"
 
 Made = TypeVar("Made", covariant=True)

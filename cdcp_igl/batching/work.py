@@ -3,31 +3,21 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from time import perf_counter
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from .. import __version__
-from ..io import read_polygons, whole_file
-from ..one_file import Settings, map_one
+from ..io import read_polygons
+from ..one_file import Mapped, Settings, map_one
 from ..reference.processes import forget_peak_memory, peak_memory
-from .records import DONE, FAILED, REFUSED, Record
-from .stamps import Stamp, put_stamp
-from .targets import digest_of, objection
-from .thumbnails import draw_thumbnail
+from .journal import DONE, FAILED, Record
 
-__all__ = ["Task", "Unwritten"]
 
-Array = NDArray[Any]
-
-ANOTHER = " with these options; move it, or take another folder"
+class Unwritten(OSError):
+    """A result could not be written, which is no fault of the surface."""
 
 
 @dataclass(frozen=True)
@@ -40,16 +30,19 @@ class Task:
         Name of the result.
     source, target : str
         Absolute paths of the surface and of the result.
+    draft : str
+        Where the worker writes the result. The batch moves it to `target`.
     settings : Settings
-    thumbnail : str
-        Path of a picture of the disks; empty for none.
+    options_digest : str
+        Tells the options of the batch from others.
     """
 
     name: str
     source: str
     target: str
+    draft: str
     settings: Settings
-    thumbnail: str = ""
+    options_digest: str
 
     def state(self) -> tuple[int, int]:
         """Return size and time of the surface's file, -1 if there is none."""
@@ -59,7 +52,7 @@ class Task:
             return -1, -1
         return stat.st_size, stat.st_mtime_ns
 
-    def record(self, status: str, **values: Any) -> Record:
+    def record(self, status: str, error: str = "", message: str = "") -> Record:
         """Make a record of this surface."""
         size, mtime = self.state()
         return Record(
@@ -67,103 +60,61 @@ class Task:
             self.source,
             input_size=size,
             input_mtime=mtime,
-            options_digest=digest_of_settings(self.settings),
+            options_digest=self.options_digest,
             version=__version__,
             finished=_now(),
             status=status,
-            **values,
+            error=error,
+            message=message,
         )
 
     def failed(self, error: str, message: str) -> Record:
         """Make the record of this surface if there is no other."""
-        return self.record(FAILED, error=error, message=message)
+        return self.record(FAILED, error, message)
 
     def run(self) -> Record:
-        """Map the surface; Unwritten if the result cannot be written."""
-        return _map_file(self)
+        """Map the surface; whatever is wrong with it is in the record.
 
-
-class Unwritten(OSError):
-    """A result could not be written, which is no fault of the surface."""
-
-
-def _map_file(task: Task) -> Record:
-    """Map one surface.
-
-    Returns
-    -------
-    Record
-        Whatever is wrong with the surface is in it.
-
-    Raises
-    ------
-    Unwritten
-        If the result cannot be written.
-    """
-    start = perf_counter()
-    forget_peak_memory()
-    record = task.record(FAILED)
-    source = Path(task.source)
-    try:
-        stamp = Stamp(digest_of(source), digest_of_settings(task.settings))
-        record = replace(record, input_digest=stamp.input)
-        if message := _objection(task, stamp):
-            record = replace(record, status=REFUSED, error="FileExistsError", message=message)
-        else:
+        Raises
+        ------
+        Unwritten
+            If the result cannot be written.
+        """
+        start = perf_counter()
+        forget_peak_memory()
+        record = self.record(FAILED)
+        try:
+            record = replace(record, input_digest=digest_of(self.source))
             notes: list[str] = []
-            V, F, whole = read_polygons(source, notes.append)
+            V, F, polygon_of_face = read_polygons(self.source, notes.append)
             record = replace(record, vertices=len(V), faces=len(F))
-            record = _mapped(task, (V, F, whole), stamp, record)
-            record = replace(record, status=DONE, changes=(*notes, *record.changes))
-    except Unwritten:
-        raise
-    except Exception as error:  # whatever it is, the other surfaces can do without this one
-        message = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        record = replace(record, error=type(error).__name__, message=message)
-    seconds = perf_counter() - start
-    return replace(record, seconds=seconds, memory=peak_memory(), finished=_now())
+            mapped = map_one(V, F, polygon_of_face, self.settings)
+            output_digest = self._write(mapped)
+            measures = mapped.measures() | {"changes": (*notes, *mapped.changes)}
+            record = replace(record, status=DONE, output_digest=output_digest, **measures)
+        except Unwritten:
+            raise
+        except Exception as error:  # whatever it is, the other surfaces can do without this one
+            message = (error.strerror if isinstance(error, OSError) else None) or str(error)
+            record = replace(record, error=type(error).__name__, message=message)
+        seconds = perf_counter() - start
+        return replace(record, seconds=seconds, memory=peak_memory(), finished=_now())
+
+    def _write(self, mapped: Mapped) -> str:
+        """Write the draft and return its digest."""
+        draft = Path(self.draft)
+        try:
+            mapped.write(draft, Path(self.source), self.settings)
+            return digest_of(draft)
+        except OSError as error:
+            raise Unwritten(error.errno, error.strerror, self.target) from error
 
 
-def _objection(task: Task, stamp: Stamp) -> str:
-    """Say why a file that is there must not be replaced; nothing if all may."""
-    source = Path(task.source)
-    # With the right mark, it is from a run that was killed before it could say so.
-    message = objection(Path(task.target), source, lambda found: found == stamp, ANOTHER)
-    if task.thumbnail and not message:
-        # Results in several formats share a picture: any mark shows that a batch has drawn it.
-        message = objection(Path(task.thumbnail), source, lambda found: found is not None, ANOTHER)
-    return message
-
-
-def digest_of_settings(settings: Settings) -> str:
-    """Tell these settings from others."""
-    text = json.dumps(asdict(settings), sort_keys=True, default=_plain)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    raise TypeError(f"{value!r} is no option of a batch: it cannot be written down")
+def digest_of(path: str | os.PathLike[str]) -> str:
+    """SHA-256 of the bytes of a file."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="microseconds")
-
-
-def _mapped(
-    task: Task, surface: tuple[Array, Array, Array], stamp: Stamp, record: Record
-) -> Record:
-    """Map and write; Unwritten if the file cannot be written."""
-    mapped = map_one(*surface, task.settings)
-    target = Path(task.target)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(target) as unfinished:
-            mapped.write(unfinished, Path(task.source), task.settings)
-            put_stamp(unfinished, stamp)
-        if task.thumbnail:
-            draw_thumbnail(Path(task.thumbnail), mapped.disks, stamp)
-    except OSError as error:
-        raise Unwritten(error.errno, error.strerror, task.target) from error
-    return replace(record, **mapped.measures())
