@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .arguments import Inputs
-from .messages import BAD_INPUT, exit_codes, reason, show
+from .messages import BAD_INPUT, exit_codes, reason
+from .options import Inputs
+from .screen import show_lines
 
 if TYPE_CHECKING:
     from ..errors import Defect, MeshError
@@ -52,7 +53,9 @@ def check_command(
         rows.append(_as_json(printable(mesh), report, notes))
         if not as_json:
             name = f"{printable(mesh)}: " if len(meshes) > 1 else ""
-            show(f"{name}{report}", notes, "green" if report.is_disk else "red")
+            title, *lines = f"{name}{report}".splitlines()
+            lines += [f"  note                {note}" for note in notes]
+            show_lines(title, lines, "green" if report.is_disk else "red")
     if as_json:
         typer.echo(json.dumps(rows, indent=2))
     if disks < len(meshes):

@@ -112,9 +112,7 @@ def _map_options(
     ] = None,
     preset: Annotated[
         str | None,
-        typer.Option(
-            metavar="paper", help="Follow the paper; sets --center and --mobius itself."
-        ),
+        typer.Option(metavar="paper", help="Follow the paper; sets --center and --mobius itself."),
     ] = None,
 ) -> dict[str, Any]:
     """Return `disk`, `clean` and `cut`, and those options of `disk_map` that were given."""
@@ -127,7 +125,7 @@ def _map_options(
         "refine_seconds": refine_seconds,
         "preset": preset,
     }
-    given = {name: value for name, value in options.items() if value is not None}
+    given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     if mobius == "none":
         given["mobius"] = None
     return {"disk": disk, "clean": clean, "cut": cut, **given}
