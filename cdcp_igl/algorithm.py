@@ -15,7 +15,6 @@ from .rescue.boundary import FALLBACKS, Rejected, by_trace, whitened_geodesic_ma
 from .rescue.harmonic_map import HarmonicMap
 from .result.disk_map import DiskMap
 from .selection import best_map
-from .solve.factor import Factor
 from .solve.factored import FactoredSurface
 from .solve.laplacian import cotangent_laplacian
 from .solve.solvers import SolverName, using
@@ -196,7 +195,7 @@ def factored_surface(
     with phase("laplacian"):
         L = cotangent_laplacian(mesh)  # (8)
     with phase("factor"):
-        return FactoredSurface(mesh, L, Factor(mesh, L))
+        return FactoredSurface(mesh, L)
 
 
 def map_of(

@@ -10,27 +10,25 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import ellipk, ellipkinc
 
 from .algorithm import map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates
 from .certificate import Certificate, flipped_faces, increments
 from .distortion import AngleDistortion, angle_errors
-from .errors import MapError, SolverError
+from .errors import MapError, SolverError, counted, spell
 from .plot.layout import Layout
 from .rescue.conformality import Conformality, judge
 from .rescue.repair import Repair, unfold
 from .result.base import Result
 from .solve.delaunay import intrinsic_delaunay_laplacian
-from .solve.factor import Factor
 from .solve.factored import FactoredSurface
 from .solve.laplacian import Laplacian, cotangent_laplacian
 from .solve.solvers import SolverName, using
 from .steps.extension import harmonic_extension
 from .steps.options import Options
 from .steps.phases import Phases, Progress
-from .steps.schwarz_christoffel import along_side
 from .surface.mesh import DiskMesh
-from .surface.sides import boundary_sides, is_monotone, refuse_chords
 
 __all__ = ["RectangleMap", "rectangle_map"]
 
@@ -232,8 +230,8 @@ def rectangle_map(
     with using(solver):
         with phase("check"):
             mesh = DiskMesh(V, F)
-            sides = boundary_sides(mesh, corners)
-            refuse_chords(mesh, sides)
+            sides = _boundary_sides(mesh, corners)
+            _refuse_chords(mesh, sides)
         best = _best_map(mesh, sides, phase)
     if not best.valid:
         raise MapError(
@@ -245,6 +243,42 @@ def rectangle_map(
         log.warning("the map is not conformal: %s", "; ".join(best.conformality.reasons))
     phase.done()
     return best
+
+
+def _boundary_sides(mesh: DiskMesh, corners: ArrayLike) -> list[Ints]:
+    """Split the boundary loop: the vertices of each side with its corners, in order."""
+    chosen = np.asarray(corners)
+    if chosen.shape != (4,) or chosen.dtype.kind not in "iu":
+        raise ValueError(f"corners must be four vertices, not {corners!r}")
+    place, nB = mesh.place, len(mesh.loop)
+    if not ((chosen >= 0) & (chosen < len(place))).all() or (place[chosen] < 0).any():
+        raise ValueError(f"corners={chosen.tolist()} must be boundary vertices")
+    steps = (np.roll(place[chosen], -1) - place[chosen]) % nB
+    if (steps == 0).any() or steps.sum() != nB:
+        order = mesh.loop[np.sort(place[chosen])].tolist()
+        raise ValueError(
+            f"corners={chosen.tolist()} must be four vertices in the order of the boundary, "
+            f"the surface on the left, which is {order}"
+        )
+    return [
+        mesh.loop[(place[corner] + np.arange(step + 1)) % nB]
+        for corner, step in zip(chosen, steps, strict=True)
+    ]
+
+
+def _refuse_chords(mesh: DiskMesh, sides: list[Ints]) -> None:
+    """Raise ValueError for edges inside that join two vertices of one side."""
+    for number, side in enumerate(sides, 1):
+        on_side = np.zeros(len(mesh.V), dtype=bool)
+        on_side[side] = True
+        chords = mesh.edges.ends(mesh.edges.chords(on_side))
+        if len(chords):
+            found = counted(len(chords), "edge inside joins", "edges inside join")
+            raise ValueError(
+                f"{found} two vertices of side {number}, so that the faces cut off would have no "
+                f"area in a rectangle: {spell(chords)}. Choose a corner among these faces, or "
+                "split the edges."
+            )
 
 
 def _best_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleMap:
@@ -281,8 +315,8 @@ def _harmonic(mesh: DiskMesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floa
     value, free = np.zeros(len(mesh.V)), np.ones(len(mesh.V), dtype=bool)
     value[one] = 1
     free[zero] = free[one] = False
-    factor = Factor(mesh, L, free)
-    return value + factor.solve(-(L.matrix() @ value)), factor.solver
+    surface = FactoredSurface(mesh, L, free)
+    return value + surface.solve(-(L.matrix() @ value)), surface.solver
 
 
 def _by_disk_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleMap:
@@ -298,8 +332,40 @@ def _by_disk_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleM
             start, along = (0, 1, 1 + 1j, 1j)[number], 1j**number
             f[side[:-1]] = start + along * along_side(z[side[:-1]], np.roll(corners, -number))
         f = harmonic_extension(surface, f[mesh.loop])
-    L, solver = surface.laplacian, surface.factor.solver
+    L, solver = surface.laplacian, surface.solver
     return _mapped(mesh, L, sides, f, "cotangent", "disk map", solver, phase)
+
+
+def along_side(z: Complex, corners: Complex) -> Floats:
+    """Where the conformal map of the disk onto a rectangle takes an arc between two corners.
+
+    Parameters
+    ----------
+    z : (k,) complex128
+        Points of the arc from the first corner to the second.
+    corners : (4,) complex128
+        On the unit circle, counterclockwise, the start of the side first.
+
+    Returns
+    -------
+    (k,) float64
+        From 0 at the start of the side to 1 at its end.
+
+    References
+    ----------
+    L. V. Ahlfors. Complex Analysis. McGraw-Hill, 1979. Chapter 6, sect. 2.3: mapping on
+    a rectangle.
+    """
+    a, b, c, d = corners
+    # In the half-plane the corners lie at -1, 1, 1/k and -1/k; chords on the circle tell k, and
+    # with it root = (1 - k) / (1 + k) (Ptolemy).
+    across = abs(c - a) * abs(d - b)
+    root = np.sqrt(abs(c - b) * abs(a - d) / across)
+    k = abs(b - a) * abs(d - c) / across / (1 + root) ** 2
+    with np.errstate(divide="ignore"):
+        ratio = abs(z - a) / abs(z - b) * abs(c - b) / abs(c - a) / root  # (1 + x) / (1 - x)
+    amplitude = 2 * np.arctan(np.sqrt(ratio)) - np.pi / 2  # arcsin x
+    return (1 + ellipkinc(amplitude, k * k) / ellipk(k * k)) / 2
 
 
 def _mapped(
@@ -321,7 +387,7 @@ def _mapped(
     f = modulus * square.real + 1j * square.imag
     repair = Repair()
     with phase("repair"):
-        if is_monotone(sides, f):
+        if _is_monotone(sides, f):
             f, repair = unfold(mesh, f, on_disk=False)
     with phase("certificate"):
         certificate = _certify(mesh, sides, f, modulus)
@@ -360,8 +426,19 @@ def _certify(mesh: DiskMesh, sides: list[Ints], f: Complex, modulus: float) -> C
     return Certificate(
         finite=True,
         boundary_error=float(abs(np.concatenate(off)).max()),
-        boundary_monotone=is_monotone(sides, f),
+        boundary_monotone=_is_monotone(sides, f),
         winding_number=round(around_middle.sum() / (2 * np.pi)),
         flipped=flipped,
         n_exact=n_exact,
+    )
+
+
+def _is_monotone(sides: list[Ints], f: Complex) -> bool:
+    """Whether each side is run through forwards, no two vertices in one place."""
+    bottom, right, top, left = sides
+    return bool(
+        (np.diff(f.real[bottom]) > 0).all()
+        and (np.diff(f.imag[right]) > 0).all()
+        and (np.diff(f.real[top]) < 0).all()
+        and (np.diff(f.imag[left]) < 0).all()
     )

@@ -100,7 +100,7 @@ def best_map(
         if not keep_factor:
             surface.release()
         lowered = [
-            refined(mesh, rival, surface.factor.order, steps, options, phase) if steps else rival
+            refined(mesh, rival, surface.order, steps, options, phase) if steps else rival
             for rival, steps in zip(rivals, due, strict=True)
         ]
         # The others are no choice any more: the mean of a refined map may be above theirs, as it
@@ -244,7 +244,7 @@ def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskM
         straightening=best.straightening,
         mobius=best.mobius,
         refinement=best.refinement,
-        solver=surface.factor.solver,
+        solver=surface.solver,
         timings=phase.seconds,
     )
 

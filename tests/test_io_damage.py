@@ -122,8 +122,22 @@ def test_ply_of_mixed_polygons_with_other_columns(tmp_path, form):
         ("index.off", "OFF\n1 1 0\n0 0 0\n3 0 0 0.5\n", "line 4: '0.5' is no index"),
         ("binary.off", "OFF BINARY\n", "first line"),
         ("index.ply", PLY.format("", 1, "uchar", "float") + ROWS + "3 0 1 1.5\n", "no integers"),
-        ("long.ply", PLY.format("", 1, "uint", "int") + ROWS + "1000000000 0 1 2\n", "row 1 of"),
-        ("list.ply", PLY.format("", 2, "uint", "int") + ROWS + "3 0 1 2\n-3\n", "row 2 of"),
+        (
+            "long.ply",
+            PLY.format("", 1, "uint", "int") + ROWS + "1000000000 0 1 2\n",
+            "1,000,000,000 entries in face",
+        ),
+        (
+            "list.ply",
+            PLY.format("", 2, "uint", "int") + ROWS + "3 0 1 2\n-3\n",
+            "-3 entries in face",
+        ),
+        (
+            "word.ply",
+            PLY.format("", 1, "uint", "int") + ROWS + "3 0 x 2\n",
+            "line 5 after its header: 'x'",
+        ),
+        ("more.ply", PLY.format("", 1, "uint", "int") + ROWS + "3 0 1 2 3\n", "more numbers than"),
         ("half.ply", PLY.format("", 1, "float", "int") + ROWS + "3 0 1 2\n", "its header says"),
         ("facet.stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nendloop\n", "three"),
     ],
@@ -245,11 +259,14 @@ def test_encrypted_archive(tmp_path):
     assert "encrypted" in unreadable(path)
 
 
-def test_a_header_that_promises_more_than_there_is(tmp_path):
+@pytest.mark.parametrize(
+    "shape", [b"(4000000000, 3), }", b"(5, 3), }         ", b"(3, 3), }         "]
+)
+def test_a_header_with_another_shape_than_the_array(tmp_path, shape):
     path = tmp_path / "a.npz"
-    change = (b"(4, 3), }         ", b"(4000000000, 3), }")
+    change = (b"(4, 3), }         ", shape)
     zipped(path, zipfile.ZIP_STORED, change=lambda data: data.replace(*change))
-    assert "not as many numbers" in unreadable(path)
+    unreadable(path)
 
 
 def test_bombs_are_refused_before_they_go_off(tmp_path):

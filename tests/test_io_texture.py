@@ -14,8 +14,8 @@ from PIL import Image
 
 from cdcp_igl import MeshError, datasets, disk_map, surface_map
 from cdcp_igl.io import read_mesh, write_map
-from cdcp_igl.io.corners import indexed
 from cdcp_igl.io.images import checkerboard
+from cdcp_igl.io.writing import _indexed as indexed
 
 SCENE = """\
 # made by hand, in a hurry

@@ -15,8 +15,8 @@ from surfaces import tube
 
 import cdcp_igl
 from cdcp_igl import rectangle
+from cdcp_igl.rectangle import along_side
 from cdcp_igl.rescue.repair import Repair
-from cdcp_igl.steps.schwarz_christoffel import along_side
 from cdcp_igl.surface.mesh import DiskMesh
 
 REAL = [

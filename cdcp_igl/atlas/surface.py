@@ -1,9 +1,8 @@
-"""Any surface onto disks: mended, cut open, and each component mapped."""
+"""Any surface onto disks: cleaned, cut open, and each component mapped."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from time import perf_counter
 from typing import Any, Literal
@@ -11,11 +10,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..algorithm import disk_map
 from ..arrays import Floats, Ints, as_complex
 from ..certificate import Certificate
-from ..distortion import AngleDistortion, area_distortion, plane_angles
-from ..errors import MapError, counted
+from ..distortion import AngleDistortion
+from ..errors import counted
 from ..plot.layout import Layout
 from ..rescue.conformality import Conformality
 from ..result.base import Result
@@ -25,20 +23,12 @@ from ..steps.center import CenterMethod
 from ..steps.options import Options
 from ..steps.phases import Progress
 from ..surface.triangles import face_areas, oriented_areas
-from ..surface.validation import face_array, unit_size, vertex_array
-from .cut_growth import grow, lead_away
-from .cut_surface import CutSurface, Opened
-from .cutting import Cut, cut_along, open_to_disk, split_components
-from .holes import fill_holes
-from .left_out import fill_left_out
+from ..surface.validation import unit_size, usable_arrays
+from .charts import Chart, map_component
+from .cut_graph import split_components
+from .cutting import Cut, cut_along
 from .packing import packed_circles
-from .scale import centered_factor
-from .sheets import Sheets, oriented_sheets
-
-__all__ = ["SurfaceMap", "surface_map"]
-
-# A round of growth is kept if it lowers the spread, or the angle error, by more than this share.
-GAIN = 0.03
+from .sheets import Sheets, fill_left_out, oriented_sheets
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,14 +47,14 @@ class SurfaceMap(Result):
         Which disk each face is in; -1 if it was left out, because it has no area or is there
         already. Its corners lie where other faces have them, or are NaN.
     cut : Cut
-        The opened surface, with the edges that were cut and their length. Where faces were turned
-        over, they still are.
+        The opened surface, with the edges that were cut and their length. Flipped faces still
+        are flipped.
     changes : tuple of str
         What was done to make disks, a sentence each; empty if the surface was a disk.
     certificate : Certificate
-        Those of all disks in one, valid if each of them is: errors are the largest, numbers the
-        sum, and the winding number is 1 or that of a disk where it is not 1. Flipped faces are
-        rows of the given F; -1 for a face that fills a hole.
+        Those of all disks in one, valid if each of them is: the largest error, the winding number
+        farthest from 1, all flipped faces (rows of ``disks[k].mesh.F``), and how many were decided
+        exactly. It does not compare one disk with another.
     conformality : Conformality
         That of the worst disk: of those that are not conformal, if any, the one of the largest
         mean distortion. Of several disks, the reasons name it.
@@ -77,7 +67,7 @@ class SurfaceMap(Result):
         Share of each disk in the area of the surface.
     timings : dict of str to float
         Seconds per phase of the maps that were kept, all disks together; "cut" is the rest: what
-        was mended and cut, and the maps with cuts that grew on.
+        was cleaned and cut, and the maps with cuts that grew on.
 
     Examples
     --------
@@ -126,23 +116,6 @@ class SurfaceMap(Result):
         disk = np.zeros(len(self.cut.V), np.int64)
         disk[self.cut.F[mapped]] = self.face_disk[mapped][:, None]
         return (centers[disk] + radii[disk][:, None] * self.uv_cut)[self.cut.F]
-
-    def area_distortion(self) -> Floats:
-        """Logarithm of the area in the plane by that on the surface, the disks `packed`.
-
-        Returns
-        -------
-        (k,) float64
-            Of the given faces that are on a disk, as `cdcp_igl.area_distortion` has it.
-        """
-        mapped = self.face_disk >= 0
-        corners, packed = self.cut.V[self.cut.F[mapped]], self.packed()[mapped]
-        (x, y), (p, q) = (packed[:, 1] - packed[:, 0]).T, (packed[:, 2] - packed[:, 0]).T
-        turned = x * q < y * p  # in the given surface, which is left as it is
-        for array in (corners, packed):
-            array[turned] = array[turned, ::-1]
-        V, uv = (array.reshape(-1, array.shape[-1]) for array in (corners, packed))
-        return area_distortion(V, np.arange(len(V)).reshape(-1, 3), uv)
 
     def _subject(self) -> str:
         faces = counted(len(self.uv), "face", "faces")
@@ -208,11 +181,11 @@ def surface_map(
     solver: SolverName | None = None,
     progress: Progress | None = None,
 ) -> SurfaceMap:
-    """Map any surface conformally onto disks: mend it, cut it open, map each component.
+    """Map any surface conformally onto disks: clean it, cut it open, map each component.
 
-    What can be mended without changing the shape is: faces turned over, vertices where fans of
-    faces meet split, sheets that meet in an edge of three or more faces parted. Where a disk would
-    shrink a part of the surface, the cut is led to its tip.
+    What can be repaired without changing the shape is: flipped faces are reversed, vertices where
+    fans of faces meet are split, sheets that meet in an edge of three or more faces are parted.
+    Where a disk would shrink a part of the surface, the cut is led to its tip.
 
     Parameters
     ----------
@@ -268,160 +241,81 @@ def surface_map(
     steps = 0 if refine is None else refine  # 0 is as needed
     options = Options(center, mobius, align, steps, refine_norm, refine_seconds, preset, solver)
     start = perf_counter()
-    sheets = oriented_sheets(V, F, polygon_of_face)
-    given = vertex_array(V).astype(np.float64)
-    charts = _charts(sheets, options, fill, spread, progress)
-    made = _together(given, face_array(F, len(given)), sheets, list(charts))
+    given, faces = usable_arrays(V, F)
+    sheets = oriented_sheets(given, faces, polygon_of_face)
+    charts, done = [], 0.0
+    for component in split_components(sheets.V, sheets.F, sheets.vertices, sheets.polygon):
+        share = len(component.rows) / len(sheets.F)
+        part = _part_of(progress, done, share)
+        charts.append(map_component(component, options, fill, spread, part))
+        done += share
+    if progress:
+        progress("done", 1.0)
+    made = _together(given.astype(np.float64), faces, sheets, charts)
     mapping = sum(made.timings.values())
     return replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
 
 
-@dataclass(frozen=True, eq=False)
-class _Chart:
-    """A component opened to a disk, and its map; `failure` says why that is not valid.
+def _part_of(progress: Progress | None, done: float, share: float) -> Progress | None:
+    """Report one disk as a part of all; a round of growth begins anew, but nothing goes back."""
+    if progress is None:
+        return None
+    reported = done
 
-    `average` and `spread` are those of `factor` over the area. The first faces of `opened` are
-    `rows` of the oriented surface, the others fill holes.
-    """
+    def advance(phase: str, fraction: float) -> None:
+        nonlocal reported
+        if phase != "done":
+            reported = max(reported, done + share * fraction)
+            progress(phase, reported)
 
-    opened: Opened
-    disk: DiskMap
-    failure: str
-    factor: Floats
-    average: float
-    spread: float
-    rows: Ints = field(default_factory=lambda: np.empty(0, np.int64))
-    n_filled: int = 0
-
-    def gains_on(self, other: _Chart) -> bool:
-        """Whether the scale is more even; or the angles are better where they were not good."""
-        if other.disk.conformal:
-            return self.disk.conformal and self.spread < (1 - GAIN) * other.spread
-        return self.disk.distortion.mean < (1 - GAIN) * other.disk.distortion.mean
+    return advance
 
 
-def _charts(
-    sheets: Sheets,
-    options: Options,
-    fill: bool,
-    spread: float,
-    progress: Progress | None,
-) -> Iterator[_Chart]:
-    """Fill, open and map each component."""
-    done = reported = 0.0
-    for component in split_components(sheets.V, sheets.F, sheets.vertices, sheets.polygon):
-        n_faces = len(component.rows)
-        share = n_faces / len(sheets.F)
-
-        def advance(phase: str, fraction: float, done: float = done, share: float = share) -> None:
-            nonlocal reported
-            if progress and phase != "done":
-                reported = max(reported, done + share * fraction)  # each map begins anew
-                progress(phase, reported)
-
-        surface, n_filled = fill_holes(component.surface) if fill else (component.surface, 0)
-        open_to_disk(surface)
-        if spread < np.inf:
-            lead_away(surface)
-        chart = _grown(surface, options, advance, n_faces, spread)
-        yield replace(chart, rows=component.rows, n_filled=n_filled)
-        done += share
-    if progress:
-        progress("done", 1.0)
-
-
-def _grown(
-    surface: CutSurface, options: Options, progress: Progress, n_faces: int, spread: float
-) -> _Chart:
-    """Map a component that is cut to a disk, and grow the cut while that evens out the scale."""
-    best, n_edges = _chart(surface, options, progress, n_faces), len(surface.cut_edges)
-    as_needed = replace(options, refine=0)
-    while best.spread > spread or not (best.disk.conformal or spread == np.inf):
-        before = surface.is_cut.copy()
-        if not grow(surface, best.factor, best.average):
-            break
-        grown = _chart(surface, as_needed, progress, n_faces)
-        if not grown.gains_on(best):
-            surface.is_cut = before
-            break
-        best = grown
-    if options.refine and len(surface.cut_edges) != n_edges:
-        best = _chart(surface, options, progress, n_faces)
-    if best.failure:
-        raise MapError(best.failure, best.disk)
-    return best
-
-
-def _chart(surface: CutSurface, options: Options, progress: Progress, n_faces: int) -> _Chart:
-    """Map a component that is cut to a disk once, and measure how its scale varies."""
-    opened = surface.opened()
-    V, F, failure = opened.positions, opened.F, ""
-    try:
-        disk = disk_map(V, F, progress=progress, **vars(options))
-    except MapError as error:
-        if not isinstance(error.result, DiskMap) or not np.isfinite(error.result.uv).all():
-            raise
-        disk, failure = error.result, str(error)
-    given = F[:n_faces]  # others fill holes
-    area = np.bincount(given.ravel(), np.repeat(face_areas(V, given), 3), len(V))
-    factor = centered_factor(V, F, disk.uv, area.astype(np.float64))
-    average = float(np.average(factor, weights=area))
-    deviation = float(np.sqrt(np.average((factor - average) ** 2, weights=area)))
-    return _Chart(opened, disk, failure, factor, average, deviation)
-
-
-def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[_Chart]) -> SurfaceMap:
+def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[Chart]) -> SurfaceMap:
     """Put the maps of all components back into the rows of the given faces."""
     uv, face_disk = np.full((len(F), 3, 2), np.nan), np.full(len(F), -1)
     corners = -1 - np.arange(F.size).reshape(F.shape)
-    count, errors, areas = 0, [], []
+    count, areas = 0, []
     for k, chart in enumerate(charts):
-        rows = sheets.rows[chart.rows]
-        tail = chart.opened.F[: len(rows)]
-        uv[rows], face_disk[rows], corners[rows] = chart.disk.uv[tail], k, count + tail
+        rows = sheets.rows[chart.opened.component.rows]
+        uv[rows], face_disk[rows], corners[rows] = chart.disk.uv[chart.F], k, count + chart.F
         count += chart.opened.n
-        angles = chart.opened.surface.angle.reshape(3, -1).T[: len(rows)]
-        errors.append(np.degrees(abs(plane_angles(as_complex(chart.disk.uv), tail) - angles)))
         areas.append(float(face_areas(sheets.V, F[rows]).sum()))
-    turned = sheets.rows[sheets.turned]
+    flipped = sheets.rows[sheets.flipped]
     for array in (corners, uv):
-        array[turned] = array[turned, ::-1]
+        array[flipped] = array[flipped, ::-1]
     fill_left_out(F, face_disk >= 0, corners, uv)
+    disks = [chart.disk for chart in charts]
     opened, changes = cut_along(V, F, corners), list(sheets.changes)
-    if filled := sum(chart.n_filled for chart in charts):
+    if filled := sum(chart.opened.component.n_filled for chart in charts):
         changes.append(f"filled {counted(filled, 'hole', 'holes')}")
     if len(opened.edges):
         changes.append(f"cut open along {counted(len(opened.edges), 'edge', 'edges')}")
     return SurfaceMap(
         uv=uv,
-        disks=tuple(chart.disk for chart in charts),
+        disks=tuple(disks),
         face_disk=face_disk,
         cut=opened,
         changes=tuple(changes),
-        certificate=_common_certificate([chart.disk for chart in charts], face_disk),
-        conformality=_worst_conformality([chart.disk for chart in charts]),
-        distortion=AngleDistortion.of(np.concatenate(errors)),
+        certificate=_common_certificate(disks),
+        conformality=_worst_conformality(disks),
+        distortion=AngleDistortion.of(np.concatenate([chart.angle_errors() for chart in charts])),
         spread=max(chart.spread for chart in charts),
         shares=np.array(areas) / sum(areas),
-        timings=_sum_of_seconds([chart.disk for chart in charts]),
+        timings=_sum_of_seconds(disks),
     )
 
 
-def _common_certificate(disks: list[DiskMap], face_disk: Ints) -> Certificate:
+def _common_certificate(disks: list[DiskMap]) -> Certificate:
     """Sum up the certificates of all disks, as `SurfaceMap` says."""
     each = [disk.certificate for disk in disks]
-    turns = [certificate.winding_number for certificate in each]
-    flipped = []
-    for k, certificate in enumerate(each):
-        rows = np.flatnonzero(face_disk == k)  # the first faces of the disk; others fill holes
-        filling = np.full(len(disks[k].mesh.F) - len(rows), -1)
-        flipped.append(np.append(rows, filling)[certificate.flipped])
     return Certificate(
         finite=all(certificate.finite for certificate in each),
         boundary_error=max(certificate.boundary_error for certificate in each),
         boundary_monotone=all(certificate.boundary_monotone for certificate in each),
-        winding_number=next((number for number in turns if number != 1), 1),
-        flipped=np.concatenate(flipped),
+        # 1, or one that is not: the farthest from it.
+        winding_number=max((c.winding_number for c in each), key=lambda turns: abs(turns - 1)),
+        flipped=np.concatenate([certificate.flipped for certificate in each]),
         n_exact=sum(certificate.n_exact for certificate in each),
     )
 

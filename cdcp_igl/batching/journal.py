@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 try:
     import fcntl
@@ -18,7 +18,7 @@ except ModuleNotFoundError:  # Windows: two batches in one folder are not kept a
     fcntl = None  # type: ignore[assignment]
 
 from ..errors import printable
-from ..io import whole_file
+from ..io.output import whole_file
 from .names import Shard
 
 DONE, FAILED, REFUSED = "done", "failed", "refused"
@@ -146,13 +146,6 @@ COLUMNS = tuple(field.name for field in fields(Record))
 _TYPES = {name: type(getattr(Record, name, "")) for name in COLUMNS}  # "": there is no default
 
 
-class Line(Protocol):
-    """What can be written down in a line."""
-
-    def line(self) -> str:
-        """Return it with the end of the line."""
-
-
 class Journal:
     """The file that a batch appends to, a shard of its own; no other batch can open it meanwhile.
 
@@ -170,10 +163,10 @@ class Journal:
             self._file.close()
             raise
 
-    def append(self, record: Line) -> None:
+    def append(self, line: str) -> None:
         """Add a line, which is there for good when this returns."""
-        line = record.line().encode()
-        if self._file.write(line) != len(line):
+        text = line.encode()
+        if self._file.write(text) != len(text):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path))
         os.fsync(self._file.fileno())
 

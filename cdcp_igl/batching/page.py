@@ -24,6 +24,17 @@ PAGE_BEGINS = """\
 BINS = 30
 WIDTH, HEIGHT, MARGIN = 720, 200, 24  # of the histogram
 
+COLUMNS = (  # of the table: heading, attribute of the record, format
+    ("vertices", "vertices", ",d"),
+    ("disks", "disks", ",d"),
+    ("mean °", "mean", ".3f"),
+    ("SD °", "sd", ".3f"),
+    ("area", "area", ".3f"),
+    ("flips", "flips", ",d"),
+    ("s", "seconds", ".2f"),
+    ("MiB", "memory", ",.0f"),
+)
+
 
 def report_page(title: str, summary: str, records: Sequence[Record]) -> str:
     """Return an HTML page with all records."""
@@ -72,8 +83,8 @@ def _failures(records: Sequence[Record]) -> str:
 
 
 def _table(records: Sequence[Record]) -> str:
-    columns = ("surface", "vertices", "disks", "mean °", "SD °", "area", "flips", "s", "MiB")
-    heads = "".join(f"<th><button>{name}</button></th>" for name in (*columns, "conformal"))
+    headings = ["surface", *(heading for heading, _, _ in COLUMNS), "conformal"]
+    heads = "".join(f"<th><button>{heading}</button></th>" for heading in headings)
     rows = "".join(map(_row, records))
     return (
         '<h2>Mapped</h2><div class="scroll"><table>'
@@ -83,20 +94,13 @@ def _table(records: Sequence[Record]) -> str:
 
 def _row(record: Record) -> str:
     name = escape(printable(record.name))
-    numbers: tuple[tuple[float, str], ...] = (
-        (record.vertices, ",d"),
-        (record.disks, ",d"),
-        (record.mean, ".3f"),
-        (record.sd, ".3f"),
-        (record.area, ".3f"),
-        (record.flips, ",d"),
-        (record.seconds, ".2f"),
-        (record.memory, ",.0f"),
+    cells = "".join(
+        f'<td data-key="{getattr(record, column)}">{getattr(record, column):{form}}</td>'
+        for _, column, form in COLUMNS
     )
-    cells = "".join(f'<td data-key="{value}">{value:{form}}</td>' for value, form in numbers)
     doubt = f'<span class="warning">no: {escape(record.boundary)}</span>'
     verdict = "yes" if record.conformal else doubt
     return (
-        f'<tr><td data-key="{name}" title="{escape(printable(record.input))}">{name}</td>'
-        f'{cells}<td data-key="{int(record.conformal)}">{verdict}</td></tr>'
+        f'<tr><td data-key="{name}" title="{escape(printable(record.input))}">{name}</td>{cells}'
+        f'<td data-key="{int(record.conformal)}">{verdict}</td></tr>'
     )

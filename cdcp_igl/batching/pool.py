@@ -23,7 +23,7 @@ from zipfile import ZipFile
 
 import numpy as np
 
-from ..reference.processes import cause_of_death, resident
+from ..processes import cause_of_death, resident
 from ..solve.memory import available_memory
 from .journal import Record
 from .work import Task

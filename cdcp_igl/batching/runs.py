@@ -8,7 +8,7 @@ import json
 import os
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,14 +17,12 @@ from typing import Any
 import numpy as np
 
 from ..errors import counted, printable
-from ..io import WRITABLE, whole_file
-from ..io.output import try_to_write
+from ..io import WRITABLE
+from ..io.output import try_to_write, whole_file
 from ..one_file import Settings
 from .executors import run_on
 from .journal import (
     DONE,
-    FAILED,
-    REFUSED,
     SUMMARY_BEGINS,
     Journal,
     Record,
@@ -34,7 +32,7 @@ from .journal import (
 from .names import located, result_names, shard_of, surface_files
 from .page import PAGE_BEGINS, report_page
 from .pool import Pool
-from .work import Task, digest_of
+from .work import Task
 
 SAME = "same"
 
@@ -200,8 +198,8 @@ def batch(
     if not sources:
         raise ValueError("there is no surface to map")
     digest = _digest_of_options(settings, format)
-    sources_of = dict(zip(result_names(sources), sources, strict=True))
-    names = shard_of(list(sources_of), shard)
+    named = list(zip(result_names(sources), sources, strict=True))
+    mine = shard_of(named, shard)
     folder.mkdir(parents=True, exist_ok=True)
     summary_file = folder / "summary.csv"
     _refuse_another(summary_file, SUMMARY_BEGINS, "is no summary of a batch")
@@ -210,14 +208,14 @@ def batch(
         try_to_write(Path(report))
     with Journal(folder, shard) as journal, _unfinished_folder(journal) as unfinished:
         tasks = [
-            _task(name, sources_of[name], folder, format, unfinished, settings, digest)
-            for name in names
+            _task(name, source, folder, format, unfinished, settings, digest)
+            for name, source in mine
         ]
         history = read_journals(folder, digest)
         records = {
             task.name: history[task.name][-1]
             for task in tasks
-            if task.name in history and _is_settled(task, history[task.name][-1], retry)
+            if task.name in history and task.is_settled(history[task.name][-1], retry)
         }
         count = Counter(record.status for record in records.values())
 
@@ -226,7 +224,7 @@ def batch(
                 progress(count[DONE], count.total() - count[DONE], len(tasks))
 
         def write_down(record: Record) -> None:
-            journal.append(record)
+            journal.append(record.line())
             records[record.name] = record
             count[record.status] += 1
             tell()
@@ -235,31 +233,29 @@ def batch(
         left: dict[str, Task] = {}
         try:
             for task in tasks:
-                if task.name in records:
-                    continue
-                if refusal := _refusal(task, history.get(task.name, [])):
-                    write_down(refusal)
-                else:
-                    left[task.name] = task
+                if task.name not in records:
+                    if refusal := task.refusal(history.get(task.name, ())):
+                        write_down(refusal)
+                    else:
+                        left[task.name] = task
+            to_map = list(left.values())
             made = (
-                Pool(jobs, **limits).run(list(left.values()))
-                if executor is None
-                else run_on(executor, list(left.values()), unfinished / "attempts")
+                Pool(jobs, **limits).run(to_map) if executor is None else run_on(executor, to_map)
             )
             with closing(made):
                 for record in made:
                     task = left[record.name]
                     if record.status != DONE:
                         write_down(record)
-                    elif refusal := _refusal(task, history.get(task.name, [])):  # since it began
+                    elif refusal := task.refusal(history.get(task.name, ())):  # since it began
                         write_down(refusal)
                     else:
                         write_down(record)  # first, so that each result that is there has a line
-                        _move(task)
+                        task.move_draft()
         finally:
-            latest = read_journals(folder, digest)
+            latest = read_journals(folder, digest)  # with those of other shards
             write_summary(summary_file, (latest[name][-1] for name in sorted(latest)))
-    done = Batch(folder, tuple(records[name] for name in names))
+    done = Batch(folder, tuple(records[task.name] for task in tasks))
     if report is not None:
         page = report_page(f"Maps in {printable(folder.name)}", str(done), done.records)
         with whole_file(report) as file:
@@ -268,15 +264,12 @@ def batch(
 
 
 def _digest_of_options(settings: Settings, format: str) -> str:
-    """Tell the options of a batch from others; TypeError if one cannot be written down."""
-    text = json.dumps(asdict(settings) | {"format": format}, sort_keys=True, default=_plain)
+    text = json.dumps(
+        asdict(settings) | {"format": format},
+        sort_keys=True,
+        default=lambda array: np.asarray(array).tolist(),
+    )
     return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    raise TypeError(f"{value!r} is no option of a batch: it cannot be written down")
 
 
 def _refuse_another(path: Path, beginning: str, what: str) -> None:
@@ -318,48 +311,3 @@ def _task(
     draft = hashlib.sha256(name.encode(errors="surrogateescape")).hexdigest() + suffix
     target = str(folder / f"{name}{suffix}")
     return Task(name, str(source), target, str(unfinished / draft), settings, digest)
-
-
-def _is_settled(task: Task, record: Record, retry: bool) -> bool:
-    """Whether a former run has done with this surface, as it is now."""
-    if (record.input, record.input_size, record.input_mtime) != (task.source, *task.state()):
-        return False
-    if record.status == DONE:  # and the result is what it was
-        return os.path.isfile(task.target) and digest_of(task.target) == record.output_digest
-    return record.status == FAILED and not retry
-
-
-def _refusal(task: Task, history: Sequence[Record]) -> Record | None:
-    """Refuse the surface if what is there must not be replaced."""
-    if not (os.path.lexists(task.target) and os.access(task.source, os.R_OK)):
-        return None  # if it cannot be read, its worker will say so
-    target = printable(task.target)
-    if os.path.exists(task.target) and os.path.samefile(task.source, task.target):
-        message = f"{target} is the surface itself; give the result another place."
-    elif _is_ours(task, history):
-        return None
-    else:
-        message = (
-            f"{target} is there, and was not made from {printable(Path(task.source).name)} "
-            "with these options, or has been changed; move it, or take another folder."
-        )
-    return task.record(REFUSED, "FileExistsError", message)
-
-
-def _is_ours(task: Task, history: Sequence[Record]) -> bool:
-    """Whether what is there is empty, or was made by a batch from this surface as it is now."""
-    if not os.path.isfile(task.target):
-        return False
-    if os.path.getsize(task.target) == 0:
-        return True
-    digests = digest_of(task.source), digest_of(task.target)
-    return any((record.input_digest, record.output_digest) == digests for record in history)
-
-
-def _move(task: Task) -> None:
-    """Put the result into its place."""
-    try:
-        os.makedirs(os.path.dirname(task.target), exist_ok=True)
-        os.replace(task.draft, task.target)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, task.target) from error

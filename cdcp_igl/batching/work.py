@@ -1,19 +1,21 @@
-"""One surface of a batch: read, mapped and written. This is what runs in the workers."""
+"""One surface of a batch: read, mapped and written in a worker; its result put into its place."""
 
 from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from time import perf_counter
 
 from .. import __version__
+from ..errors import printable
 from ..io import read_polygons
 from ..one_file import Mapped, Settings, map_one
-from ..reference.processes import forget_peak_memory, peak_memory
-from .journal import DONE, FAILED, Record
+from ..processes import forget_peak_memory, peak_memory
+from .journal import DONE, FAILED, REFUSED, Record
 
 
 class Unwritten(OSError):
@@ -31,7 +33,7 @@ class Task:
     source, target : str
         Absolute paths of the surface and of the result.
     draft : str
-        Where the worker writes the result. The batch moves it to `target`.
+        Where the worker writes the result, which the batch then moves to `target`.
     settings : Settings
     options_digest : str
         Tells the options of the batch from others.
@@ -44,17 +46,9 @@ class Task:
     settings: Settings
     options_digest: str
 
-    def state(self) -> tuple[int, int]:
-        """Return size and time of the surface's file, -1 if there is none."""
-        try:
-            stat = os.stat(self.source)
-        except OSError:
-            return -1, -1
-        return stat.st_size, stat.st_mtime_ns
-
     def record(self, status: str, error: str = "", message: str = "") -> Record:
         """Make a record of this surface."""
-        size, mtime = self.state()
+        size, mtime = _size_and_time(self.source)
         return Record(
             self.name,
             self.source,
@@ -72,6 +66,38 @@ class Task:
         """Make the record of this surface if there is no other."""
         return self.record(FAILED, error, message)
 
+    def is_settled(self, record: Record, retry: bool) -> bool:
+        """Whether a former run, which left this record, has done with the surface as it is now."""
+        state = (record.input_size, record.input_mtime)
+        if record.input != self.source or state != _size_and_time(self.source):
+            return False
+        if record.status == DONE:  # and the result is what it was
+            return os.path.isfile(self.target) and _digest(self.target) == record.output_digest
+        return record.status == FAILED and not retry
+
+    def refusal(self, history: Sequence[Record]) -> Record | None:
+        """Refuse the surface if what has the name of its result must not be replaced.
+
+        It may if it is empty, or if `history`, the records of this name, says that it was made
+        from the surface as it is now, and nobody has changed it.
+        """
+        if not (os.path.lexists(self.target) and os.access(self.source, os.R_OK)):
+            return None  # if the surface cannot be read, its worker will say so
+        target = printable(self.target)
+        if os.path.exists(self.target) and os.path.samefile(self.source, self.target):
+            message = f"{target} is the surface itself; give the result another place."
+            return self.record(REFUSED, "FileExistsError", message)
+        if os.path.isfile(self.target):
+            digests = _digest(self.source), _digest(self.target)
+            made = [(record.input_digest, record.output_digest) for record in history]
+            if os.path.getsize(self.target) == 0 or digests in made:
+                return None
+        message = (
+            f"{target} is there, and was not made from {printable(Path(self.source).name)} "
+            "with these options, or has been changed; move it, or take another folder."
+        )
+        return self.record(REFUSED, "FileExistsError", message)
+
     def run(self) -> Record:
         """Map the surface; whatever is wrong with it is in the record.
 
@@ -84,7 +110,7 @@ class Task:
         forget_peak_memory()
         record = self.record(FAILED)
         try:
-            record = replace(record, input_digest=digest_of(self.source))
+            record = replace(record, input_digest=_digest(self.source))
             notes: list[str] = []
             V, F, polygon_of_face = read_polygons(self.source, notes.append)
             record = replace(record, vertices=len(V), faces=len(F))
@@ -102,18 +128,33 @@ class Task:
 
     def _write(self, mapped: Mapped) -> str:
         """Write the draft and return its digest."""
-        draft = Path(self.draft)
         try:
-            mapped.write(draft, Path(self.source), self.settings)
-            return digest_of(draft)
+            mapped.write(Path(self.draft), Path(self.source), self.settings)
+            return _digest(self.draft)
         except OSError as error:
             raise Unwritten(error.errno, error.strerror, self.target) from error
 
+    def move_draft(self) -> None:
+        """Put the result into its place; OSError if that cannot be done."""
+        try:
+            os.makedirs(os.path.dirname(self.target), exist_ok=True)
+            os.replace(self.draft, self.target)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, self.target) from error
 
-def digest_of(path: str | os.PathLike[str]) -> str:
-    """SHA-256 of the bytes of a file."""
+
+def _digest(path: str) -> str:
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _size_and_time(path: str) -> tuple[int, int]:
+    """Bytes of a file, and when it was changed last, in nanoseconds; -1 if there is none."""
+    try:
+        stat = os.stat(path)
+    except OSError:
+        return -1, -1
+    return stat.st_size, stat.st_mtime_ns
 
 
 def _now() -> str:

@@ -16,7 +16,7 @@ from .options import PICTURES, Force, Inputs, file_option
 from .screen import print_table, progress_bar
 
 if TYPE_CHECKING:
-    from ..plot import MapRow
+    from ..plot.pictures import MapRow
     from ..reference.case import Case
 
 # Those of `reference`, spelled out: `--help` shows them, and must not wait for NumPy.
@@ -78,7 +78,8 @@ def compare_command(
     2 bad input; 4 some meshes were left out.
     """
     from ..errors import printable
-    from ..io import read_polygons, whole_file
+    from ..io import read_polygons
+    from ..io.output import whole_file
     from ..io.polygons import naming_polygons
     from ..reference.case import run_case
     from ..surface.mesh import DiskMesh

@@ -115,7 +115,7 @@ def map_command(
 
 def _draw(mapped: Mapped, source: Path, picture: Path | None, view: Path | None) -> None:
     from ..errors import printable
-    from ..io import whole_file
+    from ..io.output import whole_file
 
     name = printable(source.name)
     if picture:
@@ -129,7 +129,7 @@ def _draw(mapped: Mapped, source: Path, picture: Path | None, view: Path | None)
 def _write(
     mapped: Mapped, source: Path, settings: Settings, out: Path, report: Path | None
 ) -> None:
-    from ..io import whole_file
+    from ..io.output import whole_file
 
     if report:
         with whole_file(report) as unfinished:

@@ -23,31 +23,28 @@ FOLDED = 20  # characters of a name where the terminal is too narrow
 
 def show_pairs(title: str, pairs: Pairs) -> None:
     """Print a result: in a panel on a terminal, plain in a pipe."""
-    from ..printing import as_text
-
-    if not sys.stdout.isatty():
-        typer.echo(as_text(title, pairs))
-        return
     from rich.table import Table
     from rich.text import Text
+
+    from ..printing import as_text
 
     table = Table.grid(padding=(0, 2))
     for name, text in pairs:
         table.add_row(Text(name), Text(text))
-    _print_panel(title, table, "green")
+    _show(as_text(title, pairs), table, "green", title)
 
 
-def show_lines(title: str, lines: Sequence[str], color: str) -> None:
-    """Print lines below a title: in a panel on a terminal, plain in a pipe."""
-    if not sys.stdout.isatty():
-        typer.echo("\n".join([title, *lines]))
-        return
+def show_text(text: str, color: str) -> None:
+    """Print a text: in a panel on a terminal, plain in a pipe."""
     from rich.text import Text
 
-    _print_panel(title, Text("\n".join(lines)), color)
+    _show(text, Text(text), color)
 
 
-def _print_panel(title: str, content: RenderableType, color: str) -> None:
+def _show(text: str, content: RenderableType, color: str, title: str = "") -> None:
+    if not sys.stdout.isatty():
+        typer.echo(text)
+        return
     from rich.console import Console
     from rich.panel import Panel
     from rich.text import Text

@@ -6,9 +6,10 @@ import numpy as np
 
 from ..arrays import Complex, Floats
 from ..distortion import wirtinger_derivative
-from ..solve.cholesky import Cholesky, Numbers
+from ..solve.cholesky import Numbers
 from ..solve.factored import FactoredSurface
 from ..solve.laplacian import Laplacian
+from ..solve.solvers import factorize
 from ..surface.triangles import face_areas
 from .harmonic_measure import edge_shares
 
@@ -50,7 +51,7 @@ class Shortened:
 
     def __init__(self, surface: FactoredSurface, face: int) -> None:
         mesh, L = surface.mesh, surface.laplacian
-        self._mesh, self._order = mesh, surface.factor.order
+        self._mesh, self._order = mesh, surface.order
         scale, size = image_scale(surface, face)
         self.part, conductivity = _conductivity(scale, size)
         if not 0 < self.part < 1:
@@ -66,7 +67,7 @@ class Shortened:
         unit = np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
         weights = self._weights / (unit[self._low] * unit[self._high])
         matrix = Laplacian(self._low, self._high, weights, np.ones(len(mesh.V)))
-        self._cholesky = Cholesky(matrix.block(self._order), ordering="natural")
+        self._cholesky = factorize(matrix.block(self._order), ordering="natural")
         self._scale = 1 / (self._root * unit)
         heat = np.zeros(len(mesh.V))
         heat[mesh.F[face]] = 1
@@ -111,7 +112,7 @@ def image_scale(surface: FactoredSurface, face: int) -> tuple[Floats, Floats]:
     mesh = surface.mesh
     source = np.zeros(len(mesh.V))
     source[mesh.F[face]] = 1
-    heat = surface.factor.solve(source)
+    heat = surface.solve(source)
     heat *= 2 * np.pi / -(surface.coupling.T @ heat).sum()
     derivative = (wirtinger_derivative(mesh.V, mesh.F) * heat[mesh.F]).sum(axis=1)
     area = face_areas(mesh.V, mesh.F)

@@ -10,7 +10,6 @@ import numpy as np
 from ..arrays import Bools
 from ..certificate import flipped_faces
 from ..solve.delaunay import constrained_delaunay_laplacian
-from ..solve.factor import Factor
 from ..solve.factored import FactoredSurface
 from ..steps.extension import harmonic_extension, settled_extension
 from ..surface.mesh import DiskMesh
@@ -64,7 +63,7 @@ def keep_faces(mesh: DiskMesh, harmonic: HarmonicMap, *, straightened: bool) -> 
 
 def _extended(mesh: DiskMesh, boundary: CircleMap, kept: Bools) -> CircleMap:
     L = constrained_delaunay_laplacian(mesh, kept)
-    surface = FactoredSurface(mesh, L, Factor(mesh, L))
+    surface = FactoredSurface(mesh, L)
     method = replace(boundary.method, laplacian="constrained Delaunay")
     return replace(
         boundary,

@@ -30,7 +30,7 @@ def boundary_flux(surface: FactoredSurface, r: Numbers) -> Numbers:
         By the vertices of ``mesh.loop``, negative where positive sources flow out. Its sum is
         minus that of r.
     """
-    g = surface.factor.solve(r)
+    g = surface.solve(r)
     return surface.coupling.T @ g - r[surface.mesh.loop]
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Complex
-from ..solve.factor import Factor
 from ..solve.factored import FactoredSurface
 from .dipole import face_dipole
 from .flux import boundary_flux, shared_by_edges
@@ -66,5 +65,5 @@ def boundary_trace(surface: FactoredSurface, face: int) -> Complex:
     """
     mesh = surface.mesh
     free = np.arange(len(mesh.V)) != mesh.loop[0]  # h = 0 at the pin, b_1
-    pinned = Factor(mesh, surface.laplacian, free)
+    pinned = FactoredSurface(mesh, surface.laplacian, free)
     return pinned.solve(face_dipole(mesh, face))[mesh.loop]
