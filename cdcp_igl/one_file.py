@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from .algorithm import disk_map
 from .arrays import Floats, Ints
 from .atlas.surface import SurfaceMap, surface_map
-from .distortion import area_distortion
 from .io import write_map
 from .io.output import whole_file
 from .io.polygons import naming_polygons
@@ -132,7 +131,7 @@ class Mapped:
             "flips": sum(len(disk.certificate.flipped) for disk in self.disks),
             "mean": self.result.distortion.mean,
             "sd": self.result.distortion.sd,
-            "area": float(np.abs(self._area_distortion()).mean()),
+            "area": float(np.abs(self.result.area_distortion()).mean()),
             "conformal": self.result.conformal,
             "boundary": ", ".join(dict.fromkeys(disk.trace.name for disk in self.disks)),
         }
@@ -141,11 +140,6 @@ class Mapped:
         """Return everything but the coordinates, as JSON types."""
         changes = {} if isinstance(self.result, DiskMap) else {"changes": list(self.changes)}
         return self.result.report() | changes
-
-    def _area_distortion(self) -> Floats:
-        if isinstance(self.result, DiskMap):
-            return area_distortion(self.V, self.F, self.result.uv)
-        return self.result.area_distortion()
 
 
 def map_one(
