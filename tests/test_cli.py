@@ -139,7 +139,7 @@ def test_every_defect_is_named_with_its_rows_and_a_remedy(cap):
     assert (
         f"duplicate face: 1 face repeats the corners of another (faces {len(F)})" in result.stderr
     )
-    assert "Drop these faces" in result.stderr
+    assert "cdcp-igl map --clean" in result.stderr
     assert f"unreferenced vertex: 1 vertex belongs to no face (vertices {len(V)})" in result.stderr
     assert out.read_text() == "old"
 

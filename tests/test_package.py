@@ -16,6 +16,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # From the ground up; a folder stands for its modules. Those of one floor may use one another.
 FLOORS = (
     {"arrays", "cached"},
+    {"defects"},
     {"errors", "printing"},
     {"libigl", "extras", "processes"},
     {"surface"},

@@ -48,7 +48,7 @@ class Format(StrEnum):
 
 
 def _shard(text: str | None) -> tuple[int, int] | None:
-    from ..batching.shards import read_shard
+    from ..batching.names import read_shard
 
     try:
         return None if text is None else read_shard(text)

@@ -69,8 +69,8 @@ def compare_command(
     2 bad input; 4 some meshes were left out.
     """
     from ..errors import printable
-    from ..io import read_polygons, whole_file
-    from ..io.output import try_to_write
+    from ..io import read_polygons
+    from ..io.output import try_to_write, whole_file
     from ..io.polygons import naming_polygons
     from ..reference.case import run_case
     from ..surface.mesh import DiskMesh

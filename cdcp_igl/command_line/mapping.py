@@ -126,7 +126,7 @@ def map_command(
         jobs = [
             _Job(
                 *(source, out, report, picture, view),
-                Settings(out.suffix[1:].lower(), disk, clean, cut, options),
+                Settings(disk, clean, cut, options),
                 force,
             )
             for source, out in pairs
@@ -179,7 +179,8 @@ class _Job:
 
     def run(self) -> tuple[DiskMap | SurfaceMap, list[str]]:
         """Map the surface; typer.Exit, with its code, if something is wrong."""
-        from ..io import read_polygons, whole_file
+        from ..io import read_polygons
+        from ..io.output import whole_file
         from ..one_file import map_one
 
         notes: list[str] = []
@@ -236,7 +237,7 @@ class _Job:
     def _draw(self, mapped: Mapped) -> None:
         """Draw the picture and the page."""
         from ..errors import printable
-        from ..io import whole_file
+        from ..io.output import whole_file
 
         name = printable(self.source.name)
         if self.picture:

@@ -36,7 +36,8 @@ def exit_codes(file: Path | None = None) -> Iterator[None]:
     try:
         yield
     except MeshError as error:
-        message, code = "\n".join(f"{defect.name}: {defect}" for defect in error.defects), BAD_INPUT
+        found = [f"{defect.name}: {defect.in_shell}" for defect in error.defects]
+        message, code = "\n".join(found), BAD_INPUT
     except OSError as error:
         message, code = reason(error), BAD_INPUT
     except ValueError as error:  # an option does not fit this mesh

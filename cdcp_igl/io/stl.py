@@ -11,8 +11,6 @@ import numpy as np
 from ..arrays import Floats, Ints
 from .damage import Damage
 
-__all__ = ["merge_duplicates", "read_stl"]
-
 FACET = np.dtype([("normal", "<3f4"), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 LOOP = re.compile(rb"outer\s+loop\s" + 3 * rb"\s*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s" + rb"\s*endloop")
 FACETS = re.compile(rb"facet\s+normal")

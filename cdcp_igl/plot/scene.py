@@ -9,7 +9,7 @@ from .. import libigl
 from ..arrays import Floats, Ints, as_complex, coordinates
 from ..distortion import angle_distortion
 from ..extras import from_extra
-from ..surface.validation import as_surface
+from ..surface.validation import checked_surface
 from .raster import SAMPLES, Bytes, frame, in_picture, rasterize
 from .viewpoint import choose_viewpoint
 
@@ -41,7 +41,7 @@ class Scene:
     """
 
     def __init__(self, V: ArrayLike, F: ArrayLike, pixels: int, *, turns: bool = True) -> None:
-        (self._V, self._F), self._pixels, self._turns = as_surface(V, F), pixels, turns
+        (self._V, self._F), self._pixels, self._turns = checked_surface(V, F), pixels, turns
         self.points = self._V @ choose_viewpoint(self._V, self._F).T
         self.surface = rasterize(self.points, self._F, pixels)
         self._normals = vertex_normals(self.points, self._F)

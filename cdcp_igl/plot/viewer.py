@@ -22,9 +22,9 @@ from numpy.typing import ArrayLike
 from ..arrays import Floats, Ints, as_complex
 from ..distortion import angle_distortion, conformal_factor
 from ..extras import from_extra
-from ..io import whole_file
-from ..surface.edges import group_by_edge, heads, tails
+from ..io.output import whole_file
 from ..surface.location import z_order
+from ..surface.topology import group_by_edge, heads, tails
 from ..surface.triangles import face_areas
 from .layout import Layout
 from .pictures import side_by_side

@@ -24,7 +24,7 @@ from ..arrays import Floats, Ints
 from ..certificate import certify
 from ..distortion import AngleDistortion, angle_distortion, area_distortion
 from ..errors import MapError, SolverError
-from ..io import whole_file
+from ..io.output import whole_file
 from ..processes import cause_of_death, peak_memory, resident
 from ..result.disk_map import DiskMap
 from ..surface.mesh import DiskMesh

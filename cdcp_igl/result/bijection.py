@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates
 from ..cached import cached_property
 from ..errors import counted
-from ..surface.defects import degenerate_faces
 from ..surface.location import FaceFinder
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import corner_cotangents
+from ..surface.triangles import corner_cotangents, degenerate_faces
 from ..surface.validation import unit_size
 from .base import real_values
 from .lattice import disk_lattice, even_ring, with_corners

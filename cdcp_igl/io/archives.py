@@ -1,7 +1,8 @@
-"""MATLAB mat files up to version 7: their matrices of real numbers.
+"""V and F among other arrays: NumPy's npz files, and MATLAB's mat files up to version 7.
 
-SciPy's reader ends the process on some damaged files, as it trusts the types they state. A
-mesh needs little of the format: a list of elements, each with its type and size, packed or not.
+SciPy's reader of mat files ends the process on some damaged ones, as it trusts the types they
+state. A mesh needs little of the format: a list of elements, each with its type and size,
+packed or not.
 
 References
 ----------
@@ -14,16 +15,99 @@ import math
 import struct
 import zlib
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.lib import format as npy
+from numpy.typing import ArrayLike, NDArray
 
+from ..errors import Defect, MeshError
 from .damage import Damage
-from .unpacking import check_unpacking
 
-__all__ = ["matrices"]
+Array = NDArray[Any]
+# Arrays by name; None are those that are no part of a mesh, and are not unpacked.
+Found = dict[str, Array | None]
+
+NAMES = (("V", "F"), ("v", "f"))
+READ = frozenset(sum(NAMES, ()))
+
+# Arrays of a mesh pack to a fifth or a tenth of their size, those of a plane grid to a
+# thirteenth; zeros pack to a thousandth, and a file of them that fits into an email would
+# fill the memory. Up to a size that is read in a tenth of a second nothing is refused.
+MOST_PACKED = 100
+NEVER_REFUSED = 1 << 26  # bytes
+
+
+def _vertices_and_faces(found: Found) -> tuple[Array, Array]:
+    for names in NAMES:
+        V, F = map(found.get, names)
+        if V is None or F is None:
+            continue
+        for name, array in zip(names, (V, F), strict=True):
+            if array.ndim != 2:
+                raise Damage(f"{name} is no table, but has shape {array.shape}")
+        if V.shape[0] in (2, 3) and V.shape[1] > 3:
+            raise MeshError(Defect.of("shape of V, transposed", shape=V.shape, faces=F.shape))
+        return V, F
+    raise Damage(f"it must hold V and F (or v and f), not {', '.join(found) or 'nothing'}")
+
+
+def _check_unpacking(name: str, size: int, packed: int) -> None:
+    """Refuse what would unpack to much more than a mesh does; sizes in bytes."""
+    if size > max(NEVER_REFUSED, MOST_PACKED * packed):
+        raise Damage(
+            f"{name} would unpack from {packed:,} to {size:,} bytes: more than "
+            f"{MOST_PACKED} times its size, which is no mesh"
+        )
+
+
+# -- npz ---------------------------------------------------------------------------------
+
+ENCRYPTED = 1  # flag of a member
+
+
+def read_npz(path: Path) -> tuple[Array, Array]:
+    """V and F of a NumPy archive."""
+    try:
+        archive = ZipFile(path)
+    except BadZipFile:
+        raise Damage("it is no zip archive of arrays") from None
+    found: Found = {}
+    with archive:
+        for info in archive.infolist():
+            name = info.filename.removesuffix(".npy")
+            found[name] = None
+            if name in READ:
+                if info.flag_bits & ENCRYPTED:
+                    raise Damage(f"{name} is encrypted")
+                _check_unpacking(name, info.file_size, info.compress_size)
+                found[name] = _array(name, archive.read(info))
+    return _vertices_and_faces(found)
+
+
+def _array(name: str, data: bytes) -> Array:
+    file = BytesIO(data)
+    try:
+        array = npy.read_array(file, allow_pickle=False)
+    except ValueError:
+        raise Damage(f"{name} is no array of real numbers, or cut off") from None
+    if array.dtype.kind not in "biuf":
+        raise Damage(f"{name} is no array of real numbers")
+    if file.read(1):
+        raise Damage(f"{name} has not as many numbers as its shape says")
+    return array
+
+
+def write_npz(path: Path, V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> None:
+    """Write V, F and uv."""
+    with path.open("wb") as file:
+        np.savez(file, V=V, F=F, uv=uv)
+
+
+# -- mat ---------------------------------------------------------------------------------
 
 NUMBERS = {
     **{1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4"},
@@ -47,17 +131,21 @@ class Element(NamedTuple):
     data: memoryview
 
 
-def matrices(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[Any] | None]:
-    """Those of the variables that are there; the others by name only, with None."""
+def read_mat(path: Path) -> tuple[Array, Array]:
+    """V and F of a MATLAB file."""
+    return _vertices_and_faces(_variables_of_mat(path))
+
+
+def _variables_of_mat(path: Path) -> Found:
     data = memoryview(path.read_bytes())
     if len(data) >= 4 and 0 in data[:4]:  # text, without zeros, begins the later version
-        return dict(_variables_of_version_4(data, names))
+        return dict(_variables_of_version_4(data))
     order = {b"IM": "<", b"MI": ">"}.get(bytes(data[126:128]))
     if order is None:
         raise Damage("it has no MATLAB header")
     if struct.unpack_from(order + "H", data, 124) != (0x100,):
         raise Damage("it is of MATLAB version 7.3, or unknown: save it with the option -v7")
-    return dict(_variable(element, order, names) for element in _elements(data[128:], order))
+    return dict(_variable(element, order) for element in _elements(data[128:], order))
 
 
 def _elements(data: memoryview, order: str) -> Iterator[Element]:
@@ -78,9 +166,7 @@ def _elements(data: memoryview, order: str) -> Iterator[Element]:
         yield Element(kind, data[start : start + size])
 
 
-def _variable(
-    element: Element, order: str, names: tuple[str, ...]
-) -> tuple[str, NDArray[Any] | None]:
+def _variable(element: Element, order: str) -> tuple[str, Array | None]:
     """Name, and numbers if they are asked for, of an element of the file."""
     kind, data = element
     size = len(data)
@@ -93,10 +179,10 @@ def _variable(
     if kind != MATRIX:
         return "", None
     name = _heading(memoryview(head)[8:] if packed else data, order)[0]
-    if name not in names:
+    if name not in READ:
         return name, None
     if packed:
-        check_unpacking(name, size, len(data))
+        _check_unpacking(name, size, len(data))
         whole = zlib.decompressobj()
         data = memoryview(whole.decompress(data, size + 8))[8:]
         if len(data) != size or whole.decompress(whole.unconsumed_tail, 1) or not whole.eof:
@@ -115,7 +201,7 @@ def _heading(data: memoryview, order: str) -> tuple[str, int, tuple[int, ...], I
     return bytes(name).rstrip(b"\0").decode("latin-1"), number, sizes, elements
 
 
-def _numbers(data: memoryview, order: str) -> NDArray[Any]:
+def _numbers(data: memoryview, order: str) -> Array:
     name, flags, shape, rest = _heading(data, order)
     if flags & 0xFF not in CLASSES or flags & COMPLEX:
         raise Damage(f"{name} is no full matrix of real numbers")
@@ -125,15 +211,13 @@ def _numbers(data: memoryview, order: str) -> NDArray[Any]:
     return _matrix(name, stored, order + NUMBERS[kind], shape).astype(CLASSES[flags & 0xFF])
 
 
-def _matrix(name: str, data: memoryview, kind: str, shape: tuple[int, ...]) -> NDArray[Any]:
+def _matrix(name: str, data: memoryview, kind: str, shape: tuple[int, ...]) -> Array:
     if min(shape) < 0 or math.prod(shape) * np.dtype(kind).itemsize != len(data):
         raise Damage(f"it is damaged: {name} has not as many numbers as its shape says")
     return np.frombuffer(data, kind).reshape(shape, order="F")
 
 
-def _variables_of_version_4(
-    data: memoryview, names: tuple[str, ...]
-) -> Iterator[tuple[str, NDArray[Any] | None]]:
+def _variables_of_version_4(data: memoryview) -> Iterator[tuple[str, Array | None]]:
     """Name, and numbers if they are asked for, of each variable of a file of version 4."""
     at = 0
     while at < len(data):
@@ -151,7 +235,7 @@ def _variables_of_version_4(
         at = start + size * (2 if imaginary else 1)
         if min(rows, columns) < 0 or at > len(data):
             raise Damage("it is cut off, or damaged")
-        if name not in names:
+        if name not in READ:
             yield name, None
             continue
         if text or imaginary:
