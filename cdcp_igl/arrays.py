@@ -6,18 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "Bools",
-    "Complex",
-    "Floats",
-    "Indices",
-    "Ints",
-    "as_complex",
-    "blocks",
-    "coordinates",
-    "spread_evenly",
-]
-
 Bools = NDArray[np.bool_]
 Complex = NDArray[np.complex128]
 Floats = NDArray[np.float64]

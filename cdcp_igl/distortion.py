@@ -10,21 +10,8 @@ from numpy.typing import ArrayLike
 from . import libigl
 from .arrays import Complex, Floats, Ints, as_complex, blocks, coordinates
 from .surface.mesh import DiskMesh
-from .surface.triangles import face_areas, oriented_areas
+from .surface.triangles import face_areas, hat_gradients, opposite_edges, oriented_areas
 from .surface.validation import checked_surface, checked_vertices, size_exponent
-
-__all__ = [
-    "AngleDistortion",
-    "angle_distortion",
-    "angle_errors",
-    "area_distortion",
-    "conformal_factor",
-    "corner_angles",
-    "disk_map_distortion",
-    "plane_angles",
-    "quasi_conformal_dilatation",
-    "wirtinger_derivative",
-]
 
 
 @dataclass(frozen=True)
@@ -288,10 +275,10 @@ def plane_angles(z: Complex, F: Ints) -> Floats:
 
     0 or pi, never NaN, in triangles that have collapsed.
     """
-    return corner_angles(*(z[corner] for corner in F.T)).T
+    return angles_between(*(z[corner] for corner in F.T)).T
 
 
-def corner_angles(i: Complex, j: Complex, k: Complex) -> Floats:
+def angles_between(i: Complex, j: Complex, k: Complex) -> Floats:
     """(3, m) as `plane_angles`, of triangles with these corners; row by row a corner."""
     u, v, w = j - i, k - j, i - k  # each leaves its corner
     twice_area = u.real * v.imag - u.imag * v.real
@@ -314,6 +301,4 @@ def wirtinger_derivative(V: Floats, F: Ints) -> Complex:
     height = np.linalg.norm(np.cross(e, g), axis=1) / length
     zero = np.zeros(len(F))
     corner = np.column_stack([zero, length, x]) + 1j * np.column_stack([zero, zero, height])
-    opposite = np.roll(corner, -2, axis=1) - np.roll(corner, -1, axis=1)
-    # The hat function of a corner grows at right angles to the opposite edge.
-    return (1j * opposite / (length * height)[:, None]).conj() / 2
+    return hat_gradients(opposite_edges(corner), length * height).conj() / 2

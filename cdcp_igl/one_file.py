@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from .algorithm import disk_map
 from .arrays import Ints
 from .atlas.surface import SurfaceMap, surface_map
-from .distortion import area_distortion
 from .io import write_map
 from .io.output import whole_file
 from .io.polygons import naming_polygons
@@ -121,17 +120,12 @@ class Mapped:
     def measures(self) -> dict[str, Any]:
         """Return what the record of a batch has of the map."""
         result = self.result
-        if isinstance(result, DiskMap):
-            area = area_distortion(self.V, self.F, result.uv)
-        else:
-            area = result.area_distortion()
         return {
-            "changes": self.changes,
             "disks": len(self.disks),
             "flips": len(result.certificate.flipped),
             "mean": result.distortion.mean,
             "sd": result.distortion.sd,
-            "area": float(np.abs(area).mean()),
+            "area": float(np.abs(result.area_distortion()).mean()),
             "conformal": result.conformal,
             "boundary": ", ".join(dict.fromkeys(disk.trace.name for disk in self.disks)),
         }

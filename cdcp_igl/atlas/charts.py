@@ -140,7 +140,9 @@ def lead_away(opened: OpenedComponent) -> OpenedComponent:
     Almost all of a surface that is closed but for a small hole would be shrunk.
     """
     component = opened.component
-    length = component.length_in_space[opened.is_cut].sum()
+    border = np.flatnonzero(opened.is_cut)
+    along = component.V[component.head[border]] - component.V[component.tail[border]]
+    length = np.linalg.norm(along, axis=1).sum()
     if length**2 > TINY * 4 * np.pi * face_areas(component.V, component.F).sum():
         return opened
     boundary = np.flatnonzero(opened.on_boundary)
@@ -151,9 +153,7 @@ def lead_away(opened: OpenedComponent) -> OpenedComponent:
 def grow(chart: Chart) -> OpenedComponent:
     """Cut on to the vertex that shrank most, in each part of the surface that did.
 
-    References
-    ----------
-    X. Gu, S. J. Gortler, H. Hoppe. Geometry images. SIGGRAPH 2002.
+    After X. Gu, S. J. Gortler, H. Hoppe. Geometry images. SIGGRAPH 2002.
     """
     opened, factor = chart.opened, chart.factor
     shrunk = np.flatnonzero(~opened.on_boundary & (factor < chart.average - SHRUNK))

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spannin
 
 from ..arrays import Bools, Floats, Ints
 from ..surface.topology import Topology
-from ..surface.triangles import corner_cotangents
+from ..surface.triangles import corner_angles, corner_cotangents
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,19 +88,15 @@ class Component:
         return edges[order[tree.data.astype(np.int64) - 1]]
 
     @cached_property
-    def length_in_space(self) -> Floats:
-        """(3m,) length of each half-edge, in the unit of V."""
-        return np.linalg.norm(self.V[self.head] - self.V[self.tail], axis=1)
-
-    @cached_property
     def length(self) -> Floats:
         """(3m,) length of each half-edge, the mean is 1."""
-        return self.length_in_space / self.length_in_space.mean()
+        length = np.linalg.norm(self.V[self.head] - self.V[self.tail], axis=1)
+        return length / length.mean()
 
     @cached_property
     def angle(self) -> Floats:
         """(3m,) angle between each half-edge and the edge before it in its face, in radians."""
-        return np.arctan2(1, corner_cotangents(self.V, self.F)).T.ravel()
+        return corner_angles(corner_cotangents(self.V, self.F)).T.ravel()
 
     @cached_property
     def uncut(self) -> OpenedComponent:
@@ -207,13 +203,6 @@ class OpenedComponent:
         return loop
 
     @cached_property
-    def euler_characteristic(self) -> int:
-        """Vertices - edges + faces."""
-        on_boundary = int(self.is_cut.sum())
-        edges = on_boundary + (len(self.is_cut) - on_boundary) // 2
-        return self.n - edges + len(self.component.F)
-
-    @cached_property
     def angle_sum(self) -> Floats:
         """(n,) sums of the angles of the faces at each vertex."""
         return np.bincount(self.tail, self.component.angle, self.n).astype(np.float64)
@@ -294,12 +283,8 @@ def cut_to_disk(component: Component) -> OpenedComponent:
     A shortest-path tree along the edges of polygons, each boundary loop one node of it, from
     a vertex, or from the longest loop if there is one, and a spanning tree of the faces across
     the edges that are not in it, by preference those that close the longest loops. The edges
-    in neither close the shortest loops that cut all handles (greedy homotopy generators); the
-    paths of the tree from these and from each boundary loop to the root are the cut.
-
-    References
-    ----------
-    J. Erickson, K. Whittlesey. Greedy optimal homotopy and homology generators. SODA 2005.
+    in neither close the shortest loops that cut all handles (greedy homotopy generators, see
+    `cut`); the paths of the tree from these and from each boundary loop to the root are the cut.
     """
     V, twin, length = component.V, component.twin, component.length
     n, loops = len(V), component.topology.loops

@@ -21,7 +21,7 @@ ROUNDS = 3
 
 def open_to_disk(component: Component) -> OpenedComponent:
     """Cut a component until it is a disk, unless it is one."""
-    characteristic = component.uncut.euler_characteristic
+    characteristic = component.topology.euler_characteristic
     if characteristic == 2:
         return _slit(component.uncut)
     if characteristic == 1:
@@ -155,15 +155,10 @@ def _shortest(
     distance, parent, _ = dijkstra(
         graph, indices=sources, return_predecessors=True, min_only=True, limit=longest
     )
-    v = targets[distance[targets].argmin()]
     in_tree = parent[head] == tail
-    into = np.full(opened.n, -1)
+    into = np.empty(opened.n, np.int64)
     into[head[in_tree]] = half[in_tree]
-    path = []
-    while into[v] >= 0:
-        path.append(into[v])
-        v = parent[v]
-    return np.array(path[::-1], dtype=np.int64)
+    return into[_way_to(targets[distance[targets].argmin()], parent)[1:]]
 
 
 def _straightest(opened: OpenedComponent, start: Bools, end: Bools, inside: Bools) -> Ints:
@@ -197,12 +192,16 @@ def _straightest(opened: OpenedComponent, start: Bools, end: Bools, inside: Bool
     columns = np.concatenate([first, np.full(len(last), beyond), on])
     costs = np.concatenate([into_first, out_of_last, np.maximum(bend, 0) + stretch[on]])
     graph = csr_matrix((costs, (rows, columns)), (k + 2, k + 2))
-    distance, parent = dijkstra(graph, indices=before, return_predecessors=True)
-    path, at = [], parent[beyond]
-    while np.isfinite(distance[beyond]) and at != before:
-        path.append(half[at])
-        at = parent[at]
-    return np.array(path[::-1], dtype=np.int64)
+    _, parent = dijkstra(graph, indices=before, return_predecessors=True)
+    return half[_way_to(beyond, parent)[1:-1]]
+
+
+def _way_to(node: int, parent: Ints) -> Ints:
+    """(k,) nodes of a tree from the root to one; only this one if the tree does not reach it."""
+    way = [node]
+    while parent[way[-1]] >= 0:
+        way.append(int(parent[way[-1]]))
+    return np.array(way[::-1])
 
 
 def _bend_of_an_end(opened: OpenedComponent, half: Ints, left: Floats) -> Floats:

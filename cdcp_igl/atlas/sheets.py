@@ -157,9 +157,8 @@ def fill_left_out(F: Ints, mapped: Bools, corners: Ints, uv: Floats) -> None:
     source = some[F[left_out]]  # place in the rows of F, one after the other
     twin = _twins(F, mapped)[left_out]
     of_twin = np.flatnonzero(twin >= 0)
-    for k in range(3):
-        at = (F[twin[of_twin]] == F[left_out[of_twin], k : k + 1]).argmax(axis=1)
-        source[of_twin, k] = 3 * twin[of_twin] + at
+    same = F[left_out[of_twin], :, None] == F[twin[of_twin], None, :]
+    source[of_twin] = 3 * twin[of_twin, None] + same.argmax(axis=2)
     known = source >= 0
     corners[left_out] = np.where(known, corners.ravel()[source], corners[left_out])
     uv[left_out] = np.where(known[..., None], uv.reshape(-1, 2)[source], np.nan)

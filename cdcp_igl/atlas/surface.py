@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints, as_complex
 from ..certificate import Certificate
-from ..distortion import AngleDistortion, area_distortion
+from ..distortion import AngleDistortion
 from ..errors import counted
 from ..plot.layout import Layout
 from ..rescue.conformality import Conformality
@@ -52,9 +52,9 @@ class SurfaceMap(Result):
     changes : tuple of str
         What was done to make disks, a sentence each; empty if the surface was a disk.
     certificate : Certificate
-        Those of all disks in one, valid if each of them is: errors are the largest, numbers the
-        sum, and the winding number is 1 or that of a disk where it is not 1. Flipped faces are
-        rows of the given F; -1 for a face that fills a hole.
+        Those of all disks in one, valid if each of them is: the largest error, the winding number
+        farthest from 1, all flipped faces (rows of ``disks[k].mesh.F``), and how many were decided
+        exactly. It does not compare one disk with another.
     conformality : Conformality
         That of the worst disk: of those that are not conformal, if any, the one of the largest
         mean distortion. Of several disks, the reasons name it.
@@ -116,23 +116,6 @@ class SurfaceMap(Result):
         disk = np.zeros(len(self.cut.V), np.int64)
         disk[self.cut.F[mapped]] = self.face_disk[mapped][:, None]
         return (centers[disk] + radii[disk][:, None] * self.uv_cut)[self.cut.F]
-
-    def area_distortion(self) -> Floats:
-        """Logarithm of the area in the plane by that on the surface, the disks `packed`.
-
-        Returns
-        -------
-        (k,) float64
-            Of the given faces that are on a disk, as `cdcp_igl.area_distortion` has it.
-        """
-        mapped = self.face_disk >= 0
-        corners, packed = self.cut.V[self.cut.F[mapped]], self.packed()[mapped]
-        (x, y), (p, q) = (packed[:, 1] - packed[:, 0]).T, (packed[:, 2] - packed[:, 0]).T
-        turned = x * q < y * p  # in the given surface, which is left as it is
-        for array in (corners, packed):
-            array[turned] = array[turned, ::-1]
-        V, uv = (array.reshape(-1, array.shape[-1]) for array in (corners, packed))
-        return area_distortion(V, np.arange(len(V)).reshape(-1, 3), uv)
 
     def _subject(self) -> str:
         faces = counted(len(self.uv), "face", "faces")
@@ -314,7 +297,7 @@ def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[Chart]) -> Surfac
         face_disk=face_disk,
         cut=opened,
         changes=tuple(changes),
-        certificate=_common_certificate(disks, face_disk),
+        certificate=_common_certificate(disks),
         conformality=_worst_conformality(disks),
         distortion=AngleDistortion.of(np.concatenate([chart.angle_errors() for chart in charts])),
         spread=max(chart.spread for chart in charts),
@@ -323,21 +306,16 @@ def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[Chart]) -> Surfac
     )
 
 
-def _common_certificate(disks: list[DiskMap], face_disk: Ints) -> Certificate:
+def _common_certificate(disks: list[DiskMap]) -> Certificate:
     """Sum up the certificates of all disks, as `SurfaceMap` says."""
     each = [disk.certificate for disk in disks]
-    turns = [certificate.winding_number for certificate in each]
-    flipped = []
-    for k, certificate in enumerate(each):
-        rows = np.flatnonzero(face_disk == k)  # the first faces of the disk; others fill holes
-        filling = np.full(len(disks[k].mesh.F) - len(rows), -1)
-        flipped.append(np.append(rows, filling)[certificate.flipped])
     return Certificate(
         finite=all(certificate.finite for certificate in each),
         boundary_error=max(certificate.boundary_error for certificate in each),
         boundary_monotone=all(certificate.boundary_monotone for certificate in each),
-        winding_number=next((number for number in turns if number != 1), 1),
-        flipped=np.concatenate(flipped),
+        # 1, or one that is not: the farthest from it.
+        winding_number=max((c.winding_number for c in each), key=lambda turns: abs(turns - 1)),
+        flipped=np.concatenate([certificate.flipped for certificate in each]),
         n_exact=sum(certificate.n_exact for certificate in each),
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
 from ..arrays import Complex, Floats, Ints
-from ..surface.triangles import face_areas
+from ..surface.triangles import face_areas, opposite_edges
 from .dirichlet import Dirichlet
 
 
@@ -47,7 +47,7 @@ def beltrami_coefficient(p: Complex, F: Ints, M: Floats) -> Complex:
     >>> beltrami_coefficient(p, F, M).round(4)
     array([0.3333+0.j])
     """
-    edges = _opposite_edges(p, F)
+    edges = opposite_edges(p[F])
     # The hat function of corner k has the gradient i times edge k over twice the area.
     # That area cancels, so that a collapsed face does no harm.
     gradient = np.einsum("fk,fkd->fd", 1j * edges, M[F])  # M_x + i M_y, times twice the area
@@ -74,7 +74,7 @@ def generalized_laplacian(p: Complex, F: Ints, mu: Complex) -> csr_matrix:
     L. M. Lui, K. C. Lam, T. W. Wong, X. Gu. Texture map and video compression using
     Beltrami representation. SIAM J. Imaging Sci. 6(4), 2013.
     """
-    edges = _opposite_edges(p, F)
+    edges = opposite_edges(p[F])
     edges = edges + mu[:, None] * edges.conj()
     twice_area = abs(_twice_area(edges))
     elements = (edges.conj()[:, :, None] * edges[:, None, :]).real / (2 * twice_area[:, None, None])
@@ -89,12 +89,6 @@ def linear_beltrami_solver(p: Complex, F: Ints, mu: Complex, S: Ints, c: Complex
     map (n,) has the coefficients mu as nearly as the triangulation and the values c (k,) allow.
     """
     return Dirichlet(generalized_laplacian(p, F, mu), S).solve(c)
-
-
-def _opposite_edges(p: Complex, F: Ints) -> Complex:
-    """(m, 3) edge vectors; column k is the edge opposite corner k, counterclockwise."""
-    corners = p[F]
-    return np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
 
 
 def _twice_area(edges: Complex) -> Floats:

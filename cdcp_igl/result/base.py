@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints
 from ..certificate import Certificate
-from ..distortion import AngleDistortion
+from ..distortion import AngleDistortion, area_distortion
 from ..errors import spell
 from ..plot.layout import Layout
 from ..plot.raster import sample
@@ -128,6 +128,18 @@ class Result(ABC):
             ~raster.seen, return_distances=False, return_indices=True
         )
         return image[row, column]
+
+    def area_distortion(self) -> Floats:
+        """Logarithm of the area in the plane by that on the surface, as fractions of their totals.
+
+        Returns
+        -------
+        (k,) float64
+            Of each face, or of those on a disk; see `cdcp_igl.area_distortion`. The disks of a
+            SurfaceMap lie as in `packed`.
+        """
+        layout = self._layout()
+        return area_distortion(layout.V, layout.F, layout.uv)
 
     def report(self, *, flat: bool = False) -> dict[str, Any]:
         """Return everything but the coordinates.
@@ -403,7 +415,7 @@ class Result(ABC):
 
 
 def real_values(values: ArrayLike) -> Floats:
-    """Return values as float64; ValueError if they are complex: no part of them is dropped."""
+    """Return values as float64; ValueError if they are complex."""
     if np.iscomplexobj(values):
         raise ValueError("values must be real; of complex ones give both parts, as two columns")
     return np.asarray(values, dtype=np.float64)

@@ -11,8 +11,6 @@ from scipy.sparse.csgraph import connected_components, depth_first_order
 from ..arrays import Bools, Ints
 from .topology import Edges
 
-__all__ = ["Chords"]
-
 
 @dataclass(frozen=True, eq=False)
 class Chords:
