@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .arguments import Inputs
-from .messages import BAD_INPUT, exit_codes, reason, show
+from .messages import BAD_INPUT, exit_codes, reason
+from .options import Inputs
+from .screen import show_text
 
 if TYPE_CHECKING:
     from ..errors import Defect, MeshError
-
-__all__ = ["check_command"]
 
 
 def check_command(
@@ -30,6 +29,7 @@ def check_command(
     from ..errors import MeshError, printable
     from ..io import read_polygons
     from ..io.polygons import in_polygons
+    from ..printing import as_text
     from ..surface.checking import MeshReport, check
 
     rows, disks = [], 0
@@ -51,7 +51,8 @@ def check_command(
         rows.append({"file": printable(mesh), **report.report(), "notes": notes})
         if not as_json:
             name = f"{printable(mesh)}: " if len(meshes) > 1 else ""
-            show(f"{name}{report.in_shell}", notes, "green" if report.is_disk else "red")
+            text = as_text(f"{name}{report.in_shell}", [("note", note) for note in notes])
+            show_text(text, "green" if report.is_disk else "red")
     if as_json:
         typer.echo(json.dumps(rows, indent=2))
     if disks < len(meshes):

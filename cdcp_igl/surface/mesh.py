@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Bools, Floats, Ints
+from ..cached import cached_property
 from ..errors import Defect, MeshError, counted
 from .checking import examine
 from .chords import Chords

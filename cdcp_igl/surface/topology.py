@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from .. import libigl
 from ..arrays import Bools, Floats, Indices, Ints
+from ..cached import cached_property
 from .validation import unit_size
 
 
