@@ -17,10 +17,9 @@ from cdcp_igl.rescue.unfolding import keep_faces
 from cdcp_igl.solve.delaunay import (
     LEAST_WEIGHT,
     constrained_delaunay_laplacian,
-    intrinsic_delaunay_laplacian,
 )
 from cdcp_igl.solve.factored import FactoredSurface
-from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.solve.laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
 from cdcp_igl.steps.center import central_face
 from cdcp_igl.surface.mesh import DiskMesh
 

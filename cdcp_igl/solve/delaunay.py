@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix, triu
+from scipy.sparse import coo_matrix, csr_matrix
 
 from .. import libigl
 from ..arrays import Bools, Floats, Ints
 from ..surface.mesh import DiskMesh
 from .laplacian import Laplacian
-
-__all__ = ["constrained_delaunay_laplacian", "intrinsic_delaunay_laplacian"]
 
 # The least weight of an edge, for cotangents that are negative: that of an edge opposite two
 # angles of 89.4 degrees. With less, kept faces come nearer to collapse than doubles can hold.
@@ -18,35 +16,6 @@ LEAST_WEIGHT = 0.01
 # Of such an angle, in radians, the lengths of the sides know nothing: its square is below their
 # last digit. Edges would be flipped to and fro for ever.
 THINNEST = 5e-8
-
-
-def intrinsic_delaunay_laplacian(mesh: DiskMesh) -> Laplacian:
-    """Compute the cotangent Laplacian of the intrinsic Delaunay triangulation.
-
-    The same surface, vertices and boundary with edges flipped until no interior edge has
-    a negative weight. For traces on meshes with slivers. Faces that are too thin are kept, as in
-    `constrained_delaunay_laplacian`.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-
-    Returns
-    -------
-    Laplacian
-        Its weights are not negative but at boundary edges.
-
-    References
-    ----------
-    M. Fisher, B. Springborn, A. Bobenko, P. Schröder. An algorithm for the construction
-    of intrinsic Delaunay triangulations with applications to digital geometry
-    processing. SIGGRAPH Courses, 2006.
-    """
-    thin = _too_thin(mesh)
-    if thin.any():
-        return constrained_delaunay_laplacian(mesh, thin)
-    above = triu(libigl.intrinsic_delaunay_cotangent_matrix(mesh.V, mesh.F), 1).tocsr().tocoo()
-    return Laplacian.of(above.row, above.col, above.data, len(mesh.V))
 
 
 def constrained_delaunay_laplacian(mesh: DiskMesh, kept: Bools) -> Laplacian:
