@@ -13,19 +13,6 @@ from .surface.mesh import DiskMesh
 from .surface.triangles import face_areas, oriented_areas
 from .surface.validation import as_surface, as_vertices, size_exponent
 
-__all__ = [
-    "AngleDistortion",
-    "angle_distortion",
-    "angle_errors",
-    "area_distortion",
-    "conformal_factor",
-    "corner_angles",
-    "disk_map_distortion",
-    "plane_angles",
-    "quasi_conformal_dilatation",
-    "wirtinger_derivative",
-]
-
 
 @dataclass(frozen=True)
 class AngleDistortion:

@@ -19,7 +19,7 @@ from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError
 from .plot.shown import Shown
 from .rescue.conformality import Conformality, Judged, judge
-from .rescue.repair import Repair, unfold
+from .rescue.repair import Repair, repaired
 from .solve.delaunay import intrinsic_delaunay_laplacian
 from .solve.factor import Factor
 from .solve.factored import FactoredSurface
@@ -263,7 +263,7 @@ def _harmonic(mesh: DiskMesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floa
 def _by_disk_map(mesh: DiskMesh, sides: list[Ints]) -> RectangleMap:
     """Place the boundary as a map onto the disk tells, and both coordinates as harmonic."""
     surface = FactoredSurface.of(mesh)
-    disk = map_of(surface, Options(), Phases(), keep_factor=True)
+    disk = map_of(surface, Options(), Phases(), known={})
     z, f = as_complex(disk.uv), np.empty(len(mesh.V), dtype=complex)
     corners = z[[side[0] for side in sides]]
     for number, side in enumerate(sides):
@@ -294,7 +294,7 @@ def _mapped(
     f = modulus * square.real + 1j * square.imag
     repair = Repair()
     if is_monotone(sides, f):
-        f, repair = unfold(mesh, f, on_disk=False)
+        f, repair = repaired(mesh, f, on_disk=False)
     off = f.imag[bottom], f.real[right] - modulus, f.imag[top] - 1, f.real[left]
     flipped, n_exact = flipped_faces(f, mesh.F)
     certificate = Certificate(

@@ -7,6 +7,10 @@ from functools import partial
 import meshes
 import numpy as np
 import pytest
+from cdcp_igl.rescue.crowding import crowding_reason
+from cdcp_igl.rescue.harmonic_measure import harmonic_shares
+from cdcp_igl.steps.arcs import open_arcs
+from cdcp_igl.steps.blocks import open_blocks
 
 import cdcp_igl
 from cdcp_igl import selection
@@ -21,8 +25,6 @@ from cdcp_igl.rescue.boundary import (
     whitened_geodesic_map,
 )
 from cdcp_igl.rescue.collapsed_faces import hold_open
-from cdcp_igl.rescue.crowding import crowding_reason
-from cdcp_igl.rescue.harmonic_measure import harmonic_shares
 from cdcp_igl.rescue.repair import Repair, unfold
 from cdcp_igl.solve.factor import Factor
 from cdcp_igl.solve.factored import FactoredSurface
@@ -31,8 +33,6 @@ from cdcp_igl.solve.laplacian import (
     cotangent_laplacian,
 )
 from cdcp_igl.steps import blocks, phases
-from cdcp_igl.steps.arcs import open_arcs
-from cdcp_igl.steps.blocks import open_blocks
 from cdcp_igl.steps.extension import harmonic_extension
 from cdcp_igl.steps.mobius import mobius_transformation
 from cdcp_igl.steps.trace import boundary_trace, conjugate_trace

@@ -1,8 +1,8 @@
 import meshes
 import numpy as np
 import pytest
-
 from cdcp_igl.steps.dipole import face_dipole
+
 from cdcp_igl.surface.mesh import DiskMesh
 
 

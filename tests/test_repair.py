@@ -3,6 +3,7 @@ import sys
 import meshes
 import numpy as np
 import pytest
+from cdcp_igl.rescue.star_search import search_stars
 from surfaces import arms
 
 import cdcp_igl
@@ -10,7 +11,6 @@ from cdcp_igl import selection
 from cdcp_igl.certificate import certify, flipped_faces, is_around
 from cdcp_igl.rescue.relaxation import Relaxation
 from cdcp_igl.rescue.repair import _Neighbourhood, embed, mean_value_weights, mend, unfold
-from cdcp_igl.rescue.star_search import search_stars
 from cdcp_igl.surface.mesh import DiskMesh
 
 V, F = meshes.grid(10, 12)

@@ -5,13 +5,13 @@ from functools import partial
 import meshes
 import numpy as np
 import pytest
-
-import cdcp_igl
-from cdcp_igl.rescue import remote
 from cdcp_igl.rescue.crowding import balanced
 from cdcp_igl.rescue.harmonic_measure import around, harmonic_shares
 from cdcp_igl.rescue.remote import remote_parts
 from cdcp_igl.rescue.shorten import Shortened, image_scale
+
+import cdcp_igl
+from cdcp_igl.rescue import remote
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.solvers import SOLVERS
 from cdcp_igl.steps.extension import harmonic_extension

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cdcp_igl.steps.dipole import face_dipole
 from scipy.sparse.linalg import spsolve
 
 from cdcp_igl import angle_distortion, disk_map
@@ -9,7 +10,6 @@ from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.distortion import angle_errors
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.steps.center import Center, central_face
-from cdcp_igl.steps.dipole import face_dipole
 from cdcp_igl.steps.trace import boundary_trace
 from cdcp_igl.steps.whiten import whiten_trace
 from cdcp_igl.steps.zipper import geodesic_map

@@ -3,17 +3,17 @@
 import meshes
 import numpy as np
 import pytest
+from cdcp_igl.rescue.harmonic_map import HarmonicMap
+from cdcp_igl.rescue.pieces import flat_pieces
+from cdcp_igl.rescue.trimming import Trimmed
+from cdcp_igl.rescue.unfolding import keep_faces
 
 import cdcp_igl
 from cdcp_igl import selection
 from cdcp_igl.certificate import certify, flipped_faces
 from cdcp_igl.rescue.boundary import arc_length_map, by_arc_length
 from cdcp_igl.rescue.collapsed_faces import hold_open
-from cdcp_igl.rescue.harmonic_map import HarmonicMap
-from cdcp_igl.rescue.pieces import flat_pieces
 from cdcp_igl.rescue.refine import lower_angle_distortion
-from cdcp_igl.rescue.trimming import Trimmed
-from cdcp_igl.rescue.unfolding import keep_faces
 from cdcp_igl.solve.delaunay import (
     LEAST_WEIGHT,
     constrained_delaunay_laplacian,

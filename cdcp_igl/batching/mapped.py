@@ -100,7 +100,7 @@ class Mapped:
             "sd": self.result.distortion.sd,
             "area": float(np.abs(self._area_distortion()).mean()),
             "conformal": all(disk.conformal for disk in self.disks),
-            "boundary": ", ".join(dict.fromkeys(disk.trace.name for disk in self.disks)),
+            "boundary": ", ".join(dict.fromkeys(disk.boundary.name for disk in self.disks)),
         }
 
     def report(self) -> dict[str, Any]:

@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike
 from ..algorithm import Steps, algorithm_1
 from ..arrays import Complex, Floats
 from ..errors import MapError
-from ..rescue.boundary import Rejected
-from ..rescue.repair import unfold
+from ..rescue.repair import repaired
 from ..solve.factored import FactoredSurface
+from ..steps.circle import Rejected
 from ..steps.dipole import face_dipole
 from ..surface.mesh import DiskMesh
 from .certified import certified_disk_map
@@ -61,10 +61,10 @@ def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
     """
     surface = FactoredSurface.of(DiskMesh(V, F))
     try:
-        f = algorithm_1(surface, Steps(trace=double_cover_trace))
+        _, f, _ = algorithm_1(surface, Steps(trace=double_cover_trace))
     except Rejected as error:
         raise MapError(f"The trace of the double cover gives no map: {error}") from error
-    f, _ = unfold(surface.mesh, f)
+    f, _ = repaired(surface.mesh, f)
     return certified_disk_map(surface.mesh, f)
 
 
