@@ -17,14 +17,14 @@ from .measure.methods import METHODS, maps
 from .measure.models import subdivided
 from .measure.peers import PEERS
 from .measure.punctures import punctures
+from .measure.worker import WorkFolder
 from .records.record import Record
 from .records.results import Measured
 from .records.store import ROOT, WORK, Work
-from .session import Machine, Out, Quick, Session, WorkFolder, with_session
+from .session import Machine, Out, Session, with_session
 from .write.cells import in_order
 from .write.comparisons import summary_table
 from .write.drawing import draw
-from .write.figures.accuracy import CENTERS, MOBIUS
 from .write.front_page import MODELS, README, rewrite
 from .write.sections import cases
 from .write.table import printed
@@ -50,7 +50,6 @@ ABLATION_MODELS = (
 TOLD = ("surface", "method", "mean °", "SD °", "flips", "s", "s / F", "outcome")
 LONG = 400  # rows of a table that can still be read; of a longer one its sums are printed
 WIDE = 160  # columns of a table that is printed to a file
-SECONDS = 60  # limit of a case of figures --quick
 RESULTS = ROOT / "benchmarks" / "results"  # only `make bench` writes there
 OWN = ("cdcp", "cdcp refine=5", "lscm", "spectral")  # beside which peers are shown
 
@@ -158,19 +157,12 @@ def _finish(session: Session, section: str, records: list[Record]) -> None:
 
 
 @app.command()
-def figures(
-    quick: Quick = False,
-    machine: Machine = MACHINE,
-    out: Out = None,
-    work: WorkFolder = None,
-) -> None:
+def figures(machine: Machine = MACHINE, out: Out = None, work: WorkFolder = None) -> None:
     """Draw Figures 4 to 12 and the report for the browser, from what has been measured.
 
-    Nothing is measured again; --quick measures first what three small models need.
+    Nothing is measured again.
     """
-    session = Session(quick=quick, machine=machine, out=out, work=work, time_limit=SECONDS)
-    if quick:
-        _measure_quickly(session)
+    session = Session(machine=machine, out=out, work=work)
     if not session.results.exists():
         raise typer.BadParameter(
             f"there is no {session.results}; first run: python -m benchmarks tables"
@@ -179,18 +171,6 @@ def figures(
     kept = Work(work or WORK / about["code"])
     measured = Measured(records, kept.surface, kept.map)
     typer.echo(draw(session.results.with_suffix(""), about, measured))
-
-
-def _measure_quickly(session: Session) -> None:
-    wanted = {
-        "tables": (METHODS, ["factor", *maps()], measured_methods.TABLE),
-        "speed": (METHODS, ["factor", "cdcp"], measured_methods.TABLE),
-        "ablation": (variants.ABLATIONS, [*CENTERS, *MOBIUS], variants.TABLE),
-    }
-    for section, (known, names, table) in wanted.items():
-        chosen = {name: known[name] for name in names}
-        records = session.run(section, session.wanted_models(), chosen, table, lambda *_: 1)
-        session.write(section, records)
 
 
 @app.command()

@@ -25,6 +25,7 @@ from .measure.candidate import Candidate, of_ones_own
 from .measure.cases import Limits, run
 from .measure.machine import MACHINE, describe, memory_mib, pin_threads
 from .measure.models import Model
+from .measure.worker import WorkFolder
 from .records.record import Record
 from .records.results import Measured
 from .records.store import Work, code, read_results, write_results
@@ -39,10 +40,6 @@ Quick = Annotated[bool, typer.Option("--quick", help="Three small models.")]
 Machine = Annotated[str, typer.Option(metavar="NAME", help="Name of the results' files.")]
 Out = Annotated[
     Path | None, typer.Option(metavar="FOLDER", help="For the results; else the work folder.")
-]
-WorkFolder = Annotated[
-    Path | None,
-    typer.Option(metavar="FOLDER", help="Of what is measured already; else in build."),
 ]
 
 

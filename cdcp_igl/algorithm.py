@@ -15,7 +15,6 @@ from .rescue.boundary import BoundaryMethod
 from .rescue.candidate import HarmonicMap, Provenance, judged
 from .result.disk_map import DiskMap
 from .selection import finish, is_good, rescue
-from .solve.factor import Factor
 from .solve.factored import FactoredSurface
 from .solve.laplacian import cotangent_laplacian
 from .solve.solvers import SolverName, using
@@ -196,7 +195,7 @@ def factored_surface(
     with phase("laplacian"):
         L = cotangent_laplacian(mesh)  # (8)
     with phase("factor"):
-        return FactoredSurface(mesh, L, Factor(mesh, L))
+        return FactoredSurface(mesh, L)
 
 
 def map_of(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from .arrays import Floats, Ints
 
-__all__ = ["Defect", "MapError", "MeshError", "SolverError", "counted", "spell"]
+__all__ = ["Defect", "MapError", "MeshError", "SolverError", "counted", "printable", "spell"]
 
 _SHOWN = 8  # indices spelled out in a message; the attribute holds them all
 
@@ -176,3 +177,8 @@ def spell(indices: Ints) -> str:
 def counted(number: int, one: str, many: str) -> str:
     """Say how many there are: ``"1 face has"``, ``"2 faces have"``."""
     return f"{number:,} {one if number == 1 else many}"
+
+
+def printable(path: str | os.PathLike[str]) -> str:
+    r"""Spell a path so that it can be printed: bytes that are no UTF-8 as \xe9."""
+    return os.fsencode(path).decode("utf-8", "backslashreplace")

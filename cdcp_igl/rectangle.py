@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -14,19 +13,20 @@ from numpy.typing import ArrayLike
 
 from .algorithm import map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates
-from .certificate import Certificate, flipped_faces
+from .certificate import Certificate, flipped_faces, increments
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError
-from .plot.shown import Shown
-from .rescue.conformality import Conformality, Judged, judge
+from .plot.layout import Layout
+from .rescue.conformality import Conformality, judge
 from .rescue.repair import Repair, repaired
+from .result.base import Result
 from .solve.delaunay import intrinsic_delaunay_laplacian
-from .solve.factor import Factor
 from .solve.factored import FactoredSurface
 from .solve.laplacian import Laplacian, cotangent_laplacian
+from .solve.solvers import SolverName, using
 from .steps.extension import harmonic_extension
 from .steps.options import Options
-from .steps.phases import Phases
+from .steps.phases import Phases, Progress
 from .steps.schwarz_christoffel import along_side
 from .surface.mesh import DiskMesh
 from .surface.sides import boundary_sides, is_monotone, refuse_chords
@@ -39,11 +39,13 @@ LAPLACIANS: dict[str, Callable[[DiskMesh], Laplacian]] = {
     "cotangent": cotangent_laplacian,
     "intrinsic Delaunay": intrinsic_delaunay_laplacian,
 }
+# Phases of a map onto the disk, which a map onto a rectangle has only where its sides cannot slide.
+OF_THE_DISK = ("center", "trace", "circle", "extension", "mobius", "refine")
 REMEDY = "choose corners where the boundary has corners, or refine the faces there"
 
 
-@dataclass(frozen=True, eq=False)
-class RectangleMap(Judged, Shown):
+@dataclass(frozen=True, eq=False, repr=False)
+class RectangleMap(Result):
     """A conformal map onto a rectangle. Printing it gives a summary.
 
     Attributes
@@ -79,6 +81,9 @@ class RectangleMap(Judged, Shown):
         What was done about flipped faces.
     solver : str
         Sparse solver, version, ordering and mode.
+    timings : dict of str to float
+        Seconds per phase, those of maps that were not taken included; "circle" is the map onto
+        the disk.
 
     Examples
     --------
@@ -104,66 +109,70 @@ class RectangleMap(Judged, Shown):
     laplacian: str
     repair: Repair
     solver: str
+    timings: dict[str, float]
+
+    _kind = "rectangle"
 
     def packed(self) -> Floats:
-        """(n, 2) the image scaled into the unit square: texture coordinates."""
+        """Return the image scaled into the unit square, (n, 2): texture coordinates."""
         return self.uv / max(self.modulus, 1)
 
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the map to a file whose suffix says what.
+    def _subject(self) -> str:
+        return f"{len(self.uv):,} vertices"
 
-        Parameters
-        ----------
-        path : path-like
-            As in `DiskMap.save`.
+    def _key_figure(self) -> str:
+        return f"modulus {self.modulus:.6g}"
 
-        Raises
-        ------
-        ValueError, OSError
-            As `DiskMap.save`.
-        """
-        from .io.saving import save
+    def _steps(self) -> list[tuple[str, str]]:
+        low, high = self.modulus_bounds
+        return [
+            ("modulus", f"{self.modulus:.8g}, from {low:.8g} to {high:.8g}"),
+            ("boundary", f"{self.boundary}, {self.laplacian} Laplacian"),
+            ("repair", str(self.repair)),
+            ("solver", self.solver),
+        ]
 
-        save(self, path)
-
-    def report(self) -> dict[str, Any]:
-        """Everything but the coordinates, as JSON types."""
+    def _details(self) -> dict[str, Any]:
         return {
-            "vertices": len(self.uv),
-            "valid": self.valid,
-            **self.conformality.report(),
             "modulus": self.modulus,
             "modulus_bounds": list(self.modulus_bounds),
             "corners": list(self.corners),
-            "angular_distortion_degrees": asdict(self.distortion),
-            "certificate": self.certificate.report(),
             "boundary": self.boundary,
             "laplacian": self.laplacian,
             "repaired_faces": self.repair.n_flipped,
             "solver": self.solver,
         }
 
-    def __repr__(self) -> str:
-        vertices = f"{len(self.uv):,} vertices"
-        return f"RectangleMap({vertices}: {self.verdict}, modulus {self.modulus:.6g})"
+    def _surface(self) -> tuple[Floats, Ints]:
+        return self.mesh.positions, self.mesh.F
 
-    def __str__(self) -> str:
-        low, high = self.modulus_bounds
-        return "\n".join(
-            [
-                f"rectangle map of {len(self.uv):,} vertices: {self.verdict}",
-                f"  modulus             {self.modulus:.8g}, from {low:.8g} to {high:.8g}",
-                f"  angular distortion  {self.distortion}",
-                *([] if self.conformal else [f"  conformal           {self.conformality}"]),
-                f"  certificate         {self.certificate}",
-                f"  boundary            {self.boundary}, {self.laplacian} Laplacian",
-                f"  repair              {self.repair}",
-                f"  solver              {self.solver}",
-            ]
+    def _layout(self) -> Layout:
+        mesh, scale = self.mesh, max(self.modulus, 1) / 2
+        middle = (self.modulus / 2, 0.5)
+        return Layout(
+            V=mesh.V,
+            F=mesh.F,
+            uv=(self.uv - middle) / scale,
+            vertices=np.arange(len(mesh.V)),
+            faces=np.arange(len(mesh.F)),
+            plane="Rectangle",
+            middle=middle,
+            scale=scale,
+            origin=(middle[0] / (2 * scale), middle[1] / (2 * scale)),
+            distortion=self.distortion,
+            flipped=len(self.certificate.flipped),
+            facts=self._facts(self._subject(), f"modulus {self.modulus:.6g}"),
         )
 
 
-def rectangle_map(V: ArrayLike, F: ArrayLike, corners: ArrayLike) -> RectangleMap:
+def rectangle_map(
+    V: ArrayLike,
+    F: ArrayLike,
+    corners: ArrayLike,
+    *,
+    solver: SolverName | None = None,
+    progress: Progress | None = None,
+) -> RectangleMap:
     """Map a triangulated disk with four corners conformally onto a rectangle.
 
     Its width is found with the map, its height is 1. The coordinates are the harmonic
@@ -181,6 +190,8 @@ def rectangle_map(V: ArrayLike, F: ArrayLike, corners: ArrayLike) -> RectangleMa
     corners : (4,) array_like of integers
         Boundary vertices in counterclockwise order (the surface on the left), which go to
         (0, 0), (modulus, 0), (modulus, 1) and (0, 1).
+    solver, progress
+        As in `disk_map`.
 
     Returns
     -------
@@ -197,6 +208,8 @@ def rectangle_map(V: ArrayLike, F: ArrayLike, corners: ArrayLike) -> RectangleMa
         If no map is a bijection; the one of least distortion is its ``result``.
     SolverError
         If no Laplacian can be factored.
+    ImportError
+        If the solver that was asked for is not installed.
 
     References
     ----------
@@ -214,23 +227,13 @@ def rectangle_map(V: ArrayLike, F: ArrayLike, corners: ArrayLike) -> RectangleMa
     >>> result.valid, round(result.modulus, 12)
     (True, 3.0)
     """
-    mesh = DiskMesh(V, F)
-    sides = boundary_sides(mesh, corners)
-    refuse_chords(mesh, sides)
-    ways: list[Callable[[DiskMesh, list[Ints]], RectangleMap]]
-    ways, found = [*(partial(_sliding, name) for name in LAPLACIANS), _by_disk_map], []
-    for way in ways:
-        try:
-            found.append(way(mesh, sides))
-        except (SolverError, MapError) as error:
-            failure = error
-        # Flipped faces that were mended are worth another Laplacian, not a map onto the disk.
-        conformal = [result for result in found if result.conformal]
-        if conformal and (len(found) > 1 or conformal[0].repair.n_flipped == 0):
-            break
-    if not found:
-        raise failure
-    best = min(found, key=lambda result: (not result.valid, result.distortion.mean))
+    phase = Phases(progress, skipped=OF_THE_DISK)
+    with using(solver):
+        with phase("check"):
+            mesh = DiskMesh(V, F)
+            sides = boundary_sides(mesh, corners)
+            refuse_chords(mesh, sides)
+        best = _best_map(mesh, sides, phase)
     if not best.valid:
         raise MapError(
             f"The map is not a bijection onto the rectangle: {best.certificate}. Parts of it may "
@@ -239,16 +242,37 @@ def rectangle_map(V: ArrayLike, F: ArrayLike, corners: ArrayLike) -> RectangleMa
         )
     if not best.conformal:
         log.warning("the map is not conformal: %s", "; ".join(best.conformality.reasons))
+    phase.done()
     return best
 
 
-def _sliding(name: str, mesh: DiskMesh, sides: list[Ints]) -> RectangleMap:
+def _best_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleMap:
+    """Try one way after the other until a map is conformal; the best, valid or not."""
+    ways: list[Callable[[DiskMesh, list[Ints], Phases], RectangleMap]]
+    ways, found = [*(partial(_sliding, name) for name in LAPLACIANS), _by_disk_map], []
+    for way in ways:
+        try:
+            found.append(way(mesh, sides, phase))
+        except (SolverError, MapError) as error:
+            failure = error
+        # Flipped faces that were repaired are worth another Laplacian, not a map onto the disk.
+        conformal = [result for result in found if result.conformal]
+        if conformal and (len(found) > 1 or conformal[0].repair.n_flipped == 0):
+            break
+    if not found:
+        raise failure
+    return min(found, key=lambda result: (not result.valid, result.distortion.mean))
+
+
+def _sliding(name: str, mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleMap:
     """Solve for both coordinates, with no flux across the sides along which they vary."""
     bottom, right, top, left = sides
-    L = LAPLACIANS[name](mesh)
-    u, solver = _harmonic(mesh, L, zero=left, one=right)
-    v, _ = _harmonic(mesh, L, zero=bottom, one=top)
-    return _mapped(mesh, L, sides, u + 1j * v, name, "sliding", solver)
+    with phase("laplacian"):
+        L = LAPLACIANS[name](mesh)
+    with phase("factor"):
+        u, solver = _harmonic(mesh, L, zero=left, one=right)
+        v, _ = _harmonic(mesh, L, zero=bottom, one=top)
+    return _mapped(mesh, L, sides, u + 1j * v, name, "sliding", solver, phase)
 
 
 def _harmonic(mesh: DiskMesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floats, str]:
@@ -256,23 +280,25 @@ def _harmonic(mesh: DiskMesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floa
     value, free = np.zeros(len(mesh.V)), np.ones(len(mesh.V), dtype=bool)
     value[one] = 1
     free[zero] = free[one] = False
-    factor = Factor(mesh, L, free)
-    return value + factor.solve(-(L.matrix() @ value)), factor.solver
+    surface = FactoredSurface(mesh, L, free)
+    return value + surface.solve(-(L.matrix() @ value)), surface.solver
 
 
-def _by_disk_map(mesh: DiskMesh, sides: list[Ints]) -> RectangleMap:
+def _by_disk_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleMap:
     """Place the boundary as a map onto the disk tells, and both coordinates as harmonic."""
-    surface = FactoredSurface.of(mesh)
-    disk = map_of(surface, Options(), Phases(), known={})
-    z, f = as_complex(disk.uv), np.empty(len(mesh.V), dtype=complex)
-    corners = z[[side[0] for side in sides]]
-    for number, side in enumerate(sides):
-        start, along = (0, 1, 1 + 1j, 1j)[number], 1j**number
-        f[side[:-1]] = start + along * along_side(z[side[:-1]], np.roll(corners, -number))
-    f = harmonic_extension(surface, f[mesh.loop])
-    return _mapped(
-        mesh, surface.laplacian, sides, f, "cotangent", "disk map", surface.factor.solver
-    )
+    with phase("factor"):
+        surface = FactoredSurface.of(mesh)
+    with phase("circle"):
+        disk = map_of(surface, Options(), Phases(), known={})
+    with phase("extension"):
+        z, f = as_complex(disk.uv), np.empty(len(mesh.V), dtype=complex)
+        corners = z[[side[0] for side in sides]]
+        for number, side in enumerate(sides):
+            start, along = (0, 1, 1 + 1j, 1j)[number], 1j**number
+            f[side[:-1]] = start + along * along_side(z[side[:-1]], np.roll(corners, -number))
+        f = harmonic_extension(surface, f[mesh.loop])
+    L, solver = surface.laplacian, surface.solver
+    return _mapped(mesh, L, sides, f, "cotangent", "disk map", solver, phase)
 
 
 def _mapped(
@@ -283,9 +309,9 @@ def _mapped(
     laplacian: str,
     boundary: str,
     solver: str,
+    phase: Phases,
 ) -> RectangleMap:
     """Scale a map onto the unit square to the modulus, repair it, and certify."""
-    bottom, right, top, left = sides
     matrix = L.matrix()
     # The energy of the one with values 0 and 1 is height by width, that of the other width by
     # height, and each at most too large.
@@ -293,24 +319,17 @@ def _mapped(
     modulus = float(np.sqrt(energy_v / energy_u))
     f = modulus * square.real + 1j * square.imag
     repair = Repair()
-    if is_monotone(sides, f):
-        f, repair = repaired(mesh, f, on_disk=False)
-    off = f.imag[bottom], f.real[right] - modulus, f.imag[top] - 1, f.real[left]
-    flipped, n_exact = flipped_faces(f, mesh.F)
-    certificate = Certificate(
-        finite=bool(np.isfinite(f).all()),
-        boundary_error=float(abs(np.concatenate(off)).max()),
-        boundary_monotone=is_monotone(sides, f),
-        winding_number=1,  # of a boundary that runs through the four sides
-        flipped=flipped,
-        n_exact=n_exact,
-    )
-    degrees = np.degrees(abs(angle_errors(mesh, f)))
-    conformality = Conformality(True, ("it is not valid",))
-    if certificate.valid:
-        conformality = judge(mesh, f, degrees, closely=repair.n_flipped > 0)
-    if not conformality:
-        conformality = replace(conformality, remedies=(REMEDY,))
+    with phase("repair"):
+        if is_monotone(sides, f):
+            f, repair = repaired(mesh, f, on_disk=False)
+    with phase("certificate"):
+        certificate = _certify(mesh, sides, f, modulus)
+        degrees = np.degrees(abs(angle_errors(mesh, f)))
+        conformality = Conformality(True, ("it is not valid",))
+        if certificate.valid:
+            conformality = judge(mesh, f, degrees, closely=repair.n_flipped > 0)
+        if not conformality:
+            conformality = replace(conformality, remedies=(REMEDY,))
     first = tuple(int(side[0]) for side in sides)
     return RectangleMap(
         uv=coordinates(f),
@@ -325,4 +344,23 @@ def _mapped(
         laplacian=laplacian,
         repair=repair,
         solver=solver,
+        timings=phase.seconds,
+    )
+
+
+def _certify(mesh: DiskMesh, sides: list[Ints], f: Complex, modulus: float) -> Certificate:
+    """Verify a map (n,) onto the rectangle, as `certify` does of one onto the disk."""
+    if not np.isfinite(f).all():
+        return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)
+    bottom, right, top, left = sides
+    off = f.imag[bottom], f.real[right] - modulus, f.imag[top] - 1, f.real[left]
+    around_middle = increments(f[mesh.loop] - (modulus + 1j) / 2)
+    flipped, n_exact = flipped_faces(f, mesh.F)
+    return Certificate(
+        finite=True,
+        boundary_error=float(abs(np.concatenate(off)).max()),
+        boundary_monotone=is_monotone(sides, f),
+        winding_number=round(around_middle.sum() / (2 * np.pi)),
+        flipped=flipped,
+        n_exact=n_exact,
     )

@@ -197,7 +197,7 @@ def finish(
     if steps and best.certificate.valid:
         if not keep_factor:
             surface.release()
-        best = refined(mesh, best, surface.factor.order, steps, options, phase)
+        best = refined(mesh, best, surface.order, steps, options, phase)
     result = _disk_map(surface, best, phase)
     if not result.valid:
         raise MapError(
@@ -228,7 +228,7 @@ def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskM
         conformality=conformality,
         distortion=distortion,
         distortion_of_free_faces=of_free_faces,
-        solver=surface.factor.solver,
+        solver=surface.solver,
         timings=phase.seconds,
         **vars(best.done),
     )

@@ -88,7 +88,7 @@ def test_rows_are_those_of_the_file_where_surfaces_are_mended(tmp_path):
             np.testing.assert_array_equal(saved["uv"], expected)
         [failed] = batch([tmp_path / "folded.npz"], out / "1", clean=True, **{option: 1}).failed
         assert failed.error == "ValueError"
-        assert failed.message.endswith(" 1, which is not in the mended surface")
+        assert failed.message.endswith(" 1, which is not in the cleaned surface")
 
 
 @pytest.mark.parametrize("format", ["obj", "ply"])

@@ -13,7 +13,8 @@ from batches import ROOT, contents, write_surfaces
 
 from cdcp_igl.batching import batch
 from cdcp_igl.batching.journal import read_journals
-from cdcp_igl.batching.settings import Settings
+from cdcp_igl.batching.work import digest_of_settings
+from cdcp_igl.one_file import Settings
 
 SURFACES = 40
 KILLS = 50
@@ -39,7 +40,7 @@ def numbers(out):
     measured = {"seconds", "memory", "finished"}
     return {
         name: {key: value for key, value in record.values().items() if key not in measured}
-        for name, record in read_journals(out, Settings().digest).items()
+        for name, record in read_journals(out, digest_of_settings(Settings())).items()
     }
 
 

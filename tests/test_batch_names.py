@@ -8,8 +8,9 @@ from batches import command, lines, write_surfaces
 from typer.testing import CliRunner
 
 from cdcp_igl.batching import batch
-from cdcp_igl.batching.names import result_names, shown, surface_files
+from cdcp_igl.batching.names import result_names, surface_files
 from cdcp_igl.command_line.program import app
+from cdcp_igl.errors import printable
 
 
 @pytest.fixture
@@ -124,4 +125,4 @@ def test_names_that_are_no_text(scans, tmp_path):
     assert (tmp_path / "maps" / name).exists()
     assert len(batch([scans], tmp_path / "maps").done) == 5
     assert len(lines(tmp_path / "maps")) == 5
-    assert "\\xdf" in shown(name)
+    assert "\\xdf" in printable(name)

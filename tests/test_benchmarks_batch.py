@@ -11,11 +11,10 @@ import igl
 import meshes
 import numpy as np
 import pytest
-from benchmark_commands import ROOT, benchmarks, in_one_line, refused
+from benchmark_commands import GRID, LIMITS, ROOT, benchmarks, in_one_line, measure, refused
 
 import cdcp_igl
-from benchmarks.measure.cases import Limits, run
-from benchmarks.measure.methods import METHODS, TABLE
+from benchmarks.measure.cases import Limits
 from benchmarks.measure.models import Model, as_disk
 from benchmarks.records.record import OPENED
 from benchmarks.records.results import Measured, NotMeasured
@@ -23,38 +22,30 @@ from benchmarks.records.store import Work, read_results
 from cdcp_igl.batching.shards import read_shard, shard_of
 from cdcp_igl.reference import harmonic
 
-LIMITS = Limits(60, 4000)
-GRIDS = [Model(f"grid {k}", lambda k=k: meshes.grid(6 + k, 7)) for k in range(3)]
 TETRAHEDRON = (
     np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]),
     np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]),
 )
 
 
-def measure(folder, models, names=("cdcp", "harmonic"), limits=LIMITS, **options):
-    chosen = {name: METHODS[name] for name in names}
-    return run("tables", models, chosen, table=TABLE, limits=limits, work=Work(folder), **options)
-
-
-def accuracies(records):
-    return [(r.model, r.case.method, r.case.outcome, r.case.mean, r.histogram) for r in records]
-
-
 def test_parts_and_jobs_measure_what_one_run_measures(tmp_path):
-    alone = measure(tmp_path / "alone", GRIDS)
-    parts = [measure(tmp_path / "w", GRIDS, shard=(part, 2), jobs=2) for part in (1, 2)]
+    grids = [Model(f"grid {k}", lambda k=k: meshes.grid(6 + k, 7)) for k in range(3)]
+    parts = [measure(tmp_path, ["harmonic"], grids, shard=(k, 2), jobs=2) for k in (1, 2)]
     assert [{r.model for r in part} for part in parts] == [{"grid 0", "grid 2"}, {"grid 1"}]
-    lines = [path.read_bytes() for path in sorted((tmp_path / "w").glob("results*.jsonl"))]
-    assert [text.count(b"\n") for text in lines] == [4, 2]
-    together = measure(tmp_path / "w", GRIDS)
-    assert accuracies(together) == accuracies(alone)
-    assert (tmp_path / "w" / "results.jsonl").read_bytes() == b""  # nothing was left to measure
-    assert not list((tmp_path / "w").glob(".*.attempts"))
+    lines = [path.read_bytes() for path in sorted(tmp_path.glob("results*.jsonl"))]
+    assert [text.count(b"\n") for text in lines] == [2, 1]
+    together = measure(tmp_path, ["harmonic"], grids)
+    for made, model in zip(together, grids, strict=True):
+        V, F = model.load()
+        degrees = cdcp_igl.angle_distortion(V, F, harmonic(V, F))
+        assert (made.model, made.case.mean) == (model.name, pytest.approx(degrees.mean()))
+    assert (tmp_path / "results.jsonl").read_bytes() == b""  # nothing was left to measure
+    assert not list(tmp_path.glob(".*.attempts"))
 
 
 def test_other_conditions_are_measured_too(tmp_path, monkeypatch):
     def again(threads):
-        (record,) = measure(tmp_path, GRIDS[:1], ["cdcp"], limits=Limits(60, 4000, threads))
+        (record,) = measure(tmp_path, ["cdcp"], limits=Limits(60, 4000, threads))
         return record.threads, record.case.details["solver"]
 
     monkeypatch.setenv("CDCP_IGL_SOLVER", "scikit-sparse")
@@ -69,7 +60,7 @@ def test_other_conditions_are_measured_too(tmp_path, monkeypatch):
 def test_what_a_limit_has_ended_is_measured_again_under_a_larger_one(tmp_path):
     outcomes = []
     for limits in (Limits(0.01, 4000), Limits(0.005, 4000), Limits(60, 5), Limits(60, 4000)):
-        (record,) = measure(tmp_path, GRIDS[:1], ["cdcp"], limits=limits)
+        (record,) = measure(tmp_path, ["harmonic"], limits=limits)
         outcomes.append(record.case.outcome)
     late = "no result within 0.01 s"
     assert outcomes == [late, late, "more than 5 MiB of memory", "ok"]
@@ -97,26 +88,23 @@ def test_a_line_that_is_no_record_does_not_count(tmp_path, line):
 
 def test_two_runs_do_not_write_to_one_folder(tmp_path):
     with Work(tmp_path).journal(), pytest.raises(OSError, match="another batch is writing"):
-        measure(tmp_path, GRIDS)
+        measure(tmp_path, ["harmonic"])
     with Work(tmp_path).journal():
-        done = tables("--models", "ellipse_20", "--work", tmp_path)
-    assert done.returncode == 2
+        done = benchmarks("tables", "--models", "ellipse_20", "--work", tmp_path)
+    assert done.exit_code == 2
     assert "share the work by shards" in in_one_line(done.stderr)
 
 
-def tables(*arguments):
-    return benchmarks("tables", "--methods", "cdcp", *arguments)
-
-
 def test_parts_by_command(tmp_path):
-    arguments = ("--models", "ellipse_20,square_80", "--work", tmp_path / "w", "--machine", "here")
+    arguments = ("tables", "--methods", "harmonic", "--models", "ellipse_20,square_80")
+    arguments = (*arguments, "--work", tmp_path, "--machine", "here")
     for part in ("1/2", "2/2"):
-        done = tables(*arguments, "--shard", part)
-        assert done.returncode == 0, done.stderr
+        done = benchmarks(*arguments, "--shard", part)
+        assert done.exit_code == 0, done.output
         assert "the same without --shard writes the results" in done.stdout
-    assert not (tmp_path / "w" / "here.json").exists()
-    assert tables(*arguments).returncode == 0
-    records = read_results(tmp_path / "w" / "here.json")[1]
+    assert not (tmp_path / "here.json").exists()
+    assert benchmarks(*arguments).exit_code == 0
+    records = read_results(tmp_path / "here.json")[1]
     assert [record.model for record in records] == ["ellipse_20", "square_80"]
 
 
@@ -136,16 +124,18 @@ def test_the_parts_are_all():
         shard_of(items, (4, 3))
 
 
-def test_a_surface_that_is_no_disk_is_opened_once(tmp_path, monkeypatch):
-    closed = Model("closed", lambda: TETRAHEDRON)
-    (record,) = measure(tmp_path, [closed], ["cdcp"])
+def test_a_surface_that_is_no_disk_is_opened_once(tmp_path):
+    loaded = []
+    closed = Model("closed", lambda: loaded.append(1) or TETRAHEDRON)
+    (record,) = measure(tmp_path, ["harmonic"], [closed])
     assert record.ok
     assert record.mesh.endswith(OPENED)
     assert (record.faces, record.boundary_vertices) == (4, 4)
     V, F = Measured([record], Work(tmp_path).surface).surface("closed")
     assert cdcp_igl.check(V, F).is_disk
-    monkeypatch.setattr("benchmarks.measure.models.surface_map", None)  # not called again
-    assert measure(tmp_path, [closed], ["cdcp"]) == [record]
+    Work(tmp_path).keep_surface(record.mesh, 2 * V, F)  # is taken, not opened again
+    np.testing.assert_array_equal(as_disk(closed, Work(tmp_path))[1], 2 * V)
+    assert measure(tmp_path, ["harmonic"], [closed]) == [record]
 
 
 def test_the_largest_part_is_taken_with_its_holes_filled(tmp_path):
@@ -162,7 +152,7 @@ def test_the_largest_part_is_taken_with_its_holes_filled(tmp_path):
 def test_a_surface_that_cannot_be_opened_is_a_row(tmp_path):
     V = np.random.default_rng(0).normal(size=(5, 3))
     moebius = np.array([[k, (k + 1) % 5, (k + 2) % 5] for k in range(5)])
-    (record,) = measure(tmp_path, [Model("strip", lambda: (V, moebius))], ["cdcp"])
+    (record,) = measure(tmp_path, ["cdcp"], [Model("strip", lambda: (V, moebius))])
     assert record.case.outcome.startswith("not to be had: ")
     assert "one-sided" in record.case.outcome or "orient" in record.case.outcome
 
@@ -170,53 +160,50 @@ def test_a_surface_that_cannot_be_opened_is_a_row(tmp_path):
 def test_a_map_is_that_of_its_mesh_and_of_its_model(tmp_path):
     wide, long = (meshes.grid(9, 6), meshes.grid(6, 9))
     for name, surface in (("a_b", wide), ("a_b", long), ("a b", long)):
-        measure(tmp_path, [Model(name, lambda given=surface: given)], ["harmonic"])
+        measure(tmp_path, ["harmonic"], [Model(name, lambda given=surface: given)])
     work = Work(tmp_path)
     before, _, other = work.records()
     again = Measured([before, other], work.surface, work.map)  # the first mesh is back
     for name, surface in (("a_b", wide), ("a b", long)):
         np.testing.assert_array_equal(again.map(name, "harmonic"), harmonic(*surface))
-
-
-def test_the_surface_is_that_of_the_maps(tmp_path):
-    (record,) = measure(tmp_path, GRIDS[:1], ["harmonic"])
-    later = replace(record, section="speed", mesh="changed")
-    measured = Measured([record, later], Work(tmp_path).surface)
-    np.testing.assert_array_equal(measured.surface("grid 0")[0], GRIDS[0].load()[0])
-
-
-def test_a_surface_that_is_gone_is_not_measured(tmp_path):
-    (record,) = measure(tmp_path, GRIDS[:1], ["cdcp"])
-    Work(tmp_path).surface_path(record.mesh).unlink()
+    later = replace(before, section="speed", mesh="changed")  # the surface is that of the maps
+    measured = Measured([before, later], work.surface)
+    np.testing.assert_array_equal(measured.surface("a_b")[0], wide[0])
+    work.surface_path(before.mesh).unlink()
     with pytest.raises(NotMeasured, match="not in the work folder any more"):
-        Measured([record], Work(tmp_path).surface).surface(record.model)
+        measured.surface("a_b")
 
 
 @pytest.mark.slow
 def test_the_commands_of_the_readme_change_nothing_that_git_tracks(tmp_path):
-    """In a clean clone."""
+    """In a clean clone, each in a process of its own."""
     if not (ROOT / ".git").exists():
         pytest.skip("not a clone")
     clone = tmp_path / "clone"
     subprocess.run(["git", "clone", "--quiet", ROOT, clone], check=True)
     (clone / "scans").mkdir()
-    for k in range(2):
-        V, F = meshes.grid(8, 9 + k)
-        igl.writeOBJ(str(clone / "scans" / f"scan{k}.obj"), V, F)
+    V, F = GRID.load()
+    igl.writeOBJ(str(clone / "scans" / "scan.obj"), V, F)
     text = (clone / "README.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
     (block,) = (block for block in blocks if "python -m benchmarks" in block)
-    commands = block.splitlines()
     environment = {k: v for k, v in os.environ.items() if k != "CDCP_IGL_DATA"}
     environment |= {
         "PYTHONPATH": str(clone),
         "PATH": f"{Path(sys.executable).parent}:/usr/bin:/bin",
     }
-    for command in commands:
-        done = subprocess.run(
+    quick, _ = (
+        subprocess.run(
             command, shell=True, cwd=clone, env=environment, capture_output=True, timeout=600
         )
-        assert done.returncode == 0, done.stderr.decode()
+        for command in block.splitlines()
+    )
+    for method in (" CDCP ", " FDCP ", " LSCM, free boundary "):
+        assert quick.stdout.decode().count(method) == 3, quick.stderr.decode()
     tracked = ["git", "status", "--porcelain", "--untracked-files=no"]
     assert subprocess.check_output(tracked, cwd=clone) == b""
-    assert (clone / "mine").is_dir()
+    (results,) = (clone / "mine").glob("*.json")
+    assert {made.case.outcome for made in read_results(results)[1]} == {"ok"}
+    page = results.with_suffix(".md").read_text()
+    assert "Again: `python -m benchmarks tables --models 'scans/*.obj' --methods" in page
+    assert f"threads: {LIMITS.threads}" in page

@@ -1,16 +1,15 @@
 """The pictures of the benchmarks."""
 
-from dataclasses import replace
 from io import BytesIO
 
 import numpy as np
 import pytest
+from benchmark_commands import MACHINE, MEANS, SECONDS, record, typical
 from PIL import Image
 
-from benchmarks.measure.machine import describe
 from benchmarks.measure.methods import maps
 from benchmarks.records.findings import NAMED, sentences
-from benchmarks.records.record import EDGES, Record
+from benchmarks.records.record import EDGES
 from benchmarks.records.results import Measured, NotMeasured, growth
 from benchmarks.write.figures import PLOTS, accuracy, surfaces
 from benchmarks.write.figures.accuracy import histograms, table_1
@@ -23,7 +22,6 @@ from benchmarks.write.table import markdown
 from cdcp_igl import cdcp, datasets
 from cdcp_igl.plot.raster import SAMPLES, rasterize
 from cdcp_igl.plot.scene import Scene
-from cdcp_igl.reference.case import Case
 from cdcp_igl.steps.phases import PHASES
 
 TWO = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]), np.array([[0, 1, 2], [0, 2, 3]])
@@ -88,30 +86,11 @@ def test_distortion_is_painted_where_it_is():
 
 # -- charts ----------------------------------------------------------------------------
 
-SIZES = {"small": 20_000, "large": 80_000, "largest": 320_000}
-SECONDS = {"factor": 0.5, "cdcp": 1.0, "fdcp": 7.0, "ldcp": 2.0, "harmonic": 0.5}
-MEANS = {"factor": np.nan, "cdcp": 1.2, "fdcp": 1.1, "ldcp": 1.3, "harmonic": 5.0}
-
-
-def record(model, method, section="tables", repeat=0):
-    """A record as if seconds grew like n^1.1."""
-    n = SIZES[model]
-    seconds = SECONDS[method] * (n / 20_000) ** 1.1
-    counts = np.zeros(len(EDGES), dtype=int)
-    counts[: 10 * (2 + len(method))] = 100
-    boundary = "none" if method == "factor" else "disk"
-    shares = dict.fromkeys(PHASES, seconds / len(PHASES))
-    made = Case(
-        *(method, boundary, "ok", MEANS[method], 2.0, 50.0, 1.0, 0.0, 1e-16, seconds, 200.0),
-        details={"seconds": shares} if method == "cdcp" else {},
-    )
-    histogram = [] if method == "factor" else counts.tolist()
-    return Record(section, model, "digest", n, 2 * n, 100, repeat, made, histogram)
+MODELS = {"small": 20_000, "large": 80_000, "largest": 320_000}
 
 
 def failure(model, method, section="tables"):
-    good = record(model, method, section)
-    return replace(good, case=Case(method, good.case.boundary, "crashed: SIGSEGV"), histogram=[])
+    return record(model, method, section, outcome="crashed: SIGSEGV", n=MODELS[model])
 
 
 def measured(*extra):
@@ -119,8 +98,8 @@ def measured(*extra):
     records = [
         failure(model, method)
         if (model, method) == ("large", "fdcp")
-        else record(model, method, section, repeat)
-        for model in SIZES
+        else typical(model, method, section, n=n, repeat=repeat)
+        for model, n in MODELS.items()
         for method in SECONDS
         for section, repeat in (("tables", 0), ("speed", 0), ("speed", 1))
     ]
@@ -197,7 +176,7 @@ def test_what_was_not_measured_says_by_what_it_would_be():
 def test_where_everything_failed_a_chart_says_so():
     records = [
         failure(model, method, section)
-        for model in SIZES
+        for model in MODELS
         for method in SECONDS
         for section in ("tables", "speed")
     ]
@@ -226,17 +205,15 @@ def test_findings_are_what_the_records_say():
     assert "small: 1.2000 against 1.1000 of FDCP" in text
     assert "FDCP takes 7.0 to 7.0 times as long as CDCP (median 7.0), on 2 surfaces" in text
     assert "CDCP takes 2.00 to 2.00 times as long as one factorization" in text
-    grown = Measured([record(model, "cdcp", "growth") for model in SIZES])
+    grown = Measured([typical(model, "cdcp", "growth", n=n) for model, n in MODELS.items()])
     assert "Time of CDCP grows like n^1.10" in "\n".join(sentences(grown))
 
 
 def measured_means(count, methods):
     """Methods, and on how many of the surfaces each was run."""
+    numbers = {"sd": 1.0, "flips": 0, "seconds": 1.0}
     return Measured(
-        Record(
-            *("tables", f"surface {k}", "d", 100 + k, 9, 9, 0),
-            Case(method, "disk", "ok", mean=1.0 + k, sd=1.0, flips=0, seconds=1.0),
-        )
+        record(f"surface {k}", method, n=100 + k, mean=1.0 + k, **numbers)
         for method, run in methods.items()
         for k in range(min(run, count))
     )
@@ -266,8 +243,7 @@ def test_a_finding_names_the_first_of_many():
 
 
 def named(*names):
-    case = Case("harmonic", "disk", "ok")
-    return [Record("tables", name, "d", 100, 180, 18, 0, case, [1] * len(EDGES)) for name in names]
+    return [record(name, "harmonic", histogram=[1] * len(EDGES)) for name in names]
 
 
 def test_names_are_told_apart_and_paths_stay_as_they_are():
@@ -283,14 +259,12 @@ def test_a_bar_in_a_name_is_no_column():
 
 
 def test_a_table_without_rows_is_left_out():
-    case = Case("cdcp", "disk", "ok", seconds=1.0)
-    measured = Measured([Record("speed", "cat", "d", 100, 180, 18, 0, case)])
+    measured = Measured([record("cat", "cdcp", "speed", seconds=1.0)])
     assert [table.id for table in tables(measured)] == []
 
 
 def test_each_surface_has_a_page_of_its_own(tmp_path):
     V, F, _ = datasets.ellipse(3)
     measured = Measured(named("a_b", "a b"), lambda mesh: (V, F))
-    about = describe(1) | {"time_limit": 60, "memory_limit": 4000, "commands": {}}
-    write_pages(tmp_path, about, measured, [], lambda model: None)
+    write_pages(tmp_path, MACHINE, measured, [], lambda model: None)
     assert {page.name for page in tmp_path.glob("a*.html")} == {"a_b.html", "a~20b.html"}

@@ -7,26 +7,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmark_commands import ROOT, benchmarks, refused
+from benchmark_commands import LIMITS, ROOT, benchmarks, measure, record, refused
 
 from benchmarks.measure import models
-from benchmarks.measure.cases import Limits, run
-from benchmarks.measure.methods import METHODS, TABLE, maps
+from benchmarks.measure.cases import Limits
+from benchmarks.measure.methods import METHODS, maps
 from benchmarks.measure.models import Model
 from benchmarks.measure.peers import PEERS
 from benchmarks.records.comparison import paired, profiles, summary
-from benchmarks.records.record import Record
 from benchmarks.records.results import Section
 from benchmarks.records.store import Work, read_results
 from benchmarks.write.comparisons import peer_tables
 from cdcp_igl import angle_distortion, check, datasets
 from cdcp_igl.certificate import certify
 from cdcp_igl.reference import harmonic
-from cdcp_igl.reference.case import Case
 from cdcp_igl.surface.mesh import DiskMesh
 
 V, F, _ = datasets.ellipse(5)
-LIMITS = Limits(60, 4000)
+PLANE = Model("plane", lambda: (V, F.astype(np.int32)))
 
 # -- other programs --------------------------------------------------------------------
 
@@ -70,10 +68,15 @@ def test_bff_gives_the_vertices_back_in_their_order(bff, name):
     assert angle_distortion(V, F, uv).max() < 1e-2  # six decimals; a clockwise one is mirrored
 
 
+def peer(folder, name, limits=LIMITS):
+    (made,) = measure(folder, [name], [PLANE], "peers", limits)
+    return made
+
+
 def test_bff_that_fails_is_a_row(bff, tmp_path):
     bff("sys.exit('out of luck')")
-    (record,) = measure(tmp_path, ["BFF free"])
-    assert record.case.outcome == "MapError: bff-command-line gave no map: out of luck"
+    outcome = peer(tmp_path, "BFF free").case.outcome
+    assert outcome == "MapError: bff-command-line gave no map: out of luck"
 
 
 def command_lines():
@@ -84,8 +87,7 @@ def command_lines():
 
 def test_bff_that_hangs_is_ended_with_its_row(bff, tmp_path):
     bff("import os, time; open(given + '.pid', 'w').close(); time.sleep(600)")
-    (record,) = measure(tmp_path, ["BFF free"], limits=Limits(5, 4000))
-    assert record.case.outcome == "no result within 5 s"
+    assert peer(tmp_path, "BFF free", Limits(3, 4000)).case.outcome == "no result within 3 s"
     if sys.platform == "linux":
         program = str(tmp_path / "bff-command-line").encode()
         assert not any(program in line for line in command_lines())
@@ -102,18 +104,17 @@ def test_libigl_peers_open_a_plane(name):
 def test_an_installed_peer_gives_a_map(name, tmp_path):
     if reason := PEERS[name].missing():
         pytest.skip(reason)
-    (record,) = measure(tmp_path, [name], model=Model("grid", lambda: (V, F.astype(np.int32))))
-    assert record.ok or "charts" in record.case.outcome
+    made = peer(tmp_path, name)
+    assert made.ok or "charts" in made.case.outcome
 
 
 def test_what_is_not_installed_is_told_and_tried_again(tmp_path, monkeypatch, bff):
     monkeypatch.delenv("BFF", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
-    (record,) = measure(tmp_path, ["BFF free"])
-    assert record.case.outcome == "not to be had: no bff-command-line on PATH, nor its path in BFF"
+    outcome = peer(tmp_path, "BFF free").case.outcome
+    assert outcome == "not to be had: no bff-command-line on PATH, nor its path in BFF"
     bff()
-    (record,) = measure(tmp_path, ["BFF free"])
-    assert record.ok
+    assert peer(tmp_path, "BFF free").ok
 
 
 def test_peers_are_measured_only_when_asked_for():
@@ -125,12 +126,6 @@ def test_the_head_of_a_column_says_what_the_boundary_is():
     made = section({name: [1] for name in ("cdcp", "lscm", "BFF disk", "BFF free")})
     heads = ["CDCP", "LSCM, free boundary", "BFF disk, not certified", "BFF free, free boundary"]
     assert next(peer_tables(made)).headings[2:] == heads
-
-
-def measure(tmp_path, names, model=None, limits=LIMITS):
-    chosen = {name: METHODS[name] for name in names}
-    model = model or Model("grid", lambda: (V, F))
-    return run("peers", [model], chosen, table=TABLE, limits=limits, work=Work(tmp_path))
 
 
 # -- a method of one's own -------------------------------------------------------------
@@ -145,18 +140,10 @@ def tables(tmp_path, *arguments):
 
 
 def test_ones_own_methods_join_the_tables_and_fail_in_rows(tmp_path):
-    told = {
-        "kills_itself": "crashed: SIGSEGV",
-        "raises": "failed: KeyError",
-        "not_finite": "not valid: not finite",
-        "flipped": "not valid",
-        "hangs": "no result within 15 s",
-        "hog": "more than 600 MiB of memory",
-    }
-    own = [f"--method=failing_methods:{name}" for name in told]
-    done = tables(tmp_path, *own, "--time-limit", "15", "--memory-limit", "600", "--jobs", "2")
-    assert done.returncode == 0, done.stderr
-    first, *others = [record.case.outcome for record in read_results(tmp_path / "here.json")[1]]
+    told = {"kills_itself": "crashed: SIGSEGV", "flipped": "not valid"}
+    done = tables(tmp_path, *(f"--method=failing_methods:{name}" for name in told))
+    assert done.exit_code == 0, done.output
+    first, *others = [made.case.outcome for made in read_results(tmp_path / "here.json")[1]]
     assert first == "ok"
     for outcome, beginning in zip(others, told.values(), strict=True):
         assert outcome.startswith(beginning)
@@ -168,7 +155,7 @@ def test_a_method_that_has_changed_is_measured_again(tmp_path):
     for sign in ("", "[::, ::-1]"):
         file.write_text(f"import cdcp_igl\ndef own(V, F): return cdcp_igl.cdcp(V, F){sign}\n")
         done = tables(tmp_path, "--method", "mine:own")
-        assert done.returncode == 0, done.stderr
+        assert done.exit_code == 0, done.output
     own = read_results(tmp_path / "here.json")[1][1]
     assert own.case.outcome.startswith("not valid")
     assert len(Work(tmp_path / "w").records()) == 3
@@ -189,16 +176,15 @@ def test_a_method_that_is_not_there_is_an_error(name):
 # -- many surfaces ---------------------------------------------------------------------
 
 
-def section(means, seconds=None, flips=0.0):
+def section(means, flips=0.0):
     """Records of methods by their means on surfaces a, b, c, ...; None where one failed."""
-    records = []
-    for method, values in means.items():
-        for k, mean in enumerate(values):
-            time = seconds[method][k] if seconds else 1.0
-            numbers = {"mean": mean, "sd": 1.0, "flips": flips, "seconds": time}
-            made = Case(method, "disk", "ok", **numbers) if mean else Case(method, "disk", "failed")
-            records.append(Record("tables", "abcdefgh"[k], "d", 100 + k, 9, 9, 0, made))
-    return Section(records)
+    return Section(
+        record("abcdefgh"[k], method, mean=mean, sd=1.0, flips=flips, seconds=1.0, n=100 + k)
+        if mean
+        else record("abcdefgh"[k], method, outcome="failed", n=100 + k)
+        for method, values in means.items()
+        for k, mean in enumerate(values)
+    )
 
 
 def test_the_summary_counts_and_sums_up():
@@ -232,16 +218,17 @@ def test_paired_tests_have_their_exact_values():
     assert made.signed_rank == pytest.approx(2 / 2**6)
 
 
-def test_rounding_is_no_difference():
-    ones = [1.0, 2.0, 3.0]
-    nearly = [value * (1 + 1e-9) for value in ones]
-    made = paired(section({"cdcp": ones, "fdcp": nearly}), "cdcp", "fdcp", "mean")
-    assert (made.lower, made.higher, made.ties, made.sign, made.signed_rank) == (0, 0, 3, 1, 1)
-
-
-def test_only_pairs_are_compared():
-    made = paired(section({"cdcp": [1, 2, None], "fdcp": [2, None, 1]}), "cdcp", "fdcp", "mean")
-    assert (made.lower, made.higher, made.ties) == (1, 0, 0)
+@pytest.mark.parametrize(
+    ("means", "others", "counts"),
+    [
+        ([1, 2, 3], [1 + 1e-9, 2 - 2e-9, 3], (0, 0, 3)),  # rounding is no difference
+        ([1, 2, None], [2, None, 1], (1, 0, 0)),  # only pairs are compared
+    ],
+)
+def test_what_is_compared(means, others, counts):
+    made = paired(section({"cdcp": means, "fdcp": others}), "cdcp", "fdcp", "mean")
+    assert (made.lower, made.higher, made.ties) == counts
+    assert (made.sign, made.signed_rank) == (1, 1)
 
 
 def test_patches_are_disks_and_the_same_each_time(monkeypatch):

@@ -1,12 +1,14 @@
 """The command `python -m benchmarks punctures`."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import surfaces
-from typer.testing import CliRunner
+from benchmark_commands import benchmarks
 
-from benchmarks.__main__ import app
 from benchmarks.measure import punctures
+from benchmarks.measure.models import digest
 from benchmarks.measure.punctures import Comparison, Row, opened
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -19,50 +21,50 @@ def test_what_is_taken_out(kind, boundary):
     assert len(W) == len(V) - {"face": 0, "vertex": 1, "2-ring": 7}[kind]
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """A closed surface, one with a handle, and results in a folder of their own."""
-    monkeypatch.setattr(punctures, "WORK", tmp_path / "work")
-    meshes = tmp_path / "meshes"
-    meshes.mkdir()
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """The command for a folder with a closed surface and one with a handle; its file, its output.
+
+    One place each.
+    """
+    folder = tmp_path_factory.mktemp("closed")
     for name, (V, F) in {"sphere": surfaces.sphere(), "torus": surfaces.torus()}.items():
-        np.savez(meshes / f"{name}.npz", V=V, F=F)
-    return meshes
+        np.savez(folder / f"{name}.npz", V=V, F=F)
+    command = ["punctures", folder, "--places", 1, "--work", folder / "work"]
+    shown = benchmarks(*command)
+    assert shown.exit_code == 0, shown.output
+    assert "torus" not in shown.stdout
+    return command, folder / "work" / "punctures-1.jsonl", shown.stdout
 
 
-def test_a_killed_run_goes_on_where_it_stopped(folder, monkeypatch):
-    command = ["punctures", str(folder), "--places", "1"]
-    whole = CliRunner().invoke(app, command)
-    assert whole.exit_code == 0, whole.output
-    assert "torus" not in whole.stdout
-    [path] = folder.parent.glob("work/*/punctures-1.jsonl")
+def test_a_killed_run_goes_on_where_it_stopped(measured):
+    command, path, shown = measured
     lines = path.read_bytes().splitlines(keepends=True)
     assert len(lines) == len(punctures.RINGS) * len(punctures.METHODS)
     path.write_bytes(b"".join(lines[:-2]) + lines[-2][:9])
     known = path.read_bytes()
-    assert CliRunner().invoke(app, [*command, "--jobs", "2"]).stdout == whole.stdout
+    assert benchmarks(*command, "--jobs", 2).stdout == shown
     assert path.read_bytes().startswith(known[: known.rfind(b"\n")])
     assert len(path.read_bytes().splitlines()) == len(lines)
 
 
-def test_a_surface_that_has_changed_is_mapped_again(folder):
-    command = ["punctures", str(folder), "--places", "1"]
-    assert CliRunner().invoke(app, command).exit_code == 0
-    V, F = surfaces.sphere(stretch=2)
-    np.savez(folder / "sphere.npz", V=V, F=F)
-    punctures._surface.cache_clear()
-    assert CliRunner().invoke(app, command).exit_code == 0
-    [path] = folder.parent.glob("work/*/punctures-1.jsonl")
-    rows = len(punctures.RINGS) * len(punctures.METHODS)
-    assert len(path.read_bytes().splitlines()) == 2 * rows
-
-
-def test_a_crash_is_a_row_and_an_exit_code(folder, monkeypatch):
-    monkeypatch.setattr(punctures, "SECONDS", 0.0)
-    shown = CliRunner().invoke(app, ["punctures", str(folder), "--places", "1"])
+def test_a_fault_is_told_and_an_exit_code(measured, tmp_path):
+    command, path, _ = measured
+    text = path.read_text()
+    ours = f'"method": "{punctures.METHODS[0]}", "outcome": '
+    assert text.count(f'{ours}"map"') == 3
+    (tmp_path / path.name).write_text(text.replace(f'{ours}"map"', f'{ours}"hang"'))
+    shown = benchmarks(*command[:-1], tmp_path)
     assert shown.exit_code == 1
     assert "sphere less a face" in shown.stdout
-    assert "refine=0 hang" in shown.stdout
+    assert f"{punctures.METHODS[0]} hang" in shown.stdout
+
+
+def test_a_surface_that_has_changed_is_mapped_again():
+    V, F = surfaces.sphere()
+    one, other = (punctures.Hole("sphere", digest(V * k, F), "face", 0, 7) for k in (1, 2))
+    rows = [punctures.Task(Path("sphere.npz"), hole, "FDCP").row for hole in (one, other)]
+    assert len(set(map(punctures.KNOWN_BY, rows))) == 2
 
 
 def row(method, outcome, mean=np.nan):

@@ -4,11 +4,9 @@ import meshes
 import numpy as np
 import pytest
 import surfaces
-from benchmark_commands import refused
-from typer.testing import CliRunner
+from benchmark_commands import benchmarks, refused
 
 import cdcp_igl
-from benchmarks.__main__ import app
 from benchmarks.measure.any_surface import least_distortion
 
 
@@ -21,7 +19,7 @@ def test_a_row_for_each_surface_by_class(tmp_path):
     }
     for name, (V, F) in mesh.items():
         np.savez(tmp_path / f"{name}.npz", V=V, F=F)
-    shown = CliRunner().invoke(app, ["surfaces", str(tmp_path)])
+    shown = benchmarks("surfaces", tmp_path)
     assert shown.exit_code == 0
     assert shown.stdout.index("## handles") < shown.stdout.index("## loops")
     assert "| loops_strip | 18 | refused: The surface is one-sided" in shown.stdout

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cdcp_igl.result.disk_map.landmarks import Automorphism, landmark_automorphism
-from cdcp_igl.result.disk_map.lattice import disk_lattice, even_ring
 from hypothesis import given
 from hypothesis import strategies as st
 from meshes import TRIANGLE, corridor, fan, grid, strip
 
 import cdcp_igl
+from cdcp_igl.result.landmarks import Automorphism, landmark_automorphism
+from cdcp_igl.result.lattice import disk_lattice, even_ring
 from cdcp_igl.surface import location
 
 SMALL = {"triangle": TRIANGLE, "fan": fan(), "strip": strip(), "grid": grid()}

@@ -26,7 +26,6 @@ from cdcp_igl.rescue.boundary import (
 )
 from cdcp_igl.rescue.collapsed_faces import hold_open
 from cdcp_igl.rescue.repair import Repair, unfold
-from cdcp_igl.solve.factor import Factor
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.laplacian import (
     Laplacian,
@@ -407,7 +406,7 @@ def test_given_boundary_values_do_not_see_the_boundary_edges():
     L = cotangent_laplacian(mesh)
     along = mesh.on_boundary[L.low] & mesh.on_boundary[L.high]
     other = Laplacian.of(L.low, L.high, np.where(along, 0.5, 1) * L.weights, len(V))
-    one, two = (FactoredSurface(mesh, M, Factor(mesh, M)) for M in (L, other))
+    one, two = (FactoredSurface(mesh, M) for M in (L, other))
     face = len(F) // 2
     for seen in (harmonic_shares, conjugate_trace):
         np.testing.assert_array_equal(seen(one, face), seen(two, face))

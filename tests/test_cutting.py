@@ -6,15 +6,12 @@ import meshes
 import numpy as np
 import pytest
 import surfaces
-from cdcp_igl.atlas.surface.cut_arcs import straighten
-from cdcp_igl.atlas.surface.cut_paths import straight_path
-from cdcp_igl.atlas.surface.cut_surface import CutSurface
-from cdcp_igl.atlas.surface.cut_system import cut_to_disk
-from cdcp_igl.atlas.surface.cutting import open_to_disk
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cdcp_igl
+from cdcp_igl.atlas.cut_graph import Component, cut_to_disk
+from cdcp_igl.atlas.cut_paths import open_to_disk, straight_path, straighten
 from cdcp_igl.surface.topology import Topology
 
 RANDOM = st.builds(
@@ -45,7 +42,7 @@ def assert_disks(F, n, given):
 def test_every_component_becomes_a_disk_and_glues_back(mesh):
     V, F = mesh
     cut = cdcp_igl.cut(V, F)
-    V_cut, F_cut, vertex_index = cut
+    V_cut, F_cut, vertex_index = cut[:3]
     np.testing.assert_array_equal(V[vertex_index], V_cut)
     np.testing.assert_array_equal(vertex_index[F_cut], F)
     np.testing.assert_array_equal(V_cut[: len(V)], V)
@@ -103,15 +100,17 @@ def test_a_torus_is_cut_along_its_two_shortest_loops():
     )
 
 
+def component(V, F):
+    return Component(V, F, polygon=np.arange(len(F)), rows=np.arange(len(F)))
+
+
 def test_a_tube_is_cut_along_a_straight_line():
     """One of many shortest paths, most of which go to and fro."""
-    V, F = surfaces.tube()
-    surface = CutSurface(V, F, np.arange(len(F)))
-    uncut = surface.opened().bend
-    open_to_disk(surface)
-    assert len(surface.cut_edges) == 23
+    tube = component(*surfaces.tube())
+    opened = open_to_disk(tube)
+    assert len(opened.cut_edges) == 23
     # The two ends have corners of pi in place of a straight boundary, the others nothing.
-    assert surface.opened().bend < uncut + 2 * np.pi + 0.1
+    assert opened.bend < tube.uncut.bend + 2 * np.pi + 0.1
 
 
 def test_a_long_sphere_is_cut_from_tip_to_tip():
@@ -128,53 +127,37 @@ def test_straightening_lowers_what_a_flat_map_has_to_bend(seed):
     sheets = Topology(F, len(V))
     if not sheets.is_manifold or sheets.components[0] > 1 or sheets.genus == 0:
         V, F = surfaces.torus()
-    surface = CutSurface(V, F, np.arange(len(F)))
-    cut_to_disk(surface)
-    before = surface.opened().bend + surface.length[surface.cut_edges].sum()
-    straighten(surface)
-    opened = surface.opened()
-    assert opened.bend + surface.length[surface.cut_edges].sum() <= before
+    first = cut_to_disk(component(V, F))
+    opened = straighten(first)
+    before, after = (o.bend + o.component.length[o.cut_edges].sum() for o in (first, opened))
+    assert after <= before
     assert opened.euler_characteristic == 1
     assert opened.loop.max() == 0
 
 
 def test_the_bend_of_a_path_is_what_it_adds():
     """By the formula of the cost, for a path between two boundary vertices of a grid."""
-    V, F = meshes.grid(10, 12)
-    surface = CutSurface(V, F, np.arange(len(F)))
-    opened = surface.opened()
-    vertex = np.empty(len(V), int)
-    vertex[surface.tail] = opened.tail
-    start, end = np.zeros((2, len(V)), dtype=bool)
-    start[vertex[5]] = end[vertex[9 * 12 + 6]] = True
-    path = straight_path(opened, start, end)
-    surface.set_cut(path, cut=True)
-    angle = opened.angle_sum
-    added = surface.opened().bend - opened.bend
-    inner = [opened.head[h] for h in path[:-1]]
-    left = []
-    for before, after in pairwise(path):
-        half, turned = surface.after(before), surface.angle[surface.after(before)]
-        while half != after:
-            half = surface.after(surface.twin[half])
-            turned += surface.angle[half]
-        left.append(turned)
-    expected = sum(
-        abs(a - np.pi) + abs(angle[v] - a - np.pi) - abs(angle[v] - 2 * np.pi)
-        for a, v in zip(left, inner, strict=True)
-    )
-    at_ends = 0.0
-    for half, v in (
-        (path[0], opened.tail[path[0]]),
-        (surface.twin[path[-1]], opened.head[path[-1]]),
-    ):
-        after, turned = half, surface.angle[half]
-        while surface.twin[surface.before(after)] >= 0:
-            after = surface.twin[surface.before(after)]
-            turned += surface.angle[after]
-        at_ends += abs(turned - np.pi) + abs(angle[v] - turned - np.pi) - abs(angle[v] - np.pi)
-    assert added == pytest.approx(expected + at_ends)
-    assert surface.opened().euler_characteristic == opened.euler_characteristic + 1
+    surface = component(*meshes.grid(10, 12))
+    uncut = surface.uncut
+    start, end = np.zeros((2, uncut.n), dtype=bool)
+    start[5] = end[9 * 12 + 6] = True
+    path = straight_path(uncut, start, end)
+    opened = uncut.cut(path)
+
+    def angle_to(ray, half):
+        """Sum of the angles counterclockwise from a half-edge to another one, or the boundary."""
+        total = surface.angle[half]
+        while (half := surface.twin[surface.before(half)]) not in (ray, -1):
+            total += surface.angle[half]
+        return total
+
+    expected = 0.0
+    visits = [(surface.twin[come], on, 2 * np.pi) for come, on in pairwise(path)]
+    for ray, half, flat in [(-1, path[0], np.pi), *visits, (-1, surface.twin[path[-1]], np.pi)]:
+        left, around = angle_to(ray, half), uncut.angle_sum[surface.tail[half]]
+        expected += abs(left - np.pi) + abs(around - left - np.pi) - abs(around - flat)
+    assert opened.bend - uncut.bend == pytest.approx(expected)
+    assert opened.euler_characteristic == uncut.euler_characteristic + 1
 
 
 # -- a path that is given --------------------------------------------------------------
@@ -226,8 +209,7 @@ def test_a_moebius_strip_can_be_cut_across():
     _, V, F, _ = meshes.NASTY["Moebius strip"]
     with pytest.raises(cdcp_igl.MeshError, match=r"cdcp_igl\.cut\(V, F, path\)"):
         cdcp_igl.cut(V, F)
-    V_cut, F_cut, _ = cdcp_igl.cut(V, F, path=[0, 9])
-    assert cdcp_igl.surface_map(V_cut, F_cut).valid
+    assert cdcp_igl.surface_map(*cdcp_igl.cut(V, F, path=[0, 9])[:2]).valid
 
 
 # -- what is refused -------------------------------------------------------------------
@@ -265,7 +247,7 @@ def test_nasty_meshes_are_cut_or_refused(name):
         "degenerate face",
     }
     if defect in cuttable:
-        V_cut, F_cut, vertex_index = cdcp_igl.cut(V, F)
+        V_cut, F_cut, vertex_index = cdcp_igl.cut(V, F)[:3]
         np.testing.assert_array_equal(np.asarray(V, float)[vertex_index], V_cut)
         np.testing.assert_array_equal(vertex_index[F_cut], F)
         assert_disks(F_cut, len(V_cut), F)

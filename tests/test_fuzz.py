@@ -1,15 +1,15 @@
 """Random surfaces, good and bad: each ends as a certified map or as a typed error."""
 
+import json
 from functools import partial
 
 import numpy as np
 import pytest
+from benchmark_commands import benchmarks
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
 import cdcp_igl
-from benchmarks.__main__ import app
 from benchmarks.measure import fuzzing as fuzz
 from benchmarks.measure.worker import Lost, Worker
 from cdcp_igl.certificate import certify
@@ -27,7 +27,7 @@ def _generated_surfaces(monkeypatch):
     fuzz.sources.cache_clear()
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(st.integers(0, 2**31))
 def test_certified_map_or_typed_error(seed):
     row = fuzz.examine(seed, 0)
@@ -36,7 +36,7 @@ def test_certified_map_or_typed_error(seed):
         assert row.outcome.startswith("map"), row
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(st.integers(0, 2**31), st.sampled_from([1, 1.5, 2]))
 def test_refinement_never_raises_the_objective(seed, norm):
     case = fuzz.surface(seed, 0)
@@ -117,19 +117,14 @@ def test_cases_are_reproducible():
     assert fuzz.surface(3, 15).made != one.made
 
 
-def test_a_worker_that_dies_or_hangs_is_a_row():
-    def run(case, seconds):
-        try:
-            answer = worker.run(case, seconds)
-        except Lost as lost:
-            answer = lost
-        return fuzz._row(1, case, answer)
-
+def test_a_worker_that_dies_or_hangs_is_replaced():
     with Worker(partial(fuzz.examine, 1)) as worker:
-        assert run(0, seconds=0).outcome == "hang"
+        with pytest.raises(Lost, match="hang"):
+            worker.run(0, seconds=0)
         worker._process.kill()
-        assert run(1, seconds=60).outcome == "crash"
-        row = run(REFINED, seconds=60)
+        with pytest.raises(Lost, match="crash"):
+            worker.run(1, seconds=60)
+        row = worker.run(REFINED, seconds=60)
         assert row == fuzz.examine(1, REFINED)
         assert row.refine > 0
         assert row.refined <= row.distortion
@@ -147,17 +142,18 @@ def test_a_refinement_that_fails_is_a_fault(monkeypatch):
     assert "no factor" in row.message
 
 
-def test_a_killed_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
-    monkeypatch.setattr(fuzz, "WORK", tmp_path)
-    runner = CliRunner()
-    whole = runner.invoke(app, ["fuzz", "--cases", "6"])
+def test_a_killed_run_goes_on_where_it_stopped(tmp_path):
+    command = ("fuzz", "--cases", 6, "--work", tmp_path)
+    whole = benchmarks(*command)
     assert whole.exit_code == 0
     assert "refined maps" in whole.stdout
-    [path] = tmp_path.glob("*/fuzz-1.jsonl")
+    path = tmp_path / "fuzz-1.jsonl"
     lines = path.read_bytes().splitlines(keepends=True)
-    path.write_bytes(b"".join(lines[:3]) + lines[3][:9])  # in the middle of a line
+    lost = lines[0].replace(json.loads(lines[0])["outcome"].encode(), b"hang")
+    path.write_bytes(lost + b"".join(lines[1:3]) + lines[3][:9])  # in the middle of a line
     # What is left is examined side by side, with the same outcome.
-    assert runner.invoke(app, ["fuzz", "--cases", "6", "--jobs", "2"]).stdout == whole.stdout
-    again = path.read_bytes().splitlines(keepends=True)
-    assert again[:3] == lines[:3]
-    assert sorted(again) == sorted(lines)
+    again = benchmarks(*command, "--jobs", 2)
+    assert again.exit_code == 1  # for what is lost
+    assert "case 0: " in again.stdout
+    assert path.read_bytes().startswith(lost)
+    assert sorted(path.read_bytes().splitlines(keepends=True)[1:]) == sorted(lines[1:])

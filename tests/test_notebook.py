@@ -13,7 +13,7 @@ from meshes import NASTY, corridor, grid
 
 import cdcp_igl
 from cdcp_igl.io import read_mesh, write_map
-from cdcp_igl.surface.notebook import html_table
+from cdcp_igl.printing import as_html
 
 NOTEBOOK = Path(__file__).parents[1] / "docs" / "examples" / "notebook.ipynb"
 
@@ -42,7 +42,7 @@ def test_a_notebook_shows_a_table_and_the_page(mapped):
     shown = result._repr_html_()
     assert "<table>" in shown
     page = unescape(re.search(r'srcdoc="(.*?)"', shown, re.DOTALL)[1])
-    assert page == cdcp_igl.plot.view_html(result)
+    assert page == result.view_html()
 
 
 @pytest.mark.parametrize("exponent", [-900, 1010])
@@ -53,12 +53,12 @@ def test_what_is_shown_does_not_depend_on_the_unit(exponent):
         (cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(W, F)),
         (cdcp_igl.surface_map(V, G), cdcp_igl.surface_map(W, G)),
     ):
-        assert cdcp_igl.plot.view_html(small) == cdcp_igl.plot.view_html(large)
+        assert small.view_html() == large.view_html()
         assert "<iframe" in large._repr_html_()
 
 
 def test_a_large_surface_is_a_picture_in_a_notebook(mapped, monkeypatch):
-    monkeypatch.setattr("cdcp_igl.plot.notebook.MOST_VERTICES", 100)
+    monkeypatch.setattr("cdcp_igl.result.base.MOST_VERTICES_OF_PAGES", 100)
     shown = mapped[2]._repr_html_()
     assert "<iframe" not in shown
     assert 'src="data:image/jpeg;base64,' in shown
@@ -69,9 +69,9 @@ def test_what_a_report_names_is_escaped(mapped):
     V, F, _ = mapped
     shown = cdcp_igl.check(V, F[1:] + 1)._repr_html_()
     assert "index out of range" in shown
-    assert "<table>" in html_table("<b>", [("<i>", "a & b")])
-    assert "&lt;b&gt;" in html_table("<b>", [("<i>", "a & b")])
-    assert "a &amp; b" in html_table("<b>", [("<i>", "a & b")])
+    assert "<table>" in as_html("<b>", [("<i>", "a & b")])
+    assert "&lt;b&gt;" in as_html("<b>", [("<i>", "a & b")])
+    assert "a &amp; b" in as_html("<b>", [("<i>", "a & b")])
 
 
 def test_plot_gives_axes(mapped):

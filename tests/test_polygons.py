@@ -76,7 +76,7 @@ def parted(F, F_cut, whole):
 def test_no_polygon_is_parted_and_every_component_becomes_a_disk(mesh):
     V, polygons = mesh
     F, whole = triangles(polygons)
-    cut = cdcp_igl.cut(V, F, whole=whole)
+    cut = cdcp_igl.cut(V, F, polygon_of_face=whole)
     assert parted(F, cut.F, whole) == []
     np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
     assert_disks(cut.F, len(cut.V), F)
@@ -88,12 +88,12 @@ def test_nor_is_one_parted_by_a_map(mesh, fill):
     """Whose cut grows."""
     V, polygons = mesh
     F, whole = triangles(polygons)
-    result = cdcp_igl.surface_map(V, F, whole=whole, fill=fill, spread=0.7)
+    result = cdcp_igl.surface_map(V, F, polygon_of_face=whole, fill=fill, spread=0.7)
     assert result.valid
     assert parted(F, result.cut.F, whole) == []
 
 
-def test_without_whole_polygons_are_parted():
+def test_without_their_numbers_polygons_are_parted():
     """Or the tests above could not fail."""
     V, polygons = many_corners(8, 8, 0, twist=True)
     F, whole = triangles(polygons)
@@ -106,7 +106,7 @@ def test_any_numbers_make_disks(seed, most):
     """Also where no polygon is one: sets of faces with vertices, holes and handles inside."""
     V, F = surfaces.voxels(seed, size=3)
     whole = np.random.default_rng(seed).integers(-most, most, len(F))
-    cut = cdcp_igl.cut(V, F, whole=whole)
+    cut = cdcp_igl.cut(V, F, polygon_of_face=whole)
     np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
     assert_disks(cut.F, len(cut.V), F)
 
@@ -114,24 +114,24 @@ def test_any_numbers_make_disks(seed, most):
 def test_only_which_faces_have_the_same_number_matters():
     V, polygons = torus_with_holes(12, 8, 0, 2)
     F, whole = triangles(polygons)
-    cut = cdcp_igl.cut(V, F, whole=whole)
-    np.testing.assert_array_equal(cdcp_igl.cut(V, F, whole=7 - 5 * whole).F, cut.F)
-    each = cdcp_igl.cut(V, F, whole=np.arange(len(F)))
+    cut = cdcp_igl.cut(V, F, polygon_of_face=whole)
+    np.testing.assert_array_equal(cdcp_igl.cut(V, F, polygon_of_face=7 - 5 * whole).F, cut.F)
+    each = cdcp_igl.cut(V, F, polygon_of_face=np.arange(len(F)))
     np.testing.assert_array_equal(each.F, cdcp_igl.cut(V, F).F)
 
 
 @pytest.mark.parametrize("whole", [[0, 1], [[0], [0]], "quads", [0.0] * 4, 3])
-def test_whole_has_a_number_for_each_face(whole):
+def test_there_is_a_number_for_each_face(whole):
     V, F = np.vstack([np.zeros(3), np.eye(3)]), [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
     for function in (cdcp_igl.cut, cdcp_igl.surface_map):
-        with pytest.raises(ValueError, match="whole must say"):
-            function(V, F, whole=whole)
+        with pytest.raises(ValueError, match="polygon_of_face must say"):
+            function(V, F, polygon_of_face=whole)
 
 
 def test_a_path_says_enough():
     V, F = surfaces.torus()
-    with pytest.raises(ValueError, match="leave out whole"):
-        cdcp_igl.cut(V, F, [0, 1], whole=np.arange(len(F)))
+    with pytest.raises(ValueError, match="leave out polygon_of_face"):
+        cdcp_igl.cut(V, F, [0, 1], polygon_of_face=np.arange(len(F)))
 
 
 # -- there and back --------------------------------------------------------------------
@@ -193,7 +193,7 @@ def test_map_cut_adds_nothing_but_texture_coordinates(name, tmp_path):
     assert run.exit_code == 0, run.output
     assert_only_texture_was_added(given, out)
     V, F, whole = read_polygons(given)
-    packed = cdcp_igl.surface_map(V, F, whole=whole).packed()
+    packed = cdcp_igl.surface_map(V, F, polygon_of_face=whole).packed()
     expected = np.dstack([V[F], packed]).reshape(-1, 5).tolist()
     assert texture_at_corners(out) == {tuple(corner) for corner in expected}
 
@@ -267,7 +267,7 @@ def test_a_disk_of_quads_that_is_not_cut(tmp_path):
     k = len(F) // 2
     write_scene(tmp_path / "a.obj", V, np.column_stack([F[:k], F[k:, 2]]).tolist())
     V, F, whole = read_polygons(tmp_path / "a.obj")
-    result = cdcp_igl.surface_map(V, F, whole=whole)
+    result = cdcp_igl.surface_map(V, F, polygon_of_face=whole)
     np.testing.assert_array_equal(result.uv, cdcp_igl.disk_map(V, F).uv[F])
     write_map(tmp_path / "b.obj", V, F, result, like=tmp_path / "a.obj")
     assert_only_texture_was_added(tmp_path / "a.obj", tmp_path / "b.obj")

@@ -1,16 +1,16 @@
-"""The lines of README, run twice: what a reader types has to work, and to work again."""
+"""The lines of README, run twice: what a reader types has to work, and to do no harm again."""
 
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import igl
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import cdcp_igl
+from cdcp_igl.command_line.program import app
 
 README = Path(__file__).parent.parent.joinpath("README.md").read_text(encoding="utf-8")
 
@@ -51,15 +51,16 @@ def test_python(folder):
 
 
 def test_the_shell(folder):
-    (lines,) = (block for block in blocks("sh") if "cdcp-igl map" in block)
-    for _ in range(2):
-        for line in lines.strip().splitlines():
-            program, *arguments = shlex.split(line, comments=True)
-            assert program == "cdcp-igl"
-            command = [sys.executable, "-m", "cdcp_igl", *arguments]
-            done = subprocess.run(command, capture_output=True, text=True)
-            # `check` says that the statue is no disk.
-            assert done.returncode == (2 if arguments[0] == "check" else 0), done.stderr
+    (text,) = (block for block in blocks("sh") if "cdcp-igl map" in block)
+    lines = [shlex.split(line, comments=True) for line in text.strip().splitlines()]
+    assert {program for program, *_ in lines} == {"cdcp-igl"}
+    for _, *arguments in lines:
+        done = CliRunner().invoke(app, arguments)
+        # `check` says that the statue is no disk.
+        assert done.exit_code == (2 if arguments[0] == "check" else 0), done.output
+    for _, *arguments in lines:
+        if arguments[0] == "map":  # again, without --force
+            assert CliRunner().invoke(app, arguments).exit_code == 2
     assert {"face_disk.obj", "statue_disk.obj", "scan_disk.obj", "face.html", "maps.html"} <= {
         path.name for path in folder.iterdir()
     }

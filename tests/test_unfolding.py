@@ -164,7 +164,7 @@ def test_what_is_trimmed_comes_back():
 def test_steps_that_nobody_asked_for_end_where_there_is_little_to_gain():
     mesh = DiskMesh(*meshes.grid(10, 12))
     f = cdcp_igl.cdcp(mesh.V, mesh.F) @ [1, 1j]
-    order = FactoredSurface.of(mesh).factor.order
+    order = FactoredSurface.of(mesh).order
     g, account = lower_angle_distortion(
         mesh, f, order, 9, 1.5, enough=lambda taken, gain: taken == 2 and gain < 1
     )

@@ -14,8 +14,8 @@ from cdcp_igl.arrays import Complex, Floats, Ints
 from cdcp_igl.errors import MapError
 from cdcp_igl.reference.certified import certified_disk_map
 from cdcp_igl.rescue.repair import repaired
-from cdcp_igl.solve.cholesky import Cholesky
 from cdcp_igl.solve.factored import FactoredSurface
+from cdcp_igl.solve.solvers import factorize
 from cdcp_igl.steps.center import Center, central_face
 from cdcp_igl.steps.circle import Rejected, onto_circle
 from cdcp_igl.steps.whiten import whiten_trace
@@ -38,7 +38,7 @@ def _coldest(surface: FactoredSurface, *, t: float) -> Center:
     """Eqs. (14), (15) with any t."""
     mesh = surface.mesh
     initial = mesh.on_boundary.astype(float)
-    heat = Cholesky(identity(len(mesh.V)) + t * surface.laplacian.matrix()).solve(initial)
+    heat = factorize(identity(len(mesh.V)) + t * surface.laplacian.matrix()).solve(initial)
     return Center("heat", int(heat[mesh.F].sum(axis=1).argmin()))
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated
 
@@ -22,9 +23,8 @@ from cdcp_igl.certificate import certify
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas
 
-from ..records.lines import Lines
 from ..records.store import WORK, code
-from .worker import Jobs, Lost, answers
+from .worker import Jobs, WorkFolder, kept_answers
 
 SECONDS = 600.0  # after which a case hangs, on however busy a machine
 FEWEST, MOST = 8, 4_000  # vertices of a patch
@@ -55,9 +55,9 @@ class Row:
     """What became of a case."""
 
     case: int
-    stretch: float
-    disk: bool
-    outcome: str
+    stretch: float = np.nan
+    disk: bool = False
+    outcome: str = ""
     made: str = ""
     message: str = ""
     distortion: float = np.nan  # mean angular, degrees
@@ -69,6 +69,7 @@ def fuzz(
     cases: Annotated[int, typer.Option(min=1, help="How many surfaces.")] = 200,
     seed: Annotated[int, typer.Option(min=0, help="A case depends on this and its number.")] = 1,
     jobs: Jobs = 1,
+    work: WorkFolder = None,
 ) -> None:
     """Map random surfaces, half of them refined as well.
 
@@ -76,7 +77,11 @@ def fuzz(
     mapped. What has been examined is kept in build/benchmarks, and not examined again.
     """
     console = Console()
-    rows = _examined(cases, seed, jobs, console)
+    requests = {case: Row(case, made=f"surface({seed}, {case})") for case in range(cases)}
+    path = (work or WORK / code()) / f"fuzz-{seed}.jsonl"
+    known_by = attrgetter("case")
+    answer = partial(examine, seed)
+    rows = kept_answers(answer, requests, known_by, path, SECONDS, jobs, console)
     console.print(_outcomes(rows))
     console.print(_distortions(rows))
     for name, means in (
@@ -102,24 +107,6 @@ def fuzz(
         console.print(f"case {row.case}: {row.made}: {row.outcome}. {row.message[:100]}")
     if faults or not enough:
         raise typer.Exit(1)
-
-
-def _examined(cases: int, seed: int, jobs: int, console: Console) -> list[Row]:
-    """Examine what has not been examined by this code."""
-    lines = Lines(WORK / code() / f"fuzz-{seed}.jsonl")
-    rows = {row["case"]: Row(**row) for row in lines.read()}
-    missing = [case for case in range(cases) if case not in rows]
-    for case, row in answers(partial(examine, seed), missing, SECONDS, jobs, console):
-        rows[case] = _row(seed, case, row)
-        lines.append(asdict(rows[case]))
-    return [rows[case] for case in range(cases)]
-
-
-def _row(seed: int, case: int, answer: Row | Lost) -> Row:
-    """Make a row of a case, whatever happened."""
-    if isinstance(answer, Lost):
-        return Row(case, np.nan, False, str(answer), f"surface({seed}, {case})")
-    return answer
 
 
 def _is_mapped(row: Row) -> bool:

@@ -15,8 +15,8 @@ import numpy as np
 from cdcp_igl import DiskMapper, cdcp, disk_map, reference
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.reference.case import Timed
-from cdcp_igl.solve.cholesky import Cholesky
 from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.solve.solvers import factorize
 from cdcp_igl.surface.mesh import DiskMesh
 
 from .candidate import Candidate, Methods
@@ -34,7 +34,7 @@ def _factor(V: Floats, F: Ints) -> Timed:
     mesh = DiskMesh(V, F)
     L_II = cotangent_laplacian(mesh).block(mesh.interior)
     start = perf_counter()
-    factor = Cholesky(L_II, ordering="amd")
+    factor = factorize(L_II, ordering="amd")
     both = perf_counter() - start
     start = perf_counter()
     factor.refactor(L_II)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 from time import process_time
 from typing import Annotated
@@ -22,11 +23,10 @@ from cdcp_igl.io import READABLE, read_mesh
 from cdcp_igl.reference import fdcp, harmonic
 from cdcp_igl.surface.mesh import DiskMesh
 
-from ..records.lines import Lines
 from ..records.store import WORK, code
 from .folders import files_of
 from .models import digest
-from .worker import Jobs, Lost, answers
+from .worker import Jobs, WorkFolder, kept_answers
 
 __all__ = ["opened", "punctures"]
 
@@ -38,6 +38,7 @@ HIGH = 12.0  # degrees
 MAPPED = "map"
 TYPED = ("MapError", "SolverError")
 QUANTILES = (0.5, 0.9, 1)
+KNOWN_BY = attrgetter("surface", "mesh", "kind", "place", "method")  # a row of another run
 WIDE = 160  # columns of a table that is printed to a file
 
 
@@ -53,16 +54,11 @@ class Hole:
 
 
 @dataclass(frozen=True)
-class Row:
+class Row(Hole):
     """What a method made of a surface with a hole."""
 
-    surface: str
-    mesh: str
-    kind: str
-    place: int
-    row: int
     method: str
-    outcome: str
+    outcome: str = ""
     mean: float = np.nan  # angular distortion, degrees
     message: str = ""
     vertices: int = 0
@@ -77,6 +73,11 @@ class Task:
     path: Path
     hole: Hole
     method: str
+
+    @property
+    def row(self) -> Row:
+        """Its row, before anything is mapped."""
+        return Row(**asdict(self.hole), method=self.method)
 
 
 @dataclass(frozen=True)
@@ -142,6 +143,7 @@ def punctures(
     most: Annotated[int, typer.Option(min=1, help="Vertices of the largest.")] = 10**9,
     seed: Annotated[int, typer.Option(min=0, help="A place depends on this and its number.")] = 1,
     jobs: Jobs = 1,
+    work: WorkFolder = None,
 ) -> None:
     """Take a face, a vertex or a 2-ring out of closed surfaces without handles, and map them.
 
@@ -150,13 +152,13 @@ def punctures(
     something crashes, hangs or goes wrong without saying so. What has been mapped is kept in
     build/benchmarks, and not mapped again.
     """
-    lines = Lines(WORK / code() / f"punctures-{seed}.jsonl")
     paths = [path for path in files_of(folder, READABLE) if _is_closed(path, most)]
-    tasks = list(_tasks(paths, places, seed))
+    requests = {task: task.row for task in _tasks(paths, places, seed)}
     console = Console()
     if not console.is_terminal:
         console.width = WIDE
-    rows = _mapped(tasks, lines, jobs, console)
+    path = (work or WORK / code()) / f"punctures-{seed}.jsonl"
+    rows = kept_answers(examine, requests, KNOWN_BY, path, SECONDS, jobs, console)
     wrong = False
     for methods in COMPARED.values():
         comparisons = list(_comparisons(rows, methods))
@@ -165,7 +167,7 @@ def punctures(
             if one.is_fault or one.is_worse or one.is_high:
                 console.print(str(one), soft_wrap=True)
             wrong |= one.is_fault or one.is_worse
-    console.print(f"All rows: {lines.path}", soft_wrap=True)
+    console.print(f"All rows: {path}", soft_wrap=True)
     if wrong:
         raise typer.Exit(1)
 
@@ -227,22 +229,6 @@ def _row_that_leaves_a_disk(rng: np.random.Generator, V: Floats, F: Ints, kind: 
     return next((row for row in rows if check(*opened(V, F, kind, row)).is_disk), None)
 
 
-def _mapped(tasks: Sequence[Task], lines: Lines, jobs: int, console: Console) -> list[Row]:
-    """Map what has not been mapped by this code."""
-    known = {_key(row, row.method): row for row in (Row(**kept) for kept in lines.read())}
-    missing = [task for task in tasks if _key(task.hole, task.method) not in known]
-    for task, row in answers(examine, missing, SECONDS, jobs, console):
-        if isinstance(row, Lost):
-            row = Row(**asdict(task.hole), method=task.method, outcome=str(row))
-        known[_key(task.hole, task.method)] = row
-        lines.append(asdict(row))
-    return [known[_key(task.hole, task.method)] for task in tasks]
-
-
-def _key(hole: Hole | Row, method: str) -> tuple[str | int, ...]:
-    return hole.surface, hole.mesh, hole.kind, hole.place, method
-
-
 def examine(task: Task) -> Row:
     """Map a surface with a hole by one method, and judge the map."""
     V, F = opened(*_surface(task.path), task.hole.kind, task.hole.row)
@@ -258,9 +244,8 @@ def examine(task: Task) -> Row:
     else:
         outcome = MAPPED if certify(mesh, uv).valid else "not certified"
         mean = float(angle_distortion(V, F, uv).mean())
-    return Row(
-        **asdict(task.hole),
-        method=task.method,
+    return replace(
+        task.row,
         outcome=outcome,
         mean=mean,
         message=message,

@@ -1,23 +1,30 @@
-"""Processes that may crash or hang without harm."""
+"""Processes that may crash or hang without harm, and rows that a killed run goes on with."""
 
 from __future__ import annotations
 
+import json
+import os
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import ExitStack
+from dataclasses import asdict, replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from pathlib import Path
 from queue import SimpleQueue
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
-__all__ = ["Jobs", "Lost", "Worker", "answers"]
-
 Jobs = Annotated[int, typer.Option(min=1, help="Cases side by side.")]
+WorkFolder = Annotated[
+    Path | None,
+    typer.Option(metavar="FOLDER", help="Of what is measured already; else in build."),
+]
 
 
 class Lost(Exception):
@@ -69,6 +76,12 @@ class Worker:
         self._stop()
 
 
+def _serve(pipe: Connection, answer: Callable[[Any], Any]) -> None:
+    warnings.simplefilter("error")  # a warning is no way to report anything
+    while True:
+        pipe.send(answer(pipe.recv()))
+
+
 def answers(
     answer: Callable[[Any], Any],
     requests: Sequence[Any],
@@ -78,17 +91,7 @@ def answers(
 ) -> Iterator[tuple[Any, Any]]:
     """Yield each request with its answer, or with the `Lost` of it, as they are done.
 
-    Parameters
-    ----------
-    answer : callable
-        As of a `Worker`.
-    requests : sequence
-    seconds : float
-        For each.
-    jobs : int
-        Workers, each with a request at a time.
-    console : Console
-        For the progress bar.
+    `seconds` is the limit of each; of so many `jobs`, each has a worker.
     """
     idle: SimpleQueue[Worker] = SimpleQueue()
 
@@ -104,7 +107,7 @@ def answers(
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with ExitStack() as stack:
         bar = stack.enter_context(Progress(*columns, console=console, transient=True))
-        for _ in range(jobs):
+        for _ in range(jobs if requests else 0):
             idle.put(stack.enter_context(Worker(answer)))
         threads = ThreadPoolExecutor(jobs)
         stack.callback(threads.shutdown, cancel_futures=True)
@@ -113,7 +116,63 @@ def answers(
             yield asked[done], done.result()
 
 
-def _serve(pipe: Connection, answer: Callable[[Any], Any]) -> None:
-    warnings.simplefilter("error")  # a warning is no way to report anything
-    while True:
-        pipe.send(answer(pipe.recv()))
+def kept_answers(
+    answer: Callable[[Any], Any],
+    requests: Mapping[Any, Any],
+    key: Callable[[Any], Hashable],
+    path: Path,
+    seconds: float,
+    jobs: int,
+    console: Console,
+) -> list[Any]:
+    """Return the row of each request; those that a file has are not asked for again.
+
+    Parameters
+    ----------
+    answer : callable
+        Of a request, returns its row, a dataclass; as of a `Worker`.
+    requests : mapping
+        To the row that a request has before it is answered, and, with another ``outcome``, if it
+        is lost.
+    key : callable
+        Of a row: by what it is known again.
+    path : Path
+        Gets a line for each row.
+    seconds, jobs, console
+        As of `answers`.
+    """
+    kinds = {type(row) for row in requests.values()}
+    rows = {key(row): row for kind in kinds for row in (kind(**kept) for kept in _read(path))}
+    missing = [request for request, row in requests.items() if key(row) not in rows]
+    for request, row in answers(answer, missing, seconds, jobs, console):
+        made = replace(requests[request], outcome=str(row)) if isinstance(row, Lost) else row
+        rows[key(made)] = made
+        _append(path, asdict(made))
+    return [rows[key(row)] for row in requests.values()]
+
+
+def _read(path: Path) -> list[dict[str, Any]]:
+    """All rows, NaN for null; a half-written last line does not count."""
+    if not path.exists():
+        return []
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    rows = (json.loads(line) for line in lines if line.endswith("\n"))
+    return [{k: np.nan if x is None else x for k, x in row.items()} for row in rows]
+
+
+def _append(path: Path, row: Mapping[str, Any]) -> None:
+    """Add a row, null for NaN and infinity; once this returns, it is on disk."""
+    finite = {
+        name: None if isinstance(value, float) and not np.isfinite(value) else value
+        for name, value in row.items()
+    }
+    line = json.dumps(finite, ensure_ascii=False, allow_nan=False)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("ab+") as file:
+        if file.tell():
+            file.seek(-1, os.SEEK_END)
+            if file.read(1) != b"\n":  # a line that a killed run left unfinished goes
+                file.truncate(path.read_bytes().rfind(b"\n") + 1)
+        file.write(line.encode() + b"\n")
+        file.flush()
+        os.fsync(file.fileno())

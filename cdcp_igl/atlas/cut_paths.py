@@ -1,4 +1,4 @@
-"""Straight paths across an opened surface, and cuts made of them."""
+"""Cuts along straight paths: a slit, branches, and all arcs of a cut laid anew."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from ..arrays import Bools, Floats, Ints
-from .cut_surface import Opened
-
-__all__ = ["STRETCH", "straight_path"]
+from .cut_graph import Component, OpenedComponent, cut_to_disk
 
 # What an edge of mean length on the cut costs, in radians of bend.
 STRETCH = 0.5
@@ -17,19 +15,116 @@ STRETCH = 0.5
 CORRIDOR = 5
 # No straight path is looked for through vertices of more edges, all pairs of which are compared.
 MOST_SPOKES = 200
+# Times that all arcs are laid anew.
+ROUNDS = 3
 
 
-def straight_path(opened: Opened, start: Bools, end: Bools, longest: float = np.inf) -> Ints:
+def open_to_disk(component: Component) -> OpenedComponent:
+    """Cut a component until it is a disk, unless it is one."""
+    characteristic = component.uncut.euler_characteristic
+    if characteristic == 2:
+        return _slit(component.uncut)
+    if characteristic == 1:
+        return component.uncut
+    return straighten(cut_to_disk(component))
+
+
+def _slit(sphere: OpenedComponent) -> OpenedComponent:
+    """Cut a sphere along a straight path between two far vertices."""
+    component, graph = sphere.component, sphere.graph(sphere.component.length)
+    one = int(dijkstra(graph, indices=0).argmax())
+    other = int(dijkstra(graph, indices=one).argmax())
+    path = straight_path(sphere, _only(sphere, one), _only(sphere, other))
+    if len(path) == 1:  # which does not open the sphere: go on along the shortest edge
+        ends = [component.tail[path[0]], component.head[path[0]]]
+        on = sphere.cuttable[np.isin(component.tail[sphere.cuttable], ends)]
+        on = np.setdiff1d(on, [path[0], component.twin[path[0]]])
+        path = np.append(path, on[component.length[on].argmin()])
+    return sphere.cut(path)
+
+
+def branch_to(opened: OpenedComponent, vertex: int) -> OpenedComponent:
+    """Cut on from the boundary to a vertex of the component, unless it is there already."""
+    if opened.on_boundary[vertex]:
+        return opened
+    path = straight_path(opened, _only(opened, vertex), opened.on_boundary)
+    return opened.cut(path) if len(path) else opened
+
+
+def straighten(opened: OpenedComponent) -> OpenedComponent:
+    """Lay each arc of the cut anew, as long as the cut becomes shorter or straighter.
+
+    Without one of its arcs the disk is an annulus, and any path between the two loops of
+    it makes a disk again: the ends of an arc slide along the others.
+    """
+    component, cost = opened.component, _cost(opened)
+    for _ in range(ROUNDS):
+        before = cost
+        for middle in [arc[len(arc) // 2] for arc in opened.arcs]:
+            # The arcs laid anew before may have changed this one.
+            arc = next((arc for arc in opened.arcs if middle in arc), None)
+            if arc is None:
+                continue
+            # Whichever way one goes along an arc, its name is the same.
+            name = tuple(sorted(min(half, int(component.twin[half])) for half in arc))
+            if name in component.settled:
+                continue
+            joined = opened.joined(np.array(arc))
+            path = _path_in_place_of(joined, np.array(arc))
+            changed = joined.cut(path)
+            if len(path) and _cost(changed) < cost:
+                opened, cost = changed, _cost(changed)
+            else:
+                component.settled.add(name)
+        if not cost < before:
+            break
+    return opened
+
+
+def _cost(opened: OpenedComponent) -> float:
+    return opened.bend + STRETCH * float(opened.component.length[opened.cut_edges].sum())
+
+
+def _path_in_place_of(joined: OpenedComponent, arc: Ints) -> Ints:
+    """Half-edges of the best path in place of an arc that has just been joined, or none."""
+    component = joined.component
+    ends = component.tail[arc[0]], component.head[arc[-1]]
+    loose = [_only(joined, int(end)) for end in ends if not joined.on_boundary[end]]
+    if loose:
+        start, end = loose[0], loose[1] if len(loose) == 2 else joined.on_boundary
+    elif joined.loop.max() == 1:
+        start, end = joined.loop == 0, joined.loop == 1
+    else:
+        return arc[:0]
+    longest = component.length[arc].sum() * (1 + 1e-9)
+    path = straight_path(joined, start, end, longest)
+    # One edge with two loose ends does not open a sphere.
+    return path if len(path) > 1 or len(loose) < 2 else arc[:0]
+
+
+def _only(opened: OpenedComponent, vertex: int) -> Bools:
+    """(n,) true for one vertex."""
+    chosen = np.zeros(opened.n, dtype=bool)
+    chosen[vertex] = True
+    return chosen
+
+
+# -- paths -----------------------------------------------------------------------------
+
+
+def straight_path(
+    opened: OpenedComponent, start: Bools, end: Bools, longest: float = np.inf
+) -> Ints:
     """Find a short and straight path from one set of vertices to another.
 
-    The cost of a path is what it adds to `Opened.bend` when the surface is cut along it,
+    The cost of a path is what it adds to `OpenedComponent.bend` when the surface is cut along it,
     and `STRETCH` by its length. The bend of an inner vertex of the path is
     abs(left - pi) + abs(right - pi) - abs(2 pi - left - right), the angles on either side,
     which is never negative, and 0 where the path is straight. It goes around polygons.
 
     Parameters
     ----------
-    opened : Opened
+    opened : OpenedComponent
     start, end : (n,) bool
         Vertices of the boundary or of the interior; a path touches the boundary only there.
     longest : float
@@ -38,15 +133,14 @@ def straight_path(opened: Opened, start: Bools, end: Bools, longest: float = np.
     Returns
     -------
     (k,) int64
-        Half-edges from start to end.
+        Half-edges from start to end; none if there is no path.
     """
     blocked = opened.on_boundary & ~start & ~end
     shortest = _shortest(opened, start, end, blocked, longest)
     if len(shortest) == 0:
         return shortest
-    corridor = np.zeros(opened.n, dtype=bool)
-    corridor[opened.tail[shortest]] = corridor[opened.head[shortest]] = True
-    inside = corridor.copy()
+    inside = np.zeros(opened.n, dtype=bool)
+    inside[opened.tail[shortest]] = inside[opened.head[shortest]] = True
     for _ in range(CORRIDOR):
         reached = opened.inner[inside[opened.tail[opened.inner]]]
         inside[opened.head[reached]] = True
@@ -57,76 +151,71 @@ def straight_path(opened: Opened, start: Bools, end: Bools, longest: float = np.
     return path
 
 
-def _shortest(opened: Opened, start: Bools, end: Bools, blocked: Bools, longest: float) -> Ints:
+def _shortest(
+    opened: OpenedComponent, start: Bools, end: Bools, blocked: Bools, longest: float
+) -> Ints:
     """Half-edges of a shortest path between two sets of vertices; none if there is no path."""
     half = opened.cuttable
     tail, head = opened.tail[half], opened.head[half]
     # Into a start and out of an end no path goes, and along the boundary neither.
     use = ~(blocked[tail] | blocked[head] | end[tail] | start[head])
-    half = half[use]
-    tail, head = tail[use], head[use]
-    graph = csr_matrix((opened.surface.length[half], (tail, head)), (opened.n, opened.n))
-    sources = np.flatnonzero(start)
+    half, tail, head = half[use], tail[use], head[use]
+    graph = csr_matrix((opened.component.length[half], (tail, head)), (opened.n, opened.n))
+    sources, targets = np.flatnonzero(start), np.flatnonzero(end)
     distance, parent, _ = dijkstra(
         graph, indices=sources, return_predecessors=True, min_only=True, limit=longest
     )
-    targets = np.flatnonzero(end)
-    v = int(targets[distance[targets].argmin()])
-    if not np.isfinite(distance[v]):
-        return np.empty(0, np.int64)
+    v = targets[distance[targets].argmin()]
+    in_tree = parent[head] == tail
+    into = np.full(opened.n, -1)
+    into[head[in_tree]] = half[in_tree]
     path = []
-    while parent[v] >= 0:
-        path.append((parent[v], v))
+    while into[v] >= 0:
+        path.append(into[v])
         v = parent[v]
-    by_ends = {}
-    wanted = set(path)
-    near = np.isin(tail, [a for a, _ in path])
-    for h, a, b in zip(half[near].tolist(), tail[near].tolist(), head[near].tolist(), strict=True):
-        if (a, b) in wanted:
-            by_ends[a, b] = h
-    return np.array([by_ends[pair] for pair in reversed(path)], dtype=np.int64)
-
-
-def _straightest(opened: Opened, start: Bools, end: Bools, inside: Bools) -> Ints:
-    """Half-edges of the path of least cost among the vertices inside the corridor."""
-    surface, at_boundary = opened.surface, opened.on_boundary
-    out, vertex, position = _turns(opened, inside)
-    head = opened.head[out]
-    free = ~opened.border[out] & ~surface.is_diagonal[out]
-    taken = out[free & inside[head] & ~end[vertex] & ~start[head]]
-    # A node for each half-edge that the path may take, one before the first, one after the last.
-    node = np.full(len(opened.tail), -1)
-    node[taken] = np.arange(len(taken))
-    before, beyond = len(taken), len(taken) + 1
-    left = np.zeros(len(opened.tail))
-    left[out] = position
-    stretch = STRETCH * surface.length
-
-    first, last = taken[start[opened.tail[taken]]], taken[end[opened.head[taken]]]
-    into_first = _bend_of_an_end(opened, first, left) + stretch[first]
-    out_of_last = _bend_of_an_end(opened, surface.twin[last], left)
-
-    passed = ~at_boundary[vertex] & ~start[vertex] & ~end[vertex]
-    back, on, at = _pairs(out[passed], vertex[passed])
-    come = node[surface.twin[back]]
-    use = (come >= 0) & (node[on] >= 0)
-    come, back, on, at = come[use], back[use], on[use], at[use]
-    one_side, around = (left[on] - left[back]) % opened.angle_sum[at], opened.angle_sum[at]
-    bend = abs(one_side - np.pi) + abs(around - one_side - np.pi) - abs(around - 2 * np.pi)
-
-    rows = np.concatenate([np.full(len(first), before), node[last], come])
-    columns = np.concatenate([node[first], np.full(len(last), beyond), node[on]])
-    costs = np.concatenate([into_first, out_of_last, np.maximum(bend, 0) + stretch[on]])
-    graph = csr_matrix((costs, (rows, columns)), (len(taken) + 2, len(taken) + 2))
-    distance, parent = dijkstra(graph, indices=before, return_predecessors=True)
-    path, at_node = [], parent[beyond]
-    while np.isfinite(distance[beyond]) and at_node != before:
-        path.append(taken[at_node])
-        at_node = parent[at_node]
     return np.array(path[::-1], dtype=np.int64)
 
 
-def _bend_of_an_end(opened: Opened, half: Ints, left: Floats) -> Floats:
+def _straightest(opened: OpenedComponent, start: Bools, end: Bools, inside: Bools) -> Ints:
+    """Half-edges of the path of least cost among the vertices inside the corridor."""
+    component = opened.component
+    half = opened.cuttable
+    tail, head = opened.tail[half], opened.head[half]
+    half = half[inside[tail] & inside[head] & ~end[tail] & ~start[head]]
+    # A node for each of these half-edges, one before the first, one after the last.
+    tail, head, twin, k = opened.tail[half], opened.head[half], component.twin[half], len(half)
+    before, beyond = k, k + 1
+    left = _angles_to_the_left(opened, inside)
+    stretch = STRETCH * component.length[half]
+
+    first, last = np.flatnonzero(start[tail]), np.flatnonzero(end[head])
+    into_first = _bend_of_an_end(opened, half[first], left) + stretch[first]
+    out_of_last = _bend_of_an_end(opened, twin[last], left)
+
+    few = np.bincount(opened.tail, minlength=opened.n) <= MOST_SPOKES
+    passed = few & ~opened.on_boundary & ~start & ~end
+    arrive = csr_matrix((np.ones(k), (np.arange(k), head)), (k, opened.n))[:, passed]
+    leave = csr_matrix((np.ones(k), (tail, np.arange(k))), (opened.n, k))[passed]
+    come, on = (arrive @ leave).nonzero()
+    forward = half[on] != twin[come]
+    come, on = come[forward], on[forward]
+    around = opened.angle_sum[tail[on]]
+    one_side = (left[half[on]] - left[twin[come]]) % around
+    bend = abs(one_side - np.pi) + abs(around - one_side - np.pi) - abs(around - 2 * np.pi)
+
+    rows = np.concatenate([np.full(len(first), before), last, come])
+    columns = np.concatenate([first, np.full(len(last), beyond), on])
+    costs = np.concatenate([into_first, out_of_last, np.maximum(bend, 0) + stretch[on]])
+    graph = csr_matrix((costs, (rows, columns)), (k + 2, k + 2))
+    distance, parent = dijkstra(graph, indices=before, return_predecessors=True)
+    path, at = [], parent[beyond]
+    while np.isfinite(distance[beyond]) and at != before:
+        path.append(half[at])
+        at = parent[at]
+    return np.array(path[::-1], dtype=np.int64)
+
+
+def _bend_of_an_end(opened: OpenedComponent, half: Ints, left: Floats) -> Floats:
     """Bend added at the ends of a path that half-edges leave, and 4, to be positive.
 
     `left` are the angles from the boundary to each half-edge.
@@ -138,54 +227,25 @@ def _bend_of_an_end(opened: Opened, half: Ints, left: Floats) -> Floats:
     return np.where(at_boundary, split, abs(around - np.pi)) - before + 4
 
 
-def _pairs(out: Ints, vertex: Ints) -> tuple[Ints, Ints, Ints]:
-    """All pairs of different half-edges out of the same vertex, and that vertex."""
-    order = np.argsort(vertex, kind="stable")
-    _, first, count = np.unique(vertex[order], return_index=True, return_counts=True)
-    few = count <= MOST_SPOKES
-    out = out[order]
-    degree = np.repeat(count[few], count[few])
-    starts = np.repeat(first[few], count[few])
-    within = np.arange(len(degree)) - np.repeat(np.cumsum(count[few]) - count[few], count[few])
-    one = np.repeat(starts + within, degree)
-    other = np.arange(len(one)) - np.repeat(np.cumsum(degree) - degree, degree)
-    other += np.repeat(starts, degree)
-    different = one != other
-    one, other = one[different], other[different]
-    return out[one], out[other], vertex[order][one]
+def _angles_to_the_left(opened: OpenedComponent, inside: Bools) -> Floats:
+    """(3m,) angle of the faces from the first edge of a vertex to each half-edge out of it.
 
-
-def _turns(opened: Opened, inside: Bools) -> tuple[Ints, Ints, Floats]:
-    """Half-edges out of some vertices, clockwise around each, and the angles turned.
-
-    Returns
-    -------
-    out : (k,) int64
-    vertex : (k,) int64
-        Which they leave.
-    position : (k,) float64
-        Angle of the faces from the first edge of the vertex to each half-edge.
+    Clockwise, from the boundary where there is one; only at the vertices inside, 0 elsewhere.
     """
-    surface = opened.surface
+    component = opened.component
     leaving = np.flatnonzero(inside[opened.tail])
     # On the boundary begin at the face whose edge into the vertex is on the boundary.
-    begins = leaving[opened.border[surface.before(leaving)]]
-    first = np.full(opened.n, -1)
+    begins = leaving[opened.is_cut[component.before(leaving)]]
     interior = leaving[~opened.on_boundary[opened.tail[leaving]]]
+    first = np.full(opened.n, -1)
     first[opened.tail[interior]] = interior
     first[opened.tail[begins]] = begins
-    current = first[first >= 0]
-    started = current.copy()
-    turned = np.zeros(len(current))
-    out, position = [], []
+    current = began = first[first >= 0]
+    turned, left = np.zeros(len(current)), np.zeros(len(opened.tail))
     while len(current):
-        turned = turned + surface.angle[current]
-        out.append(current)
-        position.append(turned)
-        on = ~opened.border[current]
-        current, started, turned = current[on], started[on], turned[on]
-        current = surface.after(surface.twin[current])
-        on = current != started
-        current, started, turned = current[on], started[on], turned[on]
-    halves = np.concatenate(out)
-    return halves, opened.tail[halves], np.concatenate(position)
+        turned = turned + component.angle[current]
+        left[current] = turned
+        following = component.after(component.twin[current])
+        on = ~opened.is_cut[current] & (following != began)
+        current, began, turned = following[on], began[on], turned[on]
+    return left

@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
 from ..errors import Defect, MeshError
 from ..surface.defects import duplicate_defect, turned_defect
-from ..surface.edges import group_by_edge, heads, tails
 from ..surface.topology import Topology, duplicate_faces
 from ..surface.validation import as_faces, vertex_array
-from .cut_arcs import slit, straighten
-from .cut_surface import CutSurface
-from .cut_system import cut_to_disk
+from .cut_graph import split_components
+from .cut_paths import open_to_disk
 from .sheets import orient, part_sheets, polygon_numbers, used_positions
 
-__all__ = ["Component", "Cut", "cut", "cut_along", "open_to_disk", "split_components"]
 
-
-@dataclass(frozen=True, eq=False)
-class Cut:
-    """A surface that was cut open; unpacks as ``V_cut, F_cut, vertex_index``.
+class Cut(NamedTuple):
+    """A surface that was cut open; ``cut(V, F)[:2]`` is a surface again.
 
     Attributes
     ----------
@@ -57,16 +50,13 @@ class Cut:
     edges: Ints
     length: float
 
-    def __iter__(self) -> Iterator[NDArray[Any]]:
-        return iter((self.V, self.F, self.vertex_index))
-
 
 def cut(
     V: ArrayLike,
     F: ArrayLike,
     path: ArrayLike | None = None,
     *,
-    whole: ArrayLike | None = None,
+    polygon_of_face: ArrayLike | None = None,
 ) -> Cut:
     """Cut a surface open, so that each of its components becomes a disk.
 
@@ -85,7 +75,7 @@ def cut(
     path : (k,) or (k, 2) array_like of integers, optional
         Cut along this path and nowhere else, whether disks result or not: vertices in
         succession, or edges by their two vertices.
-    whole : (m,) array_like of integers, optional
+    polygon_of_face : (m,) array_like of integers, optional
         Which polygon each face is a part of, as `cdcp_igl.io.read_polygons` returns it: faces
         with the same number are not parted, unless their polygon has a vertex or a hole inside.
 
@@ -99,7 +89,7 @@ def cut(
         If V and F are no triangle mesh; if faces are turned over or the surface is
         one-sided, and no path is given; if a step of the path is no edge between two faces.
     ValueError
-        If path or whole are no arrays as above, or both are given.
+        If path or polygon_of_face are no arrays as above, or both are given.
 
     References
     ----------
@@ -112,19 +102,19 @@ def cut(
     >>> import cdcp_igl
     >>> V = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
     >>> F = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
-    >>> V_cut, F_cut, vertex_index = cdcp_igl.cut(V, F, path=[1, 0, 2])
-    >>> vertex_index
+    >>> opened = cdcp_igl.cut(V, F, path=[1, 0, 2])
+    >>> opened.vertex_index
     array([0, 1, 2, 3, 0])
-    >>> cdcp_igl.check(V_cut, F_cut).is_disk
+    >>> cdcp_igl.check(opened.V, opened.F).is_disk
     True
     """
     positions = used_positions(V, F)
     faces = as_faces(F, len(positions))
     given = vertex_array(V).astype(np.float64)
-    polygon = polygon_numbers(whole, len(faces))
+    polygon = polygon_numbers(polygon_of_face, len(faces))
     if path is not None:
-        if whole is not None:
-            raise ValueError("path says where to cut already: leave out whole")
+        if polygon_of_face is not None:
+            raise ValueError("path says where to cut already: leave out polygon_of_face")
         return cut_along(given, faces, _corners_cut_at(faces, len(given), path))
     if len(duplicates := duplicate_faces(faces)):
         raise MeshError(duplicate_defect(duplicates))
@@ -135,8 +125,7 @@ def cut(
     corners = np.empty(faces.shape, np.int64)
     count = 0
     for component in split_components(positions, faces, sheets, polygon):
-        open_to_disk(component.surface)
-        opened = component.surface.opened()
+        opened = open_to_disk(component)
         corners[component.rows] = count + opened.F
         count += opened.n
     return cut_along(given, faces, corners)
@@ -144,68 +133,25 @@ def cut(
 
 def cut_along(V: Floats, F: Ints, corners: Ints) -> Cut:
     """Make a vertex of each set of corners (m, 3) with the same number."""
-    number, first, corner = np.unique(corners, return_index=True, return_inverse=True)
+    _, first, corner = np.unique(corners, return_index=True, return_inverse=True)
     vertex = F.ravel()[first]
     # The first copy of each vertex keeps its place among the others.
-    order = np.lexsort((number, vertex))
+    order = np.argsort(vertex, kind="stable")
     surplus = np.diff(vertex[order], prepend=-1) == 0
     order = np.concatenate([order[~surplus], order[surplus]])
     row = np.empty(len(order), np.int64)
     row[order] = np.arange(len(order))
     F_cut, vertex_index = row[corner.reshape(F.shape)], vertex[order]
 
-    before, tail = tails(F, len(V)), F_cut.T.ravel()
-    edges, head = group_by_edge(before, len(V)), heads(tail)
-    forward = before < heads(before)
-    at_low = np.where(forward, tail, head)[edges.sides]
-    at_high = np.where(forward, head, tail)[edges.sides]
-    same = (at_low == np.repeat(at_low[edges.start], edges.valence)) & (
-        at_high == np.repeat(at_high[edges.start], edges.valence)
-    )
-    is_cut = ~np.logical_and.reduceat(same, edges.start)
-    ends = np.column_stack([edges.low[is_cut], edges.high[is_cut]]).astype(np.int64)
-    unit = abs(V[ends]).max(initial=np.finfo(float).tiny)  # whose square is in range
-    apart = (V[ends[:, 1]] - V[ends[:, 0]]) / unit
+    # An edge that was cut is the origin of several.
+    opened = Topology(F_cut, len(vertex)).edges
+    origin = np.sort(vertex_index[np.column_stack([opened.low, opened.high])], axis=1)
+    number, copies = np.unique(origin[:, 0] * len(V) + origin[:, 1], return_counts=True)
+    edges = np.column_stack(np.divmod(number[copies > 1], len(V)))
+    unit = abs(V[edges]).max(initial=np.finfo(float).tiny)  # whose square is in range
+    apart = (V[edges[:, 1]] - V[edges[:, 0]]) / unit
     length = float(unit * np.linalg.norm(apart, axis=1).sum())
-    return Cut(V[vertex_index], F_cut, vertex_index, ends, length)
-
-
-@dataclass(frozen=True, eq=False)
-class Component:
-    """One component of a surface: some rows of F, as a surface to be cut.
-
-    Attributes
-    ----------
-    rows : (k,) int64
-    surface : CutSurface
-    """
-
-    rows: Ints
-    surface: CutSurface
-
-
-def split_components(V: Floats, F: Ints, sheets: Ints, polygon: Ints) -> Iterator[Component]:
-    """Take an oriented manifold apart; `sheets` (m, 3) numbers its vertices, F those of V."""
-    count, part = Topology(sheets, int(sheets.max()) + 1).components
-    order = np.argsort(part, kind="stable")
-    for rows in np.split(order, np.cumsum(np.bincount(part, minlength=count))[:-1]):
-        _, first, corner = np.unique(sheets[rows], return_index=True, return_inverse=True)
-        vertex = F[rows].ravel()[first]
-        order = np.argsort(vertex, kind="stable")  # as in V
-        place = np.empty(len(order), np.int64)
-        place[order] = np.arange(len(order))
-        surface = CutSurface(V[vertex[order]], place[corner].reshape(-1, 3), polygon[rows])
-        yield Component(rows, surface)
-
-
-def open_to_disk(surface: CutSurface) -> None:
-    """Cut one component until it is a disk, unless it is one."""
-    characteristic = surface.opened().euler_characteristic
-    if characteristic == 2:
-        slit(surface)
-    elif characteristic < 1:
-        cut_to_disk(surface)
-        straighten(surface)
+    return Cut(V[vertex_index], F_cut, vertex_index, edges, length)
 
 
 def _corners_cut_at(F: Ints, n: int, path: ArrayLike) -> Ints:

@@ -6,8 +6,6 @@ import numpy as np
 
 from ..arrays import Floats, spread_evenly
 
-__all__ = ["packed_circles"]
-
 # Circles are packed this much smaller than what would touch, against rounding.
 GAP = 1e-6
 # Widths of the rows that are tried.

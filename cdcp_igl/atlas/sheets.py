@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Ints
+from ..arrays import Bools, Floats, Ints
 from ..errors import Defect, MeshError, counted
 from ..surface.defects import degenerate_faces, one_sided_defect
 from ..surface.topology import Topology, duplicate_faces
@@ -20,15 +20,6 @@ from ..surface.validation import (
     unit_size,
     vertex_array,
 )
-
-__all__ = [
-    "Sheets",
-    "orient",
-    "oriented_sheets",
-    "part_sheets",
-    "polygon_numbers",
-    "used_positions",
-]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +53,7 @@ class Sheets:
     changes: tuple[str, ...]
 
 
-def oriented_sheets(V: ArrayLike, F: ArrayLike, whole: ArrayLike | None = None) -> Sheets:
+def oriented_sheets(V: ArrayLike, F: ArrayLike, polygon_of_face: ArrayLike | None = None) -> Sheets:
     """Leave out what is no face, part sheets and turn faces over.
 
     Raises
@@ -70,11 +61,11 @@ def oriented_sheets(V: ArrayLike, F: ArrayLike, whole: ArrayLike | None = None) 
     MeshError
         If V and F are no triangle mesh, no face is left, or a component is one-sided.
     ValueError
-        If `whole` does not number the polygons of the faces.
+        If `polygon_of_face` does not number the polygons of the faces.
     """
     positions = used_positions(V, F)
     faces = face_array(F, len(positions))
-    polygon = polygon_numbers(whole, len(faces))
+    polygon = polygon_numbers(polygon_of_face, len(faces))
     rows, changes = _proper_faces(positions, faces)
     faces, polygon = faces[rows], polygon[rows]
     vertices = part_sheets(faces, len(positions), polygon)
@@ -89,15 +80,15 @@ def oriented_sheets(V: ArrayLike, F: ArrayLike, whole: ArrayLike | None = None) 
     return Sheets(positions, faces, vertices, polygon, rows, turned, tuple(changes))
 
 
-def polygon_numbers(whole: ArrayLike | None, m: int) -> Ints:
-    """(m,) numbers of the polygons from 0; without `whole`, each face is one."""
-    if whole is None:
+def polygon_numbers(polygon_of_face: ArrayLike | None, m: int) -> Ints:
+    """(m,) numbers of the polygons from 0; without `polygon_of_face`, each face is one."""
+    if polygon_of_face is None:
         return np.arange(m)
-    given = np.asarray(whole)
+    given = np.asarray(polygon_of_face)
     if given.dtype.kind not in "iu" or given.shape != (m,):
         raise ValueError(
-            f"whole must say of each of {m:,} faces, by an integer, which polygon it is a part "
-            f"of; it has shape {given.shape} and type {given.dtype}"
+            f"polygon_of_face must say of each of {m:,} faces, by an integer, which polygon it is "
+            f"a part of; it has shape {given.shape} and type {given.dtype}"
         )
     return np.unique(given, return_inverse=True)[1].astype(np.int64)
 
@@ -198,3 +189,33 @@ def orient(F: Ints, named: Ints) -> Ints:
         if Topology(F[rows], surface.n).against is None
     ]
     raise MeshError(one_sided_defect(np.sort(named[np.concatenate(one_sided)])))
+
+
+def fill_left_out(F: Ints, mapped: Bools, corners: Ints, uv: Floats) -> None:
+    """Give faces that are not mapped the corners (m, 3) and images of faces that are, in place.
+
+    A duplicate has all those of its twin; of another face, each corner is that of some face there.
+    Along a cut these may be on either side. Where no mapped face is, images are NaN.
+    """
+    left_out = np.flatnonzero(~mapped)
+    if len(left_out) == 0:
+        return
+    some = np.full(F.max() + 1, -1)
+    some[F[mapped]] = 3 * np.flatnonzero(mapped)[:, None] + np.arange(3)
+    source = some[F[left_out]]  # place in the rows of F, one after the other
+    twin = _twins(F, mapped)[left_out]
+    of_twin = np.flatnonzero(twin >= 0)
+    for k in range(3):
+        at = (F[twin[of_twin]] == F[left_out[of_twin], k : k + 1]).argmax(axis=1)
+        source[of_twin, k] = 3 * twin[of_twin] + at
+    known = source >= 0
+    corners[left_out] = np.where(known, corners.ravel()[source], corners[left_out])
+    uv[left_out] = np.where(known[..., None], uv.reshape(-1, 2)[source], np.nan)
+
+
+def _twins(F: Ints, mapped: Bools) -> Ints:
+    """(m,) a mapped face with the same three vertices as each face; -1 where there is none."""
+    _, group = np.unique(np.sort(F, axis=1), axis=0, return_inverse=True)
+    group, twin = group.ravel(), np.full(len(F), -1)
+    twin[group[mapped]] = np.flatnonzero(mapped)
+    return twin[group]

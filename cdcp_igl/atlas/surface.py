@@ -2,42 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
+from time import perf_counter
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..algorithm import disk_map
 from ..arrays import Floats, Ints, as_complex
-from ..distortion import AngleDistortion, plane_angles
-from ..errors import MapError, counted
-from ..plot.shown import Shown
+from ..certificate import Certificate
+from ..distortion import AngleDistortion, area_distortion
+from ..errors import counted
+from ..plot.layout import Layout
+from ..rescue.conformality import Conformality
+from ..result.base import Result
 from ..result.disk_map import DiskMap
+from ..solve.solvers import SolverName
 from ..steps.center import CenterMethod
 from ..steps.options import Options
 from ..steps.phases import Progress
-from ..surface.triangles import face_areas
-from ..surface.validation import face_array, vertex_array
-from .cut_growth import grow, lead_away
-from .cut_surface import CutSurface, Opened
-from .cutting import Cut, cut_along, open_to_disk, split_components
-from .holes import fill_holes
-from .left_out import fill_left_out
+from ..surface.triangles import face_areas, oriented_areas
+from ..surface.validation import face_array, unit_size, vertex_array
+from .charts import Chart, map_component
+from .cut_graph import split_components
+from .cutting import Cut, cut_along
 from .packing import packed_circles
-from .scale import centered_factor
-from .sheets import Sheets, oriented_sheets
-
-__all__ = ["SurfaceMap", "surface_map"]
-
-# A round of growth is kept if it lowers the spread, or the angle error, by more than this share.
-GAIN = 0.03
+from .sheets import Sheets, fill_left_out, oriented_sheets
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SurfaceMap(Shown):
+class SurfaceMap(Result):
     """A map of a surface onto disks, one for each component; printing it gives a summary.
 
     Attributes
@@ -56,6 +51,13 @@ class SurfaceMap(Shown):
         over, they still are.
     changes : tuple of str
         What was done to make disks, a sentence each; empty if the surface was a disk.
+    certificate : Certificate
+        Those of all disks in one, valid if each of them is: errors are the largest, numbers the
+        sum, and the winding number is 1 or that of a disk where it is not 1. Flipped faces are
+        rows of the given F; -1 for a face that fills a hole.
+    conformality : Conformality
+        That of the worst disk: of those that are not conformal, if any, the one of the largest
+        mean distortion. Of several disks, the reasons name it.
     distortion : AngleDistortion
         Of the given faces, all disks together.
     spread : float
@@ -63,6 +65,9 @@ class SurfaceMap(Shown):
         with the conformal barycentre at 0; the largest of all disks.
     shares : (k,) float64
         Share of each disk in the area of the surface.
+    timings : dict of str to float
+        Seconds per phase of the maps that were kept, all disks together; "cut" is the rest: what
+        was mended and cut, and the maps with cuts that grew on.
 
     Examples
     --------
@@ -82,19 +87,14 @@ class SurfaceMap(Shown):
     face_disk: Ints
     cut: Cut
     changes: tuple[str, ...]
+    certificate: Certificate
+    conformality: Conformality
     distortion: AngleDistortion
     spread: float
     shares: Floats
+    timings: dict[str, float]
 
-    @property
-    def valid(self) -> bool:
-        """True if every disk has a valid certificate."""
-        return all(disk.certificate.valid for disk in self.disks)
-
-    @property
-    def conformal(self) -> bool:
-        """True if every disk is as conformal as its mesh lets it be, see `DiskMap.conformal`."""
-        return all(disk.conformal for disk in self.disks)
+    _kind = "surface"
 
     @cached_property
     def uv_cut(self) -> Floats:
@@ -117,18 +117,67 @@ class SurfaceMap(Shown):
         disk[self.cut.F[mapped]] = self.face_disk[mapped][:, None]
         return (centers[disk] + radii[disk][:, None] * self.uv_cut)[self.cut.F]
 
-    def __str__(self) -> str:
-        certified = sum(disk.certificate.valid for disk in self.disks)
-        return "\n".join(
-            [
-                f"surface map of {counted(len(self.uv), 'face', 'faces')} onto "
-                f"{counted(len(self.disks), 'disk', 'disks')}: {certified:,} valid"
-                + ("" if self.conformal else ", NOT CONFORMAL"),
-                f"  angular distortion  {self.distortion}",
-                f"  spread of scale     {self.spread:.2f}",
-                f"  length of the cut   {self.cut.length:.4g}",
-                *(f"  - {change}" for change in self.changes),
-            ]
+    def area_distortion(self) -> Floats:
+        """Logarithm of the area in the plane by that on the surface, the disks `packed`.
+
+        Returns
+        -------
+        (k,) float64
+            Of the given faces that are on a disk, as `cdcp_igl.area_distortion` has it.
+        """
+        mapped = self.face_disk >= 0
+        corners, packed = self.cut.V[self.cut.F[mapped]], self.packed()[mapped]
+        (x, y), (p, q) = (packed[:, 1] - packed[:, 0]).T, (packed[:, 2] - packed[:, 0]).T
+        turned = x * q < y * p  # in the given surface, which is left as it is
+        for array in (corners, packed):
+            array[turned] = array[turned, ::-1]
+        V, uv = (array.reshape(-1, array.shape[-1]) for array in (corners, packed))
+        return area_distortion(V, np.arange(len(V)).reshape(-1, 3), uv)
+
+    def _subject(self) -> str:
+        faces = counted(len(self.uv), "face", "faces")
+        return f"{faces} onto {counted(len(self.disks), 'disk', 'disks')}"
+
+    def _steps(self) -> list[tuple[str, str]]:
+        return [
+            ("spread of scale", f"{self.spread:.2f}"),
+            ("length of the cut", f"{self.cut.length:.4g}"),
+            *(("change", change) for change in self.changes),
+        ]
+
+    def _details(self) -> dict[str, Any]:
+        return {
+            "spread": self.spread,
+            "cut_length": self.cut.length,
+            "changes": list(self.changes),
+            "disks": [disk.report() for disk in self.disks],
+        }
+
+    def _surface(self) -> tuple[Floats, Ints]:
+        """Return the given surface, but for vertices that no face uses."""
+        used, row = np.unique(self.cut.vertex_index, return_inverse=True)
+        return self.cut.V[: len(used)], row[self.cut.F]  # copies along the cut come last
+
+    def _layout(self) -> Layout:
+        cut, count = self.cut, len(self.disks)
+        faces = np.flatnonzero(self.face_disk >= 0)  # the others have no area, or are there twice
+        F, uv = cut.F[faces], np.zeros((len(cut.V), 2))
+        uv[F] = 2 * self.packed()[faces] - 1
+        area, _ = oriented_areas(as_complex(uv), F)
+        return Layout(
+            V=unit_size(cut.V),
+            # Faces of a surface with faces turned over, as the disks have them.
+            F=np.where((area < 0)[:, None], F[:, ::-1], F),
+            uv=uv,
+            vertices=cut.vertex_index,
+            faces=faces,
+            plane=f"{count:,} disks" if count > 1 else "Disk",
+            middle=(0.5, 0.5),
+            scale=0.5,
+            origin=(0.5, 0.5),
+            distortion=self.distortion,
+            flipped=len(self.certificate.flipped),
+            facts=self._facts(f"{len(np.unique(cut.vertex_index)):,} vertices"),
         )
 
 
@@ -136,16 +185,17 @@ def surface_map(
     V: ArrayLike,
     F: ArrayLike,
     *,
-    whole: ArrayLike | None = None,
+    polygon_of_face: ArrayLike | None = None,
     fill: bool = True,
     spread: float = 1.0,
     center: CenterMethod = "torsion",
     mobius: Literal["angle", "area"] | None = "angle",
     align: ArrayLike | None = None,
-    refine: int = 0,
+    refine: int | None = None,
     refine_norm: float = 1.5,
     refine_seconds: float = np.inf,
     preset: Literal["paper"] | None = None,
+    solver: SolverName | None = None,
     progress: Progress | None = None,
 ) -> SurfaceMap:
     """Map any surface conformally onto disks: mend it, cut it open, map each component.
@@ -160,7 +210,7 @@ def surface_map(
         Vertex positions, in any unit. Those that no face uses are ignored.
     F : (m, 3) array_like of integers
         Corners of the faces.
-    whole : (m,) array_like of integers, optional
+    polygon_of_face : (m,) array_like of integers, optional
         As in `cut`: which polygon each face is a part of; polygons are not parted.
     fill : bool
         Fill all boundary loops but the outermost of each component while mapping; those faces
@@ -169,7 +219,7 @@ def surface_map(
         Grow the cut until the standard deviation of the conformal factor is at most this and
         the map is conformal, or nothing is gained: see ``SurfaceMap.spread``. With infinity, no
         cut grows.
-    center, mobius, refine, refine_norm, refine_seconds, preset, progress
+    center, mobius, refine, refine_norm, refine_seconds, preset, solver, progress
         As in `disk_map`, for each disk; `refine_seconds` for each.
     align : (3,) array_like or None
         A direction in space that goes right, as in `disk_map`.
@@ -205,142 +255,111 @@ def surface_map(
         raise ValueError(f"center must be a method, since each disk has a face, not {center!r}")
     if align is not None and np.ndim(align) == 0:
         raise ValueError(f"align must be a direction in space or None, not {align!r}")
-    Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
-    options: dict[str, Any] = {"center": center, "mobius": mobius, "align": align}
-    options |= {
-        "refine_norm": refine_norm,
-        "refine_seconds": refine_seconds,
-        "preset": preset,
-    }
-    sheets = oriented_sheets(V, F, whole)
-    given = vertex_array(V).astype(np.float64)
-    charts = _charts(sheets, options, refine, fill, spread, progress)
-    return _together(given, face_array(F, len(given)), sheets, list(charts))
-
-
-@dataclass(frozen=True, eq=False)
-class _Chart:
-    """A component opened to a disk, and its map; `failure` says why that is not valid.
-
-    `average` and `spread` are those of `factor` over the area. The first faces of `opened` are
-    `rows` of the oriented surface, the others fill holes.
-    """
-
-    opened: Opened
-    disk: DiskMap
-    failure: str
-    factor: Floats
-    average: float
-    spread: float
-    rows: Ints = field(default_factory=lambda: np.empty(0, np.int64))
-    n_filled: int = 0
-
-    def gains_on(self, other: _Chart) -> bool:
-        """Whether the scale is more even; or the angles are better where they were not good."""
-        if other.disk.conformal:
-            return self.disk.conformal and self.spread < (1 - GAIN) * other.spread
-        return self.disk.distortion.mean < (1 - GAIN) * other.disk.distortion.mean
-
-
-def _charts(
-    sheets: Sheets,
-    options: dict[str, Any],
-    refine: int,
-    fill: bool,
-    spread: float,
-    progress: Progress | None,
-) -> Iterator[_Chart]:
-    """Fill, open and map each component."""
-    done = reported = 0.0
+    steps = 0 if refine is None else refine  # 0 is as needed
+    options = Options(center, mobius, align, steps, refine_norm, refine_seconds, preset, solver)
+    start = perf_counter()
+    sheets = oriented_sheets(V, F, polygon_of_face)
+    charts, done = [], 0.0
     for component in split_components(sheets.V, sheets.F, sheets.vertices, sheets.polygon):
-        n_faces = len(component.rows)
-        share = n_faces / len(sheets.F)
-
-        def advance(phase: str, fraction: float, done: float = done, share: float = share) -> None:
-            nonlocal reported
-            if progress and phase != "done":
-                reported = max(reported, done + share * fraction)  # each map begins anew
-                progress(phase, reported)
-
-        surface, n_filled = fill_holes(component.surface) if fill else (component.surface, 0)
-        open_to_disk(surface)
-        if spread < np.inf:
-            lead_away(surface)
-        chart = _grown(surface, {**options, "progress": advance}, n_faces, refine, spread)
-        yield replace(chart, rows=component.rows, n_filled=n_filled)
+        share = len(component.rows) / len(sheets.F)
+        part = _part_of(progress, done, share)
+        charts.append(map_component(component, options, fill, spread, part))
         done += share
     if progress:
         progress("done", 1.0)
+    given = vertex_array(V).astype(np.float64)
+    made = _together(given, face_array(F, len(given)), sheets, charts)
+    mapping = sum(made.timings.values())
+    return replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
 
 
-def _grown(
-    surface: CutSurface, options: dict[str, Any], n_faces: int, refine: int, spread: float
-) -> _Chart:
-    """Map a component that is cut to a disk, and grow the cut while that evens out the scale."""
-    best, n_edges = _chart(surface, options, n_faces, refine), len(surface.cut_edges)
-    while best.spread > spread or not (best.disk.conformal or spread == np.inf):
-        before = surface.is_cut.copy()
-        if not grow(surface, best.factor, best.average):
-            break
-        grown = _chart(surface, options, n_faces, refine=0)
-        if not grown.gains_on(best):
-            surface.is_cut = before
-            break
-        best = grown
-    if refine and len(surface.cut_edges) != n_edges:
-        best = _chart(surface, options, n_faces, refine)
-    if best.failure:
-        raise MapError(best.failure, best.disk)
-    return best
+def _part_of(progress: Progress | None, done: float, share: float) -> Progress | None:
+    """Report one disk as a part of all; a round of growth begins anew, but nothing goes back."""
+    if progress is None:
+        return None
+    reported = done
+
+    def advance(phase: str, fraction: float) -> None:
+        nonlocal reported
+        if phase != "done":
+            reported = max(reported, done + share * fraction)
+            progress(phase, reported)
+
+    return advance
 
 
-def _chart(surface: CutSurface, options: dict[str, Any], n_faces: int, refine: int) -> _Chart:
-    """Map a component that is cut to a disk once, and measure how its scale varies."""
-    opened = surface.opened()
-    V, F, failure = opened.positions, opened.F, ""
-    try:
-        disk = disk_map(V, F, refine=refine, **options)
-    except MapError as error:
-        if not isinstance(error.result, DiskMap) or not np.isfinite(error.result.uv).all():
-            raise
-        disk, failure = error.result, str(error)
-    given = F[:n_faces]  # others fill holes
-    area = np.bincount(given.ravel(), np.repeat(face_areas(V, given), 3), len(V))
-    factor = centered_factor(V, F, disk.uv, area.astype(np.float64))
-    average = float(np.average(factor, weights=area))
-    deviation = float(np.sqrt(np.average((factor - average) ** 2, weights=area)))
-    return _Chart(opened, disk, failure, factor, average, deviation)
-
-
-def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[_Chart]) -> SurfaceMap:
+def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[Chart]) -> SurfaceMap:
     """Put the maps of all components back into the rows of the given faces."""
     uv, face_disk = np.full((len(F), 3, 2), np.nan), np.full(len(F), -1)
     corners = -1 - np.arange(F.size).reshape(F.shape)
-    count, errors, areas = 0, [], []
+    count, areas = 0, []
     for k, chart in enumerate(charts):
-        rows = sheets.rows[chart.rows]
-        tail = chart.opened.F[: len(rows)]
-        uv[rows], face_disk[rows], corners[rows] = chart.disk.uv[tail], k, count + tail
+        rows = sheets.rows[chart.opened.component.rows]
+        uv[rows], face_disk[rows], corners[rows] = chart.disk.uv[chart.F], k, count + chart.F
         count += chart.opened.n
-        angles = chart.opened.surface.angle.reshape(3, -1).T[: len(rows)]
-        errors.append(np.degrees(abs(plane_angles(as_complex(chart.disk.uv), tail) - angles)))
         areas.append(float(face_areas(sheets.V, F[rows]).sum()))
     turned = sheets.rows[sheets.turned]
     for array in (corners, uv):
         array[turned] = array[turned, ::-1]
     fill_left_out(F, face_disk >= 0, corners, uv)
+    disks = [chart.disk for chart in charts]
     opened, changes = cut_along(V, F, corners), list(sheets.changes)
-    if filled := sum(chart.n_filled for chart in charts):
+    if filled := sum(chart.opened.component.n_filled for chart in charts):
         changes.append(f"filled {counted(filled, 'hole', 'holes')}")
     if len(opened.edges):
         changes.append(f"cut open along {counted(len(opened.edges), 'edge', 'edges')}")
     return SurfaceMap(
         uv=uv,
-        disks=tuple(chart.disk for chart in charts),
+        disks=tuple(disks),
         face_disk=face_disk,
         cut=opened,
         changes=tuple(changes),
-        distortion=AngleDistortion.of(np.concatenate(errors)),
+        certificate=_common_certificate(disks, face_disk),
+        conformality=_worst_conformality(disks),
+        distortion=AngleDistortion.of(np.concatenate([chart.angle_errors() for chart in charts])),
         spread=max(chart.spread for chart in charts),
         shares=np.array(areas) / sum(areas),
+        timings=_sum_of_seconds(disks),
     )
+
+
+def _common_certificate(disks: list[DiskMap], face_disk: Ints) -> Certificate:
+    """Sum up the certificates of all disks, as `SurfaceMap` says."""
+    each = [disk.certificate for disk in disks]
+    turns = [certificate.winding_number for certificate in each]
+    flipped = []
+    for k, certificate in enumerate(each):
+        rows = np.flatnonzero(face_disk == k)  # the first faces of the disk; others fill holes
+        filling = np.full(len(disks[k].mesh.F) - len(rows), -1)
+        flipped.append(np.append(rows, filling)[certificate.flipped])
+    return Certificate(
+        finite=all(certificate.finite for certificate in each),
+        boundary_error=max(certificate.boundary_error for certificate in each),
+        boundary_monotone=all(certificate.boundary_monotone for certificate in each),
+        winding_number=next((number for number in turns if number != 1), 1),
+        flipped=np.concatenate(flipped),
+        n_exact=sum(certificate.n_exact for certificate in each),
+    )
+
+
+def _worst_conformality(disks: list[DiskMap]) -> Conformality:
+    """Find the verdict on the worst disk, with the number of the disk."""
+    bad = [k for k, disk in enumerate(disks) if not disk.conformal]
+    worst = max(bad or range(len(disks)), key=lambda k: disks[k].distortion.mean)
+    verdict = disks[worst].conformality
+    if not bad or len(disks) == 1:
+        return verdict
+    reasons = tuple(f"disks[{worst}]: {reason}" for reason in verdict.reasons)
+    if len(bad) > 1:
+        others = counted(len(bad) - 1, "other disk is", "other disks are")
+        reasons += (f"{others} not conformal either",)
+    return replace(verdict, reasons=reasons)
+
+
+def _sum_of_seconds(disks: list[DiskMap]) -> dict[str, float]:
+    """Seconds per phase, all disks together."""
+    total: dict[str, float] = {}
+    for disk in disks:
+        for phase, seconds in disk.timings.items():
+            total[phase] = total.get(phase, 0.0) + seconds
+    return total

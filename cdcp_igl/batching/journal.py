@@ -15,8 +15,8 @@ try:
 except ModuleNotFoundError:  # Windows: two batches in one folder are not kept apart there
     fcntl = None  # type: ignore[assignment]
 
+from ..errors import printable
 from ..io import whole_file
-from .names import shown
 from .records import COLUMNS, Record
 from .shards import Shard
 
@@ -135,4 +135,6 @@ def write_summary(path: Path, records: Iterable[Record]) -> None:
         writer.writeheader()
         for record in records:
             changes = " ".join(record.changes)
-            writer.writerow(record.values() | {"input": shown(record.input), "changes": changes})
+            writer.writerow(
+                record.values() | {"input": printable(record.input), "changes": changes}
+            )

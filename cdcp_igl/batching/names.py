@@ -10,9 +10,8 @@ from collections.abc import Iterable, Iterator
 from itertools import takewhile
 from pathlib import Path
 
+from ..errors import printable
 from ..io import READABLE
-
-__all__ = ["located", "result_names", "shown", "surface_files"]
 
 
 def surface_files(
@@ -52,13 +51,13 @@ def _expand(given: Path, out: Path) -> Iterable[Path]:
     else:
         return [located(given)]
     if not found:
-        raise ValueError(f"{shown(given)}: no surface there ({' '.join(READABLE)})")
+        raise ValueError(f"{printable(given)}: no surface there ({' '.join(READABLE)})")
     return found
 
 
 def _surfaces_below(folder: Path, out: Path) -> list[Path]:
     if folder == out:
-        raise ValueError(f"{shown(folder)} is the folder of the results; give them another one")
+        raise ValueError(f"{printable(folder)} is the folder of the results; give them another one")
 
     def walk() -> Iterator[Path]:
         for parent, folders, files in os.walk(folder):
@@ -120,8 +119,3 @@ def result_names(files: list[Path]) -> list[str]:
             return names
         for i in clashes:
             levels[i] += 1
-
-
-def shown(path: str | os.PathLike[str]) -> str:
-    r"""Spell a path so that it can be printed: bytes that are no UTF-8 as \xe9."""
-    return os.fsencode(path).decode("utf-8", "backslashreplace")

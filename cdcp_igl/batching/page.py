@@ -12,7 +12,7 @@ from string import Template
 import numpy as np
 
 from .. import __version__
-from .names import shown
+from ..errors import printable
 from .records import DONE, Record
 
 __all__ = ["report_page"]
@@ -70,7 +70,7 @@ def _failures(records: Sequence[Record]) -> str:
     if not records:
         return ""
     rows = "".join(
-        f'<tr><td>{escape(shown(record.name))}</td><td class="text">{escape(record.error)}</td>'
+        f'<tr><td>{escape(printable(record.name))}</td><td class="text">{escape(record.error)}</td>'
         f'<td class="text">{escape(record.message)}</td></tr>'
         for record in records
     )
@@ -92,7 +92,7 @@ def _row(record: Record, thumbnail: Path | None) -> str:
     if thumbnail and thumbnail.exists():
         data = b64encode(thumbnail.read_bytes()).decode()
         image = f'<img loading="lazy" alt="" src="data:image/jpeg;base64,{data}">'
-    name = escape(shown(record.name))
+    name = escape(printable(record.name))
     numbers: tuple[tuple[float, str], ...] = (
         (record.vertices, ",d"),
         (record.disks, ",d"),
@@ -107,7 +107,7 @@ def _row(record: Record, thumbnail: Path | None) -> str:
     doubt = f'<span class="warning">no: {escape(record.boundary)}</span>'
     verdict = "yes" if record.conformal else doubt
     return (
-        f'<tr><td data-key="{name}" title="{escape(shown(record.input))}">{name}</td>'
+        f'<tr><td data-key="{name}" title="{escape(printable(record.input))}">{name}</td>'
         f'<td data-key="{name}">{image}</td>{cells}'
         f'<td data-key="{int(record.conformal)}">{verdict}</td></tr>'
     )

@@ -13,20 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import counted
+from ..errors import counted, printable
 from ..extras import from_extra
 from ..io import remove_stale, whole_file
+from ..io.output import try_to_write
+from ..one_file import Settings
 from .executors import run_on
 from .journal import Journal, is_summary, read_journals, write_summary
-from .names import located, result_names, shown, surface_files
+from .names import located, result_names, surface_files
 from .page import report_page
 from .pool import Pool
 from .records import DONE, FAILED, Record
-from .settings import Settings
 from .shards import Shard, shard_of
 from .stamps import Stamp, put_stamp, read_stamp
-from .targets import refuse_another, try_to_write
-from .work import Task
+from .targets import refuse_another
+from .work import Task, digest_of_settings
 
 __all__ = ["Batch", "batch"]
 
@@ -197,7 +198,7 @@ def batch(
         refuse_another(Path(report), _is_report, "is no report of a batch")
         try_to_write(Path(report))
     with Journal(folder, shard) as journal:
-        known = read_journals(folder, settings.digest)
+        known = read_journals(folder, digest_of_settings(settings))
         records = {
             task.name: known[task.name]
             for task in tasks
@@ -220,15 +221,15 @@ def batch(
         finally:
             for place in {os.path.dirname(task.target) for task in tasks}:
                 remove_stale(place)  # of workers that were killed
-            summary = read_journals(folder, settings.digest)
+            summary = read_journals(folder, digest_of_settings(settings))
             write_summary(summary_file, (summary[name] for name in sorted(summary)))
     done = Batch(folder, tuple(records[task.name] for task in tasks))
     if report is not None:
         pictures = {task.name: Path(task.thumbnail) for task in tasks}
-        page = report_page(f"Maps in {shown(folder.name)}", str(done), done.records, pictures)
+        page = report_page(f"Maps in {printable(folder.name)}", str(done), done.records, pictures)
         with whole_file(report) as unfinished:
             unfinished.write_text(page, encoding="utf-8")
-            put_stamp(unfinished, Stamp(NO_INPUT, settings.digest))
+            put_stamp(unfinished, Stamp(NO_INPUT, digest_of_settings(settings)))
     return done
 
 

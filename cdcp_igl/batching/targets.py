@@ -8,11 +8,10 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from ..io import whole_file
-from .names import shown
+from ..errors import printable
 from .stamps import Stamp, read_stamp
 
-__all__ = ["digest_of", "objection", "refuse_another", "try_to_write"]
+__all__ = ["digest_of", "objection", "refuse_another"]
 
 
 def digest_of(path: Path) -> str:
@@ -36,12 +35,12 @@ def objection(target: Path, source: Path, ours: Callable[[Stamp | None], bool], 
     if not target.exists():
         return ""
     if os.path.samefile(source, target):
-        return f"{shown(target)} is the surface itself; give the result another place."
+        return f"{printable(target)} is the surface itself; give the result another place."
     if not target.is_file() or target.stat().st_size == 0:
         return ""  # a device or a pipe, which is written to and not replaced; nothing to lose
     if ours(read_stamp(target)):
         return ""
-    return f"{shown(target)} is there, and was not made from {shown(source.name)}{remedy}."
+    return f"{printable(target)} is there, and was not made from {printable(source.name)}{remedy}."
 
 
 def refuse_another(target: Path, ours: Callable[[Path], object], what: str) -> None:
@@ -49,18 +48,3 @@ def refuse_another(target: Path, ours: Callable[[Path], object], what: str) -> N
     if target.is_file() and not ours(target):
         reason = f"{what}; move it, or name another place"
         raise FileExistsError(errno.EEXIST, reason, os.fspath(target))
-
-
-class _Tried(Exception):
-    """Nothing is to be written yet."""
-
-
-def try_to_write(target: Path) -> None:
-    """Raise OSError if a file cannot be written; leave what is there as it is."""
-    if target.exists() and not target.is_file() and not target.is_dir():
-        return  # whoever reads from a pipe would take the trial for the end
-    try:
-        with whole_file(target):
-            raise _Tried
-    except _Tried:
-        return

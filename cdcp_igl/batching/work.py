@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from .. import __version__
-from ..io import read_polygons
+from ..io import read_polygons, whole_file
+from ..one_file import Settings, map_one
 from ..reference.processes import forget_peak_memory, peak_memory
-from .mapped import map_surface
 from .records import DONE, FAILED, REFUSED, Record
-from .settings import Settings
-from .stamps import Stamp
+from .stamps import Stamp, put_stamp
 from .targets import digest_of, objection
 from .thumbnails import draw_thumbnail
 
@@ -65,7 +67,7 @@ class Task:
             self.source,
             input_size=size,
             input_mtime=mtime,
-            options_digest=self.settings.digest,
+            options_digest=digest_of_settings(self.settings),
             version=__version__,
             finished=_now(),
             status=status,
@@ -103,7 +105,7 @@ def _map_file(task: Task) -> Record:
     record = task.record(FAILED)
     source = Path(task.source)
     try:
-        stamp = Stamp(digest_of(source), task.settings.digest)
+        stamp = Stamp(digest_of(source), digest_of_settings(task.settings))
         record = replace(record, input_digest=stamp.input)
         if message := _objection(task, stamp):
             record = replace(record, status=REFUSED, error="FileExistsError", message=message)
@@ -133,6 +135,18 @@ def _objection(task: Task, stamp: Stamp) -> str:
     return message
 
 
+def digest_of_settings(settings: Settings) -> str:
+    """Tell these settings from others."""
+    text = json.dumps(asdict(settings), sort_keys=True, default=_plain)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError(f"{value!r} is no option of a batch: it cannot be written down")
+
+
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="microseconds")
 
@@ -141,11 +155,13 @@ def _mapped(
     task: Task, surface: tuple[Array, Array, Array], stamp: Stamp, record: Record
 ) -> Record:
     """Map and write; Unwritten if the file cannot be written."""
-    mapped = map_surface(*surface, task.settings)
+    mapped = map_one(*surface, task.settings)
     target = Path(task.target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        mapped.write(target, Path(task.source), task.settings, stamp)
+        with whole_file(target) as unfinished:
+            mapped.write(unfinished, Path(task.source), task.settings)
+            put_stamp(unfinished, stamp)
         if task.thumbnail:
             draw_thumbnail(Path(task.thumbnail), mapped.disks, stamp)
     except OSError as error:

@@ -205,7 +205,7 @@ def _progress(quiet: bool) -> Iterator[Callable[[int, int, int], None] | None]:
 
 
 def _show(made: Batch, out: Path) -> None:
-    from ..batching.names import shown
+    from ..errors import printable
     from .tables import print_table
 
     done, title = made.done, ""
@@ -216,19 +216,19 @@ def _show(made: Batch, out: Path) -> None:
         print_table(title, HEADINGS, [_row(record) for record in done])
     for record in done:
         if not record.conformal:
-            typer.echo(f"{shown(record.name)}: not conformal: {record.boundary}")
+            typer.echo(f"{printable(record.name)}: not conformal: {record.boundary}")
     for record in made.failed[:LONG]:
-        typer.echo(f"{shown(record.name)}: {record.error}: {record.message}")
+        typer.echo(f"{printable(record.name)}: {record.error}: {record.message}")
     if len(made.failed) > LONG:
         typer.echo(f"and {len(made.failed) - LONG:,} more")
-    typer.echo(f"{made}\nOf each surface: {shown(out / 'summary.csv')}")
+    typer.echo(f"{made}\nOf each surface: {printable(out / 'summary.csv')}")
 
 
 def _row(record: Record) -> list[str]:
-    from ..batching.names import shown
+    from ..errors import printable
 
     return [
-        shown(record.name),
+        printable(record.name),
         f"{record.vertices:,}",
         f"{record.mean:.3f}",
         f"{record.sd:.3f}",

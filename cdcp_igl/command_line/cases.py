@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from ..batching.names import shown
+from ..errors import printable
 from ..reference.case import FIELDS, OK, Case
 from .tables import print_table
 
@@ -58,7 +58,9 @@ def _numbers(case: Case) -> list[str]:
 
 def write_json(path: Path, cases: Mapping[Path, Sequence[Case]]) -> None:
     """Write a list of objects, one a case, null where there is no number."""
-    rows = [{"mesh": shown(mesh), **case.as_json()} for mesh, of in cases.items() for case in of]
+    rows = [
+        {"mesh": printable(mesh), **case.as_json()} for mesh, of in cases.items() for case in of
+    ]
     path.write_text(json.dumps(rows, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
@@ -68,4 +70,4 @@ def write_csv(path: Path, cases: Mapping[Path, Sequence[Case]]) -> None:
         writer = csv.DictWriter(file, ["mesh", *FIELDS])
         writer.writeheader()
         for mesh, of in cases.items():
-            writer.writerows({"mesh": shown(mesh), **case.as_json()} for case in of)
+            writer.writerows({"mesh": printable(mesh), **case.as_json()} for case in of)

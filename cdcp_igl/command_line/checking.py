@@ -28,8 +28,7 @@ def check_command(
 
     Exit codes: 0 all are disks, 2 one is not a disk or not readable.
     """
-    from ..batching.names import shown
-    from ..errors import MeshError
+    from ..errors import MeshError, printable
     from ..io import read_polygons
     from ..io.polygons import in_polygons
     from ..surface.checking import MeshReport, check
@@ -50,9 +49,9 @@ def check_command(
         except typer.Exit:
             continue  # and the message has been printed
         disks += report.is_disk
-        rows.append(_as_json(shown(mesh), report, notes))
+        rows.append(_as_json(printable(mesh), report, notes))
         if not as_json:
-            name = f"{shown(mesh)}: " if len(meshes) > 1 else ""
+            name = f"{printable(mesh)}: " if len(meshes) > 1 else ""
             show(f"{name}{report}", notes, "green" if report.is_disk else "red")
     if as_json:
         typer.echo(json.dumps(rows, indent=2))

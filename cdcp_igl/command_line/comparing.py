@@ -13,7 +13,7 @@ from .messages import BAD_INPUT, SOME_FAILED, exit_codes, writing
 from .progress import progress_bar
 
 if TYPE_CHECKING:
-    from ..plot import MapRow
+    from ..plot.pictures import MapRow
     from ..reference.case import Case
 
 __all__ = ["compare_command"]
@@ -68,9 +68,9 @@ def compare_command(
     Exit codes: 0 all rows are there; 1 a file could not be written, or an extra is missing;
     2 bad input; 4 some meshes were left out.
     """
-    from ..batching.names import shown
-    from ..batching.targets import try_to_write
+    from ..errors import printable
     from ..io import read_polygons, whole_file
+    from ..io.output import try_to_write
     from ..io.polygons import naming_polygons
     from ..reference.case import run_case
     from ..surface.mesh import DiskMesh
@@ -88,7 +88,7 @@ def compare_command(
                 from ..plot import side_by_side
         for path in outputs:
             if path.exists() and not force:
-                raise typer.BadParameter(f"{shown(path)} is there; --force replaces it.")
+                raise typer.BadParameter(f"{printable(path)} is there; --force replaces it.")
             try_to_write(path)
     for mesh in meshes:
         try:
@@ -106,7 +106,7 @@ def compare_command(
         cases[mesh] = [case for case, _ in made]
         rows.append((V, F, [(case.method, case.mean, uv) for case, uv in made]))
         try:
-            print_cases(f"{shown(mesh)}: {len(V):,} vertices", cases[mesh])
+            print_cases(f"{printable(mesh)}: {len(V):,} vertices", cases[mesh])
         except (OSError, SystemExit) as error:  # Rich exits where nobody reads from a pipe
             if not outputs:
                 raise
@@ -120,7 +120,7 @@ def compare_command(
                     write(unfinished, cases)
         if picture:
             with whole_file(picture) as unfinished:
-                names = [shown(mesh.name) for mesh in cases]
+                names = [printable(mesh.name) for mesh in cases]
                 side_by_side(rows, names=names).savefig(unfinished)
     if unprinted:
         raise unprinted[0]

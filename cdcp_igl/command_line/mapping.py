@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,9 +27,7 @@ from .progress import progress_bar
 
 if TYPE_CHECKING:
     from ..atlas.surface import SurfaceMap
-    from ..batching.mapped import Mapped
-    from ..batching.settings import Settings
-    from ..batching.stamps import Stamp
+    from ..one_file import Mapped, Settings
     from ..result.disk_map import DiskMap
 
 __all__ = ["map_command"]
@@ -55,7 +54,7 @@ def map_command(
     ] = None,
     force: Annotated[
         bool,
-        typer.Option("--force", help="Replace files that were not made from this surface."),
+        typer.Option("--force", help="Replace files that are there."),
     ] = False,
     clean: Annotated[
         bool,
@@ -112,7 +111,7 @@ def map_command(
     """Map a triangulated disk conformally onto the unit disk.
 
     Files appear whole or not at all, and only if the map is valid. A file that is there already
-    is replaced only if it was made from the same surface, the surface itself never.
+    is replaced only with --force, the surface itself never.
 
     Exit codes: 0 a valid map; 1 a file could not be written, or an extra is missing;
     2 bad input; 3 no valid map; 4 with --out-dir, some have failed.
@@ -121,7 +120,7 @@ def map_command(
     pairs = _pairs(files, out_dir)
     if len(pairs) > 1 and (report or picture or view):
         raise typer.BadParameter("--report, --picture and --view are for one surface.")
-    from ..batching.settings import Settings
+    from ..one_file import Settings
 
     with exit_codes():
         jobs = [
@@ -180,70 +179,70 @@ class _Job:
 
     def run(self) -> tuple[DiskMap | SurfaceMap, list[str]]:
         """Map the surface; typer.Exit, with its code, if something is wrong."""
-        from ..batching.mapped import map_surface
-        from ..batching.stamps import Stamp
-        from ..batching.targets import digest_of
         from ..io import read_polygons, whole_file
+        from ..one_file import map_one
 
         notes: list[str] = []
+        self._check_targets()
         with progress_bar() as progress:
             progress("read", 0)
             surface = read_polygons(self.source, notes.append)
-            stamp = Stamp(digest_of(self.source), self.settings.digest)
-            self._check_targets(stamp)
-            mapped = map_surface(
+            mapped = map_one(
                 *surface, self.settings, lambda phase, done: progress(phase, MAPPED * done)
             )
             with writing():
                 progress("draw", MAPPED)
-                self._draw(mapped, stamp)
+                self._draw(mapped)
                 progress("write", 0.9)
                 if self.report:
-                    report = json.dumps(mapped.report() | {"made": str(stamp)}, indent=2)
+                    report = json.dumps(mapped.report(), indent=2)
                     with whole_file(self.report) as unfinished:
                         unfinished.write_text(f"{report}\n", encoding="utf-8")
-                mapped.write(self.out, self.source, self.settings, stamp)
+                mapped.write(self.out, self.source, self.settings)
         if not self.settings.cut:  # the summary of a surface that was cut has them
             notes += mapped.changes
         return mapped.result, notes
 
-    def _check_targets(self, stamp: Stamp) -> None:
+    def _check_targets(self) -> None:
         """Know before the map whether everything can be written afterwards."""
-        from ..batching.targets import objection, try_to_write
+        from ..io.output import try_to_write
 
         if self.picture or self.view:
             with from_extra("plot"):
                 import matplotlib  # noqa: F401
 
-        def ours(found: Stamp | None) -> bool:
-            return self.force or (found is not None and found.input == stamp.input)
-
         for path in filter(None, (self.out, self.report, self.picture, self.view)):
             with writing():
                 path.parent.mkdir(parents=True, exist_ok=True)
-            if message := objection(path, self.source, ours, "; --force replaces it"):
-                typer.echo(message, err=True)
-                raise typer.Exit(BAD_INPUT)
             with writing():
+                self._check_what_is_there(path)
                 try_to_write(path)
 
-    def _draw(self, mapped: Mapped, stamp: Stamp) -> None:
+    def _check_what_is_there(self, path: Path) -> None:
+        """Refuse to replace a file, unless that is asked for, and the surface itself."""
+        from ..errors import printable
+
+        if not os.path.isfile(path):  # and no error where a name is too long to be one
+            return
+        if os.path.exists(self.source) and path.samefile(self.source):
+            message = f"{printable(path)} is the surface itself; give the result another place."
+        elif not self.force:
+            message = f"{printable(path)} is there; --force replaces it."
+        else:
+            return
+        typer.echo(message, err=True)
+        raise typer.Exit(BAD_INPUT)
+
+    def _draw(self, mapped: Mapped) -> None:
         """Draw the picture and the page."""
-        from ..batching.names import shown
-        from ..batching.stamps import put_stamp
+        from ..errors import printable
         from ..io import whole_file
 
-        name = shown(self.source.name)
+        name = printable(self.source.name)
         if self.picture:
-            from ..plot import picture
-
-            figure = picture(mapped.V, mapped.F, mapped.result, name=name)
+            figure = mapped.result.plot(name=name)[0].figure
             with whole_file(self.picture) as unfinished:
                 figure.savefig(unfinished)
-                put_stamp(unfinished, stamp)
         if self.view:
-            from ..plot import view_html
-
             with whole_file(self.view) as unfinished:
-                unfinished.write_text(view_html(mapped.result, title=name), encoding="utf-8")
-                put_stamp(unfinished, stamp)
+                unfinished.write_text(mapped.result.view_html(title=name), encoding="utf-8")

@@ -31,8 +31,7 @@ def writing(remedy: str = "") -> Iterator[None]:
 @contextmanager
 def exit_codes(file: Path | None = None) -> Iterator[None]:
     """Turn the errors that users can mend into a message, of this file, and an exit code."""
-    from ..batching.names import shown
-    from ..errors import MapError, MeshError, SolverError
+    from ..errors import MapError, MeshError, SolverError, printable
 
     try:
         yield
@@ -48,17 +47,17 @@ def exit_codes(file: Path | None = None) -> Iterator[None]:
         message, code = str(error), FAILED
     else:
         return
-    if file and shown(file) not in message:
-        message = "\n".join(f"{shown(file)}: {line}" for line in message.splitlines())
+    if file and printable(file) not in message:
+        message = "\n".join(f"{printable(file)}: {line}" for line in message.splitlines())
     typer.echo(message, err=True)
     raise typer.Exit(code)
 
 
 def reason(error: OSError) -> str:
     """Say what the system says, and of which file."""
-    from ..batching.names import shown
+    from ..errors import printable
 
-    return f"{shown(error.filename)}: {error.strerror}" if error.filename else str(error)
+    return f"{printable(error.filename)}: {error.strerror}" if error.filename else str(error)
 
 
 def show(summary: str, notes: list[str], color: str) -> None:

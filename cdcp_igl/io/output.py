@@ -19,7 +19,7 @@ from platform import node
 from tempfile import TemporaryDirectory
 from zlib import crc32
 
-__all__ = ["remove_stale", "whole_file"]
+__all__ = ["remove_stale", "try_to_write", "whole_file"]
 
 # The name of an unfinished file tells who writes it: the machine, as several may share the
 # folder; the process; and when that began, as numbers of processes come again. It does not
@@ -83,6 +83,22 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
     finally:
         if unfinished:
             unfinished.unlink(missing_ok=True)
+
+
+class _Tried(Exception):
+    """Nothing is to be written yet."""
+
+
+def try_to_write(path: str | PathLike[str]) -> None:
+    """Raise OSError if a file cannot be written; leave what is there as it is."""
+    path = Path(path)
+    if path.exists() and not path.is_file() and not path.is_dir():
+        return  # who reads from a pipe would take the trial for the end of the file
+    try:
+        with whole_file(path):
+            raise _Tried
+    except _Tried:
+        return
 
 
 def _status(path: str | PathLike[str]) -> os.stat_result | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from os import PathLike
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,12 +34,16 @@ map_Kd {image}
 """
 
 
+@runtime_checkable
 class MapResult(Protocol):
     """What the functions that map return."""
 
     @property
     def uv(self) -> Floats:
         """(n, 2) for each vertex, or (m, 3, 2) for each corner."""
+
+    def packed(self) -> Floats:
+        """Scale it into the unit square."""
 
 
 def write_map(
@@ -120,7 +124,7 @@ def write_map(
     positions = np.zeros((np.shape(V)[0], 3))
     positions[:, : np.shape(V)[1]] = V
     if not disk:
-        plane = _of_whole_faces(uv.packed()) if hasattr(uv, "packed") else (plane + 1) / 2
+        plane = _of_whole_faces(uv.packed()) if isinstance(uv, MapResult) else (plane + 1) / 2
     if plane.ndim == 2:
         texture, FT, vertex = plane, faces, np.arange(len(plane))
     else:
@@ -162,7 +166,7 @@ def _check_options(
 
 def _map(uv: ArrayLike | MapResult, n: int, m: int) -> Floats:
     """Take uv as an array; ValueError if it is no map of n vertices or m faces."""
-    plane = _of_whole_faces(uv.uv) if hasattr(uv, "uv") else np.asarray(uv)
+    plane = _of_whole_faces(uv.uv) if isinstance(uv, MapResult) else np.asarray(uv)
     if plane.dtype.kind not in "iuf" or plane.shape not in ((n, 2), (m, 3, 2)):
         raise ValueError(
             f"uv has shape {plane.shape}: it must be ({n}, 2), a row a vertex, "

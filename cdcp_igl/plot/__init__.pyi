@@ -1,4 +1,3 @@
-from .pictures import MapRow, picture, side_by_side
-from .viewer import view, view_html
+from .pictures import side_by_side
 
-__all__ = ["MapRow", "picture", "side_by_side", "view", "view_html"]
+__all__ = ["side_by_side"]

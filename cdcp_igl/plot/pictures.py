@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from textwrap import fill
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
 from ..distortion import AngleDistortion, angle_distortion
 from ..errors import counted
 from ..extras import from_extra
-from ..surface.validation import as_surface
-from .layout import Layout, Mapped, Opened, lay_out
+from .layout import Layout
 from .raster import Bytes
 from .scene import Extent, Scene
 
@@ -24,8 +21,6 @@ with from_extra("plot"):
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle
 
-__all__ = ["MapRow", "draw", "picture", "side_by_side"]
-
 # A mesh and its maps: name, mean angular distortion, and uv where there is one.
 MapRow = tuple[Floats, Ints, Sequence[tuple[str, float, Floats | None]]]
 
@@ -34,59 +29,8 @@ PIXELS, SMALL = 620, 360  # across a surface, alone and among many
 LINE = 26  # characters of a name: as many capitals are as wide as a surface
 
 
-def picture(V: ArrayLike, F: ArrayLike, result: Mapped | Opened, *, name: str = "") -> Figure:
-    """Draw the surface, its image, a checkerboard and the angular distortion side by side.
-
-    Parameters
-    ----------
-    V : (n, 3) or (n, 2) array_like
-        Vertex positions.
-    F : (m, 3) array_like of integers
-        Corners of the faces.
-    result : DiskMap, SurfaceMap or RectangleMap
-        The map of this mesh; of a SurfaceMap, all parts are drawn.
-    name : str
-        Of the mesh, for the title.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The surface coloured by its normals, the same colours on its image, the surface under
-        a checkerboard of the image, whose squares keep their right angles where the map is
-        conformal, and the histogram of the angular distortion with its mean and, as a band,
-        one standard deviation (SD) to either side. A disk is turned to match the view of
-        the surface. Independent of pyplot: save it with ``savefig``.
-
-    Raises
-    ------
-    ValueError
-        If V and F are not the mesh of this map.
-
-    Examples
-    --------
-    >>> import cdcp_igl
-    >>> from cdcp_igl.plot import picture
-    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
-    >>> figure = picture(V, F, cdcp_igl.disk_map(V, F), name="cap")
-    >>> len(figure.axes)
-    4
-    """
-    V, F = as_surface(V, F)
-    layout = lay_out(result)
-    rows, faces = layout.vertices, layout.faces
-    if (
-        len(V) <= rows.max()
-        or len(F) <= faces.max()
-        or (np.sort(F[faces]) != np.sort(rows[layout.F])).any()
-    ):
-        raise ValueError(
-            f"V and F, with {len(V):,} vertices and {len(F):,} faces, are not those of this map"
-        )
-    return draw(replace(layout, V=V[rows]), name)
-
-
 def draw(layout: Layout, name: str = "") -> Figure:
-    """Draw what `picture` returns."""
+    """Draw what `Result.plot` returns."""
     uv, plane = layout.uv, layout.plane.lower()
     scene = Scene(layout.V, layout.F, PIXELS, turns=layout.turns)
     figure = Figure(figsize=(20, 5.4), dpi=150, facecolor="white")

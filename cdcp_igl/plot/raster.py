@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints
 
-__all__ = ["SAMPLES", "Bytes", "Raster", "frame", "in_picture", "rasterize"]
-
 SAMPLES = 2  # across a pixel and down, averaged
 MARGIN = 0.02  # of the picture, on each side
 TILE = 64  # samples across the largest square that is looked at in one piece
@@ -22,6 +20,7 @@ ROUNDING = 1e-9  # of barycentric coordinates: so that there is no gap between t
 CHUNK = 1 << 18  # samples that are looked at together
 
 Bytes = NDArray[np.uint8]
+Window = tuple[float, float, float, float]  # left, right, bottom, top
 
 
 @dataclass(frozen=True)
@@ -75,23 +74,32 @@ class Raster:
 
 
 def rasterize(points: Floats, F: Ints, pixels: int) -> Raster:
-    """Find what is seen of a mesh, from the positive z axis.
+    """Find what is seen of a mesh in a picture of so many pixels a side, which it fills.
+
+    `points` and `F` are those of `sample`. There is a margin; the raster has ``SAMPLES * pixels``
+    rows and columns.
+    """
+    return sample(points, F, SAMPLES * pixels, frame(points))
+
+
+def sample(points: Floats, F: Ints, side: int, window: Window) -> Raster:
+    """Find what is seen of a mesh, from the positive z axis, at the centres of a square grid.
 
     Parameters
     ----------
     points : (n, 2) or (n, 3) float64
         Right, up and, on a surface, towards the viewer. What is nearer hides what is behind.
     F : (m, 3) int64
-    pixels : int
-        Width and height of the picture, which the mesh fills but for a margin.
+    side : int
+        Rows and columns of the grid.
+    window : (float, float, float, float)
+        Left, right, bottom and top of the square, in the unit of the points.
 
     Returns
     -------
     Raster
-        With ``SAMPLES * pixels`` rows and columns.
     """
-    side = SAMPLES * pixels
-    x, y = in_picture(points, side).T - 0.5
+    x, y = in_window(points, side, window).T - 0.5
     depth = points[:, 2] if points.shape[1] == 3 else np.zeros(len(points))
 
     # Rectangles of samples around the faces, large ones in tiles, so that no face needs much
@@ -129,7 +137,7 @@ def rasterize(points: Floats, F: Ints, pixels: int) -> Raster:
     return Raster(F, face.reshape(side, side), weights.reshape(side, side, 3))
 
 
-def frame(points: Floats) -> tuple[float, float, float, float]:
+def frame(points: Floats) -> Window:
     """Left, right, bottom and top of the picture of points, in their unit."""
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     (x, y), reach = (low + high) / 2, (high - low).max() / (2 - 4 * MARGIN)
@@ -137,8 +145,13 @@ def frame(points: Floats) -> tuple[float, float, float, float]:
 
 
 def in_picture(points: Floats, side: int) -> Floats:
-    """(n, 2) places of points in a picture with so many rows: to the right, and down."""
-    left, right, _, top = frame(points)
+    """(n, 2) places of points in their picture with so many rows: to the right, and down."""
+    return in_window(points, side, frame(points))
+
+
+def in_window(points: Floats, side: int, window: Window) -> Floats:
+    """(n, 2) places of points in a square with so many rows: to the right, and down."""
+    left, right, _, top = window
     return (points[:, :2] - [left, top]) * [1, -1] * side / (right - left)
 
 

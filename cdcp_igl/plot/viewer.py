@@ -24,7 +24,7 @@ from ..extras import from_extra
 from ..io import whole_file
 from ..surface.edges import group_by_edge, heads, tails
 from ..surface.triangles import face_areas
-from .layout import Layout, Mapped, Opened, lay_out
+from .layout import Layout
 from .packing import ordered, pack, quantized
 from .pictures import side_by_side
 from .scene import vertex_normals
@@ -35,69 +35,13 @@ with from_extra("plot"):
     from matplotlib.colors import to_hex
     from matplotlib.image import imsave
 
-__all__ = ["poster", "view", "view_html"]
-
 IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".webp": "webp"}
 VALUE_STEPS = 255  # of a field: no eye tells more colours apart
 BEYOND = 0.005  # share of the vertices, at either end, that may lie beyond the scale of colours
 
 
-def view(
-    result: Mapped | Opened,
-    path: str | PathLike[str] | None = None,
-    *,
-    fields: Mapping[str, ArrayLike] | None = None,
-    texture: str | PathLike[str] | ArrayLike | None = None,
-    title: str = "",
-) -> Path:
-    """Write a page that shows a map, or open it in the browser.
-
-    A single file that needs no network and no library: the surface turns beside its image;
-    the face under the pointer is marked on both. Colours by normals, a checkerboard, the
-    angular distortion, the conformal factor, and what is given here.
-
-    Parameters
-    ----------
-    result : DiskMap, SurfaceMap or RectangleMap
-    path : path-like, optional
-        Named .html; replaced once the new one is complete. Without it, the page is written to
-        a temporary folder and opened in the browser.
-    fields : mapping of str to (n,) array_like, optional
-        More values at the vertices of the given mesh to colour by, under their names.
-    texture : path-like or (height, width, 3 or 4) array_like, optional
-        Image of the square around the disk, the top row at v = 1 (of the unit square for a
-        SurfaceMap, see its ``packed``): a png, jpeg or webp file,
-        or colours from 0 to 1, such as ``result.bake`` makes.
-    title : str
-        The heading, such as the name of the surface.
-
-    Returns
-    -------
-    Path
-        Where the page is.
-
-    Raises
-    ------
-    ValueError
-        If a field has not a value for each vertex, or the texture is no such image.
-    OSError
-        If the file cannot be written, or the texture not be read.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from tempfile import TemporaryDirectory
-    >>> import cdcp_igl
-    >>> from cdcp_igl.plot import view
-    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
-    >>> with TemporaryDirectory() as folder:
-    ...     page = view(
-    ...         cdcp_igl.disk_map(V, F), Path(folder, "cap.html"), fields={"height": V[:, 2]}
-    ...     )
-    ...     page.stat().st_size < 150_000
-    True
-    """
-    page = view_html(result, fields=fields, texture=texture, title=title)
+def show(page: str, path: str | PathLike[str] | None) -> Path:
+    """Write a page to a file, or to a temporary folder and open it in the browser."""
     target = Path(mkdtemp(prefix="cdcp_igl-"), "map.html") if path is None else Path(path)
     with whole_file(target) as unfinished:
         unfinished.write_text(page, encoding="utf-8")
@@ -106,39 +50,13 @@ def view(
     return target
 
 
-def view_html(
-    result: Mapped | Opened,
-    *,
-    fields: Mapping[str, ArrayLike] | None = None,
-    texture: str | PathLike[str] | ArrayLike | None = None,
-    title: str = "",
+def page(
+    layout: Layout,
+    fields: Mapping[str, ArrayLike],
+    texture: str | PathLike[str] | ArrayLike | None,
+    title: str,
 ) -> str:
-    """Return the page that `view` writes.
-
-    Parameters
-    ----------
-    result, fields, texture, title
-        As in `view`.
-
-    Returns
-    -------
-    str
-        A whole HTML document.
-
-    Raises
-    ------
-    ValueError, OSError
-        As `view`.
-
-    Examples
-    --------
-    >>> import cdcp_igl
-    >>> from cdcp_igl.plot import view_html
-    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
-    >>> view_html(cdcp_igl.disk_map(V, F), title="Cap").count("<h1>Cap</h1>")
-    1
-    """
-    layout = lay_out(result)
+    """Return the page of a map; fields, texture and title as in `Result.view`."""
     V, F, uv = layout.V, layout.F, layout.uv
     about, arrays = _geometry(V, F, uv, turned=layout.turns)
     if (layout.vertices != np.arange(len(V))).any():
@@ -149,7 +67,7 @@ def view_html(
         {"name": "normals", "kind": "normals"},
         {"name": "checkerboard", "kind": "checkerboard"},
     ]
-    for coloring, values in _measured(V, F, uv) + _given(fields or {}, layout.vertices):
+    for coloring, values in _measured(V, F, uv) + _given(fields, layout.vertices):
         coloring["array"] = f"value {len(colorings)}"
         arrays[coloring["array"]] = quantized(
             values, coloring["low"], coloring["high"], VALUE_STEPS
@@ -166,6 +84,7 @@ def view_html(
     about |= {
         "arrays": [(name, len(array)) for name, array in arrays.items()],
         "colorings": colorings,
+        "origin": layout.origin,
         "middle": layout.middle,
         "scale": layout.scale,
     }
@@ -176,7 +95,7 @@ def view_html(
         plane=layout.plane,
         style=(source / "viewer.css").read_text("utf-8"),
         script=(source / "viewer.js").read_text("utf-8"),
-        poster=_poster(layout),
+        poster=poster(layout),
         # A closing tag in a name would end the script element.
         about=json.dumps(about).replace("<", "\\u003c"),
         data=data,
@@ -306,13 +225,8 @@ def _image(texture: str | PathLike[str] | ArrayLike) -> str:
     return _uri(file.getvalue(), "png")
 
 
-def poster(result: Mapped | Opened) -> str:
-    """Return an image element with a picture of a map."""
-    return f'<img alt="The surface and its image" src="{_poster(lay_out(result))}">'
-
-
-def _poster(layout: Layout) -> str:
-    """Return the picture that stands where the browser cannot draw."""
+def poster(layout: Layout) -> str:
+    """Return a picture of a map, for where a browser cannot draw, as a data URI."""
     maps = [(layout.plane, layout.distortion.mean, layout.uv)]
     figure = side_by_side([(layout.V, layout.F, maps)], turns=layout.turns)
     file = BytesIO()

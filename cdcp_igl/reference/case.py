@@ -29,8 +29,6 @@ from ..result.disk_map import DiskMap
 from ..surface.mesh import DiskMesh
 from .processes import cause_of_death, peak_memory, resident
 
-__all__ = ["OK", "TOO_LARGE", "TOO_LONG", "Case", "Timed", "run_case"]
-
 OK = "ok"
 TOO_LONG, TOO_LARGE = "no result within", "more than"  # begin the outcomes of the two limits
 POLL = 0.05  # seconds between two looks at the memory of the process
@@ -204,14 +202,14 @@ def _watch(process: subprocess.Popen[bytes], time_limit: float, memory_limit: fl
             return f"{TOO_LARGE} {memory_limit:,.0f} MiB of memory"
 
 
-def _measure(table: str, method: str, mesh: str) -> tuple[dict[str, Any], Floats | None]:
-    chosen = _table(table)[method]
-    if prepare := getattr(chosen, "prepare", None):
+def measure(method: Any, mesh: str | Path) -> tuple[dict[str, Any], Floats | None]:
+    """Run a method on the surface in a file, in this process; return what a `Case` has of it."""
+    if prepare := getattr(method, "prepare", None):
         prepare()
     given = _surface(mesh)
     start = perf_counter()
     try:
-        made = chosen.function(*given)
+        made = method.function(*given)
     except Exception as error:
         typed = isinstance(error, (MapError, SolverError))
         return {"outcome": "failed: " * (not typed) + _first_line(error)}, None
@@ -225,7 +223,7 @@ def _measure(table: str, method: str, mesh: str) -> tuple[dict[str, Any], Floats
         return {"outcome": f"failed: must return (n, 2) numbers, and returned {returned}"}, None
     uv = np.asarray(uv, dtype=np.float64)
     certificate = certify(DiskMesh(V, F), uv)
-    if not (certificate.valid if chosen.boundary == "disk" else certificate.finite):
+    if not (certificate.valid if method.boundary == "disk" else certificate.finite):
         return {"outcome": f"not valid: {certificate}"}, None
     distortion = AngleDistortion.of(angle_distortion(V, F, uv))
     if not np.isfinite([distortion.mean, distortion.sd, distortion.max]).all():
@@ -253,13 +251,13 @@ def _other_than_map(made: object, n: int) -> str:
     return "" if is_map else f"{made.dtype} of shape {made.shape}, where n is {n:,}"
 
 
-def _surface(mesh: str) -> tuple[Floats, Ints]:
+def _surface(mesh: str | Path) -> tuple[Floats, Ints]:
     with np.load(mesh) as saved:
         return saved["V"], saved["F"]
 
 
 def _main(table: str, method: str, mesh: str, result: str) -> None:
-    measured, uv = _measure(table, method, mesh)
+    measured, uv = measure(_table(table)[method], mesh)
     arrays: dict[str, Any] = {} if uv is None else {"uv": uv}
     np.savez(result, measured=json.dumps(measured), **arrays)
 

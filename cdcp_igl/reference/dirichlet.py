@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from ..arrays import Complex, Floats, Ints
-from ..solve.cholesky import Cholesky
+from ..solve.solvers import factorize
 
 __all__ = ["Dirichlet"]
 
@@ -51,7 +51,7 @@ class Dirichlet:
         free[S] = False
         self._L, self._S, self._free = L, S, np.flatnonzero(free)
         if len(self._free):
-            self._factor = Cholesky(L[self._free][:, self._free])
+            self._factor = factorize(L[self._free][:, self._free])
 
     def solve(self, c: Complex | Floats, r: Complex | Floats | float = 0) -> Complex:
         """Solve for one complex function, whose parts share the factorization.

@@ -11,7 +11,7 @@ from ..errors import MapError
 from ..rescue.repair import repaired
 from ..solve.factored import FactoredSurface
 from ..steps.circle import Rejected
-from ..steps.dipole import face_dipole
+from ..steps.trace import face_dipole
 from ..surface.mesh import DiskMesh
 from .certified import certified_disk_map
 from .dirichlet import Dirichlet

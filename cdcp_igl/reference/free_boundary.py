@@ -11,8 +11,8 @@ from .. import libigl
 from ..arrays import Floats
 from ..errors import SolverError
 from ..rescue.boundary import arc_length_map
-from ..solve.cholesky import Cholesky
 from ..solve.laplacian import cotangent_laplacian
+from ..solve.solvers import factorize
 from ..surface.mesh import DiskMesh
 from .certified import checked_free_map
 
@@ -77,7 +77,7 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     on_boundary = np.zeros(2 * n)
     boundary = np.concatenate([mesh.loop, mesh.loop + n])  # of the vector [u; v]
     on_boundary[boundary] = 1
-    shifted = Cholesky(energy + SHIFT * diags(on_boundary))
+    shifted = factorize(energy + SHIFT * diags(on_boundary))
 
     def extend(b: Floats) -> Floats:
         """Solve (E + s B) x = B b."""

@@ -9,7 +9,6 @@ import numpy as np
 
 from .. import libigl
 from ..arrays import Complex, Floats, Ints
-from ..certificate import Certificate
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import face_areas, oriented_areas
 
@@ -73,30 +72,6 @@ class Conformality:
             return "yes"
         remedies = "; ".join(self.remedies)
         return f"NO: {'; '.join(self.reasons)}" + (f". To lower it, {remedies}" if remedies else "")
-
-
-class Judged:
-    """A map with its certificate, and whether it is conformal."""
-
-    certificate: Certificate
-    conformality: Conformality
-
-    @property
-    def valid(self) -> bool:
-        """True for a certified bijection, see `certificate`."""
-        return self.certificate.valid
-
-    @property
-    def conformal(self) -> bool:
-        """True for a map that is as conformal as the mesh lets it be, see `conformality`."""
-        return bool(self.conformality)
-
-    @property
-    def verdict(self) -> str:
-        """In a word or two, whether the map is valid and conformal."""
-        if not self.valid:
-            return "NOT VALID"
-        return "valid" if self.conformal else "valid, NOT CONFORMAL"
 
 
 def judge(mesh: DiskMesh, f: Complex, degrees: Floats, *, closely: bool = False) -> Conformality:

@@ -16,8 +16,8 @@ from ..certificate import certify
 from ..distortion import angle_errors
 from ..errors import counted
 from ..solve.cholesky import Cholesky
-from ..solve.iterative import conjugate_gradients
 from ..solve.laplacian import Laplacian
+from ..solve.solvers import factorize
 from ..surface.mesh import DiskMesh
 from .line_search import HALVINGS, search_along
 
@@ -265,7 +265,7 @@ def gauss_newton_step(
 
     if anew:
         laplacian.factor(beta, s)
-    return conjugate_gradients(normal_matrix, -adjoint(gradient), laplacian.solve, iterations)
+    return _conjugate_gradients(normal_matrix, -adjoint(gradient), laplacian.solve, iterations)
 
 
 def _linearize(corner: Complex, r: Floats, p: float) -> tuple[Complex, Floats, Complex, Complex]:
@@ -325,7 +325,7 @@ class WeightedLaplacian:
         unit = np.full(self._n, 1 + SHIFT)
         matrix = Laplacian(low, high, weights, unit).block(self._order)
         if self._cholesky is None:
-            self._cholesky = Cholesky(matrix, ordering="natural")
+            self._cholesky = factorize(matrix, ordering="natural")
         else:  # the pattern is that of the edges, whatever the weights
             self._cholesky.refactor(matrix)
 
@@ -336,6 +336,33 @@ class WeightedLaplacian:
         y = x / self._diagonal
         y[self._order] = self._scale * self._cholesky.solve(self._scale * x[self._order])
         return y
+
+
+def _conjugate_gradients(
+    A: Callable[[Complex], Complex],
+    b: Complex,
+    preconditioner: Callable[[Complex], Complex],
+    iterations: int,
+) -> Complex:
+    """Lower x^T A x / 2 - x^T b from x = 0, inner product Re x^H y (A is real-linear)."""
+    x, residual, direction = np.zeros_like(b), b, np.zeros_like(b)
+    rho = 1.0
+    for _ in range(iterations):
+        z = preconditioner(residual)
+        rho, last = _dot(residual, z), rho
+        if rho == 0:  # solved exactly
+            break
+        direction = z + rho / last * direction
+        image = A(direction)
+        alpha = rho / _dot(direction, image)
+        x = x + alpha * direction
+        residual = residual - alpha * image
+    return x
+
+
+def _dot(x: Complex, y: Complex) -> float:
+    """Re x^H y, in an order of summation that no number of threads changes, unlike BLAS's."""
+    return float(np.einsum("i,i", x.view(float), y.view(float)))
 
 
 def _next(corners: Array) -> Array:

@@ -16,6 +16,7 @@ from ..surface.location import FaceFinder
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import corner_cotangents
 from ..surface.validation import unit_size
+from .base import real_values
 from .lattice import disk_lattice, even_ring, with_corners
 from .raster import bilinear, pixel_centers
 
@@ -26,7 +27,7 @@ log = logging.getLogger("cdcp_igl")
 SUM_TOLERANCE = 1e-6  # barycentric coordinates that add up to 1 no better are a mistake
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Bijection:
     """A map of a triangulated disk onto the polygon inscribed in the unit circle.
 
@@ -228,7 +229,7 @@ class Bijection:
         >>> bool(abs(heights - V[:, 2]).max() < 0.01)
         True
         """
-        image = _real(values)
+        image = real_values(values)
         if image.ndim < 2 or image.size == 0:
             raise ValueError(f"values has shape {image.shape}; it must be (height, width, ...)")
         return bilinear(image, self._z)
@@ -296,19 +297,12 @@ class Bijection:
         return FaceFinder(self.mesh, self._z)
 
     def _field(self, values: ArrayLike) -> Floats:
-        at_vertices = _real(values)
+        at_vertices = real_values(values)
         if at_vertices.ndim == 0 or len(at_vertices) != len(self.uv):
             raise ValueError(
                 f"values has shape {at_vertices.shape}; it must have {len(self.uv)} rows"
             )
         return at_vertices
-
-
-def _real(values: ArrayLike) -> Floats:
-    """Return values as float64; ValueError if they are complex, rather than without a part."""
-    if np.iscomplexobj(values):
-        raise ValueError("values must be real; of complex ones give both parts, as two columns")
-    return np.asarray(values, dtype=np.float64)
 
 
 def _rows(corners: NDArray[np.float64], face: Ints) -> Floats:

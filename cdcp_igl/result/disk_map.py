@@ -3,29 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, as_complex, coordinates
+from ..arrays import Floats, Ints, as_complex, coordinates
 from ..certificate import BOUNDARY_TOLERANCE, Certificate, certify
 from ..distortion import AngleDistortion
 from ..errors import MapError
-from ..plot.shown import Shown
+from ..plot.layout import Layout
 from ..rescue.candidate import Provenance
 from ..rescue.collapsed_faces import open_collapsed_faces
-from ..rescue.conformality import Conformality, Judged
+from ..rescue.conformality import Conformality
 from ..rescue.repair import repair_locally
+from .base import Result
 from .bijection import Bijection
 from .landmarks import landmark_automorphism
 
 __all__ = ["DiskMap"]
 
 
-@dataclass(frozen=True, eq=False)
-class DiskMap(Provenance, Bijection, Judged, Shown):
+@dataclass(frozen=True, eq=False, repr=False)
+class DiskMap(Provenance, Bijection, Result):
     """A disk conformal map. Printing it gives a summary.
 
     Attributes
@@ -70,59 +70,11 @@ class DiskMap(Provenance, Bijection, Judged, Shown):
     solver: str
     timings: dict[str, float]
 
-    def __repr__(self) -> str:
-        mean = self.distortion.mean
-        return f"DiskMap({len(self.uv):,} vertices: {self.verdict}, mean distortion {mean:.3g}°)"
+    _kind = "disk"
 
-    def __str__(self) -> str:
-        phases = ", ".join(f"{name} {seconds:.2f}" for name, seconds in self.timings.items())
-        free = self.distortion_of_free_faces
-        return "\n".join(
-            [
-                f"disk map of {len(self.uv):,} vertices: {self.verdict}",
-                f"  angular distortion  {self.distortion}",
-                *(
-                    [f"  of free faces       {free}, without those with all corners on the circle"]
-                    if free != self.distortion
-                    else []
-                ),
-                *([] if self.conformal else [f"  conformal           {self.conformality}"]),
-                f"  certificate         {self.certificate}",
-                f"  center              {self.center}",
-                f"  boundary            {self.boundary}",
-                *(
-                    [f"  straightening       {self.straightening}"]
-                    if self.straightening.before
-                    else []
-                ),
-                f"  repair              {self.repair}",
-                f"  Möbius              {self.mobius}",
-                f"  refinement          {self.refinement or 'not asked for'}",
-                f"  solver              {self.solver}",
-                f"  seconds             {sum(self.timings.values()):.2f} ({phases})",
-            ]
-        )
-
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the map to a file whose suffix says what.
-
-        Parameters
-        ----------
-        path : path-like
-            The surface with its map for the types of `cdcp_igl.io.write_map`; a picture for
-            .png, .svg and .pdf; the page of `view` for .html; the report for .json. An
-            existing file is replaced once the new one is complete.
-
-        Raises
-        ------
-        ValueError
-            If the file is not of a known type.
-        OSError
-            If it cannot be written; nothing is left behind.
-        """
-        from ..io.saving import save
-
-        save(self, path)
+    def packed(self) -> Floats:
+        """Return the square around the disk, scaled to the unit square: texture coordinates."""
+        return (self.uv + 1) / 2
 
     def register(self, to: DiskMap, landmarks: ArrayLike) -> Floats:
         """Lay the map over that of another surface, by landmarks.
@@ -195,15 +147,31 @@ class DiskMap(Provenance, Bijection, Judged, Shown):
             )
         return uv
 
-    def report(self) -> dict[str, Any]:
-        """Everything but the coordinates, as JSON types."""
+    def _subject(self) -> str:
+        return f"{len(self.uv):,} vertices"
+
+    def _summary(self) -> list[tuple[str, str]]:
+        pairs = super()._summary()
+        if (free := self.distortion_of_free_faces) != self.distortion:
+            text = f"{free}, without those with all corners on the circle"
+            pairs.insert(1, ("of free faces", text))
+        return pairs
+
+    def _steps(self) -> list[tuple[str, str]]:
+        straightening = [("straightening", str(self.straightening))]
+        return [
+            ("center", str(self.center)),
+            ("boundary", str(self.boundary)),
+            *(straightening if self.straightening.before else []),
+            ("repair", str(self.repair)),
+            ("Möbius", str(self.mobius)),
+            ("refinement", str(self.refinement or "not asked for")),
+            ("solver", self.solver),
+        ]
+
+    def _details(self) -> dict[str, Any]:
         return {
-            "vertices": len(self.uv),
-            "valid": self.valid,
-            **self.conformality.report(),
-            "angular_distortion_degrees": asdict(self.distortion),
             "angular_distortion_of_free_faces_degrees": asdict(self.distortion_of_free_faces),
-            "certificate": self.certificate.report(),
             "center": {"method": self.center.method, "face": self.center.face},
             "boundary": {
                 "method": self.boundary.name,
@@ -224,5 +192,24 @@ class DiskMap(Provenance, Bijection, Judged, Shown):
             },
             "refinement": self.refinement and asdict(self.refinement),
             "solver": self.solver,
-            "seconds": self.timings,
         }
+
+    def _surface(self) -> tuple[Floats, Ints]:
+        return self.mesh.positions, self.mesh.F
+
+    def _layout(self) -> Layout:
+        mesh = self.mesh
+        return Layout(
+            V=mesh.V,
+            F=mesh.F,
+            uv=self.uv,
+            vertices=np.arange(len(mesh.V)),
+            faces=np.arange(len(mesh.F)),
+            plane="Disk",
+            middle=(0.0, 0.0),
+            scale=1.0,
+            origin=(0.5, 0.5),
+            distortion=self.distortion,
+            flipped=len(self.certificate.flipped),
+            facts=self._facts(self._subject()),
+        )

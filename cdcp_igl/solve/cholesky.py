@@ -1,46 +1,43 @@
-"""Sparse Cholesky factorization, by whichever solver is installed or asked for."""
+"""Sparse Cholesky factorization: what the solvers have in common."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from copy import copy
-from typing import Any, Literal, TypeVar
+from typing import Any, ClassVar, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, spmatrix
 
-from ..arrays import Complex, Floats, as_complex
+from ..arrays import Complex, Floats, Indices, as_complex
 from ..errors import SolverError
-from .buffers import take_buffers
-from .solvers import Solver, solver
+from .memory import require_buffers
 from .threads import one_thread
-
-__all__ = ["Cholesky", "Numbers", "Ordering", "fill_reducing_order"]
 
 Ordering = Literal["amd", "natural"]
 Numbers = TypeVar("Numbers", Complex, Floats)
 
 
-class Cholesky:
+class Cholesky(ABC):
     """Factorization Q A Q^T = L L^T of a sparse, symmetric, positive definite matrix.
+
+    Each solver has its own subclass; `solvers.factorize` makes one of that which is in use.
 
     Parameters
     ----------
     A : (k, k) sparse matrix of float64
         Symmetric and positive definite, k at least 1; only the lower triangle is read.
     ordering : {"amd", "natural"}
-        Fill-reducing permutation Q: approximate minimum degree, which beats nested
-        dissection on surfaces; or (up to a postordering) the order as given. A solver whose
-        `ORDERS` is false takes an order of its own in either case.
+        Fill-reducing permutation Q: approximate minimum degree; or (up to a postordering)
+        the order as given. A solver whose `ORDERS` is false takes an order of its own in either
+        case.
 
     Attributes
     ----------
     permutation : (k,) ndarray of int
         Row i of Q A Q^T is row ``permutation[i]`` of A.
-    solver : Solver
-        The module that does the work.
 
     Raises
     ------
@@ -48,47 +45,85 @@ class Cholesky:
         If A is not numerically positive definite or memory runs out.
     """
 
+    LIBRARY: ClassVar[str]
+    PACKAGE: ClassVar[str]  # by which Python has the library, with its version
+    MODE: ClassVar[str]  # of its methods, the one that is used
+    ERRORS: ClassVar[tuple[type[Exception], ...]]  # A is not positive definite, or too large
+    ORDERS: ClassVar[bool]  # whether it factors in the order that it is given
+
+    permutation: Indices
+
     def __init__(self, A: spmatrix, ordering: Ordering = "amd") -> None:
-        self.solver = solver()
-        A = _writeable(A)
-        with _errors(self.solver, A.shape[0]):
-            self._factor = self.solver.Factorization(A, ordering == "natural")
-        self.permutation = self._factor.permutation
+        with self._errors(A.shape[0]):
+            converted = self._converted(_writeable(A))
+            self._analyze(converted, ordering == "natural")
+            self._factorize(converted)
 
     def refactor(self, A: spmatrix) -> None:
         """Factor another matrix with the same pattern of nonzeros, in the same order."""
-        A = _writeable(A)
-        with _errors(self.solver, A.shape[0]):
-            self._factor.refactor(A)
+        with self._errors(A.shape[0]):
+            self._factorize(self._converted(_writeable(A)))
 
     def refactored(self, A: spmatrix) -> Cholesky:
         """Factor another matrix like `refactor`, and keep this factorization as well."""
-        other, A = copy(self), _writeable(A)
-        with _errors(self.solver, A.shape[0]):
-            other._factor = self._factor.refactored(A)
+        other = copy(self)
+        other.refactor(A)
         return other
 
     def solve(self, b: Numbers) -> Numbers:
         """Solve A x = b; b is real, one or several columns, or one complex vector."""
-        if np.iscomplexobj(b):
-            x: Any = as_complex(self._solve(np.array([b.real, b.imag]).T))  # Fortran order
-            return x
-        return self._solve(b)
+        with self._errors(len(b)):
+            if np.iscomplexobj(b):
+                x: Any = as_complex(self._solve(np.array([b.real, b.imag]).T))  # Fortran order
+                return x
+            return self._solve(b)
 
+    @classmethod
+    def fill_reducing_order(cls, A: spmatrix) -> Indices:
+        """(k,) order of the rows of A in which its factor stays sparse.
+
+        A is symmetric, and only the pattern of its lower triangle is read. Of a solver whose
+        `ORDERS` is false, the order as given.
+        """
+        with cls._errors(A.shape[0]):
+            return cls._order(cls._converted(_writeable(A)))
+
+    @staticmethod
+    @abstractmethod
+    def _converted(A: csc_matrix) -> Any:
+        """Make of a matrix what the methods below take."""
+
+    @abstractmethod
+    def _analyze(self, A: Any, natural: bool) -> None:
+        """Find the permutation and the pattern of the factor."""
+
+    @abstractmethod
+    def _factorize(self, A: Any) -> None:
+        """Factor a matrix with the analysed pattern. A copy of this factorization stays."""
+
+    @abstractmethod
     def _solve(self, b: Any) -> Any:
-        with _errors(self.solver, len(b)):
-            return self._factor.solve(b)
+        """Solve A x = b for one or several columns, which stay as they are."""
 
+    @staticmethod
+    @abstractmethod
+    def _order(A: Any) -> Indices:
+        """See `fill_reducing_order`."""
 
-def fill_reducing_order(A: spmatrix) -> NDArray[np.signedinteger[Any]]:
-    """(k,) order of the rows of A in which its factor stays sparse.
-
-    A is symmetric, and only the pattern of its lower triangle is read. Of a solver whose
-    `ORDERS` is false, the order as given.
-    """
-    A, chosen = _writeable(A), solver()
-    with _errors(chosen, A.shape[0]):
-        return chosen.order(A)
+    @classmethod
+    @contextmanager
+    def _errors(cls, size: int) -> Iterator[None]:
+        """Run the solver on one thread and translate its errors."""
+        try:
+            require_buffers()
+            with one_thread():
+                yield
+        except cls.ERRORS as error:
+            raise SolverError(
+                f"{cls.LIBRARY} ({cls.PACKAGE}) failed on a Laplacian of size {size:,}: "
+                f"{str(error) or type(error).__name__}. If the mesh has slivers, remesh it; if "
+                "memory ran out, decimate it."
+            ) from error
 
 
 def _writeable(A: spmatrix) -> csc_matrix:
@@ -96,20 +131,3 @@ def _writeable(A: spmatrix) -> csc_matrix:
     A = csc_matrix(A)
     writeable = all(array.flags.writeable for array in (A.data, A.indices, A.indptr))
     return A if writeable else A.copy()
-
-
-@contextmanager
-def _errors(used: Solver, size: int) -> Iterator[None]:
-    """Run a solver on one thread and translate its errors."""
-    try:
-        with one_thread():
-            take_buffers(used)
-            yield
-    except Exception as error:
-        if not isinstance(error, (MemoryError, *used.ERRORS)):
-            raise
-        raise SolverError(
-            f"{used.LIBRARY} ({used.PACKAGE}) failed on a Laplacian of size {size:,}: "
-            f"{str(error) or type(error).__name__}. If the mesh has slivers, remesh it; if memory "
-            "ran out, decimate it."
-        ) from error

@@ -2,41 +2,89 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_matrix
 
+from ..arrays import Bools
 from ..surface.mesh import DiskMesh
+from .cholesky import Numbers
 from .delaunay import intrinsic_delaunay_laplacian
-from .factor import Factor
 from .laplacian import Laplacian, cotangent_laplacian
+from .memory import require_memory
+from .ordering import elimination_order
+from .solvers import factorize
 
-__all__ = ["FactoredSurface"]
 
-
-@dataclass(frozen=True, eq=False)
 class FactoredSurface:
-    """A surface, its Laplacian, eq. (8), and the factor of L_II.
+    """A surface, its Laplacian, eq. (8), and the Cholesky factor of L_II.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+    laplacian : Laplacian
+    free : (n,) bool, optional
+        The vertices that are unknowns, elsewhere values are given; those inside, if not told.
+        The block of the Laplacian for them is positive definite.
 
     Attributes
     ----------
     mesh : DiskMesh
     laplacian : Laplacian
-    factor : Factor
+    order : (k,) ndarray of int
+        The free vertices in the order of elimination.
+    solver : str
+        Solver, version, ordering and mode.
+
+    Raises
+    ------
+    SolverError
+        If the block is numerically not positive definite, or cannot fit into memory.
     """
 
-    mesh: DiskMesh
-    laplacian: Laplacian
-    factor: Factor
+    def __init__(self, mesh: DiskMesh, laplacian: Laplacian, free: Bools | None = None) -> None:
+        require_memory(len(mesh.V))
+        free = ~mesh.on_boundary if free is None else free
+        rows, ordering, name = elimination_order(laplacian, mesh.V, free)
+        cholesky = factorize(laplacian.block(rows), ordering)
+        self.mesh, self.laplacian = mesh, laplacian
+        self._rows, self._cholesky = rows, cholesky
+        self.order = rows[cholesky.permutation]
+        library = f"{cholesky.LIBRARY} ({cholesky.PACKAGE}"
+        self.solver = f"{library}, {name} ordering, {cholesky.MODE} mode)"
 
     @classmethod
     def of(cls, mesh: DiskMesh) -> FactoredSurface:
         """Factor the cotangent Laplacian of a mesh."""
-        L = cotangent_laplacian(mesh)
-        return cls(mesh, L, Factor(mesh, L))
+        return cls(mesh, cotangent_laplacian(mesh))
+
+    def moved(self, V: ArrayLike) -> FactoredSurface:
+        """Take the same faces with moved vertices; the analysis of the factor is kept."""
+        other = object.__new__(FactoredSurface)
+        other.mesh = self.mesh.moved(V)
+        other.laplacian = cotangent_laplacian(other.mesh)
+        other._rows, other.order, other.solver = self._rows, self.order, self.solver
+        other._cholesky = self._cholesky.refactored(other.laplacian.block(self._rows))
+        return other
+
+    def solve(self, b: Numbers) -> Numbers:
+        """Solve L_II x_I = b_I, I the free vertices.
+
+        Parameters
+        ----------
+        b : (n,) complex128 or float64
+            By the vertices; looked at where they are free.
+
+        Returns
+        -------
+        (n,) of the same type
+            Zero elsewhere.
+        """
+        x = np.zeros_like(b)
+        x[self._rows] = self._cholesky.solve(b[self._rows])
+        return x
 
     @cached_property
     def coupling(self) -> csc_matrix:
@@ -55,17 +103,10 @@ class FactoredSurface:
 
         It has no negative weights; made when it is first asked for.
         """
-        L = intrinsic_delaunay_laplacian(self.mesh)
-        return FactoredSurface(self.mesh, L, Factor(self.mesh, L))
-
-    def moved(self, V: ArrayLike) -> FactoredSurface:
-        """Take the same faces with moved vertices; the analysis of the factor is kept."""
-        mesh = self.mesh.moved(V)
-        L = cotangent_laplacian(mesh)
-        return FactoredSurface(mesh, L, self.factor.refactored(L))
+        return FactoredSurface(self.mesh, intrinsic_delaunay_laplacian(self.mesh))
 
     def release(self) -> None:
-        """Give back the memory of the factors. Nothing can be solved then."""
-        self.factor.release()
+        """Give back the memory of the factors, most of what a map takes: no solve after that."""
+        self.__dict__.pop("_cholesky", None)
         if "delaunay" in self.__dict__:
             self.delaunay.release()

@@ -10,16 +10,14 @@ from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 from ..arrays import Floats, Indices, Ints
 from ..surface.mesh import DiskMesh
 
-__all__ = ["Laplacian", "cotangent_laplacian"]
-
 
 @dataclass(frozen=True, eq=False)
 class Laplacian:
     """A symmetric matrix by its edges and its diagonal; of a Laplacian, rows sum to zero.
 
-    Half the memory of the matrix, and put into any order without being assembled in another
-    before. Cotangents that cancel are entries like all others: orders that reduce fill, and
-    analyses, hold wherever the vertices are.
+    It takes half the memory of the matrix, and its rows are permuted before they are assembled.
+    Cotangents that cancel are entries like all others: orders that reduce fill, and analyses,
+    hold wherever the vertices are.
 
     Attributes
     ----------

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cache
 from math import inf, log2
+from mmap import mmap
 from pathlib import Path
 
 from ..errors import SolverError
-
-__all__ = ["available_memory", "factor_entries", "require_memory"]
 
 # The factor of a surface of n vertices has O(n log n) entries (George 1973): 4 to 5 n log2(n) on
 # scans, terrains and grids from 50,000 to 10 million vertices, zeros of supernodes included. With
@@ -16,18 +16,23 @@ __all__ = ["available_memory", "factor_entries", "require_memory"]
 # units; the least of each is taken here, so that nothing is refused that would fit.
 ENTRIES = 4.0
 BYTES = 45.0
-UNQUESTIONED = 100_000  # vertices, which take 100 MB
+SMALLEST_CHECKED = 100_000  # vertices; fewer take less than 100 MB
+
+# OpenBLAS takes its buffer with the first call that needs one, 128 MB below CHOLMOD and 32 MB
+# below NumPy. Where there is no address space for it, it tries for ever, or ends the process.
+BUFFERS = 192 << 20  # bytes
 
 GIB = 2**30
 # Limit, use and what of it could be given back, in control groups of version 2 and 1.
 CONTAINERS = (
     ("memory.max", "memory.current", "memory.stat", "inactive_file"),
     (
-        *("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
-        *("memory/memory.stat", "total_inactive_file"),
+        "memory/memory.limit_in_bytes",
+        "memory/memory.usage_in_bytes",
+        "memory/memory.stat",
+        "total_inactive_file",
     ),
 )
-PROC, CGROUP = Path("/proc"), Path("/sys/fs/cgroup")
 
 
 def factor_entries(n: int) -> float:
@@ -43,7 +48,7 @@ def require_memory(n: int) -> None:
     SolverError
         With the estimate, and with what is available. Never where the system does not tell.
     """
-    if n < UNQUESTIONED:
+    if n < SMALLEST_CHECKED:
         return
     needed = BYTES * n * log2(n)
     available = min(available_memory(), _address_space())
@@ -55,12 +60,26 @@ def require_memory(n: int) -> None:
         )
 
 
-def available_memory() -> float:
-    """Bytes that processes may still use, infinite where the system does not tell."""
-    free = [1024 * x for x in _numbers(PROC / "meminfo", "MemAvailable:")]
+@cache
+def require_buffers() -> None:
+    """Refuse a first factorization where there is no room for the buffers of BLAS: MemoryError."""
+    try:
+        mmap(-1, BUFFERS).close()
+    except OSError as error:
+        needed = f"{BUFFERS >> 20} MB of address space for the buffers of BLAS are not to be had"
+        raise MemoryError(needed) from error
+
+
+def available_memory(root: Path = Path("/")) -> float:
+    """Bytes that processes may still use, infinite where the system does not tell.
+
+    The system has its files below `root`.
+    """
+    cgroup = root / "sys/fs/cgroup"
+    free = [1024 * x for x in _numbers(root / "proc/meminfo", "MemAvailable:")]
     for limit, use, account, inactive in CONTAINERS:
-        for most, used in zip(_numbers(CGROUP / limit), _numbers(CGROUP / use), strict=False):
-            free.append(most - used + sum(_numbers(CGROUP / account, inactive)))
+        for most, used in zip(_numbers(cgroup / limit), _numbers(cgroup / use), strict=False):
+            free.append(most - used + sum(_numbers(cgroup / account, inactive)))
     return min(free, default=inf)
 
 
@@ -71,7 +90,7 @@ def _address_space() -> float:
     except ModuleNotFoundError:  # Windows
         return inf
     most = resource.getrlimit(resource.RLIMIT_AS)[0]
-    used = sum(_numbers(PROC / "self" / "status", "VmSize:"))
+    used = sum(_numbers(Path("/proc/self/status"), "VmSize:"))
     return inf if most == resource.RLIM_INFINITY else most - 1024 * used
 
 

@@ -6,31 +6,21 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from ..arrays import Bools, Floats, Indices, Ints, spread_evenly
-from .cholesky import Ordering, fill_reducing_order
+from .cholesky import Ordering
 from .laplacian import Laplacian
 from .solvers import solver
 
-__all__ = ["LARGE", "dissected", "elimination_order"]
-
-# Minimum degree sees no further than the next vertex; a few straight cuts first keep its fronts
-# short. Below this many vertices there is nothing to gain, and on folded surfaces something to
-# lose.
+# Minimum degree is greedy; a few straight cuts first keep its fronts short. Below this many
+# vertices there is nothing to gain, and on folded surfaces something to lose.
 LARGE = 100_000
 LEVELS = 5
 SAMPLE = 20_000  # vertices from which the cuts are found
 
 
 def elimination_order(L: Laplacian, V: Floats, free: Bools) -> tuple[Ints | Indices, Ordering, str]:
-    """Find an order of the unknowns in which the factor of their Laplacian stays sparse.
+    """Find an order of the free vertices in which the factor of their Laplacian stays sparse.
 
-    Parameters
-    ----------
-    L : Laplacian
-    V : (n, 3) float64
-        Where the vertices are. The order depends on it on large meshes only, and the map
-        by rounding errors only.
-    free : (n,) bool
-        The vertices that are unknowns; on the others values are given.
+    The places V (n, 3) matter on large meshes only, and to the map by rounding errors only.
 
     Returns
     -------
@@ -57,14 +47,7 @@ def elimination_order(L: Laplacian, V: Floats, free: Bools) -> tuple[Ints | Indi
 
 
 def dissected(low: Indices, high: Indices, V: Floats, levels: int = LEVELS) -> Indices:
-    """Cut a mesh into parts and separators, each part again and again.
-
-    Parameters
-    ----------
-    low, high : (e,) ndarray of int
-        The ends of its edges.
-    V : (n, 3) float64
-    levels : int
+    """Cut a mesh with these edges into parts and separators, each part again and again.
 
     Returns
     -------
@@ -126,7 +109,7 @@ def _order_by_parts(part: Indices, low: Indices, high: Indices) -> Indices:
     order = np.empty_like(vertices)
     for start, end, first, last in zip(starts, ends, edges[:-1], edges[1:], strict=True):
         pattern = _pattern(low[first:last] - start, high[first:last] - start, end - start)
-        order[start:end] = vertices[start + fill_reducing_order(pattern)]
+        order[start:end] = vertices[start + solver().fill_reducing_order(pattern)]
     return order
 
 

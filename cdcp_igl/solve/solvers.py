@@ -8,63 +8,27 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
 from importlib import import_module
-from typing import Any, Literal, Protocol, cast
+from typing import Literal, get_args
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csc_matrix
+from scipy.sparse import spmatrix
 
-from ..arrays import Floats
 from ..extras import MissingExtra
+from .cholesky import Cholesky, Ordering
 from .threads import libraries_were_loaded
 
-__all__ = ["SOLVERS", "Factorization", "Solver", "SolverName", "checked", "solver", "using"]
-
-SolverName = Literal["scikit-sparse", "cvxopt", "scipy"]
-
-# From the fastest to the slowest, with the module here that knows it.
-SOLVERS: dict[SolverName, str] = {
-    "scikit-sparse": "with_scikit_sparse",
-    "cvxopt": "with_cvxopt",
-    "scipy": "with_scipy",
-}
+SolverName = Literal["scikit-sparse", "cvxopt", "scipy"]  # from the fastest to the slowest
+SOLVERS: tuple[SolverName, ...] = get_args(SolverName)
 VARIABLE = "CDCP_IGL_SOLVER"
 
 _asked_for: ContextVar[str | None] = ContextVar("solver", default=None)
 
 
-class Factorization(Protocol):
-    """A factorization Q A Q^T = L L^T."""
-
-    permutation: NDArray[np.signedinteger[Any]]
-
-    def __init__(self, A: csc_matrix, natural: bool) -> None: ...
-
-    def refactor(self, A: csc_matrix) -> None:
-        """Factor a matrix with the same pattern; what was there before may go first."""
-
-    def refactored(self, A: csc_matrix) -> Factorization:
-        """Factor a matrix with the same pattern; this factorization stays as it is."""
-
-    def solve(self, b: Floats) -> Floats:
-        """Solve A x = b for one or several columns, which stay as they are."""
+def factorize(A: spmatrix, ordering: Ordering = "amd") -> Cholesky:
+    """Factor a matrix by the solver that is in use; see `Cholesky`."""
+    return solver()(A, ordering)
 
 
-class Solver(Protocol):
-    """What each of the modules offers."""
-
-    LIBRARY: str
-    PACKAGE: str  # by which Python has the library, with its version
-    MODE: str  # of its methods, the one that is used
-    ERRORS: tuple[type[Exception], ...]  # what it raises if A is not positive definite
-    ORDERS: bool  # whether it factors in the order that it is given
-    Factorization: type[Factorization]
-
-    def order(self, A: csc_matrix) -> NDArray[np.signedinteger[Any]]:
-        """(k,) order of the rows in which the factor stays sparse."""
-
-
-def solver() -> Solver:
+def solver() -> type[Cholesky]:
     """Return what is asked for by `using` or by the environment, or the fastest there is.
 
     Raises
@@ -72,7 +36,7 @@ def solver() -> Solver:
     ValueError
         If no solver has that name.
     MissingExtra
-        If it is not installed.
+        If it cannot be imported.
     """
     name = _asked_for.get() or os.environ.get(VARIABLE)
     return _load(checked(name)) if name else _fastest()
@@ -93,30 +57,31 @@ def using(name: SolverName | None) -> Iterator[None]:
 
 def checked(name: str) -> str:
     """Return the name; ValueError if no solver has it."""
-    if name not in tuple(SOLVERS):  # whatever the name is
+    if name not in SOLVERS:
         known = ", ".join(f'"{solver}"' for solver in SOLVERS)
         raise ValueError(f"solver must be one of {known}, not {name!r}")
     return name
 
 
 @cache
-def _load(name: str) -> Solver:
+def _load(name: str) -> type[Cholesky]:
     try:
-        module = import_module(f".{SOLVERS[cast(SolverName, name)]}", __package__)
-    except ImportError as error:
+        module = import_module(f".with_{name.replace('-', '_')}", __package__)
+    except Exception as error:  # one that was built for another NumPy raises what it likes
         raise MissingExtra(
             f"solver={name!r}: {error}. Install it: pip install {name}; "
             f"or take another: {', '.join(other for other in SOLVERS if other != name)}."
         ) from error
     libraries_were_loaded()
-    return cast(Solver, module)
+    loaded: type[Cholesky] = module.Factorization
+    return loaded
 
 
 @cache
-def _fastest() -> Solver:
+def _fastest() -> type[Cholesky]:
     for name in SOLVERS:
         try:
             return _load(name)
-        except ImportError:  # not installed, or without the libraries that it was built with
+        except MissingExtra:
             pass
     raise AssertionError("SciPy is always there")

@@ -4,76 +4,66 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from copy import copy
 from importlib.metadata import version
 from threading import Lock
 from typing import Any
 
 import numpy as np
 from cvxopt import amd, cholmod, matrix, spmatrix
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from ..arrays import Floats
-
-__all__ = ["ERRORS", "LIBRARY", "MODE", "ORDERS", "PACKAGE", "Factorization", "order"]
-
-LIBRARY = "CHOLMOD"
-PACKAGE = f"cvxopt {version('cvxopt')}"
-MODE = "supernodal"
-ERRORS: tuple[type[Exception], ...] = (ArithmeticError,)
-ORDERS = True
+from ..arrays import Floats, Indices
+from .cholesky import Cholesky
 
 # CVXOPT keeps CHOLMOD's options for the whole process, where the caller may have set his own.
 _OPTIONS = {"supernodal": 2, "nmethods": 1, "postorder": False, "dbound": 0.0, "print": 0}
 _LOCK = Lock()
 
 
-class Factorization:
-    """See `solvers.Factorization`; exactly in the order that is given."""
+class Factorization(Cholesky):
+    """Exactly in the order that is given."""
 
-    def __init__(self, A: csc_matrix, natural: bool) -> None:
-        self.permutation = np.arange(A.shape[0]) if natural else order(A)
-        self._analyze(A)
+    LIBRARY = "CHOLMOD"
+    PACKAGE = f"cvxopt {version('cvxopt')}"
+    MODE = "supernodal"
+    ERRORS = (ArithmeticError, MemoryError)
+    ORDERS = True
 
-    def _analyze(self, A: csc_matrix) -> None:
-        converted = _converted(A)
+    _factor: Any = None
+
+    @staticmethod
+    def _converted(A: csc_matrix) -> spmatrix:
+        # From dense matrices of its own, as from lists it takes a minute.
+        columns = np.repeat(np.arange(A.shape[1]), np.diff(A.indptr))
+        rows, entries = A.indices.astype(np.int64), A.data.astype(np.float64)
+        return spmatrix(matrix(entries), matrix(rows), matrix(columns), A.shape)
+
+    def _analyze(self, A: spmatrix, natural: bool) -> None:
+        self.permutation = np.arange(A.size[0]) if natural else self._order(A)
+
+    def _factorize(self, A: spmatrix) -> None:
         with _our_options():
-            self._factor = cholmod.symbolic(converted, matrix(self.permutation.astype(np.int64)))
-            cholmod.numeric(converted, self._factor)
+            if self._factor is None:
+                order = matrix(self.permutation.astype(np.int64))
+                self._factor = cholmod.symbolic(A, order)
+            cholmod.numeric(A, self._factor)
 
-    def refactor(self, A: csc_matrix) -> None:
-        """Factor from the same symbolic analysis."""
-        converted = _converted(A)
-        with _our_options():
-            cholmod.numeric(converted, self._factor)
-
-    def refactored(self, A: csc_matrix) -> Factorization:
-        """Factor in the same order; CVXOPT cannot copy its symbolic analysis."""
-        other = copy(self)
-        other._analyze(A)
+    def __copy__(self) -> Factorization:
+        """Copy the order only, as CVXOPT cannot copy its symbolic analysis."""
+        other = object.__new__(Factorization)
+        other.permutation = self.permutation
         return other
 
-    def solve(self, b: Floats) -> Floats:
-        """Solve A x = b."""
+    def _solve(self, b: Floats) -> Floats:
         x = matrix(np.array(b, dtype=np.float64, order="F", ndmin=1))
         with _our_options():
             cholmod.solve(self._factor, x)
         return np.array(x).reshape(b.shape)
 
-
-def order(A: csc_matrix) -> NDArray[np.signedinteger[Any]]:
-    """(k,) approximate minimum degree order, postordered."""
-    converted = _converted(A)
-    with _LOCK:
-        return np.array(amd.order(converted)).ravel()
-
-
-def _converted(A: csc_matrix) -> spmatrix:
-    """Make a matrix of CVXOPT; from its own dense ones, as from lists it takes a minute."""
-    columns = np.repeat(np.arange(A.shape[1]), np.diff(A.indptr))
-    rows = A.indices.astype(np.int64)
-    return spmatrix(matrix(A.data.astype(np.float64)), matrix(rows), matrix(columns), A.shape)
+    @staticmethod
+    def _order(A: spmatrix) -> Indices:
+        with _LOCK:
+            return np.array(amd.order(A)).ravel()
 
 
 @contextmanager

@@ -8,27 +8,16 @@ Cholesky factorization and update/downdate. ACM Trans. Math. Softw. 35(3), 2008.
 
 from __future__ import annotations
 
-from copy import copy
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from sksparse import cholmod
 
-from ..arrays import Floats
+from ..arrays import Floats, Indices
+from .cholesky import Cholesky, Ordering
 from .memory import factor_entries
-
-__all__ = ["ERRORS", "LIBRARY", "MODE", "ORDERS", "PACKAGE", "Factorization", "order"]
-
-LIBRARY = "CHOLMOD"
-PACKAGE = f"scikit-sparse {version('scikit-sparse')}"
-# The fastest on all but the smallest meshes, and the one in which both versions notice a matrix
-# that is not positive definite.
-MODE = "supernodal"
-ERRORS: tuple[type[Exception], ...] = (cholmod.CholmodError,)
-ORDERS = True
 
 # CHOLMOD's own indices are those of the matrix. With 32 bits it ends at 2^31 entries of the factor;
 # half as many leave room for the estimate, and 64 bits cost little.
@@ -38,52 +27,51 @@ ENTRIES_OF_32_BITS = 2**30
 _MODERN = hasattr(cholmod, "CholeskyFactor")
 
 
-class Factorization:
-    """See `solvers.Factorization`; the order as given up to a postordering."""
+class Factorization(Cholesky):
+    """In the order as given up to a postordering."""
 
-    def __init__(self, A: csc_matrix, natural: bool) -> None:
-        ordering, A = "natural" if natural else "amd", _indexed(A)
-        if _MODERN:
-            self._symbolic = cholmod.CholeskyFactor(A, supernodal_mode=MODE, order=ordering)
-            self.permutation = self._symbolic.get_perm()
-        else:
-            self._symbolic = cholmod.analyze(A, mode=MODE, ordering_method=ordering)
-            self.permutation = self._symbolic.P()
-        self.refactor(A)
+    LIBRARY = "CHOLMOD"
+    PACKAGE = f"scikit-sparse {version('scikit-sparse')}"
+    # The fastest on all but the smallest meshes, and the one in which both versions notice a
+    # matrix that is not positive definite.
+    MODE = "supernodal"
+    ERRORS = (cholmod.CholmodError, MemoryError)
+    ORDERS = True
 
-    def refactor(self, A: csc_matrix) -> None:
-        """Factor from the same symbolic analysis."""
-        # From a copy of the symbolic analysis: scikit-sparse 0.5 leaves a simplicial factor
+    @staticmethod
+    def _converted(A: csc_matrix) -> csc_matrix:
+        if factor_entries(A.shape[0]) > ENTRIES_OF_32_BITS:
+            A = csc_matrix(A)  # the same entries
+            A.indices, A.indptr = (i.astype(np.int64) for i in (A.indices, A.indptr))
+        return A
+
+    def _analyze(self, A: csc_matrix, natural: bool) -> None:
+        ordering: Ordering = "natural" if natural else "amd"
+        self._symbolic, self.permutation = _analysis(A, self.MODE, ordering)
+
+    def _factorize(self, A: csc_matrix) -> None:
+        # In a copy of the symbolic analysis: scikit-sparse 0.5 leaves a simplicial factor
         # behind, and to factor in that takes 2.6 times as long as analysis and factorization
         # (216,000 vertices), in a copy 0.4 to 0.7 times. A solve takes 0.03 times as long in it.
-        self._factor, A = self._symbolic.copy(), _indexed(A)
+        self._factor = self._symbolic.copy()
         if _MODERN:
             self._factor.factorize(A)
         else:
             self._factor.cholesky_inplace(A)
 
-    def refactored(self, A: csc_matrix) -> Factorization:
-        """Factor from the same symbolic analysis."""
-        other = copy(self)
-        other.refactor(A)
-        return other
-
-    def solve(self, b: Floats) -> Floats:
-        """Solve A x = b."""
+    def _solve(self, b: Floats) -> Floats:
         return self._factor.solve(b) if _MODERN else self._factor(b)
 
+    @staticmethod
+    def _order(A: csc_matrix) -> Indices:
+        # The permutation is that of the supernodal mode, whose analysis takes longer.
+        return _analysis(A, "simplicial", "amd")[1]
 
-def order(A: csc_matrix) -> NDArray[np.signedinteger[Any]]:
-    """(k,) approximate minimum degree order, postordered."""
-    # The permutation is that of the supernodal mode, whose analysis takes longer.
+
+def _analysis(A: csc_matrix, mode: str, ordering: Ordering) -> tuple[Any, Indices]:
+    """Analyse the pattern of a matrix, and return its permutation, too."""
     if _MODERN:
-        return cholmod.CholeskyFactor(A, supernodal_mode="simplicial", order="amd").get_perm()
-    return cholmod.analyze(A, mode="simplicial", ordering_method="amd").P()
-
-
-def _indexed(A: csc_matrix) -> csc_matrix:
-    """Give a matrix 64-bit indices if its factor needs them."""
-    if factor_entries(A.shape[0]) > ENTRIES_OF_32_BITS:
-        A = csc_matrix(A)  # the same entries
-        A.indices, A.indptr = (i.astype(np.int64) for i in (A.indices, A.indptr))
-    return A
+        symbolic = cholmod.CholeskyFactor(A, supernodal_mode=mode, order=ordering)
+        return symbolic, symbolic.get_perm()
+    symbolic = cholmod.analyze(A, mode=mode, ordering_method=ordering)
+    return symbolic, symbolic.P()

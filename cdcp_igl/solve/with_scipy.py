@@ -8,44 +8,42 @@ sparse partial pivoting. SIAM J. Matrix Anal. Appl. 20(3), 1999.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, tril
 from scipy.sparse.linalg import splu
 
-from ..arrays import Floats
-
-__all__ = ["ERRORS", "LIBRARY", "MODE", "ORDERS", "PACKAGE", "Factorization", "order"]
-
-LIBRARY = "SuperLU"
-PACKAGE = f"scipy {scipy.__version__}"
-MODE = "symmetric"
-ERRORS: tuple[type[Exception], ...] = (RuntimeError, np.linalg.LinAlgError)
-ORDERS = False  # it finds one within the factorization only
+from ..arrays import Floats, Indices
+from .cholesky import Cholesky
 
 
-class Factorization:
-    """See `solvers.Factorization`; in a minimum degree order of its own."""
+class Factorization(Cholesky):
+    """In a minimum degree order of its own, which it finds within the factorization only."""
 
-    def __init__(self, A: csc_matrix, natural: bool) -> None:
-        self.refactor(A)
+    LIBRARY = "SuperLU"
+    PACKAGE = f"scipy {scipy.__version__}"
+    MODE = "symmetric"
+    ERRORS = (RuntimeError, np.linalg.LinAlgError, MemoryError)
+    ORDERS = False
 
-    def refactor(self, A: csc_matrix) -> None:
-        """Factor from the beginning."""
+    @staticmethod
+    def _converted(A: csc_matrix) -> csc_matrix:
         lower = tril(A, format="csc")
         full = (lower + tril(A, -1, format="csc").T).tocsc()
         full.sort_indices()
-        most = np.iinfo(np.intc).max
-        if full.nnz > most:
+        if full.nnz > np.iinfo(np.intc).max:
             raise MemoryError("SuperLU has no larger indices than of 32 bits")
         full.indices, full.indptr = (i.astype(np.intc) for i in (full.indices, full.indptr))
+        return full
+
+    def _analyze(self, A: csc_matrix, natural: bool) -> None:
+        """SuperLU has no analysis that could be kept."""
+
+    def _factorize(self, A: csc_matrix) -> None:
         # Pivots on the diagonal only: of a symmetric matrix, all are positive if and only if
         # it is positive definite.
         self._factor = splu(
-            full,
+            A,
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True, "Equil": False},
@@ -54,15 +52,9 @@ class Factorization:
             raise np.linalg.LinAlgError("the matrix is not positive definite")
         self.permutation = np.argsort(self._factor.perm_c)
 
-    def refactored(self, A: csc_matrix) -> Factorization:
-        """Factor from the beginning."""
-        return Factorization(A, False)
-
-    def solve(self, b: Floats) -> Floats:
-        """Solve A x = b."""
+    def _solve(self, b: Floats) -> Floats:
         return self._factor.solve(b)
 
-
-def order(A: csc_matrix) -> NDArray[np.signedinteger[Any]]:
-    """(k,) the order as given."""
-    return np.arange(A.shape[0])
+    @staticmethod
+    def _order(A: csc_matrix) -> Indices:
+        return np.arange(A.shape[0])

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.sparse import identity
 
 from ..arrays import Floats
-from ..solve.cholesky import Cholesky
 from ..solve.factored import FactoredSurface
+from ..solve.solvers import factorize
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import face_areas
 
@@ -89,10 +89,10 @@ def centrality(surface: FactoredSurface, method: CenterMethod) -> Floats:
     if method == "heat":
         initial = mesh.on_boundary.astype(float)
         system = identity(len(mesh.V)) + HEAT_TIME * surface.laplacian.matrix()
-        heat = Cholesky(system).solve(initial)  # (14)
+        heat = factorize(system).solve(initial)  # (14)
         return -heat[mesh.F].sum(axis=1)  # (15)
     if method == "torsion":
-        u = surface.factor.solve(np.ones(len(mesh.V)))
+        u = surface.solve(np.ones(len(mesh.V)))
         i, j, k = u[mesh.F.T]
         return i + j + k
     barycenters = mesh.V[mesh.F].mean(axis=1)

@@ -21,7 +21,7 @@ def harmonic_extension(surface: FactoredSurface, f_B: Complex) -> Complex:
     -------
     (n,) complex128
     """
-    f = surface.factor.solve(-(surface.coupling @ f_B))
+    f = surface.solve(-(surface.coupling @ f_B))
     f[surface.mesh.loop] = f_B
     return f
 
@@ -47,4 +47,4 @@ def settled_extension(surface: FactoredSurface, f: Complex) -> Complex:
     pull = np.zeros(n, dtype=complex)
     for part, flows in ((pull.real, flow.real), (pull.imag, flow.imag)):
         part += np.bincount(L.low, flows, n) - np.bincount(L.high, flows, n)
-    return f + surface.factor.solve(pull)
+    return f + surface.solve(pull)

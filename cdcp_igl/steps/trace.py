@@ -6,7 +6,6 @@ import numpy as np
 
 from ..arrays import Complex, Floats
 from ..solve.cholesky import Numbers
-from ..solve.factor import Factor
 from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
 
@@ -64,7 +63,7 @@ def boundary_trace(surface: FactoredSurface, face: int) -> Complex:
     """
     mesh = surface.mesh
     free = np.arange(len(mesh.V)) != mesh.loop[0]  # h = 0 at the pin, b_1
-    pinned = Factor(mesh, surface.laplacian, free)
+    pinned = FactoredSurface(mesh, surface.laplacian, free)
     return pinned.solve(face_dipole(mesh, face))[mesh.loop]
 
 
@@ -113,7 +112,7 @@ def boundary_flux(surface: FactoredSurface, r: Numbers) -> Numbers:
         By the vertices of ``mesh.loop``, negative where positive sources flow out. Its sum is
         minus that of r.
     """
-    g = surface.factor.solve(r)
+    g = surface.solve(r)
     return surface.coupling.T @ g - r[surface.mesh.loop]
 
 

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
 from ..errors import Defect, MeshError, counted, spell
+from ..printing import as_html
 from .defects import CUT, MENDED, degenerate_defect, topological_defects
-from .notebook import html_table
 from .topology import Topology, outer_loop
 from .triangles import corner_cotangents
 from .validation import (
@@ -132,7 +132,7 @@ class MeshReport:
             *((defect.name, str(defect)) for defect in self.defects),
             ("next", self.next_step),
         ]
-        return html_table(self._size, rows)
+        return as_html(self._size, rows)
 
     def __str__(self) -> str:
         counts = (

@@ -55,10 +55,8 @@ igl.writeOBJ(str(folder / "disk.obj"), V, F, corner_normals, no_faces, texture, 
 
 # %%
 # :func:`~cdcp_igl.disk_map` returns the same map with all that is known about it, and
-# :mod:`cdcp_igl.plot` draws it: the surface coloured by its normals, the same colours on the disk.
-
-from cdcp_igl.plot import picture
+# draws it: the surface coloured by its normals, the same colours on the disk.
 
 result = cdcp_igl.disk_map(V, F)
 print(result)
-figure = picture(V, F, result, name="Jacksboro fault")
+result.plot(name="Jacksboro fault")[0].figure

@@ -61,7 +61,7 @@ const FRAGMENT = `#version 300 es
 precision highp float;
 in vec3 n; in vec2 at; in float x;
 uniform mat3 turn, home; uniform bool plane; uniform int kind; uniform float squares;
-uniform vec3 ramp[9]; uniform sampler2D image;
+uniform vec3 ramp[9]; uniform sampler2D image; uniform vec2 origin;
 out vec4 color;
 // Mean of a square wave of period 2 over a width w: the difference of its integral.
 float integral(float t) { return abs(mod(t, 2.0) - 1.0); }
@@ -77,7 +77,7 @@ void main() {
   } else if (kind == 2) {
     float t = clamp(x, 0.0, 1.0) * 8.0; int i = min(int(t), 7);
     base = mix(ramp[i], ramp[i + 1], t - float(i));
-  } else base = texture(image, vec2(0.5 + 0.5 * at.x, 0.5 - 0.5 * at.y)).rgb;
+  } else base = texture(image, vec2(origin.x + 0.5 * at.x, 1.0 - origin.y - 0.5 * at.y)).rgb;
   if (!plane) {
     vec3 seen = turn * unit;
     float back = gl_FrontFacing ? 1.0 : 0.62;
@@ -267,6 +267,7 @@ function start(scene, gl, image) {
       gl.uniformMatrix3fv(paint.uniforms.home, true, home);
       gl.uniform1i(paint.uniforms.kind, ["normals", "checkerboard", "values", "image"].indexOf(state.coloring.kind));
       gl.uniform1f(paint.uniforms.squares, state.squares);
+      gl.uniform2f(paint.uniforms.origin, ...about.origin);
       gl.uniform3fv(paint.uniforms.ramp, (state.coloring.ramp || Array(9).fill("#000000")).flatMap(
         (c) => [1, 3, 5].map((i) => parseInt(c.slice(i, i + 2), 16) / 255)));
       gl.bindVertexArray(surface);

@@ -1,0 +1,178 @@
+"""A component mapped onto a disk: its holes filled, opened, and the cut grown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from ..algorithm import disk_map
+from ..arrays import Floats, Ints, as_complex
+from ..distortion import conformal_factor, plane_angles
+from ..errors import MapError
+from ..result.disk_map import DiskMap
+from ..steps.mobius import conformal_barycenter
+from ..steps.options import Options
+from ..steps.phases import Progress
+from ..surface.filling import fill_hole
+from ..surface.topology import outer_loop
+from ..surface.triangles import face_areas
+from .cut_graph import Component, OpenedComponent
+from .cut_paths import branch_to, open_to_disk, straighten
+
+# A round of growth is kept if it lowers the spread, or the angle error, by more than this share.
+GAIN = 0.03
+# The map has shrunk a part of the surface where lengths are this much shorter, by the
+# power of e, than on the average.
+SHRUNK = 1.0
+# A boundary is tiny if a round hole as long has at most this share of the surface's area.
+TINY = 0.01
+# Branches in one round of growth.
+MOST_BRANCHES = 8
+# Where an edge has collapsed the conformal factor is minus infinity: counted as this.
+LEAST_FACTOR = -50.0
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """A component opened to a disk, and its map.
+
+    Attributes
+    ----------
+    opened : OpenedComponent
+    disk : DiskMap
+    failure : str
+        Why the map is not valid, or nothing.
+    factor : (n,) float64
+        Conformal factor with the conformal barycentre at 0.
+    average, spread : float
+        Its mean and standard deviation over the area, without what fills holes.
+    """
+
+    opened: OpenedComponent
+    disk: DiskMap
+    failure: str
+    factor: Floats
+    average: float
+    spread: float
+
+    @property
+    def F(self) -> Ints:
+        """(k, 3) the faces that do not fill holes, rows of ``disk.uv``."""
+        return self.opened.F[: len(self.opened.component.rows)]
+
+    def angle_errors(self) -> Floats:
+        """(k, 3) at the corners of these faces, in degrees."""
+        angles = self.opened.component.angle.reshape(3, -1).T[: len(self.F)]
+        return np.degrees(abs(plane_angles(as_complex(self.disk.uv), self.F) - angles))
+
+    def gains_on(self, other: Chart) -> bool:
+        """Whether the scale is more even; or the angles are better where they were not good."""
+        if other.disk.conformal:
+            return self.disk.conformal and self.spread < (1 - GAIN) * other.spread
+        return self.disk.distortion.mean < (1 - GAIN) * other.disk.distortion.mean
+
+
+def map_component(
+    component: Component, options: Options, fill: bool, spread: float, progress: Progress | None
+) -> Chart:
+    """Open a component to a disk and map it; grow the cut while that evens out the scale."""
+    opened = open_to_disk(fill_holes(component) if fill else component)
+    if spread < np.inf:
+        opened = lead_away(opened)
+    best = _chart(opened, options, progress)
+    as_needed = replace(options, refine=0)
+    while best.spread > spread or not (best.disk.conformal or spread == np.inf):
+        longer = grow(best)
+        if longer is best.opened:
+            break
+        grown = _chart(longer, as_needed, progress)
+        if not grown.gains_on(best):
+            break
+        best = grown
+    if options.refine and best.opened is not opened:
+        best = _chart(best.opened, options, progress)
+    if best.failure:
+        raise MapError(best.failure, best.disk)
+    return best
+
+
+def _chart(opened: OpenedComponent, options: Options, progress: Progress | None) -> Chart:
+    """Map a component that is cut to a disk once, and measure how its scale varies."""
+    V, F, failure = opened.positions, opened.F, ""
+    try:
+        disk = disk_map(V, F, progress=progress, **vars(options))
+    except MapError as error:
+        if not isinstance(error.result, DiskMap) or not np.isfinite(error.result.uv).all():
+            raise
+        disk, failure = error.result, str(error)
+    given = F[: len(opened.component.rows)]
+    area = np.bincount(given.ravel(), np.repeat(face_areas(V, given), 3), len(V))
+    factor = _centered_factor(V, F, disk.uv, area.astype(np.float64))
+    average = float(np.average(factor, weights=area))
+    spread = float(np.sqrt(np.average((factor - average) ** 2, weights=area)))
+    return Chart(opened, disk, failure, factor, average, spread)
+
+
+def _centered_factor(V: Floats, F: Ints, uv: Floats, area: Floats) -> Floats:
+    """(n,) conformal factor that a map onto the disk has with the conformal barycentre at 0."""
+    z = as_complex(uv)
+    w = conformal_barycenter(z, area)
+    derivative = (1 - abs(w) ** 2) / abs(1 - w.conjugate() * z) ** 2  # of the transformation (19)
+    return np.maximum(conformal_factor(V, F, uv) + np.log(derivative), LEAST_FACTOR)
+
+
+def fill_holes(component: Component) -> Component:
+    """Fill all boundary loops but the outermost, for the time of a map.
+
+    A hole that only faces without area would fill, such as a slit of coinciding edges, stays.
+    """
+    loops = component.topology.loops
+    if len(loops) < 2:
+        return component
+    V, filling = component.V, []
+    outer = outer_loop(V, loops)
+    for loop in loops:
+        faces = None if loop is outer else fill_hole(V, loop)
+        if faces is not None:
+            if faces.max() == len(V):
+                V = np.vstack([V, V[loop].mean(axis=0)])
+            filling.append(faces)
+    F = np.vstack([component.F, *filling])
+    alone = component.polygon.max() + np.arange(1, len(F) - len(component.F) + 1)
+    polygon = np.append(component.polygon, alone)
+    return Component(V, F, polygon, component.rows, n_filled=len(filling))
+
+
+def lead_away(opened: OpenedComponent) -> OpenedComponent:
+    """Cut from a boundary that is tiny by the surface to the vertex farthest from it.
+
+    Almost all of a surface that is closed but for a small hole would be shrunk.
+    """
+    component = opened.component
+    length = component.length_in_space[opened.is_cut].sum()
+    if length**2 > TINY * 4 * np.pi * face_areas(component.V, component.F).sum():
+        return opened
+    boundary = np.flatnonzero(opened.on_boundary)
+    distance = dijkstra(opened.graph(component.length), indices=boundary, min_only=True)
+    return branch_to(opened, int(distance.argmax()))
+
+
+def grow(chart: Chart) -> OpenedComponent:
+    """Cut on to the vertex that shrank most, in each part of the surface that did.
+
+    References
+    ----------
+    X. Gu, S. J. Gortler, H. Hoppe. Geometry images. SIGGRAPH 2002.
+    """
+    opened, factor = chart.opened, chart.factor
+    shrunk = np.flatnonzero(~opened.on_boundary & (factor < chart.average - SHRUNK))
+    inside = opened.graph(np.ones(len(opened.tail)))[shrunk][:, shrunk]
+    n_parts, part = connected_components(inside, directed=False)
+    order = np.lexsort((factor[shrunk], part))
+    tips = shrunk[order[np.searchsorted(part[order], np.arange(n_parts))]]
+    grown = opened
+    for tip in tips[np.argsort(factor[tips])][:MOST_BRANCHES]:
+        grown = branch_to(grown, int(tip))
+    return opened if grown is opened else straighten(grown)

@@ -1,0 +1,371 @@
+"""A component of a surface, opened along a cut; and a first cut along shortest paths."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
+
+from ..arrays import Bools, Floats, Ints
+from ..surface.topology import Topology
+from ..surface.triangles import corner_cotangents
+
+
+@dataclass(frozen=True, eq=False)
+class Component:
+    """A connected, oriented manifold, with or without a boundary.
+
+    Half-edge k m + f leaves corner k of face f for the next corner; the face is on its left.
+
+    Attributes
+    ----------
+    V : (n, 3) float64
+    F : (m, 3) int64
+    polygon : (m,) int64
+        Number of the polygon that each face is a part of.
+    rows : (k,) int64
+        Where the first k faces come from; the others fill holes.
+    n_filled : int
+        The number of holes that were filled.
+    settled : set
+        Arcs of the cut that were found to be where they should be.
+    """
+
+    V: Floats
+    F: Ints
+    polygon: Ints
+    rows: Ints
+    n_filled: int = 0
+    settled: set[tuple[int, ...]] = field(init=False, default_factory=set)
+
+    @cached_property
+    def topology(self) -> Topology:
+        """The same faces, to be asked for edges and boundary loops."""
+        return Topology(self.F, len(self.V))
+
+    @cached_property
+    def tail(self) -> Ints:
+        """(3m,) the vertex that each half-edge leaves."""
+        return self.F.T.ravel()
+
+    @cached_property
+    def head(self) -> Ints:
+        """(3m,) the vertex to which each half-edge goes."""
+        return self.tail[self.after(np.arange(self.F.size))]
+
+    @cached_property
+    def twin(self) -> Ints:
+        """(3m,) the half-edge on the other side of each edge, -1 on the boundary."""
+        one, other = self.topology.twins
+        twin = np.full(self.F.size, -1)
+        twin[one], twin[other] = other, one
+        return twin
+
+    @cached_property
+    def edges(self) -> Ints:
+        """One half-edge of each edge that is not on the boundary."""
+        return np.flatnonzero(np.arange(self.F.size) < self.twin)
+
+    @cached_property
+    def is_diagonal(self) -> Bools:
+        """(3m,) half-edges between faces of the same polygon, which are not to be cut.
+
+        Those that join the faces of a polygon without going around a vertex or a hole, so
+        that the polygons are disks with all vertices on their boundaries. Faces in successive
+        rows are joined first: a fan of triangles stays one where the polygon touches itself.
+        """
+        m = len(self.F)
+        low, high = np.sort([self.edges % m, self.twin[self.edges] % m], axis=0)
+        inside = self.polygon[low] == self.polygon[high]
+        low, high, edges = low[inside], high[inside], self.edges[inside]
+        tree = minimum_spanning_tree(coo_matrix((high - low, (low, high)), (m, m))).tocoo()
+        edges = edges[np.isin(low * m + high, tree.row.astype(np.int64) * m + tree.col)]
+        is_diagonal = np.zeros(self.F.size, dtype=bool)
+        is_diagonal[edges] = is_diagonal[self.twin[edges]] = True
+        return is_diagonal
+
+    @cached_property
+    def length_in_space(self) -> Floats:
+        """(3m,) length of each half-edge, in the unit of V."""
+        return np.linalg.norm(self.V[self.head] - self.V[self.tail], axis=1)
+
+    @cached_property
+    def length(self) -> Floats:
+        """(3m,) length of each half-edge, the mean is 1."""
+        return self.length_in_space / self.length_in_space.mean()
+
+    @cached_property
+    def angle(self) -> Floats:
+        """(3m,) angle between each half-edge and the edge before it in its face, in radians."""
+        return np.arctan2(1, corner_cotangents(self.V, self.F)).T.ravel()
+
+    @cached_property
+    def uncut(self) -> OpenedComponent:
+        """The component with its own boundary and no cut."""
+        return OpenedComponent(self, self.twin < 0)
+
+    def after(self, half: Ints) -> Ints:
+        """Return the next half-edges of the same faces."""
+        return (half + len(self.F)) % self.F.size
+
+    def before(self, half: Ints) -> Ints:
+        """Return the half-edges before these in the same faces."""
+        return (half - len(self.F)) % self.F.size
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedComponent:
+    """A component opened along a cut: each side of the cut has vertices of its own.
+
+    Attributes
+    ----------
+    component : Component
+    is_cut : (3m,) bool
+        Half-edges on either side of the edges that are cut, and those of the boundary: all
+        that are on the boundary now.
+    """
+
+    component: Component
+    is_cut: Bools
+
+    def cut(self, half: Ints) -> OpenedComponent:
+        """Cut the edges of some more half-edges as well."""
+        return self._with(half, is_cut=True)
+
+    def joined(self, half: Ints) -> OpenedComponent:
+        """Join the edges of some half-edges of the cut again."""
+        return self._with(half, is_cut=False)
+
+    def _with(self, half: Ints, is_cut: bool) -> OpenedComponent:
+        changed = self.is_cut.copy()
+        changed[half] = changed[self.component.twin[half]] = is_cut
+        return OpenedComponent(self.component, changed)
+
+    @cached_property
+    def tail(self) -> Ints:
+        """(3m,) the vertex that each half-edge leaves.
+
+        A vertex of the component keeps its number; the copies on other sides of the cut come last.
+        """
+        component, n = self.component, len(self.component.V)
+        # Only along the cut the half-edges out of a vertex can fall into several fans.
+        touched = np.zeros(n, dtype=bool)
+        touched[component.tail[self.is_cut]] = touched[component.head[self.is_cut]] = True
+        spokes = np.flatnonzero(touched[component.tail])
+        number = np.empty(len(component.tail), np.int64)
+        number[spokes] = np.arange(len(spokes))
+        joined = spokes[~self.is_cut[spokes]]
+        neighbour = component.after(component.twin[joined])
+        pairs = (number[joined], number[neighbour])
+        graph = coo_matrix((np.ones(len(joined)), pairs), (len(spokes), len(spokes)))
+        _, fan = connected_components(graph, directed=False)
+        _, first = np.unique(fan, return_index=True)
+        hub = component.tail[spokes[first]]
+        order = np.argsort(hub, kind="stable")
+        copies = order[np.diff(hub[order], prepend=-1) == 0]
+        hub[copies] = n + np.arange(len(copies))
+        tail = component.tail.copy()
+        tail[spokes] = hub[fan]
+        return tail
+
+    @cached_property
+    def n(self) -> int:
+        """Number of vertices."""
+        return int(self.tail.max()) + 1
+
+    @cached_property
+    def head(self) -> Ints:
+        """(3m,) the vertex to which each half-edge goes."""
+        return self.tail[self.component.after(np.arange(len(self.tail)))]
+
+    @cached_property
+    def F(self) -> Ints:
+        """(m, 3) the faces by these vertices."""
+        return np.ascontiguousarray(self.tail.reshape(3, -1).T)
+
+    @cached_property
+    def positions(self) -> Floats:
+        """(n, 3) coordinates of the vertices."""
+        positions = np.empty((self.n, 3))
+        positions[self.tail] = self.component.V[self.component.tail]
+        return positions
+
+    @cached_property
+    def on_boundary(self) -> Bools:
+        """(n,) the vertices of the boundary."""
+        on_boundary = np.zeros(self.n, dtype=bool)
+        on_boundary[self.tail[self.is_cut]] = True
+        return on_boundary
+
+    @cached_property
+    def loop(self) -> Ints:
+        """(n,) number of the boundary loop of each vertex from 0, -1 in the interior."""
+        tail, head = self.tail[self.is_cut], self.head[self.is_cut]
+        graph = coo_matrix((np.ones(len(tail)), (tail, head)), shape=(self.n, self.n))
+        _, part = connected_components(graph, directed=False)
+        loop = np.full(self.n, -1)
+        loop[self.on_boundary] = np.unique(part[self.on_boundary], return_inverse=True)[1]
+        return loop
+
+    @cached_property
+    def euler_characteristic(self) -> int:
+        """Vertices - edges + faces."""
+        on_boundary = int(self.is_cut.sum())
+        edges = on_boundary + (len(self.is_cut) - on_boundary) // 2
+        return self.n - edges + len(self.component.F)
+
+    @cached_property
+    def angle_sum(self) -> Floats:
+        """(n,) sums of the angles of the faces at each vertex."""
+        return np.bincount(self.tail, self.component.angle, self.n).astype(np.float64)
+
+    @cached_property
+    def bend(self) -> float:
+        """Sum of the angles that a map onto a half-plane has to change, in radians.
+
+        Interior vertices have 2 pi in the plane, those of a straight boundary pi.
+        """
+        flat = np.where(self.on_boundary, np.pi, 2 * np.pi)
+        return float(abs(self.angle_sum - flat).sum())
+
+    @cached_property
+    def inner(self) -> Ints:
+        """Half-edges that are not on the boundary."""
+        return np.flatnonzero(~self.is_cut)
+
+    @cached_property
+    def cuttable(self) -> Ints:
+        """Half-edges that can be cut: neither on the boundary nor inside a polygon."""
+        return np.flatnonzero(~self.is_cut & ~self.component.is_diagonal)
+
+    @cached_property
+    def cut_edges(self) -> Ints:
+        """One half-edge of each edge that is cut, without the boundary of the component."""
+        return self.component.edges[self.is_cut[self.component.edges]]
+
+    @cached_property
+    def arcs(self) -> list[list[int]]:
+        """Half-edges of the cut, each arc from one end or branching to the next."""
+        component = self.component
+        halves = np.concatenate([self.cut_edges, component.twin[self.cut_edges]])
+        names = halves.tolist()
+        twin = dict(zip(names, component.twin[halves].tolist(), strict=True))
+        head = dict(zip(names, component.head[halves].tolist(), strict=True))
+        leaving: dict[int, list[int]] = {}
+        for half in names:
+            leaving.setdefault(head[twin[half]], []).append(half)
+        at_border = component.uncut.on_boundary
+        nodes = {v for v, out in leaving.items() if len(out) != 2 or at_border[v]}
+        arcs: list[list[int]] = []
+        seen: set[int] = set()
+        for v in [*sorted(nodes), *sorted(set(leaving) - nodes)]:  # the latter are on closed arcs
+            for half in leaving[v]:
+                if half in seen:
+                    continue
+                arc = [half]
+                while (at := head[arc[-1]]) not in nodes and at != v:
+                    arc.append(next(on for on in leaving[at] if on != twin[arc[-1]]))
+                seen.update(arc, [twin[on] for on in arc])
+                arcs.append(arc)
+        return arcs
+
+    def graph(self, weight: Floats) -> csr_matrix:
+        """(n, n) symmetric matrix of the weights (3m,) of the inner half-edges."""
+        return csr_matrix(
+            (weight[self.inner], (self.tail[self.inner], self.head[self.inner])), (self.n, self.n)
+        )
+
+
+def split_components(V: Floats, F: Ints, sheets: Ints, polygon: Ints) -> Iterator[Component]:
+    """Take an oriented manifold apart; `sheets` (m, 3) numbers its vertices, F those of V."""
+    count, part = Topology(sheets, int(sheets.max()) + 1).components
+    order = np.argsort(part, kind="stable")
+    for rows in np.split(order, np.cumsum(np.bincount(part, minlength=count))[:-1]):
+        _, first, corner = np.unique(sheets[rows], return_index=True, return_inverse=True)
+        vertex = F[rows].ravel()[first]
+        order = np.argsort(vertex, kind="stable")  # as in V
+        number = np.empty(len(order), np.int64)
+        number[order] = np.arange(len(order))
+        yield Component(V[vertex[order]], number[corner].reshape(-1, 3), polygon[rows], rows)
+
+
+def cut_to_disk(component: Component) -> OpenedComponent:
+    """Cut a component that is not closed of genus 0 along shortest paths, until it is a disk.
+
+    A shortest-path tree along the edges of polygons, each boundary loop one node of it, from
+    a vertex, or from the longest loop if there is one, and a spanning tree of the faces across
+    the edges that are not in it, by preference those that close the longest loops. The edges
+    in neither close the shortest loops that cut all handles (greedy homotopy generators); the
+    paths of the tree from these and from each boundary loop to the root are the cut.
+
+    References
+    ----------
+    J. Erickson, K. Whittlesey. Greedy optimal homotopy and homology generators. SODA 2005.
+    """
+    V, twin, length = component.V, component.twin, component.length
+    n, loops = len(V), component.topology.loops
+    node = np.arange(n)
+    for loop in loops:
+        node[loop] = loop[0]
+    root = max(loops, key=lambda loop: _length(V[loop]))[0] if loops else 0
+    tail, head = node[component.tail], node[component.head]
+
+    along = np.flatnonzero((twin >= 0) & ~component.is_diagonal & (tail != head))
+    # Of several edges between two nodes, only the shortest can be in the tree.
+    along = along[np.lexsort((length[along], head[along], tail[along]))]
+    along = along[np.diff(tail[along] * n + head[along], prepend=-1) != 0]
+    graph = csr_matrix((length[along], (tail[along], head[along])), (n, n))
+    distance, parent = dijkstra(graph, indices=root, return_predecessors=True)
+    upward = along[parent[tail[along]] == head[along]]
+    up = np.full(n, -1)
+    up[tail[upward]] = upward
+
+    in_tree = np.zeros(len(twin), dtype=bool)
+    in_tree[upward] = in_tree[twin[upward]] = True
+    others = component.edges[~in_tree[component.edges]]
+    closed = distance[tail[others]] + distance[head[others]] + length[others]
+    closed[component.is_diagonal[others]] = np.inf  # polygons are faces of the cotree
+    left_over = np.setdiff1d(others, _crossed_by_tree(component, others, closed))
+
+    on_path = np.zeros(n, dtype=bool)
+    for start in [*tail[left_over], *head[left_over], *(loop[0] for loop in loops)]:
+        v = start
+        while v != root and not on_path[v]:
+            on_path[v] = True
+            v = parent[v]
+    return _without_loose_ends(component.uncut.cut(np.append(left_over, up[on_path])))
+
+
+def _length(points: Floats) -> float:
+    """Length of a closed polygon."""
+    return float(np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1).sum())
+
+
+def _crossed_by_tree(component: Component, edges: Ints, weight: Floats) -> Ints:
+    """Those of some edges that a maximum spanning tree of the faces crosses."""
+    m = len(component.F)
+    low, high = np.sort([edges % m, component.twin[edges] % m], axis=0)
+    order = np.lexsort((high, low, -weight))
+    low, high, edges = low[order], high[order], edges[order]
+    # Of several edges between two faces, only the best can be in the tree.
+    _, rank = np.unique(low * m + high, return_index=True)
+    tree = minimum_spanning_tree(coo_matrix((rank + 1, (low[rank], high[rank])), (m, m)))
+    return edges[tree.data.astype(np.int64) - 1]
+
+
+def _without_loose_ends(opened: OpenedComponent) -> OpenedComponent:
+    """Join again the edges of the cut that end nowhere, as near the root."""
+    component = opened.component
+    at_border = component.uncut.on_boundary
+    while True:
+        edges = opened.cut_edges
+        ends = np.column_stack([component.tail[edges], component.head[edges]])
+        degree = np.bincount(ends.ravel(), minlength=len(component.V))
+        loose = ((degree[ends] == 1) & ~at_border[ends]).any(axis=1)
+        if not loose.any():
+            return opened
+        opened = opened.joined(edges[loose])

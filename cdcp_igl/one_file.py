@@ -1,0 +1,218 @@
+"""One surface, from what a file holds to a file: cleaned or cut open if asked for, mapped, written.
+
+The command ``map`` and the workers of a batch both go this way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from zipfile import ZipFile
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from .algorithm import disk_map
+from .arrays import Floats, Ints
+from .atlas.surface import SurfaceMap, surface_map
+from .distortion import area_distortion
+from .io import WRITABLE, whole_file, write_map
+from .io.polygons import naming_polygons
+from .io.writing import MapResult
+from .result.disk_map import DiskMap
+from .steps.options import Options
+from .steps.phases import Progress
+from .surface.cleaning import clean
+
+Array = NDArray[Any]
+
+ONLY_OF_CUT = ("fill", "spread")  # options that `surface_map` has and `disk_map` has not
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What decides how a surface is mapped and written; ValueError if something is not allowed.
+
+    Attributes
+    ----------
+    format : str
+        Suffix of the file to write, without its dot.
+    disk : bool
+        Texture coordinates in the unit disk, not in the unit square.
+    clean : bool
+        Clean the surface first.
+    cut : bool
+        Map a surface that is no disk as well, see `surface_map`.
+    options : mapping
+        Those of `disk_map`, or of `surface_map`.
+    """
+
+    format: str = "npz"
+    disk: bool = False
+    clean: bool = False
+    cut: bool = False
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if f".{self.format}" not in WRITABLE:
+            formats = ", ".join(suffix[1:] for suffix in WRITABLE)
+            raise ValueError(f"format must be one of {formats}, not {self.format!r}")
+        if self.cut and self.clean:
+            raise ValueError("cut mends what it must by itself; leave out clean")
+        of_map = {name: value for name, value in self.options.items() if name not in ONLY_OF_CUT}
+        checked = Options(**of_map)
+        if self.cut and not isinstance(checked.center, str):
+            raise ValueError("center must be a method, not a face, where surfaces are cut")
+        if self.cut and isinstance(checked.align, int | np.integer):
+            raise ValueError("align must be a direction, not a vertex, where surfaces are cut")
+        if not self.cut and len(of_map) < len(self.options):
+            raise ValueError(f"{' and '.join(ONLY_OF_CUT)} are for surfaces that are cut")
+
+
+@dataclass(frozen=True, eq=False)
+class Mapped:
+    """A surface, its map, and what came before.
+
+    Attributes
+    ----------
+    V : (n, 3) ndarray
+    F : (m, 3) ndarray
+        The surface that was mapped: as it was given, or cleaned.
+    result : DiskMap or SurfaceMap
+    changes : tuple of str
+        What was changed before, a sentence each.
+    n_written : int
+        Vertices that are written; the others fill holes.
+    written : (k,) ndarray of int64
+        Faces that are written; the others fill holes, or are on no disk.
+    indices : dict of str to ndarray
+        What an npz file holds beside V, F and uv: of a surface that was cleaned or cut, the rows
+        that the vertices and faces come from, and the disk of each face.
+    """
+
+    V: Array
+    F: Array
+    result: DiskMap | SurfaceMap
+    changes: tuple[str, ...]
+    n_written: int
+    written: Ints
+    indices: dict[str, Array]
+
+    @property
+    def disks(self) -> tuple[DiskMap, ...]:
+        """The maps, that of the part with most faces first."""
+        return (self.result,) if isinstance(self.result, DiskMap) else self.result.disks
+
+    def write(self, target: Path, source: Path, settings: Settings) -> None:
+        """Write the map in the format of its suffix; OSError if the file cannot be written.
+
+        If `source`, which the surface was read from, is an obj file that was not cleaned, and so
+        is `target`, the rest of that file is kept.
+        """
+        suffix, disk = target.suffix.lower(), settings.disk
+        V, F, like = self.V[: self.n_written], self.F[self.written], None
+        uv: MapResult | Floats
+        cleaned = settings.clean and self.changes
+        if {suffix, source.suffix.lower()} == {".obj"} and not cleaned:
+            F, uv, like = self.F, self.result, source  # with the faces on no disk
+        elif isinstance(self.result, DiskMap):
+            uv = self.result.uv[: self.n_written]
+        elif disk or suffix == ".npz":
+            uv = self.result.uv[self.written]
+        else:
+            uv, disk = self.result.packed()[self.written], True  # in the unit square already
+        with whole_file(target) as unfinished:
+            write_map(unfinished, V, F, uv, disk=disk, like=like)
+            if suffix == ".npz" and self.indices:
+                _add_arrays(unfinished, self.indices)
+
+    def measures(self) -> dict[str, Any]:
+        """Return what the record of a batch has of the map."""
+        return {
+            "changes": self.changes,
+            "disks": len(self.disks),
+            "flips": sum(len(disk.certificate.flipped) for disk in self.disks),
+            "mean": self.result.distortion.mean,
+            "sd": self.result.distortion.sd,
+            "area": float(np.abs(self._area_distortion()).mean()),
+            "conformal": self.result.conformal,
+            "boundary": ", ".join(dict.fromkeys(disk.boundary.name for disk in self.disks)),
+        }
+
+    def report(self) -> dict[str, Any]:
+        """Return everything but the coordinates, as JSON types."""
+        changes = {} if isinstance(self.result, DiskMap) else {"changes": list(self.changes)}
+        return self.result.report() | changes
+
+    def _area_distortion(self) -> Floats:
+        if isinstance(self.result, DiskMap):
+            return area_distortion(self.V, self.F, self.result.uv)
+        return self.result.area_distortion()
+
+
+def map_one(
+    V: Array,
+    F: Array,
+    polygon_of_face: Array,
+    settings: Settings,
+    progress: Progress | None = None,
+) -> Mapped:
+    """Map a surface as `read_polygons` has read it, cleaned or cut open if that is asked for.
+
+    Raises
+    ------
+    MeshError, SolverError, MapError, ValueError
+        As `disk_map` and `surface_map`. The MeshError names polygons of the file.
+    """
+    if settings.clean:  # which numbers the faces anew
+        return _clean_and_map(V, F, settings, progress)
+    with naming_polygons(polygon_of_face):
+        if settings.cut:
+            return _cut_and_map(V, F, polygon_of_face, settings, progress)
+        result = disk_map(V, F, progress=progress, **settings.options)
+    return Mapped(V, F, result, (), len(V), np.arange(len(F)), {})
+
+
+def _clean_and_map(V: Array, F: Array, settings: Settings, progress: Progress | None) -> Mapped:
+    cleaned = clean(V, F)
+    V, F, vertex_index, face_index = cleaned.V, cleaned.F, cleaned.vertex_index, cleaned.face_index
+    n, m = int((vertex_index >= 0).sum()), int((face_index >= 0).sum())  # the filling comes last
+    note = ("The filling is not in the file.",) if m < len(F) else ()
+    options = dict(settings.options)
+    for name, kind, index in (("align", "vertex", vertex_index), ("center", "face", face_index)):
+        if isinstance(row := options.get(name), int | np.integer):  # of the file
+            options[name] = _row_after_cleaning(index, row, f"{name} is {kind} {row}")
+    result = disk_map(V, F, progress=progress, **options)
+    indices = {"vertex_index": vertex_index[:n], "face_index": face_index[:m]}
+    return Mapped(V, F, result, (*cleaned.changes, *note), n, np.arange(m), indices)
+
+
+def _row_after_cleaning(index: Ints, row: int | np.integer, what: str) -> int:
+    """Find a given row among those that are left; ValueError if it is not there."""
+    rows = np.flatnonzero(index == row)
+    if not len(rows):
+        raise ValueError(f"{what}, which is not in the cleaned surface")
+    return int(rows[0])
+
+
+def _cut_and_map(
+    V: Array, F: Array, polygon_of_face: Array, settings: Settings, progress: Progress | None
+) -> Mapped:
+    result = surface_map(
+        V, F, polygon_of_face=polygon_of_face, progress=progress, **settings.options
+    )
+    rows = np.flatnonzero(result.face_disk >= 0)
+    left_out = len(F) - len(rows)
+    note = (f"faces on no disk: {left_out:,}",) if left_out else ()
+    indices = {"face_index": rows, "face_disk": result.face_disk[rows]}
+    return Mapped(V, F, result, (*result.changes, *note), len(V), rows, indices)
+
+
+def _add_arrays(path: Path, arrays: dict[str, Array]) -> None:
+    with ZipFile(path, "a") as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w") as member:
+                npy.write_array(member, array)

@@ -1,0 +1,431 @@
+"""The base of all results: what a map says of itself, how it is drawn, saved and printed."""
+
+from __future__ import annotations
+
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import asdict
+from html import escape
+from os import PathLike
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import Floats, Ints
+from ..certificate import Certificate
+from ..distortion import AngleDistortion
+from ..errors import spell
+from ..plot.layout import Layout
+from ..plot.raster import sample
+from ..printing import as_html, as_text
+from ..rescue.conformality import Conformality
+
+PICTURES = (".pdf", ".png", ".svg")
+
+# Beyond it a page is more than about half a megabyte, and a notebook keeps each that it shows.
+MOST_VERTICES_OF_PAGES = 20_000
+
+
+class Result(ABC):
+    """A map with its certificate: a DiskMap, a RectangleMap or a SurfaceMap.
+
+    Printing it gives a summary.
+
+    Attributes
+    ----------
+    uv : ndarray of float64
+        (n, 2) images of the vertices; of a SurfaceMap (m, 3, 2), those of the corners.
+    certificate : Certificate
+        What was verified about `uv`.
+    conformality : Conformality
+        Whether the map is what a conformal map of this mesh should be; if not, the reasons
+        and what would help.
+    distortion : AngleDistortion
+        Mean, SD and maximum of the angular distortion (7) in degrees.
+    timings : dict of str to float
+        Seconds per phase.
+    """
+
+    uv: Floats
+    certificate: Certificate
+    conformality: Conformality
+    distortion: AngleDistortion
+    timings: dict[str, float]
+
+    _kind: ClassVar[str]  # of map, as it is called when it is printed
+
+    @property
+    def valid(self) -> bool:
+        """True for a certified bijection, see `certificate`."""
+        return self.certificate.valid
+
+    @property
+    def conformal(self) -> bool:
+        """True for a map that is as conformal as the mesh lets it be, see `conformality`."""
+        return bool(self.conformality)
+
+    @property
+    def verdict(self) -> str:
+        """In a word or two, whether the map is valid and conformal."""
+        if not self.valid:
+            return "NOT VALID"
+        return "valid" if self.conformal else "valid, NOT CONFORMAL"
+
+    @abstractmethod
+    def packed(self) -> Floats:
+        """Return the map scaled into the unit square: texture coordinates, shaped as `uv`."""
+
+    def bake(self, values: ArrayLike, size: int = 1024) -> Floats:
+        """Bake values at the vertices, such as colours, to an image of the unit square.
+
+        Parameters
+        ----------
+        values : (n, ...) array_like
+            A row a vertex of the given mesh.
+        size : int
+            Pixels along each side of the square, where the map lies as in `packed`.
+
+        Returns
+        -------
+        (size, size, ...) float64
+            The top row lies at v = 1. Pixels beside the image of the surface have the values of
+            the nearest pixel on it, so that filtered textures show no rim.
+
+        Raises
+        ------
+        ValueError
+            If `values` has not a row for each vertex or is complex, or `size` is not positive
+            or so small that no pixel lies on the surface.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.square(5)
+        >>> ends = [-1, -1], [1, -1], [1, 1], [-1, 1]
+        >>> corners = [abs(V[:, :2] - end).sum(axis=1).argmin() for end in ends]
+        >>> cdcp_igl.rectangle_map(V, F, corners).bake(V, size=64).shape
+        (64, 64, 3)
+        """
+        from scipy.ndimage import distance_transform_edt  # slow to import, and used here alone
+
+        layout, at_vertices = self._layout(), real_values(values)
+        n = int(layout.vertices.max()) + 1
+        # Of vertices that no face uses, the last ones may be there or not.
+        if at_vertices.ndim == 0 or len(at_vertices) < n:
+            raise ValueError(f"values has shape {at_vertices.shape}; it must have {n} rows")
+        if not size >= 1:
+            raise ValueError(f"size must be at least 1, not {size!r}")
+        left, bottom = -2 * layout.origin[0], -2 * layout.origin[1]  # of the unit square
+        raster = sample(layout.uv, layout.F, size, (left, left + 2, bottom, bottom + 2))
+        if not raster.seen.any():
+            raise ValueError(f"no pixel lies on the surface: size must be larger than {size}")
+        image = np.zeros((size, size, *at_vertices.shape[1:]))
+        image[raster.seen] = raster.at_vertices(at_vertices[layout.vertices])
+        row, column = distance_transform_edt(
+            ~raster.seen, return_distances=False, return_indices=True
+        )
+        return image[row, column]
+
+    def report(self, *, flat: bool = False) -> dict[str, Any]:
+        """Return everything but the coordinates.
+
+        Parameters
+        ----------
+        flat : bool
+            One row for a table: numbers, truth values and short strings, named by their path
+            in the report, such as ``"certificate_winding_number"``.
+
+        Returns
+        -------
+        dict
+            JSON types.
+
+        Examples
+        --------
+        For a table, ``pandas.DataFrame([result.report(flat=True) for result in results])``.
+
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> result = cdcp_igl.disk_map(V, F)
+        >>> result.report()["center"]["method"]
+        'torsion'
+        >>> result.report(flat=True)["center_method"]
+        'torsion'
+        """
+        V, F = self._surface()
+        report = {
+            "vertices": len(V),
+            "faces": len(F),
+            "valid": self.valid,
+            **self.conformality.report(),
+            "angular_distortion_degrees": asdict(self.distortion),
+            "certificate": self.certificate.report(),
+            **self._details(),
+            "seconds": self.timings,
+        }
+        return _flattened(report) if flat else report
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the map to a file whose suffix says what.
+
+        Parameters
+        ----------
+        path : path-like
+            The surface with its map for the types of `cdcp_igl.io.write_map`; a picture for
+            .png, .svg and .pdf; the page of `view` for .html; the report for .json. An
+            existing file is replaced once the new one is complete.
+
+        Raises
+        ------
+        ValueError
+            If the file is not of a known type.
+        OSError
+            If it cannot be written; nothing is left behind.
+        """
+        from ..io import WRITABLE, whole_file, write_map
+
+        suffix = Path(path).suffix.lower()
+        if suffix in WRITABLE:
+            write_map(path, *self._surface(), self)
+        elif suffix in PICTURES:
+            figure = self.plot()[0].figure
+            with whole_file(path) as unfinished:
+                figure.savefig(unfinished)
+        elif suffix == ".html":
+            self.view(path)
+        elif suffix == ".json":
+            with whole_file(path) as unfinished:
+                text = json.dumps(self.report(), indent=2, ensure_ascii=False)
+                unfinished.write_text(text + "\n", encoding="utf-8")
+        else:
+            known = " ".join((*WRITABLE, *PICTURES, ".html", ".json"))
+            raise ValueError(f"{Path(path).name!r} is of no known type. Writable: {known}")
+
+    def plot(self, *, name: str = "") -> NDArray[Any]:
+        """Draw the surface, its image, a checkerboard and the distortion side by side.
+
+        The surface is coloured by its normals, its image has the same colours; the squares of
+        the checkerboard keep their right angles where the map is conformal; the histogram of
+        the angular distortion shows its mean and, as a band, one standard deviation (SD) to
+        either side. A disk is turned to match the view of the surface.
+
+        Parameters
+        ----------
+        name : str
+            Of the surface, for the title.
+
+        Returns
+        -------
+        (4,) ndarray of matplotlib.axes.Axes
+            In a figure that does not depend on pyplot: ``axes[0].figure.savefig``.
+
+        Raises
+        ------
+        ImportError
+            If Matplotlib is not installed.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> axes = cdcp_igl.disk_map(V, F).plot(name="cap")
+        >>> axes[1].get_title()
+        'disk in the same colours'
+        """
+        from ..plot.pictures import draw  # needs Matplotlib, which is optional and slow to import
+
+        return np.array(draw(self._layout(), name).axes)
+
+    def view(
+        self,
+        path: str | PathLike[str] | None = None,
+        *,
+        fields: Mapping[str, ArrayLike] | None = None,
+        texture: str | PathLike[str] | ArrayLike | None = None,
+        title: str = "",
+    ) -> Path:
+        """Write a page that shows the map, or open it in the browser.
+
+        A single file that needs no network and no library: the surface turns beside its image;
+        the face under the pointer is marked on both. Colours by normals, a checkerboard, the
+        angular distortion, the conformal factor, and what is given here.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            Named .html; replaced once the new one is complete. Without it, the page is written
+            to a temporary folder and opened in the browser.
+        fields : mapping of str to (n,) array_like, optional
+            More values at the vertices of the given mesh to colour by, under their names.
+        texture : path-like or (height, width, 3 or 4) array_like, optional
+            Image of the unit square that `packed` fills, the top row at v = 1: a png, jpeg or
+            webp file, or colours from 0 to 1, such as `bake` makes.
+        title : str
+            The heading, such as the name of the surface.
+
+        Returns
+        -------
+        Path
+            Where the page is.
+
+        Raises
+        ------
+        ValueError
+            If a field has not a value for each vertex, or the texture is no such image.
+        OSError
+            If the file cannot be written, or the texture not be read.
+        ImportError
+            If Matplotlib is not installed.
+
+        Examples
+        --------
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> with TemporaryDirectory() as folder:
+        ...     page = cdcp_igl.disk_map(V, F).view(
+        ...         Path(folder, "cap.html"), fields={"height": V[:, 2]}
+        ...     )
+        ...     page.stat().st_size < 150_000
+        True
+        """
+        from ..plot.viewer import show
+
+        return show(self.view_html(fields=fields, texture=texture, title=title), path)
+
+    def view_html(
+        self,
+        *,
+        fields: Mapping[str, ArrayLike] | None = None,
+        texture: str | PathLike[str] | ArrayLike | None = None,
+        title: str = "",
+    ) -> str:
+        """Return the page that `view` writes, a whole HTML document.
+
+        Parameters
+        ----------
+        fields, texture, title
+            As in `view`.
+
+        Returns
+        -------
+        str
+
+        Raises
+        ------
+        ValueError, OSError, ImportError
+            As `view`.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> cdcp_igl.disk_map(V, F).view_html(title="Cap").count("<h1>Cap</h1>")
+        1
+        """
+        from ..plot.viewer import page
+
+        return page(self._layout(), fields or {}, texture, title)
+
+    def __str__(self) -> str:
+        return as_text(f"{self._kind} map of {self._subject()}: {self.verdict}", self._summary())
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self._subject()}: {self.verdict}, {self._key_figure()})"
+
+    def _repr_html_(self) -> str:
+        title = f"{self._kind} map of {self._subject()}: {self.verdict}"
+        table = as_html(title, self._summary())
+        if not self.valid:
+            return table
+        layout = self._layout()
+        if len(layout.V) > MOST_VERTICES_OF_PAGES:
+            from ..plot.viewer import poster
+
+            hint = "To turn it and look closer: <code>.view()</code>, which opens the browser."
+            image = f'<img alt="The surface and its image" src="{poster(layout)}">'
+            return f"{table}{image}<p>{hint}</p>"
+        # In a frame of its own, the page and the notebook cannot touch one another.
+        frame = (
+            f'<iframe srcdoc="{escape(self.view_html(), quote=True)}" '
+            'title="The surface beside its image" loading="lazy" '
+            'sandbox="allow-scripts" style="width: 100%; height: 560px; border: 0"></iframe>'
+        )
+        return table + frame
+
+    def _summary(self) -> list[tuple[str, str]]:
+        """Return what is printed below the title: pairs of a name and a text."""
+        phases = ", ".join(f"{name} {seconds:.2f}" for name, seconds in self.timings.items())
+        why = [] if self.conformal else [("conformal", str(self.conformality))]
+        return [
+            ("angular distortion", str(self.distortion)),
+            *why,
+            ("certificate", str(self.certificate)),
+            *self._steps(),
+            ("seconds", f"{sum(self.timings.values()):.2f} ({phases})"),
+        ]
+
+    def _facts(self, *measures: str) -> tuple[str, ...]:
+        """Return what a page says below its heading: a few words each."""
+        mean, sd = self.distortion.mean, self.distortion.sd
+        verdict = "certified bijection" if self.valid else "NOT VALID"
+        verdict += "" if self.conformal else ", NOT CONFORMAL"
+        return (*measures, f"angular distortion: mean {mean:.3g}°, SD {sd:.3g}°", verdict)
+
+    def _key_figure(self) -> str:
+        """Return the one figure that a representation of one line has."""
+        return f"mean distortion {self.distortion.mean:.3g}°"
+
+    @abstractmethod
+    def _subject(self) -> str:
+        """Say what was mapped, and onto what."""
+
+    @abstractmethod
+    def _steps(self) -> list[tuple[str, str]]:
+        """Return the part of the summary that only this kind of map has."""
+
+    @abstractmethod
+    def _details(self) -> dict[str, Any]:
+        """Return the part of the report that only this kind of map has."""
+
+    @abstractmethod
+    def _surface(self) -> tuple[Floats, Ints]:
+        """Return V and F as they are saved, in the unit in which they were given."""
+
+    @abstractmethod
+    def _layout(self) -> Layout:
+        """Return what is drawn."""
+
+
+def real_values(values: ArrayLike) -> Floats:
+    """Return values as float64; ValueError if they are complex: no part of them is dropped."""
+    if np.iscomplexobj(values):
+        raise ValueError("values must be real; of complex ones give both parts, as two columns")
+    return np.asarray(values, dtype=np.float64)
+
+
+def _flattened(report: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Make one dict of a nested one: keys joined by underscores, lists as short strings."""
+    flat: dict[str, Any] = {}
+    for key, value in report.items():
+        name = f"{prefix}{key}"
+        if isinstance(value, dict):
+            flat |= _flattened(value, f"{name}_")
+        elif isinstance(value, list):
+            flat[name] = _spelled(value)
+        else:
+            flat[name] = value
+    return flat
+
+
+def _spelled(values: list[Any]) -> str | int:
+    """Write a list as a short string; of reports, say how many there are."""
+    if values and isinstance(values[0], dict):
+        return len(values)
+    if all(isinstance(value, str) for value in values):
+        return "; ".join(values)
+    return spell(np.array(values))
