@@ -21,7 +21,7 @@ from .solve.factored import FactoredSurface
 from .steps.alignment import rotate
 from .steps.center import Center
 from .steps.circle import Rejected
-from .steps.extension import harmonic_extension
+from .steps.extension import harmonic_extension, settled_extension
 from .steps.mobius import MobiusMethod, Normalization, composed, normalize
 from .steps.options import Options
 from .steps.phases import Phases
@@ -64,16 +64,15 @@ def rescue(
         if isinstance(harmonic, Rejected):
             rejected.append(str(harmonic))
             continue
-        if not options.paper:
-            with phase("extension"):
-                harmonic = harmonic.mended()
+        with phase("extension"):
+            harmonic = harmonic.mended(straightened=not options.paper)
         candidate = _normalized(harmonic, options, phase, MANY_FLIPPED)
         tried.append((harmonic, candidate))
         if not (candidate.conformality.sheared or candidate.is_doubtful(surface.mesh)):
             break
     candidates = [candidate for _, candidate in tried]
     if all(candidate.conformality.sheared for candidate in candidates):
-        for harmonic, failed in tried:
+        for harmonic, failed in sorted(tried, key=lambda pair: pair[1].rank):
             if not failed.certificate.valid:
                 candidates.append(_unfolded(harmonic, failed, options, phase))
                 if candidates[-1].certificate.valid:
@@ -101,6 +100,7 @@ def _harmonic_maps(
             continue
         with phase("extension"):
             f = harmonic_extension(surface.delaunay, f_B)  # (10)
+            f = settled_extension(surface.delaunay, f)
         method = BoundaryMethod(name, laplacian="intrinsic Delaunay")
         yield HarmonicMap(surface.delaunay, f, Provenance(center=center, boundary=method))
 
@@ -193,7 +193,9 @@ def finish(
         If the map is not valid.
     """
     mesh = surface.mesh
-    steps = best.steps_due if options.refine is None else options.refine
+    steps = options.refine
+    if steps is None:
+        steps = 0 if options.paper else best.steps_due
     if steps and best.certificate.valid:
         if not keep_factor:
             surface.release()

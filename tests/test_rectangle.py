@@ -226,7 +226,7 @@ def test_a_boundary_that_is_not_on_the_sides_is_no_rectangle(monkeypatch):
     def moved(mesh, f, **how):
         return f / 2, Repair(1)
 
-    monkeypatch.setattr(rectangle, "unfold", moved)
+    monkeypatch.setattr(rectangle, "repaired", moved)
     with pytest.raises(cdcp_igl.MapError, match=r"rectangle: .* boundary error [5-7].*e-01"):
         cdcp_igl.rectangle_map(*grid(), [0, 7, 47, 40])
 

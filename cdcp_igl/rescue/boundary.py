@@ -20,9 +20,8 @@ from ..surface.mesh import DiskMesh
 CROWDED = 2e-17
 MANY_CROWDED = 0.03  # maps of corridors can be certified with 1 % of such edges, and not with 5 %
 
-# The centre of the map is moved where shares smaller than this might become larger; one round is
-# enough unless the first centre is far off.
-SMALL, ROUNDS = 1e-14, 8
+ROUNDS = 8  # of moving the centre: one is enough unless the first one is far off
+FARTHEST = 1 - 1e-6  # that it is moved in one round: still among faces of a size to tell apart
 
 # What a face behind an edge receives, as part of what its neighbours do. On scans with ears, whose
 # shares are known from finer meshes of the same surface, 0.01 to 0.1 are equally good.
@@ -71,14 +70,18 @@ def by_harmonic_measure(surface: FactoredSurface, face: int) -> Complex:
     if not np.isfinite(shares).all():
         raise Rejected("harmonic measure: no interior vertex at the central face")
     shares = _balanced(surface.delaunay, shares)
-    crowded = surface.mesh.loop[shares < CROWDED * shares.sum()]
-    if len(crowded) > MANY_CROWDED * len(shares):
+    if _are_crowded(shares):
+        crowded = surface.mesh.loop[shares < CROWDED]
         raise Rejected(
             f"harmonic measure: crowding, {len(crowded):,} of {len(shares):,} boundary vertices "
             f"(vertices {spell(crowded)}) closer to their neighbours than double precision can "
             "tell apart; to lower the distortion, cut the surface into shorter parts"
         )
     return around(shares)
+
+
+def _are_crowded(shares: Floats) -> bool:
+    return np.count_nonzero(shares < CROWDED) > MANY_CROWDED * len(shares)
 
 
 def _balanced(surface: FactoredSurface, shares: Floats) -> Floats:
@@ -91,12 +94,13 @@ def _balanced(surface: FactoredSurface, shares: Floats) -> Floats:
     """
     mesh = surface.mesh
     for _ in range(ROUNDS):
-        if shares.min() >= SMALL:
+        if not _are_crowded(shares):
             break
         f_B = around(shares)
         shorter = np.maximum(np.minimum(shares, np.roll(shares, 1)), np.finfo(float).tiny)
         klein = complex(np.average(f_B, weights=shorter.min() / shorter))
-        w = klein / (1 + np.sqrt(1 - abs(klein) ** 2))
+        w = klein / (1 + np.sqrt(max(1 - abs(klein) ** 2, 0)))
+        w *= min(1, FARTHEST / abs(w))
         f = harmonic_extension(surface, f_B)
         moved = harmonic_shares(surface, int(abs(f[mesh.F].mean(axis=1) - w).argmin()))
         if not moved.min() > shares.min():
@@ -173,5 +177,12 @@ def _filled(shares: Floats) -> Floats:
 
 
 def around(shares: Floats) -> Complex:
-    """Points on the unit circle, from 1, each followed by its share of it."""
-    return np.exp(2j * np.pi * (np.cumsum(shares) - shares) / shares.sum())
+    """Points on the unit circle, from 1, each followed by its share of it.
+
+    In extended precision where the machine has it: an angle near pi is known to 4e-16 only, the
+    point to 1e-16, and arcs may be as short.
+    """
+    longer = shares.astype(np.longdouble)
+    angle = 8 * np.arctan(np.longdouble(1)) * ((np.cumsum(longer) - longer) / longer.sum())
+    f_B: Complex = np.exp(1j * angle).astype(np.complex128)
+    return f_B

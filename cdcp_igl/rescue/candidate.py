@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, field, replace
+from functools import partial
 from time import perf_counter
 
 from ..arrays import Complex, Floats, Ints, coordinates
@@ -97,11 +98,13 @@ class HarmonicMap:
         mesh = self.surface.mesh
         return is_sheared(mesh, self.f) or deep_vertex(mesh, self.f) is not None
 
-    def mended(self) -> HarmonicMap:
-        """Take the common shear out, and move what is too small for its place to 0."""
+    def mended(self, *, straightened: bool) -> HarmonicMap:
+        """Take the common shear out if asked to, and move what is too small for its place to 0."""
         surface, mesh = self.surface, self.surface.mesh
-        f, straightening = straighten(mesh, self.f, lambda f_B: harmonic_extension(surface, f_B))
-        f, w = recentered(mesh, f, lambda f: settled_extension(surface, f))
+        f, straightening = self.f, Straightening()
+        if straightened:
+            f, straightening = straighten(mesh, f, partial(harmonic_extension, surface))
+        f, w = recentered(mesh, f, partial(settled_extension, surface))
         return HarmonicMap(surface, f, replace(self.done, straightening=straightening), w)
 
 

@@ -23,7 +23,8 @@ ATTEMPTS = 4  # with patches up to a quarter of that, a half and so on
 MAX_FAILED_ATTEMPTS = 2  # in succession; then no further one will mend anything
 MANY = 0.03  # of the faces: so many flipped faces are not near each other, but everywhere
 FEW = 10  # faces that are worth another attempt even if the last one mended none
-SWEEPS = 4  # of the relaxation around a patch
+SOFTNESSES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the relaxation that pulls faces over, in turn
+SWEEPS = 4  # of a relaxation near flipped faces
 POWERS = (1, 1 / 2, 0)  # of the mean-value weights of a whole surface, in turn
 RELAXED = 6  # rings around what was moved, that are relaxed with it
 MOVES, MOST_SWEEPS = 200_000, 30  # of vertices at most, in these sweeps at most
@@ -120,8 +121,8 @@ def repair_locally(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Co
     Cotangents of obtuse angles are negative, and a harmonic map with negative weights may
     fold. The vertices of the flipped faces are set to mean-value combinations of their
     neighbours, whose weights are positive; a patch of them is kept if it has fewer flipped
-    faces then, and larger the next time if it has not. At the end what was moved is relaxed
-    towards conformality.
+    faces then, and larger the next time if it has not. What no patch mends, a relaxation
+    that pulls faces over may. At the end what was moved is relaxed towards conformality.
 
     Parameters
     ----------
@@ -149,6 +150,7 @@ def repair_locally(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Co
         before = len(near.flipped(g))
         g, tried = near.average(g, attempt * RINGS // ATTEMPTS)
         rounds += tried
+        g = near.pull_over(g, attempt)
         left = len(near.flipped(g))
         failed = failed + 1 if left == before else 0
         if left == 0 or failed == MAX_FAILED_ATTEMPTS or left > max(0.9 * before, FEW):
@@ -250,6 +252,24 @@ class _Neighbourhood:
             reach[folded[in_vain]] += 1
             rounds += 1
         return g, rounds
+
+    def pull_over(self, g: Complex, rings: int) -> Complex:
+        """Relax around flipped faces such that they are pulled over; kept if fewer are left."""
+        flipped = self.flipped(g)
+        if len(flipped) == 0:
+            return g
+        folded = np.zeros(len(g), dtype=bool)
+        folded[self.F[flipped]] = True
+        moving = self.free & _grow(self.F, folded, rings)
+        relaxation, trial = Relaxation(self.V, self.F, moving), g
+        for softness in SOFTNESSES:
+            trial = relaxation.sweep(trial, SWEEPS, softness)
+            if len(self.flipped(trial)) == 0:
+                break
+        if len(self.flipped(trial)) < len(flipped):
+            self.moved |= moving
+            return trial
+        return g
 
     def combine(self, g: Complex, patch: Bools) -> Complex:
         """Make the vertices of a patch the weighted means of their neighbours.

@@ -25,7 +25,7 @@ __all__ = ["DiskMap"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DiskMap(Provenance, Bijection, Result):
+class DiskMap(Bijection, Result, Provenance):
     """A disk conformal map. Printing it gives a summary.
 
     Attributes
