@@ -10,11 +10,11 @@ from rich.console import Console
 from .measure import ablation as variants
 from .measure import methods as measured_methods
 from .measure.any_surface import surfaces
-from .measure.each_solver import solvers
 from .measure.fuzzing import fuzz
 from .measure.machine import MACHINE
 from .measure.methods import METHODS, maps
 from .measure.models import subdivided
+from .measure.mutants import mutants
 from .measure.peers import PEERS
 from .measure.punctures import punctures
 from .measure.worker import WorkFolder
@@ -22,14 +22,10 @@ from .records.record import Record
 from .records.results import Measured
 from .records.store import ROOT, WORK, Work
 from .session import Machine, Out, Session, with_session
-from .write.cells import in_order
-from .write.comparisons import summary_table
-from .write.drawing import draw
 from .write.front_page import MODELS, README, rewrite
-from .write.sections import cases
+from .write.report import draw
+from .write.sections import cases, in_order, summary_table
 from .write.table import printed
-
-__all__ = ["app"]
 
 SPEED_METHODS = ("factor", "cdcp", "cdcp refine=1", "cdcp refine=5", "lscm", "harmonic")
 SPEED_MODELS = (
@@ -61,7 +57,7 @@ app = typer.Typer(
 app.command()(fuzz)
 app.command()(surfaces)
 app.command()(punctures)
-app.command()(solvers)
+app.command()(mutants)
 
 
 @app.command()

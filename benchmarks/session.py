@@ -16,8 +16,8 @@ from typing import Annotated, Any, get_type_hints
 import typer
 from rich.console import Console
 
-from cdcp_igl.batching.shards import read_shard
-from cdcp_igl.io import whole_file
+from cdcp_igl.batching.names import read_shard
+from cdcp_igl.io.output import whole_file
 from cdcp_igl.solve.solvers import solver
 
 from .measure import models as surfaces
@@ -30,8 +30,6 @@ from .records.record import Record
 from .records.results import Measured
 from .records.store import Work, code, read_results, write_results
 from .write.report import as_markdown
-
-__all__ = ["Machine", "Models", "Out", "Quick", "Session", "WorkFolder", "with_session"]
 
 Models = Annotated[
     str, typer.Option(metavar="NAME,...", help="Names, paths, or patterns of either.")

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from . import libigl
 from .arrays import Complex, Floats, Ints, as_complex, blocks, coordinates
 from .surface.mesh import DiskMesh
-from .surface.triangles import face_areas, oriented_areas
-from .surface.validation import as_surface, as_vertices, size_exponent
+from .surface.triangles import face_areas, hat_gradients, opposite_edges, oriented_areas
+from .surface.validation import checked_surface, checked_vertices, size_exponent
 
 
 @dataclass(frozen=True)
@@ -125,13 +125,7 @@ def quasi_conformal_dilatation(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Flo
     array([2., 2.])
     """
     positions, faces, z = _surface_and_image(V, F, uv)
-    K = np.full(len(faces), np.inf)
-    with np.errstate(divide="ignore", invalid="ignore"):  # of faces without area on the surface
-        derivative = wirtinger_derivative(positions, faces)
-        p = abs((derivative * z[faces]).sum(axis=1))
-        q = abs((derivative.conj() * z[faces]).sum(axis=1))
-    np.divide(p + q, p - q, out=K, where=p > q)
-    return K
+    return face_dilatation(positions, faces, z)
 
 
 def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
@@ -235,12 +229,12 @@ def area_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
 
 def _surface_and_image(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> tuple[Floats, Ints, Complex]:
     """Check the arguments of a measure of distortion; uv as complex numbers."""
-    positions, faces = as_surface(V, F)
+    positions, faces = checked_surface(V, F)
     if np.shape(uv) != (len(positions), 2):
         raise ValueError(
             f"uv has shape {np.shape(uv)}, V has {len(positions)} rows: uv must be (n, 2)"
         )
-    return positions, faces, as_complex(as_vertices(uv, "uv")[:, :2])
+    return positions, faces, as_complex(checked_vertices(uv, "uv")[:, :2])
 
 
 def _change_in_degrees(uv: Floats, F: Ints, angles: Floats) -> Floats:
@@ -275,10 +269,10 @@ def plane_angles(z: Complex, F: Ints) -> Floats:
 
     0 or pi, never NaN, in triangles that have collapsed.
     """
-    return corner_angles(*(z[corner] for corner in F.T)).T
+    return angles_between(*(z[corner] for corner in F.T)).T
 
 
-def corner_angles(i: Complex, j: Complex, k: Complex) -> Floats:
+def angles_between(i: Complex, j: Complex, k: Complex) -> Floats:
     """(3, m) as `plane_angles`, of triangles with these corners; row by row a corner."""
     u, v, w = j - i, k - j, i - k  # each leaves its corner
     twice_area = u.real * v.imag - u.imag * v.real
@@ -296,11 +290,20 @@ def wirtinger_derivative(V: Floats, F: Ints) -> Complex:
     """
     i, j, k = F.T
     e, g = V[j] - V[i], V[k] - V[i]
-    length = np.linalg.norm(e, axis=1)
-    x = (e * g).sum(axis=1) / length
-    height = np.linalg.norm(np.cross(e, g), axis=1) / length
-    zero = np.zeros(len(F))
-    corner = np.column_stack([zero, length, x]) + 1j * np.column_stack([zero, zero, height])
-    opposite = np.roll(corner, -2, axis=1) - np.roll(corner, -1, axis=1)
-    # The hat function of a corner grows at right angles to the opposite edge.
-    return (1j * opposite / (length * height)[:, None]).conj() / 2
+    length, twice_area = np.linalg.norm(e, axis=1), libigl.double_areas(V, F)
+    corner = np.zeros(F.shape, dtype=np.complex128)
+    corner[:, 1] = length
+    corner[:, 2] = ((e * g).sum(axis=1) + 1j * twice_area) / length
+    return hat_gradients(opposite_edges(corner), twice_area).conj() / 2
+
+
+def face_dilatation(V: Floats, F: Ints, z: Complex) -> Floats:
+    """(m,) `quasi_conformal_dilatation` of a map z (n,), without checks."""
+    K = np.full(len(F), np.inf)
+    edges = z[F] - z[F[:, :1]]  # of tiny faces these are more accurate than positions
+    with np.errstate(divide="ignore", invalid="ignore"):  # of faces without area on the surface
+        derivative = wirtinger_derivative(V, F)
+        p = abs((derivative * edges).sum(axis=1))
+        q = abs((derivative.conj() * edges).sum(axis=1))
+    np.divide(p + q, p - q, out=K, where=p > q)
+    return K

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from .arrays import Floats, Ints
+from .defects import DEFECTS
 
 __all__ = ["Defect", "MapError", "MeshError", "SolverError", "counted", "printable", "spell"]
 
@@ -33,6 +34,8 @@ class Defect:
     indices : ndarray of int64
         All offenders: (k,) rows of F or V, or (k, 2) pairs of rows of V for edges; the polygon
         that each face is a part of.
+    remedy_in_shell : str
+        What to do about it on the command line.
 
     Examples
     --------
@@ -49,11 +52,34 @@ class Defect:
     remedy: str
     kind: str = "faces"
     indices: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    remedy_in_shell: str = ""
+
+    @classmethod
+    def of(cls, row: str, indices: Ints | None = None, **given: Any) -> Defect:
+        """Make a defect of a row of the table; `given` are what its message has in braces."""
+        said, found = DEFECTS[row], np.empty(0, np.int64) if indices is None else indices
+        subject = counted(len(found), *said.subject) + " " if said.subject else ""
+        return cls(
+            name=row.partition(", ")[0],
+            what=subject + said.message.format(**given),
+            remedy=said.remedy,
+            kind=said.kind,
+            indices=found,
+            remedy_in_shell=said.in_shell or said.remedy,
+        )
 
     def __str__(self) -> str:
+        return f"{self._found}. {self.remedy}"
+
+    @property
+    def in_shell(self) -> str:
+        """What `str` gives, with the remedy on the command line."""
+        return f"{self._found}. {self.remedy_in_shell or self.remedy}"
+
+    @property
+    def _found(self) -> str:
         named = np.unique(self.indices) if self.kind == "polygons" else self.indices
-        where = f" ({self.kind} {spell(named)})" if len(named) else ""
-        return f"{self.what}{where}. {self.remedy}"
+        return self.what + (f" ({self.kind} {spell(named)})" if len(named) else "")
 
 
 class MeshError(ValueError):

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["MissingExtra", "from_extra"]
-
 
 class MissingExtra(ImportError):
     """A package is missing that an extra of cdcp_igl would have installed."""

@@ -14,22 +14,6 @@ from scipy.sparse import csc_matrix
 
 from .arrays import Bools, Floats, Ints
 
-__all__ = [
-    "adjacency_matrix",
-    "angles",
-    "double_areas",
-    "fans",
-    "grid_faces",
-    "harmonic",
-    "intrinsic_delaunay_cotangent_matrix",
-    "is_counterclockwise",
-    "lscm",
-    "path",
-    "squared_edge_lengths",
-    "vector_area_matrix",
-    "vertex_normals",
-]
-
 # For more faces `squared_edge_lengths` starts threads, which takes longer than to do without.
 SERIAL = 999
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from .algorithm import disk_map
 from .arrays import Floats, Ints
 from .atlas.surface import SurfaceMap, surface_map
-from .distortion import area_distortion
-from .io import WRITABLE, whole_file, write_map
+from .io import write_map
+from .io.output import whole_file
 from .io.polygons import naming_polygons
 from .io.writing import MapResult
 from .result.disk_map import DiskMap
@@ -38,8 +38,6 @@ class Settings:
 
     Attributes
     ----------
-    format : str
-        Suffix of the file to write, without its dot.
     disk : bool
         Texture coordinates in the unit disk, not in the unit square.
     clean : bool
@@ -50,16 +48,12 @@ class Settings:
         Those of `disk_map`, or of `surface_map`.
     """
 
-    format: str = "npz"
     disk: bool = False
     clean: bool = False
     cut: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if f".{self.format}" not in WRITABLE:
-            formats = ", ".join(suffix[1:] for suffix in WRITABLE)
-            raise ValueError(f"format must be one of {formats}, not {self.format!r}")
         if self.cut and self.clean:
             raise ValueError("cut mends what it must by itself; leave out clean")
         of_map = {name: value for name, value in self.options.items() if name not in ONLY_OF_CUT}
@@ -137,7 +131,7 @@ class Mapped:
             "flips": sum(len(disk.certificate.flipped) for disk in self.disks),
             "mean": self.result.distortion.mean,
             "sd": self.result.distortion.sd,
-            "area": float(np.abs(self._area_distortion()).mean()),
+            "area": float(np.abs(self.result.area_distortion()).mean()),
             "conformal": self.result.conformal,
             "boundary": ", ".join(dict.fromkeys(disk.boundary.name for disk in self.disks)),
         }
@@ -146,11 +140,6 @@ class Mapped:
         """Return everything but the coordinates, as JSON types."""
         changes = {} if isinstance(self.result, DiskMap) else {"changes": list(self.changes)}
         return self.result.report() | changes
-
-    def _area_distortion(self) -> Floats:
-        if isinstance(self.result, DiskMap):
-            return area_distortion(self.V, self.F, self.result.uv)
-        return self.result.area_distortion()
 
 
 def map_one(

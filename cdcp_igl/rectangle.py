@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import ellipk, ellipkinc
 
 from .algorithm import map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates
-from .certificate import Certificate, flipped_faces, increments
+from .certificate import Certificate, flipped_faces
 from .distortion import AngleDistortion, angle_errors
-from .errors import MapError, SolverError
+from .errors import MapError, SolverError, counted, spell
 from .plot.layout import Layout
 from .rescue.conformality import Conformality, judge
 from .rescue.repair import Repair, repaired
@@ -27,9 +28,7 @@ from .solve.solvers import SolverName, using
 from .steps.extension import harmonic_extension
 from .steps.options import Options
 from .steps.phases import Phases, Progress
-from .steps.schwarz_christoffel import along_side
 from .surface.mesh import DiskMesh
-from .surface.sides import boundary_sides, is_monotone, refuse_chords
 
 __all__ = ["RectangleMap", "rectangle_map"]
 
@@ -231,8 +230,8 @@ def rectangle_map(
     with using(solver):
         with phase("check"):
             mesh = DiskMesh(V, F)
-            sides = boundary_sides(mesh, corners)
-            refuse_chords(mesh, sides)
+            sides = _boundary_sides(mesh, corners)
+            _refuse_chords(mesh, sides)
         best = _best_map(mesh, sides, phase)
     if not best.valid:
         raise MapError(
@@ -244,6 +243,42 @@ def rectangle_map(
         log.warning("the map is not conformal: %s", "; ".join(best.conformality.reasons))
     phase.done()
     return best
+
+
+def _boundary_sides(mesh: DiskMesh, corners: ArrayLike) -> list[Ints]:
+    """Split the boundary loop: the vertices of each side with its corners, in order."""
+    chosen = np.asarray(corners)
+    if chosen.shape != (4,) or chosen.dtype.kind not in "iu":
+        raise ValueError(f"corners must be four vertices, not {corners!r}")
+    place, nB = mesh.place, len(mesh.loop)
+    if not ((chosen >= 0) & (chosen < len(place))).all() or (place[chosen] < 0).any():
+        raise ValueError(f"corners={chosen.tolist()} must be boundary vertices")
+    steps = (np.roll(place[chosen], -1) - place[chosen]) % nB
+    if (steps == 0).any() or steps.sum() != nB:
+        order = mesh.loop[np.sort(place[chosen])].tolist()
+        raise ValueError(
+            f"corners={chosen.tolist()} must be four vertices in the order of the boundary, "
+            f"the surface on the left, which is {order}"
+        )
+    return [
+        mesh.loop[(place[corner] + np.arange(step + 1)) % nB]
+        for corner, step in zip(chosen, steps, strict=True)
+    ]
+
+
+def _refuse_chords(mesh: DiskMesh, sides: list[Ints]) -> None:
+    """Raise ValueError for edges inside that join two vertices of one side."""
+    for number, side in enumerate(sides, 1):
+        on_side = np.zeros(len(mesh.V), dtype=bool)
+        on_side[side] = True
+        chords = mesh.edges.ends(mesh.edges.chords(on_side))
+        if len(chords):
+            found = counted(len(chords), "edge inside joins", "edges inside join")
+            raise ValueError(
+                f"{found} two vertices of side {number}, so that the faces cut off would have no "
+                f"area in a rectangle: {spell(chords)}. Choose a corner among these faces, or "
+                "split the edges."
+            )
 
 
 def _best_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleMap:
@@ -301,6 +336,38 @@ def _by_disk_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleM
     return _mapped(mesh, L, sides, f, "cotangent", "disk map", solver, phase)
 
 
+def along_side(z: Complex, corners: Complex) -> Floats:
+    """Where the conformal map of the disk onto a rectangle takes an arc between two corners.
+
+    Parameters
+    ----------
+    z : (k,) complex128
+        Points of the arc from the first corner to the second.
+    corners : (4,) complex128
+        On the unit circle, counterclockwise, the start of the side first.
+
+    Returns
+    -------
+    (k,) float64
+        From 0 at the start of the side to 1 at its end.
+
+    References
+    ----------
+    L. V. Ahlfors. Complex Analysis. McGraw-Hill, 1979. Chapter 6, sect. 2.3: mapping on
+    a rectangle.
+    """
+    a, b, c, d = corners
+    # In the half-plane the corners lie at -1, 1, 1/k and -1/k; chords on the circle tell k, and
+    # with it root = (1 - k) / (1 + k) (Ptolemy).
+    across = abs(c - a) * abs(d - b)
+    root = np.sqrt(abs(c - b) * abs(a - d) / across)
+    k = abs(b - a) * abs(d - c) / across / (1 + root) ** 2
+    with np.errstate(divide="ignore"):
+        ratio = abs(z - a) / abs(z - b) * abs(c - b) / abs(c - a) / root  # (1 + x) / (1 - x)
+    amplitude = 2 * np.arctan(np.sqrt(ratio)) - np.pi / 2  # arcsin x
+    return (1 + ellipkinc(amplitude, k * k) / ellipk(k * k)) / 2
+
+
 def _mapped(
     mesh: DiskMesh,
     L: Laplacian,
@@ -320,10 +387,10 @@ def _mapped(
     f = modulus * square.real + 1j * square.imag
     repair = Repair()
     with phase("repair"):
-        if is_monotone(sides, f):
+        if _is_monotone(sides, f):
             f, repair = repaired(mesh, f, on_disk=False)
     with phase("certificate"):
-        certificate = _certify(mesh, sides, f, modulus)
+        certificate = certify_rectangle(mesh, sides, f, modulus)
         degrees = np.degrees(abs(angle_errors(mesh, f)))
         conformality = Conformality(True, ("it is not valid",))
         if certificate.valid:
@@ -348,19 +415,31 @@ def _mapped(
     )
 
 
-def _certify(mesh: DiskMesh, sides: list[Ints], f: Complex, modulus: float) -> Certificate:
+def certify_rectangle(mesh: DiskMesh, sides: list[Ints], f: Complex, modulus: float) -> Certificate:
     """Verify a map (n,) onto the rectangle, as `certify` does of one onto the disk."""
     if not np.isfinite(f).all():
         return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)
     bottom, right, top, left = sides
     off = f.imag[bottom], f.real[right] - modulus, f.imag[top] - 1, f.real[left]
-    around_middle = increments(f[mesh.loop] - (modulus + 1j) / 2)
+    from_middle = f[mesh.loop] - (modulus + 1j) / 2
+    turns = np.angle(np.roll(from_middle, -1) * from_middle.conj())
     flipped, n_exact = flipped_faces(f, mesh.F)
     return Certificate(
         finite=True,
         boundary_error=float(abs(np.concatenate(off)).max()),
-        boundary_monotone=is_monotone(sides, f),
-        winding_number=round(around_middle.sum() / (2 * np.pi)),
+        boundary_monotone=_is_monotone(sides, f),
+        winding_number=round(turns.sum() / (2 * np.pi)),
         flipped=flipped,
         n_exact=n_exact,
+    )
+
+
+def _is_monotone(sides: list[Ints], f: Complex) -> bool:
+    """Whether each side is run through forwards, no two vertices in one place."""
+    bottom, right, top, left = sides
+    return bool(
+        (np.diff(f.real[bottom]) > 0).all()
+        and (np.diff(f.imag[right]) > 0).all()
+        and (np.diff(f.real[top]) < 0).all()
+        and (np.diff(f.imag[left]) < 0).all()
     )

@@ -26,6 +26,7 @@ extensions = [
     "error_tables",
     "flow",
     "gallery_style",
+    "places",
     "viewcode_anchors",
 ]
 exclude_patterns = ["examples", "generated/parts", "build"]

@@ -3,12 +3,15 @@
 import json
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import meshes
 import numpy as np
+from typer.testing import CliRunner
 
 import cdcp_igl
+from cdcp_igl.command_line.program import app
 
 ROOT = Path(cdcp_igl.__file__).parents[1]
 WORKERS = Path(__file__).parent / "workers"
@@ -22,16 +25,25 @@ def write_surfaces(folder, count, rows=5, columns=6):
     return folder
 
 
-def contents(folder):
-    """Bytes of all files that are called like results, whatever is in them."""
-    return {path.name: path.read_bytes() for path in Path(folder).glob("[!.]*.npz")}
+def write_torn(path):
+    """A surface that is no disk."""
+    V, F = meshes.grid()
+    np.savez(path, V=V, F=F[1:-30])
 
 
-def lines(folder):
-    return [json.loads(line) for line in (Path(folder) / "results.jsonl").read_text().splitlines()]
+def batch(files, out, **options):
+    """Run a batch in this process."""
+    with ThreadPoolExecutor(1) as executor:
+        return cdcp_igl.batch(files, out, executor=executor, **options)
+
+
+def invoke(*arguments):
+    """Run ``cdcp-igl batch`` in this process, but for its workers."""
+    return CliRunner().invoke(app, ["batch", *map(str, arguments)])
 
 
 def command(*arguments, **options):
+    """Run ``cdcp-igl batch`` in a process."""
     return subprocess.run(
         [sys.executable, "-m", "cdcp_igl", "batch", *map(str, arguments)],
         capture_output=True,
@@ -40,3 +52,12 @@ def command(*arguments, **options):
         cwd=ROOT,
         **options,
     )
+
+
+def contents(folder):
+    """Bytes of all files that are called like results, whatever is in them."""
+    return {path.name: path.read_bytes() for path in Path(folder).glob("[!.]*.npz")}
+
+
+def lines(folder):
+    return [json.loads(line) for line in (Path(folder) / "results.jsonl").read_text().splitlines()]

@@ -1,7 +1,7 @@
 """Batches that are killed in the middle, and run again."""
 
+import json
 import os
-import random
 import signal
 import subprocess
 import sys
@@ -9,20 +9,84 @@ import time
 from pathlib import Path
 
 import pytest
-from batches import ROOT, contents, write_surfaces
+from batches import ROOT, batch, contents, lines, write_surfaces
 
-from cdcp_igl.batching import batch
-from cdcp_igl.batching.journal import read_journals
-from cdcp_igl.batching.work import digest_of_settings
-from cdcp_igl.one_file import Settings
+SURFACES = 5
 
-SURFACES = 40
-KILLS = 50
+# A batch in one process, which maps all surfaces before it writes the first line, and kills itself
+# before it does something to a file the n-th time.
+KILLED = """
+import os, signal, sys
+from concurrent.futures import Executor, Future
+import cdcp_igl
+scans, out, event, part, count = sys.argv[1:]
+left = int(count)
+
+def watch(name, arguments):
+    global left
+    if name == event and part in " ".join(map(str, arguments[:2])):
+        left -= 1
+        if not left:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+class AtOnce(Executor):
+    def submit(self, function, *arguments):
+        future = Future()
+        future.set_result(function(*arguments))
+        return future
+
+sys.addaudithook(watch)
+cdcp_igl.batch(scans, out, executor=AtOnce())
+"""
 
 
-@pytest.fixture
-def scans(tmp_path):
-    return write_surfaces(tmp_path / "scans", SURFACES, rows=8, columns=12)
+def measured(folder):
+    """The lines that count, without what depends on the clock and the machine."""
+    latest = {line["name"]: line for line in lines(folder) if line["status"] == "done"}
+    for line in latest.values():
+        for name in ("seconds", "memory", "finished"):
+            del line[name]
+    return latest
+
+
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory):
+    return write_surfaces(tmp_path_factory.mktemp("killed") / "scans", SURFACES)
+
+
+@pytest.fixture(scope="module")
+def whole(scans):
+    batch([scans], scans.parent / "whole")
+    return scans.parent / "whole"
+
+
+@pytest.mark.parametrize(
+    ("event", "part", "count", "results", "done"),
+    [
+        ("os.mkdir", ".unfinished", 1, 0, 0),  # nothing has begun
+        ("os.rename", ".unfinished/.cdcp_igl", 3, 0, 0),  # two drafts are written
+        ("os.rename", "maps/surface_", 3, 2, 3),  # a result has a line, and is not in its place
+        ("os.rename", "maps/summary.csv", 1, 5, 5),  # the last one is
+        ("shutil.rmtree", ".unfinished", 2, 5, 5),  # all is done
+    ],
+)
+def test_killed_the_results_are_those_of_an_undisturbed_run(
+    scans, whole, tmp_path, event, part, count, results, done
+):
+    out = tmp_path / "maps"
+    arguments = [str(scans), str(out), event, part, str(count)]
+    killed = subprocess.run([sys.executable, "-c", KILLED, *arguments], cwd=ROOT)
+    assert killed.returncode == -signal.SIGKILL
+    assert len(contents(out)) == results
+    assert len(lines(out)) == done  # so each result that is there has a line
+    assert contents(out).items() <= contents(whole).items()
+    assert batch([scans], out).failed == ()
+    assert contents(out) == contents(whole)
+    assert measured(out) == measured(whole)
+    assert sorted(path.name for path in out.iterdir()) == sorted(os.listdir(whole))
+
+
+# -- with workers ----------------------------------------------------------------------
 
 
 def start(scans, out, *options):
@@ -35,21 +99,12 @@ def start(scans, out, *options):
     )
 
 
-def numbers(out):
-    """The records, without what depends on the clock and the machine."""
-    measured = {"seconds", "memory", "finished"}
-    return {
-        name: {key: value for key, value in record.values().items() if key not in measured}
-        for name, record in read_journals(out, digest_of_settings(Settings())).items()
-    }
-
-
 def workers_of(process):
-    listed = Path(f"/proc/{process.pid}/task/{process.pid}/children")
-    try:
-        return [int(pid) for pid in listed.read_text().split()]
-    except OSError:
-        return []
+    """The children of a process, whichever of its threads has started them."""
+    pids = []
+    for listed in Path(f"/proc/{process.pid}/task").glob("*/children"):
+        pids += map(int, listed.read_text().split())
+    return pids
 
 
 def lives(pid):
@@ -76,84 +131,41 @@ def wait_for_lines(out, count, process):
         time.sleep(0.005)
 
 
-def kill_at_random(chance, process, out):
-    """Kill the batch or one of its workers, once it has come some way; return what was killed."""
-    known = len(contents(out)) if out.exists() else 0
-    wait_for_lines(out, known + chance.randrange(8), process)
-    time.sleep(chance.uniform(0, 0.03))
-    if process.poll() is not None:
-        return ""
-    workers = workers_of(process)
-    if workers and chance.random() < 0.6:
-        try:
-            os.kill(chance.choice(workers), signal.SIGKILL)
-        except ProcessLookupError:
-            return ""
-        return "worker"
-    process.kill()
-    wait_for_end(workers)  # a slow disk may hold them for longer than the next batch takes
-    return "batch"
-
-
-@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux to find workers")
-def test_killed_at_random_the_results_are_those_of_an_undisturbed_run(scans, tmp_path):
-    batch([scans], tmp_path / "whole", jobs=2)
-    expected, records = contents(tmp_path / "whole"), numbers(tmp_path / "whole")
-    assert len(expected) == SURFACES
-    chance = random.Random(1)
-    killed, rounds = {"worker": 0, "batch": 0, "": 0}, 0
-    while killed["worker"] + killed["batch"] < KILLS:
-        rounds += 1
-        out = tmp_path / f"maps{rounds}"
-        done = False
-        while not done:
-            # A surface whose worker was killed three times has failed: it is tried again.
-            process = start(scans, out, "--retry")
-            while process.poll() is None and (what := kill_at_random(chance, process, out)):
-                killed[what] += 1
-                for name, data in contents(out).items():  # whole, at every moment
-                    assert data == expected[name]
-                if what == "batch":
-                    break
-            _, errors = process.communicate()
-            done = process.returncode == 0
-            assert process.returncode in (0, 4, -signal.SIGKILL), errors
-        assert contents(out) == expected
-        assert numbers(out) == records
-        assert sorted(path.name for path in out.iterdir() if path.name not in expected) == [
-            "results.jsonl",
-            "summary.csv",
-        ]
-    assert min(killed["worker"], killed["batch"]) > KILLS // 5
+@pytest.fixture(scope="module")
+def many(tmp_path_factory):
+    return write_surfaces(tmp_path_factory.mktemp("many") / "scans", 40, rows=8, columns=12)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_interrupted(scans, tmp_path, number):
+def test_interrupted(many, tmp_path, number):
     out = tmp_path / "maps"
-    process = start(scans, out)
+    process = start(many, out)
     wait_for_lines(out, 5, process)
     workers = workers_of(process)
     process.send_signal(number)
     _, errors = process.communicate(timeout=30)
     assert process.returncode == 128 + number
     assert errors == ("Interrupted\n" if number == signal.SIGINT else "")
-    done = len((out / "results.jsonl").read_text().splitlines())
-    assert 5 <= done < SURFACES
+    assert 5 <= len(lines(out)) < 40
     assert (out / "summary.csv").exists()
-    for pid in workers:
-        with pytest.raises(ProcessLookupError):
-            os.kill(pid, 0)
-    again = start(scans, out)
-    _, errors = again.communicate(timeout=60)
-    assert (again.returncode, len(contents(out))) == (0, SURFACES), errors
+    wait_for_end(workers)
+    assert len(batch([many], out).done) == len(contents(out)) == 40
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux to find workers")
-def test_workers_do_not_outlive_a_batch_that_was_killed(scans, tmp_path):
-    process = start(scans, tmp_path / "maps")
-    wait_for_lines(tmp_path / "maps", 3, process)
+def test_workers_that_are_killed_cost_nothing_and_none_outlives_its_batch(many, tmp_path):
+    out = tmp_path / "maps"
+    process = start(many, out)
+    wait_for_lines(out, 3, process)
     workers = workers_of(process)
     assert len(workers) == 2
+    os.kill(workers[0], signal.SIGKILL)
+    wait_for_lines(out, len(lines(out)) + 3, process)
+    workers = workers_of(process)
     process.kill()
     process.communicate()
     wait_for_end(workers)
+    done = [json.loads(line) for line in (out / "results.jsonl").read_text().splitlines()]
+    assert {line["status"] for line in done} == {"done"}
+    assert len(batch([many], out).done) == len(contents(out)) == 40
+    assert not list(out.glob(".*"))

@@ -9,7 +9,7 @@ import pytest
 from batches import ROOT, write_surfaces
 from typer.testing import CliRunner
 
-from cdcp_igl.command_line import batches, tables
+from cdcp_igl.command_line import batches, screen
 from cdcp_igl.command_line.program import app
 
 
@@ -52,7 +52,7 @@ def test_long_tables_have_the_worst_and_the_failures(scans, tmp_path, monkeypatc
 
 def test_the_table_is_whole_on_a_narrow_terminal(scans, tmp_path, monkeypatch):
     (scans / "surface_000.npz").rename(scans / f"{'surface_' * 4}.npz")
-    monkeypatch.setattr(tables, "PIPE", 30)
+    monkeypatch.setattr(screen, "PIPE", 30)
     rows = invoke(scans, tmp_path / "maps").stdout.splitlines()
     assert rows[0].split()[:3] == ["surface", "vertices", "mean"]
     first, second = (row.split() for row in rows[6:8])

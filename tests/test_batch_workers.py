@@ -1,25 +1,22 @@
 """Workers of a batch that die, hang and grow, and those of others."""
 
-import json
 import multiprocessing
 import os
 import struct
-import subprocess
-import sys
-import time
 import zipfile
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from datetime import datetime
+from itertools import pairwise
 from pathlib import Path
 
 import meshes
 import numpy as np
 import pytest
-from batches import ROOT, WORKERS, command, contents, lines, write_surfaces
-from typer.testing import CliRunner
+from batches import ROOT, WORKERS, command, contents, invoke, lines, write_surfaces, write_torn
+from batches import batch as in_this_process
 
 from cdcp_igl.batching import batch, pool
-from cdcp_igl.batching.memory import memory_needed
-from cdcp_igl.command_line.program import app
+from cdcp_igl.batching.pool import memory_needed
 from cdcp_igl.reference.case import run_case
 
 
@@ -65,7 +62,7 @@ def test_a_worker_that_cannot_start(scans, tmp_path, monkeypatch):
     broken.mkdir()
     (broken / "numpy.py").write_text("raise ImportError('no numpy today')")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(broken), str(ROOT)]))
-    done = CliRunner().invoke(app, ["batch", str(scans), str(tmp_path / "maps"), "-q"])
+    done = invoke(scans, tmp_path / "maps", "-q")
     said = "no worker can be started: failed: ImportError: no numpy today\n"
     assert (done.exit_code, done.stderr) == (1, said)
     assert lines(tmp_path / "maps") == []
@@ -81,24 +78,13 @@ def test_files_where_the_user_works_are_no_modules(scans, tmp_path, monkeypatch)
 
 
 def test_large_surfaces_wait_for_each_other(scans, tmp_path, monkeypatch):
-    running, most = set(), []
-
-    class Watched(pool._Worker):
-        def begin(self, task):
-            running.add(task.name)
-            most.append(len(running))
-            super().begin(task)
-
-    monkeypatch.setattr(pool, "_Worker", Watched)
-
-    def finished(done, failed, total):
-        for line in lines(tmp_path / "maps"):
-            running.discard(line["name"])
-
-    monkeypatch.setattr(pool, "available_memory", lambda: 1000.0 * 2**20)
-    monkeypatch.setattr(pool, "memory_needed", lambda path: 600.0)
-    assert len(batch([scans], tmp_path / "maps", jobs=3, progress=finished).done) == 5
-    assert max(most) == 1
+    monkeypatch.setattr(pool, "available_memory", lambda: 100 * 2**20)
+    made = batch([scans], tmp_path / "maps", jobs=3)
+    assert len(made.done) == 5
+    ends = [datetime.fromisoformat(record.finished).timestamp() for record in made.done]
+    spans = sorted((end - r.seconds, end) for end, r in zip(ends, made.done, strict=True))
+    for (_, end), (start, _) in pairwise(spans):
+        assert end <= start
 
 
 @pytest.mark.parametrize("suffix", ["npz", "obj", "off", "ply", "stl"])
@@ -110,8 +96,8 @@ def test_the_memory_is_guessed_from_above(tmp_path, suffix):
     else:
         trimesh = pytest.importorskip("trimesh")
         trimesh.Trimesh(V, F, process=False).export(path)
-    least = memory_needed(str(tmp_path / "missing.obj"))
-    assert least + 2000 * 1e-3 < memory_needed(str(path)) < least + 2000 * 1e-2
+    least = memory_needed(tmp_path / "missing.obj")
+    assert least + 2000 * 1e-3 < memory_needed(path) < least + 2000 * 1e-2
 
 
 def test_odd_archives_are_failures_of_their_own(scans, tmp_path):
@@ -130,8 +116,8 @@ def test_odd_archives_are_failures_of_their_own(scans, tmp_path):
         archive.writestr("V.npy", bytes(1000))
     data = (scans / "packed.npz").read_bytes()
     (scans / "packed.npz").write_bytes(data[:35] + b"\xff" + data[36:])
-    done = command(scans, tmp_path / "maps")
-    assert (done.returncode, done.stderr) == (4, "")
+    done = invoke(scans, tmp_path / "maps")
+    assert (done.exit_code, done.stderr) == (4, "")
     said = {line["name"]: line["error"] for line in lines(tmp_path / "maps") if line["error"]}
     assert said == dict.fromkeys(["none", *headers, "packed"], "MeshError")
     assert len(contents(tmp_path / "maps")) == 5
@@ -140,14 +126,13 @@ def test_odd_archives_are_failures_of_their_own(scans, tmp_path):
 # -- executors -------------------------------------------------------------------------
 
 
-def test_any_executor(scans, tmp_path):
-    batch([scans], tmp_path / "whole")
-    for number, kind in enumerate((ThreadPoolExecutor, ProcessPoolExecutor)):
-        with kind(2) as executor:
-            made = batch([scans], tmp_path / f"maps{number}", executor=executor)
-        assert len(made.done) == 5
-        assert contents(tmp_path / f"maps{number}") == contents(tmp_path / "whole")
-        assert not list((tmp_path / f"maps{number}").glob(".*"))
+def test_the_processes_of_an_executor(scans, tmp_path):
+    in_this_process([scans], tmp_path / "whole")
+    with ProcessPoolExecutor(2) as executor:
+        made = batch([scans], tmp_path / "maps", executor=executor)
+    assert len(made.done) == 5
+    assert contents(tmp_path / "maps") == contents(tmp_path / "whole")
+    assert not list((tmp_path / "maps").glob(".*"))
 
 
 @pytest.mark.usefixtures("unruly")
@@ -184,7 +169,7 @@ def cluster(unruly):
 
 def test_dask(scans, tmp_path, cluster):
     write_unruly(scans, "once", "kill", "chatty")
-    np.savez(scans / "torn.npz", V=meshes.grid()[0], F=meshes.grid()[1][1:-30])
+    write_torn(scans / "torn.npz")
     batch([scans], tmp_path / "whole", jobs=2)
     with cluster.get_client() as client:
         made = batch([scans], tmp_path / "maps", executor=client)
@@ -193,37 +178,10 @@ def test_dask(scans, tmp_path, cluster):
     assert said == {"kill_x": ("Crash", "the worker died (3 times)")}
     assert len(made.done) == 7
     assert contents(tmp_path / "maps") == contents(tmp_path / "whole")
-    deadline = time.monotonic() + 60  # Dask does again what it has lost, and may still be at it
-    while list((tmp_path / "maps").glob(".*")) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    assert not list((tmp_path / "maps").glob(".*"))
-
-
-def test_a_scheduler_started_by_hand(scans, tmp_path):
-    pytest.importorskip("distributed")
-    batch([scans], tmp_path / "whole")
-    file = tmp_path / "scheduler.json"
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": ROOT}
-    dask = [sys.executable, "-m", "dask"]
-    options = ["--scheduler-file", str(file), "--no-dashboard"]
-    started = [
-        subprocess.Popen([*dask, *arguments, *options], **quiet)
-        for arguments in (["scheduler", "--port", "0"], ["worker", "--nworkers=2", "--nthreads=1"])
-    ]
-    try:
-        deadline = time.monotonic() + 60
-        while not (file.exists() and file.read_text().endswith("}")):
-            assert time.monotonic() < deadline
-            time.sleep(0.1)
-        address = json.loads(file.read_text())["address"]
-        done = command(scans, tmp_path / "maps", "--scheduler", address)
-    finally:
-        for process in reversed(started):
-            process.terminate()
-            process.wait(30)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "5 of 5 surfaces mapped" in done.stdout
-    assert contents(tmp_path / "maps") == contents(tmp_path / "whole")
+    assert not list(tmp_path.glob("*/.*"))
+    done = invoke(scans / "torn.npz", tmp_path / "one", "--scheduler", cluster.scheduler_address)
+    assert (done.exit_code, done.stderr) == (4, "")
+    assert "0 of 1 surface mapped" in done.stdout
 
 
 def test_no_scheduler(scans, tmp_path, monkeypatch):

@@ -3,6 +3,7 @@
 import re
 import sys
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from benchmarks.measure.peers import PEERS
 from benchmarks.records.comparison import paired, profiles, summary
 from benchmarks.records.results import Section
 from benchmarks.records.store import Work, read_results
-from benchmarks.write.comparisons import peer_tables
+from benchmarks.write.sections import peer_tables
 from cdcp_igl import angle_distortion, check, datasets
 from cdcp_igl.certificate import certify
 from cdcp_igl.reference import harmonic
@@ -233,7 +234,7 @@ def test_what_is_compared(means, others, counts):
 
 def test_patches_are_disks_and_the_same_each_time(monkeypatch):
     monkeypatch.delenv("CDCP_IGL_DATA", raising=False)
-    first, again = models.find(["patches:3"]), models.patches(3)
+    first, again = models.find(["patches:3"]), list(islice(models.patches(), 3))
     assert [model.name for model in first] == [model.name for model in again]
     for one, other in zip(first, again, strict=True):
         assert check(*one.load()).is_disk

@@ -27,7 +27,7 @@ def test_a_row_for_each_surface_by_class(tmp_path):
 
 
 def test_surfaces_that_are_missing_are_told_with_what_to_do(tmp_path, monkeypatch):
-    for command in ("surfaces", "punctures", "solvers"):
+    for command in ("surfaces", "punctures"):
         assert "'/nope' does not exist" in refused(command, "/nope")
     for command in ("surfaces", "punctures"):
         assert "give another folder" in refused(command, tmp_path)

@@ -1,14 +1,18 @@
 """Every way in which the input can fail to be a disk."""
 
+import re
 import subprocess
 import sys
 
 import meshes
 import numpy as np
 import pytest
+from typer.main import get_command
 
 import cdcp_igl
-from cdcp_igl.surface.defects import CUT, MENDED
+from cdcp_igl.command_line.program import app
+from cdcp_igl.defects import DEFECTS
+from cdcp_igl.io import read_mesh
 from cdcp_igl.surface.mesh import DiskMesh
 
 NASTY = pytest.mark.parametrize("case", meshes.NASTY.values(), ids=meshes.NASTY.keys())
@@ -47,6 +51,54 @@ def test_no_nasty_mesh_crashes_the_interpreter():
         "        except ValueError: pass\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+
+
+def read_file(folder, name, text):
+    """What is said of a file."""
+    path = folder / name
+    path.write_text(text)
+    read_mesh(path)
+
+
+def raised_outside_of_check(folder):
+    """Calls that find the defects that are not those of a surface."""
+    V, F = meshes.grid()
+    flat = [[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]
+    yield lambda: cdcp_igl.clean(*flat)
+    yield lambda: cdcp_igl.cut(V, F, path=[0, 2])
+    yield lambda: cdcp_igl.angle_distortion(V, F, np.full((len(V), 2), np.nan))
+    yield lambda: DiskMesh(V, F).moved(V[:-1])
+    np.savez(folder / "columns.npz", V=V.T, F=F.T)
+    yield lambda: read_mesh(folder / "columns.npz")
+    yield lambda: read_mesh(folder)
+    yield lambda: read_mesh("mesh\0.obj")
+    yield lambda: read_file(folder, "mesh.txt", "")
+    yield lambda: read_file(folder, "mesh.off", "3 1 0\n")
+    yield lambda: read_file(folder, "mesh.obj", "v 0 0 0\nv 1 0 0\nf 1 2\n")
+
+
+def test_every_row_of_the_table_is_raised(tmp_path):
+    found = set()
+    for _, V, F, _ in meshes.NASTY.values():
+        found |= {(defect.name, defect.remedy) for defect in cdcp_igl.check(V, F).defects}
+    for call in raised_outside_of_check(tmp_path):
+        with pytest.raises(cdcp_igl.MeshError) as raised:
+            call()
+        found |= {(defect.name, defect.remedy) for defect in raised.value.defects}
+    missing = {
+        key for key, row in DEFECTS.items() if (key.partition(", ")[0], row.remedy) not in found
+    }
+    # A missing file is an OSError, of which `check --json` makes a defect; Windows has no FIFO.
+    assert missing == {"unreadable file", "unreadable file, a device"}
+
+
+@pytest.mark.parametrize("row", DEFECTS.values(), ids=DEFECTS)
+def test_commands_in_the_remedies_exist(row):
+    commands = get_command(app).commands
+    for command, option in re.findall(r"cdcp-igl (\w+)(?: (--[a-z]+))?", row.in_shell):
+        options = [name for parameter in commands[command].params for name in parameter.opts]
+        assert option in ["", *options]
+    assert "cdcp_igl" not in row.in_shell
 
 
 def test_several_defects_are_all_reported():
@@ -210,9 +262,9 @@ def test_the_next_step_is_one_that_works(case):
 def test_what_clean_mends_is_said_in_the_remedy(case):
     _, V, F, _ = case
     for defect in cdcp_igl.check(V, F).defects:
-        if defect.name in MENDED:
+        if DEFECTS[defect.name].cleaned:
             assert "cdcp_igl.clean" in defect.remedy
-        if defect.name in CUT:
+        if DEFECTS[defect.name].cut:
             assert "cdcp_igl.cut" in defect.remedy or "cdcp_igl.surface_map" in defect.remedy
 
 

@@ -37,7 +37,7 @@ def assert_disks(F, n, given):
         assert len(component.loops) == 1
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(RANDOM)
 def test_every_component_becomes_a_disk_and_glues_back(mesh):
     V, F = mesh
@@ -65,29 +65,18 @@ def open_edges(F, F_cut):
     return np.array(edges, dtype=np.int64).reshape(-1, 2)
 
 
-@settings(max_examples=25)
-@given(RANDOM, st.integers(0, 10_000))
-def test_numbering_and_unit_do_not_change_what_is_cut(mesh, seed):
+@settings(max_examples=10)
+@given(RANDOM, st.sampled_from([2.0**-600, 1024.0, 2.0**600]))
+def test_the_unit_does_not_change_what_is_cut(mesh, scale):
     V, F = mesh
-    cut = cdcp_igl.cut(V, F)
-    larger = cdcp_igl.cut(1024 * V, F)
-    np.testing.assert_array_equal(larger.F, cut.F)
-    assert larger.length == 1024 * cut.length
+    cut, scaled = cdcp_igl.cut(V, F), cdcp_igl.cut(scale * V, F)
+    np.testing.assert_array_equal(scaled.F, cut.F)
+    assert scaled.length == scale * cut.length
 
 
-@pytest.mark.parametrize("name", ["disk", "sphere", "torus", "tube"])
-def test_number_of_vertices_after_the_cut(name):
-    V, F = {
-        "disk": meshes.grid(),
-        "sphere": surfaces.sphere(),
-        "torus": surfaces.torus(),
-        "tube": surfaces.tube(),
-    }[name]
-    cut = cdcp_igl.cut(V, F)
-    # By Euler's formula; a sphere keeps the two ends of its slit.
-    characteristic = {"disk": 1, "sphere": 2, "torus": 0, "tube": 0}[name]
-    assert len(cut.V) - len(V) == len(cut.edges) + 1 - characteristic
-    assert (len(cut.edges) == 0) == (name == "disk")
+def test_a_disk_is_not_cut():
+    V, F = meshes.grid()
+    np.testing.assert_array_equal(cdcp_igl.cut(V, F).F, F)
 
 
 def test_a_torus_is_cut_along_its_two_shortest_loops():
@@ -120,7 +109,7 @@ def test_a_long_sphere_is_cut_from_tip_to_tip():
     np.testing.assert_allclose(np.sort(V[ends[count == 1], 2]), [-3, 3], atol=0.1)
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(st.integers(0, 10_000))
 def test_straightening_lowers_what_a_flat_map_has_to_bend(seed):
     V, F = surfaces.voxels(seed, size=3, share=0.6)
@@ -131,8 +120,7 @@ def test_straightening_lowers_what_a_flat_map_has_to_bend(seed):
     opened = straighten(first)
     before, after = (o.bend + o.component.length[o.cut_edges].sum() for o in (first, opened))
     assert after <= before
-    assert opened.euler_characteristic == 1
-    assert opened.loop.max() == 0
+    assert_disks(opened.F, opened.n, F)
 
 
 def test_the_bend_of_a_path_is_what_it_adds():
@@ -157,7 +145,7 @@ def test_the_bend_of_a_path_is_what_it_adds():
         left, around = angle_to(ray, half), uncut.angle_sum[surface.tail[half]]
         expected += abs(left - np.pi) + abs(around - left - np.pi) - abs(around - flat)
     assert opened.bend - uncut.bend == pytest.approx(expected)
-    assert opened.euler_characteristic == uncut.euler_characteristic + 1
+    assert Topology(opened.F, opened.n).euler_characteristic == 2
 
 
 # -- a path that is given --------------------------------------------------------------
@@ -215,27 +203,9 @@ def test_a_moebius_strip_can_be_cut_across():
 # -- what is refused -------------------------------------------------------------------
 
 
-def test_faces_turned_over_are_refused_with_their_rows():
-    V, F = surfaces.torus()
-    F[[3, 50]] = F[[3, 50], ::-1]
-    with pytest.raises(cdcp_igl.MeshError, match="surface_map do") as raised:
-        cdcp_igl.cut(V, F)
-    assert raised.value.defect == "inconsistent orientation"
-    np.testing.assert_array_equal(raised.value.indices, [3, 50])
-
-
-def test_a_klein_bottle_is_refused_with_its_rows():
-    V, F = surfaces.klein_bottle()
-    W, G = surfaces.torus()
-    with pytest.raises(cdcp_igl.MeshError) as raised:
-        cdcp_igl.cut(np.vstack([W, V]), np.vstack([G, F + len(W)]))
-    assert raised.value.defect == "not orientable"
-    np.testing.assert_array_equal(raised.value.indices, len(G) + np.arange(len(F)))
-
-
 @pytest.mark.parametrize("name", meshes.NASTY)
 def test_nasty_meshes_are_cut_or_refused(name):
-    defect, V, F, _ = meshes.NASTY[name]
+    defect, V, F, rows = meshes.NASTY[name]
     cuttable = {
         "unreferenced vertex",
         "non-manifold edge",
@@ -255,6 +225,8 @@ def test_nasty_meshes_are_cut_or_refused(name):
         with pytest.raises(cdcp_igl.MeshError) as raised:
             cdcp_igl.cut(V, F)
         assert raised.value.defect == defect
+        if defect != "not orientable":  # which is said of all faces
+            np.testing.assert_array_equal(raised.value.indices, rows)
 
 
 def test_the_input_is_not_changed():

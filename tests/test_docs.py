@@ -5,7 +5,6 @@ import importlib
 import inspect
 import re
 import runpy
-import sys
 from pathlib import Path
 
 import matplotlib as mpl
@@ -25,8 +24,6 @@ PUBLIC = (
 )
 NOT_CALLED = {
     "MapRow",  # a type
-    "remove_stale",  # for the command line
-    "whole_file",
 }
 
 
@@ -86,21 +83,15 @@ def test_code_on_the_pages(page):
     assert runner.run(test).failed == 0
 
 
-def test_every_defect_is_in_the_table_of_errors(monkeypatch):
-    monkeypatch.setattr(sys, "path", [str(DOCS / "extensions"), *sys.path])
-    from error_tables import mesh_errors
-
-    sources = "\n".join(path.read_text() for path in (ROOT / "cdcp_igl").rglob("*.py"))
-    named = set(re.findall(r'\bDefect\(\s*f?"([^"]+)"', sources))
-    named = {re.sub(r"\{.*\}", "V", name) for name in named}
-    assert len(named) > 15
-    # Of a file, and of uv, whose shape is checked by its own ValueError before.
-    named |= {"unreadable file"}
-    assert {error.defect for _, error in mesh_errors()} == named
+# -- pages that are generated ----------------------------------------------------------
 
 
-def test_every_bad_option_in_the_table_is_refused(monkeypatch):
-    monkeypatch.setattr(sys, "path", [str(DOCS / "extensions"), *sys.path])
+@pytest.fixture
+def extensions(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS / "extensions"))
+
+
+def test_every_bad_option_in_the_table_is_refused(extensions):
     from error_tables import CALLS, option_errors
 
     assert len(list(option_errors())) == len(CALLS)
@@ -118,3 +109,32 @@ def test_links_are_checked(tmp_path):
         assert len(list(complaints(tmp_path))) == n
     (tmp_path / "style.css").write_text("@import url('https://c.org/x.css')")
     assert len(list(complaints(tmp_path))) == len(bad) + 1
+
+
+def test_every_equation_has_its_places(extensions):
+    from places import NOT_CITED, PACKAGE, equations
+
+    for number, places in equations().items():
+        assert bool(places) == (number not in NOT_CITED), number
+        for file, line, _ in places:
+            text = (PACKAGE / file).read_text(encoding="utf-8").splitlines()[line - 1]
+            assert re.search(r"\(\d+\)", text)
+    steps = {file for places in equations().values() for file, _, _ in places}
+    for name in ("center", "trace", "zipper", "extension", "mobius"):
+        assert f"steps/{name}.py" in steps
+
+
+def test_every_public_name_has_its_file(extensions):
+    from places import PACKAGE, public_names
+
+    found = {name: (file, line) for name, file, line in public_names()}
+    assert set(found) >= {"cdcp_igl.disk_map", "cdcp_igl.io.READABLE", "cdcp_igl.reference.fdcp"}
+    for name, (file, line) in found.items():
+        text = (PACKAGE / file).read_text(encoding="utf-8").splitlines()[line - 1]
+        assert name.rpartition(".")[2] in text or line == 1
+
+
+def test_the_picture_of_the_way_names_files_that_are_there(extensions):
+    import flow
+
+    assert flow.missing() == []

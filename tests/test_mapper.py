@@ -40,8 +40,8 @@ def test_timings_are_of_what_was_done():
     mapper = DiskMapper(V, F)
     assert set(mapper.map().timings) == everything - ONCE
     assert set(mapper.map(mobius="area").timings) == everything - ONCE - HARMONIC
-    assert set(mapper.map(center="centroid").timings) == everything - ONCE
-    refined = set(mapper.map(center="centroid", refine=1).timings)
+    assert set(mapper.map(center="heat").timings) == everything - ONCE
+    refined = set(mapper.map(center="heat", refine=1).timings)
     assert refined == everything - ONCE - HARMONIC | {"refine", "repair"}
 
 

@@ -15,9 +15,10 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 # From the ground up; a folder stands for its modules. Those of one floor may use one another.
 FLOORS = (
-    {"arrays"},
+    {"arrays", "cached"},
+    {"defects"},
     {"errors", "printing"},
-    {"libigl", "extras"},
+    {"libigl", "extras", "processes"},
     {"surface"},
     {"certificate", "distortion"},
     {"io", "plot"},

@@ -6,12 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from cdcp_igl.reference import (
-    Dirichlet,
-    beltrami_coefficient,
-    generalized_laplacian,
-    linear_beltrami_solver,
-)
+from cdcp_igl.reference import beltrami_coefficient
+from cdcp_igl.reference.beltrami import generalized_laplacian, linear_beltrami_solver
+from cdcp_igl.reference.dirichlet import Dirichlet
 from cdcp_igl.solve.laplacian import cotangent_laplacian
 from cdcp_igl.surface.mesh import DiskMesh
 

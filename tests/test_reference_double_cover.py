@@ -6,8 +6,8 @@ import pytest
 
 import cdcp_igl
 from cdcp_igl.algorithm import Steps, algorithm_1
-from cdcp_igl.reference import double_cover, double_cover_trace
-from cdcp_igl.reference.doubled import doubled_faces, doubled_laplacian
+from cdcp_igl.reference import double_cover
+from cdcp_igl.reference.doubled import double_cover_trace, doubled_faces, doubled_laplacian
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.laplacian import cotangent_laplacian
 from cdcp_igl.steps.center import central_face

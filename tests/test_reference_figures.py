@@ -9,7 +9,6 @@ from cdcp_igl import angle_distortion
 from cdcp_igl.certificate import certify
 from cdcp_igl.reference import (
     METHODS,
-    Dirichlet,
     beltrami_coefficient,
     fdcp,
     harmonic,
@@ -17,6 +16,7 @@ from cdcp_igl.reference import (
     lscm,
     spectral,
 )
+from cdcp_igl.reference.dirichlet import Dirichlet
 from cdcp_igl.reference.fast import _best_edge_to_one, _north_step
 from cdcp_igl.rescue.boundary import arc_length_map
 from cdcp_igl.solve.laplacian import cotangent_laplacian

@@ -9,9 +9,7 @@ from textwrap import dedent
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from benchmarks.commands import app
 from cdcp_igl import DiskMapper, datasets, disk_map
 from cdcp_igl.solve.solvers import SOLVERS, solver, using
 
@@ -176,24 +174,3 @@ def test_memory_that_is_too_small_is_a_solver_error(name):
 def test_no_room_for_the_buffers_of_blas_is_a_solver_error(name):
     """OpenBLAS would try for ever, or end the process."""
     assert "192 MB of address space" in error_in_little_memory(64, "A = sp.identity(3)", name)
-
-
-def test_the_benchmark_of_solvers_writes_its_table(tmp_path):
-    V, F = CAP
-    closed = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])
-    one_sided = np.array([[k, (k + 1) % 5, (k + 2) % 5] for k in range(5)])
-    for label, faces in (("cap", F), ("closed", closed), ("one-sided", one_sided)):
-        np.savez(tmp_path / f"{label}.npz", V=V[: faces.max() + 1], F=faces)
-    files = sorted(tmp_path.glob("*.npz"))
-    arguments = ["solvers", *files, "--rounds", 1, "--out", tmp_path / "table.md"]
-    done = CliRunner().invoke(app, [str(argument) for argument in arguments])
-    assert done.exit_code == 0
-    table = (tmp_path / "table.md").read_text("utf-8")
-    assert table == done.stdout
-    rows = [row.strip("| ").split(" | ") for row in table.splitlines()[-3:]]
-    assert {len(row) for row in rows} == {2 + len(SOLVERS) + 2}
-    cells = {row[0]: row[1:] for row in rows}
-    assert cells["one-sided"] == ["5", *"–––––"]  # has no map
-    assert "–" not in cells["cap"] + cells["closed"]
-    assert cells["cap"][0] == f"{len(V):,}"
-    assert float(cells["closed"][-1]) < 1e-9

@@ -38,16 +38,19 @@ def assert_consistent(result, V, F):
     assert result.shares.sum() == pytest.approx(1)
 
 
-@settings(max_examples=30)
-@given(RANDOM)
-def test_random_surfaces(mesh):
+@settings(max_examples=16)
+@given(RANDOM, st.integers(0, 1000), st.sampled_from([0, 0.3]))
+def test_flipped_faces_are_mapped_as_the_others(mesh, seed, share):
     V, F = mesh
-    result = cdcp_igl.surface_map(V, F)
-    assert_consistent(result, V, F)
+    flipped = np.random.default_rng(seed).random(len(F)) < share
+    given = np.where(flipped[:, None], F[:, ::-1], F)
+    result = cdcp_igl.surface_map(V, given)
+    assert_consistent(result, V, given)
     assert (result.face_disk >= 0).all()
-    oriented = np.concatenate([result.uv[:, k] - result.uv[:, 0] for k in (1, 2)], axis=1)
-    a, b, c, d = oriented.T
-    assert (a * d - b * c > 0).all()
+    (a, b), (c, d) = ((result.uv[:, k] - result.uv[:, 0]).T for k in (1, 2))
+    up = (a * d > b * c) ^ flipped
+    assert len(np.unique([result.face_disk, up], axis=1).T) == len(result.disks)
+    assert share or up.all()
 
 
 def test_duplicates_have_the_images_of_their_twins():
@@ -62,48 +65,22 @@ def test_duplicates_have_the_images_of_their_twins():
     assert len(result.cut.edges) == len(single.cut.edges)
 
 
-@pytest.mark.parametrize("scale", [1e-200, 1e200])
-def test_cuts_have_a_length_in_any_unit(scale):
-    V, F = surfaces.sphere()
-    lengths = [cdcp_igl.surface_map(V * s, F).cut.length for s in (1, scale)]
-    assert lengths[1] == pytest.approx(lengths[0] * scale)
-
-
-@settings(max_examples=15)
-@given(RANDOM, st.integers(0, 1000))
-def test_turned_faces_are_mapped_as_the_others(mesh, seed):
-    V, F = mesh
-    turned = np.random.default_rng(seed).random(len(F)) < 0.3
-    given = np.where(turned[:, None], F[:, ::-1], F)
-    plain = cdcp_igl.surface_map(V, F)
-    result = cdcp_igl.surface_map(V, given)
-    assert_consistent(result, V, given)
-    assert len(result.disks) == len(plain.disks)
-
-
-def test_a_disk_is_mapped_as_by_disk_map():
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"mobius": "area", "refine": 2, "center": "heat", "align": [1, 0, 0]},
+        {"solver": "scipy"},
+    ],
+)
+def test_a_disk_is_mapped_as_by_disk_map(options):
     V, F = meshes.grid()
-    result = cdcp_igl.surface_map(V, F, spread=np.inf)
-    expected = cdcp_igl.disk_map(V, F)
+    result = cdcp_igl.surface_map(V, F, spread=np.inf, **options)
+    expected = cdcp_igl.disk_map(V, F, **options)
     assert result.changes == ()
     assert_consistent(result, V, F)
     np.testing.assert_array_equal(result.uv, expected.uv[F])
     assert result.distortion.mean == pytest.approx(expected.distortion.mean)
-
-
-def test_options_are_those_of_disk_map():
-    V, F = meshes.grid()
-    options = {"mobius": "area", "refine": 2, "center": "heat", "align": [1, 0, 0]}
-    result = cdcp_igl.surface_map(V, F, spread=np.inf, **options)
-    np.testing.assert_array_equal(result.uv, cdcp_igl.disk_map(V, F, **options).uv[F])
-
-
-@pytest.mark.parametrize("solver", ["scipy", "cvxopt"])
-def test_any_solver_maps_a_surface(solver):
-    V, F = surfaces.torus()
-    result = cdcp_igl.surface_map(V, F, solver=solver)
-    assert_consistent(result, V, F)
-    np.testing.assert_allclose(result.uv, cdcp_igl.surface_map(V, F).uv, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -132,7 +109,7 @@ def test_refinement_comes_after_growth():
     assert refined.disks[0].refinement.steps == 6
 
 
-# -- what is mended --------------------------------------------------------------------
+# -- what is repaired ------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", meshes.NASTY)
@@ -163,11 +140,7 @@ BAD_ARRAYS = {
 
 
 def test_everything_at_once_is_said():
-    V, F = surfaces.torus()
-    (
-        W,
-        G,
-    ) = surfaces.tube(n=8)
+    (V, F), (W, G) = surfaces.torus(), surfaces.tube(n=8)
     n = len(V)
     F = np.vstack([F, G + n, F[5], [[0, 0, 1]], [[n, n + 1, n + 1]]])
     V = np.vstack([V, W, [[np.nan, 0, 0]]])  # which no face uses
@@ -186,39 +159,26 @@ def test_everything_at_once_is_said():
 
 
 def test_a_klein_bottle_is_refused():
-    with pytest.raises(cdcp_igl.MeshError) as raised:
-        cdcp_igl.surface_map(*surfaces.klein_bottle())
-    assert raised.value.defect == "not orientable"
-    assert len(raised.value.indices) == 160
-
-
-def test_a_one_sided_part_is_named_by_the_rows_that_were_given():
-    """Faces that are left out before count as well."""
-    V, F = surfaces.klein_bottle()
+    """By the rows that were given, whatever is left out, and without the other components."""
+    (V, F), (W, G) = surfaces.torus(), surfaces.klein_bottle()
     with pytest.raises(cdcp_igl.MeshError, match="one-sided") as raised:
-        cdcp_igl.surface_map(V, np.vstack([[0, 0, 1], F]))
-    np.testing.assert_array_equal(raised.value.indices, 1 + np.arange(len(F)))
+        cdcp_igl.surface_map(np.vstack([V, W]), np.vstack([[0, 0, 1], F, G + len(V)]))
+    assert raised.value.defect == "not orientable"
+    np.testing.assert_array_equal(raised.value.indices, 1 + len(F) + np.arange(len(G)))
 
 
-def test_progress_goes_from_0_to_1():
-    V, F = surfaces.torus()
-    seen = []
-    two = np.vstack([V, V + 5]), np.vstack([F, F + len(V)])
-    cdcp_igl.surface_map(*two, progress=lambda phase, done: seen.append((phase, done)))
-    fractions = [done for _, done in seen]
-    assert seen[-1] == ("done", 1.0)
-    assert max(fractions[: len(seen) // 3]) < 0.6
-    assert 0 <= min(fractions) <= max(fractions) <= 1
-    assert [phase for phase, _ in seen].count("done") == 1
-
-
-def test_progress_never_goes_back_while_a_cut_grows():
+def test_progress_never_goes_back():
+    """Neither from one component to the next, nor while a cut grows."""
     seen = []
     V, F = surfaces.tube(n=80, k=16, length=16)
-    cdcp_igl.surface_map(V, F, progress=lambda phase, done: seen.append((phase, done)))
-    fractions = [done for _, done in seen]
-    assert [phase for phase, _ in seen].count("factor") > 1
-    assert fractions == sorted(fractions)
+    two = np.vstack([V, V + 20]), np.vstack([F, F + len(V)])
+    cdcp_igl.surface_map(*two, progress=lambda phase, done: seen.append((phase, done)))
+    phases, fractions = zip(*seen, strict=True)
+    assert phases.count("factor") > 2
+    assert list(fractions) == sorted(fractions)
+    assert 0 <= fractions[0] <= fractions[len(seen) // 2 - 1] <= 0.5
+    assert seen[-1] == ("done", 1.0)
+    assert phases.count("done") == 1
 
 
 # -- holes and growth ------------------------------------------------------------------
@@ -237,10 +197,9 @@ def punched(V, F, holes):
     return V, F[~gone]
 
 
-@pytest.mark.parametrize("name", ["chinese_lion_17334", "human_face_17157"])
 @pytest.mark.parametrize("holes", [0.001, 0.01, 0.05])
-def test_filled_holes_distort_less_than_cuts_to_them(name, holes, real_mesh):
-    V, F = punched(*real_mesh(name), holes)
+def test_filled_holes_distort_less_than_cuts_to_them(holes, real_mesh):
+    V, F = punched(*real_mesh("chinese_lion_17334"), holes)
     filled = cdcp_igl.surface_map(V, F)
     cut = cdcp_igl.surface_map(V, F, fill=False)
     assert len(filled.cut.edges) == 0 < len(cut.cut.edges)
@@ -301,7 +260,7 @@ def test_packing_is_not_wasteful(count):
     assert np.pi * (radii**2).sum() > 0.35
 
 
-@settings(max_examples=10)
+@settings(max_examples=2)
 @given(st.integers(0, 10_000))
 def test_packed_corners_lie_in_the_square_by_area(seed):
     V, F = surfaces.voxels(seed, size=4, share=0.15)
@@ -320,23 +279,14 @@ def test_packed_corners_lie_in_the_square_by_area(seed):
 # -- real surfaces ---------------------------------------------------------------------
 
 
-def test_armadillo_is_cut_in_the_time_of_a_map(real_mesh):
-    V, F = real_mesh("any/closed_armadillo_43243")
-    result = cdcp_igl.surface_map(V, F)
-    assert_consistent(result, V, F)
-    assert result.distortion.mean < 1.7
-
-
 @pytest.mark.parametrize(
     ("name", "mean"),
     [
         ("closed_spot_2930", 3.6),
-        ("closed_maxplanck_12556", 1.6),
         ("closed_hippocampus_6002", 1.4),
         ("handles_kitten_10000", 1.6),
         ("handles_motherchild_5000", 3.2),
         ("handles_3holes_3596", 2.8),
-        ("loops_beetle_19887", 1.0),
         ("loops_legohead_4179", 2.5),
         ("defects_bunny_6164", 2.8),
     ],

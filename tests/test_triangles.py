@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from cdcp_igl.distortion import angle_distortion
-from cdcp_igl.surface.defects import degenerate_faces
-from cdcp_igl.surface.triangles import corner_cotangents, face_areas
+from cdcp_igl.surface.triangles import corner_cotangents, degenerate_faces, face_areas
 
 EPS = np.finfo(float).eps
 COUNT = 40  # placements of each shape

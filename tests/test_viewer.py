@@ -12,7 +12,6 @@ from browser import SOFTWARE_WEBGL, chromium
 from meshes import grid
 
 import cdcp_igl
-from cdcp_igl.plot.viewer import _rim_and_cut
 
 pytest.importorskip("selenium")
 OFFLINE = {"offline": True, "latency": 0, "downloadThroughput": 0, "uploadThroughput": 0}
@@ -51,18 +50,23 @@ def contents(html):
 # -- what is in it ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("shuffled", [False, True])
-def test_the_data_are_the_map_to_16_bits(bumps, shuffled):
+def shuffled(V, F):
+    """The same surface, vertices and faces in disorder."""
+    rng = np.random.default_rng(0)
+    new = rng.permutation(len(V))
+    W = np.empty_like(V)
+    W[new] = V
+    return W, new[F][rng.permutation(len(F))]
+
+
+@pytest.mark.parametrize("disorder", [False, True])
+def test_the_data_are_the_map_to_16_bits(bumps, disorder):
     V, F, result = bumps
-    if shuffled:
-        rng = np.random.default_rng(0)
-        new = rng.permutation(len(V))
-        W, G = np.empty_like(V), new[F][rng.permutation(len(F))]
-        W[new] = V
-        result = cdcp_igl.disk_map(W, G)
-        V, F = W, G
+    if disorder:
+        V, F = shuffled(V, F)
+        result = cdcp_igl.disk_map(V, F)
     about, arrays = contents(result.view_html())
-    assert ("faceOrder" in arrays) == shuffled
+    assert ("faceOrder" in arrays) == disorder
     vertices = arrays.get("vertexOrder", np.arange(len(V)))
     faces = arrays.get("faceOrder", np.arange(len(F)))
     assert (np.sort(vertices) == np.arange(len(V))).all()
@@ -85,22 +89,22 @@ def test_the_data_are_the_map_to_16_bits(bumps, shuffled):
 
 
 def test_edges_that_lie_in_one_place_are_cuts():
-    V = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
-    opened = V[[0, 1, 2, 1, 3, 2]], np.array([[0, 1, 2], [3, 4, 5]])  # cut along 1-2
-    rim, cut = _rim_and_cut(*opened)
-    assert sorted(map(tuple, rim)) == [(0, 1), (2, 0), (3, 4), (4, 5)]
-    assert sorted(map(tuple, cut)) == [(1, 2), (5, 3)]
+    V, F = grid(5, 5)
+    result = cdcp_igl.surface_map(V, np.delete(F, 9, axis=0), fill=False)
+    _, arrays = contents(result.view_html())
+    order = arrays.get("vertexOrder", np.arange(len(result.cut.V)))
+    given = result.cut.vertex_index
+    rim, cut = (given[order[arrays[name].reshape(-1, 2)]] for name in ("rim", "cut"))
+    assert len(rim) == 16 + 3
+    found = {tuple(sorted(edge)) for edge in cut.tolist()}
+    assert found == set(map(tuple, result.cut.edges.tolist()))
+    assert len(cut) == 2 * len(found) > 0
 
 
 def test_the_file_is_small(real_mesh):
-    """At most 1.5 MiB for 50,000 vertices, in whatever order."""
-    V, F = real_mesh("human_brain_48463")
-    rng = np.random.default_rng(0)
-    new = rng.permutation(len(V))
-    W = np.empty_like(V)
-    W[new] = V
-    for mesh in ((V, F), (W, new[F][rng.permutation(len(F))])):
-        assert len(cdcp_igl.disk_map(*mesh).view_html()) < 1.5 * 2**20
+    """At most 1.5 MiB for 50,000 vertices, even in disorder."""
+    mesh = shuffled(*real_mesh("human_brain_48463"))
+    assert len(cdcp_igl.disk_map(*mesh).view_html()) < 1.5 * 2**20
 
 
 def test_equal_maps_have_equal_pages_that_need_nothing(bumps, page):
@@ -264,12 +268,13 @@ def test_hovering_marks_the_face_that_invert_finds(opened, bumps, page):
     middle = (V.min(axis=0) + V.max(axis=0)) / 2
     radius = np.linalg.norm(V - middle, axis=1).max()
     home = np.reshape(about["home"], (3, 3))
-    for z in (0.1 + 0.2j, -0.55 + 0.3j, 0.2 - 0.8j):
+    for face in result.invert([[0.1, 0.2], [-0.55, 0.3], [0.2, -0.8]])[0]:
+        z = complex(*result.uv[F[face]].mean(axis=0))
         there = scale(opened, "plane", 0.92) * z * turn
         point_at(opened, "plane", there.real, -there.imag)
         # The pointer stands on whole pixels: where that is in the disk.
         at = complex(round(there.real), round(there.imag)) / scale(opened, "plane", 0.92) / turn
-        face, barycentric = result.invert([at.real, at.imag])
+        _, barycentric = result.invert([at.real, at.imag])
         assert find(opened, "#readout").get_attribute("data-face") == str(face)
         assert abs(mark(opened, "plane") - [round(there.real), round(there.imag)]).max() < 1
         seen = (barycentric @ V[F[face]] - middle) @ home.T / radius

@@ -24,8 +24,6 @@ from cdcp_igl.surface.mesh import DiskMesh
 
 from .candidate import Candidate, Methods
 
-__all__ = ["ABLATIONS", "CENTERS", "TABLE"]
-
 TABLE = f"{__name__}:ABLATIONS"
 
 

@@ -10,8 +10,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
-__all__ = ["Candidate", "Methods", "of_ones_own"]
-
 
 @dataclass(frozen=True)
 class Candidate:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,8 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from cdcp_igl import MapError, MeshError, SolverError, angle_distortion
-from cdcp_igl.batching.executors import run_on
-from cdcp_igl.batching.shards import Shard, shard_of
+from cdcp_igl.batching.names import Shard, shard_of
 from cdcp_igl.reference.case import OK, TOO_LARGE, TOO_LONG, Case, run_case
 from cdcp_igl.solve.solvers import solver
 from cdcp_igl.surface.mesh import DiskMesh
@@ -23,8 +21,6 @@ from ..records.store import Work
 from .candidate import Candidate
 from .methods import COST
 from .models import Model, as_disk
-
-__all__ = ["Limits", "run"]
 
 STARTING = 50_000  # vertices on which CDCP takes as long as a process to start
 NOT_THERE = (OSError, ValueError, ImportError, MeshError, SolverError, MapError)
@@ -56,7 +52,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Measurement:
-    """A case to be measured, as `cdcp_igl.batching` runs it.
+    """A case to be measured.
 
     Attributes
     ----------
@@ -73,11 +69,6 @@ class Measurement:
     table: str
     limits: Limits
     work: Work
-
-    @property
-    def name(self) -> str:
-        """Tells it from the others."""
-        return " ".join(map(str, self.record.key))
 
     def run(self) -> Record:
         """Measure, in a process of its own."""
@@ -165,13 +156,19 @@ def run(
         done |= {record.key: record for record in missing if not record.ok}
         to_run = [Measurement(record, table, limits, work) for record in missing if record.ok]
         task = bar.add_task("", total=sum(_weight(one.record) for one in to_run))
-        marks = work.folder / f".{journal.path.stem}.attempts"
-        with closing(run_on(executor, to_run, marks)) as measured:
-            for number, record in enumerate(measured, 1):
-                journal.append(record)
+        measured = {executor.submit(one.run): one for one in to_run}
+        try:
+            for number, future in enumerate(as_completed(measured), 1):
+                try:
+                    record = future.result()
+                except Exception as error:
+                    record = measured[future].failed(type(error).__name__, str(error))
+                journal.append(record.line())
                 done[record.key] = record
                 text = f"{number}/{len(to_run)} {record.model}: {record.case.method}"
                 bar.update(task, advance=_weight(record), description=text)
+        finally:
+            executor.shutdown(cancel_futures=True)
     return [done[record.key] for record in plan]
 
 

@@ -83,7 +83,6 @@ def fuzz(
     answer = partial(examine, seed)
     rows = kept_answers(answer, requests, known_by, path, SECONDS, jobs, console)
     console.print(_outcomes(rows))
-    console.print(_distortions(rows))
     for name, means in (
         ("maps", [row.distortion for row in rows if _is_mapped(row)]),
         ("refined maps", [row.refined for row in rows if row.refine and _is_mapped(row)]),
@@ -114,34 +113,15 @@ def _is_mapped(row: Row) -> bool:
 
 
 def _outcomes(rows: list[Row]) -> Table:
-    """Count by outcome, or stage where there is a map, and by stretch."""
-    table = _by_stretch("Outcomes by stretch", "outcome", "not disks")
-    counts = Counter((row.outcome, _stretch_class(row)) for row in rows)
-    for outcome in sorted({row.outcome for row in rows}):
-        classes = [*STRETCHES, None]
-        table.add_row(outcome, *(f"{counts[outcome, c]:,}" for c in classes))
-    return table
-
-
-def _distortions(rows: list[Row]) -> Table:
-    """Median over the maps of their mean angular distortion, by stage and stretch."""
-    table = _by_stretch("Mean angular distortion, median over the maps, degrees", "stage", "all")
-    mapped = [row for row in rows if _is_mapped(row)]
-    stages = sorted({row.outcome for row in mapped})
-    for stage in [*stages, "all"]:
-        of_stage = [row for row in mapped if stage in (row.outcome, "all")]
-        classes = [[row for row in of_stage if _stretch_class(row) == c] for c in STRETCHES]
-        means = [[row.distortion for row in part] for part in (*classes, of_stage)]
-        table.add_row(stage, *(f"{np.median(part):.2f}" if part else "-" for part in means))
-    return table
-
-
-def _by_stretch(title: str, rows: str, last: str) -> Table:
-    table = Table(title=title)
-    table.add_column(rows, no_wrap=True)
+    """Count by outcome, or boundary method where there is a map, and by stretch."""
+    table = Table(title="Outcomes by stretch")
+    table.add_column("outcome", no_wrap=True)
     for limit in STRETCHES:
         table.add_column(f"to {limit:g}", justify="right")
-    table.add_column(last, justify="right")
+    table.add_column("not disks", justify="right")
+    counts = Counter((row.outcome, _stretch_class(row)) for row in rows)
+    for outcome in sorted({row.outcome for row in rows}):
+        table.add_row(outcome, *(f"{counts[outcome, c]:,}" for c in (*STRETCHES, None)))
     return table
 
 
@@ -252,7 +232,7 @@ def _patch(rng: np.random.Generator, V: Floats, F: Ints, graph: csr_matrix) -> t
     inside = near[F]
     # With all corners near there are many ears, with any corner near there are few.
     patch = F[inside.all(axis=1)] if rng.random() < 0.5 else F[inside.any(axis=1)]
-    V, F, _, _ = clean(V, patch if len(patch) else F[inside.any(axis=1)])
+    V, F = clean(V, patch if len(patch) else F[inside.any(axis=1)])[:2]
     return V, F
 
 

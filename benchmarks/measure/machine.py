@@ -19,8 +19,6 @@ import cdcp_igl
 from ..records.store import PACKAGES, ROOT, code
 from .peers import versions
 
-__all__ = ["MACHINE", "describe", "memory_mib", "pin_threads"]
-
 MACHINE = f"{os.cpu_count()}-core-{platform.machine()}"  # a neutral name of this machine
 # The last because CHOLMOD 3 asks OpenMP for four threads whatever the others say.
 POOLS = (

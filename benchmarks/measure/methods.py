@@ -16,13 +16,11 @@ from cdcp_igl import DiskMapper, cdcp, disk_map, reference
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.reference.case import Timed
 from cdcp_igl.solve.laplacian import cotangent_laplacian
-from cdcp_igl.solve.solvers import factorize
+from cdcp_igl.solve.solvers import SOLVERS, factorize
 from cdcp_igl.surface.mesh import DiskMesh
 
 from .candidate import Candidate, Methods
 from .peers import PEERS
-
-__all__ = ["COST", "METHODS", "TABLE", "maps"]
 
 TABLE = f"{__name__}:METHODS"
 WARM_CALLS = 101
@@ -75,6 +73,11 @@ def _import(V: Floats, F: Ints) -> Timed:
     return Timed(float(done.stdout))
 
 
+SOLVED = {
+    f"cdcp {name}": Candidate(partial(disk_map, solver=name), "disk", f'solver="{name}"')
+    for name in SOLVERS
+}
+
 METHODS: Mapping[str, Candidate] = Methods(
     {
         **{
@@ -94,6 +97,7 @@ METHODS: Mapping[str, Candidate] = Methods(
         "cdcp warm": Candidate(partial(_warm, cdcp), "none", "median of many calls in one process"),
         "cdcp sequence": Candidate(_sequence, "none", "DiskMapper.moved, median of five frames"),
         "import": Candidate(_import, "none", "import cdcp_igl in a fresh process"),
+        **SOLVED,
         **PEERS,
     }
 )
@@ -109,7 +113,7 @@ COST = {
 
 
 def maps() -> list[str]:
-    """Names of the methods of the library that make maps."""
-    return [
-        name for name, method in METHODS.items() if method.boundary != "none" and name not in PEERS
-    ]
+    """Names of the methods of the library that make maps, CDCP with one solver."""
+    others = {**SOLVED, **PEERS}
+    made = {name for name, method in METHODS.items() if method.boundary != "none"}
+    return [name for name in METHODS if name in made and name not in others]

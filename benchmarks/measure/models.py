@@ -5,8 +5,9 @@ from __future__ import annotations
 import glob
 import hashlib
 import itertools
+import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from functools import partial
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import igl
 import numpy as np
+import typer
 
 from cdcp_igl import check, datasets, surface_map
 from cdcp_igl.arrays import Floats, Ints
@@ -22,10 +24,7 @@ from cdcp_igl.io import READABLE, read_mesh
 from ..records.paper import PAPER
 from ..records.record import OPENED
 from ..records.store import Work
-from .folders import data
 from .fuzzing import surface
-
-__all__ = ["Model", "as_disk", "by_name", "digest", "find", "patches", "quick", "subdivided"]
 
 Surface = tuple[Floats, Ints]
 
@@ -38,6 +37,33 @@ class Model:
 
     name: str
     load: Callable[[], Surface]
+
+
+def data() -> Path | None:
+    """Return the folder that CDCP_IGL_DATA names, None if it is not set."""
+    named = os.environ.get("CDCP_IGL_DATA")
+    if not named:
+        return None
+    if not Path(named).is_dir():
+        raise typer.BadParameter(
+            f"{named!r} is no folder: set it to one with surfaces, or unset it",
+            param_hint="CDCP_IGL_DATA",
+        )
+    return Path(named)
+
+
+def files_of(folder: Path | None, kinds: Container[str]) -> list[Path]:
+    """List the files of a folder, by default of `any` in that of the data, that end so."""
+    above = data() if folder is None else None
+    folder = above / "any" if above else folder
+    if folder is None:
+        text = "give one, or set CDCP_IGL_DATA to a folder in which `any` has surfaces"
+        raise typer.BadParameter(text, param_hint="FOLDER")
+    files = sorted(path for path in folder.glob("*") if path.suffix in kinds)
+    if not files:
+        text = f"there are no surfaces in {str(folder)!r}: give another folder"
+        raise typer.BadParameter(text, param_hint="FOLDER")
+    return files
 
 
 def _of_size(function: Callable[[int], tuple[Floats, Ints, Floats]], resolution: int) -> Surface:
@@ -141,7 +167,7 @@ def find(wanted: Sequence[str] = ()) -> list[Model]:
     for text in wanted:
         matches = [model for model in (*known, *GENERATED) if fnmatch(model.name, text)]
         if re.fullmatch(r"patches:\d+", text):
-            matches = patches(int(text.partition(":")[2]))
+            matches = list(itertools.islice(patches(), int(text.partition(":")[2])))
         paths = [] if matches else [Path(path) for path in sorted(glob.glob(text, recursive=True))]
         paths = [path for path in paths if path.suffix in READABLE]
         if not matches and not paths:
@@ -154,17 +180,16 @@ def find(wanted: Sequence[str] = ()) -> list[Model]:
     return [*named.values(), *read]
 
 
-def patches(count: int) -> list[Model]:
-    """Random disks: the first so many among the cases of the command fuzz."""
-    made = ((case, surface(SEED, case)) for case in itertools.count())
-    disks = ((case, patch.V, patch.F) for case, patch in made if check(patch.V, patch.F).is_disk)
-    return [
-        Model(f"patch {case:04}", partial(_given, V, F))
-        for case, V, F in itertools.islice(disks, count)
-    ]
+def patches() -> Iterator[Model]:
+    """Yield random disks without end: those among the cases of the command fuzz."""
+    for case in itertools.count():
+        patch = surface(SEED, case)
+        if check(patch.V, patch.F).is_disk:
+            yield Model(f"patch {case:04}", partial(given, patch.V, patch.F))
 
 
-def _given(V: Floats, F: Ints) -> Surface:
+def given(V: Floats, F: Ints) -> Surface:
+    """Return a surface that is there already, as a `Model` loads it."""
     return V, F
 
 

@@ -26,8 +26,6 @@ from cdcp_igl.reference import harmonic
 
 from .candidate import Candidate
 
-__all__ = ["PEERS", "versions"]
-
 PACKAGES = ("bpy", "pymeshlab", "xatlas")
 BFF = "bff-command-line"
 PR_SET_PDEATHSIG = 1  # of prctl(2)

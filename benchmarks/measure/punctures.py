@@ -24,11 +24,8 @@ from cdcp_igl.reference import fdcp, harmonic
 from cdcp_igl.surface.mesh import DiskMesh
 
 from ..records.store import WORK, code
-from .folders import files_of
-from .models import digest
+from .models import digest, files_of
 from .worker import Jobs, WorkFolder, kept_answers
-
-__all__ = ["opened", "punctures"]
 
 SECONDS = 600.0  # after which a map hangs
 RINGS = {"face": 0, "vertex": 1, "2-ring": 2}  # of faces around a vertex that are taken out
@@ -217,14 +214,15 @@ def _tasks(paths: Iterable[Path], places: int, seed: int) -> Iterator[Task]:
         for kind in RINGS:
             for place in range(places):
                 rng = np.random.default_rng([seed, RINGS[kind], place])
-                row = _row_that_leaves_a_disk(rng, V, F, kind)
+                row = row_to_open(rng, V, F, kind)
                 if row is not None:
                     hole = Hole(path.stem, digest(V, F), kind, place, row)
                     for method in METHODS:
                         yield Task(path, hole, method)
 
 
-def _row_that_leaves_a_disk(rng: np.random.Generator, V: Floats, F: Ints, kind: str) -> int | None:
+def row_to_open(rng: np.random.Generator, V: Floats, F: Ints, kind: str) -> int | None:
+    """Choose a random row at which a hole leaves a disk."""
     rows = rng.permutation(len(F if kind == "face" else V)).tolist()
     return next((row for row in rows if check(*opened(V, F, kind, row)).is_disk), None)
 

@@ -11,8 +11,6 @@ from cdcp_igl.arrays import Floats
 
 from .results import Section
 
-__all__ = ["QUANTITIES", "Paired", "paired", "profiles", "summary"]
-
 QUANTITIES = ("mean", "sd", "area", "seconds", "memory")
 TIE = 1e-6  # relative difference below which two numbers differ by rounding only
 

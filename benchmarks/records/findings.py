@@ -9,8 +9,6 @@ import numpy as np
 from .paper import PUBLISHED, published
 from .results import FROM, Measured, Section, growth
 
-__all__ = ["sentences"]
-
 MARGIN = 0.005  # degrees by which CDCP's mean may be above that of FDCP or LDCP
 NAMED = 12  # surfaces, of more; the tables have them all
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["PAPER", "PUBLISHED", "Published", "published", "row_of"]
-
 PUBLISHED = ("fdcp", "ldcp", "cdcp")  # methods, in the order of the numbers below
 
 

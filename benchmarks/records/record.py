@@ -13,8 +13,6 @@ import numpy as np
 from cdcp_igl.arrays import Floats
 from cdcp_igl.reference.case import OK, Case
 
-__all__ = ["EDGES", "OPENED", "Record"]
-
 OPENED = "-opened"
 LIMITS = {"time_limit", "memory_limit"}
 EDGES: Floats = np.arange(201) / 20  # of the histogram, degrees: bins of 0.05 up to 10

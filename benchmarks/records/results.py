@@ -13,8 +13,6 @@ from cdcp_igl.reference.case import OK
 from .paper import row_of
 from .record import OPENED, Record
 
-__all__ = ["FROM", "Measured", "NotMeasured", "Section", "growth"]
-
 FROM = 17_000  # vertices of the smallest model to which growth is fitted
 NUMBERS = ["mean", "sd", "max", "area", "flips", "boundary_error", "seconds", "memory"]
 

@@ -31,12 +31,10 @@ import numpy as np
 import cdcp_igl
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.batching.journal import Journal, journal_lines
-from cdcp_igl.batching.shards import Shard
-from cdcp_igl.io import whole_file
+from cdcp_igl.batching.names import Shard
+from cdcp_igl.io.output import whole_file
 
 from .record import Record
-
-__all__ = ["PACKAGES", "ROOT", "WORK", "Work", "code", "read_results", "write_results"]
 
 ROOT = Path(__file__).parents[2]
 WORK = ROOT / "build" / "benchmarks"

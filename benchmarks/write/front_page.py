@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from cdcp_igl.io import whole_file
+from cdcp_igl.io.output import whole_file
 
 from ..records.results import Measured, Section
 from ..records.store import ROOT, read_results
-from .cells import model_cells
 from .figures.style import style
+from .sections import model_cells
 from .table import NOTHING, Cell, Table, markdown
-
-__all__ = ["BEGIN", "END", "MODELS", "README", "rewrite"]
 
 README = ROOT / "README.md"
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"

@@ -15,7 +15,7 @@ from matplotlib import colormaps
 from matplotlib.colors import to_hex
 from PIL import Image
 
-from cdcp_igl.io import whole_file
+from cdcp_igl.io.output import whole_file
 from cdcp_igl.plot.raster import Bytes
 from cdcp_igl.plot.scene import SCALE, Scene
 
@@ -23,13 +23,10 @@ from ..records.findings import sentences
 from ..records.paper import published
 from ..records.record import EDGES, Record
 from ..records.results import Measured, NotMeasured, Section
-from .cells import COLUMNS, case, in_order
 from .figures.accuracy import histogram
 from .figures.style import encode, model_name, style
-from .sections import about, cases, tables
+from .sections import COLUMNS, about, case, cases, in_order, tables
 from .table import Table
-
-__all__ = ["write_pages"]
 
 PIXELS = 300  # of the pictures on the page of a surface
 MOST = 0.95  # of the corners are within the colour scale of the angular distortion

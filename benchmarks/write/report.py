@@ -1,16 +1,23 @@
-"""The report in Markdown."""
+"""The report: a page in Markdown, and a folder of figures with pages for the browser."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from cdcp_igl.io.output import whole_file
+
 from ..records.findings import sentences
-from ..records.results import Measured
+from ..records.results import Measured, NotMeasured
+from .figures import PLOTS, Plot
+from .figures.style import encode
+from .pages import write_pages
 from .sections import about, tables
 from .table import markdown
-
-__all__ = ["as_markdown"]
 
 
 def as_markdown(machine: Mapping[str, Any], measured: Measured) -> str:
@@ -40,3 +47,47 @@ def _list(items: Iterable[str]) -> str:
 
 def _fact(name: str, text: str) -> str:
     return f"{name}: `{text}`" if name == "Again" else f"{name}: {text}"
+
+
+def draw(folder: Path, about: Mapping[str, Any], measured: Measured) -> Path:
+    """Write the figures and the report for the browser into a folder; return its index."""
+    folder.mkdir(parents=True, exist_ok=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=len(PLOTS) + len(measured.sizes))
+        drawn = []
+        for plot in PLOTS:
+            bar.update(task, description=plot.title)
+            drawn.append(_figure(folder / plot.file, plot, measured))
+            bar.advance(task)
+
+        def advance(model: str) -> None:
+            bar.update(task, description=model, advance=1)
+
+        index = write_pages(folder, about, measured, drawn, advance)
+    with whole_file(folder / "README.md") as unfinished:
+        unfinished.write_text(_gallery(drawn), encoding="utf-8")
+    return index
+
+
+def _figure(target: Path, plot: Plot, measured: Measured) -> dict[str, Any]:
+    """Draw one; return what the pages show of it."""
+    shown: dict[str, Any] = {"title": plot.title, "caption": plot.caption, "id": target.stem}
+    try:
+        picture = encode(plot.draw(measured), target.suffix)
+    except NotMeasured as reason:
+        target.unlink(missing_ok=True)  # it would show something else
+        return shown | {"missing": str(reason)}
+    with whole_file(target) as unfinished:
+        unfinished.write_bytes(picture)
+    return shown | {"file": target}
+
+
+def _gallery(drawn: Sequence[Mapping[str, Any]]) -> str:
+    """Return the figures as a page for where HTML is not shown."""
+    parts = ["# Figures\n\nWritten by `python -m benchmarks figures`.\n"]
+    for shown in drawn:
+        body = f"![{shown['title']}]({shown['file'].name})\n\n" if "file" in shown else ""
+        note = f" ({shown['missing']})" if "missing" in shown else ""
+        parts.append(f"## {shown['title']}\n\n{body}{shown['caption']}{note}\n")
+    return "\n".join(parts)

@@ -1,8 +1,8 @@
-"""The tables of the report: accuracy, time, speed, ablation, and all cases."""
+"""The tables of the report: accuracy, time, speed, ablation, other programs, and all cases."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from statistics import median
 from typing import Any
 
@@ -10,23 +10,20 @@ import numpy as np
 
 from ..measure.ablation import ABLATIONS
 from ..measure.methods import METHODS
-from ..records.paper import PUBLISHED, row_of
+from ..records.comparison import QUANTITIES, paired, summary
+from ..records.paper import PUBLISHED, published, row_of
 from ..records.results import FROM, Measured, Section, growth
-from .cells import (
-    COLUMNS,
-    case,
-    distortion_cell,
-    failure_cell,
-    grid,
-    in_order,
-    model_cells,
-    seconds_cell,
-)
-from .comparisons import paired_table, peer_tables, summary_table
-from .figures.style import style
-from .table import NOTHING, Cell, Row, Table, number
+from .figures.style import STYLES, in_words, style
+from .table import NOTHING, Cell, Row, Table, best, number
 
-__all__ = ["about", "cases", "tables"]
+COLUMNS = (
+    *("method", "mean °", "SD °", "max °", "area", "flips", "boundary error", "s", "s / F"),
+    *("MiB", "outcome"),
+)
+FORMATS = {
+    **{"mean": ".3f", "sd": ".3f", "max": ".1f", "area": ".3f", "flips": ",.0f"},
+    **{"boundary_error": ".0e", "seconds": ".3g"},
+}
 
 # Methods that are what others are measured by, or have tables of their own.
 UNITS = ("factor", "cdcp warm", "cdcp sequence", "import")
@@ -288,3 +285,165 @@ def _ablation(results: Section) -> Iterator[Table]:
         headings,
         rows(seconds),
     )
+
+
+# -- many surfaces, other programs -------------------------------------------------------
+
+
+def summary_table(results: Section, methods: Sequence[str]) -> Table:
+    """Make the table with a row for each method: how often, how good, how fast."""
+    table, rows = summary(results), []
+    for method in methods:
+        of = table.loc[method]
+        row = [Cell(style(method).label, kind="text name"), number(of["surfaces"], ".0f")]
+        row += [number(100 * of[share], ".3g") for share in ("mapped", "unflipped")]
+        for name in QUANTITIES:
+            low, middle, high = (of[f"{name} {q}"] for q in (0.25, 0.5, 0.75))
+            text = f"{middle:.3g} ({low:.3g}–{high:.3g})"
+            row.append(Cell(text, middle) if middle == middle else Cell(NOTHING))
+        rows.append(row)
+    return Table(
+        "summary",
+        "Over all surfaces",
+        "Share of the surfaces that a method maps (onto the disk: certified), and without a "
+        "flipped face; then median (quartiles) over those that it maps: who fails on the hard "
+        "ones has the lower numbers. Seconds of cases that ran side by side are a hint.",
+        [
+            *("method", "surfaces", "mapped, %", "no flips, %", "mean °", "SD °", "area"),
+            *("s", "MiB"),
+        ],
+        rows,
+    )
+
+
+def paired_table(results: Section, methods: Sequence[str]) -> Table:
+    """Make the table of CDCP against each other method, with tests."""
+    names = {"mean": "mean °", "sd": "SD °", "seconds": "s"}
+    rows = []
+    for method in (m for m in methods if m != "cdcp" and "cdcp" in methods):
+        for name, label in names.items():
+            made = paired(results, "cdcp", method, name)
+            counts = [number(k, ".0f") for k in (made.lower, made.higher, made.ties)]
+            tests = [number(p, ".2g") for p in (made.sign, made.signed_rank)]
+            titles = [Cell(style(method).label, kind="text name"), Cell(label, kind="text")]
+            rows.append([*titles, *counts, number(made.median, ".2g"), *tests])
+    return Table(
+        "paired",
+        "CDCP against each other method",
+        "On the surfaces that both map: on how many CDCP has less, more, or as much (to a "
+        "millionth), the median of the differences, and two-sided p-values of the sign test and "
+        "of Wilcoxon's signed-rank test. A free boundary has less to keep, and less distortion.",
+        ["against", "of", "less", "more", "equal", "difference", "p, sign", "p, signed rank"],
+        rows,
+    )
+
+
+def peer_tables(results: Section) -> Iterator[Table]:
+    """Make the tables of other programs."""
+
+    def heading(method: str) -> str:
+        label, of = style(method).label, METHODS[method]
+        free = of.boundary == "free" and "free boundary" not in label
+        marks = ["not certified" if of.onto_disk else "free boundary"] * free
+        return ", ".join([label, *marks, *["single precision"] * of.single])
+
+    headings = ["surface", "n", *(heading(method) for method in results.maps)]
+    yield Table(
+        "peers",
+        "Other programs: angular distortion",
+        "Mean / SD over all corners in degrees, and flipped faces if there are any. A map with "
+        "free boundary is onto no disk: compare it on angles only. MeshLab's harmonic map and BFF "
+        "disk are onto the disk, but in too few digits for a certificate. SLIM, ARAP and Blender's "
+        "minimum stretch keep lengths, which costs angles.",
+        headings,
+        grid(results, results.maps, distortion_cell(results, ".3f")),
+    )
+    yield Table(
+        "peers-time",
+        "Other programs: seconds",
+        "From arrays to map, in brackets as a multiple of T, the time of CDCP. Programs that work "
+        "on files have their writing and reading counted.",
+        headings,
+        grid(results, results.maps, seconds_cell(results, "cdcp", "T")),
+    )
+
+
+# -- cells and rows ----------------------------------------------------------------------
+
+
+def case(results: Section, model: str, method: str) -> Row:
+    """Make the row of a method, under `COLUMNS`."""
+    outcome = results.failure(model, method) or "ok"
+    cells = [Cell(style(method).label, kind="text name")]
+    free = any(record.case.boundary == "free" for record in results.of(model, method))
+    for name, form in FORMATS.items():
+        hidden = free and name == "boundary_error"
+        cells.append(number(np.nan if hidden else results.median(model, method, name), form))
+    ratio = results.median(model, method) / results.median(model, "factor")
+    cells += [number(ratio, ".2f"), number(results.median(model, method, "memory"), ",.0f")]
+    return [*cells, Cell(outcome, kind="text" if outcome == "ok" else "text missing")]
+
+
+def in_order(methods: Iterable[str]) -> list[str]:
+    """Those of the paper first, then as in the legends."""
+    known = list(STYLES)
+    return sorted(methods, key=lambda m: known.index(m) if m in known else len(known))
+
+
+def model_cells(results: Section, model: str) -> Row:
+    """Name, what it stands for, and size."""
+    row, there = published(model), results.mapped.get(model, 0)
+    name = in_words(model, there)
+    name = model if name in results.sizes else name  # another one is called so
+    name += ", opened" * (model in results.opened)
+    if row:
+        other = f", for {row.name}" if row.own == "stand-in" else f" ({row.own})"
+        name = row.name if row.own == "own" else name + other
+    return [Cell(name, kind="text name", model=model), number(there or np.nan, ",.0f")]
+
+
+def grid(
+    results: Section,
+    methods: Sequence[str],
+    cell: Callable[[str, str], Cell],
+    paper: Callable[[str], Row] = lambda model: [],
+) -> list[Row]:
+    """One row a model, one column a method."""
+    rows = []
+    for model in results.sizes:
+        made = [failure_cell(results, model, m) or cell(model, m) for m in methods]
+        compared = [k for k, method in enumerate(methods) if method in PUBLISHED]
+        made = best(made, compared) if len(compared) > 1 else made
+        rows.append([*model_cells(results, model), *made, *paper(model)])
+    return rows
+
+
+def failure_cell(results: Section, model: str, method: str) -> Cell | None:
+    """Say why there is no number; None if there is one."""
+    outcome = results.failure(model, method)
+    if outcome in ("", "not run"):
+        return Cell(NOTHING) if outcome else None
+    missing = outcome.startswith("not to be had")
+    return Cell(NOTHING if missing else "no map", note=outcome, kind="missing")
+
+
+def distortion_cell(results: Section, form: str) -> Callable[[str, str], Cell]:
+    """Write mean and SD of the angular distortion, and flips."""
+
+    def cell(model: str, method: str) -> Cell:
+        mean, sd, flips = (results.median(model, method, q) for q in ("mean", "sd", "flips"))
+        folded = f", {flips:,.0f} flips" if flips > 0 else ""
+        return Cell(f"{mean:{form}} / {sd:{form}}{folded}", mean)
+
+    return cell
+
+
+def seconds_cell(results: Section, unit: str, letter: str) -> Callable[[str, str], Cell]:
+    """Write seconds, in brackets as a multiple of the time of a method."""
+
+    def cell(model: str, method: str) -> Cell:
+        time, one = results.median(model, method), results.median(model, unit)
+        multiple = f" ({time / one:.3g} {letter})" if one > 0 else ""
+        return Cell(f"{time:.3g}{multiple}", time)
+
+    return cell

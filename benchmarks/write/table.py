@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 
 import rich.table
 
-__all__ = ["NOTHING", "Cell", "Row", "Table", "best", "markdown", "number", "printed"]
-
 NOTHING = "–"
 
 

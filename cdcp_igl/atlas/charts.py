@@ -36,24 +36,13 @@ LEAST_FACTOR = -50.0
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A component opened to a disk, and its map.
-
-    Attributes
-    ----------
-    opened : OpenedComponent
-    disk : DiskMap
-    failure : str
-        Why the map is not valid, or nothing.
-    factor : (n,) float64
-        Conformal factor with the conformal barycentre at 0.
-    average, spread : float
-        Its mean and standard deviation over the area, without what fills holes.
-    """
+    """A component opened to a disk, and its map."""
 
     opened: OpenedComponent
     disk: DiskMap
-    failure: str
-    factor: Floats
+    failure: str  # why the map is not valid, or nothing
+    factor: Floats  # (n,) conformal factor with the conformal barycentre at 0
+    # Its mean and standard deviation over the area, without what fills holes.
     average: float
     spread: float
 
@@ -151,7 +140,9 @@ def lead_away(opened: OpenedComponent) -> OpenedComponent:
     Almost all of a surface that is closed but for a small hole would be shrunk.
     """
     component = opened.component
-    length = component.length_in_space[opened.is_cut].sum()
+    border = np.flatnonzero(opened.is_cut)
+    along = component.V[component.head[border]] - component.V[component.tail[border]]
+    length = np.linalg.norm(along, axis=1).sum()
     if length**2 > TINY * 4 * np.pi * face_areas(component.V, component.F).sum():
         return opened
     boundary = np.flatnonzero(opened.on_boundary)
@@ -162,9 +153,7 @@ def lead_away(opened: OpenedComponent) -> OpenedComponent:
 def grow(chart: Chart) -> OpenedComponent:
     """Cut on to the vertex that shrank most, in each part of the surface that did.
 
-    References
-    ----------
-    X. Gu, S. J. Gortler, H. Hoppe. Geometry images. SIGGRAPH 2002.
+    After X. Gu, S. J. Gortler, H. Hoppe. Geometry images. SIGGRAPH 2002.
     """
     opened, factor = chart.opened, chart.factor
     shrunk = np.flatnonzero(~opened.on_boundary & (factor < chart.average - SHRUNK))

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
 
 from ..arrays import Bools, Floats, Ints
+from ..cached import cached_property
 from ..surface.topology import Topology
-from ..surface.triangles import corner_cotangents
+from ..surface.triangles import corner_angles, corner_cotangents
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,26 +22,14 @@ class Component:
     """A connected, oriented manifold, with or without a boundary.
 
     Half-edge k m + f leaves corner k of face f for the next corner; the face is on its left.
-
-    Attributes
-    ----------
-    V : (n, 3) float64
-    F : (m, 3) int64
-    polygon : (m,) int64
-        Number of the polygon that each face is a part of.
-    rows : (k,) int64
-        Where the first k faces come from; the others fill holes.
-    n_filled : int
-        The number of holes that were filled.
-    settled : set
-        Arcs of the cut that were found to be where they should be.
     """
 
     V: Floats
     F: Ints
-    polygon: Ints
-    rows: Ints
-    n_filled: int = 0
+    polygon: Ints  # (m,) number of the polygon that each face is a part of
+    rows: Ints  # (k,) where the first k faces come from; the others fill holes
+    n_filled: int = 0  # holes
+    # Arcs of a cut that were found to be where they should be.
     settled: set[tuple[int, ...]] = field(init=False, default_factory=set)
 
     @cached_property
@@ -79,29 +69,34 @@ class Component:
         rows are joined first: a fan of triangles stays one where the polygon touches itself.
         """
         m = len(self.F)
-        low, high = np.sort([self.edges % m, self.twin[self.edges] % m], axis=0)
-        inside = self.polygon[low] == self.polygon[high]
-        low, high, edges = low[inside], high[inside], self.edges[inside]
-        tree = minimum_spanning_tree(coo_matrix((high - low, (low, high)), (m, m))).tocoo()
-        edges = edges[np.isin(low * m + high, tree.row.astype(np.int64) * m + tree.col)]
+        one, other = self.edges % m, self.twin[self.edges] % m
+        inside = self.polygon[one] == self.polygon[other]
+        joined = self.crossed_by_tree(self.edges[inside], -abs(one - other)[inside])
         is_diagonal = np.zeros(self.F.size, dtype=bool)
-        is_diagonal[edges] = is_diagonal[self.twin[edges]] = True
+        is_diagonal[joined] = is_diagonal[self.twin[joined]] = True
         return is_diagonal
 
-    @cached_property
-    def length_in_space(self) -> Floats:
-        """(3m,) length of each half-edge, in the unit of V."""
-        return np.linalg.norm(self.V[self.head] - self.V[self.tail], axis=1)
+    def crossed_by_tree(self, edges: Ints, weight: NDArray[Any]) -> Ints:
+        """Those of some edges that a maximum spanning tree of the faces crosses."""
+        m = len(self.F)
+        low, high = np.sort([edges % m, self.twin[edges] % m], axis=0)
+        order = np.lexsort((high, low, -weight))
+        low, high = low[order], high[order]
+        # Of several edges between two faces, only the best can be in the tree.
+        _, rank = np.unique(low * m + high, return_index=True)
+        tree = minimum_spanning_tree(coo_matrix((rank + 1, (low[rank], high[rank])), (m, m)))
+        return edges[order[tree.data.astype(np.int64) - 1]]
 
     @cached_property
     def length(self) -> Floats:
         """(3m,) length of each half-edge, the mean is 1."""
-        return self.length_in_space / self.length_in_space.mean()
+        length = np.linalg.norm(self.V[self.head] - self.V[self.tail], axis=1)
+        return length / length.mean()
 
     @cached_property
     def angle(self) -> Floats:
         """(3m,) angle between each half-edge and the edge before it in its face, in radians."""
-        return np.arctan2(1, corner_cotangents(self.V, self.F)).T.ravel()
+        return corner_angles(corner_cotangents(self.V, self.F)).T.ravel()
 
     @cached_property
     def uncut(self) -> OpenedComponent:
@@ -121,12 +116,8 @@ class Component:
 class OpenedComponent:
     """A component opened along a cut: each side of the cut has vertices of its own.
 
-    Attributes
-    ----------
-    component : Component
-    is_cut : (3m,) bool
-        Half-edges on either side of the edges that are cut, and those of the boundary: all
-        that are on the boundary now.
+    `is_cut` (3m,) are the half-edges of its boundary: those of the component and either side of
+    the edges that are cut.
     """
 
     component: Component
@@ -212,13 +203,6 @@ class OpenedComponent:
         return loop
 
     @cached_property
-    def euler_characteristic(self) -> int:
-        """Vertices - edges + faces."""
-        on_boundary = int(self.is_cut.sum())
-        edges = on_boundary + (len(self.is_cut) - on_boundary) // 2
-        return self.n - edges + len(self.component.F)
-
-    @cached_property
     def angle_sum(self) -> Floats:
         """(n,) sums of the angles of the faces at each vertex."""
         return np.bincount(self.tail, self.component.angle, self.n).astype(np.float64)
@@ -299,12 +283,8 @@ def cut_to_disk(component: Component) -> OpenedComponent:
     A shortest-path tree along the edges of polygons, each boundary loop one node of it, from
     a vertex, or from the longest loop if there is one, and a spanning tree of the faces across
     the edges that are not in it, by preference those that close the longest loops. The edges
-    in neither close the shortest loops that cut all handles (greedy homotopy generators); the
-    paths of the tree from these and from each boundary loop to the root are the cut.
-
-    References
-    ----------
-    J. Erickson, K. Whittlesey. Greedy optimal homotopy and homology generators. SODA 2005.
+    in neither close the shortest loops that cut all handles (greedy homotopy generators, see
+    `cut`); the paths of the tree from these and from each boundary loop to the root are the cut.
     """
     V, twin, length = component.V, component.twin, component.length
     n, loops = len(V), component.topology.loops
@@ -329,7 +309,7 @@ def cut_to_disk(component: Component) -> OpenedComponent:
     others = component.edges[~in_tree[component.edges]]
     closed = distance[tail[others]] + distance[head[others]] + length[others]
     closed[component.is_diagonal[others]] = np.inf  # polygons are faces of the cotree
-    left_over = np.setdiff1d(others, _crossed_by_tree(component, others, closed))
+    left_over = np.setdiff1d(others, component.crossed_by_tree(others, closed))
 
     on_path = np.zeros(n, dtype=bool)
     for start in [*tail[left_over], *head[left_over], *(loop[0] for loop in loops)]:
@@ -343,18 +323,6 @@ def cut_to_disk(component: Component) -> OpenedComponent:
 def _length(points: Floats) -> float:
     """Length of a closed polygon."""
     return float(np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1).sum())
-
-
-def _crossed_by_tree(component: Component, edges: Ints, weight: Floats) -> Ints:
-    """Those of some edges that a maximum spanning tree of the faces crosses."""
-    m = len(component.F)
-    low, high = np.sort([edges % m, component.twin[edges] % m], axis=0)
-    order = np.lexsort((high, low, -weight))
-    low, high, edges = low[order], high[order], edges[order]
-    # Of several edges between two faces, only the best can be in the tree.
-    _, rank = np.unique(low * m + high, return_index=True)
-    tree = minimum_spanning_tree(coo_matrix((rank + 1, (low[rank], high[rank])), (m, m)))
-    return edges[tree.data.astype(np.int64) - 1]
 
 
 def _without_loose_ends(opened: OpenedComponent) -> OpenedComponent:

@@ -21,7 +21,7 @@ ROUNDS = 3
 
 def open_to_disk(component: Component) -> OpenedComponent:
     """Cut a component until it is a disk, unless it is one."""
-    characteristic = component.uncut.euler_characteristic
+    characteristic = component.topology.euler_characteristic
     if characteristic == 2:
         return _slit(component.uncut)
     if characteristic == 1:
@@ -117,23 +117,13 @@ def straight_path(
 ) -> Ints:
     """Find a short and straight path from one set of vertices to another.
 
-    The cost of a path is what it adds to `OpenedComponent.bend` when the surface is cut along it,
-    and `STRETCH` by its length. The bend of an inner vertex of the path is
-    abs(left - pi) + abs(right - pi) - abs(2 pi - left - right), the angles on either side,
-    which is never negative, and 0 where the path is straight. It goes around polygons.
+    Half-edges from start to end, none if no path is as short as `longest`. Only at its ends a path
+    touches the boundary, and it goes around polygons.
 
-    Parameters
-    ----------
-    opened : OpenedComponent
-    start, end : (n,) bool
-        Vertices of the boundary or of the interior; a path touches the boundary only there.
-    longest : float
-        A shortest path is not longer than this.
-
-    Returns
-    -------
-    (k,) int64
-        Half-edges from start to end; none if there is no path.
+    Its cost is what it adds to `OpenedComponent.bend` when the surface is cut along it, and
+    `STRETCH` by its length. The bend of an inner vertex of the path, with the angles on either
+    side, is abs(left - pi) + abs(right - pi) - abs(2 pi - left - right). It is never negative, and
+    0 where the path is straight.
     """
     blocked = opened.on_boundary & ~start & ~end
     shortest = _shortest(opened, start, end, blocked, longest)
@@ -165,15 +155,10 @@ def _shortest(
     distance, parent, _ = dijkstra(
         graph, indices=sources, return_predecessors=True, min_only=True, limit=longest
     )
-    v = targets[distance[targets].argmin()]
     in_tree = parent[head] == tail
-    into = np.full(opened.n, -1)
+    into = np.empty(opened.n, np.int64)
     into[head[in_tree]] = half[in_tree]
-    path = []
-    while into[v] >= 0:
-        path.append(into[v])
-        v = parent[v]
-    return np.array(path[::-1], dtype=np.int64)
+    return into[_way_to(targets[distance[targets].argmin()], parent)[1:]]
 
 
 def _straightest(opened: OpenedComponent, start: Bools, end: Bools, inside: Bools) -> Ints:
@@ -207,12 +192,16 @@ def _straightest(opened: OpenedComponent, start: Bools, end: Bools, inside: Bool
     columns = np.concatenate([first, np.full(len(last), beyond), on])
     costs = np.concatenate([into_first, out_of_last, np.maximum(bend, 0) + stretch[on]])
     graph = csr_matrix((costs, (rows, columns)), (k + 2, k + 2))
-    distance, parent = dijkstra(graph, indices=before, return_predecessors=True)
-    path, at = [], parent[beyond]
-    while np.isfinite(distance[beyond]) and at != before:
-        path.append(half[at])
-        at = parent[at]
-    return np.array(path[::-1], dtype=np.int64)
+    _, parent = dijkstra(graph, indices=before, return_predecessors=True)
+    return half[_way_to(beyond, parent)[1:-1]]
+
+
+def _way_to(node: int, parent: Ints) -> Ints:
+    """(k,) nodes of a tree from the root to one; only this one if the tree does not reach it."""
+    way = [node]
+    while parent[way[-1]] >= 0:
+        way.append(int(parent[way[-1]]))
+    return np.array(way[::-1])
 
 
 def _bend_of_an_end(opened: OpenedComponent, half: Ints, left: Floats) -> Floats:

@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
 from ..errors import Defect, MeshError
-from ..surface.defects import duplicate_defect, turned_defect
 from ..surface.topology import Topology, duplicate_faces
-from ..surface.validation import as_faces, vertex_array
+from ..surface.validation import repeated_corners, usable_arrays
 from .cut_graph import split_components
 from .cut_paths import open_to_disk
 from .sheets import orient, part_sheets, polygon_numbers, used_positions
@@ -86,8 +85,8 @@ def cut(
     Raises
     ------
     MeshError
-        If V and F are no triangle mesh; if faces are turned over or the surface is
-        one-sided, and no path is given; if a step of the path is no edge between two faces.
+        If V and F are no triangle mesh; if faces are flipped or the surface is one-sided,
+        and no path is given; if a step of the path is no edge between two faces.
     ValueError
         If path or polygon_of_face are no arrays as above, or both are given.
 
@@ -108,20 +107,22 @@ def cut(
     >>> cdcp_igl.check(opened.V, opened.F).is_disk
     True
     """
-    positions = used_positions(V, F)
-    faces = as_faces(F, len(positions))
-    given = vertex_array(V).astype(np.float64)
+    given, faces = usable_arrays(V, F)
+    positions = used_positions(given, faces)
+    if len(repeated := repeated_corners(faces)):
+        raise MeshError(Defect.of("repeated corner", repeated))
+    given = given.astype(np.float64)
     polygon = polygon_numbers(polygon_of_face, len(faces))
     if path is not None:
         if polygon_of_face is not None:
             raise ValueError("path says where to cut already: leave out polygon_of_face")
         return cut_along(given, faces, _corners_cut_at(faces, len(given), path))
     if len(duplicates := duplicate_faces(faces)):
-        raise MeshError(duplicate_defect(duplicates))
+        raise MeshError(Defect.of("duplicate face", duplicates))
     sheets = part_sheets(faces, len(given), polygon)
-    turned = orient(sheets, np.arange(len(sheets)))
-    if len(turned):
-        raise MeshError(turned_defect(turned))
+    flipped = orient(sheets, np.arange(len(sheets)))
+    if len(flipped):
+        raise MeshError(Defect.of("inconsistent orientation", flipped))
     corners = np.empty(faces.shape, np.int64)
     count = 0
     for component in split_components(positions, faces, sheets, polygon):
@@ -171,25 +172,14 @@ def _corners_cut_at(F: Ints, n: int, path: ArrayLike) -> Ints:
         steps = np.column_stack([steps[:-1], steps[1:]])
     steps = np.sort(steps.astype(np.int64), axis=1)
     surface = Topology(F, n)
-    edges = surface.edges
-    inner = edges.valence > 1
-    # Numbers of the edges by their ends: out of range stays out of range.
-    key = edges.low.astype(np.int64) * n + edges.high
-    in_range = (steps >= 0).all(axis=1) & (steps < n).all(axis=1)
-    at = np.minimum(np.searchsorted(key, steps[:, 0] * n + steps[:, 1]), len(key) - 1)
-    found = in_range & (key[at] == steps[:, 0] * n + steps[:, 1]) & inner[at]
-    if not found.all():
-        raise MeshError(
-            Defect(
-                "not an edge",
-                f"{(~found).sum():,} of {len(found):,} steps of the path are no edge between faces",
-                "Go from vertex to vertex along edges that two faces share.",
-                "edges",
-                steps[~found],
-            )
-        )
-    joined = edges.valence == 2
-    joined[at] = False
-    one, other = edges.sides[edges.start[joined]], edges.sides[edges.start[joined] + 1]
-    _, fan = surface.fans_across(one, other)
+    inner = surface.edges.valence > 1
+    pairs = np.vstack([surface.edges.ends(inner), steps])
+    _, number = np.unique(pairs, axis=0, return_inverse=True)
+    edge, asked = np.split(number.ravel(), [inner.sum()])
+    missing = steps[~np.isin(asked, edge)]
+    if len(missing):
+        raise MeshError(Defect.of("not an edge", missing, missing=len(missing), steps=len(steps)))
+    joined = ~np.isin(edge, asked)[surface.edges.valence[inner] == 2]
+    one, other = surface.twins
+    _, fan = surface.fans_across(one[joined], other[joined])
     return np.ascontiguousarray(fan.reshape(3, -1).T, dtype=np.int64)

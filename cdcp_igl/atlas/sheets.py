@@ -3,81 +3,55 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Bools, Floats, Ints
 from ..errors import Defect, MeshError, counted
-from ..surface.defects import degenerate_faces, one_sided_defect
 from ..surface.topology import Topology, duplicate_faces
-from ..surface.triangles import corner_cotangents
-from ..surface.validation import (
-    face_array,
-    non_finite_defect,
-    refuse_swapped,
-    repeated_corners,
-    unit_size,
-    vertex_array,
-)
+from ..surface.triangles import corner_cotangents, degenerate_faces
+from ..surface.validation import checked_vertices, repeated_corners
 
 
 @dataclass(frozen=True, eq=False)
 class Sheets:
-    """A surface as an oriented manifold.
+    """A surface as an oriented manifold."""
 
-    Attributes
-    ----------
-    V : (n, 3) float64
-        The given positions, scaled to unit size.
-    F : (k, 3) int64
-        Faces, rows of V, oriented.
-    vertices : (k, 3) int64
-        Numbers of their corners: corners with the same number are one vertex of the manifold.
-    polygon : (k,) int64
-        Number of the polygon that each face is a part of.
-    rows : (k,) int64
-        The rows of the given F that they come from.
-    turned : (t,) int64
-        Rows of this F whose corners are reversed.
-    changes : tuple of str
-        What was done, a sentence each.
-    """
-
-    V: Floats
-    F: Ints
-    vertices: Ints
-    polygon: Ints
-    rows: Ints
-    turned: Ints
-    changes: tuple[str, ...]
+    V: Floats  # (n, 3) the given positions, scaled to unit size
+    F: Ints  # (k, 3) faces, rows of V, oriented
+    vertices: Ints  # (k, 3) corners with the same number are one vertex of the manifold
+    polygon: Ints  # (k,) number of the polygon that each face is a part of
+    rows: Ints  # (k,) the rows of the given F that the faces come from
+    flipped: Ints  # the rows of this F whose corners are reversed
+    changes: tuple[str, ...]  # what was done, a sentence each
 
 
-def oriented_sheets(V: ArrayLike, F: ArrayLike, polygon_of_face: ArrayLike | None = None) -> Sheets:
-    """Leave out what is no face, part sheets and turn faces over.
+def oriented_sheets(V: NDArray[Any], F: Ints, polygon_of_face: ArrayLike | None = None) -> Sheets:
+    """Leave out what is no face, part sheets and reverse flipped faces.
 
     Raises
     ------
     MeshError
-        If V and F are no triangle mesh, no face is left, or a component is one-sided.
+        If a corner of a face is not finite, no face is left, or a component is one-sided.
     ValueError
         If `polygon_of_face` does not number the polygons of the faces.
     """
     positions = used_positions(V, F)
-    faces = face_array(F, len(positions))
-    polygon = polygon_numbers(polygon_of_face, len(faces))
-    rows, changes = _proper_faces(positions, faces)
-    faces, polygon = faces[rows], polygon[rows]
+    polygon = polygon_numbers(polygon_of_face, len(F))
+    rows, changes = _proper_faces(positions, F)
+    faces, polygon = F[rows], polygon[rows]
     vertices = part_sheets(faces, len(positions), polygon)
-    copies = np.arange(len(np.unique(faces)), len(np.unique(vertices)))
-    if len(copies):
-        changes.append(f"split off {counted(len(copies), 'vertex', 'vertices')} where sheets met")
-    turned = orient(vertices, rows)
-    if len(turned):
-        changes.append(f"reversed {counted(len(turned), 'face', 'faces')}")
+    n_copies = len(np.unique(vertices)) - len(np.unique(faces))
+    if n_copies > 0:
+        changes.append(f"split off {counted(n_copies, 'vertex', 'vertices')} where sheets met")
+    flipped = orient(vertices, rows)
+    if len(flipped):
+        changes.append(f"reversed {counted(len(flipped), 'face', 'faces')}")
     for corners in (faces, vertices):
-        corners[turned] = corners[turned, ::-1]
-    return Sheets(positions, faces, vertices, polygon, rows, turned, tuple(changes))
+        corners[flipped] = corners[flipped, ::-1]
+    return Sheets(positions, faces, vertices, polygon, rows, flipped, tuple(changes))
 
 
 def polygon_numbers(polygon_of_face: ArrayLike | None, m: int) -> Ints:
@@ -93,16 +67,11 @@ def polygon_numbers(polygon_of_face: ArrayLike | None, m: int) -> Ints:
     return np.unique(given, return_inverse=True)[1].astype(np.int64)
 
 
-def used_positions(V: ArrayLike, F: ArrayLike) -> Floats:
+def used_positions(V: NDArray[Any], F: Ints) -> Floats:
     """V scaled to unit size, rows that no face uses 0; MeshError if the others are not finite."""
-    refuse_swapped(V, F)
-    given = vertex_array(V).astype(np.float64)
-    unused = np.ones(len(given), dtype=bool)
-    unused[face_array(F, len(given))] = False
-    given[unused] = 0
-    if defect := non_finite_defect(given):
-        raise MeshError(defect)
-    return unit_size(given)
+    used = np.zeros(len(V), dtype=bool)
+    used[F] = True
+    return checked_vertices(np.where(used[:, None], V, 0))
 
 
 def _proper_faces(V: Floats, F: Ints) -> tuple[Ints, list[str]]:
@@ -118,30 +87,17 @@ def _proper_faces(V: Floats, F: Ints) -> tuple[Ints, list[str]]:
             changes.append(f"left out {counted(len(bad), 'face', 'faces')} {why}")
             kept = np.delete(kept, bad)
     if len(kept) == 0:
-        what = f"cdcp_igl.surface_map {', '.join(changes)}, and no face is left"
-        raise MeshError(Defect("nothing left", what, "Restore the mesh."))
+        done = f"cdcp_igl.surface_map {', '.join(changes)}"
+        raise MeshError(Defect.of("nothing left", done=done))
     return kept, changes
 
 
 def part_sheets(F: Ints, n: int, polygon: Ints) -> Ints:
     """Make a manifold of faces: split vertices where fans meet, part edges of several faces.
 
-    Where the faces around an edge of three or more hang together at both its ends, all of
-    them but one are parted from everything, each with the other faces of its polygon.
-
-    Parameters
-    ----------
-    F : (m, 3) int64
-        Rows of n vertices, no corner repeated.
-    n : int
-    polygon : (m,) int64
-        Number of the polygon that each face is a part of.
-
-    Returns
-    -------
-    (m, 3) int64
-        The same faces, their corners numbered anew: corners with the same number are one
-        vertex of the manifold.
+    Corners (m, 3) with the same number are one vertex of it. Where the faces around an edge of
+    three or more hang together at both its ends, all of them but one are parted from everything,
+    each with the other faces of its polygon.
     """
     while True:
         surface = Topology(F, n)
@@ -170,25 +126,21 @@ def _without_folds(surface: Topology, polygon: Ints) -> Ints:
 
 
 def orient(F: Ints, named: Ints) -> Ints:
-    """Find the faces of a manifold that are turned over, in each component the fewer.
+    """Find the faces of a manifold that are flipped, in each component the fewer.
 
-    `named` (m,) are the rows that an error says instead of those of F.
-
-    Raises
-    ------
-    MeshError
-        If a component is one-sided.
+    MeshError if a component is one-sided; it says `named` (m,) instead of the rows of F.
     """
     surface = Topology(F, int(F.max()) + 1)
-    if surface.against is not None:
-        return surface.against
+    if surface.misoriented is not None:
+        return surface.misoriented
     _, part = surface.components
     one_sided = [
         rows
         for rows in (np.flatnonzero(part == k) for k in range(int(part.max()) + 1))
-        if Topology(F[rows], surface.n).against is None
+        if Topology(F[rows], surface.n).misoriented is None
     ]
-    raise MeshError(one_sided_defect(np.sort(named[np.concatenate(one_sided)])))
+    rows = np.sort(named[np.concatenate(one_sided)])
+    raise MeshError(Defect.of("not orientable", rows))
 
 
 def fill_left_out(F: Ints, mapped: Bools, corners: Ints, uv: Floats) -> None:
@@ -205,9 +157,8 @@ def fill_left_out(F: Ints, mapped: Bools, corners: Ints, uv: Floats) -> None:
     source = some[F[left_out]]  # place in the rows of F, one after the other
     twin = _twins(F, mapped)[left_out]
     of_twin = np.flatnonzero(twin >= 0)
-    for k in range(3):
-        at = (F[twin[of_twin]] == F[left_out[of_twin], k : k + 1]).argmax(axis=1)
-        source[of_twin, k] = 3 * twin[of_twin] + at
+    same = F[left_out[of_twin], :, None] == F[twin[of_twin], None, :]
+    source[of_twin] = 3 * twin[of_twin, None] + same.argmax(axis=2)
     known = source >= 0
     corners[left_out] = np.where(known, corners.ravel()[source], corners[left_out])
     uv[left_out] = np.where(known[..., None], uv.reshape(-1, 2)[source], np.nan)

@@ -1,9 +1,8 @@
-"""Any surface onto disks: mended, cut open, and each component mapped."""
+"""Any surface onto disks: cleaned, cut open, and each component mapped."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from time import perf_counter
 from typing import Any, Literal
 
@@ -11,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints, as_complex
+from ..cached import cached_property
 from ..certificate import Certificate
-from ..distortion import AngleDistortion, area_distortion
+from ..distortion import AngleDistortion
 from ..errors import counted
 from ..plot.layout import Layout
 from ..rescue.conformality import Conformality
@@ -23,7 +23,7 @@ from ..steps.center import CenterMethod
 from ..steps.options import Options
 from ..steps.phases import Progress
 from ..surface.triangles import face_areas, oriented_areas
-from ..surface.validation import face_array, unit_size, vertex_array
+from ..surface.validation import unit_size, usable_arrays
 from .charts import Chart, map_component
 from .cut_graph import split_components
 from .cutting import Cut, cut_along
@@ -47,14 +47,14 @@ class SurfaceMap(Result):
         Which disk each face is in; -1 if it was left out, because it has no area or is there
         already. Its corners lie where other faces have them, or are NaN.
     cut : Cut
-        The opened surface, with the edges that were cut and their length. Where faces were turned
-        over, they still are.
+        The opened surface, with the edges that were cut and their length. Flipped faces still
+        are flipped.
     changes : tuple of str
         What was done to make disks, a sentence each; empty if the surface was a disk.
     certificate : Certificate
-        Those of all disks in one, valid if each of them is: errors are the largest, numbers the
-        sum, and the winding number is 1 or that of a disk where it is not 1. Flipped faces are
-        rows of the given F; -1 for a face that fills a hole.
+        Those of all disks in one, valid if each of them is: the largest error, the winding number
+        farthest from 1, all flipped faces (rows of ``disks[k].mesh.F``), and how many were decided
+        exactly. It does not compare one disk with another.
     conformality : Conformality
         That of the worst disk: of those that are not conformal, if any, the one of the largest
         mean distortion. Of several disks, the reasons name it.
@@ -67,7 +67,7 @@ class SurfaceMap(Result):
         Share of each disk in the area of the surface.
     timings : dict of str to float
         Seconds per phase of the maps that were kept, all disks together; "cut" is the rest: what
-        was mended and cut, and the maps with cuts that grew on.
+        was cleaned and cut, and the maps with cuts that grew on.
 
     Examples
     --------
@@ -116,23 +116,6 @@ class SurfaceMap(Result):
         disk = np.zeros(len(self.cut.V), np.int64)
         disk[self.cut.F[mapped]] = self.face_disk[mapped][:, None]
         return (centers[disk] + radii[disk][:, None] * self.uv_cut)[self.cut.F]
-
-    def area_distortion(self) -> Floats:
-        """Logarithm of the area in the plane by that on the surface, the disks `packed`.
-
-        Returns
-        -------
-        (k,) float64
-            Of the given faces that are on a disk, as `cdcp_igl.area_distortion` has it.
-        """
-        mapped = self.face_disk >= 0
-        corners, packed = self.cut.V[self.cut.F[mapped]], self.packed()[mapped]
-        (x, y), (p, q) = (packed[:, 1] - packed[:, 0]).T, (packed[:, 2] - packed[:, 0]).T
-        turned = x * q < y * p  # in the given surface, which is left as it is
-        for array in (corners, packed):
-            array[turned] = array[turned, ::-1]
-        V, uv = (array.reshape(-1, array.shape[-1]) for array in (corners, packed))
-        return area_distortion(V, np.arange(len(V)).reshape(-1, 3), uv)
 
     def _subject(self) -> str:
         faces = counted(len(self.uv), "face", "faces")
@@ -198,11 +181,11 @@ def surface_map(
     solver: SolverName | None = None,
     progress: Progress | None = None,
 ) -> SurfaceMap:
-    """Map any surface conformally onto disks: mend it, cut it open, map each component.
+    """Map any surface conformally onto disks: clean it, cut it open, map each component.
 
-    What can be mended without changing the shape is: faces turned over, vertices where fans of
-    faces meet split, sheets that meet in an edge of three or more faces parted. Where a disk would
-    shrink a part of the surface, the cut is led to its tip.
+    What can be repaired without changing the shape is: flipped faces are reversed, vertices where
+    fans of faces meet are split, sheets that meet in an edge of three or more faces are parted.
+    Where a disk would shrink a part of the surface, the cut is led to its tip.
 
     Parameters
     ----------
@@ -258,7 +241,8 @@ def surface_map(
     steps = 0 if refine is None else refine  # 0 is as needed
     options = Options(center, mobius, align, steps, refine_norm, refine_seconds, preset, solver)
     start = perf_counter()
-    sheets = oriented_sheets(V, F, polygon_of_face)
+    given, faces = usable_arrays(V, F)
+    sheets = oriented_sheets(given, faces, polygon_of_face)
     charts, done = [], 0.0
     for component in split_components(sheets.V, sheets.F, sheets.vertices, sheets.polygon):
         share = len(component.rows) / len(sheets.F)
@@ -267,8 +251,7 @@ def surface_map(
         done += share
     if progress:
         progress("done", 1.0)
-    given = vertex_array(V).astype(np.float64)
-    made = _together(given, face_array(F, len(given)), sheets, charts)
+    made = _together(given.astype(np.float64), faces, sheets, charts)
     mapping = sum(made.timings.values())
     return replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
 
@@ -298,9 +281,9 @@ def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[Chart]) -> Surfac
         uv[rows], face_disk[rows], corners[rows] = chart.disk.uv[chart.F], k, count + chart.F
         count += chart.opened.n
         areas.append(float(face_areas(sheets.V, F[rows]).sum()))
-    turned = sheets.rows[sheets.turned]
+    flipped = sheets.rows[sheets.flipped]
     for array in (corners, uv):
-        array[turned] = array[turned, ::-1]
+        array[flipped] = array[flipped, ::-1]
     fill_left_out(F, face_disk >= 0, corners, uv)
     disks = [chart.disk for chart in charts]
     opened, changes = cut_along(V, F, corners), list(sheets.changes)
@@ -314,7 +297,7 @@ def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[Chart]) -> Surfac
         face_disk=face_disk,
         cut=opened,
         changes=tuple(changes),
-        certificate=_common_certificate(disks, face_disk),
+        certificate=_common_certificate(disks),
         conformality=_worst_conformality(disks),
         distortion=AngleDistortion.of(np.concatenate([chart.angle_errors() for chart in charts])),
         spread=max(chart.spread for chart in charts),
@@ -323,21 +306,16 @@ def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[Chart]) -> Surfac
     )
 
 
-def _common_certificate(disks: list[DiskMap], face_disk: Ints) -> Certificate:
+def _common_certificate(disks: list[DiskMap]) -> Certificate:
     """Sum up the certificates of all disks, as `SurfaceMap` says."""
     each = [disk.certificate for disk in disks]
-    turns = [certificate.winding_number for certificate in each]
-    flipped = []
-    for k, certificate in enumerate(each):
-        rows = np.flatnonzero(face_disk == k)  # the first faces of the disk; others fill holes
-        filling = np.full(len(disks[k].mesh.F) - len(rows), -1)
-        flipped.append(np.append(rows, filling)[certificate.flipped])
     return Certificate(
         finite=all(certificate.finite for certificate in each),
         boundary_error=max(certificate.boundary_error for certificate in each),
         boundary_monotone=all(certificate.boundary_monotone for certificate in each),
-        winding_number=next((number for number in turns if number != 1), 1),
-        flipped=np.concatenate(flipped),
+        # 1, or one that is not: the farthest from it.
+        winding_number=max((c.winding_number for c in each), key=lambda turns: abs(turns - 1)),
+        flipped=np.concatenate([certificate.flipped for certificate in each]),
         n_exact=sum(certificate.n_exact for certificate in each),
     )
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 import errno
+import json
+import math
 import os
 from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol
+from typing import Any
 
 try:
     import fcntl
@@ -16,34 +18,138 @@ except ModuleNotFoundError:  # Windows: two batches in one folder are not kept a
     fcntl = None  # type: ignore[assignment]
 
 from ..errors import printable
-from ..io import whole_file
-from .records import COLUMNS, Record
-from .shards import Shard
+from ..io.output import whole_file
+from .names import Shard
 
-__all__ = ["Journal", "is_summary", "journal_lines", "read_journals", "write_summary"]
+DONE, FAILED, REFUSED = "done", "failed", "refused"
 
 
-class Line(Protocol):
-    """What can be written down in a line."""
+@dataclass(frozen=True)
+class Record:
+    """What became of one surface of a batch.
+
+    Attributes
+    ----------
+    name : str
+        Name of the result without its suffix, with folders where files of one name are in
+        several.
+    input : str
+        Absolute path of the surface.
+    input_digest : str
+        SHA-256 of its bytes; empty if it could not be read.
+    output_digest : str
+        SHA-256 of the result; empty if there is none.
+    input_size, input_mtime : int
+        Its bytes, and when it was changed last, in nanoseconds; -1 if there is no such file.
+    options_digest : str
+        Tells the options of the batch from others.
+    version : str
+        Of cdcp_igl.
+    finished : str
+        Date and time in UTC, ISO 8601.
+    status : {"done", "failed", "refused"}
+        Mapped; not mapped; or not mapped because of a file that is there already and was made
+        from something else.
+    error : str
+        Type of the error: ``"MeshError"``, ``"MapError"``, ..., ``"Crash"``, ``"TimeLimit"``
+        or ``"MemoryLimit"``; empty if there was none.
+    message : str
+        What it says.
+    changes : tuple of str
+        What was changed on reading and mending, a sentence each.
+    vertices, faces, disks : int
+        Of the surface as it was given; disks it was mapped to.
+    flips : int
+        Faces that are not positively oriented.
+    mean, sd : float
+        Angular distortion in degrees; NaN, as below, where there is no map.
+    area : float
+        Area distortion, mean of |log of the ratio of areas|.
+    conformal : bool
+        Whether it is what a conformal map should be, see `DiskMap`.
+    boundary : str
+        How the boundary got onto the circle.
+    seconds : float
+        From reading to writing.
+    memory : float
+        Peak resident memory of the process meanwhile in MiB, Python included.
+
+    Examples
+    --------
+    >>> from cdcp_igl.batching import Record
+    >>> record = Record("scan", "/scans/scan.obj", status="done", mean=1.25)
+    >>> Record.from_line(record.line()).line() == record.line()
+    True
+    """
+
+    name: str
+    input: str
+    input_digest: str = ""
+    output_digest: str = ""
+    input_size: int = -1
+    input_mtime: int = -1
+    options_digest: str = ""
+    version: str = ""
+    finished: str = ""
+    status: str = FAILED
+    error: str = ""
+    message: str = ""
+    changes: tuple[str, ...] = ()
+    vertices: int = 0
+    faces: int = 0
+    disks: int = 0
+    flips: int = 0
+    mean: float = math.nan
+    sd: float = math.nan
+    area: float = math.nan
+    conformal: bool = False
+    boundary: str = ""
+    seconds: float = math.nan
+    memory: float = math.nan
 
     def line(self) -> str:
-        """Return it with the end of the line."""
+        """Return the record as one line of JSON, null for what is not a finite number."""
+        return json.dumps(self.values()) + "\n"
+
+    def values(self) -> dict[str, Any]:
+        """Return the record as JSON types."""
+        return {
+            name: None if isinstance(value, float) and not math.isfinite(value) else value
+            for name, value in asdict(self).items()
+        }
+
+    @classmethod
+    def from_line(cls, line: str) -> Record:
+        """Read a line; ValueError if it is none of a record, or half of one."""
+        values = json.loads(line)
+        if not isinstance(values, dict) or not {"name", "input", "status"} <= values.keys():
+            raise ValueError("no record")
+        known: dict[str, Any] = {name: values[name] for name in COLUMNS if name in values}
+        return cls(**{name: _of_type(_TYPES[name], value) for name, value in known.items()})
+
+
+def _of_type(kind: type, value: Any) -> Any:
+    """Return what JSON has for a value of this type; ValueError if that is another."""
+    if kind is float:
+        value = math.nan if value is None else value
+        is_one = isinstance(value, int | float)
+    elif kind is tuple:
+        is_one = isinstance(value, list) and all(isinstance(text, str) for text in value)
+    else:
+        is_one = isinstance(value, kind)
+    if not is_one:
+        raise ValueError("no record")
+    return tuple(value) if kind is tuple else value
+
+
+COLUMNS = tuple(field.name for field in fields(Record))
+_TYPES = {name: type(getattr(Record, name, "")) for name in COLUMNS}  # "": there is no default
 
 
 class Journal:
-    """The file that a batch appends to, kept from other batches as long as it is open.
+    """The file that a batch appends to, a shard of its own; no other batch can open it meanwhile.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the results.
-    shard : (int, int) or None
-        Part i of n, from 1, which has a file of its own.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written, or another batch writes it.
+    OSError if it cannot be written, or another batch has it.
     """
 
     def __init__(self, folder: Path, shard: Shard | None = None) -> None:
@@ -57,10 +163,10 @@ class Journal:
             self._file.close()
             raise
 
-    def append(self, record: Line) -> None:
+    def append(self, line: str) -> None:
         """Add a line, which is there for good when this returns."""
-        line = record.line().encode()
-        if self._file.write(line) != len(line):
+        text = line.encode()
+        if self._file.write(text) != len(text):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path))
         os.fsync(self._file.fileno())
 
@@ -89,12 +195,7 @@ class Journal:
     def __enter__(self) -> Journal:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self._file.close()
 
 
@@ -105,24 +206,22 @@ def journal_lines(folder: Path) -> Iterator[str]:
             yield from file
 
 
-def read_journals(folder: Path, options_digest: str) -> dict[str, Record]:
-    """Return the latest record of each name made with these options, from all journals."""
-    records: dict[str, Record] = {}
+def read_journals(folder: Path, options_digest: str) -> dict[str, list[Record]]:
+    """Return the records of each name made with these options, from all journals, latest last."""
+    records: dict[str, list[Record]] = {}
     for line in journal_lines(folder):
         try:
             record = Record.from_line(line)
         except ValueError:  # cut off
             continue
-        known = records.get(record.name, record)
-        if record.options_digest == options_digest and record.finished >= known.finished:
-            records[record.name] = record
+        if record.options_digest == options_digest:
+            records.setdefault(record.name, []).append(record)
+    for of_name in records.values():
+        of_name.sort(key=lambda record: record.finished)
     return records
 
 
-def is_summary(path: Path) -> bool:
-    """Whether a file begins as `write_summary` begins it."""
-    with path.open("rb") as file:
-        return file.read(11) == b"name,input,"
+SUMMARY_BEGINS = "name,input,"
 
 
 def write_summary(path: Path, records: Iterable[Record]) -> None:
@@ -134,7 +233,5 @@ def write_summary(path: Path, records: Iterable[Record]) -> None:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
         for record in records:
-            changes = " ".join(record.changes)
-            writer.writerow(
-                record.values() | {"input": printable(record.input), "changes": changes}
-            )
+            texts = {"input": printable(record.input), "changes": " ".join(record.changes)}
+            writer.writerow(record.values() | texts)

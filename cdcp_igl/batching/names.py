@@ -1,4 +1,4 @@
-"""Which files a batch maps, and what their results are called."""
+"""Which files a batch maps, what their results are called, and the shares of job arrays."""
 
 from __future__ import annotations
 
@@ -6,12 +6,17 @@ import glob
 import hashlib
 import os
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import takewhile
 from pathlib import Path
+from typing import TypeVar
 
 from ..errors import printable
 from ..io import READABLE
+
+Shard = tuple[int, int]  # part i of n, from 1
+
+Item = TypeVar("Item")
 
 
 def surface_files(
@@ -119,3 +124,19 @@ def result_names(files: list[Path]) -> list[str]:
             return names
         for i in clashes:
             levels[i] += 1
+
+
+def read_shard(text: str) -> Shard:
+    """Read ``"i/n"``; ValueError if that is no part."""
+    part, slash, parts = text.partition("/")
+    if not (slash and part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+        raise ValueError("must be I/N, with I from 1 to N.")
+    return int(part), int(parts)
+
+
+def shard_of(items: Sequence[Item], shard: Shard | None) -> Sequence[Item]:
+    """Take every n-th from the i-th on, or all; ValueError if there is no such part."""
+    part, parts = shard or (1, 1)
+    if not 1 <= part <= parts:
+        raise ValueError(f"shard must be (i, n) with i from 1 to n, not {shard!r}")
+    return items[part - 1 :: parts]

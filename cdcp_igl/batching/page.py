@@ -2,45 +2,50 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
-from pathlib import Path
 from string import Template
 
 import numpy as np
 
 from .. import __version__
 from ..errors import printable
-from .records import DONE, Record
+from .journal import DONE, Record
 
-__all__ = ["report_page"]
+# How the page begins, by which the next run knows it.
+PAGE_BEGINS = """\
+<!DOCTYPE html>
+<html lang="en">
+<meta charset="utf-8">
+<meta name="generator" content="cdcp_igl.batch">
+"""
 
 BINS = 30
 WIDTH, HEIGHT, MARGIN = 720, 200, 24  # of the histogram
 
+COLUMNS = (  # of the table: heading, attribute of the record, format
+    ("vertices", "vertices", ",d"),
+    ("disks", "disks", ",d"),
+    ("mean °", "mean", ".3f"),
+    ("SD °", "sd", ".3f"),
+    ("area", "area", ".3f"),
+    ("flips", "flips", ",d"),
+    ("s", "seconds", ".2f"),
+    ("MiB", "memory", ",.0f"),
+)
 
-def report_page(
-    title: str, summary: str, records: Sequence[Record], thumbnails: Mapping[str, Path]
-) -> str:
-    """Return an HTML page with all records.
 
-    Parameters
-    ----------
-    title, summary : str
-    records : sequence of Record
-    thumbnails : mapping of str to Path
-        JPEG files by name of the record; those that do not exist are left out.
-    """
+def report_page(title: str, summary: str, records: Sequence[Record]) -> str:
+    """Return an HTML page with all records."""
     done = [record for record in records if record.status == DONE]
     template = Template(files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
-    return template.substitute(
+    return PAGE_BEGINS + template.substitute(
         title=escape(title),
         summary="<br>".join(map(escape, [*summary.splitlines(), f"cdcp_igl {__version__}"])),
         histogram=_histogram(np.array([record.mean for record in done])) if done else "",
         failures=_failures([record for record in records if record.status != DONE]),
-        table=_table(done, thumbnails) if done else "",
+        table=_table(done) if done else "",
     )
 
 
@@ -77,37 +82,25 @@ def _failures(records: Sequence[Record]) -> str:
     return f'<h2>Not mapped</h2><div class="scroll"><table><tbody>{rows}</tbody></table></div>'
 
 
-def _table(records: Sequence[Record], thumbnails: Mapping[str, Path]) -> str:
-    columns = ("surface", "map", "vertices", "disks", "mean °", "SD °", "area", "flips", "s", "MiB")
-    heads = "".join(f"<th><button>{name}</button></th>" for name in (*columns, "conformal"))
-    rows = "".join(_row(record, thumbnails.get(record.name)) for record in records)
+def _table(records: Sequence[Record]) -> str:
+    headings = ["surface", *(heading for heading, _, _ in COLUMNS), "conformal"]
+    heads = "".join(f"<th><button>{heading}</button></th>" for heading in headings)
+    rows = "".join(map(_row, records))
     return (
         '<h2>Mapped</h2><div class="scroll"><table>'
         f"<thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></div>"
     )
 
 
-def _row(record: Record, thumbnail: Path | None) -> str:
-    image = ""
-    if thumbnail and thumbnail.exists():
-        data = b64encode(thumbnail.read_bytes()).decode()
-        image = f'<img loading="lazy" alt="" src="data:image/jpeg;base64,{data}">'
+def _row(record: Record) -> str:
     name = escape(printable(record.name))
-    numbers: tuple[tuple[float, str], ...] = (
-        (record.vertices, ",d"),
-        (record.disks, ",d"),
-        (record.mean, ".3f"),
-        (record.sd, ".3f"),
-        (record.area, ".3f"),
-        (record.flips, ",d"),
-        (record.seconds, ".2f"),
-        (record.memory, ",.0f"),
+    cells = "".join(
+        f'<td data-key="{getattr(record, column)}">{getattr(record, column):{form}}</td>'
+        for _, column, form in COLUMNS
     )
-    cells = "".join(f'<td data-key="{value}">{value:{form}}</td>' for value, form in numbers)
     doubt = f'<span class="warning">no: {escape(record.boundary)}</span>'
     verdict = "yes" if record.conformal else doubt
     return (
-        f'<tr><td data-key="{name}" title="{escape(printable(record.input))}">{name}</td>'
-        f'<td data-key="{name}">{image}</td>{cells}'
+        f'<tr><td data-key="{name}" title="{escape(printable(record.input))}">{name}</td>{cells}'
         f'<td data-key="{int(record.conformal)}">{verdict}</td></tr>'
     )

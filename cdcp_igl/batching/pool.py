@@ -1,4 +1,8 @@
-"""Processes on this machine that map surfaces, each within its limits."""
+"""Processes on this machine that map surfaces, each within its limits.
+
+They are none of `multiprocessing`: its processes import the script of the user again, which must
+then be written for it, and all surfaces of a pool fail when one of its processes dies.
+"""
 
 from __future__ import annotations
 
@@ -6,31 +10,37 @@ import os
 import pickle
 import subprocess
 import sys
-from collections import Counter
-from collections.abc import Generator, Iterator, Sequence
-from concurrent.futures import BrokenExecutor
-from contextlib import closing, suppress
+from collections.abc import Generator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from tempfile import TemporaryFile
-from threading import Thread
+from threading import Lock
 from time import monotonic
 from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
 
-from ..reference.processes import cause_of_death, resident
+from ..processes import cause_of_death, resident
 from ..solve.memory import available_memory
-from .memory import memory_needed
-from .records import Record
+from .journal import Record
 from .work import Task
-
-__all__ = ["Pool"]
 
 POLL = 0.05  # seconds between two looks at time and memory
 ATTEMPTS = 3  # with a surface that kills its worker
 
 # One thread for each worker: the map uses no more, and numbers must not depend on the machine.
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+# Peak memory of a map; a batch writes it down for every surface, and on those from 100,000 to a
+# million vertices it is less than this, cut open or not.
+MIB_PER_VERTEX = 2.5e-3
+MIB_OF_PYTHON = 150.0
+
+# The fewest bytes that a vertex and its two faces take in each kind of file.
+BYTES_PER_VERTEX = {".obj": 40, ".off": 40, ".ply": 36, ".stl": 100, ".mat": 12, ".npz": 12}
 
 
 class Pool:
@@ -46,6 +56,9 @@ class Pool:
 
     def __init__(self, jobs: int, time_limit: float = np.inf, memory_limit: float = np.inf) -> None:
         self.jobs, self.time_limit, self.memory_limit = jobs, time_limit, memory_limit
+        self._workers: list[_Worker] = []
+        self._idle: SimpleQueue[_Worker] = SimpleQueue()
+        self._closed = False
 
     def run(self, tasks: Sequence[Task]) -> Generator[Record]:
         """Yield the record of each task as it is done, the largest surfaces first.
@@ -57,64 +70,73 @@ class Pool:
         BrokenExecutor
             If no process can be started.
         """
-        need = {task.name: memory_needed(task.source) for task in tasks}
+        need = {task.name: memory_needed(Path(task.source)) for task in tasks}
         waiting = sorted(tasks, key=lambda task: need[task.name], reverse=True)
         memory = available_memory() / 2**20
-        attempts: Counter[str] = Counter()
-        inbox: SimpleQueue[tuple[_Worker, Any]] = SimpleQueue()
-        idle: list[_Worker] = []
-        busy: dict[_Worker, Task] = {}
+        running: dict[Future[Record], Task] = {}
+        threads = ThreadPoolExecutor(self.jobs)  # each waits for what one process answers
         try:
-            while waiting or busy:
-                while waiting and len(busy) < self.jobs:
-                    left = memory - sum(need[task.name] for task in busy.values())
+            while waiting or running:
+                while waiting and len(running) < self.jobs:
+                    left = memory - sum(need[task.name] for task in running.values())
                     fits = (i for i, task in enumerate(waiting) if need[task.name] <= left)
-                    chosen = next(fits, None if busy else 0)
+                    chosen = next(fits, None if running else 0)
                     if chosen is None:
                         break
-                    worker = idle.pop() if idle else _Worker(inbox)
-                    busy[worker] = task = waiting.pop(chosen)
-                    worker.begin(task)
-                for worker, answer in _arrived(inbox):
-                    if worker in idle:  # it died while it had nothing to do
-                        idle.remove(worker)
-                        worker.close()
-                        continue
-                    task = busy.pop(worker)
-                    if answer is not _DIED:
-                        idle.append(worker)
-                        if isinstance(answer, BaseException):
-                            raise answer
-                        yield answer
-                        continue
-                    attempts[task.name] += 1
-                    with closing(worker):
-                        loss = worker.loss(task, attempts[task.name])
-                    if loss:
-                        yield loss
-                    else:
-                        waiting.insert(0, task)
-                for worker in busy:
+                    task = waiting.pop(chosen)
+                    running[threads.submit(self._map, task)] = task
+                for future in wait(running, POLL, FIRST_COMPLETED).done:
+                    del running[future]
+                    yield future.result()
+                for worker in tuple(self._workers):
                     worker.enforce(self.time_limit, self.memory_limit)
         finally:
-            for worker in (*busy, *idle):
+            self._closed = True
+            for worker in tuple(self._workers):
+                worker.kill()
+            threads.shutdown()
+            for worker in self._workers:
                 worker.close()
 
+    def _map(self, task: Task) -> Record:
+        """Let a process map a surface, and another one if it dies."""
+        cause = ""
+        for _ in range(ATTEMPTS):
+            worker = self._take_worker()
+            answer = worker.ask(task)
+            if answer is not None and worker.excess is None:
+                self._idle.put(worker)
+            else:
+                self._workers.remove(worker)
+                cause = worker.close()
+            if isinstance(answer, BaseException):
+                raise answer
+            if answer is not None:
+                return answer
+            if worker.excess:
+                return task.failed(*worker.excess)
+            if not (worker.ready or worker.was_killed):
+                raise BrokenExecutor(f"no worker can be started: {cause}")
+        return task.failed("Crash", f"{cause} ({ATTEMPTS} times)")
 
-def _arrived(inbox: SimpleQueue[Any]) -> Iterator[Any]:
-    with suppress(Empty):
-        yield inbox.get(timeout=POLL)
-        while True:
-            yield inbox.get_nowait()
-
-
-_DIED = object()
+    def _take_worker(self) -> _Worker:
+        with suppress(Empty):
+            return self._idle.get_nowait()
+        worker = _Worker()
+        self._workers.append(worker)
+        if self._closed:  # meanwhile
+            worker.kill()
+        return worker
 
 
 class _Worker:
-    """A process, and the thread that waits for its answers."""
+    """A process that maps one surface after the other."""
 
-    def __init__(self, inbox: SimpleQueue[Any]) -> None:
+    def __init__(self) -> None:
+        self.ready = False
+        self.excess: tuple[str, str] | None = None
+        self._since: float | None = None  # the beginning of a surface
+        self._between = Lock()  # a process is ended while it maps, not when it has just answered
         self._errors = TemporaryFile()  # noqa: SIM115 - closed by `close`
         self._process = subprocess.Popen(
             # -P: what lies in the folder where the user works is no module.
@@ -125,73 +147,80 @@ class _Worker:
             env={**ONE_THREAD, **os.environ},
             start_new_session=True,  # Ctrl-C is for the one who started this
         )
-        self._ready = False
-        self._since = np.inf
-        self.excess: tuple[str, str] | None = None
-        self._listener = Thread(target=self._listen, args=(inbox,), daemon=True)
-        self._listener.start()
 
-    def begin(self, task: Task) -> None:
-        """Hand over a surface."""
-        self._since = monotonic() if self._ready else np.inf
-        self._errors.seek(0)
-        self._errors.truncate()
+    def ask(self, task: Task) -> Any:
+        """Hand over a surface, wait, and return the answer; None if the process has died."""
         assert self._process.stdin
-        with suppress(OSError):  # it has just died, which the thread will tell
+        assert self._process.stdout
+        try:
+            self.ready = self.ready or pickle.load(self._process.stdout)
+            self._errors.seek(0)
+            self._errors.truncate()
+            with self._between:
+                self._since = monotonic()
             pickle.dump(task, self._process.stdin)
             self._process.stdin.flush()
+            return pickle.load(self._process.stdout)
+        except Exception:  # the end of the stream, or half an answer
+            return None
+        finally:
+            with self._between:
+                self._since = None
 
     def enforce(self, time_limit: float, memory_limit: float) -> None:
         """End the process if it has passed a limit."""
-        if self.excess:
-            return
-        if monotonic() - self._since > time_limit:
-            self.excess = "TimeLimit", f"no result within {time_limit:g} s"
-        elif np.isfinite(memory_limit) and resident(self._process.pid) > memory_limit:
-            self.excess = "MemoryLimit", f"more than {memory_limit:,.0f} MiB of memory"
-        if self.excess:
-            self._process.kill()
+        with self._between:
+            if self._since is None or self.excess:
+                return
+            if monotonic() - self._since > time_limit:
+                self.excess = "TimeLimit", f"no result within {time_limit:g} s"
+            elif np.isfinite(memory_limit) and resident(self._process.pid) > memory_limit:
+                self.excess = "MemoryLimit", f"more than {memory_limit:,.0f} MiB of memory"
+            if self.excess:
+                self._process.kill()
 
-    def loss(self, task: Task, attempts: int) -> Record | None:
-        """Record what the surface has cost; None if it is to be tried again.
+    @property
+    def was_killed(self) -> bool:
+        """Whether a signal has ended the process."""
+        return self._process.wait() < 0
 
-        Raises
-        ------
-        BrokenExecutor
-            If the worker had not come as far as the surface.
-        """
-        if self.excess:
-            error, message = self.excess
-            return task.failed(error, message)
-        self._errors.seek(0)
-        errors = self._errors.read().decode(errors="replace")
-        cause = cause_of_death(self._process.wait(), errors)
-        if not self._ready and self._process.wait() > 0:
-            raise BrokenExecutor(f"no worker can be started: {cause}")
-        if attempts < ATTEMPTS:
-            return None
-        return task.failed("Crash", f"{cause} ({attempts} times)")
-
-    def close(self) -> None:
+    def kill(self) -> None:
         """End the process, whatever it does."""
         self._process.kill()
-        self._listener.join()
+
+    def close(self) -> str:
+        """Wait for the end of a process that has died or was killed; return the cause."""
         assert self._process.stdin
         assert self._process.stdout
+        returncode = self._process.wait()
         with suppress(OSError):  # something was still to be said to it
             self._process.stdin.close()
         self._process.stdout.close()
-        self._errors.close()
+        with self._errors:
+            self._errors.seek(0)
+            return cause_of_death(returncode, self._errors.read().decode(errors="replace"))
 
-    def _listen(self, inbox: SimpleQueue[Any]) -> None:
-        assert self._process.stdout
-        try:
-            while True:
-                answer = pickle.load(self._process.stdout)
-                if self._ready:
-                    inbox.put((self, answer))
-                else:
-                    self._ready, self._since = True, monotonic()
-        except Exception:  # the end of the stream, or half an answer
-            self._process.wait()
-            inbox.put((self, _DIED))
+
+def memory_needed(path: Path) -> float:
+    """Guess from the file of a surface how many MiB it will need, rather too many."""
+    try:
+        if path.suffix.lower() == ".npz":
+            vertices: float = _vertices_of_archive(path)
+        else:
+            vertices = path.stat().st_size / BYTES_PER_VERTEX.get(path.suffix.lower(), 12)
+        return MIB_OF_PYTHON + MIB_PER_VERTEX * vertices
+    except Exception:  # whatever is wrong with the file, its worker will find out and say
+        return MIB_OF_PYTHON
+
+
+def _vertices_of_archive(path: Path) -> int:
+    """Read the shape of V from its header, without unpacking what follows."""
+    with ZipFile(path) as archive:
+        name = next(name for name in ("V.npy", "v.npy") if name in archive.namelist())
+        with archive.open(name) as file:
+            version = np.lib.format.read_magic(file)
+            read = np.lib.format.read_array_header_1_0
+            if version != (1, 0):
+                read = np.lib.format.read_array_header_2_0
+            shape, _, _ = read(file)
+    return int(shape[0]) if shape else 0

@@ -2,36 +2,39 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
+import json
 import os
+import shutil
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import closing
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import counted, printable
-from ..extras import from_extra
-from ..io import remove_stale, whole_file
-from ..io.output import try_to_write
+from ..io import WRITABLE
+from ..io.output import try_to_write, whole_file
 from ..one_file import Settings
 from .executors import run_on
-from .journal import Journal, is_summary, read_journals, write_summary
-from .names import located, result_names, surface_files
-from .page import report_page
+from .journal import (
+    DONE,
+    SUMMARY_BEGINS,
+    Journal,
+    Record,
+    read_journals,
+    write_summary,
+)
+from .names import located, result_names, shard_of, surface_files
+from .page import PAGE_BEGINS, report_page
 from .pool import Pool
-from .records import DONE, FAILED, Record
-from .shards import Shard, shard_of
-from .stamps import Stamp, put_stamp, read_stamp
-from .targets import refuse_another
-from .work import Task, digest_of_settings
+from .work import Task
 
-__all__ = ["Batch", "batch"]
-
-NO_INPUT = hashlib.sha256().hexdigest()  # of a report, which is made from no single surface
+SAME = "same"
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,10 +110,10 @@ def batch(
 ) -> Batch:
     """Map many surfaces, each to a file, and lose nothing.
 
-    Each result is written by its worker, whole or not at all, and noted in a line of
-    ``results.jsonl``. Run again after whatever has happened, a batch goes on where it was;
-    the results are those of an undisturbed run. A file that is there already is replaced only
-    if it was made from the same surface with the same options.
+    Each result has a line in ``results.jsonl``, with a digest of its bytes, before it appears, and
+    appears whole or not at all. Run again after whatever has happened, a batch goes on where it
+    was; the results are those of an undisturbed run. A file that is there already is replaced only
+    if a batch has made it from the same surface with the same options, and nobody has changed it.
 
     A result has the name of its surface where no other one given has it, else its folders as well.
     So give a batch that is to go on the same folders as before, or always the one above them.
@@ -128,12 +131,13 @@ def batch(
         where memory would not do for both.
     executor : concurrent.futures.Executor or dask.distributed.Client, optional
         Maps the surfaces instead, perhaps on many machines that share the file system.
-    format : {"npz", "obj", "ply", "glb"}
-        Type of the results, see `cdcp_igl.io.write_map`.
+    format : {"npz", "obj", "ply", "glb", "same"}
+        Type of the results, see `cdcp_igl.io.write_map`; ``"same"`` for that of each surface, and
+        obj where it is none of these.
     disk : bool
         Texture coordinates in the unit disk, not in the unit square.
     clean : bool
-        Mend each surface first, see `cdcp_igl.clean`. A result has what is left of the surface,
+        Clean each surface first, see `cdcp_igl.clean`. A result has what is left of the surface,
         in its order.
     cut : bool
         Map surfaces that are no disks as well, see `cdcp_igl.surface_map`.
@@ -146,8 +150,7 @@ def batch(
         Part i of n, from 1: every n-th surface, with a ``results.i-of-n.jsonl``; for job arrays
         that write to one folder.
     report : path-like, optional
-        An HTML page to write, with a histogram, a table and a picture of each disk, as far as
-        it was mapped with a report. Needs the extra `plot`.
+        An HTML page to write, with a histogram and a table.
     progress : callable, optional
         Called as ``progress(done, failed, total)``, at first with what former runs have done.
     **options
@@ -181,90 +184,130 @@ def batch(
     >>> [(record.name, record.status, record.error) for record in made.records]
     [('cap', 'done', ''), ('torn', 'failed', 'MeshError')]
     """
-    settings = Settings(format=format, disk=disk, clean=clean, cut=cut, options=options)
+    settings = Settings(disk=disk, clean=clean, cut=cut, options=options)
+    if format != SAME and f".{format}" not in WRITABLE:
+        formats = ", ".join([*(suffix[1:] for suffix in WRITABLE), SAME])
+        raise ValueError(f"format must be one of {formats}, not {format!r}")
     limits = {"time_limit": time_limit, "memory_limit": memory_limit}
     if executor is not None and (jobs, *limits.values()) != (1, np.inf, np.inf):
         raise ValueError("jobs and limits are those of the executor; give one or the other")
     if jobs < 1:
         raise ValueError(f"jobs must be 1 or more, not {jobs!r}")
     folder = located(Path(out))
-    tasks = _tasks(surface_files(files, folder), folder, settings, shard, report is not None)
+    sources = surface_files(files, folder)
+    if not sources:
+        raise ValueError("there is no surface to map")
+    digest = _digest_of_options(settings, format)
+    named = list(zip(result_names(sources), sources, strict=True))
+    mine = shard_of(named, shard)
     folder.mkdir(parents=True, exist_ok=True)
     summary_file = folder / "summary.csv"
-    refuse_another(summary_file, is_summary, "is no summary of a batch")
+    _refuse_another(summary_file, SUMMARY_BEGINS, "is no summary of a batch")
     if report is not None:
-        with from_extra("plot"):
-            import matplotlib  # noqa: F401
-        refuse_another(Path(report), _is_report, "is no report of a batch")
+        _refuse_another(Path(report), PAGE_BEGINS, "is no report of a batch")
         try_to_write(Path(report))
-    with Journal(folder, shard) as journal:
-        known = read_journals(folder, digest_of_settings(settings))
+    with Journal(folder, shard) as journal, _unfinished_folder(journal) as unfinished:
+        tasks = [
+            _task(name, source, folder, format, unfinished, settings, digest)
+            for name, source in mine
+        ]
+        history = read_journals(folder, digest)
         records = {
-            task.name: known[task.name]
+            task.name: history[task.name][-1]
             for task in tasks
-            if task.name in known and _settled(task, known[task.name], retry)
+            if task.name in history and task.is_settled(history[task.name][-1], retry)
         }
-        left = [task for task in tasks if task.name not in records]
         count = Counter(record.status for record in records.values())
-        tell = progress or (lambda done, failed, total: None)
-        tell(count[DONE], count.total() - count[DONE], len(tasks))
-        marks = folder / f".{journal.path.stem}.attempts"
-        pool = Pool(jobs, **limits)
-        made = pool.run(left) if executor is None else run_on(executor, left, marks)
+
+        def tell() -> None:
+            if progress is not None:
+                progress(count[DONE], count.total() - count[DONE], len(tasks))
+
+        def write_down(record: Record) -> None:
+            journal.append(record.line())
+            records[record.name] = record
+            count[record.status] += 1
+            tell()
+
+        tell()
+        left: dict[str, Task] = {}
         try:
+            for task in tasks:
+                if task.name not in records:
+                    if refusal := task.refusal(history.get(task.name, ())):
+                        write_down(refusal)
+                    else:
+                        left[task.name] = task
+            to_map = list(left.values())
+            made = (
+                Pool(jobs, **limits).run(to_map) if executor is None else run_on(executor, to_map)
+            )
             with closing(made):
                 for record in made:
-                    journal.append(record)
-                    records[record.name] = record
-                    count[record.status] += 1
-                    tell(count[DONE], count.total() - count[DONE], len(tasks))
+                    task = left[record.name]
+                    if record.status != DONE:
+                        write_down(record)
+                    elif refusal := task.refusal(history.get(task.name, ())):  # since it began
+                        write_down(refusal)
+                    else:
+                        write_down(record)  # first, so that each result that is there has a line
+                        task.move_draft()
         finally:
-            for place in {os.path.dirname(task.target) for task in tasks}:
-                remove_stale(place)  # of workers that were killed
-            summary = read_journals(folder, digest_of_settings(settings))
-            write_summary(summary_file, (summary[name] for name in sorted(summary)))
+            latest = read_journals(folder, digest)  # with those of other shards
+            write_summary(summary_file, (latest[name][-1] for name in sorted(latest)))
     done = Batch(folder, tuple(records[task.name] for task in tasks))
     if report is not None:
-        pictures = {task.name: Path(task.thumbnail) for task in tasks}
-        page = report_page(f"Maps in {printable(folder.name)}", str(done), done.records, pictures)
-        with whole_file(report) as unfinished:
-            unfinished.write_text(page, encoding="utf-8")
-            put_stamp(unfinished, Stamp(NO_INPUT, digest_of_settings(settings)))
+        page = report_page(f"Maps in {printable(folder.name)}", str(done), done.records)
+        with whole_file(report) as file:
+            file.write_bytes(page.encode())
     return done
 
 
-def _is_report(path: Path) -> bool:
-    stamp = read_stamp(path)
-    return stamp is not None and stamp.input == NO_INPUT
+def _digest_of_options(settings: Settings, format: str) -> str:
+    text = json.dumps(
+        asdict(settings) | {"format": format},
+        sort_keys=True,
+        default=lambda array: np.asarray(array).tolist(),
+    )
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _tasks(
-    files: list[Path],
+def _refuse_another(path: Path, beginning: str, what: str) -> None:
+    """Raise FileExistsError if there is a file that does not begin as ours do."""
+    if not path.is_file():
+        return
+    with path.open("rb") as file:
+        is_ours = file.read(len(beginning)) == beginning.encode()
+    if not is_ours:
+        reason = f"{what}; move it, or name another place"
+        raise FileExistsError(errno.EEXIST, reason, os.fspath(path))
+
+
+@contextmanager
+def _unfinished_folder(journal: Journal) -> Iterator[Path]:
+    """Make an empty folder for what is not finished, and remove it at the end."""
+    path = journal.path.with_name(f".{journal.path.stem}.unfinished")
+    shutil.rmtree(path, ignore_errors=True)  # of a run that was killed
+    path.mkdir(exist_ok=True)
+    try:
+        yield path
+    finally:
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def _task(
+    name: str,
+    source: Path,
     folder: Path,
+    format: str,
+    unfinished: Path,
     settings: Settings,
-    shard: Shard | None,
-    pictures: bool,
-) -> Sequence[Task]:
-    if not files:
-        raise ValueError("there is no surface to map")
-    tasks = [
-        Task(
-            name,
-            str(file),
-            str(folder / f"{name}.{settings.format}"),
-            settings,
-            str(folder / "thumbnails" / f"{name}.jpg") if pictures else "",
-        )
-        for name, file in zip(result_names(files), files, strict=True)
-    ]
-    return shard_of(tasks, shard)
-
-
-def _settled(task: Task, record: Record, retry: bool) -> bool:
-    """Whether a former run has done with this surface, as it is now."""
-    if (record.input, record.input_size, record.input_mtime) != (task.source, *task.state()):
-        return False
-    if record.status == DONE:  # and the result is what it was
-        target, stamp = Path(task.target), Stamp(record.input_digest, record.options_digest)
-        return target.is_file() and read_stamp(target) == stamp
-    return record.status == FAILED and not retry
+    digest: str,
+) -> Task:
+    suffix = f".{format}"
+    if format == SAME:
+        suffix = source.suffix if source.suffix.lower() in WRITABLE else ".obj"
+    # Not its own name, which may be as long as names can be.
+    draft = hashlib.sha256(name.encode(errors="surrogateescape")).hexdigest() + suffix
+    target = str(folder / f"{name}{suffix}")
+    return Task(name, str(source), target, str(unfinished / draft), settings, digest)

@@ -1,33 +1,25 @@
-"""One surface of a batch: read, mapped and written. This is what runs in the workers."""
+"""One surface of a batch: read, mapped and written in a worker; its result put into its place."""
 
 from __future__ import annotations
 
 import hashlib
-import json
 import os
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from time import perf_counter
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from .. import __version__
-from ..io import read_polygons, whole_file
-from ..one_file import Settings, map_one
-from ..reference.processes import forget_peak_memory, peak_memory
-from .records import DONE, FAILED, REFUSED, Record
-from .stamps import Stamp, put_stamp
-from .targets import digest_of, objection
-from .thumbnails import draw_thumbnail
+from ..errors import printable
+from ..io import read_polygons
+from ..one_file import Mapped, Settings, map_one
+from ..processes import forget_peak_memory, peak_memory
+from .journal import DONE, FAILED, REFUSED, Record
 
-__all__ = ["Task", "Unwritten"]
 
-Array = NDArray[Any]
-
-ANOTHER = " with these options; move it, or take another folder"
+class Unwritten(OSError):
+    """A result could not be written, which is no fault of the surface."""
 
 
 @dataclass(frozen=True)
@@ -40,130 +32,130 @@ class Task:
         Name of the result.
     source, target : str
         Absolute paths of the surface and of the result.
+    draft : str
+        Where the worker writes the result, which the batch then moves to `target`.
     settings : Settings
-    thumbnail : str
-        Path of a picture of the disks; empty for none.
+    options_digest : str
+        Tells the options of the batch from others.
     """
 
     name: str
     source: str
     target: str
+    draft: str
     settings: Settings
-    thumbnail: str = ""
+    options_digest: str
 
-    def state(self) -> tuple[int, int]:
-        """Return size and time of the surface's file, -1 if there is none."""
-        try:
-            stat = os.stat(self.source)
-        except OSError:
-            return -1, -1
-        return stat.st_size, stat.st_mtime_ns
-
-    def record(self, status: str, **values: Any) -> Record:
+    def record(self, status: str, error: str = "", message: str = "") -> Record:
         """Make a record of this surface."""
-        size, mtime = self.state()
+        size, mtime = _size_and_time(self.source)
         return Record(
             self.name,
             self.source,
             input_size=size,
             input_mtime=mtime,
-            options_digest=digest_of_settings(self.settings),
+            options_digest=self.options_digest,
             version=__version__,
             finished=_now(),
             status=status,
-            **values,
+            error=error,
+            message=message,
         )
 
     def failed(self, error: str, message: str) -> Record:
         """Make the record of this surface if there is no other."""
-        return self.record(FAILED, error=error, message=message)
+        return self.record(FAILED, error, message)
+
+    def is_settled(self, record: Record, retry: bool) -> bool:
+        """Whether a former run, which left this record, has done with the surface as it is now."""
+        state = (record.input_size, record.input_mtime)
+        if record.input != self.source or state != _size_and_time(self.source):
+            return False
+        if record.status == DONE:  # and the result is what it was
+            return os.path.isfile(self.target) and _digest(self.target) == record.output_digest
+        return record.status == FAILED and not retry
+
+    def refusal(self, history: Sequence[Record]) -> Record | None:
+        """Refuse the surface if what has the name of its result must not be replaced.
+
+        It may if it is empty, or if `history`, the records of this name, says that it was made
+        from the surface as it is now, and nobody has changed it.
+        """
+        if not (os.path.lexists(self.target) and os.access(self.source, os.R_OK)):
+            return None  # if the surface cannot be read, its worker will say so
+        target = printable(self.target)
+        if os.path.exists(self.target) and os.path.samefile(self.source, self.target):
+            message = f"{target} is the surface itself; give the result another place."
+            return self.record(REFUSED, "FileExistsError", message)
+        if os.path.isfile(self.target):
+            digests = _digest(self.source), _digest(self.target)
+            made = [(record.input_digest, record.output_digest) for record in history]
+            if os.path.getsize(self.target) == 0 or digests in made:
+                return None
+        message = (
+            f"{target} is there, and was not made from {printable(Path(self.source).name)} "
+            "with these options, or has been changed; move it, or take another folder."
+        )
+        return self.record(REFUSED, "FileExistsError", message)
 
     def run(self) -> Record:
-        """Map the surface; Unwritten if the result cannot be written."""
-        return _map_file(self)
+        """Map the surface; whatever is wrong with it is in the record.
 
-
-class Unwritten(OSError):
-    """A result could not be written, which is no fault of the surface."""
-
-
-def _map_file(task: Task) -> Record:
-    """Map one surface.
-
-    Returns
-    -------
-    Record
-        Whatever is wrong with the surface is in it.
-
-    Raises
-    ------
-    Unwritten
-        If the result cannot be written.
-    """
-    start = perf_counter()
-    forget_peak_memory()
-    record = task.record(FAILED)
-    source = Path(task.source)
-    try:
-        stamp = Stamp(digest_of(source), digest_of_settings(task.settings))
-        record = replace(record, input_digest=stamp.input)
-        if message := _objection(task, stamp):
-            record = replace(record, status=REFUSED, error="FileExistsError", message=message)
-        else:
+        Raises
+        ------
+        Unwritten
+            If the result cannot be written.
+        """
+        start = perf_counter()
+        forget_peak_memory()
+        record = self.record(FAILED)
+        try:
+            record = replace(record, input_digest=_digest(self.source))
             notes: list[str] = []
-            V, F, whole = read_polygons(source, notes.append)
+            V, F, polygon_of_face = read_polygons(self.source, notes.append)
             record = replace(record, vertices=len(V), faces=len(F))
-            record = _mapped(task, (V, F, whole), stamp, record)
-            record = replace(record, status=DONE, changes=(*notes, *record.changes))
-    except Unwritten:
-        raise
-    except Exception as error:  # whatever it is, the other surfaces can do without this one
-        message = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        record = replace(record, error=type(error).__name__, message=message)
-    seconds = perf_counter() - start
-    return replace(record, seconds=seconds, memory=peak_memory(), finished=_now())
+            mapped = map_one(V, F, polygon_of_face, self.settings)
+            output_digest = self._write(mapped)
+            measures = mapped.measures() | {"changes": (*notes, *mapped.changes)}
+            record = replace(record, status=DONE, output_digest=output_digest, **measures)
+        except Unwritten:
+            raise
+        except Exception as error:  # whatever it is, the other surfaces can do without this one
+            message = (error.strerror if isinstance(error, OSError) else None) or str(error)
+            record = replace(record, error=type(error).__name__, message=message)
+        seconds = perf_counter() - start
+        return replace(record, seconds=seconds, memory=peak_memory(), finished=_now())
+
+    def _write(self, mapped: Mapped) -> str:
+        """Write the draft and return its digest."""
+        try:
+            mapped.write(Path(self.draft), Path(self.source), self.settings)
+            return _digest(self.draft)
+        except OSError as error:
+            raise Unwritten(error.errno, error.strerror, self.target) from error
+
+    def move_draft(self) -> None:
+        """Put the result into its place; OSError if that cannot be done."""
+        try:
+            os.makedirs(os.path.dirname(self.target), exist_ok=True)
+            os.replace(self.draft, self.target)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, self.target) from error
 
 
-def _objection(task: Task, stamp: Stamp) -> str:
-    """Say why a file that is there must not be replaced; nothing if all may."""
-    source = Path(task.source)
-    # With the right mark, it is from a run that was killed before it could say so.
-    message = objection(Path(task.target), source, lambda found: found == stamp, ANOTHER)
-    if task.thumbnail and not message:
-        # Results in several formats share a picture: any mark shows that a batch has drawn it.
-        message = objection(Path(task.thumbnail), source, lambda found: found is not None, ANOTHER)
-    return message
+def _digest(path: str) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def digest_of_settings(settings: Settings) -> str:
-    """Tell these settings from others."""
-    text = json.dumps(asdict(settings), sort_keys=True, default=_plain)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    raise TypeError(f"{value!r} is no option of a batch: it cannot be written down")
+def _size_and_time(path: str) -> tuple[int, int]:
+    """Bytes of a file, and when it was changed last, in nanoseconds; -1 if there is none."""
+    try:
+        stat = os.stat(path)
+    except OSError:
+        return -1, -1
+    return stat.st_size, stat.st_mtime_ns
 
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="microseconds")
-
-
-def _mapped(
-    task: Task, surface: tuple[Array, Array, Array], stamp: Stamp, record: Record
-) -> Record:
-    """Map and write; Unwritten if the file cannot be written."""
-    mapped = map_one(*surface, task.settings)
-    target = Path(task.target)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(target) as unfinished:
-            mapped.write(unfinished, Path(task.source), task.settings)
-            put_stamp(unfinished, stamp)
-        if task.thumbnail:
-            draw_thumbnail(Path(task.thumbnail), mapped.disks, stamp)
-    except OSError as error:
-        raise Unwritten(error.errno, error.strerror, task.target) from error
-    return replace(record, **mapped.measures())

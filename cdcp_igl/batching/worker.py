@@ -1,7 +1,7 @@
 """The process that maps one surface after the other, for `pool`.
 
 Run as ``python -m cdcp_igl.batching.worker`` it takes pickled tasks from its standard input and
-gives pickled records on its standard output, the first answer being None once it is ready.
+gives pickled records on its standard output, and before all True, once it is ready.
 """
 
 from __future__ import annotations
@@ -14,8 +14,6 @@ from threading import Thread
 
 from .work import Task, Unwritten
 
-__all__: list[str] = []
-
 
 def _main() -> None:
     # Libraries print on what is called standard output; they are not to print into the answers.
@@ -23,7 +21,7 @@ def _main() -> None:
     os.dup2(2, 1)
     tasks: SimpleQueue[Task] = SimpleQueue()
     Thread(target=_receive, args=(tasks,), daemon=True).start()
-    answer: object = None
+    answer: object = True
     while True:
         pickle.dump(answer, answers)
         answers.flush()

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,23 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..extras import from_extra
-from .arguments import READABLE, Quiet, target
-from .map_options import (
-    Align,
-    Center,
-    Mobius,
-    Preset,
-    Refine,
-    RefineNorm,
-    RefineSeconds,
-    chosen_options,
-)
 from .messages import FAILED, SOME_FAILED, exit_codes, writing
+from .options import READABLE, Quiet, file_option, takes_map_options
+from .screen import print_table
 
 if TYPE_CHECKING:
     from ..batching import Batch, Record
-
-__all__ = ["batch_command"]
 
 LONG = 100  # rows of a table that can still be read
 WORST = 20  # of a longer one: the maps with the largest distortion
@@ -38,17 +26,8 @@ KEPT = ". What is done is kept: mend this, and run the batch again."
 NOW_AND_THEN = 10.0  # seconds between two lines where there is no terminal
 
 
-class Format(StrEnum):
-    """Values of --format."""
-
-    glb = "glb"
-    npz = "npz"
-    obj = "obj"
-    ply = "ply"
-
-
 def _shard(text: str | None) -> tuple[int, int] | None:
-    from ..batching.shards import read_shard
+    from ..batching.names import read_shard
 
     try:
         return None if text is None else read_shard(text)
@@ -56,6 +35,7 @@ def _shard(text: str | None) -> tuple[int, int] | None:
         raise typer.BadParameter(str(error)) from error
 
 
+@takes_map_options
 def batch_command(
     inputs: Annotated[
         list[str],
@@ -65,49 +45,38 @@ def batch_command(
         ),
     ],
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder of the results.")],
+    options: dict[str, Any],
     jobs: Annotated[
         int, typer.Option("--jobs", "-j", metavar="N", min=1, help="Processes side by side.")
     ] = 1,
-    format: Annotated[Format, typer.Option(help="Type of the results.")] = Format.npz,
-    disk: Annotated[
-        bool, typer.Option("--disk", help="Texture coordinates in the unit disk.")
-    ] = False,
-    clean: Annotated[bool, typer.Option("--clean", help="Mend each surface first.")] = False,
-    cut: Annotated[
-        bool, typer.Option("--cut", help="Cut surfaces open that are no disks.")
-    ] = False,
+    format: Annotated[
+        str,
+        typer.Option(
+            metavar="npz|obj|ply|glb|same",
+            help="Type of the results; `same` for that of each surface.",
+        ),
+    ] = "npz",
     retry: Annotated[
         bool, typer.Option("--retry", help="Try again what failed in a former run.")
     ] = False,
     time_limit: Annotated[
-        float | None, typer.Option(metavar="SECONDS", min=0, help="For each surface.")
-    ] = None,
+        float, typer.Option(metavar="SECONDS", min=0, help="For each surface.")
+    ] = float("inf"),
     memory_limit: Annotated[
-        float | None, typer.Option(metavar="MIB", min=0, help="For each surface.")
-    ] = None,
+        float, typer.Option(metavar="MIB", min=0, help="For each surface.")
+    ] = float("inf"),
     shard: Annotated[
         str | None,
         typer.Option(metavar="I/N", callback=_shard, help="Map part I of N only: for job arrays."),
     ] = None,
     report: Annotated[
         Path | None,
-        typer.Option(
-            metavar="R.html",
-            callback=target(".html"),
-            help="One page with a histogram, a table and a picture of every disk.",
-        ),
+        file_option("--report", "R.html", (".html",), "One page with a histogram and a table."),
     ] = None,
     scheduler: Annotated[
         str | None,
         typer.Option(metavar="tcp://...", help="Address of a Dask scheduler: map on its workers."),
     ] = None,
-    center: Center = None,
-    mobius: Mobius = None,
-    align: Align = None,
-    refine: Refine = 0,
-    refine_norm: RefineNorm = None,
-    refine_seconds: RefineSeconds = None,
-    preset: Preset = None,
     quiet: Quiet = False,
 ) -> None:
     """Map many surfaces, each to a file in OUT; run again, it goes on where it was.
@@ -118,33 +87,29 @@ def batch_command(
     Exit codes: 0 all are mapped; 1 a file could not be written, or an extra is missing;
     2 a bad argument; 4 some are not mapped.
     """
-    options = chosen_options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
-    limits = {"time_limit": time_limit, "memory_limit": memory_limit}
-    options |= {name: limit for name, limit in limits.items() if limit is not None}
-
-    from ..batching import batch
-
-    with (
-        exit_codes(),
-        writing(KEPT),
-        _executor(scheduler) as executor,
-        _progress(quiet) as progress,
-    ):
-        made = batch(
+    with exit_codes(), _executor(scheduler) as executor:
+        run_batch(
             inputs,
             out,
+            quiet=quiet,
             jobs=jobs,
             executor=executor,
-            format=format.value,
-            disk=disk,
-            clean=clean,
-            cut=cut,
+            format=format,
             retry=retry,
-            shard=shard,  # type: ignore[arg-type] # what the callback has made of it
+            time_limit=time_limit,
+            memory_limit=memory_limit,
+            shard=shard,
             report=report,
-            progress=progress,
             **options,
         )
+
+
+def run_batch(inputs: Sequence[str | Path], out: Path, *, quiet: bool, **options: Any) -> None:
+    """Run `batch` and show what it has done; typer.Exit, with its code, if not all are mapped."""
+    from ..batching import batch
+
+    with exit_codes(), writing(KEPT), _progress(quiet) as progress:
+        made = batch(inputs, out, progress=progress, **options)
     if not quiet:
         _show(made, out)
     if made.failed:
@@ -206,7 +171,6 @@ def _progress(quiet: bool) -> Iterator[Callable[[int, int, int], None] | None]:
 
 def _show(made: Batch, out: Path) -> None:
     from ..errors import printable
-    from .tables import print_table
 
     done, title = made.done, ""
     if len(done) > LONG:

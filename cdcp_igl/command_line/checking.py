@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .arguments import Inputs
-from .messages import BAD_INPUT, exit_codes, reason, show
+from .messages import BAD_INPUT, exit_codes, reason
+from .options import Inputs
+from .screen import show_text
 
 if TYPE_CHECKING:
     from ..errors import Defect, MeshError
-    from ..surface.checking import MeshReport
-
-__all__ = ["check_command"]
 
 
 def check_command(
@@ -31,6 +29,7 @@ def check_command(
     from ..errors import MeshError, printable
     from ..io import read_polygons
     from ..io.polygons import in_polygons
+    from ..printing import as_text
     from ..surface.checking import MeshReport, check
 
     rows, disks = [], 0
@@ -49,10 +48,11 @@ def check_command(
         except typer.Exit:
             continue  # and the message has been printed
         disks += report.is_disk
-        rows.append(_as_json(printable(mesh), report, notes))
+        rows.append({"file": printable(mesh), **report.report(), "notes": notes})
         if not as_json:
             name = f"{printable(mesh)}: " if len(meshes) > 1 else ""
-            show(f"{name}{report}", notes, "green" if report.is_disk else "red")
+            text = as_text(f"{name}{report.in_shell}", [("note", note) for note in notes])
+            show_text(text, "green" if report.is_disk else "red")
     if as_json:
         typer.echo(json.dumps(rows, indent=2))
     if disks < len(meshes):
@@ -64,32 +64,4 @@ def _defects(error: MeshError | OSError) -> tuple[Defect, ...]:
 
     if isinstance(error, MeshError):
         return error.defects
-    return (Defect("unreadable file", reason(error), "Name a file that may be read."),)
-
-
-def _as_json(name: str, report: MeshReport, notes: list[str]) -> dict[str, Any]:
-    return {
-        "file": name,
-        "disk": report.is_disk,
-        "kind": report.kind,
-        "vertices": report.n_vertices,
-        "faces": report.n_faces,
-        "boundary_vertices": report.n_boundary,
-        "components": report.n_components,
-        "boundary_loops": report.n_loops,
-        "genus": report.genus,
-        "ears": report.ears.tolist(),
-        "chords": report.chords.tolist(),
-        "defects": [
-            {
-                "name": defect.name,
-                "what": defect.what,
-                "remedy": defect.remedy,
-                "of": defect.kind,
-                "indices": defect.indices.tolist(),
-            }
-            for defect in report.defects
-        ],
-        "next_step": report.next_step,
-        "notes": notes,
-    }
+    return (Defect.of("unreadable file", reason=reason(error)),)

@@ -7,7 +7,6 @@ process on some damaged ones. Readers raise `Damage` (or what their libraries ra
 cannot read.
 """
 
-from .output import remove_stale, whole_file
 from .reading import READABLE, read_mesh, read_polygons
 from .writing import WRITABLE, write_map
 
@@ -16,7 +15,5 @@ __all__ = [
     "WRITABLE",
     "read_mesh",
     "read_polygons",
-    "remove_stale",
-    "whole_file",
     "write_map",
 ]

@@ -1,9 +1,5 @@
 """What readers raise on files that they cannot read."""
 
-from __future__ import annotations
-
-__all__ = ["Damage"]
-
 
 class Damage(Exception):
     """A file that is not what its name says, in words for whoever made the file."""

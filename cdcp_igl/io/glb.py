@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from .. import libigl
 from ..arrays import Floats, Ints
+from ..surface.validation import unit_size
 from .images import Image
-
-__all__ = ["write_glb"]
 
 # Numbers that the specification gives to types and targets.
 FLOAT, UNSIGNED_INT = 5126, 5125
@@ -48,18 +48,8 @@ def write_glb(
 ) -> None:
     """Write a surface with normals, texture coordinates and an image, in single precision.
 
-    Parameters
-    ----------
-    path : Path
-    V : (n, 3) float64
-    F : (m, 3) int64
-    texture : (k, 2) float64
-        From the lower left corner of the image.
-    FT : (m, 3) int64
-        Rows of `texture` at the corners of the faces.
-    vertex : (k,) int64
-        The vertex of each row of `texture`; a vertex with several is written as several.
-    image : Image
+    Row k of `texture`, from the lower left corner of the image, belongs to ``vertex[k]``; a
+    vertex with several is written as several. `FT` has the rows at the corners of F.
     """
     with np.errstate(over="ignore"):
         positions = V.astype("<f4")[vertex]
@@ -104,10 +94,6 @@ def _accessor(view: int, component: int, count: int, kind: str) -> dict[str, Any
 
 def _normals(V: Floats, F: Ints) -> Floats:
     """(n, 3) unit normals of the vertices, faces weighted by area."""
-    a, b, c = V[F.T] / (np.ptp(V, axis=0).max() or 1)  # products stay in range in any unit
-    areas = np.cross(b - a, c - a)
-    weights = np.repeat(areas, 3, axis=0).T
-    normals = np.array([np.bincount(F.ravel(), w, len(V)) for w in weights]).T
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = libigl.vertex_normals(unit_size(V), F)  # products stay in range in any unit
     upwards = np.array([0.0, 0.0, 1.0])  # where there is none, as each must have length 1
-    return np.where(lengths > 0, normals / np.where(lengths > 0, lengths, 1), upwards)
+    return np.where(np.isfinite(normals), normals, upwards)

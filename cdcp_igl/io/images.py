@@ -10,11 +10,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-__all__ = ["Image", "checkerboard", "read_image"]
+from .output import whole_file
 
 CELLS, CELL = 64, 16  # along a side; pixels of each
 COLOURS = ((238, 238, 234), (70, 105, 150))
 PNG, JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
+MATERIAL = """\
+newmtl surface
+Ka 1 1 1
+Kd 1 1 1
+Ks 0 0 0
+map_Kd {image}
+"""
 
 
 class Image(NamedTuple):
@@ -49,3 +56,13 @@ def checkerboard() -> Image:
 
 def _chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+def write_material(path: Path, image: Image) -> str:
+    """Write the mtl file of an obj file, and its image, beside it; return the name."""
+    materials, picture = path.with_suffix(".mtl"), path.with_suffix(image.suffix)
+    with whole_file(picture) as unfinished:
+        unfinished.write_bytes(image.data)
+    with whole_file(materials) as unfinished:
+        unfinished.write_text(MATERIAL.format(image=picture.name), encoding="utf-8")
+    return materials.name

@@ -1,8 +1,10 @@
-"""Wavefront obj files."""
+"""Wavefront obj files with texture coordinates: new ones, and given ones otherwise as they are."""
 
 from __future__ import annotations
 
-from array import array
+import re
+from collections.abc import Iterator
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import TextIO
 
@@ -10,40 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints
-from .damage import Damage
-from .lines import culprit, words_of_lines
-from .polygons import fans
-
-__all__ = ["read_obj", "write_obj", "write_texture"]
+from .text import BYTE_ORDER_MARK
 
 ROWS = 1 << 16  # formatted at a time
-
-
-def read_obj(path: Path) -> tuple[Floats, Ints, Ints]:
-    """(n, 3) vertices, (m, 3) faces and (m,) their polygons; all else is skipped."""
-    vertices, corners, sizes = array("d"), array("q"), array("q")
-    for number, words in words_of_lines(path, continued=True):
-        if words[0] == "v":
-            try:
-                # A weight or a colour may follow.
-                vertices.extend((float(words[1]), float(words[2]), float(words[3])))
-            except (ValueError, IndexError):
-                raise Damage(f"line {number}: {culprit(words[1:], float, 'number')}") from None
-        elif words[0] == "f":
-            seen = len(vertices) // 3
-            try:
-                indices = [int(word.partition("/")[0]) for word in words[1:]]
-                corners.extend([i - 1 if i >= 0 else seen + i for i in indices])
-            except (ValueError, OverflowError):
-                raise Damage(f"line {number}: {culprit(words[1:], _corner, 'corner')}") from None
-            sizes.append(len(words) - 1)
-    if len(corners) and min(corners) < 0:
-        raise Damage("a face names vertex 0, or one before the first; vertices count from 1")
-    return np.array(vertices).reshape(-1, 3), *fans(corners, sizes)
-
-
-def _corner(word: str) -> int:
-    return array("q", [int(word.partition("/")[0])])[0]
+WORD = re.compile(r"([^\s\\]+)")
 
 
 def write_obj(
@@ -51,23 +23,14 @@ def write_obj(
 ) -> None:
     """Write a surface with texture coordinates, exact to the last bit.
 
-    Parameters
-    ----------
-    path : Path
-    V : (n, 3) float64
-    F : (m, 3) int64
-    texture : (k, 2) float64
-        Where it is NaN, faces have no texture coordinates.
-    FT : (m, 3) int64
-        Rows of `texture` at the corners of the faces.
-    materials : str, optional
-        Name of the mtl file, whose material ``surface`` all faces get.
+    ``texture[FT]`` are those of the corners of F; where they are NaN, a face has none.
+    `materials` is the name of the mtl file, whose material ``surface`` all faces get.
     """
     with path.open("w", encoding="utf-8", newline="\n") as file:
         if materials:
             file.write(f"mtllib {materials}\n")
-        write_rows(file, "v %r %r %r\n", V)
-        number = write_texture(file, texture)
+        _write_rows(file, "v %r %r %r\n", V)
+        number = _write_texture(file, texture)
         if materials:
             file.write("usemtl surface\n")
         corners = np.stack([F + 1, number[FT]], axis=2).reshape(-1, 6)
@@ -75,20 +38,103 @@ def write_obj(
         ends = np.flatnonzero(without[1:] != without[:-1]) + 1
         for run in np.split(np.arange(len(F)), ends):
             if len(run) and without[run[0]]:
-                write_rows(file, "f %d %d %d\n", corners[run, ::2])
+                _write_rows(file, "f %d %d %d\n", corners[run, ::2])
             else:
-                write_rows(file, "f %d/%d %d/%d %d/%d\n", corners[run])
+                _write_rows(file, "f %d/%d %d/%d %d/%d\n", corners[run])
 
 
-def write_texture(file: TextIO, texture: Floats, end: str = "\n") -> Ints:
+def _write_texture(file: TextIO, texture: Floats, end: str = "\n") -> Ints:
     """Write the vt lines; return the number (k,) of each in the file, 0 where it is NaN."""
     there = ~np.isnan(texture).any(axis=1)
-    write_rows(file, f"vt %r %r{end}", texture[there])
+    _write_rows(file, f"vt %r %r{end}", texture[there])
     return np.where(there, np.cumsum(there), 0)
 
 
-def write_rows(file: TextIO, template: str, rows: NDArray[np.generic]) -> None:
+def _write_rows(file: TextIO, template: str, rows: NDArray[np.generic]) -> None:
     """Write each row of numbers by the same template."""
     for start in range(0, len(rows), ROWS):
         block = rows[start : start + ROWS]
         file.write(template * len(block) % tuple(block.ravel().tolist()))
+
+
+def write_like(path: Path, given: Path, texture: Floats, FT: Ints) -> None:
+    """Write a given obj file again, with other texture coordinates.
+
+    Vertices, normals, groups, materials, comments and polygons stay as they are. Only a
+    polygon that was cut open within is written as triangles, with its texture coordinates
+    on either side of the cut. ``texture[FT]`` are those of the corners of the triangles that
+    `read_obj` makes of `given`.
+    """
+    triangles: Iterator[list[int]] | None = None
+    with path.open("w", encoding="latin-1", newline="") as file:
+        for lines in _statements(given):
+            if lines[0].startswith(("v ", "vn ")):  # most, and nothing is to be done
+                file.writelines(lines)
+                continue
+            split = [_split(line) for line in lines]
+            keyword, *words = [word for parts in split for word in parts[1::2]] or [""]
+            name = keyword.removeprefix(BYTE_ORDER_MARK)
+            if name == "vt":
+                continue
+            if name == "f":
+                if triangles is None:
+                    number = _write_texture(file, texture, _line_end(lines[0]))
+                    triangles = iter(number[FT].tolist())
+                fan = list(islice(triangles, len(words) - 2))
+                file.write(_face(split, keyword, words, fan))
+            elif name == "l":
+                file.write(_joined(split, [keyword, *(word.partition("/")[0] for word in words)]))
+            else:
+                file.writelines(lines)
+
+
+def _statements(path: Path) -> Iterator[list[str]]:
+    """Yield the lines of each statement, with their ends as they are."""
+    lines: list[str] = []
+    with path.open(encoding="latin-1", newline="") as file:
+        for line in file:
+            lines.append(line)
+            if "\\" not in line or not line.partition("#")[0].rstrip().endswith("\\"):
+                yield lines
+                lines = []
+
+
+def _split(line: str) -> list[str]:
+    """Split a line into separators and words in turn; a comment is part of the last separator."""
+    code, mark, comment = line.partition("#")
+    parts = WORD.split(code)
+    parts[-1] += mark + comment
+    return parts
+
+
+def _joined(split: list[list[str]], words: list[str]) -> str:
+    """Join what was split, with other words."""
+    following = iter(words)
+    for parts in split:
+        parts[1::2] = islice(following, len(parts) // 2)
+    return "".join("".join(parts) for parts in split)
+
+
+def _line_end(line: str) -> str:
+    return line[len(line.rstrip("\r\n")) :] or "\n"
+
+
+def _face(split: list[list[str]], keyword: str, words: list[str], fan: list[list[int]]) -> str:
+    """Put texture coordinates into a face; `fan` has them for each of its triangles."""
+    one_apex = all(triangle[0] == fan[0][0] for triangle in fan)
+    if one_apex and all(one[2] == other[1] for one, other in pairwise(fan)):
+        polygon = [*fan[0], *(triangle[2] for triangle in fan[1:])]
+        return _joined(split, [keyword, *map(_corner, words, polygon)])
+    end = _line_end(split[-1][-1])
+    return "".join(
+        " ".join([keyword, *map(_corner, (words[0], *words[k : k + 2]), triangle)]) + end
+        for k, triangle in enumerate(fan, 1)
+    )
+
+
+def _corner(word: str, texture: int) -> str:
+    """Put the number of a vt line into a corner; 0 is none."""
+    vertex, _, *normal = word.split("/") if "/" in word else (word, "")
+    if not texture and not normal:
+        return vertex
+    return "/".join([vertex, str(texture or ""), *normal])

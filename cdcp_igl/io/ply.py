@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from array import array
-from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,9 +12,8 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints
 from .damage import Damage
-from .polygons import fans, strips
-
-__all__ = ["read_ply", "write_ply"]
+from .polygons import fans
+from .text import culprit
 
 TYPES = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
@@ -29,7 +27,7 @@ MOST_ENTRIES = 1 << 16  # of a list, and no polygon has more; a wrong one claims
 
 
 class Property(NamedTuple):
-    """A column of an element; a list has a type for its length."""
+    """A column of an element, with types as ply names them; a list has one for its length."""
 
     name: str
     type: str
@@ -44,33 +42,32 @@ class Element(NamedTuple):
     properties: list[Property]
 
 
-class Lists(NamedTuple):
-    """A column of lists."""
+class Column(NamedTuple):
+    """What a file has of a property: the entries of all rows, one after the other.
 
-    entries: NDArray[Any]  # of all rows, one after the other
-    lengths: NDArray[Any]
+    Of a list there are several in a row, and `lengths` says how many.
+    """
+
+    entries: NDArray[Any]
+    lengths: NDArray[Any] | None
 
 
-# The columns of an element: numbers, or lists.
-Table = dict[str, "NDArray[Any] | Lists"]
+Table = dict[str, Column]
 
 
 def read_ply(path: Path) -> tuple[Floats, Ints, Ints]:
     """(n, 3) vertices, (m, 3) faces and (m,) their polygons."""
-    encoding, elements, body = _parse_header(path.read_bytes())
-    if encoding == "ascii":
-        tables = _ascii_tables(body, elements)
-    else:
-        tables = _binary_tables(body, elements, BYTE_ORDERS[encoding])
+    tables = _read_tables(path.read_bytes())
     vertices, faces = tables.get("vertex", {}), tables.get("face", {})
     axes = [vertices[axis] for axis in "xyz" if axis in vertices]
-    if len(axes) < 3 or any(isinstance(axis, Lists) for axis in axes):
+    if len(axes) < 3 or any(axis.lengths is not None for axis in axes):
         raise Damage("its vertices have no x, y and z")
-    V = np.column_stack(axes).astype(np.float64)
+    V = np.column_stack([axis.entries for axis in axes]).astype(np.float64)
     polygons = next((faces[name] for name in INDICES if name in faces), None)
     if polygons is None:
-        return V, *_from_strips(tables.get("tristrips", {}))
-    if not isinstance(polygons, Lists):
+        F = _triangles_of_strips(tables.get("tristrips", {}))
+        return V, F, np.arange(len(F))
+    if polygons.lengths is None:
         raise Damage("its faces are no lists of vertices")
     corners = polygons.entries.astype(np.int64)
     if (corners != polygons.entries).any():
@@ -78,17 +75,43 @@ def read_ply(path: Path) -> tuple[Floats, Ints, Ints]:
     return V, *fans(corners, polygons.lengths)
 
 
-def _from_strips(table: Table) -> tuple[Ints, Ints]:
-    found = next((table[name] for name in INDICES if name in table), None)
-    if found is not None and not isinstance(found, Lists):
+def _triangles_of_strips(table: Table) -> Ints:
+    """(m, 3) triangles of rows that are strips: each entry makes one with the two before it.
+
+    A row has several strips if -1 stands between them. Every other triangle of a strip is
+    flipped, so that all have one orientation; and those that name a vertex twice, by which a
+    strip turns, are left out.
+    """
+    rows = next((table[name] for name in INDICES if name in table), None)
+    if rows is None:
+        return np.empty((0, 3), dtype=np.int64)
+    if rows.lengths is None:
         raise Damage("its strips are no lists of vertices")
-    # Each row is a strip, or has several.
-    rows = []
-    if found is not None:
-        ends = np.cumsum(found.lengths.astype(np.int64))
-        rows = np.split(found.entries.astype(np.int64), ends[:-1])
-    F = np.vstack([np.empty((0, 3), np.int64), *map(strips, rows)])
-    return F, np.arange(len(F))
+    ends = np.cumsum(rows.lengths.astype(np.int64))
+    entries = np.insert(rows.entries.astype(np.int64), ends, -1)
+    entries = np.append(entries, [-1, -1])  # so that a triangle begins with each
+    place = np.arange(len(entries))
+    start = np.maximum.accumulate(np.where(entries == -1, place + 1, 0))
+    F = np.lib.stride_tricks.sliding_window_view(entries, 3).copy()
+    odd = (place - start)[:-2] % 2 == 1
+    F[odd] = F[odd][:, [1, 0, 2]]
+    i, j, k = F.T
+    return F[(F >= 0).all(axis=1) & (i != j) & (j != k) & (k != i)]
+
+
+def _read_tables(data: bytes) -> dict[str, Table]:
+    encoding, elements, body = _parse_header(data)
+    if encoding == "ascii":
+        body, types = _numbers(body).tobytes(), dict.fromkeys(TYPES, "f8")
+    else:
+        types = {name: BYTE_ORDERS[encoding] + kind for name, kind in TYPES.items()}
+    tables = {}
+    start = 0
+    for element in elements:
+        tables[element.name], start = _read_table(body, start, element, types)
+    if encoding == "ascii" and start < len(body):
+        raise Damage("it has more numbers than its header says")
+    return tables
 
 
 def _parse_header(data: bytes) -> tuple[str, list[Element], bytes]:
@@ -113,9 +136,9 @@ def _parse_header(data: bytes) -> tuple[str, list[Element], bytes]:
             case ["property", "list", length, kind, name] if (
                 elements and TYPES.get(length, "f")[0] != "f" and kind in TYPES
             ):
-                elements[-1].properties.append(Property(name, TYPES[kind], TYPES[length]))
+                elements[-1].properties.append(Property(name, kind, length))
             case ["property", kind, name] if elements and kind in TYPES:
-                elements[-1].properties.append(Property(name, TYPES[kind]))
+                elements[-1].properties.append(Property(name, kind))
             case ["comment" | "obj_info", *_] | []:
                 pass
             case _:
@@ -123,150 +146,64 @@ def _parse_header(data: bytes) -> tuple[str, list[Element], bytes]:
     raise Damage("it has no ply header, or no end of it")
 
 
-def _ascii_tables(body: bytes, elements: list[Element]) -> dict[str, Table]:
-    lines = (line for line in body.splitlines() if line.strip())
-    tables = {}
-    for name, count, properties in elements:
-        rows = list(islice(lines, count))
-        if len(rows) < count:
-            raise Damage(f"it ends after {len(rows):,} rows of {count:,} in {name}")
-        # As a rule all lists are as long as those of the first row, and numpy reads them.
-        tables[name] = _ascii_equal(rows, properties) or _ascii_unequal(rows, name, properties)
-    return tables
-
-
-def _ascii_equal(rows: list[bytes], properties: list[Property]) -> Table | None:
-    """Read a table all of whose lists are as long as in its first row; None if it is not."""
-    try:
-        values = np.loadtxt(rows, comments=None, ndmin=2) if rows else np.empty((0, 0))
-    except ValueError:
-        return None
-    if len(values) != len(rows):  # numpy leaves out what it takes for a blank line
-        return None
-    table = Table()
-    at = 0
-    for column in properties if rows else ():
-        length = 1
-        if column.length_type and at < values.shape[1]:
-            lengths = values[:, at]
-            if (lengths != lengths[0]).any() or not 0 <= lengths[0] == int(lengths[0]):
-                return None
-            length = int(lengths[0])
-            at += 1
-        entries = values[:, at : at + length]
-        at += length
-        if at > values.shape[1]:
-            return None
-        table[column.name] = (
-            Lists(entries.ravel(), lengths) if column.length_type else entries[:, 0]
-        )
-    return table
-
-
-def _ascii_unequal(rows: list[bytes], name: str, properties: list[Property]) -> Table:
-    """Read a table row by row."""
-    entries = [array("d") for _ in properties]
-    lengths = [array("q") for _ in properties]
-    for number, row in enumerate(rows, 1):
-        words = iter(row.split())
+def _numbers(text: bytes) -> Floats:
+    """(k,) numbers of a body in ascii."""
+    numbers = array("d")
+    for number, line in enumerate(text.splitlines(), 1):
         try:
-            for column, values, sizes in zip(properties, entries, lengths, strict=True):
-                sizes.append(int(next(words)) if column.length_type else 1)
-                before = len(values)
-                values.extend(map(float, islice(words, sizes[-1])))
-                if len(values) != before + sizes[-1]:
-                    raise ValueError
-        except (ValueError, OverflowError, StopIteration):
-            raise Damage(f"row {number:,} of {name} is not what the header says") from None
-    return {
-        column.name: Lists(np.array(values), np.array(sizes))
-        if column.length_type
-        else np.array(values)
-        for column, values, sizes in zip(properties, entries, lengths, strict=True)
-    }
+            numbers.extend(map(float, line.split()))
+        except ValueError:
+            wrong = culprit(line.decode("latin-1").split(" "), float, "number")
+            raise Damage(f"line {number:,} after its header: {wrong}") from None
+    return np.array(numbers)
 
 
-def _binary_tables(body: bytes, elements: list[Element], order: str) -> dict[str, Table]:
-    tables = {}
-    start = 0
-    for name, count, properties in elements:
-        if count:
-            # As a rule all lists are as long as those of the first row, and numpy reads them.
-            read = _equal_rows(body, start, count, properties, order)
-            table, start = read or _unequal_rows(body, start, count, properties, order)
-        else:
-            table = {}
-        tables[name] = table
-    return tables
-
-
-def _number(body: bytes, kind: str, at: int) -> Any:
-    if at + np.dtype(kind).itemsize > len(body):
-        raise Damage("it is cut off")
-    return np.frombuffer(body, kind, 1, at)[0]
-
-
-def _length(body: bytes, kind: str, at: int) -> int:
-    length = int(_number(body, kind, at))
-    if not 0 <= length <= MOST_ENTRIES:
-        raise Damage(f"it has a list of {length:,} entries")
-    return length
-
-
-def _equal_rows(
-    body: bytes, start: int, count: int, properties: list[Property], order: str
-) -> tuple[Table, int] | None:
-    """Read a table all of whose lists are as long as in its first row; None if it is not."""
-    fields: list[tuple[Any, ...]] = []
-    for k, column in enumerate(properties):
-        kind = order + column.type
-        if column.length_type:
-            length_type = order + column.length_type
-            length = _length(body, length_type, start + np.dtype(fields).itemsize)
-            fields += [(f"length {k}", length_type), (f"entries {k}", kind, (length,))]
-        else:
-            fields.append((f"entries {k}", kind))
-    row = np.dtype(fields)
-    if start + count * row.itemsize > len(body):
-        return None
-    values = np.frombuffer(body, row, count, start)
-    table = Table()
-    for k, column in enumerate(properties):
-        entries = values[f"entries {k}"]
-        if column.length_type:
-            lengths = values[f"length {k}"]
-            if (lengths != lengths[0]).any():
-                return None
-            table[column.name] = Lists(entries.ravel(), lengths)
-        else:
-            table[column.name] = entries
-    return table, start + values.nbytes
-
-
-def _unequal_rows(
-    body: bytes, start: int, count: int, properties: list[Property], order: str
+def _read_table(
+    body: bytes, start: int, element: Element, types: dict[str, str]
 ) -> tuple[Table, int]:
-    """Read a table row by row."""
-    entries: list[list[NDArray[Any]]] = [[] for _ in properties]
-    lengths: list[list[int]] = [[] for _ in properties]
-    at = start
-    for _ in range(count):
-        for column, values, sizes in zip(properties, entries, lengths, strict=True):
-            length = 1
-            if column.length_type:
-                length = _length(body, order + column.length_type, at)
-                at += np.dtype(column.length_type).itemsize
-            kind = np.dtype(order + column.type)
-            if at + length * kind.itemsize > len(body):
-                raise Damage("it is cut off")
-            values.append(np.frombuffer(body, kind, length, at))
-            sizes.append(length)
-            at += length * kind.itemsize
+    """Return the columns of an element that begins at a byte, and where it ends."""
+    # Rows whose lists have the same lengths are read at once: as a rule, all.
+    runs = list[NDArray[Any]]()
+    lists = [k for k, column in enumerate(element.properties) if column.length_type]
+    left = most = element.rows
+    while left:
+        kind = _type_of_row(body, start, element, types)
+        there = (len(body) - start) // kind.itemsize
+        if not there:
+            raise Damage(
+                f"it ends after {element.rows - left:,} rows of {element.rows:,} in {element.name}"
+            )
+        rows = np.frombuffer(body, kind, min(left, most, there), start)
+        same = np.ones(len(rows), dtype=bool)
+        for k in lists:
+            same &= rows[f"length {k}"] == rows[f"length {k}"][0]
+        n = len(rows) if same.all() else int(same.argmin())
+        runs.append(rows[:n])
+        start += n * kind.itemsize
+        left -= n
+        most = 2 * n  # lest many rows be looked at for each run of a mixture
     table = Table()
-    for column, values, sizes in zip(properties, entries, lengths, strict=True):
-        joined = np.concatenate(values)
-        table[column.name] = Lists(joined, np.array(sizes)) if column.length_type else joined
-    return table, at
+    for k, column in enumerate(element.properties if runs else ()):
+        entries = np.concatenate([rows[f"entries {k}"].ravel() for rows in runs])
+        lengths = np.concatenate([rows[f"length {k}"] for rows in runs]) if k in lists else None
+        table[column.name] = Column(entries, lengths)
+    return table, start
+
+
+def _type_of_row(body: bytes, start: int, element: Element, types: dict[str, str]) -> np.dtype[Any]:
+    """Return the type of rows whose lists are as long as in the row that begins at a byte."""
+    fields: list[tuple[Any, ...]] = []
+    for k, column in enumerate(element.properties):
+        shape: tuple[int, ...] = ()
+        if column.length_type:
+            length_type = types[column.length_type]
+            (length,) = np.frombuffer(body, length_type, 1, start + np.dtype(fields).itemsize)
+            if not (0 <= length <= MOST_ENTRIES and length == int(length)):
+                raise Damage(f"it has a list of {length:,.0f} entries in {element.name}")
+            fields.append((f"length {k}", length_type))
+            shape = (int(length),)
+        fields.append((f"entries {k}", types[column.type], shape))
+    return np.dtype(fields)
 
 
 def write_ply(path: Path, V: Floats, F: Ints, texture: Floats, FT: Ints | None) -> None:

@@ -17,56 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Defect, MeshError
-from . import mat, npz
+from .archives import read_mat, read_npz
 from .damage import Damage
-from .obj import read_obj
-from .off import read_off
 from .ply import read_ply
 from .stl import read_stl
-
-__all__ = ["READABLE", "read_mesh", "read_polygons"]
+from .text import read_obj, read_off
 
 Array = NDArray[Any]
 
-NAMES = (("V", "F"), ("v", "f"))
-
-
-def _read_mat(path: Path) -> tuple[Array, Array]:
-    return _pick(mat.matrices(path, sum(NAMES, ())))
-
-
-def _read_npz(path: Path) -> tuple[Array, Array]:
-    return _pick(npz.stored_arrays(path, sum(NAMES, ())))
-
-
-def _pick(found: dict[str, Array | None]) -> tuple[Array, Array]:
-    for names in NAMES:
-        V, F = map(found.get, names)
-        if V is not None and F is not None:
-            for name, array in zip(names, (V, F), strict=True):
-                if array.ndim != 2:
-                    raise Damage(f"{name} is no table, but has shape {array.shape}")
-            _refuse_transposed(V, F)
-            return V, F
-    raise Damage(f"it must hold V and F (or v and f), not {', '.join(found) or 'nothing'}")
-
-
-def _refuse_transposed(V: Array, F: Array) -> None:
-    """Raise MeshError if a row is a coordinate, rather than a vertex."""
-    if V.shape[0] in (2, 3) and V.shape[1] > 3:
-        raise MeshError(
-            Defect(
-                "shape of V",
-                f"V has shape {V.shape}, and F has shape {F.shape}",
-                "V must be (n, 3) and F (m, 3), a row for each: transpose what is not.",
-            )
-        )
-
-
 # V and F, and where faces may be polygons, which of these each triangle is a part of.
 READERS: dict[str, Callable[[Path], tuple[Array, ...]]] = {
-    ".mat": _read_mat,
-    ".npz": _read_npz,
+    ".mat": read_mat,
+    ".npz": read_npz,
     ".obj": read_obj,
     ".off": read_off,
     ".ply": read_ply,
@@ -143,7 +105,7 @@ def read_polygons(
     -------
     V, F
         As of `read_mesh`.
-    whole : (m,) ndarray of int64
+    polygon_of_face : (m,) ndarray of int64
         Number of the polygon that each face is a part of, in the order of the file, counting
         from 0. With it, `cut` and `surface_map` go around polygons.
 
@@ -162,25 +124,20 @@ def read_polygons(
     >>> with TemporaryDirectory() as folder:
     ...     file = Path(folder, "square.obj")
     ...     _ = file.write_text(os.linesep.join(lines))
-    ...     V, F, whole = read_polygons(file)
-    >>> whole
+    ...     V, F, polygon_of_face = read_polygons(file)
+    >>> polygon_of_face
     array([0, 0, 1])
     """
     path = Path(path)
     if path.is_dir():
-        raise _unreadable(
-            f"{str(path)!r} is a folder",
-            "Name a file in it; cdcp_igl.batch maps all of them (cdcp-igl batch).",
-        )
+        raise _unreadable("a folder", path=str(path))
     reader = READERS.get(path.suffix.lower())
     if reader is None:
-        raise _unreadable(f"{path.name!r} is of no known type", f"Readable: {' '.join(READABLE)}.")
+        raise _unreadable("of another type", name=path.name, readable=" ".join(READABLE))
     if "\0" in str(path):
-        raise _unreadable(f"{path.name!r} is no name of a file", "It holds a zero.")
+        raise _unreadable("no name", name=path.name)
     if not stat.S_ISREG(path.stat().st_mode):  # to open a FIFO may take for ever
-        raise _unreadable(
-            f"{path.name!r} is a device, a FIFO or a socket", "Copy it to a file first."
-        )
+        raise _unreadable("a device", name=path.name)
     path.open("rb").close()  # OSError if it is forbidden; later ones mean damage
     try:
         V, F, *polygons = reader(path)
@@ -201,13 +158,12 @@ def read_polygons(
     return V, F, polygons[0] if polygons else np.arange(len(F))
 
 
-def _unreadable(what: str, remedy: str) -> MeshError:
-    return MeshError(Defect("unreadable file", what, remedy))
+def _unreadable(why: str, **given: Any) -> MeshError:
+    return MeshError(Defect.of(f"unreadable file, {why}", **given))
 
 
 def _damaged(path: Path, reason: str) -> MeshError:
-    what = f"{path.name!r} is not a readable {path.suffix[1:]} file: {reason}"
-    return _unreadable(what, "Export it again, or in another format.")
+    return _unreadable("damaged", name=path.name, type=path.suffix[1:], reason=reason)
 
 
 def _counts_from_one(V: Array, F: Array) -> bool:

@@ -9,29 +9,18 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, distinct_rows
 from ..errors import counted
-from ..surface.validation import as_vertices, face_array
-from .corners import indexed
+from ..surface.validation import checked_vertices, usable_arrays
+from .archives import write_npz
 from .glb import write_glb
-from .images import Image, checkerboard, read_image
-from .like import write_like
-from .npz import write_npz
-from .obj import write_obj
+from .images import Image, checkerboard, read_image, write_material
+from .obj import write_like, write_obj
 from .output import whole_file
 from .ply import write_ply
 from .reading import read_mesh
 
-__all__ = ["WRITABLE", "MapResult", "write_map"]
-
 WRITABLE = (".glb", ".npz", ".obj", ".ply")
-MATERIAL = """\
-newmtl surface
-Ka 1 1 1
-Kd 1 1 1
-Ks 0 0 0
-map_Kd {image}
-"""
 
 
 @runtime_checkable
@@ -115,20 +104,21 @@ def write_map(
     path = Path(path)
     suffix = path.suffix.lower()
     _check_options(path, suffix, like, image)
-    as_vertices(V)
-    faces, plane = face_array(F, len(np.asarray(V))), _map(uv, np.shape(V)[0], np.shape(F)[0])
+    checked_vertices(V)
+    given, faces = usable_arrays(V, F)
+    plane = _map(uv, np.shape(V)[0], np.shape(F)[0])
     if suffix == ".npz":
         with whole_file(path) as unfinished:
             write_npz(unfinished, V, F, plane)
         return
-    positions = np.zeros((np.shape(V)[0], 3))
-    positions[:, : np.shape(V)[1]] = V
+    positions = np.zeros((len(given), 3))
+    positions[:, : given.shape[1]] = given
     if not disk:
         plane = _of_whole_faces(uv.packed()) if isinstance(uv, MapResult) else (plane + 1) / 2
     if plane.ndim == 2:
         texture, FT, vertex = plane, faces, np.arange(len(plane))
     else:
-        texture, FT, vertex = indexed(faces, plane)
+        texture, FT, vertex = _indexed(faces, plane)
         if suffix != ".obj":  # in which alone a face may be without
             texture = np.nan_to_num(texture)
     if like is not None:
@@ -142,7 +132,7 @@ def write_map(
         elif like is not None:
             write_like(unfinished, Path(like), texture, FT)
         else:
-            materials = _write_material(path, shown) if shown else None
+            materials = write_material(path, shown) if shown else None
             write_obj(unfinished, positions, faces, texture, FT, materials)
 
 
@@ -203,11 +193,13 @@ def _image(suffix: str, image: str | PathLike[str] | None) -> Image | None:
     return checkerboard() if image in (None, "checkerboard") else read_image(image)
 
 
-def _write_material(path: Path, image: Image) -> str:
-    """Write the mtl file of an obj file, and its image, beside it; return the name."""
-    materials, picture = path.with_suffix(".mtl"), path.with_suffix(image.suffix)
-    with whole_file(picture) as unfinished:
-        unfinished.write_bytes(image.data)
-    with whole_file(materials) as unfinished:
-        unfinished.write_text(MATERIAL.format(image=picture.name), encoding="utf-8")
-    return materials.name
+def _indexed(F: Ints, uv: Floats) -> tuple[Floats, Ints, Ints]:
+    """List each pair of a vertex and its texture coordinates once, in the order of the vertices.
+
+    Where the surface was cut open, a vertex has several of `uv`, (m, 3, 2) at the corners.
+    Returned are the texture coordinates (k, 2), their rows (m, 3) at the corners, and the vertex
+    (k,) of each. NaN is the same as NaN.
+    """
+    corner, plane = F.ravel(), uv.reshape(-1, 2)
+    first, FT = distinct_rows(np.column_stack([corner, np.nan_to_num(plane, nan=np.inf)]))
+    return plane[first], FT.reshape(F.shape), corner[first]

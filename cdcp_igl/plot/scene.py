@@ -9,14 +9,12 @@ from .. import libigl
 from ..arrays import Floats, Ints, as_complex, coordinates
 from ..distortion import angle_distortion
 from ..extras import from_extra
-from ..surface.validation import as_surface
+from ..surface.validation import checked_surface
 from .raster import SAMPLES, Bytes, frame, in_picture, rasterize
 from .viewpoint import choose_viewpoint
 
 with from_extra("plot"):
     from matplotlib import colormaps
-
-__all__ = ["LIGHT", "SCALE", "Extent", "Scene", "normal_colors", "vertex_normals"]
 
 Extent = tuple[float, float, float, float]
 
@@ -43,7 +41,7 @@ class Scene:
     """
 
     def __init__(self, V: ArrayLike, F: ArrayLike, pixels: int, *, turns: bool = True) -> None:
-        (self._V, self._F), self._pixels, self._turns = as_surface(V, F), pixels, turns
+        (self._V, self._F), self._pixels, self._turns = checked_surface(V, F), pixels, turns
         self.points = self._V @ choose_viewpoint(self._V, self._F).T
         self.surface = rasterize(self.points, self._F, pixels)
         self._normals = vertex_normals(self.points, self._F)
@@ -86,10 +84,8 @@ class Scene:
         """Turn a map so that what one sees of the surface keeps its direction."""
         if not self._turns:
             return uv
-        front = self._normals[:, 2] > 0
-        z, x = as_complex(uv), as_complex(self.points[:, :2])
-        z = z * np.exp(1j * np.angle(np.vdot(z[front], x[front] - x.mean())))
-        return coordinates(z)
+        turn = np.exp(1j * angle_to_view(self.points, self._normals, uv))
+        return coordinates(as_complex(uv) * turn)
 
     def locate(self, face: int) -> tuple[float, float, bool]:
         """Return where a face is in the picture, right and down, and whether one sees it."""
@@ -99,6 +95,16 @@ class Scene:
         depth = self.points[self._F[face], 2].mean()
         nearest = self.surface.weights[sample] @ self.points[hiding, 2]
         return x, y, bool(depth > nearest - NEAR * np.ptp(self.points[:, :2], axis=0).max())
+
+
+def angle_to_view(points: Floats, normals: Floats, uv: Floats) -> float:
+    """Angle by which to turn a map so that what one sees of the surface keeps its direction.
+
+    Points and normals (n, 3) are seen from the positive z axis.
+    """
+    front = normals[:, 2] > 0
+    z, x = as_complex(uv), as_complex(points[:, :2])
+    return float(np.angle(np.vdot(z[front], x[front] - x.mean())))
 
 
 def vertex_normals(V: Floats, F: Ints) -> Floats:

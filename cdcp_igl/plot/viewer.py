@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import webbrowser
 from base64 import b64encode
@@ -21,13 +22,13 @@ from numpy.typing import ArrayLike
 from ..arrays import Floats, Ints, as_complex
 from ..distortion import angle_distortion, conformal_factor
 from ..extras import from_extra
-from ..io import whole_file
-from ..surface.edges import group_by_edge, heads, tails
+from ..io.output import whole_file
+from ..surface.location import z_order
+from ..surface.topology import group_by_edge, heads, tails
 from ..surface.triangles import face_areas
 from .layout import Layout
-from .packing import ordered, pack, quantized
 from .pictures import side_by_side
-from .scene import vertex_normals
+from .scene import angle_to_view, vertex_normals
 from .viewpoint import choose_viewpoint
 
 with from_extra("plot"):
@@ -36,6 +37,7 @@ with from_extra("plot"):
     from matplotlib.image import imsave
 
 IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".webp": "webp"}
+STEPS = 2**16 - 1  # of a coordinate
 VALUE_STEPS = 255  # of a field: no eye tells more colours apart
 BEYOND = 0.005  # share of the vertices, at either end, that may lie beyond the scale of colours
 
@@ -68,19 +70,17 @@ def page(
         {"name": "checkerboard", "kind": "checkerboard"},
     ]
     for coloring, values in _measured(V, F, uv) + _given(fields, layout.vertices):
-        coloring["array"] = f"value {len(colorings)}"
-        arrays[coloring["array"]] = quantized(
-            values, coloring["low"], coloring["high"], VALUE_STEPS
-        )
-        colorings.append(coloring)
+        name = f"value {len(colorings)}"
+        arrays[name] = _quantized(values, coloring["low"], coloring["high"], VALUE_STEPS)
+        colorings.append(coloring | {"array": name})
     if texture is not None:
         about["image"] = _image(texture)
         colorings.append({"name": "texture", "kind": "image"})
 
-    data, arrays = min(
-        ((pack(choice), choice) for choice in (arrays, _reordered(arrays, uv, F))),
-        key=lambda packed: len(packed[0]),
-    )
+    reordered = _reordered(arrays, uv, F)
+    data, other = _pack(arrays), _pack(reordered)
+    if len(other) < len(data):
+        data, arrays = other, reordered
     about |= {
         "arrays": [(name, len(array)) for name, array in arrays.items()],
         "colorings": colorings,
@@ -109,26 +109,20 @@ def _geometry(
     low, high = V.min(axis=0), V.max(axis=0)
     size = float((high - low).max())
     arrays = {
-        name: quantized(x, x.min(), x.min() + size) for name, x in zip("xyz", V.T, strict=True)
+        name: _quantized(x, x.min(), x.min() + size) for name, x in zip("xyz", V.T, strict=True)
     }
-    arrays |= {name: quantized(x, -1, 1) for name, x in zip("uv", uv.T, strict=True)}
+    arrays |= {name: _quantized(x, -1, 1) for name, x in zip("uv", uv.T, strict=True)}
     arrays["faces"] = F.ravel()
     rim, cut = _rim_and_cut(V, F)
-    home = choose_viewpoint(V, F)
     arrays |= {"rim": rim.ravel(), "cut": cut.ravel()}
-    return {
+    home = choose_viewpoint(V, F)
+    seen = V @ home.T
+    about = {
         "extent": ((high - low) / size).tolist(),
         "home": home.ravel().tolist(),
-        "spin": _spin(V, F, uv, home) if turned else 0.0,
-    }, arrays
-
-
-def _spin(V: Floats, F: Ints, uv: Floats, home: Floats) -> float:
-    """Angle by which to turn the image so that what one sees of the surface keeps its direction."""
-    seen = V @ home.T
-    front = (np.nan_to_num(vertex_normals(V, F)) @ home[2]) > 0
-    x, z = as_complex(seen[front, :2]), as_complex(uv[front])
-    return float(np.angle(np.vdot(z, x - x.mean()))) if len(x) else 0.0
+        "spin": angle_to_view(seen, vertex_normals(seen, F), uv) if turned else 0.0,
+    }
+    return about, arrays
 
 
 def _rim_and_cut(V: Floats, F: Ints) -> tuple[Ints, Ints]:
@@ -146,10 +140,15 @@ def _rim_and_cut(V: Floats, F: Ints) -> tuple[Ints, Ints]:
 
 
 def _reordered(arrays: Mapping[str, Ints], uv: Floats, F: Ints) -> dict[str, Ints]:
-    """Put vertices and faces in an order that packs well, with the rows they had."""
-    vertices, faces = ordered(uv, F)
+    """Put vertices and faces in an order in which neighbours follow one another.
+
+    Vertices come along a Z-shaped curve in the plane, faces by their vertices. Arrays of the rows
+    that they had are added.
+    """
+    vertices = z_order(as_complex(uv))
     rank = np.empty(len(uv), dtype=np.int64)
     rank[vertices] = np.arange(len(uv))
+    faces = np.lexsort(np.sort(rank[F], axis=1).T[::-1])
     corners = rank[F[faces]]
     first = corners.argmin(axis=1)[:, None]
     new = {
@@ -168,24 +167,22 @@ def _measured(V: Floats, F: Ints, uv: Floats) -> list[tuple[dict[str, Any], Floa
     corners = np.maximum(np.bincount(F.ravel(), minlength=len(V)), 1)  # 0 of unused vertices
     error = np.bincount(F.ravel(), degrees.ravel(), len(V)) / corners
     high = max(float(np.quantile(error, 1 - BEYOND)), 1e-6)
-    angle = _coloring(
-        "angle error", "mean angular distortion at the corners of a vertex", "magma_r"
-    )
-    angle |= {"low": 0.0, "high": high, "unit": "°", "ends": ["0°", f"≥ {high:.3g}°"]}
+    angle = _coloring("angle error", "magma_r", 0.0, high, ends=("0°", f"≥ {high:.3g}°"))
+    angle |= {"legend": "mean angular distortion at the corners of a vertex", "unit": "°"}
 
     factor = conformal_factor(V, F, uv)
     mass = np.bincount(F.ravel(), np.repeat(face_areas(V, F), 3), len(V))
     finite = np.isfinite(factor)
     factor = factor - np.average(factor[finite], weights=mass[finite])
     reach = max(float(np.quantile(abs(factor[finite]), 1 - 4 * BEYOND)), 1e-6)
-    scale = _coloring(
-        "conformal factor", "log of the scale of the map, 0 on the average over the area", "RdBu_r"
-    )
-    scale |= {"low": -reach, "high": reach, "ends": [f"{-reach:.3g}", f"+{reach:.3g}"]}
+    ends = f"{-reach:.3g}", f"+{reach:.3g}"
+    scale = _coloring("conformal factor", "RdBu_r", -reach, reach, ends)
+    scale |= {"legend": "log of the scale of the map, 0 on the average over the area"}
     return [(angle, error), (scale, factor)]
 
 
 def _given(fields: Mapping[str, ArrayLike], vertices: Ints) -> list[tuple[dict[str, Any], Floats]]:
+    """Fields at the vertices that are drawn; ValueError if one has no value for some."""
     found, n = [], int(vertices.max()) + 1
     for name, given in fields.items():
         values = np.asarray(given, dtype=np.float64)
@@ -197,15 +194,18 @@ def _given(fields: Mapping[str, ArrayLike], vertices: Ints) -> list[tuple[dict[s
         if len(finite) == 0:
             raise ValueError(f"field {name!r} has no finite value")
         low, high = map(float, np.quantile(finite, [BEYOND, 1 - BEYOND]))
-        coloring = _coloring(name, name, "viridis")
-        coloring |= {"low": low, "high": high, "ends": [f"{low:.3g}", f"{high:.3g}"]}
-        found.append((coloring, values))
+        ends = f"{low:.3g}", f"{high:.3g}"
+        found.append((_coloring(name, "viridis", low, high, ends), values))
     return found
 
 
-def _coloring(name: str, legend: str, colors: str) -> dict[str, Any]:
+def _coloring(
+    name: str, colors: str, low: float, high: float, ends: tuple[str, str]
+) -> dict[str, Any]:
+    """Describe a colouring by values from `low` to `high`, whose texts are `ends`."""
     ramp = [to_hex(color) for color in colormaps[colors](np.linspace(0, 1, 9))]
-    return {"name": name, "kind": "values", "legend": legend, "unit": "", "ramp": ramp}
+    scale = {"low": low, "high": high, "ends": ends, "ramp": ramp}
+    return {"name": name, "kind": "values", "legend": name, "unit": "", **scale}
 
 
 def _image(texture: str | PathLike[str] | ArrayLike) -> str:
@@ -236,3 +236,21 @@ def poster(layout: Layout) -> str:
 
 def _uri(image: bytes, kind: str) -> str:
     return f"data:image/{kind};base64,{b64encode(image).decode()}"
+
+
+def _quantized(x: Floats, low: float, high: float, steps: int = STEPS) -> Ints:
+    """(n,) whole steps of x from `low`, which is 0, to `high`; the ends for all beyond, and NaN."""
+    share = (x - low) / (high - low if high > low else 1)
+    return np.rint(steps * np.clip(np.nan_to_num(share, nan=0.0), 0, 1)).astype(np.int64)
+
+
+def _pack(arrays: Mapping[str, Ints]) -> str:
+    """Base64 of the arrays, one after the other: differences, sign last, by planes of bytes.
+
+    Differences of neighbours are small, so that the upper planes are nearly empty.
+    """
+    differences = np.concatenate([np.diff(array, prepend=0) for array in arrays.values()])
+    numbers = ((differences << 1) ^ (differences >> 63)).astype("<u4")
+    planes = numbers.view(np.uint8).reshape(-1, 4).T.tobytes()
+    # No time stamp, so that equal input gives equal files.
+    return b64encode(gzip.compress(planes, 6, mtime=0)).decode()

@@ -6,8 +6,6 @@ import numpy as np
 
 from ..arrays import Floats, Ints, spread_evenly
 
-__all__ = ["choose_viewpoint"]
-
 Y_AXIS, Z_AXIS = np.array([0.0, 1, 0]), np.array([0.0, 0, 1])
 
 OPEN = 0.5  # length of the mean normal from which one looks straight at the surface

@@ -13,29 +13,23 @@ Examples
 """
 
 from .arc_length import harmonic
-from .beltrami import beltrami_coefficient, generalized_laplacian, linear_beltrami_solver
+from .beltrami import beltrami_coefficient
 from .certified import ReferenceMap
-from .dirichlet import Dirichlet
-from .explicit_cover import double_cover, double_cover_trace
+from .doubled import double_cover
 from .fast import fdcp
-from .free_boundary import spectral
-from .least_squares import lscm
+from .free_boundary import lscm, spectral
 from .linear import ldcp
 from .methods import METHODS, Method
 
 __all__ = [
     "METHODS",
-    "Dirichlet",
     "Method",
     "ReferenceMap",
     "beltrami_coefficient",
     "double_cover",
-    "double_cover_trace",
     "fdcp",
-    "generalized_laplacian",
     "harmonic",
     "ldcp",
-    "linear_beltrami_solver",
     "lscm",
     "spectral",
 ]

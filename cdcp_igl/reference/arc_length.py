@@ -13,8 +13,6 @@ from ..surface.mesh import DiskMesh
 from .certified import certified_disk_map
 from .dirichlet import Dirichlet
 
-__all__ = ["harmonic"]
-
 
 def harmonic(V: ArrayLike, F: ArrayLike, *, tutte: bool = False) -> Floats:
     """Map a triangulated disk harmonically onto the unit disk, the boundary by arc length.
@@ -42,7 +40,7 @@ def harmonic(V: ArrayLike, F: ArrayLike, *, tutte: bool = False) -> Floats:
     MeshError
         If the input is not a triangulated disk.
     SolverError
-        If the uniform Laplacian cannot be factored.
+        If a Laplacian cannot be factored.
     MapError
         If the map is not a bijection onto the disk; its ``result`` is a `ReferenceMap`.
 

@@ -10,10 +10,8 @@ import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
 from ..arrays import Complex, Floats, Ints
-from ..surface.triangles import face_areas
+from ..surface.triangles import face_areas, opposite_edges
 from .dirichlet import Dirichlet
-
-__all__ = ["beltrami_coefficient", "generalized_laplacian", "linear_beltrami_solver"]
 
 
 def beltrami_coefficient(p: Complex, F: Ints, M: Floats) -> Complex:
@@ -49,7 +47,7 @@ def beltrami_coefficient(p: Complex, F: Ints, M: Floats) -> Complex:
     >>> beltrami_coefficient(p, F, M).round(4)
     array([0.3333+0.j])
     """
-    edges = _opposite_edges(p, F)
+    edges = opposite_edges(p[F])
     # The hat function of corner k has the gradient i times edge k over twice the area.
     # That area cancels, so that a collapsed face does no harm.
     gradient = np.einsum("fk,fkd->fd", 1j * edges, M[F])  # M_x + i M_y, times twice the area
@@ -71,37 +69,12 @@ def generalized_laplacian(p: Complex, F: Ints, mu: Complex) -> csr_matrix:
     the map from the chart to a surface, those faces are similar to the surface's own, and
     **G(p, mu) is the cotangent Laplacian of the surface, whatever the chart**.
 
-    Parameters
-    ----------
-    p : (n,) complex128
-        Chart.
-    F : (m, 3) int64
-    mu : (m,) complex128
-        Beltrami coefficients, less than 1 in modulus.
-
-    Returns
-    -------
-    (n, n) csr_matrix of float64
-        Symmetric, positive semidefinite, rows sum to zero.
-
     References
     ----------
     L. M. Lui, K. C. Lam, T. W. Wong, X. Gu. Texture map and video compression using
     Beltrami representation. SIAM J. Imaging Sci. 6(4), 2013.
-
-    Examples
-    --------
-    Without a coefficient it is the cotangent Laplacian of the chart:
-
-    >>> import numpy as np
-    >>> from cdcp_igl.reference import generalized_laplacian
-    >>> p, F = np.array([0, 1, 1j]), np.array([[0, 1, 2]])
-    >>> generalized_laplacian(p, F, np.zeros(1, complex)).toarray()
-    array([[ 1. , -0.5, -0.5],
-           [-0.5,  0.5,  0. ],
-           [-0.5,  0. ,  0.5]])
     """
-    edges = _opposite_edges(p, F)
+    edges = opposite_edges(p[F])
     edges = edges + mu[:, None] * edges.conj()
     twice_area = abs(_twice_area(edges))
     elements = (edges.conj()[:, :, None] * edges[:, None, :]).real / (2 * twice_area[:, None, None])
@@ -112,48 +85,10 @@ def generalized_laplacian(p: Complex, F: Ints, mu: Complex) -> csr_matrix:
 def linear_beltrami_solver(p: Complex, F: Ints, mu: Complex, S: Ints, c: Complex) -> Complex:
     """Find the map of a chart with a given Beltrami coefficient and given values on S.
 
-    Parameters
-    ----------
-    p : (n,) complex128
-        Chart.
-    F : (m, 3) int64
-    mu : (m,) complex128
-        Beltrami coefficients, less than 1 in modulus.
-    S : (k,) int64
-        Distinct vertices, at least one.
-    c : (k,) complex128
-        Their images.
-
-    Returns
-    -------
-    (n,) complex128
-        The map; its coefficient is mu as nearly as the triangulation and c allow.
-
-    Raises
-    ------
-    SolverError
-        If the generalised Laplacian cannot be factored.
-
-    Examples
-    --------
-    Where every vertex but one has the stretch to twice the width, the last one gets it, too:
-
-    >>> import numpy as np
-    >>> from cdcp_igl.reference import linear_beltrami_solver
-    >>> p = np.array([0, 1, 1 + 1j, 1j, 0.4 + 0.3j])
-    >>> F = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
-    >>> given = 2 * p[:4].real + 1j * p[:4].imag
-    >>> mu = np.full(4, 1 / 3 + 0j)
-    >>> linear_beltrami_solver(p, F, mu, np.arange(4), given)[4].round(4)
-    np.complex128(0.8+0.3j)
+    The coefficients are less than 1 in modulus; S has at least one vertex, and none twice. The
+    map (n,) has the coefficients mu as nearly as the triangulation and the values c (k,) allow.
     """
     return Dirichlet(generalized_laplacian(p, F, mu), S).solve(c)
-
-
-def _opposite_edges(p: Complex, F: Ints) -> Complex:
-    """(m, 3) edge vectors; column k is the edge opposite corner k, counterclockwise."""
-    corners = p[F]
-    return np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
 
 
 def _twice_area(edges: Complex) -> Floats:

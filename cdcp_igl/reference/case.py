@@ -24,10 +24,10 @@ from ..arrays import Floats, Ints
 from ..certificate import certify
 from ..distortion import AngleDistortion, angle_distortion, area_distortion
 from ..errors import MapError, SolverError
-from ..io import whole_file
+from ..io.output import whole_file
+from ..processes import cause_of_death, peak_memory, resident
 from ..result.disk_map import DiskMap
 from ..surface.mesh import DiskMesh
-from .processes import cause_of_death, peak_memory, resident
 
 OK = "ok"
 TOO_LONG, TOO_LARGE = "no result within", "more than"  # begin the outcomes of the two limits

@@ -9,8 +9,6 @@ from ..certificate import Certificate, certify
 from ..errors import MapError
 from ..surface.mesh import DiskMesh
 
-__all__ = ["ReferenceMap", "certified_disk_map", "checked_free_map"]
-
 
 @dataclass(frozen=True, eq=False)
 class ReferenceMap:
@@ -27,69 +25,39 @@ class ReferenceMap:
     Examples
     --------
     >>> import numpy as np
-    >>> from cdcp_igl.certificate import certify
-    >>> from cdcp_igl.surface.mesh import DiskMesh
     >>> from cdcp_igl.reference import ReferenceMap
-    >>> uv = np.array([[0.0, 0], [0, 1], [1, 0]])
+    >>> from cdcp_igl.surface.mesh import DiskMesh
     >>> mesh = DiskMesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]])
-    >>> ReferenceMap(uv, certify(mesh, uv)).certificate.flipped
+    >>> ReferenceMap.of(mesh, np.array([0, 1j, 1])).certificate.flipped
     array([0])
     """
 
     uv: Floats
     certificate: Certificate
 
+    @classmethod
+    def of(cls, mesh: DiskMesh, f: Complex) -> ReferenceMap:
+        """Certify a map f (n,)."""
+        uv = coordinates(f)
+        return cls(uv, certify(mesh, uv))
+
 
 def certified_disk_map(mesh: DiskMesh, f: Complex) -> Floats:
-    """Return a map onto the disk as (n, 2) coordinates, if it is a bijection.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-
-    Returns
-    -------
-    (n, 2) float64
-
-    Raises
-    ------
-    MapError
-        If the certificate is not valid.
-    """
-    result = _certified(mesh, f)
+    """Return a map as (n, 2) coordinates; MapError if it is no bijection onto the disk."""
+    result = ReferenceMap.of(mesh, f)
     if not result.certificate.valid:
         raise MapError(f"The map is not a bijection onto the disk: {result.certificate}", result)
     return result.uv
 
 
 def checked_free_map(mesh: DiskMesh, f: Complex) -> Floats:
-    """Return a map with free boundary as (n, 2) coordinates, if it is one at all.
+    """Return a map with free boundary as (n, 2) coordinates; MapError if it is none at all.
 
-    Such a map may overlap itself and flip faces; ``certify(mesh, uv).flipped`` lists them.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-
-    Returns
-    -------
-    (n, 2) float64
-
-    Raises
-    ------
-    MapError
-        If a coordinate is not finite, or no face at all is counterclockwise.
+    It may overlap itself and flip faces, but not all of them, and is finite.
     """
-    result = _certified(mesh, f)
+    result = ReferenceMap.of(mesh, f)
     if not result.certificate.finite:
         raise MapError("The map is not finite", result)
     if len(result.certificate.flipped) == len(mesh.F):
         raise MapError("The map has collapsed: no face is counterclockwise", result)
     return result.uv
-
-
-def _certified(mesh: DiskMesh, f: Complex) -> ReferenceMap:
-    uv = coordinates(f)
-    return ReferenceMap(uv, certify(mesh, uv))

@@ -1,4 +1,4 @@
-"""Spectral conformal map: the least conformal energy for a given size of the boundary."""
+"""Maps with free boundary: conformal, but onto no disk."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from scipy.sparse import block_diag, diags
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from .. import libigl
-from ..arrays import Floats
+from ..arrays import Floats, Ints, as_complex
 from ..errors import SolverError
 from ..rescue.boundary import arc_length_map
 from ..solve.laplacian import cotangent_laplacian
@@ -16,17 +16,67 @@ from ..solve.solvers import factorize
 from ..surface.mesh import DiskMesh
 from .certified import checked_free_map
 
-__all__ = ["spectral"]
-
-
 SHIFT = 1e-9  # makes the energy definite; its own eigenvalues have no unit
+
+
+def lscm(V: ArrayLike, F: ArrayLike) -> Floats:
+    """Map a triangulated disk to the plane, conformally in the least squares sense, by libigl.
+
+    The boundary is free but for two pins. The map may overlap itself and flip faces. To be
+    compared on angles only.
+
+    Parameters
+    ----------
+    V, F
+        As in `harmonic`.
+
+    Returns
+    -------
+    (n, 2) float64
+        Rows as in V, faces counterclockwise but for flips, the pins at (0, 0) and (1, 0).
+
+    Raises
+    ------
+    MeshError
+        If the input is not a triangulated disk.
+    MapError
+        If the map is not finite or has collapsed; its ``result`` is a `ReferenceMap`.
+
+    References
+    ----------
+    B. Lévy, S. Petitjean, N. Ray, J. Maillot. Least squares conformal maps for automatic
+    texture atlas generation. ACM Trans. Graph. 21(3), 2002.
+
+    Examples
+    --------
+    A plane mesh keeps its angles:
+
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.square(4)
+    >>> uv = cdcp_igl.reference.lscm(V, F)
+    >>> bool(cdcp_igl.angle_distortion(V, F, uv).max() < 1e-4)
+    True
+    """
+    mesh = DiskMesh(V, F)
+    uv = libigl.lscm(mesh.V, mesh.F, _two_far_vertices(mesh), np.eye(2)[::-1] * [1, 0])
+    return checked_free_map(mesh, as_complex(uv))
+
+
+def _two_far_vertices(mesh: DiskMesh) -> Ints:
+    """Of the boundary: the farthest from its first vertex, and the farthest from that."""
+
+    def farthest(vertex: int) -> int:
+        return mesh.loop[np.linalg.norm(mesh.V[mesh.loop] - mesh.V[vertex], axis=1).argmax()]
+
+    first = farthest(mesh.loop[0])
+    return np.array([first, farthest(first)])
 
 
 def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk to the plane by the eigenvector of least conformal energy.
 
-    Conformal, but onto no disk: the boundary is free and nothing is pinned. The map may
-    overlap itself and flip faces. To be compared on angles only.
+    The boundary is free and nothing is pinned. The map may overlap itself and flip faces. To be
+    compared on angles only.
 
     The map minimises Dirichlet energy minus area (by libigl), among those whose
     boundary vertices have their mean at 0 and squares that sum to 1. (libigl's own
@@ -35,10 +85,8 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
 
     Parameters
     ----------
-    V : (n, 3) or (n, 2) array_like of real numbers
-        Vertex positions, in any unit.
-    F : (m, 3) array_like of integers
-        Corners of the faces, counterclockwise seen from outside.
+    V, F
+        As in `harmonic`.
 
     Returns
     -------
@@ -48,12 +96,10 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
 
     Raises
     ------
-    MeshError
-        If the input is not a triangulated disk.
+    MeshError, MapError
+        As `lscm`.
     SolverError
         If the energy's matrix cannot be factored, or the eigensolver fails.
-    MapError
-        If the map is not finite or has collapsed; its ``result`` is a `ReferenceMap`.
 
     References
     ----------
@@ -65,9 +111,9 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     A plane mesh keeps its angles:
 
     >>> import cdcp_igl
-    >>> from cdcp_igl.reference import spectral
     >>> V, F, _ = cdcp_igl.datasets.square(4)
-    >>> bool(cdcp_igl.angle_distortion(V, F, spectral(V, F)).max() < 1e-4)
+    >>> uv = cdcp_igl.reference.spectral(V, F)
+    >>> bool(cdcp_igl.angle_distortion(V, F, uv).max() < 1e-4)
     True
     """
     mesh = DiskMesh(V, F)

@@ -14,8 +14,6 @@ from .certified import certified_disk_map
 from .dirichlet import Dirichlet
 from .doubled import doubled_laplacian
 
-__all__ = ["ldcp"]
-
 
 def ldcp(V: ArrayLike, F: ArrayLike, *, pinned: int = 50) -> Floats:
     """Map a triangulated disk conformally onto the unit disk, Choi and Lui 2018.
@@ -32,27 +30,20 @@ def ldcp(V: ArrayLike, F: ArrayLike, *, pinned: int = 50) -> Floats:
 
     Parameters
     ----------
-    V : (n, 3) or (n, 2) array_like of real numbers
-        Vertex positions, in any unit.
-    F : (m, 3) array_like of integers
-        Corners of the faces, counterclockwise seen from outside.
+    V, F
+        As in `harmonic`.
     pinned : int
         Number of vertices pinned in the south step, at least 3.
 
     Returns
     -------
     (n, 2) float64
-        Rows as in V, faces counterclockwise, the boundary vertex of smallest index at
-        (1, 0).
+        As of `harmonic`.
 
     Raises
     ------
-    MeshError
-        If the input is not a triangulated disk.
-    SolverError
-        If a Laplacian cannot be factored.
-    MapError
-        If the map is not a bijection onto the disk; its ``result`` is a `ReferenceMap`.
+    MeshError, SolverError, MapError
+        As `harmonic`.
     ValueError
         If `pinned` is too small.
 
@@ -63,13 +54,10 @@ def ldcp(V: ArrayLike, F: ArrayLike, *, pinned: int = 50) -> Floats:
 
     Examples
     --------
-    >>> import numpy as np
     >>> import cdcp_igl
-    >>> from cdcp_igl.reference import ldcp
     >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
-    >>> uv = ldcp(V, F)
-    >>> np.hypot(*uv.T).max().round(12)
-    np.float64(1.0)
+    >>> cdcp_igl.reference.ldcp(V, F).shape
+    (217, 2)
     """
     if index(pinned) < 3:
         raise ValueError(f"pinned must be at least 3, not {pinned!r}")

@@ -12,13 +12,10 @@ from numpy.typing import ArrayLike
 from ..algorithm import cdcp
 from ..arrays import Floats
 from .arc_length import harmonic
-from .explicit_cover import double_cover
+from .doubled import double_cover
 from .fast import fdcp
-from .free_boundary import spectral
-from .least_squares import lscm
+from .free_boundary import lscm, spectral
 from .linear import ldcp
-
-__all__ = ["METHODS", "Method"]
 
 
 @dataclass(frozen=True)

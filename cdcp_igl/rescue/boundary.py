@@ -81,7 +81,7 @@ def by_harmonic_measure(surface: FactoredSurface, face: int) -> Complex:
 
 
 def _are_crowded(shares: Floats) -> bool:
-    return np.count_nonzero(shares < CROWDED) > MANY_CROWDED * len(shares)
+    return bool(np.mean(shares < CROWDED) > MANY_CROWDED)
 
 
 def _balanced(surface: FactoredSurface, shares: Floats) -> Floats:

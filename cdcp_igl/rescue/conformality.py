@@ -9,8 +9,9 @@ import numpy as np
 
 from .. import libigl
 from ..arrays import Complex, Floats, Ints
+from ..distortion import face_dilatation
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import face_areas, oriented_areas
+from ..surface.triangles import face_areas
 
 SMALL = 1.0  # degrees: a mean error that no one sees, whatever it comes from
 LARGE = 12.0  # degrees: more than any use of a conformal map can bear
@@ -127,28 +128,9 @@ def judge(mesh: DiskMesh, f: Complex, degrees: Floats, *, closely: bool = False)
 
 
 def dilatation(mesh: DiskMesh, f: Complex, faces: Ints) -> float:
-    """Geometric mean, by area, of the dilatation K of some faces: 1 where no angle changes.
-
-    K is the quotient of the singular values of f on a face. Its Dirichlet energy by its area is
-    (K + 1/K) / 2.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Map onto the disk.
-    faces : (k,) int64
-
-    Returns
-    -------
-    float
-    """
+    """Geometric mean, by area, of the dilatation K of some faces: 1 where no angle changes."""
     F = mesh.F[faces]
-    i, j, k = f[F.T]
-    squared = [abs(edge) ** 2 for edge in (j - k, k - i, i - j)]
-    with np.errstate(divide="ignore", invalid="ignore"):  # of faces as small as rounding errors
-        energy = np.einsum("kc,ck->k", mesh.cotangents[faces], squared) / 2
-        log_K = np.arccosh(np.maximum(energy / oriented_areas(f, F)[0], 1))
+    log_K = np.log(face_dilatation(mesh.V, F, f))
     known = np.isfinite(log_K)
     area = face_areas(mesh.V, F[known])
     return float(np.exp(np.average(log_K[known], weights=area))) if known.any() else 1.0

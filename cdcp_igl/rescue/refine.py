@@ -19,6 +19,7 @@ from ..solve.cholesky import Cholesky
 from ..solve.laplacian import Laplacian
 from ..solve.solvers import factorize
 from ..surface.mesh import DiskMesh
+from ..surface.triangles import hat_gradients, opposite_edges
 from .line_search import HALVINGS, search_along
 
 Array = TypeVar("Array", Complex, Ints)
@@ -270,10 +271,9 @@ def gauss_newton_step(
 
 def _linearize(corner: Complex, r: Floats, p: float) -> tuple[Complex, Floats, Complex, Complex]:
     """Compute beta (k, 3), s, t and the gradient in b (k,) of k faces."""
-    e = _last(corner) - _next(corner)  # opposite the corner
+    e = opposite_edges(corner)
     twice_area = (e[:, 0].conj() * e[:, 1]).imag
-    # Half the gradient of the hat function, which grows at right angles to the edge.
-    beta = 1j * e / (2 * twice_area[:, None])
+    beta = hat_gradients(e, twice_area) / 2
     q = e.conj() / e
     g = _next(q) - _last(q)
     w = (r * r + ROUNDING**2) ** (p / 2 - 1)

@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints
 from ..certificate import Certificate
-from ..distortion import AngleDistortion
+from ..distortion import AngleDistortion, area_distortion
 from ..errors import spell
 from ..plot.layout import Layout
 from ..plot.raster import sample
-from ..printing import as_html, as_text
+from ..printing import Pairs, as_html, as_text
 from ..rescue.conformality import Conformality
 
 PICTURES = (".pdf", ".png", ".svg")
@@ -129,6 +129,18 @@ class Result(ABC):
         )
         return image[row, column]
 
+    def area_distortion(self) -> Floats:
+        """Logarithm of the area in the plane by that on the surface, as fractions of their totals.
+
+        Returns
+        -------
+        (k,) float64
+            Of each face, or of those on a disk; see `cdcp_igl.area_distortion`. The disks of a
+            SurfaceMap lie as in `packed`.
+        """
+        layout = self._layout()
+        return area_distortion(layout.V, layout.F, layout.uv)
+
     def report(self, *, flat: bool = False) -> dict[str, Any]:
         """Return everything but the coordinates.
 
@@ -185,7 +197,8 @@ class Result(ABC):
         OSError
             If it cannot be written; nothing is left behind.
         """
-        from ..io import WRITABLE, whole_file, write_map
+        from ..io import WRITABLE, write_map
+        from ..io.output import whole_file
 
         suffix = Path(path).suffix.lower()
         if suffix in WRITABLE:
@@ -331,15 +344,32 @@ class Result(ABC):
 
         return page(self._layout(), fields or {}, texture, title)
 
+    def summary(self) -> tuple[str, Pairs]:
+        """Return what printing shows: a title, and pairs of a name and what is said of it.
+
+        Returns
+        -------
+        title : str
+        pairs : list of (str, str)
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> title, pairs = cdcp_igl.disk_map(V, F).summary()
+        >>> title
+        'disk map of 331 vertices: valid'
+        """
+        return f"{self._kind} map of {self._subject()}: {self.verdict}", self._summary()
+
     def __str__(self) -> str:
-        return as_text(f"{self._kind} map of {self._subject()}: {self.verdict}", self._summary())
+        return as_text(*self.summary())
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self._subject()}: {self.verdict}, {self._key_figure()})"
 
     def _repr_html_(self) -> str:
-        title = f"{self._kind} map of {self._subject()}: {self.verdict}"
-        table = as_html(title, self._summary())
+        table = as_html(*self.summary())
         if not self.valid:
             return table
         layout = self._layout()
@@ -402,7 +432,7 @@ class Result(ABC):
 
 
 def real_values(values: ArrayLike) -> Floats:
-    """Return values as float64; ValueError if they are complex: no part of them is dropped."""
+    """Return values as float64; ValueError if they are complex."""
     if np.iscomplexobj(values):
         raise ValueError("values must be real; of complex ones give both parts, as two columns")
     return np.asarray(values, dtype=np.float64)

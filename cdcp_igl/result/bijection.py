@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates
+from ..cached import cached_property
 from ..errors import counted
-from ..surface.defects import degenerate_faces
 from ..surface.location import FaceFinder
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import corner_cotangents
+from ..surface.triangles import corner_cotangents, degenerate_faces
 from ..surface.validation import unit_size
 from .base import real_values
 from .lattice import disk_lattice, even_ring, with_corners
-from .raster import bilinear, pixel_centers
-
-__all__ = ["Bijection"]
 
 log = logging.getLogger("cdcp_igl")
 
@@ -195,7 +191,7 @@ class Bijection:
         """
         if not size >= 1:
             raise ValueError(f"size must be at least 1, not {size!r}")
-        z = pixel_centers(size)
+        z = _pixel_centers(size)
         z /= np.maximum(abs(z), 1)
         baked = self.interpolate(values, coordinates(z))
         return baked.reshape(size, size, *baked.shape[1:])
@@ -232,7 +228,7 @@ class Bijection:
         image = real_values(values)
         if image.ndim < 2 or image.size == 0:
             raise ValueError(f"values has shape {image.shape}; it must be (height, width, ...)")
-        return bilinear(image, self._z)
+        return _bilinear(image, self._z)
 
     def remesh(self, side: float) -> tuple[Floats, Ints, Floats]:
         """Mesh the surface anew by a regular mesh of the disk.
@@ -303,6 +299,39 @@ class Bijection:
                 f"values has shape {at_vertices.shape}; it must have {len(self.uv)} rows"
             )
         return at_vertices
+
+
+def _pixel_centers(size: int) -> Complex:
+    """(size * size,) centres of the pixels of the square from -1 to 1, row by row, top first."""
+    x = (2 * np.arange(size) + 1) / size - 1
+    return (x[None, :] - 1j * x[:, None]).ravel()
+
+
+def _bilinear(image: Floats, z: Complex) -> Floats:
+    """Read an image of the square from -1 to 1 between its pixel centres.
+
+    Parameters
+    ----------
+    image : (height, width, ...) float64
+        The top row lies at v = 1.
+    z : (k,) complex128
+        In the square; between its rim and the outermost centres, these count.
+
+    Returns
+    -------
+    (k, ...) float64
+    """
+    height, width = image.shape[:2]
+    row = np.clip((1 - z.imag) / 2 * height - 0.5, 0, height - 1)
+    column = np.clip((1 + z.real) / 2 * width - 0.5, 0, width - 1)
+    top, left = row.astype(np.int64), column.astype(np.int64)
+    bottom, right = np.minimum(top + 1, height - 1), np.minimum(left + 1, width - 1)
+    down, across = (
+        share.reshape(-1, *[1] * (image.ndim - 2)) for share in (row - top, column - left)
+    )
+    above = (1 - across) * image[top, left] + across * image[top, right]
+    below = (1 - across) * image[bottom, left] + across * image[bottom, right]
+    return (1 - down) * above + down * below
 
 
 def _rows(corners: NDArray[np.float64], face: Ints) -> Floats:

@@ -21,8 +21,6 @@ from .base import Result
 from .bijection import Bijection
 from .landmarks import landmark_automorphism
 
-__all__ = ["DiskMap"]
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiskMap(Bijection, Result, Provenance):

@@ -9,9 +9,6 @@ import numpy as np
 from ..arrays import Complex, Floats
 from ..steps.mobius import conformal_barycenter
 
-__all__ = ["Automorphism", "landmark_automorphism"]
-
-
 MAX_STEPS = 100
 EPS = np.finfo(float).eps
 INSIDE = 0.99  # factor on points whose barycentre is sought

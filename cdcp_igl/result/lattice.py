@@ -6,8 +6,6 @@ import numpy as np
 
 from ..arrays import Complex, Floats, Ints, coordinates
 
-__all__ = ["disk_lattice", "even_ring", "with_corners"]
-
 # Between the circle and the lattice, in sides. Among 0.4, 0.45, ..., 0.9 this has the largest
 # smallest angle, 31 degrees, over sides from 1 to 0.01.
 MARGIN = 0.8

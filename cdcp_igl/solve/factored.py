@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_matrix
 
 from ..arrays import Bools
+from ..cached import cached_property
 from ..surface.mesh import DiskMesh
 from .cholesky import Numbers
 from .delaunay import intrinsic_delaunay_laplacian

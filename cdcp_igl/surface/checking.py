@@ -6,28 +6,20 @@ answers others with NaN.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints
-from ..errors import Defect, MeshError, counted, spell
+from ..defects import DEFECTS
+from ..errors import Defect, counted, spell
 from ..printing import as_html
-from .defects import CUT, MENDED, degenerate_defect, topological_defects
-from .topology import Topology, outer_loop
-from .triangles import corner_cotangents
-from .validation import (
-    face_array,
-    non_finite_defect,
-    refuse_swapped,
-    repeated_corner_defect,
-    three_columns,
-    unit_size,
-    vertex_array,
-)
-
-__all__ = ["Examined", "MeshReport", "check", "examine"]
+from .topology import Topology, duplicate_faces, outer_loop
+from .triangles import corner_cotangents, degenerate_faces
+from .validation import read, unit_size
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,20 +92,61 @@ class MeshReport:
     @property
     def next_step(self) -> str:
         """The call, and the command, that goes on from here."""
-        found = {defect.name for defect in self.defects}
-        if not found:
+        return self._next_step(in_shell=False)
+
+    def _next_step(self, in_shell: bool) -> str:
+        if self.is_disk:
             return "cdcp_igl.disk_map maps it (cdcp-igl map)."
+        rows = [DEFECTS[defect.name] for defect in self.defects]
         flat = [d.indices for d in self.defects if d.name == "degenerate face"]
-        if flat and len(flat[0]) == self.n_faces:
-            return self.defects[0].remedy  # nothing would be left
-        if found <= MENDED:
+        nothing_left = bool(flat) and len(flat[0]) == self.n_faces
+        if not nothing_left and all(row.cleaned for row in rows):
             step = "cdcp_igl.clean mends it (cdcp-igl map --clean)"
             if self.genus is None or self.n_components > 1:
                 step = "cdcp_igl.clean mends its largest part (cdcp-igl map --clean)"
-            return step + ("; or: " + _CUT_STEP if found & CUT else ".")
-        if found <= MENDED | CUT:
+            return step + ("; or: " + _CUT_STEP if any(row.cut for row in rows) else ".")
+        if not nothing_left and all(row.cleaned or row.cut for row in rows):
             return _CUT_STEP
-        return self.defects[0].remedy
+        return self.defects[0].remedy_in_shell if in_shell else self.defects[0].remedy
+
+    def report(self) -> dict[str, Any]:
+        """Return all of it.
+
+        Returns
+        -------
+        dict
+            JSON types.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
+        >>> cdcp_igl.check(V, F).report()["kind"]
+        'disk'
+        """
+        return {
+            "disk": self.is_disk,
+            "kind": self.kind,
+            "vertices": self.n_vertices,
+            "faces": self.n_faces,
+            "boundary_vertices": self.n_boundary,
+            "components": self.n_components,
+            "boundary_loops": self.n_loops,
+            "genus": self.genus,
+            "ears": self.ears.tolist(),
+            "chords": self.chords.tolist(),
+            "defects": [
+                {
+                    "name": defect.name,
+                    "what": defect.what,
+                    "remedy": defect.remedy,
+                    "of": defect.kind,
+                    "indices": defect.indices.tolist(),
+                }
+                for defect in self.defects
+            ],
+            "next_step": self.next_step,
+        }
 
     @property
     def _size(self) -> str:
@@ -135,6 +168,14 @@ class MeshReport:
         return as_html(self._size, rows)
 
     def __str__(self) -> str:
+        return self._text(in_shell=False)
+
+    @property
+    def in_shell(self) -> str:
+        """What `str` gives, with the remedies on the command line."""
+        return self._text(in_shell=True)
+
+    def _text(self, in_shell: bool) -> str:
         counts = (
             f"{self._size}, "
             f"{self.n_boundary:,} boundary vertices, {counted(len(self.ears), 'ear', 'ears')}"
@@ -148,8 +189,8 @@ class MeshReport:
             verdict = "A disk by its topology, but not fit for a map:"
         else:
             verdict = f"Not a triangulated disk: {self.kind}."
-        lines = [counts, verdict, *(f"- {d.name}: {d}" for d in self.defects)]
-        return "\n".join([*lines, f"Next: {self.next_step}"])
+        found = [f"- {d.name}: {d.in_shell if in_shell else d}" for d in self.defects]
+        return "\n".join([counts, verdict, *found, f"Next: {self._next_step(in_shell)}"])
 
 
 _CUT_STEP = "cdcp_igl.surface_map cuts it open and maps it (cdcp-igl map --cut)."
@@ -208,7 +249,7 @@ class Examined:
         Rows of V and of F; 0 where the array is unusable.
     defects : tuple of Defect
     V : (n, 3) float64
-        Scaled to unit size, unless a coordinate is not finite.
+        Scaled to unit size.
     surface : Topology or None
         None if V or F is unusable, or a face has a vertex at two corners.
     cotangents : (m, 3) float64
@@ -225,25 +266,65 @@ class Examined:
 
 def examine(V: ArrayLike, F: ArrayLike) -> Examined:
     """Check everything that section "Raises" of `DiskMesh` promises."""
-    found, n = list[Defect](), 0
-    try:
-        refuse_swapped(V, F)
-        given = vertex_array(V)
-        n = len(given)
-        if infinite := non_finite_defect(given):
-            found.append(infinite)
-        faces = face_array(F, n)
-    except MeshError as error:
-        return Examined(n, defects=(*found, *error.defects))
-    if repeated := repeated_corner_defect(faces):
-        return Examined(n, len(faces), (*found, repeated))
+    given = read(V, F)
+    found = list(given.defects)
+    names = {defect.name for defect in found}
+    n, m = (0 if array is None else len(array) for array in (given.V, given.F))
+    if given.V is None or given.F is None or "repeated corner" in names:
+        return Examined(n, m, tuple(found))
 
-    positions = three_columns(given) if infinite else unit_size(given)
-    surface = Topology(faces, n)
-    found += topological_defects(surface, positions)
-    if infinite:
-        return Examined(n, len(faces), tuple(found), positions, surface)
-    cotangents = corner_cotangents(positions, faces)
-    if degenerate := degenerate_defect(cotangents):
-        found.append(degenerate)
-    return Examined(n, len(faces), tuple(found), positions, surface, cotangents)
+    positions = unit_size(given.V)
+    surface = Topology(given.F, n)
+    found += _defects_of_edges(surface)
+    if not surface.singular.any():
+        found += _defects_of_a_surface(surface, given.V)
+    if "non-finite coordinate" in names:
+        return Examined(n, m, tuple(found), positions, surface)
+    cotangents = corner_cotangents(positions, given.F)
+    if len(flat := degenerate_faces(cotangents)):
+        found.append(Defect.of("degenerate face", flat))
+    return Examined(n, m, tuple(found), positions, surface, cotangents)
+
+
+def _defects_of_edges(surface: Topology) -> Iterator[Defect]:
+    if not surface.used.all():
+        yield Defect.of("unreferenced vertex", np.flatnonzero(~surface.used))
+    singular = surface.singular
+    if singular.any() or len(surface.border) == 0:  # the copy of a face leaves no edge with one
+        duplicates = duplicate_faces(surface.F)
+        if len(duplicates):
+            yield Defect.of("duplicate face", duplicates)
+    if singular.any():
+        yield Defect.of("non-manifold edge", surface.edges.ends(singular))
+
+
+def _defects_of_a_surface(surface: Topology, V: NDArray[Any]) -> Iterator[Defect]:
+    """Where no edge has three faces; V tells which vertices coincide, and the outer loop."""
+    if surface.misoriented is None:
+        yield Defect.of("not orientable")
+    elif len(surface.misoriented):
+        yield Defect.of("inconsistent orientation", surface.misoriented)
+    n_parts, part = surface.components
+    if n_parts > 1:
+        sizes = np.bincount(part)
+        finite = V[np.isfinite(V).all(axis=1)]
+        coincide = len(np.unique(finite, axis=0)) < len(finite)
+        yield Defect.of(
+            "several components" + (", coinciding" if coincide else ""),
+            np.flatnonzero(part != sizes.argmax()),
+            parts=n_parts,
+            largest=sizes.max(),
+            faces=len(part),
+        )
+    if len(surface.pinched):
+        yield Defect.of("non-manifold vertex", surface.pinched)
+        return
+    if len(surface.border) == 0:
+        yield Defect.of("closed surface")
+    if len(surface.loops) > n_parts:
+        outer = outer_loop(V, surface.loops)
+        holes = np.concatenate([loop for loop in surface.loops if loop is not outer])
+        loops = len(surface.loops)
+        yield Defect.of("several boundary loops", holes, loops=loops, outer=len(outer))
+    if surface.genus:
+        yield Defect.of("handle", genus=surface.genus)

@@ -9,9 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components, depth_first_order
 
 from ..arrays import Bools, Ints
-from .edges import Edges
-
-__all__ = ["Chords"]
+from .topology import Edges
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,34 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..arrays import Bools, Floats, Ints
 from ..errors import Defect, MeshError, counted
 from .checking import check
-from .defects import degenerate_faces
 from .filling import fill_hole
 from .topology import Topology, duplicate_faces, outer_loop
-from .triangles import corner_cotangents
-from .validation import (
-    face_array,
-    finite_size,
-    refuse_swapped,
-    repeated_corners,
-    vertex_array,
-)
-
-__all__ = ["Cleaned", "clean"]
+from .triangles import corner_cotangents, degenerate_faces
+from .validation import repeated_corners, unit_size, usable_arrays
 
 
-@dataclass(frozen=True, eq=False)
-class Cleaned:
-    """A mended surface; unpacks as ``V, F, vertex_index, face_index``.
+class Cleaned(NamedTuple):
+    """A mended surface; ``clean(V, F)[:2]`` is a surface again.
 
     Attributes
     ----------
@@ -61,9 +49,6 @@ class Cleaned:
     face_index: Ints
     flipped: Ints
     changes: tuple[str, ...]
-
-    def __iter__(self) -> Iterator[NDArray[Any]]:
-        return iter((self.V, self.F, self.vertex_index, self.face_index))
 
 
 def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
@@ -110,14 +95,12 @@ def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
 
     >>> import cdcp_igl
     >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
-    >>> V, F, vertex_index, face_index = cdcp_igl.clean(V, F[10:])
-    >>> uv = cdcp_igl.cdcp(V, F)[vertex_index >= 0]
-    >>> F = F[face_index >= 0]
+    >>> cleaned = cdcp_igl.clean(V, F[10:])
+    >>> uv = cdcp_igl.cdcp(cleaned.V, cleaned.F)[cleaned.vertex_index >= 0]
+    >>> F = cleaned.F[cleaned.face_index >= 0]
     """
-    refuse_swapped(V, F)
-    positions = vertex_array(V).astype(np.float64)
-    faces = face_array(F, len(positions))
-    surface = _Surface(positions, faces)
+    positions, faces = usable_arrays(V, F)
+    surface = _Surface(positions.astype(np.float64), faces)
     if not check(V, F).is_disk:
         for mend in (
             surface.drop_non_finite,
@@ -131,8 +114,8 @@ def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
         ):
             mend()
             if len(surface.F) == 0:
-                what = f"Cleaning {', '.join(surface.changes)}, and no face is left"
-                raise MeshError(Defect("nothing left", what, "Restore the mesh."))
+                done = f"Cleaning {', '.join(surface.changes)}"
+                raise MeshError(Defect.of("nothing left", done=done))
     if flip_ears:
         surface.flip_ears()
     return Cleaned(
@@ -149,7 +132,7 @@ class _Surface:
     """The surface while it is being mended."""
 
     def __init__(self, V: Floats, F: Ints) -> None:
-        self.V, self.F = V, F.copy()
+        self.V, self.F = V, F
         self.vertex_index, self.face_index = np.arange(len(V)), np.arange(len(F))
         self.flipped = np.empty(0, np.int64)
         self.changes: list[str] = []
@@ -200,10 +183,10 @@ class _Surface:
         self._drop_faces(smaller, "of smaller components")
 
     def orient(self) -> None:
-        against = self._topology().against
-        if against is not None:
-            self.F[against] = self.F[against, ::-1]
-            self._say(len(against), "reversed {}", "face", "faces")
+        wrong = self._topology().misoriented
+        if wrong is not None:
+            self.F[wrong] = self.F[wrong, ::-1]
+            self._say(len(wrong), "reversed {}", "face", "faces")
 
     def drop_unreferenced(self) -> None:
         used = self._topology().used
@@ -299,7 +282,7 @@ class _Surface:
 
     def _scaled(self) -> Floats:
         """Positions in three columns and of unit size, as `check` judges them."""
-        return finite_size(self.V)
+        return unit_size(self.V)
 
     def _drop_faces(self, rows: Ints, why: str) -> None:
         self.F = np.delete(self.F, rows, axis=0)

@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints
-from .defects import degenerate_faces
-from .triangles import corner_cotangents, face_areas
-
-__all__ = ["fill_hole", "least_triangulation"]
+from .triangles import corner_cotangents, degenerate_faces, face_areas
 
 # The search for a triangulation takes the cube of this many steps, about two seconds.
 MOST_CORNERS = 300

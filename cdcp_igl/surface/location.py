@@ -9,8 +9,6 @@ from ..arrays import Bools, Complex, Floats, Ints
 from .mesh import DiskMesh
 from .triangles import oriented_areas, spanned_areas
 
-__all__ = ["FaceFinder", "z_order"]
-
 Codes = NDArray[np.uint64]
 
 BITS = 31  # of each coordinate in a Morton code: a cell of 1e-9

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Bools, Floats, Ints, blocks
+from ..arrays import Bools, Floats, Ints
+from ..cached import cached_property
 from ..errors import Defect, MeshError, counted
 from .checking import examine
 from .chords import Chords
-from .defects import degenerate_defect
-from .edges import Edges
-from .heap import keep_freed_memory
-from .triangles import corner_cotangents
-from .validation import as_vertices, size_exponent
-
-__all__ = ["DiskMesh"]
+from .topology import Edges
+from .triangles import corner_angles, corner_cotangents, degenerate_faces
+from .validation import checked_vertices, size_exponent
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -73,7 +69,6 @@ class DiskMesh:
     _exponent: int
 
     def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
-        keep_freed_memory()
         examined = examine(V, F)
         if examined.surface is None or examined.defects:
             raise MeshError(*examined.defects)
@@ -115,12 +110,7 @@ class DiskMesh:
     @cached_property
     def angles(self) -> Floats:
         """(m, 3) corner angles of the surface in radians, column k at corner k; read-only."""
-        angles = np.empty_like(self.cotangents)
-        with np.errstate(divide="ignore"):  # the arctangent of infinity is a right angle
-            for part in blocks(len(angles)):
-                # In half the time of arctan2.
-                out = np.arctan(1 / self.cotangents[part], out=angles[part])
-                out += np.pi * (out < 0)
+        angles = corner_angles(self.cotangents)
         angles.flags.writeable = False
         return angles
 
@@ -171,18 +161,13 @@ class DiskMesh:
         MeshError
             If V has another number of rows, is not finite, or makes a face degenerate.
         """
-        positions = as_vertices(V)
+        positions = checked_vertices(V)
         if len(positions) != len(self.V):
-            raise MeshError(
-                Defect(
-                    "shape of V",
-                    f"V has {len(positions):,} rows and the mesh {len(self.V):,} vertices",
-                    "Only vertices may move; for another connectivity make a new mesh.",
-                )
-            )
+            rows, n = len(positions), len(self.V)
+            raise MeshError(Defect.of("shape of V, of a mesh", rows=rows, vertices=n))
         cotangents = corner_cotangents(positions, self.F)
-        if defect := degenerate_defect(cotangents):
-            raise MeshError(defect)
+        if len(flat := degenerate_faces(cotangents)):
+            raise MeshError(Defect.of("degenerate face", flat))
         mesh = copy(self)
         mesh.__dict__.pop("angles", None)
         mesh._set(V=positions, cotangents=cotangents)

@@ -1,4 +1,4 @@
-"""Areas and cotangents of triangles on the surface; signed areas in the plane."""
+"""Triangles on the surface: areas, cotangents, angles; in the plane: signed areas, gradients."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ import numpy as np
 from .. import libigl
 from ..arrays import Complex, Floats, Ints, blocks
 
-__all__ = ["corner_cotangents", "face_areas", "oriented_areas", "spanned_areas"]
-
 EPS = np.finfo(float).eps / 2
 # Shewchuk's bound: beyond it, the rounded determinant of an orientation has the sign of the
 # exact one.
 ORIENTATION_BOUND = (3 + 16 * EPS) * EPS
+
+# A face is degenerate when area / longest edge^2 is below this: a relative measure, so
+# that metres and microns are judged alike. The worst faces of real scans are near 1e-5;
+# cotangents above 1e10 would leave the other faces at a vertex too few digits.
+DEGENERATE = 1e-10
 
 
 def face_areas(V: Floats, F: Ints) -> Floats:
@@ -36,6 +39,26 @@ def corner_cotangents(V: Floats, F: Ints) -> Floats:
     return cotangents.T
 
 
+def corner_angles(cotangents: Floats) -> Floats:
+    """(m, 3) angles in radians of corners with these cotangents."""
+    angles = np.empty_like(cotangents)
+    with np.errstate(divide="ignore"):  # the arctangent of infinity is a right angle
+        for part in blocks(len(angles)):
+            # In half the time of arctan2.
+            out = np.arctan(1 / cotangents[part], out=angles[part])
+            out += np.pi * (out < 0)
+    return angles
+
+
+def degenerate_faces(cotangents: Floats) -> Ints:
+    """Faces without area, by the square of their longest edge."""
+    # The cotangents at the ends of an edge add up to its squared length by twice the area.
+    i, j, k = cotangents.T
+    with np.errstate(invalid="ignore"):  # of faces without any area
+        longest_squared = np.maximum(np.maximum(i + j, j + k), k + i)
+    return np.flatnonzero(~(longest_squared < 1 / (2 * DEGENERATE)))
+
+
 def oriented_areas(z: Complex, F: Ints) -> tuple[Floats, Floats]:
     """(m,) twice the signed areas of plane triangles, and (m,) bounds of their rounding errors."""
     i, j, k = (z[corner] for corner in F.T)
@@ -46,3 +69,14 @@ def spanned_areas(u: Complex, v: Complex) -> tuple[Floats, Floats]:
     """Twice the signed areas of plane triangles with edges u and v; their bounds likewise."""
     left, right = u.real * v.imag, u.imag * v.real
     return left - right, ORIENTATION_BOUND * (abs(left) + abs(right))
+
+
+def opposite_edges(corners: Complex) -> Complex:
+    """(m, 3) edges of plane triangles with these corners (m, 3), each opposite its corner."""
+    return corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
+
+
+def hat_gradients(opposite: Complex, twice_area: Floats) -> Complex:
+    """(m, 3) gradients of the hat functions of the corners, of triangles with these edges."""
+    # They grow at right angles to the opposite edge.
+    return 1j * opposite / twice_area[:, None]

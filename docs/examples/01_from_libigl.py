@@ -59,4 +59,4 @@ igl.writeOBJ(str(folder / "disk.obj"), V, F, corner_normals, no_faces, texture, 
 
 result = cdcp_igl.disk_map(V, F)
 print(result)
-result.plot(name="Jacksboro fault")[0].figure
+figure = result.plot(name="Jacksboro fault")[0].figure

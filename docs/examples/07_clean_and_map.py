@@ -42,13 +42,13 @@ for change in cleaned.changes:
 # %%
 # Map it, and look up which rows are new: those that fill the holes have index -1.
 
-W, G, vertex_index, face_index = cleaned
+W, G = cleaned[:2]
 result = cdcp_igl.disk_map(W, G)
 print(result.distortion)
 assert result.valid
 assert result.conformal
 
-filling = face_index < 0
+filling = cleaned.face_index < 0
 figure, (before, after) = plt.subplots(1, 2, layout="constrained", figsize=(9, 4.5))
 lines = {"edgecolor": "white", "linewidth": 0.2}
 whole = F[np.isfinite(V[F]).all(axis=(1, 2))]

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import ziamath
 from docutils import nodes
+from places import CITED
 
 SIZE = 18  # pixels
 
 ziamath.config.svg2 = False  # no ids that equations of one page would share
 
 LABEL = re.compile(r"^:label: (eq-[\w-]+)$", re.MULTILINE)
-CITED = re.compile(r"\beqs?\. \(\d+\)(?:(?:-|, |,? and )\(\d+\))*")
 
 
 def number(label):

@@ -1,23 +1,14 @@
-"""Tables of errors, made by raising each of them.
+"""Tables of errors: the defects of the package, and what bad options raise.
 
-The inputs are the nasty meshes of the tests and the calls below, so a table cannot say what
-the package does not. `tests/test_docs.py` checks that no defect is missing.
+The calls below are made, so a table cannot say what the package does not.
 """
 
-import sys
+import re
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import cdcp_igl
-from cdcp_igl.io import read_mesh, write_map
-
-ROOT = Path(__file__).parents[2]
-
-FILES = {
-    "a name that ends in `.txt`": ("mesh.txt", ""),
-    "an off file without its first line": ("mesh.off", "3 1 0\n"),
-    "an obj file with a face of two corners": ("mesh.obj", "v 0 0 0\nv 1 0 0\nf 1 2\n"),
-}
+from cdcp_igl.defects import DEFECTS
+from cdcp_igl.io import write_map
 
 CALLS = (
     'disk_map(V, F, center="middle")',
@@ -42,32 +33,6 @@ CALLS = (
 )
 
 
-def mesh_errors():
-    """Yield (input, MeshError) for every nasty mesh and file."""
-    sys.path.insert(0, str(ROOT / "tests"))
-    from meshes import NASTY
-
-    for name, (_, V, F, _) in NASTY.items():
-        yield name, _raised(cdcp_igl.cdcp, V, F)
-    V, F = [[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]
-    yield "`clean` of faces without area", _raised(cdcp_igl.clean, V, F)
-    square = [[0, 0], [1, 0], [1, 1], [0, 1]], [[0, 1, 3], [1, 2, 3]]
-    yield "`cut` along a path off the edges", _raised(cdcp_igl.cut, *square, [0, 2])
-    with TemporaryDirectory() as folder:
-        for name, (file, text) in FILES.items():
-            path = Path(folder, file)
-            path.write_text(text)
-            yield name, _raised(read_mesh, path)
-
-
-def _raised(function, *arguments):
-    try:
-        function(*arguments)
-    except cdcp_igl.MeshError as error:
-        return error
-    raise AssertionError(f"{function.__name__}{arguments} raised nothing")
-
-
 def option_errors():
     """Yield (call, error) for every bad option."""
     V, F, uv = cdcp_igl.datasets.spherical_cap(3)
@@ -84,13 +49,17 @@ def option_errors():
 
 
 def _mesh_table():
-    inputs, defects = {}, {}
-    for name, error in mesh_errors():
-        inputs.setdefault(error.defect, []).append(name)
-        defects.setdefault(error.defect, error.defects[0])
-    rows = ["| defect | raised by, for example | it says | remedy |", "|---|---|---|---|"]
-    for name, defect in defects.items():
-        cells = (f"**{name}**", "; ".join(inputs[name]), _cell(defect.what), _cell(defect.remedy))
+    rows = ["| defect | it says | remedy | in the shell |", "|---|---|---|---|"]
+    for key, row in DEFECTS.items():
+        found = f"{{count}} {row.subject[1]} {row.message}" if row.subject else row.message
+        said = re.sub(r"\{(\w+)[^}]*\}", r"*\1*", _cell(found))
+        name, _, variant = key.partition(", ")
+        cells = (
+            f"**{name}**{variant and ', ' + variant}",
+            said,
+            _cell(row.remedy),
+            _cell(row.in_shell) or "the same",
+        )
         rows.append(f"| {' | '.join(cells)} |")
     return "\n".join(rows) + "\n"
 

@@ -10,8 +10,6 @@ from matplotlib.figure import Figure
 from ...records.results import Measured
 from . import accuracy, cost, many, surfaces
 
-__all__ = ["PLOTS", "Plot"]
-
 
 @dataclass(frozen=True)
 class Plot:

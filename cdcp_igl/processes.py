@@ -10,8 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-__all__ = ["cause_of_death", "forget_peak_memory", "peak_memory", "resident"]
-
 PROC = Path("/proc/self")
 
 

@@ -1,0 +1,159 @@
+"""Arguments and options that several commands take, each spelled out once."""
+
+from __future__ import annotations
+
+import inspect
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+# Those of `io`, spelled out: `--help` shows them, and must not wait for NumPy.
+READABLE = (".mat", ".npz", ".obj", ".off", ".ply", ".stl")
+WRITABLE = (".glb", ".npz", ".obj", ".ply")
+PICTURES = (".png", ".svg", ".pdf")
+
+Inputs = Annotated[
+    list[Path],
+    typer.Argument(metavar="IN...", help=f"Triangulated surfaces ({' '.join(READABLE)})."),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but what went wrong.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace files that are there.")]
+
+
+def verify_target(path: Path, suffixes: tuple[str, ...]) -> None:
+    """Refuse a path at which no file of one of these types can be put."""
+    if path.suffix.lower() not in suffixes:
+        raise typer.BadParameter(f"{path.name!r} must end in {' or '.join(suffixes)}.")
+    if not os.path.isdir(path.parent):  # and no error where a name is too long to be one
+        raise typer.BadParameter(f"there is no folder {str(path.parent)!r}.")
+    if os.path.isdir(path):
+        raise typer.BadParameter(f"{str(path)!r} is a folder.")
+
+
+def file_option(name: str, example: str, suffixes: tuple[str, ...], help: str) -> Any:
+    """Declare an option that names a file to write, of one of these types."""
+
+    def verify(path: Path | None) -> Path | None:
+        if path is not None:
+            verify_target(path, suffixes)
+        return path
+
+    return typer.Option(name, metavar=example, callback=verify, help=help)
+
+
+def _map_options(
+    disk: Annotated[
+        bool,
+        typer.Option("--disk", help="Texture coordinates in the unit disk, not in [0, 1]^2."),
+    ] = False,
+    clean: Annotated[
+        bool,
+        typer.Option(
+            "--clean",
+            help="Mend the surface first and say how: merge equal vertices, drop bad faces, "
+            "orient, keep the largest component, fill holes. OUT has what is left of IN, in its "
+            "order, without the filling.",
+        ),
+    ] = False,
+    cut: Annotated[
+        bool,
+        typer.Option(
+            "--cut",
+            help="Map a surface that is no disk: closed, with handles, holes or several parts. It "
+            "is cut open, and each part mapped; texture coordinates show the disks side by side.",
+        ),
+    ] = False,
+    center: Annotated[
+        str | None,
+        typer.Option(
+            metavar="torsion|heat|centroid|FACE",
+            help="The face that carries the dipole, counted from 0, or how to find it. "
+            "[default: torsion]",
+        ),
+    ] = None,
+    mobius: Annotated[
+        str | None,
+        typer.Option(
+            metavar="angle|area|none",
+            help="What the Möbius transformation minimises. [default: angle]",
+        ),
+    ] = None,
+    align: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VERTEX|X,Y,Z",
+            help="What lies to the right: a boundary vertex counted from 0, or a direction in "
+            "space. [default: the first boundary vertex]",
+        ),
+    ] = None,
+    refine: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=0,
+            help="Steps of refinement after the harmonic map, 0 for none. [default: as needed]",
+        ),
+    ] = None,
+    refine_norm: Annotated[
+        float | None,
+        typer.Option(
+            metavar="P",
+            min=1,
+            max=2,
+            help="Refinement lowers the sum of |angle error|^P. [default: 1.5]",
+        ),
+    ] = None,
+    refine_seconds: Annotated[
+        float | None,
+        typer.Option(metavar="S", min=0, help="Begin no step of refinement after S seconds."),
+    ] = None,
+    preset: Annotated[
+        str | None,
+        typer.Option(metavar="paper", help="Follow the paper; sets --center and --mobius itself."),
+    ] = None,
+) -> dict[str, Any]:
+    """Return `disk`, `clean` and `cut`, and those options of `disk_map` that were given."""
+    options = {
+        "center": int(center) if center and center.isdecimal() else center,
+        "mobius": mobius,
+        "align": align and _row_or_direction(align),
+        "refine": refine,
+        "refine_norm": refine_norm,
+        "refine_seconds": refine_seconds,
+        "preset": preset,
+    }
+    given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
+    if mobius == "none":
+        given["mobius"] = None
+    return {"disk": disk, "clean": clean, "cut": cut, **given}
+
+
+def _row_or_direction(text: str) -> int | list[float] | str:
+    """Read VERTEX or X,Y,Z; what is neither is left for the map to refuse."""
+    if text.isdecimal():
+        return int(text)
+    try:
+        return [float(number) for number in text.split(",")]
+    except ValueError:
+        return text
+
+
+def takes_map_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of a map, in place of its parameter `options`, a dict of them."""
+    shared = inspect.signature(_map_options, eval_str=True).parameters
+    parameters: list[inspect.Parameter] = []
+    for own in inspect.signature(command, eval_str=True).parameters.values():
+        parameters += shared.values() if own.name == "options" else [own]
+
+    def run(**given: Any) -> None:
+        options = _map_options(**{name: given.pop(name) for name in shared})
+        command(**given, options=options)
+
+    # Typer makes its options from these.
+    run.__doc__ = command.__doc__
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    run.__dict__["__signature__"] = inspect.Signature(parameters)
+    return run

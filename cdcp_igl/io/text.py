@@ -1,0 +1,115 @@
+"""Object and Wavefront files, off and obj: meshes as lines of words."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Iterator
+from itertools import chain, islice
+from pathlib import Path
+
+import numpy as np
+
+from ..arrays import Floats, Ints
+from .damage import Damage
+from .polygons import fans
+
+# Of UTF-8, read as Latin-1: every sequence of bytes is text in Latin-1, and numbers and
+# keywords are the same in both.
+BYTE_ORDER_MARK = "\xef\xbb\xbf"
+
+
+def read_obj(path: Path) -> tuple[Floats, Ints, Ints]:
+    """(n, 3) vertices, (m, 3) faces and (m,) their polygons; all else is skipped."""
+    vertices, corners, sizes = array("d"), array("q"), array("q")
+    for number, words in _words_of_lines(path, continued=True):
+        if words[0] == "v":
+            try:
+                # A weight or a colour may follow.
+                vertices.extend((float(words[1]), float(words[2]), float(words[3])))
+            except (ValueError, IndexError):
+                raise Damage(f"line {number}: {culprit(words[1:], float, 'number')}") from None
+        elif words[0] == "f":
+            seen = len(vertices) // 3
+            try:
+                indices = [int(word.partition("/")[0]) for word in words[1:]]
+                corners.extend([i - 1 if i >= 0 else seen + i for i in indices])
+            except (ValueError, OverflowError):
+                raise Damage(f"line {number}: {culprit(words[1:], _corner, 'corner')}") from None
+            sizes.append(len(words) - 1)
+    if len(corners) and min(corners) < 0:
+        raise Damage("a face names vertex 0, or one before the first; vertices count from 1")
+    return np.array(vertices).reshape(-1, 3), *fans(corners, sizes)
+
+
+def _corner(word: str) -> int:
+    return array("q", [int(word.partition("/")[0])])[0]
+
+
+def read_off(path: Path) -> tuple[Floats, Ints, Ints]:
+    """(n, 3) vertices, (m, 3) faces and (m,) their polygons; normals and colours are skipped."""
+    vertices, corners, sizes = array("d"), array("q"), array("q")
+    lines = _words_of_lines(path)
+    _, magic = next(lines, (1, [""]))
+    if magic[0] not in ("OFF", "COFF", "NOFF", "CNOFF") or "BINARY" in magic:
+        raise Damage("the first line must be OFF, COFF, NOFF or CNOFF, followed by text")
+    number, words = (1, magic[1:]) if len(magic) > 1 else next(lines, (2, []))
+    try:
+        n, m = map(int, words[:2])
+    except ValueError:
+        raise Damage(f"line {number}: {culprit(words[:2], int, 'count')}") from None
+    if min(n, m) < 0:
+        raise Damage(f"line {number}: a count is negative")
+    for number, words in islice(lines, n):
+        try:
+            x, y, z, *_ = map(float, words)
+        except ValueError:
+            raise Damage(f"line {number}: {culprit(words, float, 'number')}") from None
+        vertices.extend((x, y, z))
+    for number, words in islice(lines, m):
+        try:
+            size, *face = map(int, words[: int(words[0]) + 1])  # colours may follow
+            corners.extend(face)
+        except (ValueError, OverflowError):
+            raise Damage(f"line {number}: {culprit(words, int, 'index')}") from None
+        if len(face) != size:
+            raise Damage(f"line {number}: a corner is missing")
+        sizes.append(size)
+    if (len(vertices), len(sizes)) != (3 * n, m):
+        raise Damage(f"{len(vertices) // 3:,} vertices and {len(sizes):,} faces of {n:,} and {m:,}")
+    return np.array(vertices).reshape(-1, 3), *fans(corners, sizes)
+
+
+def _words_of_lines(path: Path, *, continued: bool = False) -> Iterator[tuple[int, list[str]]]:
+    r"""Yield number and words of each line that is not empty, comments taken off.
+
+    With `continued`, a line that ends with a backslash goes on in the next; it has the number
+    of the last. Damage if it is no text: UTF-16, or binary.
+    """
+    before: list[str] = []
+    with path.open(encoding="latin-1") as file:  # \r and \r\n end lines as \n does
+        first = file.readline().removeprefix(BYTE_ORDER_MARK)
+        if "\0" in first:
+            raise Damage("it is no text in UTF-8 or Latin-1")
+        for number, line in enumerate(chain([first], file), 1):
+            if "#" in line:
+                line = line.partition("#")[0]
+            words = line.split()
+            if continued and "\\" in line and words and words[-1].endswith("\\"):
+                before += [*words[:-1], words[-1][:-1]]
+                continue
+            if before:
+                words, before = [word for word in (*before, *words) if word], []
+            if words:
+                yield number, words
+    if before:
+        raise Damage("it ends in the middle of a line that goes on")
+
+
+def culprit(words: list[str], kind: Callable[[str], object], what: str) -> str:
+    """Say which of the words is not of a kind; there is one."""
+    for word in words:
+        try:
+            kind(word)
+        except (ValueError, OverflowError):
+            return f"{word!r} is no {what}"
+    return f"it has too few {what}s"
