@@ -14,7 +14,7 @@ from scipy.special import ellipk, ellipkinc
 
 from .algorithm import map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates
-from .certificate import Certificate, flipped_faces, increments
+from .certificate import Certificate, flipped_faces
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, counted, spell
 from .plot.layout import Layout
@@ -390,7 +390,7 @@ def _mapped(
         if _is_monotone(sides, f):
             f, repair = unfold(mesh, f, on_disk=False)
     with phase("certificate"):
-        certificate = _certify(mesh, sides, f, modulus)
+        certificate = certify_rectangle(mesh, sides, f, modulus)
         degrees = np.degrees(abs(angle_errors(mesh, f)))
         conformality = Conformality(True, ("it is not valid",))
         if certificate.valid:
@@ -415,19 +415,20 @@ def _mapped(
     )
 
 
-def _certify(mesh: DiskMesh, sides: list[Ints], f: Complex, modulus: float) -> Certificate:
+def certify_rectangle(mesh: DiskMesh, sides: list[Ints], f: Complex, modulus: float) -> Certificate:
     """Verify a map (n,) onto the rectangle, as `certify` does of one onto the disk."""
     if not np.isfinite(f).all():
         return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)
     bottom, right, top, left = sides
     off = f.imag[bottom], f.real[right] - modulus, f.imag[top] - 1, f.real[left]
-    around_middle = increments(f[mesh.loop] - (modulus + 1j) / 2)
+    from_middle = f[mesh.loop] - (modulus + 1j) / 2
+    turns = np.angle(np.roll(from_middle, -1) * from_middle.conj())
     flipped, n_exact = flipped_faces(f, mesh.F)
     return Certificate(
         finite=True,
         boundary_error=float(abs(np.concatenate(off)).max()),
         boundary_monotone=_is_monotone(sides, f),
-        winding_number=round(around_middle.sum() / (2 * np.pi)),
+        winding_number=round(turns.sum() / (2 * np.pi)),
         flipped=flipped,
         n_exact=n_exact,
     )

@@ -6,20 +6,15 @@ import subprocess
 import sys
 
 import pytest
-from batches import ROOT, write_surfaces
-from typer.testing import CliRunner
+from batches import invoke, write_surfaces
+from commands import ROOT
 
 from cdcp_igl.command_line import batches, screen
-from cdcp_igl.command_line.program import app
 
 
 @pytest.fixture
 def scans(tmp_path):
     return write_surfaces(tmp_path / "scans", 5)
-
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, ["batch", *map(str, arguments)])
 
 
 def test_a_line_now_and_then_in_a_pipe(scans, tmp_path, monkeypatch):

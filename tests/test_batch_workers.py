@@ -12,8 +12,9 @@ from pathlib import Path
 import meshes
 import numpy as np
 import pytest
-from batches import ROOT, WORKERS, command, contents, invoke, lines, write_surfaces, write_torn
+from batches import WORKERS, contents, invoke, lines, write_surfaces, write_torn
 from batches import batch as in_this_process
+from commands import ROOT
 
 from cdcp_igl.batching import batch, pool
 from cdcp_igl.batching.pool import memory_needed
@@ -184,10 +185,11 @@ def test_dask(scans, tmp_path, cluster):
     assert "0 of 1 surface mapped" in done.stdout
 
 
-def test_no_scheduler(scans, tmp_path, monkeypatch):
+def test_no_scheduler(scans, tmp_path):
     pytest.importorskip("distributed")
-    monkeypatch.setenv("DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT", "2s")  # rather than 30
-    done = command(scans, tmp_path / "maps", "--scheduler", "tcp://127.0.0.1:9", timeout=100)
-    assert done.returncode == 1
+    dask = pytest.importorskip("dask")
+    with dask.config.set({"distributed.comm.timeouts.connect": "2s"}):  # rather than 30
+        done = invoke(scans, tmp_path / "maps", "--scheduler", "tcp://127.0.0.1:9")
+    assert done.exit_code == 1
     assert done.stderr.startswith("No scheduler answers at tcp://127.0.0.1:9: ")
     assert len(done.stderr.splitlines()) == 1

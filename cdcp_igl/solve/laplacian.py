@@ -74,14 +74,6 @@ def cotangent_laplacian(mesh: DiskMesh) -> Laplacian:
 
     L_ij = -(cot a_ij + cot b_ij) / 2 on edges, rows sum to zero; the negative of
     ``igl.cotmatrix(V, F)``, by the edges that the check has found.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-
-    Returns
-    -------
-    Laplacian
     """
     edges = mesh.edges
     weights = edges.sum_opposite(mesh.cotangents) / 2
