@@ -50,9 +50,9 @@ class Edges:
         """The half-edges of the edges that have one face."""
         return self.sides[self.start[self.valence == 1]]
 
-    def chords(self, on_boundary: Bools) -> Bools:
-        """(e,) which edges with two faces join two boundary vertices, or two of some of these."""
-        return (self.valence == 2) & on_boundary[self.low] & on_boundary[self.high]
+    def chords(self, marked: Bools) -> Bools:
+        """(e,) which edges with two faces have both ends marked."""
+        return (self.valence == 2) & marked[self.low] & marked[self.high]
 
     def ends(self, chosen: Bools) -> Ints:
         """(k, 2) vertices of some of the edges."""
