@@ -19,7 +19,7 @@ from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, counted, spell
 from .plot.layout import Layout
 from .rescue.conformality import Conformality, judge
-from .rescue.repair import Repair, unfold
+from .rescue.repair import Repair, repaired
 from .result.base import Result
 from .solve.delaunay import intrinsic_delaunay_laplacian
 from .solve.factored import FactoredSurface
@@ -324,7 +324,7 @@ def _by_disk_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleM
     with phase("factor"):
         surface = FactoredSurface.of(mesh)
     with phase("circle"):
-        disk = map_of(surface, Options(), Phases(), keep_factor=True)
+        disk = map_of(surface, Options(), Phases(), known={})
     with phase("extension"):
         z, f = as_complex(disk.uv), np.empty(len(mesh.V), dtype=complex)
         corners = z[[side[0] for side in sides]]
@@ -388,7 +388,7 @@ def _mapped(
     repair = Repair()
     with phase("repair"):
         if _is_monotone(sides, f):
-            f, repair = unfold(mesh, f, on_disk=False)
+            f, repair = repaired(mesh, f, on_disk=False)
     with phase("certificate"):
         certificate = certify_rectangle(mesh, sides, f, modulus)
         degrees = np.degrees(abs(angle_errors(mesh, f)))
