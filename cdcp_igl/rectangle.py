@@ -21,9 +21,8 @@ from .plot.layout import Layout
 from .rescue.conformality import Conformality, judge
 from .rescue.repair import Repair, repaired
 from .result.base import Result
-from .solve.delaunay import intrinsic_delaunay_laplacian
 from .solve.factored import FactoredSurface
-from .solve.laplacian import Laplacian, cotangent_laplacian
+from .solve.laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
 from .solve.solvers import SolverName, using
 from .steps.extension import harmonic_extension
 from .steps.options import Options

@@ -10,8 +10,7 @@ from ..arrays import Bools
 from ..cached import cached_property
 from ..surface.mesh import DiskMesh
 from .cholesky import Numbers
-from .delaunay import intrinsic_delaunay_laplacian
-from .laplacian import Laplacian, cotangent_laplacian
+from .laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
 from .memory import require_memory
 from .ordering import elimination_order
 from .solvers import factorize
