@@ -125,13 +125,7 @@ def quasi_conformal_dilatation(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Flo
     array([2., 2.])
     """
     positions, faces, z = _surface_and_image(V, F, uv)
-    K = np.full(len(faces), np.inf)
-    with np.errstate(divide="ignore", invalid="ignore"):  # of faces without area on the surface
-        derivative = wirtinger_derivative(positions, faces)
-        p = abs((derivative * z[faces]).sum(axis=1))
-        q = abs((derivative.conj() * z[faces]).sum(axis=1))
-    np.divide(p + q, p - q, out=K, where=p > q)
-    return K
+    return face_dilatation(positions, faces, z)
 
 
 def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
@@ -296,9 +290,20 @@ def wirtinger_derivative(V: Floats, F: Ints) -> Complex:
     """
     i, j, k = F.T
     e, g = V[j] - V[i], V[k] - V[i]
-    length = np.linalg.norm(e, axis=1)
-    x = (e * g).sum(axis=1) / length
-    height = np.linalg.norm(np.cross(e, g), axis=1) / length
-    zero = np.zeros(len(F))
-    corner = np.column_stack([zero, length, x]) + 1j * np.column_stack([zero, zero, height])
-    return hat_gradients(opposite_edges(corner), length * height).conj() / 2
+    length, twice_area = np.linalg.norm(e, axis=1), libigl.double_areas(V, F)
+    corner = np.zeros(F.shape, dtype=np.complex128)
+    corner[:, 1] = length
+    corner[:, 2] = ((e * g).sum(axis=1) + 1j * twice_area) / length
+    return hat_gradients(opposite_edges(corner), twice_area).conj() / 2
+
+
+def face_dilatation(V: Floats, F: Ints, z: Complex) -> Floats:
+    """(m,) `quasi_conformal_dilatation` of a map z (n,), without checks."""
+    K = np.full(len(F), np.inf)
+    edges = z[F] - z[F[:, :1]]  # of tiny faces these are more accurate than positions
+    with np.errstate(divide="ignore", invalid="ignore"):  # of faces without area on the surface
+        derivative = wirtinger_derivative(V, F)
+        p = abs((derivative * edges).sum(axis=1))
+        q = abs((derivative.conj() * edges).sum(axis=1))
+    np.divide(p + q, p - q, out=K, where=p > q)
+    return K

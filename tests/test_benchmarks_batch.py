@@ -19,7 +19,7 @@ from benchmarks.measure.models import Model, as_disk
 from benchmarks.records.record import OPENED
 from benchmarks.records.results import Measured, NotMeasured
 from benchmarks.records.store import Work, read_results
-from cdcp_igl.batching.names import read_shard, shard_of
+from cdcp_igl.batching.names import shard_of
 from cdcp_igl.reference import harmonic
 
 TETRAHEDRON = (
@@ -108,13 +108,6 @@ def test_parts_by_command(tmp_path):
     assert [record.model for record in records] == ["ellipse_20", "square_80"]
 
 
-@pytest.mark.parametrize("part", ["0/2", "3/2", "1", "a/b"])
-def test_a_part_that_is_none(part):
-    with pytest.raises(ValueError, match="I/N"):
-        read_shard(part)
-    assert "I/N" in refused("tables", "--shard", part)
-
-
 def test_the_parts_are_all():
     items = list(range(10))
     parts = [shard_of(items, (part, 3)) for part in (1, 2, 3)]
@@ -122,6 +115,8 @@ def test_the_parts_are_all():
     assert shard_of(items, None) == items
     with pytest.raises(ValueError, match="from 1 to n"):
         shard_of(items, (4, 3))
+    for part in ("0/2", "1", "a/b"):
+        assert "I/N" in refused("tables", "--shard", part)
 
 
 def test_a_surface_that_is_no_disk_is_opened_once(tmp_path):

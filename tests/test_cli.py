@@ -17,9 +17,9 @@ from typer.testing import CliRunner
 
 import cdcp_igl
 from cdcp_igl import MapError, SolverError, __version__, io
-from cdcp_igl.command_line import arguments, comparing, program
+from cdcp_igl.command_line import comparing, options, program
 from cdcp_igl.command_line.messages import exit_codes
-from cdcp_igl.command_line.progress import progress_bar
+from cdcp_igl.command_line.screen import progress_bar
 from cdcp_igl.io import read_mesh
 
 V, F = meshes.grid()
@@ -109,12 +109,12 @@ def test_quiet(cap):
         (("o.obj", "--report", "r.txt"), "must end in .json"),
         (("o.obj", "--report", "missing/r.json"), "there is no folder"),
         (("o.obj", "--picture", "p.jpg"), "must end in .png or .svg or .pdf"),
-        (("o.obj", "--center", "middle"), "--center"),
-        (("o.obj", "--center", "0", "--preset", "paper"), "sets --center and --mobius itself"),
-        (("o.obj", "--mobius", "both"), "--mobius"),
-        (("o.obj", "--preset", "book"), "--preset"),
-        (("o.obj", "--align", "up"), "--align"),
-        (("o.obj", "--align", "1,2"), "--align"),
+        (("o.obj", "--center", "middle"), "center must be"),
+        (("o.obj", "--center", "0", "--preset", "paper"), "sets center and mobius itself"),
+        (("o.obj", "--mobius", "both"), "mobius must be"),
+        (("o.obj", "--preset", "book"), "preset must be"),
+        (("o.obj", "--align", "up"), "align must be"),
+        (("o.obj", "--align", "1,2"), "align must be"),
         (("o.obj", "--refine", "-1"), "--refine"),
         (("o.obj", "--refine-norm", "3"), "--refine-norm"),
         (("second.obj", "third.obj"), "--out-dir"),
@@ -256,8 +256,8 @@ def test_completion():
 
 
 def test_help_names_what_the_library_has():
-    assert arguments.READABLE == io.READABLE
-    assert arguments.WRITABLE == io.WRITABLE
+    assert options.READABLE == io.READABLE
+    assert options.WRITABLE == io.WRITABLE
     assert tuple(cdcp_igl.reference.METHODS) == comparing.METHODS
 
 

@@ -15,7 +15,7 @@ from failing_methods import METHODS as FAILING
 from rich.text import Text
 
 import cdcp_igl
-from cdcp_igl.command_line.cases import print_cases
+from cdcp_igl.command_line.comparing import print_cases
 from cdcp_igl.reference import METHODS
 from cdcp_igl.reference.case import Case, measure, run_case
 

@@ -9,19 +9,31 @@ import zipfile
 
 import numpy as np
 import pytest
-from scipy.io import loadmat, savemat
+from meshes import grid
+from scipy.io import savemat
 from scipy.sparse import eye
 
 from cdcp_igl import MeshError
-from cdcp_igl.io import read_mesh
+from cdcp_igl.io import read_mesh, write_map
 
 V = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 F = np.array([[0, 1, 2], [0, 2, 3]])
 OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
-PLY = "ply\nformat ascii 1.0\n{}element vertex 4\nproperty double x\nproperty double y\n" + (
+PLY = "ply\nformat ascii 1.0\nelement vertex 4\nproperty double x\nproperty double y\n" + (
     "property double z\nelement face {}\nproperty list {} {} vertex_indices\nend_header\n"
 )
 ROWS = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
+BINARY = PLY.replace("ascii", "binary_little_endian").format(1, "uint", "int").encode()
+ONE = PLY.format(1, "uint", "int") + ROWS
+FACETS = "".join(
+    "facet normal 0 0 1\nouter loop\n"
+    + "".join("vertex {} {} {}\n".format(*corner) for corner in triangle)
+    + "endloop\nendfacet\n"
+    for triangle in V[F]
+)
+SOLID = f"solid a\n{FACETS}endsolid a\n"
+BINARY_STL = bytes(80) + struct.pack("<I", 2)
+BINARY_STL += b"".join(struct.pack("<12fH", 0, 0, 1, *np.ravel(t), 0) for t in V[F])
 
 
 def unreadable(path):
@@ -34,178 +46,110 @@ def unreadable(path):
     return str(caught.value)
 
 
-# -- text files of all systems ---------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        OBJ.replace("\n", " # a vertex\n") + "f 1 2 3 # a face\nf 1 3 4\t#another\n",
-        OBJ + "f 1 \\\n2 3\nf 1 3\\\n 4\n",
-        OBJ.replace("0 1 0\n", "0 \\\n1 \\\n0\n") + "f 1 2 3\nf 1 3 4\n",
-        (OBJ + "f 1 2 3\nf 1 3 4\n").replace("\n", "\r"),
-        (OBJ + "f 1 2 3\nf 1 3 4\n").replace("\n", "\r\n"),
-        "\xef\xbb\xbf" + OBJ + "f 1 2 3\nf 1 3 4\n",
-        OBJ + "g Stra\xdfe\nf 1 2 3\nf 1 3 4\n",
-    ],
-    ids=["comments", "continued", "continued vertex", "cr", "crlf", "byte order mark", "latin-1"],
-)
-def test_obj_of_all_systems(tmp_path, text):
-    path = tmp_path / "a.obj"
-    path.write_bytes(text.encode("latin-1"))
-    read_V, read_F = read_mesh(path)
-    np.testing.assert_array_equal(read_V, V)
-    np.testing.assert_array_equal(read_F, F)
-
-
-@pytest.mark.parametrize("newline", ["\n", "\r", "\r\n"])
-def test_ply_headers_of_all_systems(tmp_path, newline):
-    path = tmp_path / "a.ply"
-    header = PLY.format("comment it ends with end_header\n", 2, "uchar", "int")
-    text = (header + ROWS + "3 0 1 2\n3 0 2 3\n").replace("\n", newline)
-    path.write_bytes(text.encode())
-    np.testing.assert_array_equal(read_mesh(path)[1], F)
-
-
-@pytest.mark.parametrize(
-    "body",
-    [
-        ROWS + "\n3 0 1 2\n3 0 2 3\n",
-        ROWS + "3 0 1 2\n \t\n\n3 0 2 3\n",
-        "\n" + ROWS + "3 0 1 2\n\n3 0 2 3",
-    ],
-    ids=["between", "inside", "before"],
-)
-def test_blank_lines_in_a_ply_are_no_rows(tmp_path, body):
-    path = tmp_path / "a.ply"
-    path.write_text(PLY.format("", 2, "uchar", "int") + body)
-    np.testing.assert_array_equal(read_mesh(path)[1], F)
-
-
-@pytest.mark.parametrize("blank", ["\n", " \n", "\x1c\n", "\xa0\n"])
-def test_blank_lines_do_not_complete_a_ply_that_is_cut_off(tmp_path, blank):
-    path = tmp_path / "a.ply"
-    path.write_bytes(
-        (PLY.format("", 2, "uchar", "int") + ROWS + "3 0 1 2\n" + blank).encode("latin-1")
-    )
-    unreadable(path)
-
-
-@pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
-def test_ply_of_mixed_polygons_with_other_columns(tmp_path, form):
-    path = tmp_path / "a.ply"
-    header = PLY.format("", 2, "uchar", "int").replace("ascii", form)
-    header = header.replace("end_header", "property float quality\nend_header")
-    if form == "ascii":
-        body = (ROWS + "4 0 1 2 3 .5\n3 1 2 3 .25\n").encode()
-    else:
-        order = "<" if "little" in form else ">"
-        body = V.astype(order + "f8").tobytes()
-        body += struct.pack(order + "B4if", 4, 0, 1, 2, 3, 0.5)
-        body += struct.pack(order + "B3if", 3, 1, 2, 3, 0.25)
-    path.write_bytes(header.encode() + body)
-    np.testing.assert_array_equal(read_mesh(path)[1], [[0, 1, 2], [0, 2, 3], [1, 2, 3]])
-
-
 @pytest.mark.parametrize(
     ("name", "text", "says"),
     [
+        ("unknown.xyz", "0 0 0\n", "no known type"),
+        ("nosuffix", "", "no known type"),
         ("word.obj", OBJ + "f 1 2 x\n", "line 5: 'x' is no corner"),
-        ("word.obj", "v 0 0 zero\n", "line 1: 'zero' is no number"),
+        ("number.obj", "v 0 0 zero\n", "line 1: 'zero' is no number"),
         ("short.obj", "v 0 0\n", "line 1: it has too few numbers"),
         ("zero.obj", OBJ + "f 0 1 2\n", "count from 1"),
         ("before.obj", OBJ + "f -5 1 2\n", "before the first"),
         ("goes on.obj", OBJ + "f 1 2 \\\n", "goes on"),
         ("utf-16.obj", OBJ.encode("utf-16"), "no text in UTF-8"),
+        ("empty.off", "", "first line"),
+        ("garbage.off", bytes(range(256)), "no text in UTF-8"),
+        ("binary.off", "OFF BINARY\n", "first line"),
         ("word.off", "OFF\n1 0 0\n0 0 zero\n", "line 3: 'zero' is no number"),
         ("counts.off", "OFF\n1 one 0\n", "line 2: 'one' is no count"),
+        ("negative.off", "OFF\n-5 1 0\n0 0 0\n", "a count is negative"),
+        ("huge.off", "OFF\n99999999999 1 0\n0 0 0\n", "1 vertices and 0 faces of 99,999,999,999"),
         ("index.off", "OFF\n1 1 0\n0 0 0\n3 0 0 0.5\n", "line 4: '0.5' is no index"),
-        ("binary.off", "OFF BINARY\n", "first line"),
-        ("index.ply", PLY.format("", 1, "uchar", "float") + ROWS + "3 0 1 1.5\n", "no integers"),
-        (
-            "long.ply",
-            PLY.format("", 1, "uint", "int") + ROWS + "1000000000 0 1 2\n",
-            "1,000,000,000 entries in face",
-        ),
-        (
-            "list.ply",
-            PLY.format("", 2, "uint", "int") + ROWS + "3 0 1 2\n-3\n",
-            "-3 entries in face",
-        ),
-        (
-            "word.ply",
-            PLY.format("", 1, "uint", "int") + ROWS + "3 0 x 2\n",
-            "line 5 after its header: 'x'",
-        ),
-        ("more.ply", PLY.format("", 1, "uint", "int") + ROWS + "3 0 1 2 3\n", "more numbers than"),
-        ("half.ply", PLY.format("", 1, "float", "int") + ROWS + "3 0 1 2\n", "its header says"),
-        ("facet.stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nendloop\n", "three"),
+        ("cut vertices.off", "OFF\n5 1 0\n0 0 0\n", "1 vertices and 0 faces of 5 and 1"),
+        ("cut faces.off", f"OFF\n4 2 0\n{ROWS}3 0 1 2\n", "4 vertices and 1 faces of 4 and 2"),
+        ("cut line.off", f"OFF\n4 1 0\n{ROWS}3 0 1", "line 7: a corner is missing"),
+        ("empty.ply", "", "no ply header"),
+        ("header.ply", "ply\nformat ascii 1.0\nelement vertex 3\n", "no end of it"),
+        ("type.ply", PLY.format(1, "uchar", "half"), "its header says 'property list uchar half"),
+        ("half.ply", PLY.format(1, "float", "int"), "its header says 'property list float"),
+        ("format.ply", "ply\nelement vertex 0\nend_header\n", "does not state the format"),
+        ("axes.ply", PLY.format(1, "uchar", "int").replace(" z", " w") + ROWS + "0\n", "no x, y"),
+        ("no list.ply", ONE.replace("list uint ", "") + "7\n", "its faces are no lists"),
+        ("index.ply", PLY.format(1, "uchar", "float") + ROWS + "3 0 1 1.5\n", "no integers"),
+        ("word.ply", ONE + "3 0 x 2\n", "line 5 after its header: 'x'"),
+        ("long.ply", ONE + "1000000000 0 1 2\n", "1,000,000,000 entries in face"),
+        ("list.ply", ONE + "-3\n", "-3 entries in face"),
+        ("more.ply", ONE + "3 0 1 2 3\n", "more numbers than its header says"),
+        ("cut rows.ply", ONE[:-8], "2 rows of 4 in vertex"),
+        ("cut line.ply", ONE + "3 0 1\n", "0 rows of 1 in face"),
+        ("cut vertices.ply", BINARY + V.tobytes()[:-1], "3 rows of 4 in vertex"),
+        ("cut faces.ply", BINARY + V.tobytes() + b"\3\0\0\0\0", "0 rows of 1 in face"),
+        ("huge.ply", BINARY.replace(b"ex 4", b"ex 4000000000000") + V.tobytes(), "4 rows of 4,000"),
+        ("long binary.ply", BINARY + V.tobytes() + b"\0\0\0\x7f", "2,130,706,432 entries"),
+        ("empty.stl", "", "cut off, or no stl"),
+        ("garbage.stl", bytes(range(256)) * 2, "cut off, or no stl"),
+        ("cut.stl", BINARY_STL[:-20], "cut off, or no stl"),
+        ("facet.stl", SOLID.replace("vertex 0.0 1.0 0.0\n", ""), "three"),
+        ("end.stl", SOLID.replace("endsolid a", ""), "has no end"),
+        ("empty.npz", "", "no zip archive"),
+        ("garbage.npz", bytes(range(256)), "no zip archive"),
+        ("cut.npz", b"PK\3\4", "no zip archive"),
+        ("empty.mat", "", "no MATLAB header"),
+        ("garbage.mat", bytes(range(256)), "cut off, or damaged"),
+        ("unknown.mat", bytes(range(1, 200)), "no MATLAB header"),
+        ("v73.mat", b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM", "version 7.3"),
     ],
 )
-def test_messages_are_about_the_file(tmp_path, name, text, says):
+def test_messages_are_about_the_file(tmp_path, name, text, says, capfd):
     path = tmp_path / name
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     assert says in unreadable(path)
+    assert capfd.readouterr() == ("", "")
 
 
-def test_a_list_of_a_thousand_million_in_a_binary_ply(tmp_path):
+def test_polygons_of_two_corners(tmp_path):
+    (tmp_path / "a.off").write_text(f"OFF\n4 1 0\n{ROWS}2 0 1\n")
+    with pytest.raises(MeshError, match="fewer than three corners"):
+        read_mesh(tmp_path / "a.off")
+
+
+@pytest.mark.parametrize("blank", ["\n", " \n", "\x1c\n", "\xa0\n"])
+def test_blank_lines_do_not_complete_a_ply_that_is_cut_off(tmp_path, blank):
     path = tmp_path / "a.ply"
-    header = PLY.format("", 1, "uint", "int").replace("ascii", "binary_little_endian")
-    path.write_bytes(header.encode() + V.tobytes() + struct.pack("<I3i", 10**9, 0, 1, 2))
-    assert "1,000,000,000 entries" in unreadable(path)
+    text = PLY.format(2, "uchar", "int") + ROWS + "3 0 1 2\n" + blank
+    path.write_bytes(text.encode("latin-1"))
+    unreadable(path)
+
+
+def test_every_truncation_of_a_file_with_counts_is_noticed(tmp_path):
+    V, F = grid(3, 4)
+    write_map(tmp_path / "a.ply", V, F, V[:, :2])
+    np.savez(tmp_path / "a.npz", V=V, F=F)
+    savemat(tmp_path / "a.mat", {"v": V, "f": F})
+    for path in [tmp_path / f"a.{suffix}" for suffix in ("ply", "npz", "mat")]:
+        data = path.read_bytes()
+        for length in range(0, len(data) - 8, 41):
+            path.write_bytes(data[:length])
+            with pytest.raises(MeshError):
+                read_mesh(path)
 
 
 # -- archives --------------------------------------------------------------------------
 
 
 @pytest.mark.filterwarnings("ignore:.*spmatrix:DeprecationWarning")  # of SciPy 1.18 and later
-@pytest.mark.parametrize("packed", [False, True])
 @pytest.mark.parametrize(
-    ("form", "kind"),
+    ("form", "V"),
     [
-        *(("5", kind) for kind in ("f8", "f4", "i2", "u1", "i8", "u4", ">f8")),
-        *(("4", kind) for kind in ("f8", "f4", "i2", "u1", ">f8")),
+        *((form, wrong) for form in "45" for wrong in (V + 1j, eye(4, format="csc"), "text")),
+        ("5", np.array([[V]], object)),
     ],
 )
-def test_mat_files_are_read_as_scipy_reads_them(tmp_path, form, packed, kind):
+def test_what_is_no_matrix_of_real_numbers_in_mat(tmp_path, form, V):
     path = tmp_path / "a.mat"
-    arrays = {"name": "a text", "f": (F + 1).astype(kind), "v": V.astype(kind), "z": [[1j]]}
-    if form == "5":
-        arrays |= {"cells": np.array([[V, "x"]], object), "s": {"V": V}, "sparse": eye(3)}
-    savemat(path, arrays, format=form, do_compression=packed)
-    read_V, read_F = read_mesh(path)
-    theirs = loadmat(path)
-    np.testing.assert_array_equal(read_V, theirs["v"])
-    np.testing.assert_array_equal(read_F, theirs["f"] - 1)
-
-
-def test_doubles_that_matlab_stores_in_bytes(tmp_path):
-    """MATLAB writes whole doubles in the smallest type, up to four bytes within their tag."""
-
-    def element(kind, data):
-        return struct.pack("<2I", kind, len(data)) + data + b"\0" * (-len(data) % 8)
-
-    def matrix(name, array):
-        content = element(6, struct.pack("<2I", 6, 0)) + element(
-            5, struct.pack("<2i", *array.shape)
-        )
-        content += struct.pack("<2H4s", 1, len(name), name)
-        return element(14, content + element(2, array.astype("u1").tobytes("F")))
-
-    path = tmp_path / "a.mat"
-    header = b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM"
-    path.write_bytes(header + matrix(b"V", V) + matrix(b"F", F))
-    read_V, read_F = read_mesh(path)
-    np.testing.assert_array_equal(read_V, V)
-    np.testing.assert_array_equal(read_F, F)
-    assert read_V.dtype == np.float64
-
-
-@pytest.mark.parametrize("V", [V + 1j, eye(4, format="csc"), np.array([[V]], object), "text"])
-def test_what_is_no_matrix_of_real_numbers_in_mat(tmp_path, V):
-    path = tmp_path / "a.mat"
-    savemat(path, {"V": V, "F": F})
-    assert "V is no full matrix of real numbers" in unreadable(path)
+    savemat(path, {"V": V, "F": F}, format=form)
+    assert "V is no array of real numbers" in unreadable(path)
 
 
 def test_wrong_tag_that_kills_the_reader_of_scipy(tmp_path):
@@ -218,14 +162,38 @@ def test_wrong_tag_that_kills_the_reader_of_scipy(tmp_path):
     unreadable(path)
 
 
-@pytest.mark.parametrize("V", [np.float64(3), np.zeros(3), np.array(["a"]), np.array([[1j]])])
-def test_what_is_no_table_of_real_numbers_in_npz(tmp_path, V):
+@pytest.mark.parametrize(
+    ("V", "says"),
+    [
+        (np.float64(3), "V is no table, but has shape ()"),
+        (np.zeros(3), "V is no table, but has shape (3,)"),
+        (np.array(["a"]), "V is no array of real numbers"),
+        (np.array([[1j]]), "V is no array of real numbers"),
+        (np.array([{}]), "V is no array of real numbers"),
+    ],
+)
+def test_what_is_no_table_of_real_numbers_in_npz(tmp_path, V, says):
     path = tmp_path / "a.npz"
     np.savez(path, V=V, F=F)
-    unreadable(path)
+    assert says in unreadable(path)
 
 
-def zipped(path, method, V=V, change=lambda data: data):
+def test_an_archive_without_a_mesh_is_refused(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, points=V)
+    assert "not points" in unreadable(path)
+
+
+@pytest.mark.parametrize("suffix", ["npz", "mat"])
+def test_transposed_arrays_are_named_with_their_shapes(tmp_path, suffix):
+    path = tmp_path / f"a.{suffix}"
+    savemat(path, {"V": V.T, "F": F}) if suffix == "mat" else np.savez(path, V=V.T, F=F)
+    with pytest.raises(MeshError, match=r"V has shape \(3, \d+\), .*: transpose") as caught:
+        read_mesh(path)
+    assert caught.value.defect == "shape of V"
+
+
+def zipped(path, method, change=lambda data: data):
     """Write V and F, with what is wrong with the bytes of each."""
     np.savez(path, V=V, F=F)
     with zipfile.ZipFile(path) as archive:
@@ -259,23 +227,20 @@ def test_encrypted_archive(tmp_path):
     assert "encrypted" in unreadable(path)
 
 
-@pytest.mark.parametrize(
-    "shape", [b"(4000000000, 3), }", b"(5, 3), }         ", b"(3, 3), }         "]
-)
+@pytest.mark.parametrize("shape", [b"(4000000000, 3), }", b"(5, 3), }", b"(3, 3), }"])
 def test_a_header_with_another_shape_than_the_array(tmp_path, shape):
     path = tmp_path / "a.npz"
-    change = (b"(4, 3), }         ", shape)
-    zipped(path, zipfile.ZIP_STORED, change=lambda data: data.replace(*change))
+    there = b"(4, 3), }         "
+    wrong = shape.ljust(len(there))
+    zipped(path, zipfile.ZIP_STORED, lambda data: data.replace(there, wrong))
     unreadable(path)
 
 
 def test_bombs_are_refused_before_they_go_off(tmp_path):
-    """100 MB of zeros in 100 kB; the limit is on what unpacks, not on what is there."""
-    zeros = np.zeros((1 << 22, 3))
+    """75 MB of zeros in 75 kB; the limit is on what unpacks, not on what is there."""
+    zeros = np.zeros((3 << 20, 3))
     path = tmp_path / "a.npz"
-    zipped(path, zipfile.ZIP_DEFLATED, zeros)
-    assert "more than 100 times" in unreadable(path)
-    zipped(path, zipfile.ZIP_BZIP2, zeros)
+    np.savez_compressed(path, V=zeros, F=F)
     assert "more than 100 times" in unreadable(path)
     savemat(tmp_path / "a.mat", {"V": zeros, "F": F}, do_compression=True)
     assert "more than 100 times" in unreadable(tmp_path / "a.mat")
@@ -291,6 +256,22 @@ def test_bombs_are_refused_before_they_go_off(tmp_path):
 def test_a_zero_in_the_name():
     with pytest.raises(MeshError, match="no name of a file"):
         read_mesh("a\0b.obj")
+
+
+@pytest.mark.parametrize("name", ["folder", "folder.obj"])
+def test_a_folder_is_no_file(tmp_path, monkeypatch, name):
+    (tmp_path / name).mkdir()
+    with pytest.raises(MeshError, match=rf"{name}' is a folder\. .*cdcp_igl.batch"):
+        read_mesh(tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(MeshError, match=r"'\.' is a folder"):
+        read_mesh(".")
+
+
+@pytest.mark.parametrize("suffix", ["obj", "stl", "npz", "mat"])
+def test_missing_files_are_os_errors(tmp_path, suffix):
+    with pytest.raises(FileNotFoundError):
+        read_mesh(tmp_path / f"a.{suffix}")
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFOs on this system")
@@ -312,69 +293,48 @@ import numpy as np
 from cdcp_igl import MeshError
 from cdcp_igl.io import read_mesh
 
-path = Path(sys.argv[1])
-data = path.read_bytes()
 random = np.random.default_rng(7)
-refused = 0
-for at in range(len(data)):
-    for wrong in (data[at] ^ 1 << random.integers(8), 0x3F, random.integers(256)):
-        path.write_bytes(data[:at] + bytes([wrong]) + data[at + 1:])
-        try:
-            V, F = read_mesh(path)
-            assert V.ndim == F.ndim == 2, (at, wrong)
-        except MeshError as error:
-            assert error.defect in ("unreadable file", "too few corners")
-            refused += 1
-path.write_bytes(data)
-print(json.dumps([3 * len(data), refused]))
+counts = {}
+for path in sorted(Path(sys.argv[1]).iterdir()):
+    data = path.read_bytes()
+    refused = 0
+    for at in range(len(data)):
+        wrong = [data[at] ^ 1 << random.integers(8), 0x3F, random.integers(256)]
+        for byte in wrong if path.suffix == ".mat" else wrong[:1]:
+            path.write_bytes(data[:at] + bytes([byte]) + data[at + 1:])
+            try:
+                V, F = read_mesh(path)
+                assert V.ndim == F.ndim == 2, (path, at, byte)
+            except MeshError as error:
+                assert error.defect in ("unreadable file", "too few corners")
+                refused += 1
+    counts[path.name] = [refused, len(data)]
+print(json.dumps(counts))
 """
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        *("a.obj", "a.off", "ascii.ply", "binary.ply", "ascii.stl", "binary.stl"),
-        *("a.npz", "packed.npz", "a.mat", "packed.mat", "old.mat"),
-    ],
-)
-def test_any_wrong_byte_is_a_mesh_or_a_mesh_error(tmp_path, name):
-    path = tmp_path / name
-    form, _, suffix = name.partition(".")
+def test_any_wrong_byte_is_a_mesh_or_a_mesh_error(tmp_path):
     faces = "3 0 1 2\n3 0 2 3\n"
-    binary = PLY.format("", 2, "uchar", "int").replace("ascii", "binary_little_endian")
-    facets = "".join(
-        "facet normal 0 0 1\nouter loop\n"
-        + "".join("vertex {} {} {}\n".format(*corner) for corner in triangle)
-        + "endloop\nendfacet\n"
-        for triangle in V[F]
-    )
-    texts = {
-        "a.obj": OBJ + "f 1/1 2/2/1 3//1\nf -4 -2 4\n",
-        "a.off": "OFF\n4 2 0\n" + ROWS + faces,
-        "ascii.ply": PLY.format("", 2, "uchar", "int") + ROWS + faces,
-        "ascii.stl": f"solid a\n{facets}endsolid a\n",
+    header = PLY.replace("ascii", "binary_little_endian").format(2, "uchar", "int")
+    rows = struct.pack("<B3iB3i", 3, 0, 1, 2, 3, 0, 2, 3)
+    files = {
+        "a.obj": (OBJ + "f 1/1 2/2/1 3//1\nf -4 -2 4\n").encode(),
+        "a.off": f"OFF\n4 2 0\n{ROWS}{faces}".encode(),
+        "ascii.ply": (PLY.format(2, "uchar", "int") + ROWS + faces).encode(),
+        "binary.ply": header.encode() + V.tobytes() + rows,
+        "ascii.stl": SOLID.encode(),
+        "binary.stl": BINARY_STL,
     }
-    if name in texts:
-        path.write_text(texts[name])
-    elif suffix == "ply":
-        rows = struct.pack("<B3iB3i", 3, 0, 1, 2, 3, 0, 2, 3)
-        path.write_bytes(binary.encode() + V.tobytes() + rows)
-    elif suffix == "stl":
-        rows = b"".join(struct.pack("<12fH", 0, 0, 1, *np.ravel(t), 0) for t in V[F])
-        path.write_bytes(bytes(80) + struct.pack("<I", 2) + rows)
-    elif suffix == "npz":
-        (np.savez_compressed if form == "packed" else np.savez)(path, V=V, F=F)
-    else:
-        savemat(
-            path,
-            {"V": V, "F": F},
-            format="4" if form == "old" else "5",
-            do_compression=form == "packed",
-        )
+    for name, data in files.items():
+        (tmp_path / name).write_bytes(data)
+    np.savez(tmp_path / "a.npz", V=V, F=F)
+    np.savez_compressed(tmp_path / "packed.npz", V=V, F=F)
+    for name, form, packed in (("a", "5", False), ("packed", "5", True), ("old", "4", False)):
+        savemat(tmp_path / f"{name}.mat", {"V": V, "F": F}, format=form, do_compression=packed)
     run = subprocess.run(
-        [sys.executable, "-c", DAMAGE, str(path)], capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", DAMAGE, str(tmp_path)], capture_output=True, text=True, timeout=300
     )
-    assert run.returncode == 0, run.stderr
-    assert run.stderr == ""
-    tried, refused = json.loads(run.stdout)
-    assert 0 < refused < tried
+    assert (run.returncode, run.stderr) == (0, "")
+    counts = json.loads(run.stdout)
+    assert len(counts) == 11
+    assert all(refused > 0 for refused, _ in counts.values())

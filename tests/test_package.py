@@ -15,7 +15,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 # From the ground up; a folder stands for its modules. Those of one floor may use one another.
 FLOORS = (
-    {"arrays"},
+    {"arrays", "cached"},
     {"defects"},
     {"errors", "printing"},
     {"libigl", "extras", "processes"},

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 from time import perf_counter
@@ -16,23 +15,12 @@ from cdcp_igl import MeshError, SurfaceMap
 from cdcp_igl.libigl import angles
 from cdcp_igl.surface.triangles import face_areas
 
+from ..write.table import Cell, Row, Table, markdown, number
 from .models import files_of
 
 COLUMNS = (
-    "surface",
-    "vertices",
-    "disks",
-    "valid",
-    "conformal",
-    "cut edges",
-    "cut length",
-    "mean",
-    "SD",
-    "least mean",
-    "spread",
-    "area SD",
-    "seconds",
-    "by disk_map",
+    *("surface", "vertices", "disks", "valid", "conformal", "cut edges", "cut length"),
+    *("mean", "SD", "least mean", "spread", "area SD", "seconds", "by disk_map"),
 )
 
 NOTE = """
@@ -56,51 +44,44 @@ def surfaces(
     """Map surfaces that are no disks, by class."""
     files = files_of(folder, {".npz"})
     for kind, group in groupby(files, key=lambda file: file.stem.partition("_")[0]):
-        typer.echo(f"\n## {kind}\n")
-        reasons = _print_rows(COLUMNS, _rows(group, refine=refine, spread=spread))
-        for reason in reasons:
-            typer.echo(f"\n- {reason}")
+        rows = [_row(file, refine, spread) for file in group]
+        typer.echo(f"\n## {kind}\n\n{markdown(Table(kind, kind, '', COLUMNS, rows))}")
     typer.echo(NOTE)
 
 
-def _rows(
-    files: Iterator[Path], *, refine: int, spread: float
-) -> Iterator[tuple[Sequence[str], str]]:
-    """Yield the cells of each surface, and what holds it back if it is not conformal."""
-    for file in files:
-        with np.load(file) as mesh:
-            V, F = mesh["V"].astype(np.float64), mesh["F"].astype(np.int64)
-        start = perf_counter()
-        try:
-            result = cdcp_igl.surface_map(V, F, refine=refine, spread=spread)
-        except MeshError as error:
-            yield [file.stem, f"{len(V):,}", f"refused: {error}"], ""
-            continue
-        seconds = perf_counter() - start
-        alone = sum(sum(disk.timings.values()) for disk in result.disks)
-        mapped = result.face_disk >= 0
-        area = face_areas(V, F)
-        change = result.area_distortion()
-        weights = area[mapped] / area[mapped].sum()
-        area_sd = np.sqrt(weights @ (change - weights @ change) ** 2)
-        cells = [
-            file.stem,
-            f"{len(V):,}",
-            f"{len(result.disks)}",
-            "yes" if result.valid else "NO",
-            "yes" if result.conformal else "no",
-            f"{len(result.cut.edges):,}",
-            f"{result.cut.length / np.sqrt(area[mapped].sum()):.2f}",
-            f"{result.distortion.mean:.2f}",
-            f"{result.distortion.sd:.2f}",
-            f"{least_distortion(result):.2f}",
-            f"{result.spread:.2f}",
-            f"{area_sd:.2f}",
-            f"{seconds:.2f}",
-            f"{seconds / alone:.1f}",
-        ]
-        worst = max(result.disks, key=lambda disk: (not disk.conformal, len(disk.uv)))
-        yield cells, "" if result.conformal else f"{file.stem}: {worst.conformality}"
+def _row(file: Path, refine: int, spread: float) -> Row:
+    """Map a surface; the row notes what holds it back if it is not conformal."""
+    with np.load(file) as mesh:
+        V, F = mesh["V"].astype(np.float64), mesh["F"].astype(np.int64)
+    names = [Cell(file.stem, kind="text name"), Cell(f"{len(V):,}")]
+    start = perf_counter()
+    try:
+        result = cdcp_igl.surface_map(V, F, refine=refine, spread=spread)
+    except MeshError as error:
+        return [*names, Cell(f"refused: {error}"), *[Cell("")] * (len(COLUMNS) - 3)]
+    seconds = perf_counter() - start
+    alone = sum(sum(disk.timings.values()) for disk in result.disks)
+    mapped = result.face_disk >= 0
+    area = face_areas(V, F)
+    change = result.area_distortion()
+    weights = area[mapped] / area[mapped].sum()
+    area_sd = np.sqrt(weights @ (change - weights @ change) ** 2)
+    worst = max(result.disks, key=lambda disk: (not disk.conformal, len(disk.uv)))
+    return [
+        *names,
+        Cell(f"{len(result.disks)}"),
+        Cell("yes" if result.valid else "NO"),
+        Cell("yes") if result.conformal else Cell("no", note=str(worst.conformality)),
+        Cell(f"{len(result.cut.edges):,}"),
+        number(result.cut.length / np.sqrt(area[mapped].sum()), ".2f"),
+        number(result.distortion.mean, ".2f"),
+        number(result.distortion.sd, ".2f"),
+        number(least_distortion(result), ".2f"),
+        number(result.spread, ".2f"),
+        number(area_sd, ".2f"),
+        number(seconds, ".2f"),
+        number(seconds / alone, ".1f"),
+    ]
 
 
 def least_distortion(result: SurfaceMap) -> float:
@@ -126,14 +107,3 @@ def least_distortion(result: SurfaceMap) -> float:
     excess = abs(sums - 2 * np.pi)[interior].sum()
     excess += np.maximum(sums - np.pi, 0)[on_circle & ~interior].sum()
     return float(np.degrees(excess) / F.size)
-
-
-def _print_rows(columns: Sequence[str], rows: Iterator[tuple[Sequence[str], str]]) -> list[str]:
-    """Print a Markdown table row by row; return the notes that are not empty."""
-    typer.echo(f"| {' | '.join(columns)} |")
-    typer.echo(f"|---{'|--:' * (len(columns) - 1)}|")
-    notes = []
-    for cells, note in rows:
-        typer.echo(f"| {' | '.join([*cells, *[''] * (len(columns) - len(cells))])} |")
-        notes += [note] if note else []
-    return notes

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
 
 from ..arrays import Bools, Floats, Ints
+from ..cached import cached_property
 from ..surface.topology import Topology
 from ..surface.triangles import corner_angles, corner_cotangents
 

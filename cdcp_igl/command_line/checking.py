@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
-from .arguments import Inputs
-from .messages import BAD_INPUT, exit_codes, reason, show
+from .messages import BAD_INPUT, exit_codes, reason
+from .options import INPUTS
+from .screen import show_text
 
 if TYPE_CHECKING:
     from ..errors import Defect, MeshError
 
-__all__ = ["check_command"]
-
 
 def check_command(
-    meshes: Inputs,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print a list of objects, one a file.")
-    ] = False,
+    meshes: list[Path] = INPUTS,
+    as_json: bool = typer.Option(False, "--json", help="Print a list of objects, one a file."),
 ) -> None:
     """Report every defect of meshes, what kind of surface each is, and how to go on.
 
@@ -30,6 +28,7 @@ def check_command(
     from ..errors import MeshError, printable
     from ..io import read_polygons
     from ..io.polygons import in_polygons
+    from ..printing import as_text
     from ..surface.checking import MeshReport, check
 
     rows, disks = [], 0
@@ -38,9 +37,9 @@ def check_command(
         try:
             with exit_codes(mesh if len(meshes) > 1 else None):
                 try:
-                    V, F, whole = read_polygons(mesh, notes.append)
+                    V, F, polygon_of_face = read_polygons(mesh, notes.append)
                     report = check(V, F)
-                    report = replace(report, defects=in_polygons(report.defects, whole))
+                    report = replace(report, defects=in_polygons(report.defects, polygon_of_face))
                 except (MeshError, OSError) as error:
                     if not as_json:
                         raise
@@ -51,7 +50,8 @@ def check_command(
         rows.append({"file": printable(mesh), **report.report(), "notes": notes})
         if not as_json:
             name = f"{printable(mesh)}: " if len(meshes) > 1 else ""
-            show(f"{name}{report.in_shell}", notes, "green" if report.is_disk else "red")
+            text = as_text(f"{name}{report.in_shell}", [("note", note) for note in notes])
+            show_text(text, "green" if report.is_disk else "red")
     if as_json:
         typer.echo(json.dumps(rows, indent=2))
     if disks < len(meshes):

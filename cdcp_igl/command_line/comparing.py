@@ -2,63 +2,44 @@
 
 from __future__ import annotations
 
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import nan
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from ..extras import from_extra
-from .arguments import Inputs, target
-from .messages import BAD_INPUT, SOME_FAILED, exit_codes, writing
-from .progress import progress_bar
+from .messages import BAD_INPUT, SOME_FAILED, check_targets, exit_codes, writing
+from .options import FORCE, INPUTS, PICTURES, file_option
+from .screen import print_table, progress_bar
 
 if TYPE_CHECKING:
     from ..plot.pictures import MapRow
     from ..reference.case import Case
 
-__all__ = ["compare_command"]
-
 # Those of `reference`, spelled out: `--help` shows them, and must not wait for NumPy.
 METHODS = ("cdcp", "double_cover", "fdcp", "ldcp", "harmonic", "lscm", "spectral")
-
-
-def _methods(text: str | None) -> str | None:
-    unknown = [name for name in (text or "cdcp").split(",") if name not in METHODS]
-    if unknown:
-        raise typer.BadParameter(f"{unknown[0]!r} is not one of {', '.join(METHODS)}.")
-    return text
+NUMBERS = ("mean", "sd", "max", "area", "flips", "boundary_error", "seconds", "memory")
 
 
 def compare_command(
-    meshes: Inputs,
-    methods: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME,...",
-            callback=_methods,
-            help=f"Of {', '.join(METHODS)}. [default: all of them]",
-        ),
-    ] = None,
-    time_limit: Annotated[
-        float, typer.Option(metavar="SECONDS", min=0, help="For each method on each mesh.")
-    ] = 600,
-    json_file: Annotated[
-        Path | None,
-        typer.Option("--json", metavar="R.json", callback=target(".json"), help="The numbers."),
-    ] = None,
-    csv_file: Annotated[
-        Path | None,
-        typer.Option("--csv", metavar="R.csv", callback=target(".csv"), help="The numbers."),
-    ] = None,
-    picture: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="P.png",
-            callback=target(".png", ".svg", ".pdf"),
-            help="The maps side by side, a row a mesh (.png .svg .pdf).",
-        ),
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
+    meshes: list[Path] = INPUTS,
+    methods: str | None = typer.Option(
+        None, metavar="NAME,...", help=f"Of {', '.join(METHODS)}. [default: all of them]"
+    ),
+    time_limit: float = typer.Option(
+        600, metavar="SECONDS", min=0, help="For each method on each mesh."
+    ),
+    json_file: Path | None = file_option("--json", "R.json", (".json",), "The numbers."),
+    csv_file: Path | None = file_option("--csv", "R.csv", (".csv",), "The numbers."),
+    picture: Path | None = file_option(
+        "--picture", "P.png", PICTURES, "The maps side by side, a row a mesh (.png .svg .pdf)."
+    ),
+    force: bool = FORCE,
 ) -> None:
     """Compare methods on meshes: a table of distortion, flips, time and memory for each.
 
@@ -70,31 +51,28 @@ def compare_command(
     """
     from ..errors import printable
     from ..io import read_polygons
-    from ..io.output import try_to_write, whole_file
+    from ..io.output import whole_file
     from ..io.polygons import naming_polygons
     from ..reference.case import run_case
     from ..surface.mesh import DiskMesh
-    from .cases import print_cases, write_csv, write_json
 
-    chosen = (methods or ",".join(METHODS)).split(",")
+    chosen = methods.split(",") if methods else METHODS
+    if unknown := [name for name in chosen if name not in METHODS]:
+        raise typer.BadParameter(f"{unknown[0]!r} is not one of {', '.join(METHODS)}.")
     meshes = list(dict.fromkeys(meshes))
     cases: dict[Path, list[Case]] = {}
     rows: list[MapRow] = []
     unprinted: list[BaseException] = []
-    outputs = list(filter(None, (json_file, csv_file, picture)))
-    with exit_codes(), writing():
+    with exit_codes():
         if picture:
             with from_extra("plot"):
                 from ..plot import side_by_side
-        for path in outputs:
-            if path.exists() and not force:
-                raise typer.BadParameter(f"{printable(path)} is there; --force replaces it.")
-            try_to_write(path)
+        check_targets((json_file, csv_file, picture), meshes, force)
     for mesh in meshes:
         try:
             with exit_codes(mesh):
-                V, F, whole = read_polygons(mesh)
-                with naming_polygons(whole):
+                V, F, polygon_of_face = read_polygons(mesh)
+                with naming_polygons(polygon_of_face):
                     DiskMesh(V, F)
         except typer.Exit:
             continue  # and the message has been printed
@@ -108,16 +86,25 @@ def compare_command(
         try:
             print_cases(f"{printable(mesh)}: {len(V):,} vertices", cases[mesh])
         except (OSError, SystemExit) as error:  # Rich exits where nobody reads from a pipe
-            if not outputs:
+            if not (json_file or csv_file or picture):
                 raise
             unprinted.append(error)  # the files are still to be written
     if not cases:
         raise typer.Exit(BAD_INPUT)
     with writing():
-        for target_file, write in ((json_file, write_json), (csv_file, write_csv)):
-            if target_file:
-                with whole_file(target_file) as unfinished:
-                    write(unfinished, cases)
+        table = _table(cases)
+        if json_file:
+            with whole_file(json_file) as unfinished:
+                text = json.dumps(table, indent=2, ensure_ascii=False) + "\n"
+                unfinished.write_text(text, encoding="utf-8")
+        if csv_file:
+            with (
+                whole_file(csv_file) as unfinished,
+                unfinished.open("w", newline="", encoding="utf-8") as file,
+            ):
+                writer = csv.DictWriter(file, table[0])
+                writer.writeheader()
+                writer.writerows(table)
         if picture:
             with whole_file(picture) as unfinished:
                 names = [printable(mesh.name) for mesh in cases]
@@ -126,3 +113,28 @@ def compare_command(
         raise unprinted[0]
     if len(cases) < len(meshes):
         raise typer.Exit(SOME_FAILED)
+
+
+def print_cases(title: str, cases: Sequence[Case]) -> None:
+    """Print a row a method, and below why one has no map."""
+    rows = []
+    for case in cases:
+        if case.boundary == "free" and case.outcome == "ok":
+            rows.append((f"{case.method} *", replace(case, boundary_error=nan)))
+        else:
+            rows.append((case.method, case))
+    print_table(title, "method", NUMBERS, rows)
+    if any(name.endswith("*") for name, _ in rows):
+        typer.echo("* no disk: a map with free boundary; compare it on angles only")
+    for case in cases:
+        if case.outcome != "ok":
+            typer.echo(f"{case.method}: {case.outcome}")
+
+
+def _table(cases: Mapping[Path, Sequence[Case]]) -> list[dict[str, Any]]:
+    """Return a row a case; None where there is no number."""
+    from ..errors import printable
+
+    return [
+        {"mesh": printable(mesh), **case.as_json()} for mesh, made in cases.items() for case in made
+    ]

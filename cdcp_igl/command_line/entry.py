@@ -11,8 +11,6 @@ from types import FrameType
 
 from ..extras import MissingExtra, from_extra
 
-__all__ = ["main"]
-
 
 def main() -> None:
     """Run ``cdcp-igl``."""

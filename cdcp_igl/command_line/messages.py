@@ -1,10 +1,9 @@
-"""What the commands say, and the exit codes."""
+"""What goes wrong: messages and exit codes."""
 
 from __future__ import annotations
 
-import re
-import sys
-from collections.abc import Iterator
+import os
+from collections.abc import Iterable, Iterator
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,8 +11,6 @@ from pathlib import Path
 import typer
 
 from ..extras import MissingExtra
-
-__all__ = ["BAD_INPUT", "FAILED", "SOME_FAILED", "exit_codes", "reason", "show", "writing"]
 
 FAILED, BAD_INPUT, NO_MAP, SOME_FAILED = 1, 2, 3, 4  # exit codes
 
@@ -61,18 +58,18 @@ def reason(error: OSError) -> str:
     return f"{printable(error.filename)}: {error.strerror}" if error.filename else str(error)
 
 
-def show(summary: str, notes: list[str], color: str) -> None:
-    """Print a result: in a panel on a terminal, plain in a pipe."""
-    title, *lines = [*summary.splitlines(), *(f"  note                {note}" for note in notes)]
-    if not sys.stdout.isatty():
-        typer.echo("\n".join([title, *lines]))
-        return
-    from rich.console import Console
-    from rich.panel import Panel
-    from rich.table import Table
-    from rich.text import Text
+def check_targets(targets: Iterable[Path | None], sources: Iterable[Path], force: bool) -> None:
+    """Before anything is computed, see that all can be written, and nothing is lost by it."""
+    from ..errors import printable
+    from ..io.output import try_to_write
 
-    table = Table.grid(padding=(0, 2))
-    for line in lines:
-        table.add_row(*map(Text, re.split("  +", line.strip(), maxsplit=1)))
-    Console().print(Panel(table, title=Text(title, "bold"), border_style=color, expand=False))
+    for path in filter(None, targets):
+        if os.path.isfile(path):  # and no error where a name is too long to be one
+            message = "" if force else f"{printable(path)} is there; --force replaces it."
+            if any(os.path.exists(source) and path.samefile(source) for source in sources):
+                message = f"{printable(path)} is the surface itself; give the result another place."
+            if message:
+                typer.echo(message, err=True)
+                raise typer.Exit(BAD_INPUT)
+        with writing():
+            try_to_write(path)

@@ -12,8 +12,6 @@ from .checking import check_command
 from .comparing import compare_command
 from .mapping import map_command
 
-__all__ = ["app"]
-
 app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     no_args_is_help=True,

@@ -9,10 +9,9 @@ import numpy as np
 
 from .. import libigl
 from ..arrays import Complex, Floats, Ints
+from ..distortion import face_dilatation
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import face_areas, oriented_areas
-
-__all__ = ["STRETCHED", "Conformality", "dilatation", "explained_errors", "judge"]
+from ..surface.triangles import face_areas
 
 SMALL = 1.0  # degrees: a mean error that no one sees, whatever it comes from
 LARGE = 12.0  # degrees: more than any use of a conformal map can bear
@@ -46,6 +45,9 @@ class Conformality:
     stretch : float
         How many times a face is longer one way than the other, compared with itself on the
         surface: the geometric mean, by area.
+    wanted : float
+        The share of the mean angle error that would be left if the map were conformal: 1 if
+        it is, or if other errors keep it from being so.
     """
 
     sheared: bool
@@ -53,6 +55,7 @@ class Conformality:
     remedies: tuple[str, ...] = ()
     excess: float = 1.0
     stretch: float = 1.0
+    wanted: float = 1.0
 
     def __bool__(self) -> bool:
         return not self.reasons
@@ -120,32 +123,14 @@ def judge(mesh: DiskMesh, f: Complex, degrees: Floats, *, closely: bool = False)
     if reasons and mean > 2 * mean_free:
         remedies.append("flip the ears (cdcp_igl.clean with flip_ears=True)")
     excess = mean / explained if explained else np.inf
-    return Conformality(sheared, tuple(reasons), tuple(remedies), excess, stretch)
+    wanted = min(1, max(EXCESS * explained, SMALL) / mean, LARGE / mean_free)
+    return Conformality(sheared, tuple(reasons), tuple(remedies), excess, stretch, wanted)
 
 
 def dilatation(mesh: DiskMesh, f: Complex, faces: Ints) -> float:
-    """Geometric mean, by area, of the dilatation K of some faces: 1 where no angle changes.
-
-    K is the quotient of the singular values of f on a face. Its Dirichlet energy by its area is
-    (K + 1/K) / 2.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Map onto the disk.
-    faces : (k,) int64
-
-    Returns
-    -------
-    float
-    """
+    """Geometric mean, by area, of the dilatation K of some faces: 1 where no angle changes."""
     F = mesh.F[faces]
-    i, j, k = f[F.T]
-    squared = [abs(edge) ** 2 for edge in (j - k, k - i, i - j)]
-    with np.errstate(divide="ignore", invalid="ignore"):  # of faces as small as rounding errors
-        energy = np.einsum("kc,ck->k", mesh.cotangents[faces], squared) / 2
-        log_K = np.arccosh(np.maximum(energy / oriented_areas(f, F)[0], 1))
+    log_K = np.log(face_dilatation(mesh.V, F, f))
     known = np.isfinite(log_K)
     area = face_areas(mesh.V, F[known])
     return float(np.exp(np.average(log_K[known], weights=area))) if known.any() else 1.0

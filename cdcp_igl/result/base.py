@@ -20,7 +20,7 @@ from ..distortion import AngleDistortion, area_distortion
 from ..errors import spell
 from ..plot.layout import Layout
 from ..plot.raster import sample
-from ..printing import as_html, as_text
+from ..printing import Pairs, as_html, as_text
 from ..rescue.conformality import Conformality
 
 PICTURES = (".pdf", ".png", ".svg")
@@ -344,15 +344,32 @@ class Result(ABC):
 
         return page(self._layout(), fields or {}, texture, title)
 
+    def summary(self) -> tuple[str, Pairs]:
+        """Return what printing shows: a title, and pairs of a name and what is said of it.
+
+        Returns
+        -------
+        title : str
+        pairs : list of (str, str)
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> title, pairs = cdcp_igl.disk_map(V, F).summary()
+        >>> title
+        'disk map of 331 vertices: valid'
+        """
+        return f"{self._kind} map of {self._subject()}: {self.verdict}", self._summary()
+
     def __str__(self) -> str:
-        return as_text(f"{self._kind} map of {self._subject()}: {self.verdict}", self._summary())
+        return as_text(*self.summary())
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self._subject()}: {self.verdict}, {self._key_figure()})"
 
     def _repr_html_(self) -> str:
-        title = f"{self._kind} map of {self._subject()}: {self.verdict}"
-        table = as_html(title, self._summary())
+        table = as_html(*self.summary())
         if not self.valid:
             return table
         layout = self._layout()

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates
+from ..cached import cached_property
 from ..errors import counted
 from ..surface.location import FaceFinder
 from ..surface.mesh import DiskMesh

@@ -14,12 +14,13 @@ from scipy.sparse import spmatrix
 
 from ..extras import MissingExtra
 from .cholesky import Cholesky, Ordering
-from .threads import libraries_were_loaded
+from .threads import held_while_forking, libraries_were_loaded
 
 SolverName = Literal["scikit-sparse", "cvxopt", "scipy"]  # from the fastest to the slowest
 SOLVERS: tuple[SolverName, ...] = get_args(SolverName)
 VARIABLE = "CDCP_IGL_SOLVER"
 
+_importing = held_while_forking()  # as are Python's own locks of modules then
 _asked_for: ContextVar[str | None] = ContextVar("solver", default=None)
 
 
@@ -31,12 +32,7 @@ def factorize(A: spmatrix, ordering: Ordering = "amd") -> Cholesky:
 def solver() -> type[Cholesky]:
     """Return what is asked for by `using` or by the environment, or the fastest there is.
 
-    Raises
-    ------
-    ValueError
-        If no solver has that name.
-    MissingExtra
-        If it cannot be imported.
+    ValueError if no solver has that name, MissingExtra if it cannot be imported.
     """
     name = _asked_for.get() or os.environ.get(VARIABLE)
     return _load(checked(name)) if name else _fastest()
@@ -66,7 +62,8 @@ def checked(name: str) -> str:
 @cache
 def _load(name: str) -> type[Cholesky]:
     try:
-        module = import_module(f".with_{name.replace('-', '_')}", __package__)
+        with _importing:
+            module = import_module(f".with_{name.replace('-', '_')}", __package__)
     except Exception as error:  # one that was built for another NumPy raises what it likes
         raise MissingExtra(
             f"solver={name!r}: {error}. Install it: pip install {name}; "

@@ -16,7 +16,18 @@ from threadpoolctl import LibController, ThreadpoolController
 _BLAS: list[LibController] = []
 _OPENMP: list[CDLL] = []
 
-_lock = RLock()
+
+def held_while_forking() -> RLock:
+    """Make a lock that no process inherits locked: a fork waits until it is free."""
+    lock = RLock()
+    if hasattr(os, "register_at_fork"):  # not on Windows
+        os.register_at_fork(
+            before=lock.acquire, after_in_parent=lock.release, after_in_child=lock.release
+        )
+    return lock
+
+
+_lock = held_while_forking()
 _inside: list[int] = []  # the threads that are in a body of `one_thread`
 _callers: list[tuple[Callable[[int], None], int]] = []  # how to set BLAS, and to what
 
@@ -114,11 +125,8 @@ def _only_this_thread() -> None:
     _inside[:] = [thread for thread in _inside if thread == get_ident()]
     if others_were_inside:
         _restore_blas()
-    _lock.release()
 
 
 libraries_were_loaded()
-if hasattr(os, "register_at_fork"):  # not on Windows
-    os.register_at_fork(
-        before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_only_this_thread
-    )
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_only_this_thread)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
-from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -14,10 +13,11 @@ from scipy.sparse import csc_matrix
 
 from ..arrays import Floats, Indices
 from .cholesky import Cholesky
+from .threads import held_while_forking
 
 # CVXOPT keeps CHOLMOD's options for the whole process, where the caller may have set his own.
 _OPTIONS = {"supernodal": 2, "nmethods": 1, "postorder": False, "dbound": 0.0, "print": 0}
-_LOCK = Lock()
+_LOCK = held_while_forking()
 
 
 class Factorization(Cholesky):
