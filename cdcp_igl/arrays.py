@@ -34,3 +34,13 @@ def blocks(m: int) -> Iterator[slice]:
 def spread_evenly(m: int, most: int) -> Ints:
     """(k,) rows of at most so many of m, spread evenly."""
     return np.linspace(0, m - 1, min(most, m)).astype(np.int64)
+
+
+def distinct_rows(rows: NDArray[Any]) -> tuple[Ints, Ints]:
+    """(k,) first of each set of equal rows, the rows ascending; (n,) which of the k each row is."""
+    order = np.lexsort(rows.T[::-1])  # stable: the first comes first
+    leads = np.ones(len(rows), dtype=bool)
+    leads[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
+    which = np.empty(len(rows), dtype=np.int64)
+    which[order] = np.cumsum(leads) - 1
+    return order[leads], which

@@ -9,19 +9,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from zipfile import ZipFile
 
 import numpy as np
-from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from .algorithm import disk_map
-from .arrays import Floats, Ints
+from .arrays import Ints
 from .atlas.surface import SurfaceMap, surface_map
 from .io import write_map
 from .io.output import whole_file
 from .io.polygons import naming_polygons
-from .io.writing import MapResult
 from .result.disk_map import DiskMap
 from .steps.options import Options
 from .steps.phases import Progress
@@ -93,7 +90,7 @@ class Mapped:
     changes: tuple[str, ...]
     n_written: int
     written: Ints
-    indices: dict[str, Array]
+    indices: dict[str, Any]
 
     @property
     def disks(self) -> tuple[DiskMap, ...]:
@@ -106,40 +103,36 @@ class Mapped:
         If `source`, which the surface was read from, is an obj file that was not cleaned, and so
         is `target`, the rest of that file is kept.
         """
-        suffix, disk = target.suffix.lower(), settings.disk
-        V, F, like = self.V[: self.n_written], self.F[self.written], None
-        uv: MapResult | Floats
+        suffix, result, V, F = target.suffix.lower(), self.result, self.V, self.F
         cleaned = settings.clean and self.changes
         if {suffix, source.suffix.lower()} == {".obj"} and not cleaned:
-            F, uv, like = self.F, self.result, source  # with the faces on no disk
-        elif isinstance(self.result, DiskMap):
-            uv = self.result.uv[: self.n_written]
-        elif disk or suffix == ".npz":
-            uv = self.result.uv[self.written]
+            write_map(target, V, F, result, disk=settings.disk, like=source)
+            return
+        V, F = V[: self.n_written], F[self.written]
+        rows = slice(self.n_written) if isinstance(result, DiskMap) else self.written
+        if suffix == ".npz":
+            with whole_file(target) as unfinished, unfinished.open("wb") as file:
+                np.savez(file, V=V, F=F, uv=result.uv[rows], **self.indices)
         else:
-            uv, disk = self.result.packed()[self.written], True  # in the unit square already
-        with whole_file(target) as unfinished:
-            write_map(unfinished, V, F, uv, disk=disk, like=like)
-            if suffix == ".npz" and self.indices:
-                _add_arrays(unfinished, self.indices)
+            uv = result.uv if settings.disk else result.packed()
+            write_map(target, V, F, uv[rows], disk=True)  # as it is
 
     def measures(self) -> dict[str, Any]:
         """Return what the record of a batch has of the map."""
+        result = self.result
         return {
-            "changes": self.changes,
             "disks": len(self.disks),
-            "flips": sum(len(disk.certificate.flipped) for disk in self.disks),
-            "mean": self.result.distortion.mean,
-            "sd": self.result.distortion.sd,
-            "area": float(np.abs(self.result.area_distortion()).mean()),
-            "conformal": self.result.conformal,
-            "boundary": ", ".join(dict.fromkeys(disk.trace.name for disk in self.disks)),
+            "flips": len(result.certificate.flipped),
+            "mean": result.distortion.mean,
+            "sd": result.distortion.sd,
+            "area": float(np.abs(result.area_distortion()).mean()),
+            "conformal": result.conformal,
+            "boundary": ", ".join(dict.fromkeys(disk.boundary.name for disk in self.disks)),
         }
 
     def report(self) -> dict[str, Any]:
         """Return everything but the coordinates, as JSON types."""
-        changes = {} if isinstance(self.result, DiskMap) else {"changes": list(self.changes)}
-        return self.result.report() | changes
+        return self.result.report() | ({"changes": list(self.changes)} if self.changes else {})
 
 
 def map_one(
@@ -198,10 +191,3 @@ def _cut_and_map(
     note = (f"faces on no disk: {left_out:,}",) if left_out else ()
     indices = {"face_index": rows, "face_disk": result.face_disk[rows]}
     return Mapped(V, F, result, (*result.changes, *note), len(V), rows, indices)
-
-
-def _add_arrays(path: Path, arrays: dict[str, Array]) -> None:
-    with ZipFile(path, "a") as archive:
-        for name, array in arrays.items():
-            with archive.open(f"{name}.npy", "w") as member:
-                npy.write_array(member, array)

@@ -14,16 +14,15 @@ from scipy.special import ellipk, ellipkinc
 
 from .algorithm import map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates
-from .certificate import Certificate, flipped_faces, increments
+from .certificate import Certificate, flipped_faces
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, counted, spell
 from .plot.layout import Layout
 from .rescue.conformality import Conformality, judge
-from .rescue.repair import Repair, unfold
+from .rescue.repair import Repair, repaired
 from .result.base import Result
-from .solve.delaunay import intrinsic_delaunay_laplacian
 from .solve.factored import FactoredSurface
-from .solve.laplacian import Laplacian, cotangent_laplacian
+from .solve.laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
 from .solve.solvers import SolverName, using
 from .steps.extension import harmonic_extension
 from .steps.options import Options
@@ -324,7 +323,7 @@ def _by_disk_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleM
     with phase("factor"):
         surface = FactoredSurface.of(mesh)
     with phase("circle"):
-        disk = map_of(surface, Options(), Phases(), keep_factor=True)
+        disk = map_of(surface, Options(), Phases(), known={})
     with phase("extension"):
         z, f = as_complex(disk.uv), np.empty(len(mesh.V), dtype=complex)
         corners = z[[side[0] for side in sides]]
@@ -388,9 +387,9 @@ def _mapped(
     repair = Repair()
     with phase("repair"):
         if _is_monotone(sides, f):
-            f, repair = unfold(mesh, f, on_disk=False)
+            f, repair = repaired(mesh, f, on_disk=False)
     with phase("certificate"):
-        certificate = _certify(mesh, sides, f, modulus)
+        certificate = certify_rectangle(mesh, sides, f, modulus)
         degrees = np.degrees(abs(angle_errors(mesh, f)))
         conformality = Conformality(True, ("it is not valid",))
         if certificate.valid:
@@ -415,19 +414,20 @@ def _mapped(
     )
 
 
-def _certify(mesh: DiskMesh, sides: list[Ints], f: Complex, modulus: float) -> Certificate:
+def certify_rectangle(mesh: DiskMesh, sides: list[Ints], f: Complex, modulus: float) -> Certificate:
     """Verify a map (n,) onto the rectangle, as `certify` does of one onto the disk."""
     if not np.isfinite(f).all():
         return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)
     bottom, right, top, left = sides
     off = f.imag[bottom], f.real[right] - modulus, f.imag[top] - 1, f.real[left]
-    around_middle = increments(f[mesh.loop] - (modulus + 1j) / 2)
+    from_middle = f[mesh.loop] - (modulus + 1j) / 2
+    turns = np.angle(np.roll(from_middle, -1) * from_middle.conj())
     flipped, n_exact = flipped_faces(f, mesh.F)
     return Certificate(
         finite=True,
         boundary_error=float(abs(np.concatenate(off)).max()),
         boundary_monotone=_is_monotone(sides, f),
-        winding_number=round(around_middle.sum() / (2 * np.pi)),
+        winding_number=round(turns.sum() / (2 * np.pi)),
         flipped=flipped,
         n_exact=n_exact,
     )

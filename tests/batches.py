@@ -1,19 +1,15 @@
 """Folders of small surfaces, for the tests of batches."""
 
 import json
-import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import commands
 import meshes
 import numpy as np
-from typer.testing import CliRunner
 
 import cdcp_igl
-from cdcp_igl.command_line.program import app
 
-ROOT = Path(cdcp_igl.__file__).parents[1]
 WORKERS = Path(__file__).parent / "workers"
 
 
@@ -39,19 +35,7 @@ def batch(files, out, **options):
 
 def invoke(*arguments):
     """Run ``cdcp-igl batch`` in this process, but for its workers."""
-    return CliRunner().invoke(app, ["batch", *map(str, arguments)])
-
-
-def command(*arguments, **options):
-    """Run ``cdcp-igl batch`` in a process."""
-    return subprocess.run(
-        [sys.executable, "-m", "cdcp_igl", "batch", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        errors="surrogateescape",
-        cwd=ROOT,
-        **options,
-    )
+    return commands.invoke("batch", *arguments)
 
 
 def contents(folder):

@@ -1,6 +1,5 @@
 """Batches that are killed in the middle, and run again."""
 
-import json
 import os
 import signal
 import subprocess
@@ -9,7 +8,9 @@ import time
 from pathlib import Path
 
 import pytest
-from batches import ROOT, batch, contents, lines, write_surfaces
+from batches import batch, contents, lines, write_surfaces
+from commands import ROOT
+from commands import start as run
 
 SURFACES = 5
 
@@ -74,8 +75,7 @@ def test_killed_the_results_are_those_of_an_undisturbed_run(
     scans, whole, tmp_path, event, part, count, results, done
 ):
     out = tmp_path / "maps"
-    arguments = [str(scans), str(out), event, part, str(count)]
-    killed = subprocess.run([sys.executable, "-c", KILLED, *arguments], cwd=ROOT)
+    killed = run("-c", KILLED, scans, out, event, part, count)
     assert killed.returncode == -signal.SIGKILL
     assert len(contents(out)) == results
     assert len(lines(out)) == done  # so each result that is there has a line
@@ -165,7 +165,6 @@ def test_workers_that_are_killed_cost_nothing_and_none_outlives_its_batch(many, 
     process.kill()
     process.communicate()
     wait_for_end(workers)
-    done = [json.loads(line) for line in (out / "results.jsonl").read_text().splitlines()]
-    assert {line["status"] for line in done} == {"done"}
+    assert {line["status"] for line in lines(out)} == {"done"}
     assert len(batch([many], out).done) == len(contents(out)) == 40
     assert not list(out.glob(".*"))

@@ -5,7 +5,8 @@ import signal
 
 import numpy as np
 import pytest
-from batches import ROOT, batch, command, contents, invoke, write_surfaces
+from batches import batch, contents, invoke, write_surfaces
+from commands import ROOT, start
 
 from cdcp_igl import processes
 from cdcp_igl.datasets import spherical_cap
@@ -24,8 +25,8 @@ def test_a_full_disk(scans, tmp_path):
     batch([scans], tmp_path / "whole")
     out = tmp_path / "maps"
     limit = max(path.stat().st_size for path in (tmp_path / "whole").glob("*.npz")) - 1000
-    done = command(
-        *(scans, out),
+    done = start(
+        *("-m", "cdcp_igl", "batch", scans, out),
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
     )
     assert done.returncode == 1
@@ -49,8 +50,9 @@ def test_without_modules_that_windows_lacks(scans, tmp_path):
     for module in ("fcntl", "resource", "pwd"):
         missing = f"raise ModuleNotFoundError('none', name={module!r})\n"
         (folder / f"{module}.py").write_text(missing)
-    path = os.pathsep.join([str(folder), str(ROOT)])
-    done = command(scans, tmp_path / "maps", "-j", "2", env={**os.environ, "PYTHONPATH": path})
+    path = {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
+    arguments = (scans, tmp_path / "maps", "--jobs", "2")
+    done = start("-m", "cdcp_igl", "batch", *arguments, environment=path)
     assert done.returncode == 0, done.stderr
     assert "3 of 3 surfaces mapped" in done.stdout
 

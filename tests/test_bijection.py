@@ -12,7 +12,6 @@ from meshes import TRIANGLE, corridor, fan, grid, strip
 import cdcp_igl
 from cdcp_igl.result.landmarks import Automorphism, landmark_automorphism
 from cdcp_igl.result.lattice import disk_lattice, even_ring
-from cdcp_igl.surface import location
 
 SMALL = {"triangle": TRIANGLE, "fan": fan(), "strip": strip(), "grid": grid()}
 
@@ -44,14 +43,14 @@ def weights(F, n, face, barycentric):
 
 
 @pytest.mark.parametrize("kind", ["faces", "edges", "vertices"])
-def test_a_million_points_there_and_back(cap, kind):
+def test_many_points_there_and_back(cap, kind):
     V, F, result = cap
-    face, barycentric = points_of(kind, F, 1_000_000, np.random.default_rng(0))
+    face, barycentric = points_of(kind, F, 50_000, np.random.default_rng(0))
     uv = result.apply(face, barycentric)
     found, found_barycentric = result.invert(uv)
     assert abs(result.apply(found, found_barycentric) - uv).max() < 1e-15
     if kind == "faces":
-        assert (found == face).mean() > 0.99999  # rounding moves a few across an edge
+        assert (found == face).mean() > 0.9999  # rounding moves a few across an edge
     there, back = (
         weights(F, len(V), *p) for p in ((face, barycentric), (found, found_barycentric))
     )
@@ -153,6 +152,9 @@ def test_arguments_are_judged(cap):
     for call in (result.bake, lambda x: result.interpolate(x, [0, 0])):
         with pytest.raises(ValueError, match="rows"):
             call(V[1:])
+    for carry in (result.bake, result.pull_back, lambda z: result.interpolate(z, [0, 0])):
+        with pytest.raises(ValueError, match="must be real"):
+            carry(V * 1j)
     with pytest.raises(ValueError, match="size"):
         result.bake(V, size=0)
     with pytest.raises(ValueError, match="height"):
@@ -163,8 +165,6 @@ def test_arguments_are_judged(cap):
 
 
 def test_a_map_that_is_no_bijection_has_no_inverse(cap):
-    from dataclasses import replace
-
     _, _, result = cap
     uv = result.uv.copy()
     uv[result.mesh.interior[0]] = 0.5
@@ -293,26 +293,6 @@ def test_registration_does_not_depend_on_the_normalisation(cap):
     uv = result.register(other, landmarks)
     assert abs(uv - other.uv).max() < 1e-9
     assert abs(other.interpolate(V, uv) - V).max() < 1e-7
-
-
-def test_no_part_of_complex_values_is_dropped(cap):
-    V, _, result = cap
-    for carry in (result.bake, result.pull_back, lambda z: result.interpolate(z, [0, 0])):
-        with pytest.raises(ValueError, match="must be real"):
-            carry(V * 1j)
-
-
-def test_points_in_long_faces_are_found_in_few_steps(monkeypatch):
-    """All faces of a fan reach from the middle to the circle, and no centre is near."""
-    result, looked_at, orientations = cdcp_igl.disk_map(*fan(600)), [], location._orientations
-
-    def counted(seen):
-        looked_at.append(len(seen))
-        return orientations(seen)
-
-    monkeypatch.setattr(location, "_orientations", counted)
-    result.bake(result.uv, size=200)
-    assert sum(looked_at) < 20 * 200**2
 
 
 @pytest.mark.parametrize("landmarks", [[0, -1], [200, 150, 300]])

@@ -6,24 +6,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from cdcp_igl.datasets import square
 from cdcp_igl.reference import beltrami_coefficient
 from cdcp_igl.reference.beltrami import generalized_laplacian, linear_beltrami_solver
 from cdcp_igl.reference.dirichlet import Dirichlet
 from cdcp_igl.solve.laplacian import cotangent_laplacian
 from cdcp_igl.surface.mesh import DiskMesh
 
-SIDE = 5
-N = SIDE * SIDE
-X, Y = (axis.ravel() for axis in np.meshgrid(np.arange(SIDE), np.arange(SIDE)))
-LOWER_LEFT = np.arange(N).reshape(SIDE, SIDE)[:-1, :-1].ravel()
-F = np.vstack(
-    [
-        np.column_stack([LOWER_LEFT, LOWER_LEFT + 1, LOWER_LEFT + SIDE + 1]),
-        np.column_stack([LOWER_LEFT, LOWER_LEFT + SIDE + 1, LOWER_LEFT + SIDE]),
-    ]
-).astype(np.int64)
-PLANE = np.column_stack([X, Y, 0 * X]).astype(float)
-SADDLE = np.column_stack([X, Y, (X - 2) * (Y - 2) / 2]).astype(float)
+PLANE, F, _ = square(2)
+PLANE *= 2  # vertices at integers
+X, Y, _ = PLANE.T
+N = len(PLANE)
+SADDLE = np.column_stack([X, Y, X * Y / 2])
 GRID = X + 1j * Y
 
 # Less than a fifth of the spacing: no triangle of the jittered grid collapses.
@@ -91,7 +85,7 @@ def test_generalized_laplacian_has_the_matrix_of_the_beltrami_equation():
     )
     gradient = np.array([2.0, -5.0])
     u = gradient @ [X, Y]
-    area = (SIDE - 1) ** 2
+    area = 16
     assert u @ G @ u == pytest.approx(area * gradient @ A @ gradient)
 
 

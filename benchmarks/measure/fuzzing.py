@@ -163,7 +163,7 @@ def _judged(given: Case, disk: bool, refine: int | None) -> tuple[str, str, floa
     except Exception as error:
         return "untyped exception", f"{type(error).__name__}: {error}", np.nan
     sound = disk and certify(DiskMesh(given.V, given.F), result.uv).valid
-    outcome = f"map, {result.trace.name}" if sound else "not certified"
+    outcome = f"map, {result.boundary.name}" if sound else "not certified"
     return outcome, "", result.distortion.mean
 
 

@@ -15,21 +15,10 @@ SUSPECTED = "a worker of the executor died while it mapped this surface, or anot
 
 
 def run_on(executor: Any, tasks: Sequence[Task]) -> Generator[Record]:
-    """Yield the record of each task as it is done.
+    """Yield the record of each task as it is done; Unwritten if a result cannot be written.
 
-    Parameters
-    ----------
-    executor : concurrent.futures.Executor or dask.distributed.Client
-        Its workers must see the files of the tasks.
-    tasks : sequence of Task
-
-    Raises
-    ------
-    Unwritten
-        If a result could not be written.
-    BrokenExecutor
-        If the executor takes no more tasks because a worker of it has died. What was being
-        mapped then has got a record, of failure.
+    BrokenExecutor if the executor, or Dask's Client, takes no more tasks because a worker of it
+    has died. What was being mapped then has got a record, of failure.
     """
     pool = executor.get_executor(pure=False) if hasattr(executor, "get_executor") else executor
     futures: dict[Future[Record], Task] = {}

@@ -124,26 +124,15 @@ class Record:
         values = json.loads(line)
         if not isinstance(values, dict) or not {"name", "input", "status"} <= values.keys():
             raise ValueError("no record")
-        known: dict[str, Any] = {name: values[name] for name in COLUMNS if name in values}
-        return cls(**{name: _of_type(_TYPES[name], value) for name, value in known.items()})
-
-
-def _of_type(kind: type, value: Any) -> Any:
-    """Return what JSON has for a value of this type; ValueError if that is another."""
-    if kind is float:
-        value = math.nan if value is None else value
-        is_one = isinstance(value, int | float)
-    elif kind is tuple:
-        is_one = isinstance(value, list) and all(isinstance(text, str) for text in value)
-    else:
-        is_one = isinstance(value, kind)
-    if not is_one:
-        raise ValueError("no record")
-    return tuple(value) if kind is tuple else value
+        known: dict[str, Any] = {
+            name: math.nan if value is None else value
+            for name, value in values.items()
+            if name in COLUMNS
+        }
+        return cls(**{**known, "changes": tuple(known.get("changes", ()))})
 
 
 COLUMNS = tuple(field.name for field in fields(Record))
-_TYPES = {name: type(getattr(Record, name, "")) for name in COLUMNS}  # "": there is no default
 
 
 class Journal:

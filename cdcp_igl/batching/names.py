@@ -22,25 +22,11 @@ Item = TypeVar("Item")
 def surface_files(
     inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], out: Path
 ) -> list[Path]:
-    """List the files to map.
+    """List the files to map: those that are named, there or not, and those of folders and patterns.
 
-    Parameters
-    ----------
-    inputs : path-like or iterable of path-like
-        Files; folders, for all readable files in them and below; patterns.
-    out : Path
-        The folder of the results, which is passed over when it is in another folder.
-
-    Returns
-    -------
-    list of Path
-        Absolute, each once, in their order; those of a folder or a pattern sorted. A file
-        that is named and does not exist is among them.
-
-    Raises
-    ------
-    ValueError
-        If a folder or a pattern has no surface, or a folder is that of the results.
+    They are absolute, each once, in their order; those of a folder, with what is below it, or of
+    a pattern sorted. What is in `out`, the folder of the results, is passed over. ValueError if a
+    folder or a pattern has no surface, or a folder is that of the results.
     """
     out = _resolved(out)
     if isinstance(inputs, str | os.PathLike):

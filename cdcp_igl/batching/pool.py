@@ -40,18 +40,14 @@ MIB_PER_VERTEX = 2.5e-3
 MIB_OF_PYTHON = 150.0
 
 # The fewest bytes that a vertex and its two faces take in each kind of file.
-BYTES_PER_VERTEX = {".obj": 40, ".off": 40, ".ply": 36, ".stl": 100, ".mat": 12, ".npz": 12}
+BYTES_PER_VERTEX = {".npz": 36, ".obj": 40, ".off": 40, ".ply": 36, ".stl": 100}
 
 
 class Pool:
     """Workers that live on, and are replaced when a surface has cost one its life.
 
-    Parameters
-    ----------
-    jobs : int
-        Surfaces mapped at the same time; fewer where memory would not do.
-    time_limit, memory_limit : float
-        Seconds and resident MiB after which a surface is given up.
+    `jobs` surfaces are mapped at the same time, fewer where memory would not do. The limits are
+    seconds and resident MiB, after which a surface is given up.
     """
 
     def __init__(self, jobs: int, time_limit: float = np.inf, memory_limit: float = np.inf) -> None:
@@ -63,12 +59,7 @@ class Pool:
     def run(self, tasks: Sequence[Task]) -> Generator[Record]:
         """Yield the record of each task as it is done, the largest surfaces first.
 
-        Raises
-        ------
-        Unwritten
-            If a result could not be written.
-        BrokenExecutor
-            If no process can be started.
+        Unwritten if a result cannot be written; BrokenExecutor if no process can be started.
         """
         need = {task.name: memory_needed(Path(task.source)) for task in tasks}
         waiting = sorted(tasks, key=lambda task: need[task.name], reverse=True)
@@ -204,23 +195,10 @@ class _Worker:
 def memory_needed(path: Path) -> float:
     """Guess from the file of a surface how many MiB it will need, rather too many."""
     try:
-        if path.suffix.lower() == ".npz":
-            vertices: float = _vertices_of_archive(path)
-        else:
-            vertices = path.stat().st_size / BYTES_PER_VERTEX.get(path.suffix.lower(), 12)
-        return MIB_OF_PYTHON + MIB_PER_VERTEX * vertices
+        size, suffix = path.stat().st_size, path.suffix.lower()
+        if suffix == ".npz":  # before they were packed
+            with ZipFile(path) as archive:
+                size = sum(array.file_size for array in archive.infolist())
+        return MIB_OF_PYTHON + MIB_PER_VERTEX * size / BYTES_PER_VERTEX.get(suffix, 12)
     except Exception:  # whatever is wrong with the file, its worker will find out and say
         return MIB_OF_PYTHON
-
-
-def _vertices_of_archive(path: Path) -> int:
-    """Read the shape of V from its header, without unpacking what follows."""
-    with ZipFile(path) as archive:
-        name = next(name for name in ("V.npy", "v.npy") if name in archive.namelist())
-        with archive.open(name) as file:
-            version = np.lib.format.read_magic(file)
-            read = np.lib.format.read_array_header_1_0
-            if version != (1, 0):
-                read = np.lib.format.read_array_header_2_0
-            shape, _, _ = read(file)
-    return int(shape[0]) if shape else 0

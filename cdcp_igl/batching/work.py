@@ -116,8 +116,9 @@ class Task:
             record = replace(record, vertices=len(V), faces=len(F))
             mapped = map_one(V, F, polygon_of_face, self.settings)
             output_digest = self._write(mapped)
-            measures = mapped.measures() | {"changes": (*notes, *mapped.changes)}
-            record = replace(record, status=DONE, output_digest=output_digest, **measures)
+            changes = (*notes, *mapped.changes)
+            record = replace(record, output_digest=output_digest, changes=changes)
+            record = replace(record, status=DONE, **mapped.measures())
         except Unwritten:
             raise
         except Exception as error:  # whatever it is, the other surfaces can do without this one

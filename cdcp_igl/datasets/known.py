@@ -6,8 +6,6 @@ import numpy as np
 
 from ..arrays import Complex, Floats, Ints, coordinates
 
-__all__ = ["ellipse", "paraboloid", "spherical_cap", "square"]
-
 
 def square(resolution: int) -> tuple[Floats, Ints, Floats]:
     """Triangulate the square [-1, 1]^2, with its map by the lemniscate sine.
@@ -60,7 +58,7 @@ def square(resolution: int) -> tuple[Floats, Ints, Floats]:
     # The lemniscate sine sl(z) = sd(sqrt(2) z | 1/2) / sqrt(2) maps the square with corners
     # at +-K / sqrt(2), +-iK / sqrt(2) onto the disk.
     z = (x + 1j * y) * np.exp(0.25j * np.pi) / np.sqrt(2) * ellipk(0.5)
-    sn, _, dn = _jacobi(z, 0.5)
+    sn, dn = _jacobi(z, 0.5)
     return np.column_stack([x, y, 0 * x]), F, coordinates(sn / dn / np.sqrt(2))
 
 
@@ -105,7 +103,7 @@ def ellipse(resolution: int, aspect: float = 2.0) -> tuple[Floats, Ints, Floats]
     theta_3 = 1 + 2 * (nome ** (powers**2)).sum()
     m = (theta_2 / theta_3) ** 4
     amplitude = np.arcsin((V[:, 0] + 1j * V[:, 1]) / np.sqrt(aspect**2 - 1))
-    sn, _, _ = _jacobi(2 * ellipk(m) / np.pi * amplitude, m)
+    sn, _ = _jacobi(2 * ellipk(m) / np.pi * amplitude, m)
     return V, F, coordinates(m**0.25 * sn)
 
 
@@ -140,7 +138,7 @@ def spherical_cap(resolution: int, angle: float = 120.0) -> tuple[Floats, Ints, 
         raise ValueError(f"angle must be between 0 and 180 degrees, not {angle!r}")
     z, F = _rings(resolution)
     polar: Floats = np.abs(z) * np.radians(angle)
-    direction = _direction(z)
+    direction = _unit(np.angle(z))
     equatorial = np.sin(polar) * direction
     V = np.column_stack([equatorial.real, equatorial.imag, np.cos(polar)])
     return V, F, coordinates(np.tan(polar / 2) / np.tan(np.radians(angle) / 2) * direction)
@@ -184,7 +182,7 @@ def paraboloid(resolution: int, steepness: float = 1.0) -> tuple[Floats, Ints, F
         root = np.sqrt(1 + (2 * steepness * r) ** 2)
         return np.exp(root) * r / (1 + root)
 
-    return V, F, coordinates(isothermal(r) / isothermal(1.0) * _direction(z))
+    return V, F, coordinates(isothermal(r) / isothermal(1.0) * _unit(np.angle(z)))
 
 
 def _rings(resolution: int) -> tuple[Complex, Ints]:
@@ -220,16 +218,12 @@ def _check_resolution(resolution: int) -> None:
         raise ValueError(f"resolution must be at least 1, not {resolution!r}")
 
 
-def _direction(z: Complex) -> Complex:
-    return _unit(np.angle(z))
-
-
 def _unit(angle: Floats) -> Complex:
     return np.cos(angle) + 1j * np.sin(angle)
 
 
-def _jacobi(z: Complex, m: float) -> tuple[Complex, Complex, Complex]:
-    """Jacobi's sn, cn, dn of complex argument, by the addition theorem."""
+def _jacobi(z: Complex, m: float) -> tuple[Complex, Complex]:
+    """Jacobi's sn and dn of complex argument, by the addition theorem."""
     from scipy.special import ellipj  # slow to import
 
     s, c, d, _ = ellipj(z.real, m)
@@ -237,6 +231,5 @@ def _jacobi(z: Complex, m: float) -> tuple[Complex, Complex, Complex]:
     below = c1**2 + m * s**2 * s1**2
     return (
         (s * d1 + 1j * c * d * s1 * c1) / below,
-        (c * c1 - 1j * s * d * s1 * d1) / below,
         (d * c1 * d1 - 1j * m * s * c * s1) / below,
     )

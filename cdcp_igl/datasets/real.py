@@ -14,8 +14,6 @@ from ..arrays import Floats, Ints
 from ..extras import from_extra
 from ..io import read_mesh
 
-__all__ = ["NAMES", "load"]
-
 # Each line has the name of a surface, that of its file, the SHA-256 of the file and its address,
 # which names one commit of a repository.
 _FILES = {

@@ -1,8 +1,8 @@
 """V and F among other arrays: NumPy's npz files, and MATLAB's mat files up to version 7.
 
-SciPy's reader of mat files ends the process on some damaged ones, as it trusts the types they
-state. A mesh needs little of the format: a list of elements, each with its type and size,
-packed or not.
+SciPy's reader of mat files from version 5 on ends the process on some damaged ones, as it trusts
+the types they state. A mesh needs little of the format: a list of elements, each with its type
+and size, packed or not.
 
 References
 ----------
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 import struct
+import warnings
 import zlib
 from collections.abc import Iterator
 from io import BytesIO
@@ -47,6 +48,8 @@ def _vertices_and_faces(found: Found) -> tuple[Array, Array]:
         if V is None or F is None:
             continue
         for name, array in zip(names, (V, F), strict=True):
+            if np.asarray(array).dtype.kind not in "biuf":
+                raise Damage(f"{name} is no array of real numbers")
             if array.ndim != 2:
                 raise Damage(f"{name} is no table, but has shape {array.shape}")
         if V.shape[0] in (2, 3) and V.shape[1] > 3:
@@ -84,21 +87,14 @@ def read_npz(path: Path) -> tuple[Array, Array]:
                 if info.flag_bits & ENCRYPTED:
                     raise Damage(f"{name} is encrypted")
                 _check_unpacking(name, info.file_size, info.compress_size)
-                found[name] = _array(name, archive.read(info))
+                data = BytesIO(archive.read(info))
+                try:
+                    found[name] = npy.read_array(data, allow_pickle=False)
+                except ValueError:
+                    raise Damage(f"{name} is no array of real numbers, or cut off") from None
+                if data.read(1):
+                    raise Damage(f"{name} has more numbers than its shape says")
     return _vertices_and_faces(found)
-
-
-def _array(name: str, data: bytes) -> Array:
-    file = BytesIO(data)
-    try:
-        array = npy.read_array(file, allow_pickle=False)
-    except ValueError:
-        raise Damage(f"{name} is no array of real numbers, or cut off") from None
-    if array.dtype.kind not in "biuf":
-        raise Damage(f"{name} is no array of real numbers")
-    if file.read(1):
-        raise Damage(f"{name} has not as many numbers as its shape says")
-    return array
 
 
 def write_npz(path: Path, V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> None:
@@ -120,7 +116,6 @@ CLASSES = {
     **{14: "i8", 15: "u8"},
 }
 COMPLEX = 0x800
-NUMBERS_OF_VERSION_4 = ("f8", "f4", "i4", "i2", "u2", "u1")
 HEADING = 1 << 10  # bytes; class, shape and name of a matrix take a tenth of it
 
 
@@ -133,19 +128,25 @@ class Element(NamedTuple):
 
 def read_mat(path: Path) -> tuple[Array, Array]:
     """V and F of a MATLAB file."""
-    return _vertices_and_faces(_variables_of_mat(path))
-
-
-def _variables_of_mat(path: Path) -> Found:
     data = memoryview(path.read_bytes())
-    if len(data) >= 4 and 0 in data[:4]:  # text, without zeros, begins the later version
-        return dict(_variables_of_version_4(data))
+    if len(data) >= 4 and 0 in data[:4]:  # text, without zeros, begins the later versions
+        return _vertices_and_faces(_variables_of_version_4(path))
     order = {b"IM": "<", b"MI": ">"}.get(bytes(data[126:128]))
     if order is None:
         raise Damage("it has no MATLAB header")
     if struct.unpack_from(order + "H", data, 124) != (0x100,):
         raise Damage("it is of MATLAB version 7.3, or unknown: save it with the option -v7")
-    return dict(_variable(element, order) for element in _elements(data[128:], order))
+    variables = dict(_variable(element, order) for element in _elements(data[128:], order))
+    return _vertices_and_faces(variables)
+
+
+def _variables_of_version_4(path: Path) -> Found:
+    from scipy.io import loadmat, whosmat  # slow to import
+
+    # SciPy reads this version in Python, which checks what a file says of its arrays.
+    with warnings.catch_warnings(action="ignore"):  # which are about byte orders of old machines
+        arrays = loadmat(path, variable_names=READ)
+        return {name: arrays.get(name) for name, _, _ in whosmat(path)}
 
 
 def _elements(data: memoryview, order: str) -> Iterator[Element]:
@@ -204,41 +205,11 @@ def _heading(data: memoryview, order: str) -> tuple[str, int, tuple[int, ...], I
 def _numbers(data: memoryview, order: str) -> Array:
     name, flags, shape, rest = _heading(data, order)
     if flags & 0xFF not in CLASSES or flags & COMPLEX:
-        raise Damage(f"{name} is no full matrix of real numbers")
+        raise Damage(f"{name} is no array of real numbers")
     kind, stored = next(rest, Element(0, memoryview(b"")))
     if kind not in NUMBERS:
         raise Damage(f"it is damaged: {name} is of no known type")
-    return _matrix(name, stored, order + NUMBERS[kind], shape).astype(CLASSES[flags & 0xFF])
-
-
-def _matrix(name: str, data: memoryview, kind: str, shape: tuple[int, ...]) -> Array:
-    if min(shape) < 0 or math.prod(shape) * np.dtype(kind).itemsize != len(data):
+    numbers = np.frombuffer(stored, order + NUMBERS[kind])
+    if min(shape) < 0 or math.prod(shape) != len(numbers):
         raise Damage(f"it is damaged: {name} has not as many numbers as its shape says")
-    return np.frombuffer(data, kind).reshape(shape, order="F")
-
-
-def _variables_of_version_4(data: memoryview) -> Iterator[tuple[str, Array | None]]:
-    """Name, and numbers if they are asked for, of each variable of a file of version 4."""
-    at = 0
-    while at < len(data):
-        if at + 20 > len(data):
-            raise Damage("it is cut off")
-        order = "<" if struct.unpack_from("<i", data, at)[0] in range(1000) else ">"
-        kind, rows, columns, imaginary, length = struct.unpack_from(order + "5i", data, at)
-        number, text = divmod(kind % 1000, 10)
-        if kind // 1000 != (order == ">") or number >= 6 or not 0 < length <= len(data):
-            raise Damage("it has no MATLAB header, or is damaged")
-        start = at + 20 + length
-        name = bytes(data[at + 20 : start]).rstrip(b"\0").decode("latin-1")
-        stored = order + NUMBERS_OF_VERSION_4[number]
-        size = rows * columns * np.dtype(stored).itemsize
-        at = start + size * (2 if imaginary else 1)
-        if min(rows, columns) < 0 or at > len(data):
-            raise Damage("it is cut off, or damaged")
-        if name not in READ:
-            yield name, None
-            continue
-        if text or imaginary:
-            raise Damage(f"{name} is no full matrix of real numbers")
-        numbers = _matrix(name, data[start : start + size], stored, (rows, columns))
-        yield name, numbers.astype(stored[1:])
+    return numbers.reshape(shape, order="F").astype(CLASSES[flags & 0xFF])

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, distinct_rows
 from .damage import Damage
 
 FACET = np.dtype([("normal", "<3f4"), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -28,9 +28,9 @@ def read_stl(path: Path) -> tuple[Floats, Ints]:
         corners = _corners(data)
     else:
         raise Damage("it is cut off, or no stl file")
-    return merge_duplicates(
-        corners.astype(np.float64), np.arange(len(corners), dtype=np.int64).reshape(-1, 3)
-    )
+    first, which = distinct_rows(corners)
+    rank = np.argsort(np.argsort(first))  # in the order of their first appearance
+    return corners[np.sort(first)].astype(np.float64), rank[which].reshape(-1, 3)
 
 
 def _corners(text: bytes) -> Floats:
@@ -48,15 +48,3 @@ def _corners(text: bytes) -> Floats:
         return np.array([float(x) for loop in loops for x in loop]).reshape(-1, 3)
     except ValueError:
         raise Damage("a corner is no number") from None
-
-
-def merge_duplicates(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """Merge vertices with exactly equal coordinates, in order of first appearance."""
-    order = np.lexsort(V.T)
-    leads = np.ones(len(V), dtype=bool)
-    leads[1:] = (V[order[1:]] != V[order[:-1]]).any(axis=1)
-    # The sort is stable: the first of a group is its first appearance.
-    first = np.empty(len(V), dtype=np.int64)
-    first[order] = order[leads][np.cumsum(leads) - 1]
-    kept = first == np.arange(len(V))
-    return V[kept], (np.cumsum(kept) - 1)[first[F]]

@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, distinct_rows
 from ..errors import counted
 from ..surface.validation import checked_vertices, usable_arrays
 from .archives import write_npz
@@ -201,11 +201,5 @@ def _indexed(F: Ints, uv: Floats) -> tuple[Floats, Ints, Ints]:
     (k,) of each. NaN is the same as NaN.
     """
     corner, plane = F.ravel(), uv.reshape(-1, 2)
-    key = np.nan_to_num(plane, nan=np.inf)
-    order = np.lexsort((key[:, 1], key[:, 0], corner))
-    corner, plane, key = corner[order], plane[order], key[order]
-    new = np.ones(len(order), dtype=bool)
-    new[1:] = (corner[1:] != corner[:-1]) | (key[1:] != key[:-1]).any(axis=1)
-    FT = np.empty(len(order), dtype=np.int64)
-    FT[order] = np.cumsum(new) - 1
-    return plane[new], FT.reshape(F.shape), corner[new]
+    first, FT = distinct_rows(np.column_stack([corner, np.nan_to_num(plane, nan=np.inf)]))
+    return plane[first], FT.reshape(F.shape), corner[first]

@@ -59,20 +59,11 @@ def generalized_laplacian(p: Complex, F: Ints, mu: Complex) -> csr_matrix:
     """Assemble the generalised Laplacian G(p, mu) of div(A grad u) = 0.
 
     Maps of the chart with Beltrami coefficient mu have coordinates u that satisfy this
-    equation with ::
-
-        A = 1/(1 - |mu|^2) [ |1 - mu|^2    -2 Im mu   ]
-                           [ -2 Im mu      |1 + mu|^2 ]
-
-    To first order such a map is p + mu conj(p) up to a similarity, so G is the cotangent
-    Laplacian of faces with the edges e + mu conj(e). In particular, when mu belongs to
-    the map from the chart to a surface, those faces are similar to the surface's own, and
-    **G(p, mu) is the cotangent Laplacian of the surface, whatever the chart**.
-
-    References
-    ----------
-    L. M. Lui, K. C. Lam, T. W. Wong, X. Gu. Texture map and video compression using
-    Beltrami representation. SIAM J. Imaging Sci. 6(4), 2013.
+    equation with A = [[|1 - mu|^2, -2 Im mu], [-2 Im mu, |1 + mu|^2]] / (1 - |mu|^2) (Lui, Lam,
+    Wong, Gu 2013). To first order such a map is p + mu conj(p) up to a similarity, so G is the
+    cotangent Laplacian of faces with the edges e + mu conj(e). When mu belongs to the map from the
+    chart to a surface, those faces are similar to the surface's own, and **G(p, mu) is the
+    cotangent Laplacian of the surface, whatever the chart**.
     """
     edges = opposite_edges(p[F])
     edges = edges + mu[:, None] * edges.conj()

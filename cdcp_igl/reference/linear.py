@@ -23,10 +23,9 @@ def ldcp(V: ArrayLike, F: ArrayLike, *, pinned: int = 50) -> Floats:
     neighbourhood pinned (south). The boundary lands near a circle, a Möbius transformation
     takes it near the unit circle, and it is projected.
 
-    The published program balances the scale and lifts to the sphere between the steps.
-    Both are similarities or Möbius transformations that the last one undoes. That one
-    takes three points, a third of the loop apart, to the cube roots of unity; the
-    program's own choice fails where the boundary lands on a short arc.
+    The published program also balances the scale and lifts to the sphere between the steps, which
+    the last one undoes. That takes three points, a third of the loop apart, to the cube roots of
+    unity; the program's own choice fails where the boundary lands on a short arc.
 
     Parameters
     ----------

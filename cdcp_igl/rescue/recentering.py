@@ -9,8 +9,6 @@ import numpy as np
 from ..arrays import Complex, Floats, Ints, spread_evenly
 from ..surface.mesh import DiskMesh
 
-__all__ = ["deep_vertex", "extents", "recentered"]
-
 FACES = 1_000  # enough to tell whether a part of the surface is too small
 # Faces this small by their distance from 0, and from the circle, have angles with errors of 1e-4.
 TOO_SMALL = 1e-12

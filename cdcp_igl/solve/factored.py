@@ -10,8 +10,7 @@ from ..arrays import Bools
 from ..cached import cached_property
 from ..surface.mesh import DiskMesh
 from .cholesky import Numbers
-from .delaunay import intrinsic_delaunay_laplacian
-from .laplacian import Laplacian, cotangent_laplacian
+from .laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
 from .memory import require_memory
 from .ordering import elimination_order
 from .solvers import factorize
@@ -20,13 +19,8 @@ from .solvers import factorize
 class FactoredSurface:
     """A surface, its Laplacian, eq. (8), and the Cholesky factor of L_II.
 
-    Parameters
-    ----------
-    mesh : DiskMesh
-    laplacian : Laplacian
-    free : (n,) bool, optional
-        The vertices that are unknowns, elsewhere values are given; those inside, if not told.
-        The block of the Laplacian for them is positive definite.
+    I are the `free` vertices, the unknowns; those inside, if not told. On the others values are
+    given.
 
     Attributes
     ----------
@@ -69,18 +63,7 @@ class FactoredSurface:
         return other
 
     def solve(self, b: Numbers) -> Numbers:
-        """Solve L_II x_I = b_I, I the free vertices.
-
-        Parameters
-        ----------
-        b : (n,) complex128 or float64
-            By the vertices; looked at where they are free.
-
-        Returns
-        -------
-        (n,) of the same type
-            Zero elsewhere.
-        """
+        """Solve L_II x_I = b_I, I the free vertices, for b (n,); x (n,) is zero elsewhere."""
         x = np.zeros_like(b)
         x[self._rows] = self._cholesky.solve(b[self._rows])
         return x
@@ -98,10 +81,7 @@ class FactoredSurface:
 
     @cached_property
     def delaunay(self) -> FactoredSurface:
-        """The same surface with the Laplacian of its intrinsic Delaunay triangulation.
-
-        It has no negative weights; made when it is first asked for.
-        """
+        """The same surface with the Laplacian of its intrinsic Delaunay triangulation."""
         return FactoredSurface(self.mesh, intrinsic_delaunay_laplacian(self.mesh))
 
     def release(self) -> None:

@@ -41,12 +41,9 @@ def factor_entries(n: int) -> float:
 
 
 def require_memory(n: int) -> None:
-    """Refuse a surface with n vertices if its map cannot fit into memory.
+    """Refuse a surface with n vertices if its map cannot fit into memory: SolverError.
 
-    Raises
-    ------
-    SolverError
-        With the estimate, and with what is available. Never where the system does not tell.
+    Never where the system does not tell.
     """
     if n < SMALLEST_CHECKED:
         return

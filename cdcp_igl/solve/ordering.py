@@ -22,14 +22,8 @@ def elimination_order(L: Laplacian, V: Floats, free: Bools) -> tuple[Ints | Indi
 
     The places V (n, 3) matter on large meshes only, and to the map by rounding errors only.
 
-    Returns
-    -------
-    rows : (k,) ndarray of int
-        The free vertices.
-    {"amd", "natural"}
-        Whether the solver is still to find an order of these, or takes them as they come.
-    str
-        What the order is called.
+    Return the free vertices (k,), whether the solver is still to find an order of these ("amd")
+    or takes them as they come ("natural"), and what the order is called.
 
     References
     ----------
@@ -49,13 +43,10 @@ def elimination_order(L: Laplacian, V: Floats, free: Bools) -> tuple[Ints | Indi
 def dissected(low: Indices, high: Indices, V: Floats, levels: int = LEVELS) -> Indices:
     """Cut a mesh with these edges into parts and separators, each part again and again.
 
-    Returns
-    -------
-    (n,) int16
-        The part of each vertex: for each level a digit in base 3, the first level first. 0 and
-        1 are the two sides, 2 the separator, so that in ascending order separators come after
-        what they separate. No edge joins two parts of which neither is a separator that comes
-        after the other.
+    Return the part of each vertex (n,): for each level a digit in base 3, the first level first.
+    0 and 1 are the two sides, 2 the separator, so that in ascending order separators come after
+    what they separate. No edge joins two parts of which neither is a separator that comes after
+    the other.
     """
     sides = _sides(V, levels)
     apart = np.flatnonzero(sides[low] != sides[high])

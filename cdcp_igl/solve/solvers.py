@@ -32,12 +32,7 @@ def factorize(A: spmatrix, ordering: Ordering = "amd") -> Cholesky:
 def solver() -> type[Cholesky]:
     """Return what is asked for by `using` or by the environment, or the fastest there is.
 
-    Raises
-    ------
-    ValueError
-        If no solver has that name.
-    MissingExtra
-        If it cannot be imported.
+    ValueError if no solver has that name, MissingExtra if it cannot be imported.
     """
     name = _asked_for.get() or os.environ.get(VARIABLE)
     return _load(checked(name)) if name else _fastest()

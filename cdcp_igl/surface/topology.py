@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix, csr_matrix, get_index_dtype
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from .. import libigl
-from ..arrays import Bools, Floats, Indices, Ints
+from ..arrays import Bools, Floats, Indices, Ints, distinct_rows
 from ..cached import cached_property
 from .validation import unit_size
 
@@ -280,7 +280,7 @@ def _counting_sort(
 
 def duplicate_faces(F: Ints) -> Ints:
     """Faces that have the corners of an earlier one, in whatever order."""
-    _, first = np.unique(np.sort(F, axis=1), axis=0, return_index=True)
+    first, _ = distinct_rows(np.sort(F, axis=1))
     return np.setdiff1d(np.arange(len(F)), first)
 
 
