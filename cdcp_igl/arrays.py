@@ -31,12 +31,12 @@ def blocks(m: int) -> Iterator[slice]:
         yield slice(start, start + BLOCK)
 
 
-def spread_evenly(m: int, most: int) -> Ints:
+def evenly_spaced_rows(m: int, most: int) -> Ints:
     """(k,) rows of at most so many of m, spread evenly."""
     return np.linspace(0, m - 1, min(most, m)).astype(np.int64)
 
 
-def distinct_rows(rows: Floats) -> tuple[Ints, Ints]:
+def distinct_rows(rows: NDArray[Any]) -> tuple[Ints, Ints]:
     """(k,) first of each set of equal rows, the rows ascending; (n,) which of the k each row is."""
     order = np.lexsort(rows.T[::-1])  # stable: the first comes first
     leads = np.ones(len(rows), dtype=bool)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, distinct_rows
 from ..errors import Defect, MeshError
 from ..surface.topology import Topology, duplicate_faces
 from ..surface.validation import repeated_corners, usable_arrays
@@ -174,8 +174,8 @@ def _corners_cut_at(F: Ints, n: int, path: ArrayLike) -> Ints:
     surface = Topology(F, n)
     inner = surface.edges.valence > 1
     pairs = np.vstack([surface.edges.ends(inner), steps])
-    _, number = np.unique(pairs, axis=0, return_inverse=True)
-    edge, asked = np.split(number.ravel(), [inner.sum()])
+    _, number = distinct_rows(pairs)
+    edge, asked = np.split(number, [inner.sum()])
     missing = steps[~np.isin(asked, edge)]
     if len(missing):
         raise MeshError(Defect.of("not an edge", missing, missing=len(missing), steps=len(steps)))

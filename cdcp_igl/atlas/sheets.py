@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, distinct_rows
 from ..errors import Defect, MeshError, counted
 from ..surface.topology import Topology, duplicate_faces
 from ..surface.triangles import corner_cotangents, degenerate_faces
@@ -166,7 +166,7 @@ def fill_left_out(F: Ints, mapped: Bools, corners: Ints, uv: Floats) -> None:
 
 def _twins(F: Ints, mapped: Bools) -> Ints:
     """(m,) a mapped face with the same three vertices as each face; -1 where there is none."""
-    _, group = np.unique(np.sort(F, axis=1), axis=0, return_inverse=True)
-    group, twin = group.ravel(), np.full(len(F), -1)
+    _, group = distinct_rows(np.sort(F, axis=1))
+    twin = np.full(len(F), -1)
     twin[group[mapped]] = np.flatnonzero(mapped)
     return twin[group]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, distinct_rows
 from ..defects import DEFECTS
 from ..errors import Defect, counted, spell
 from ..printing import as_html
@@ -308,7 +308,7 @@ def _defects_of_a_surface(surface: Topology, V: NDArray[Any]) -> Iterator[Defect
     if n_parts > 1:
         sizes = np.bincount(part)
         finite = V[np.isfinite(V).all(axis=1)]
-        coincide = len(np.unique(finite, axis=0)) < len(finite)
+        coincide = len(distinct_rows(finite)[0]) < len(finite)
         yield Defect.of(
             "several components" + (", coinciding" if coincide else ""),
             np.flatnonzero(part != sizes.argmax()),

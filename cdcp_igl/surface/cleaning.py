@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, distinct_rows
 from ..errors import Defect, MeshError, counted
 from .checking import check
 from .filling import fill_hole
@@ -144,12 +144,9 @@ class _Surface:
 
     def merge_vertices(self) -> None:
         rows = np.flatnonzero(self._topology().used)
-        # The first of equal rows stands for them all; + 0.0 makes -0.0 equal to 0.0.
-        _, first, group = np.unique(
-            self.V[rows] + 0.0, axis=0, return_index=True, return_inverse=True
-        )
+        first, group = distinct_rows(self.V[rows])  # the first stands for all that are equal
         merged = np.arange(len(self.V))
-        merged[rows] = rows[first[group.ravel()]]
+        merged[rows] = rows[first[group]]
         self.F = merged[self.F]
         self._say(len(rows) - len(first), "merged {} with an equal one", "vertex", "vertices")
 
