@@ -29,7 +29,7 @@ def blocks(m: int) -> list[slice]:
     return [slice(start, start + BLOCK) for start in range(0, m, BLOCK)]
 
 
-def spread_evenly(m: int, most: int) -> Ints:
+def evenly_spaced_rows(m: int, most: int) -> Ints:
     """(k,) rows of at most so many of m, spread evenly."""
     return np.linspace(0, m - 1, min(most, m)).astype(np.int64)
 

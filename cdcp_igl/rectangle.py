@@ -21,9 +21,8 @@ from .plot.layout import Layout
 from .rescue.conformality import Conformality, judge
 from .rescue.repair import Repair, repaired
 from .result.base import Result
-from .solve.delaunay import intrinsic_delaunay_laplacian
 from .solve.factored import FactoredSurface
-from .solve.laplacian import Laplacian, cotangent_laplacian
+from .solve.laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
 from .solve.solvers import SolverName, using
 from .steps.extension import harmonic_extension
 from .steps.options import Options
@@ -250,7 +249,7 @@ def _boundary_sides(mesh: DiskMesh, corners: ArrayLike) -> list[Ints]:
     chosen = np.asarray(corners)
     if chosen.shape != (4,) or chosen.dtype.kind not in "iu":
         raise ValueError(f"corners must be four vertices, not {corners!r}")
-    place, nB = mesh.place, len(mesh.loop)
+    place, nB = mesh.loop_index, len(mesh.loop)
     if not ((chosen >= 0) & (chosen < len(place))).all() or (place[chosen] < 0).any():
         raise ValueError(f"corners={chosen.tolist()} must be boundary vertices")
     steps = (np.roll(place[chosen], -1) - place[chosen]) % nB

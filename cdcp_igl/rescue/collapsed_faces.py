@@ -59,7 +59,7 @@ def _collapsed(mesh: DiskMesh, f: Complex) -> Ints:
 def _tips(mesh: DiskMesh, f: Complex) -> tuple[Ints, Complex]:
     """(k,) corner opposite the longest arc of each inscribed face; length of the other two."""
     angle = np.append(0, np.cumsum(increments(f[mesh.loop])))
-    corners = np.sort(mesh.place[mesh.F[mesh.inscribed]], axis=1)
+    corners = np.sort(mesh.loop_index[mesh.F[mesh.inscribed]], axis=1)
     arcs = angle[np.roll(corners, -1, axis=1)] - angle[corners]
     arcs[:, 2] += angle[-1]
     longest = arcs.argmax(axis=1)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, spread_evenly
+from ..arrays import Complex, Floats, Ints, evenly_spaced_rows
 from ..surface.mesh import DiskMesh
 
 FACES = 1_000  # enough to tell whether a part of the surface is too small
@@ -72,7 +72,7 @@ def deep_vertex(mesh: DiskMesh, f: Complex) -> int | None:
     int or None
         An interior vertex; None in the ordinary case.
     """
-    faces = mesh.F[spread_evenly(len(mesh.F), FACES)]
+    faces = mesh.F[evenly_spaced_rows(len(mesh.F), FACES)]
     size, distance = extents(f[faces])
     small = size < TOO_SMALL * np.minimum(distance, 1 - distance)
     if np.count_nonzero(small) <= FEW * len(faces):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, spread_evenly
+from ..arrays import Complex, Floats, Ints, evenly_spaced_rows
 from ..certificate import increments, is_around
 from ..distortion import plane_angles
 from ..steps.circle import RESOLVED
@@ -84,7 +84,7 @@ def straighten(
     if not is_sheared(mesh, f):
         return f, Straightening()
     shear, _ = common_shear(mesh, f, FEW_FACES)
-    sample = spread_evenly(len(mesh.F), MANY_FACES)
+    sample = evenly_spaced_rows(len(mesh.F), MANY_FACES)
     faces, angles = mesh.F[sample], mesh.angles[sample]
     first = last = float(abs(plane_angles(f, faces) - angles).mean())
     for _ in range(STEPS):
@@ -153,7 +153,7 @@ def common_shear(mesh: DiskMesh, f: Complex, most: int) -> tuple[complex, float]
     float
         The share of the angular distortion that it would remove.
     """
-    sample = spread_evenly(len(mesh.F), most)
+    sample = evenly_spaced_rows(len(mesh.F), most)
     corners = f[mesh.F[sample]]
     errors = plane_angles(f, mesh.F[sample]) - mesh.angles[sample]
     response = _angle_response(corners, -corners.conj())
