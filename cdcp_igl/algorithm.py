@@ -1,32 +1,33 @@
-"""Constructive disk conformal parameterization: Algorithm 1, one line a step."""
+"""Constructive disk conformal parameterization: Algorithm 1, and the way to a map."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .arrays import Complex, Floats
-from .rescue.boundary import FALLBACKS, Rejected, by_trace, whitened_geodesic_map
-from .rescue.harmonic_map import HarmonicMap
+from .rescue.boundary import BoundaryMethod
+from .rescue.candidate import HarmonicMap, Provenance, judged
 from .result.disk_map import DiskMap
-from .selection import best_map
+from .selection import finish, is_good, rescue
 from .solve.factored import FactoredSurface
 from .solve.laplacian import cotangent_laplacian
 from .solve.solvers import SolverName, using
+from .steps.alignment import rotate
 from .steps.center import Center, CenterMethod, central_face
-from .steps.mobius import MobiusMethod, normalize
+from .steps.circle import Rejected, onto_circle
+from .steps.extension import harmonic_extension
+from .steps.mobius import MobiusMethod, Normalization, normalize
 from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .steps.trace import boundary_trace, conjugate_trace
 from .steps.zipper import geodesic_map
 from .surface.mesh import DiskMesh
-
-__all__ = ["Attempts", "Steps", "algorithm_1", "cdcp", "disk_map"]
 
 
 def cdcp(
@@ -36,7 +37,7 @@ def cdcp(
     center: CenterMethod | int = "torsion",
     mobius: Literal["angle", "area"] | None = "angle",
     align: int | ArrayLike | None = None,
-    refine: int = 0,
+    refine: int | None = None,
     refine_norm: float = 1.5,
     refine_seconds: float = np.inf,
     preset: Literal["paper"] | None = None,
@@ -83,7 +84,7 @@ def disk_map(
     center: CenterMethod | int = "torsion",
     mobius: Literal["angle", "area"] | None = "angle",
     align: int | ArrayLike | None = None,
-    refine: int = 0,
+    refine: int | None = None,
     refine_norm: float = 1.5,
     refine_seconds: float = np.inf,
     preset: Literal["paper"] | None = None,
@@ -113,13 +114,13 @@ def disk_map(
         What lies at angle 0: a boundary vertex, which goes to (1, 0); or a direction in
         space: on the average over the surface, the map goes right where the surface goes
         that way. None is the boundary vertex of smallest index.
-    refine : int
+    refine : int or None
         Steps of refinement, 0 for none: Gauss-Newton on the sum of |angle error|^p over all
         corners; boundary vertices slide on the circle. Not in the paper. Most of the gain
-        comes with the first two; five take one to three times as long as the map itself. A
-        harmonic map that is measurably not near the conformal one has two steps in any case.
-        One that is not conformal, or had to be replaced by repair, has up to 100, as long as
-        each gains a thousandth; above 5,000 vertices, from the 20th on, three.
+        comes with the first two; five take one to three times as long as the map itself.
+        None is as needed: no step for a good map, two for one that is measurably not near
+        the conformal one, and for one that is not conformal, or had to be replaced by repair,
+        as many as gain enough, see `Refinement`.
     refine_norm : float
         The exponent p, from 1 to 2. The default lowers mean and SD; the nearer to 1, the
         lower the mean and the higher the SD.
@@ -179,10 +180,9 @@ def disk_map(
 
 
 def _disk_map(V: ArrayLike, F: ArrayLike, options: Options, progress: Progress | None) -> DiskMap:
-    phase = Phases(progress, options.refine)
+    phase = Phases(progress, options.refine or 0)
     with using(options.solver):
-        surface = factored_surface(V, F, options, phase)
-        return map_of(surface, options, phase, keep_factor=False)
+        return map_of(factored_surface(V, F, options, phase), options, phase)
 
 
 def factored_surface(
@@ -199,11 +199,31 @@ def factored_surface(
 
 
 def map_of(
-    surface: FactoredSurface, options: Options, phase: Phases, *, keep_factor: bool
+    surface: FactoredSurface,
+    options: Options,
+    phase: Phases,
+    *,
+    known: dict[object, HarmonicMap] | None = None,
 ) -> DiskMap:
-    """Map a factored surface once; `keep_factor` as in `best_map`."""
-    attempts = Attempts(surface, Steps.of(options))
-    return best_map(surface, attempts, options, phase, keep_factor=keep_factor)
+    """Map a factored surface by Algorithm 1, and where that map is not good, rescue it.
+
+    A surface that will be mapped again keeps its factor, and what is `known` of it: the last
+    harmonic map of Algorithm 1, by the options that it depends on.
+    """
+    steps, key = Steps.of(options), options.first_steps
+    try:
+        harmonic, f, mobius = algorithm_1(surface, steps, phase, (known or {}).get(key))
+    except Rejected as reason:
+        best = rescue(surface, steps.center(surface), reason, options, phase)
+    else:
+        if known is not None:
+            known.clear()
+            known[key] = harmonic
+        f = rotate(surface.mesh, f, options.align)
+        best = judged(surface.mesh, f, replace(harmonic.done, mobius=mobius), phase)
+        if not is_good(best, harmonic, options):
+            best = rescue(surface, best.done.center, harmonic, options, phase)
+    return finish(surface, best, options, phase, keep_factor=known is not None)
 
 
 @dataclass(frozen=True)
@@ -217,104 +237,67 @@ class Steps:
     trace : callable
         The boundary trace (nB,) for a surface and its central face, Theorem 1.
     circle : callable
-        The exterior map of a closed curve (nB,) onto the circle, eqs. (1)-(6).
+        The trace onto the circle, eqs. (1)-(6); raises `Rejected` where that fails.
     mobius : {"angle", "area", "nelder-mead"} or None
         What the Möbius transformation minimises, eqs. (19)-(20).
-    straightened : bool
-        Whether the shear that all faces have in common is taken out before that; not in the
-        paper.
     """
 
     center: Callable[[FactoredSurface], Center] = central_face
     trace: Callable[[FactoredSurface, int], Complex] = conjugate_trace
-    circle: Callable[[Complex], Complex] = whitened_geodesic_map
+    circle: Callable[[Complex], Complex] = onto_circle
     mobius: MobiusMethod | None = "angle"
-    straightened: bool = True
 
     @classmethod
     def of(cls, options: Options) -> Steps:
         """Choose the steps that the options of `disk_map` ask for."""
         if options.paper:
-            coldest = partial(central_face, center="heat", well_shaped=False)
-            return cls(
-                coldest, boundary_trace, geodesic_map, options.mobius_method, straightened=False
-            )
-        return cls(partial(central_face, center=options.center), mobius=options.mobius_method)
+            coldest = cache(partial(central_face, center="heat", well_shaped=False))
+            circle = partial(onto_circle, zipper=geodesic_map)
+            return cls(coldest, boundary_trace, circle, options.mobius_method)
+        center = cache(partial(central_face, center=options.center))
+        return cls(center, mobius=options.mobius_method)
 
 
-class Attempts:
-    """The harmonic maps of one surface, each made when it is first asked for.
-
-    The first is that of Algorithm 1; the others stand in for it where its trace gives no map,
-    or one that cannot be certified or is not conformal.
-
-    Parameters
-    ----------
-    surface : FactoredSurface
-    steps : Steps
-    """
-
-    def __init__(self, surface: FactoredSurface, steps: Steps) -> None:
-        self.surface, self.steps = surface, steps
-        self._center: Center | None = None
-        self._made: dict[int, HarmonicMap | Rejected] = {}
-
-    def __iter__(self) -> Iterator[Callable[[Phases], HarmonicMap]]:
-        return (partial(self.make, number) for number in range(1 + len(FALLBACKS)))
-
-    def make(self, number: int, phase: Phases) -> HarmonicMap:
-        """Do the first half of Algorithm 1, from the factor to a harmonic map; or Rejected."""
-        if number not in self._made:
-            try:
-                self._made[number] = self._harmonic_map(number, phase)
-            except Rejected as rejected:
-                self._made[number] = rejected
-        made = self._made[number]
-        if isinstance(made, Rejected):
-            raise made
-        return made
-
-    def _harmonic_map(self, number: int, phase: Phases) -> HarmonicMap:
-        surface, steps = self.surface, self.steps
-        if self._center is None:
-            with phase("center"):
-                self._center = steps.center(surface)  # sect. 4.1
-        tau_c = self._center
-        if number == 0:
-            with phase("trace"):
-                h_B = steps.trace(surface, tau_c.face)  # Theorem 1
-            with phase("circle"):
-                boundary = by_trace(surface, h_B, steps.circle)  # (1)-(6)
-        else:
-            with phase("circle"):
-                boundary = FALLBACKS[number - 1](surface, tau_c.face)
-        with phase("extension"):
-            straightened = steps.straightened
-            return HarmonicMap.of(surface.mesh, boundary, tau_c, straightened=straightened)  # (10)
-
-    @property
-    def started(self) -> bool:
-        """Whether the first map has been made."""
-        return 0 in self._made
-
-
-def algorithm_1(surface: FactoredSurface, steps: Steps) -> Complex:
+def algorithm_1(
+    surface: FactoredSurface,
+    steps: Steps,
+    phase: Phases | None = None,
+    harmonic: HarmonicMap | None = None,
+) -> tuple[HarmonicMap, Complex, Normalization]:
     """Algorithm 1 as it stands: no fallback, no repair, no certificate.
 
     Parameters
     ----------
     surface : FactoredSurface
     steps : Steps
+    phase : Phases, optional
+    harmonic : HarmonicMap, optional
+        What the first four steps give, if that is known.
 
     Returns
     -------
-    (n,) complex128
+    harmonic : HarmonicMap
+    f : (n,) complex128
+        After the Möbius transformation.
+    mobius : Normalization
 
     Raises
     ------
     Rejected
         If the trace gives no map of the boundary onto the circle.
     """
-    harmonic = Attempts(surface, steps).make(0, Phases())
-    f, _ = normalize(surface.mesh, harmonic.f, steps.mobius)  # (19), (20)
-    return f
+    phase = phase or Phases()
+    if harmonic is None:
+        with phase("center"):
+            center = steps.center(surface)  # (13)-(15)
+        with phase("trace"):
+            h_B = steps.trace(surface, center.face)  # Theorem 1, (18)
+        with phase("circle"):
+            f_B = steps.circle(h_B)  # (1)-(6)
+        with phase("extension"):
+            f = harmonic_extension(surface, f_B)  # (10)
+        done = Provenance(center=center, boundary=BoundaryMethod("geodesic"))
+        harmonic = HarmonicMap(surface, f, done)
+    with phase("mobius"):
+        f, mobius = normalize(surface.mesh, harmonic.f, steps.mobius)  # (19), (20)
+    return harmonic, f, mobius

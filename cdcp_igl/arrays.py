@@ -31,7 +31,7 @@ def blocks(m: int) -> Iterator[slice]:
         yield slice(start, start + BLOCK)
 
 
-def spread_evenly(m: int, most: int) -> Ints:
+def evenly_spaced_rows(m: int, most: int) -> Ints:
     """(k,) rows of at most so many of m, spread evenly."""
     return np.linspace(0, m - 1, min(most, m)).astype(np.int64)
 

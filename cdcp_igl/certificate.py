@@ -13,16 +13,6 @@ from .errors import counted
 from .surface.mesh import DiskMesh
 from .surface.triangles import oriented_areas
 
-__all__ = [
-    "BOUNDARY_TOLERANCE",
-    "Certificate",
-    "certify",
-    "flipped_faces",
-    "increments",
-    "is_around",
-]
-
-
 BOUNDARY_TOLERANCE = 1e-12
 # Neighbours on the boundary must be this far apart to stay so when rounding has moved them.
 SMALLEST_STEP = 1e-14

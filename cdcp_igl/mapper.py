@@ -8,9 +8,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .algorithm import Attempts, Steps
+from .algorithm import map_of
+from .rescue.candidate import HarmonicMap
 from .result.disk_map import DiskMap
-from .selection import best_map
 from .solve.factored import FactoredSurface
 from .solve.solvers import SolverName, using
 from .steps.center import CenterMethod
@@ -74,7 +74,7 @@ class DiskMapper:
         self._solver = solver
         with using(solver):
             self._surface = FactoredSurface.of(mesh)
-        self._last: tuple[object, Attempts] | None = None
+        self._known: dict[object, HarmonicMap] = {}
 
     @property
     def mesh(self) -> DiskMesh:
@@ -87,7 +87,7 @@ class DiskMapper:
         center: CenterMethod | int = "torsion",
         mobius: Literal["angle", "area"] | None = "angle",
         align: int | ArrayLike | None = None,
-        refine: int = 0,
+        refine: int | None = None,
         refine_norm: float = 1.5,
         refine_seconds: float = np.inf,
         preset: Literal["paper"] | None = None,
@@ -112,16 +112,12 @@ class DiskMapper:
         """
         options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
         options.check_rows(self.mesh)
-        last = self._last
-        if last is None or last[0] != (center, preset):
-            last = self._last = (center, preset), Attempts(self._surface, Steps.of(options))
-        attempts = last[1]
         skipped = ["check", "laplacian", "factor"]
-        if attempts.started:
+        if options.first_steps in self._known:
             skipped += ["center", "trace", "circle", "extension"]
-        phase = Phases(progress, refine, skipped)
+        phase = Phases(progress, refine or 0, skipped)
         with using(self._solver):
-            return best_map(self._surface, attempts, options, phase, keep_factor=True)
+            return map_of(self._surface, options, phase, known=self._known)
 
     def moved(self, V: ArrayLike) -> DiskMapper:
         """Take the same faces with moved vertices: no topological checks, no new ordering.
@@ -146,7 +142,7 @@ class DiskMapper:
         other = DiskMapper.__new__(DiskMapper)
         other._solver = self._solver
         other._surface = self._surface.moved(V)
-        other._last = None
+        other._known = {}
         return other
 
     def __reduce__(self) -> tuple[Any, ...]:

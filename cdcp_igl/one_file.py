@@ -127,7 +127,7 @@ class Mapped:
             "sd": result.distortion.sd,
             "area": float(np.abs(result.area_distortion()).mean()),
             "conformal": result.conformal,
-            "boundary": ", ".join(dict.fromkeys(disk.trace.name for disk in self.disks)),
+            "boundary": ", ".join(dict.fromkeys(disk.boundary.name for disk in self.disks)),
         }
 
     def report(self) -> dict[str, Any]:

@@ -19,11 +19,10 @@ from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, counted, spell
 from .plot.layout import Layout
 from .rescue.conformality import Conformality, judge
-from .rescue.repair import Repair, unfold
+from .rescue.repair import Repair, repaired
 from .result.base import Result
-from .solve.delaunay import intrinsic_delaunay_laplacian
 from .solve.factored import FactoredSurface
-from .solve.laplacian import Laplacian, cotangent_laplacian
+from .solve.laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
 from .solve.solvers import SolverName, using
 from .steps.extension import harmonic_extension
 from .steps.options import Options
@@ -250,7 +249,7 @@ def _boundary_sides(mesh: DiskMesh, corners: ArrayLike) -> list[Ints]:
     chosen = np.asarray(corners)
     if chosen.shape != (4,) or chosen.dtype.kind not in "iu":
         raise ValueError(f"corners must be four vertices, not {corners!r}")
-    place, nB = mesh.place, len(mesh.loop)
+    place, nB = mesh.loop_index, len(mesh.loop)
     if not ((chosen >= 0) & (chosen < len(place))).all() or (place[chosen] < 0).any():
         raise ValueError(f"corners={chosen.tolist()} must be boundary vertices")
     steps = (np.roll(place[chosen], -1) - place[chosen]) % nB
@@ -324,7 +323,7 @@ def _by_disk_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleM
     with phase("factor"):
         surface = FactoredSurface.of(mesh)
     with phase("circle"):
-        disk = map_of(surface, Options(), Phases(), keep_factor=True)
+        disk = map_of(surface, Options(), Phases(), known={})
     with phase("extension"):
         z, f = as_complex(disk.uv), np.empty(len(mesh.V), dtype=complex)
         corners = z[[side[0] for side in sides]]
@@ -388,7 +387,7 @@ def _mapped(
     repair = Repair()
     with phase("repair"):
         if _is_monotone(sides, f):
-            f, repair = unfold(mesh, f, on_disk=False)
+            f, repair = repaired(mesh, f, on_disk=False)
     with phase("certificate"):
         certificate = certify_rectangle(mesh, sides, f, modulus)
         degrees = np.degrees(abs(angle_errors(mesh, f)))

@@ -1,9 +1,9 @@
-"""Of the maps that were tried, the best: normalised, certified, judged and refined."""
+"""Which map is returned: that of Algorithm 1 if it is good, else the best that the rescue finds."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -12,110 +12,199 @@ import numpy as np
 from .arrays import Complex, coordinates
 from .distortion import AngleDistortion
 from .errors import MapError
-from .rescue.boundary import BoundaryMethod, Rejected
-from .rescue.candidate import SMALL, Candidate, judged, refined
-from .rescue.collapsed_faces import hold_open
-from .rescue.harmonic_map import HarmonicMap
-from .rescue.repair import MANY, Repair, embed, mend, unfold
-from .rescue.unfolding import keep_faces
+from .rescue.boundary import FALLBACKS, BoundaryMethod
+from .rescue.candidate import Candidate, HarmonicMap, Provenance, judged, refined
+from .rescue.collapsed_faces import open_collapsed_faces
+from .rescue.repair import Repair, repair_locally, repaired, replace_interior
 from .result.disk_map import DiskMap
 from .solve.factored import FactoredSurface
 from .steps.alignment import rotate
+from .steps.center import Center
+from .steps.circle import Rejected
+from .steps.extension import harmonic_extension, settled_extension
 from .steps.mobius import MobiusMethod, Normalization, composed, normalize
 from .steps.options import Options
 from .steps.phases import Phases
 from .surface.mesh import DiskMesh
-
-__all__ = ["best_map"]
 
 log = logging.getLogger("cdcp_igl")
 
 # If a larger share of the faces is flipped, other maps come first: those of the intrinsic
 # Delaunay Laplacian have a hundredth of the flipped faces of the cotangent one on slivers.
 MANY_FLIPPED = 0.003
-# A map with so many times the distortion of another may still be the better one after refinement.
-HANDICAP = 2
 # Even area, if it was asked for, may raise the angular distortion by so much.
 PRICE_OF_AREA = 1.05
 REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
 
+Repairing = Callable[[DiskMesh, Complex], tuple[Complex, Repair]]
 
-Way = Callable[[Phases], HarmonicMap]  # to a harmonic map; raises Rejected where there is none
+
+def is_good(first: Candidate, harmonic: HarmonicMap, options: Options) -> bool:
+    """Whether the map of Algorithm 1 needs no rescue."""
+    if options.paper:
+        return not first.conformality.sheared
+    return not (first.is_doubtful(harmonic.surface.mesh) or harmonic.is_mendable)
 
 
-def best_map(
+def rescue(
     surface: FactoredSurface,
-    ways: Iterable[Way],
+    center: Center,
+    first: HarmonicMap | Rejected,
+    options: Options,
+    phase: Phases,
+) -> Candidate:
+    """Find a better map than the one of Algorithm 1, or one where it has none.
+
+    The boundary by the trace, else by harmonic measure, else by arc length; then the interior
+    without flipped faces. The best valid map is returned, or else the best that there is.
+    """
+    tried: list[tuple[HarmonicMap, Candidate]] = []
+    rejected: list[str] = []
+    for harmonic in _harmonic_maps(surface, center, first, phase):
+        if isinstance(harmonic, Rejected):
+            rejected.append(str(harmonic))
+            continue
+        with phase("extension"):
+            harmonic = harmonic.mended(straightened=not options.paper)
+        candidate = _normalized(harmonic, options, phase, MANY_FLIPPED)
+        tried.append((harmonic, candidate))
+        if not (candidate.conformality.sheared or candidate.is_doubtful(surface.mesh)):
+            break
+    candidates = [candidate for _, candidate in tried]
+    if all(candidate.conformality.sheared for candidate in candidates):
+        for harmonic, failed in sorted(tried, key=lambda pair: pair[1].rank):
+            if not failed.certificate.valid:
+                candidates.append(_unfolded(harmonic, failed, options, phase))
+                if candidates[-1].certificate.valid:
+                    break
+    candidates.sort(key=lambda candidate: candidate.rank)
+    best, *others = candidates
+    rejected += dict.fromkeys(other.objection() for other in others)
+    for objection in rejected:
+        log.info("boundary by %s, rejected %s", best.done.boundary.name, objection)
+    boundary = replace(best.done.boundary, rejected=tuple(rejected))
+    return replace(best, done=replace(best.done, boundary=boundary))
+
+
+def _harmonic_maps(
+    surface: FactoredSurface, center: Center, first: HarmonicMap | Rejected, phase: Phases
+) -> Iterator[HarmonicMap | Rejected]:
+    """Yield the map of Algorithm 1, then those of other boundaries on the Delaunay Laplacian."""
+    yield first
+    for name, boundary in FALLBACKS.items():
+        try:
+            with phase("circle"):
+                f_B = boundary(surface, center.face)
+        except Rejected as reason:
+            yield reason
+            continue
+        with phase("extension"):
+            f = harmonic_extension(surface.delaunay, f_B)  # (10)
+            f = settled_extension(surface.delaunay, f)
+        method = BoundaryMethod(name, laplacian="intrinsic Delaunay")
+        yield HarmonicMap(surface.delaunay, f, Provenance(center=center, boundary=method))
+
+
+def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases, share: float) -> Candidate:
+    """Apply the Möbius transformation, unless the map is better without it; repair, and judge.
+
+    A transformed map that had to be repaired, or that has moved a small part of the surface away
+    from 0, is held against the map without the transformation. Nothing is repaired if a larger
+    share of the faces is flipped.
+    """
+    repairing = partial(repair_locally, most=share * len(harmonic.surface.mesh.F))
+    method = options.mobius_method
+    candidate = finished(harmonic, method, options, phase, repairing)
+    if method is None or not (harmonic.w or candidate.done.repair.rounds):
+        return candidate
+    plain = finished(harmonic, None, options, phase, repairing)
+    price = PRICE_OF_AREA if method == "area" else 1
+    if (plain.rank[0], price * plain.rank[1]) < candidate.rank:
+        rejected = replace(candidate.done.mobius, w=harmonic.w)
+        rejected = replace(rejected, rejected=rejected.rejected or "repair")
+        return replace(plain, done=replace(plain.done, mobius=rejected))
+    return candidate
+
+
+def _unfolded(
+    harmonic: HarmonicMap, failed: Candidate, options: Options, phase: Phases
+) -> Candidate:
+    """Find a valid map with this boundary at whatever cost, without a Möbius transformation."""
+    repairing = replace_interior if failed.done.repair.rounds else repaired
+    candidate = finished(harmonic, None, options, phase, repairing)
+    if options.mobius_method is not None:
+        rejected = Normalization(options.mobius_method, 0j, "repair")
+        candidate = replace(candidate, done=replace(candidate.done, mobius=rejected))
+    return candidate
+
+
+def finished(
+    harmonic: HarmonicMap,
+    method: MobiusMethod | None,
+    options: Options,
+    phase: Phases,
+    repairing: Repairing | None = None,
+) -> Candidate:
+    """Do the last step of Algorithm 1 and what rounding asks for, repair if asked to, and judge."""
+    mesh, n_opened = harmonic.surface.mesh, 0
+
+    def placed(f: Complex) -> Complex:
+        nonlocal n_opened
+        f, n_opened = open_collapsed_faces(mesh, rotate(mesh, f, options.align))
+        return f
+
+    with phase("mobius"):
+        f, mobius = normalize(mesh, harmonic.f, method, placed)  # (19), (20)
+    mobius = replace(mobius, w=composed(harmonic.w, mobius.w))
+    repair = Repair()
+    if repairing:
+        with phase("repair"):
+            f, repair = repairing(mesh, f)
+    if repair.n_flipped:
+        log.info("%s", repair)
+    boundary = replace(harmonic.done.boundary, n_opened=n_opened)
+    done = replace(harmonic.done, boundary=boundary, mobius=mobius, repair=repair)
+    return judged(mesh, f, done, phase, closely=repair.n_flipped > 0)
+
+
+def finish(
+    surface: FactoredSurface,
+    best: Candidate,
     options: Options,
     phase: Phases,
     *,
     keep_factor: bool,
 ) -> DiskMap:
-    """Try one way after the other until a map is near the conformal one, and refine the best.
+    """Refine a map if that is asked for or needed, and say what it is.
 
     Parameters
     ----------
     surface : FactoredSurface
-    ways : iterable of callable
-        They make harmonic maps, the one to be preferred first; the last always does.
+    best : Candidate
     options : Options
     phase : Phases
     keep_factor : bool
         Whether the surface will be mapped again. If not, refinement, which makes a factor of
         its own, begins by giving back the memory of this one.
 
-    Returns
-    -------
-    DiskMap
-
     Raises
     ------
     MapError
-        If no map is valid.
+        If the map is not valid.
     """
-    mesh, candidates, rejected, known = surface.mesh, [], [], []
-    for way in ways:
-        try:
-            harmonic = way(phase)
-        except Rejected as reason:
-            rejected.append(str(reason))
-            continue
-        known.append(harmonic)
-        candidates.append(_normalized(mesh, harmonic, options, phase, MANY_FLIPPED))
-        latest = candidates[-1]
-        if not (latest.conformality.sheared if options.paper else latest.doubtful(mesh)):
-            break
-    if all(candidate.conformality.sheared for candidate in candidates):
-        candidates += [
-            unfolded
-            for harmonic, candidate in zip(known, tuple(candidates), strict=True)
-            if not candidate.certificate.valid
-            for unfolded in _unfolded(mesh, harmonic, candidate, options, phase)
-        ]
-    first = candidates[0]
-    candidates.sort(key=lambda candidate: candidate.rank)
-    rivals = _rivals(candidates, first)
-    due = [max(options.refine, 0 if options.paper else rival.steps_due) for rival in rivals]
-    if any(due) and candidates[0].certificate.valid:
+    mesh = surface.mesh
+    steps = options.refine
+    if steps is None:
+        steps = 0 if options.paper else best.steps_due
+    if steps and best.certificate.valid:
         if not keep_factor:
             surface.release()
-        lowered = [
-            refined(mesh, rival, surface.order, steps, options, phase) if steps else rival
-            for rival, steps in zip(rivals, due, strict=True)
-        ]
-        # The others are no choice any more: the mean of a refined map may be above theirs, as it
-        # is the power mean that was lowered.
-        candidates[: len(rivals)] = sorted(lowered, key=lambda candidate: candidate.rank)
-    best, *others = candidates
-    rejected += dict.fromkeys(other.objection() for other in others)
-    for objection in rejected:
-        log.info("boundary by %s, rejected %s", best.trace.name, objection)
-    best = replace(best, trace=replace(best.trace, rejected=tuple(rejected)))
+        best = refined(mesh, best, surface.order, steps, options, phase)
     result = _disk_map(surface, best, phase)
     if not result.valid:
         raise MapError(
             f"The map is not a bijection onto the disk: {result.certificate}. "
-            f"Boundary: {result.trace}. Parts of it may be too small on the disk for double "
+            f"Boundary: {result.boundary}. Parts of it may be too small on the disk for double "
             "precision: cut the surface where it is long or branches (cdcp_igl.cut)",
             result,
         )
@@ -125,111 +214,14 @@ def best_map(
     return result
 
 
-def _rivals(candidates: list[Candidate], first: Candidate) -> list[Candidate]:
-    """Those of the candidates, best first, that are refined: the best, or all that are near it.
-
-    Which of several bad maps of a coarse mesh leads to the best one shows in the end only.
-    """
-    best = candidates[0]
-    if (best.conformality and first.conformality) or len(best.f) > SMALL:
-        return [best]
-    worst = (False, HANDICAP * best.rank[1])
-    return [candidate for candidate in candidates if candidate.rank <= worst] or [best]
-
-
-def _normalized(
-    mesh: DiskMesh, harmonic: HarmonicMap, options: Options, phase: Phases, share: float
-) -> Candidate:
-    """Do the second half of Algorithm 1, the Möbius transformation; then repair and judge.
-
-    A transformed map that had to be repaired, or that has moved a small part of the surface away
-    from 0, is held against the map without the transformation, and the better one is taken. What
-    cannot be repaired cannot without it either: it has the same flipped faces.
-    Nothing is repaired if a larger share of the faces is flipped.
-    """
-    method, repair = options.mobius_method, partial(mend, most=share * len(mesh.F))
-    plain = None
-    if harmonic.w and method:
-        plain = _repaired(mesh, harmonic, options, None, repair, phase)
-    if plain and plain.certificate.valid:
-        repair = partial(mend, most=0)  # what needs repair now is no improvement
-    candidate = _repaired(mesh, harmonic, options, method, repair, phase)
-    repaired = candidate.repair.rounds > 0 and candidate.certificate.valid
-    if repaired and candidate.mobius.w != harmonic.w and not plain:
-        plain = _repaired(mesh, harmonic, options, None, repair, phase)
-    price = PRICE_OF_AREA if method == "area" else 1
-    if plain and (plain.rank[0], price * plain.rank[1]) < candidate.rank:
-        reason = candidate.mobius.rejected or "repair"
-        rejected = Normalization(candidate.mobius.method, harmonic.w, reason)
-        return replace(plain, mobius=rejected)
-    return candidate
-
-
-def _unfolded(
-    mesh: DiskMesh, harmonic: HarmonicMap, failed: Candidate, options: Options, phase: Phases
-) -> Iterator[Candidate]:
-    """Find valid maps with this boundary at whatever cost, and judge them.
-
-    The interior is replaced, without a Möbius transformation, if the faces that are turned over
-    cannot be kept. It is replaced as well if the mesh is small: slivers that are kept may shear
-    what is around them.
-    """
-    with phase("extension"):
-        kept = keep_faces(mesh, harmonic, straightened=not options.paper)
-    if kept is not harmonic:
-        candidate = _normalized(mesh, kept, options, phase, share=MANY)
-        yield candidate
-        if candidate.certificate.valid and len(mesh.V) > SMALL:
-            return
-    repaired = embed if failed.repair.rounds else unfold
-    candidate = _repaired(mesh, harmonic, options, None, repaired, phase)
-    if options.mobius_method is not None:
-        rejected = Normalization(options.mobius_method, 0j, "repair")
-        candidate = replace(candidate, mobius=rejected)
-    yield candidate
-
-
-def _repaired(
-    mesh: DiskMesh,
-    harmonic: HarmonicMap,
-    options: Options,
-    method: MobiusMethod | None,
-    repaired: Callable[[DiskMesh, Complex], tuple[Complex, Repair]],
-    phase: Phases,
-) -> Candidate:
-    n_held = 0
-
-    def finished(f: Complex, w: complex) -> Complex:
-        nonlocal n_held
-        f = rotate(mesh, f, options.align)
-        f = harmonic.placed(f, w)
-        f, n_held = hold_open(mesh, f)
-        return f
-
-    with phase("mobius"):
-        f, normalization = normalize(mesh, harmonic.f, method, finished)  # (19), (20)
-    normalization = replace(normalization, w=composed(harmonic.w, normalization.w))
-    with phase("repair"):
-        f, repair = repaired(mesh, f)
-    if repair.n_flipped:
-        log.info("%s", repair)
-    trace = replace(harmonic.boundary.method, n_spread=n_held)
-    # What repair leaves behind is in few places.
-    known = judged(mesh, f, phase, closely=repair.n_flipped > 0)
-    return Candidate(
-        f, *known, harmonic.center, trace, harmonic.straightening, normalization, repair
-    )
-
-
 def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskMap:
-    mesh = surface.mesh
+    mesh, conformality = surface.mesh, best.conformality
     with phase("distortion"):
-        distortion = free = AngleDistortion.of(best.degrees)
+        distortion = of_free_faces = AngleDistortion.of(best.degrees)
         if 0 < len(mesh.inscribed) < len(mesh.F):
-            free = AngleDistortion.of(np.delete(best.degrees, mesh.inscribed, axis=0))
-    conformality = best.conformality
+            of_free_faces = AngleDistortion.of(np.delete(best.degrees, mesh.inscribed, axis=0))
     if not conformality:
-        causes = tuple(_causes(best.trace, best.repair, len(mesh.V)))
+        causes = tuple(_causes(best.done, len(mesh.V)))
         conformality = replace(conformality, reasons=conformality.reasons + causes)
     return DiskMap(
         uv=coordinates(best.f),
@@ -237,24 +229,17 @@ def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskM
         certificate=best.certificate,
         conformality=conformality,
         distortion=distortion,
-        distortion_free=free,
-        center=best.center,
-        trace=best.trace,
-        repair=best.repair,
-        straightening=best.straightening,
-        mobius=best.mobius,
-        refinement=best.refinement,
+        distortion_of_free_faces=of_free_faces,
         solver=surface.solver,
         timings=phase.seconds,
+        **vars(best.done),
     )
 
 
-def _causes(trace: BoundaryMethod, repair: Repair, n: int) -> Iterator[str]:
+def _causes(done: Provenance, n: int) -> Iterator[str]:
     """Say what may have kept a map from being conformal."""
-    if trace.name == "arc length":
+    if done.boundary.name == "arc length":
         yield "the boundary lies by arc length"
-        yield from (reason for reason in trace.rejected if "crowding" in reason)
-    if trace.reason:
-        yield trace.reason
-    if repair.n_moved > REPAIRED_SHARE * n:
-        yield f"repair of flipped faces moved {repair.n_moved / n:.0%} of the vertices"
+        yield from (reason for reason in done.boundary.rejected if "crowding" in reason)
+    if done.repair.n_moved > REPAIRED_SHARE * n:
+        yield f"repair of flipped faces moved {done.repair.n_moved / n:.0%} of the vertices"

@@ -213,3 +213,10 @@ def prism(sides, height):
     wall = [np.column_stack([i, j, sides + j]), np.column_stack([i, sides + j, sides + i])]
     F = np.vstack([*wall, np.column_stack([np.full(sides - 2, sides), lid, lid + 1])])
     return np.vstack(V), F
+
+
+def rugged(seed):
+    """A surface that rises and falls by more than its edges are long."""
+    V, F = grid(16, 16)
+    V = np.column_stack([V[:, :2], np.random.default_rng(seed).normal(size=len(V))])
+    return V * [1, 1, 3], F

@@ -2,8 +2,6 @@
 
 import multiprocessing
 import os
-import struct
-import zipfile
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from datetime import datetime
 from itertools import pairwise
@@ -23,7 +21,7 @@ from cdcp_igl.reference.case import run_case
 
 @pytest.fixture
 def scans(tmp_path):
-    return write_surfaces(tmp_path / "scans", 5)
+    return write_surfaces(tmp_path / "scans", 3)
 
 
 @pytest.fixture
@@ -41,21 +39,20 @@ def write_unruly(folder, *names):
 
 @pytest.mark.usefixtures("unruly")
 def test_one_surface_does_not_cost_the_others(scans, tmp_path):
-    write_unruly(scans, "kill", "segfault", "once", "words", "hang", "hog", "chatty")
+    write_unruly(scans, "kill", "once", "words", "hang", "hog", "chatty")
     limits = {"time_limit": 4, "memory_limit": 500}
     made = batch([scans], tmp_path / "maps", jobs=2, **limits)
     said = {record.name: (record.error, record.message) for record in made.failed}
     assert said == {
         "kill_x": ("Crash", "crashed: SIGKILL (3 times)"),
-        "segfault_x": ("Crash", "crashed: SIGSEGV (3 times)"),
         "words_x": ("Crash", "failed: last words (3 times)"),
         "hang_x": ("TimeLimit", "no result within 4 s"),
         "hog_x": ("MemoryLimit", "more than 500 MiB of memory"),
     }
-    assert len(made.done) == 7
+    assert len(made.done) == 5
     seen = []
     batch([scans], tmp_path / "maps", progress=lambda *counts: seen.append(counts), **limits)
-    assert seen == [(7, 5, 12)]
+    assert seen == [(5, 4, 9)]
 
 
 def test_a_worker_that_cannot_start(scans, tmp_path, monkeypatch):
@@ -74,14 +71,14 @@ def test_files_where_the_user_works_are_no_modules(scans, tmp_path, monkeypatch)
     monkeypatch.chdir(tmp_path)
     for name in ("random", "numpy"):
         Path(f"{name}.py").write_text("raise ImportError('this is a script')")
-    assert len(batch([scans], "maps").done) == 5
+    assert len(batch([scans], "maps").done) == 3
     assert run_case("lscm", *meshes.grid(), time_limit=60)[0].outcome == "ok"
 
 
 def test_large_surfaces_wait_for_each_other(scans, tmp_path, monkeypatch):
     monkeypatch.setattr(pool, "available_memory", lambda: 100 * 2**20)
     made = batch([scans], tmp_path / "maps", jobs=3)
-    assert len(made.done) == 5
+    assert len(made.done) == 3
     ends = [datetime.fromisoformat(record.finished).timestamp() for record in made.done]
     spans = sorted((end - r.seconds, end) for end, r in zip(ends, made.done, strict=True))
     for (_, end), (start, _) in pairwise(spans):
@@ -99,41 +96,11 @@ def test_the_memory_is_guessed_from_above(tmp_path, suffix):
         trimesh.Trimesh(V, F, process=False).export(path)
     least = memory_needed(tmp_path / "missing.obj")
     assert least + 2000 * 1e-3 < memory_needed(path) < least + 2000 * 1e-2
-
-
-def test_odd_archives_are_failures_of_their_own(scans, tmp_path):
-    """Guessing the memory of one ends no batch."""
-    np.savez(scans / "none.npz", uv=np.zeros((3, 2)))
-    headers = {
-        "open": "{'shape': (4",
-        "unhashable": "{[]: 1}",
-        "giant": f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({10**400}, 3)}}",
-    }
-    for name, header in headers.items():
-        with zipfile.ZipFile(scans / f"{name}.npz", "w") as archive:
-            data = np.lib.format.magic(1, 0) + struct.pack("<H", len(header)) + header.encode()
-            archive.writestr("V.npy", data)
-    with zipfile.ZipFile(scans / "packed.npz", "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("V.npy", bytes(1000))
-    data = (scans / "packed.npz").read_bytes()
-    (scans / "packed.npz").write_bytes(data[:35] + b"\xff" + data[36:])
-    done = invoke(scans, tmp_path / "maps")
-    assert (done.exit_code, done.stderr) == (4, "")
-    said = {line["name"]: line["error"] for line in lines(tmp_path / "maps") if line["error"]}
-    assert said == dict.fromkeys(["none", *headers, "packed"], "MeshError")
-    assert len(contents(tmp_path / "maps")) == 5
+    path.with_name("odd.npz").write_bytes(b"no archive")  # which ends no batch
+    assert memory_needed(path.with_name("odd.npz")) == least
 
 
 # -- executors -------------------------------------------------------------------------
-
-
-def test_the_processes_of_an_executor(scans, tmp_path):
-    in_this_process([scans], tmp_path / "whole")
-    with ProcessPoolExecutor(2) as executor:
-        made = batch([scans], tmp_path / "maps", executor=executor)
-    assert len(made.done) == 5
-    assert contents(tmp_path / "maps") == contents(tmp_path / "whole")
-    assert not list((tmp_path / "maps").glob(".*"))
 
 
 @pytest.mark.usefixtures("unruly")
@@ -145,7 +112,10 @@ def test_an_executor_that_breaks(scans, tmp_path):
     with spawned as executor, pytest.raises(BrokenExecutor, match="are left for"):
         batch([scans], out, executor=executor)
     assert [line["error"] for line in lines(out) if line["status"] == "failed"] == ["Crash"]
-    assert len(batch([scans], out).done) == 5
+    with ProcessPoolExecutor(2) as executor:
+        assert len(batch([scans], out, executor=executor).done) == 3
+    in_this_process([scans / "surface_*.npz"], tmp_path / "whole")
+    assert contents(out) == contents(tmp_path / "whole")
     assert not list(out.glob(".*"))
 
 
@@ -177,7 +147,7 @@ def test_dask(scans, tmp_path, cluster):
     said = {record.name: (record.error, record.message) for record in made.failed}
     assert said.pop("torn")[0] == "MeshError"
     assert said == {"kill_x": ("Crash", "the worker died (3 times)")}
-    assert len(made.done) == 7
+    assert len(made.done) == 5
     assert contents(tmp_path / "maps") == contents(tmp_path / "whole")
     assert not list(tmp_path.glob("*/.*"))
     done = invoke(scans / "torn.npz", tmp_path / "one", "--scheduler", cluster.scheduler_address)

@@ -102,6 +102,15 @@ def test_a_tube_is_cut_along_a_straight_line():
     assert opened.bend < tube.uncut.bend + 2 * np.pi + 0.1
 
 
+def test_the_first_cut_of_a_closed_surface_has_no_loose_end(real_mesh):
+    """Where the shortest paths begin, one edge would be left over."""
+    V, F = real_mesh("any/handles_kitten_10000")
+    kitten = component(np.asarray(V, float), np.asarray(F, np.int64))
+    edges = cut_to_disk(kitten).cut_edges
+    _, visits = np.unique([kitten.tail[edges], kitten.head[edges]], return_counts=True)
+    assert visits.min() > 1
+
+
 def test_a_long_sphere_is_cut_from_tip_to_tip():
     V, F = surfaces.sphere(rings=20, stretch=3)
     edges = cdcp_igl.cut(V, F).edges

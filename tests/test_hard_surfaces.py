@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 import cdcp_igl
 from cdcp_igl.reference import fdcp, harmonic
 from cdcp_igl.rescue.relaxation import Relaxation
-from cdcp_igl.rescue.repair import mend
+from cdcp_igl.rescue.repair import repair_locally
 from cdcp_igl.surface.mesh import DiskMesh
 
 
@@ -109,9 +109,9 @@ def test_a_prism_with_needles(sides, height):
 # What they have reached, in degrees.
 REACHED = {
     "3holes_g3_seam": 5.120,
-    "alligator_3208": 5.187,
+    "alligator_3208": 5.197,
     "bull_17918_seam": 2.715,
-    "camel_b_2032": 11.918,
+    "camel_b_2032": 7.869,
     "cow_3195_seam": 6.174,
     "cuhk_bunny_1355": 3.773,
     "falcon_punct": 1.797,
@@ -120,9 +120,9 @@ REACHED = {
     "human_punct": 6.286,
     "kitten20k_g1_seam": 2.199,
     "koala_punct": 1.124,
-    "octopus_punct": 19.975,
+    "octopus_punct": 20.996,
     "rangemap_lato000_ears": 0.890,
-    "rangemap_lato180_ears": 3.353,
+    "rangemap_lato180_ears": 8.950,
     "sophie_stl_15282_ears": 0.967,
 }
 
@@ -170,14 +170,14 @@ def test_a_relaxation_that_flips_a_face_at_the_end_of_repair_is_undone(monkeypat
     folded = f.copy()
     vertex = mesh.interior[44]
     folded[vertex] += 0.4
-    well, repair = mend(mesh, folded)
+    well, repair = repair_locally(mesh, folded)
     assert repair.rounds == 1  # so that the relaxation at the end is the only one
 
-    def throw(self, f, sweeps, softness=0.0):
+    def throw(self, f, sweeps):
         return np.where(np.arange(len(f)) == len(f) // 2, 2, f)
 
     monkeypatch.setattr(Relaxation, "sweep", throw)
-    mended, _ = mend(mesh, folded)
+    mended, _ = repair_locally(mesh, folded)
     assert cdcp_igl.certificate.certify(mesh, np.column_stack([mended.real, mended.imag])).valid
     assert abs(mended - well).max() < 0.1
 

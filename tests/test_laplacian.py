@@ -3,8 +3,7 @@ import meshes
 import numpy as np
 import pytest
 
-from cdcp_igl.solve.delaunay import intrinsic_delaunay_laplacian
-from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.solve.laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
 from cdcp_igl.surface.mesh import DiskMesh
 
 SLIVER = 25.0  # cotangent beyond which a face is one
@@ -69,3 +68,12 @@ def test_intrinsic_delaunay_laplacian_has_no_negative_weight_inside():
     assert delaunay.toarray()[inside][off_diagonal].max() < 1e-12
     x = mesh.V[:, 0]
     assert x @ delaunay @ x <= x @ plain @ x  # Rippa: Delaunay has the least energy
+
+
+def test_faces_whose_lengths_do_not_know_their_angles_are_kept():
+    """Its edges would be flipped to and fro for ever."""
+    mesh = DiskMesh([[0, 0], [1, 0], [0.5, 1e-8], [0, 1]], [[0, 1, 2], [0, 2, 3]])
+    L = intrinsic_delaunay_laplacian(mesh)
+    assert list(zip(L.low, L.high, strict=True)) == [(0, 1), (0, 2), (0, 3), (1, 2), (2, 3)]
+    assert (L.weights > 0).all()
+    assert (L.weights[[1, 3]] > 1e7).all()

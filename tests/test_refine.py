@@ -159,7 +159,7 @@ def test_a_bad_start_improves_without_a_flip(seed):
     rng = np.random.default_rng(seed)
     scattered = Z.copy()
     scattered[MESH.interior] = rng.uniform(-1, 1, (len(MESH.interior), 2)) @ [1, 1j] / 2
-    f, _ = cdcp_igl.rescue.repair.unfold(MESH, scattered)
+    f, _ = cdcp_igl.rescue.repair.repaired(MESH, scattered)
     refined, account = lower_angle_distortion(MESH, f, ORDER, 20, 1.5)
     assert account.steps > 0
     assert certify(MESH, np.column_stack([refined.real, refined.imag])).valid
@@ -249,19 +249,6 @@ def test_position_and_scale_do_not_matter():
     )
 
 
-def test_the_analysis_is_shared(monkeypatch):
-    made = []
-
-    class Counting(refine_module.Cholesky):
-        def __init__(self, A, ordering):
-            made.append(ordering)
-            super().__init__(A, ordering)
-
-    monkeypatch.setattr(refine_module, "Cholesky", Counting)
-    cdcp_igl.disk_map(V, F, refine=4)
-    assert made == ["natural"]  # the order is that of the harmonic map's factor
-
-
 def test_progress_grows_with_every_step():
     seen = []
     cdcp_igl.disk_map(V, F, refine=4, progress=lambda *step: seen.append(step))
@@ -271,8 +258,29 @@ def test_progress_grows_with_every_step():
     assert fractions[0] < 0.5 < fractions[-1]
 
 
+def test_steps_that_nobody_asked_for_end_where_there_is_little_to_gain_or_no_hope():
+    f, account = lower_angle_distortion(MESH, Z, ORDER, 30, 1.5, wanted=1)
+    assert account.stopped == "little to gain"
+    assert 3 <= account.steps < 30
+    assert certify(MESH, np.column_stack([f.real, f.imag])).valid
+
+
+def test_steps_that_cannot_make_a_map_conformal_end():
+    """Ten of 0.3 % each, and ninety more of them, would leave three quarters."""
+    assert refine_module._in_vain([0.003] * 9, 91, 0.2) == ""
+    assert refine_module._in_vain([0.003] * 10, 90, 0.2) == "out of reach"
+    assert refine_module._in_vain([0.003] * 10, 90, 0.5) == ""
+
+
+def test_no_step_is_taken_if_none_is_wanted():
+    V, F = meshes.corridor(20, 4)
+    as_needed, none = cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(V, F, refine=0)
+    assert as_needed.refinement.steps > 0
+    assert none.refinement is None
+
+
 def test_bad_options():
-    for bad in (-1, 1.5, "2", None):
+    for bad in (-1, 1.5, "2"):
         with pytest.raises(ValueError, match="refine must"):
             cdcp_igl.disk_map(V, F, refine=bad)
     for bad in (0.9, 2.1, float("nan"), True):
@@ -344,6 +352,6 @@ def test_what_was_asked_for_is_not_given_up_for_a_map_without_it():
     V = [[45, 96], [88, 32], [25, 45], [96, 10], [84, 15], [57, 52], [6, 46], [48, 92]]
     F = [[4, 2, 6], [3, 1, 4], [2, 4, 5], [4, 1, 5], [7, 5, 1], [0, 6, 2], [7, 2, 5], [2, 7, 0]]
     result = cdcp_igl.disk_map(V, F, refine=1)
-    assert result.trace.rejected
+    assert result.boundary.rejected
     assert result.refinement.steps == 1
     assert result.refinement.after < result.refinement.before

@@ -1,14 +1,16 @@
 """Closed surfaces with a face, a vertex or a 2-ring taken out, and the shear they have."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.algorithm import Attempts, Steps
+from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.distortion import angle_errors
 from cdcp_igl.rescue.straightening import Straightening, common_shear, straighten
 from cdcp_igl.solve.factored import FactoredSurface
-from cdcp_igl.steps.phases import Phases
+from cdcp_igl.steps.extension import harmonic_extension
 from cdcp_igl.surface.mesh import DiskMesh
 
 
@@ -68,19 +70,15 @@ def test_closed_surfaces_with_a_puncture(rings, seed):
         assert mean < 1.2 * result.distortion.mean
 
 
-def harmonic(V, F, **steps):
-    attempts = Attempts(FactoredSurface.of(DiskMesh(V, F)), Steps(**steps))
-    return attempts.make(0, Phases())
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_the_common_shear_is_taken_out(seed):
     V, F = punctured(*blob(seed), 0, seed)
     mesh = DiskMesh(V, F)
-    plain = harmonic(V, F, straightened=False)
+    surface = FactoredSurface.of(mesh)
+    plain, *_ = algorithm_1(surface, Steps())
     before = angle_errors(mesh, plain.f)
     mu, possible = common_shear(mesh, plain.f, 10**6)
-    f, account = straighten(mesh, plain.f, plain.boundary.extend)
+    f, account = straighten(mesh, plain.f, partial(harmonic_extension, surface))
     after = angle_errors(mesh, f)
     assert possible > 0.02
     assert account.gain > 0.5 * possible

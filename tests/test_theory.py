@@ -9,8 +9,7 @@ from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.distortion import angle_errors
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.steps.center import Center, central_face
-from cdcp_igl.steps.dipole import face_dipole
-from cdcp_igl.steps.trace import boundary_trace
+from cdcp_igl.steps.trace import boundary_trace, face_dipole
 from cdcp_igl.steps.whiten import whiten_trace
 from cdcp_igl.steps.zipper import geodesic_map
 from cdcp_igl.surface.mesh import DiskMesh
@@ -30,8 +29,8 @@ class Surface:
     def distortion(self, f_B):
         """Mean angular distortion in degrees of the map with these boundary values."""
         given = Center("given", self.face)
-        steps = Steps(lambda _: given, circle=lambda _: f_B, straightened=False)
-        f = algorithm_1(self.surface, steps)
+        steps = Steps(lambda _: given, circle=lambda _: f_B)
+        _, f, _ = algorithm_1(self.surface, steps)
         return np.degrees(abs(angle_errors(self.mesh, f)).mean())
 
 

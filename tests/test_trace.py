@@ -7,10 +7,10 @@ from scipy.optimize import least_squares
 
 from cdcp_igl import datasets, disk_map
 from cdcp_igl.certificate import is_around
-from cdcp_igl.rescue.boundary import whitened_geodesic_map
 from cdcp_igl.solve.factored import FactoredSurface
+from cdcp_igl.steps.circle import whitened_geodesic_map
 from cdcp_igl.steps.mobius import mobius_transformation
-from cdcp_igl.steps.trace import boundary_trace, conjugate_trace
+from cdcp_igl.steps.trace import boundary_trace, conjugate_trace, face_dipole
 from cdcp_igl.surface.mesh import DiskMesh
 
 TRACES = [conjugate_trace, boundary_trace]
@@ -112,8 +112,8 @@ def test_a_dipole_far_from_the_boundary_leaves_the_trace_no_digits():
     """The map would change with the last digits of the vertices."""
     V, F = capped_tube()
     result = disk_map(V, F)
-    assert result.trace.name == "harmonic measure"
-    assert result.trace.rejected == (
+    assert result.boundary.name == "harmonic measure"
+    assert result.boundary.rejected == (
         "geodesic: the trace is too small for the digits of the dipole",
     )
     noise = 1e-15 * np.random.default_rng(0).normal(size=V.shape)
@@ -126,3 +126,20 @@ def test_maps_do_not_change_with_the_last_digits(name, real_mesh):
     noise = 1e-15 * np.random.default_rng(0).normal(size=V.shape)
     moved = disk_map(V * (1 + noise), F).uv
     assert abs(moved - disk_map(V, F).uv).max() < 1e-4
+
+
+@pytest.mark.parametrize("face", [0, 33, 69])
+def test_dipole_is_the_gradient_on_its_face(face):
+    mesh = DiskMesh(*meshes.grid())
+    r = face_dipole(mesh, face)
+    assert np.count_nonzero(r) == 3
+    assert abs(r.sum()) < 1e-14
+    # Applied to a linear function u, it gives |e| (u_x - i u_y) in the frame of the face.
+    i, j, k = mesh.F[face]
+    e = mesh.V[j] - mesh.V[i]
+    length = np.linalg.norm(e)
+    height = mesh.V[k] - mesh.V[i] - (mesh.V[k] - mesh.V[i]) @ e / length**2 * e
+    x = (mesh.V - mesh.V[i]) @ e / length
+    y = (mesh.V - mesh.V[i]) @ height / np.linalg.norm(height)
+    assert r @ x == pytest.approx(length)
+    assert r @ y == pytest.approx(-1j * length)

@@ -13,11 +13,11 @@ from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.arrays import Complex, Floats, Ints
 from cdcp_igl.errors import MapError
 from cdcp_igl.reference.certified import certified_disk_map
-from cdcp_igl.rescue.boundary import Rejected
-from cdcp_igl.rescue.repair import unfold
+from cdcp_igl.rescue.repair import repaired
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.solvers import factorize
 from cdcp_igl.steps.center import Center, central_face
+from cdcp_igl.steps.circle import Rejected, onto_circle
 from cdcp_igl.steps.whiten import whiten_trace
 from cdcp_igl.steps.zipper import geodesic_map
 from cdcp_igl.surface.mesh import DiskMesh
@@ -57,10 +57,10 @@ def _map(V: Floats, F: Ints, *, steps: Steps) -> Floats:
     """Algorithm 1 without fallbacks."""
     surface = FactoredSurface.of(DiskMesh(V, F))
     try:
-        f = algorithm_1(surface, steps)
+        _, f, _ = algorithm_1(surface, steps)
     except Rejected as reason:
         raise MapError(str(reason)) from reason
-    f, _ = unfold(surface.mesh, f)
+    f, _ = repaired(surface.mesh, f)
     return certified_disk_map(surface.mesh, f)
 
 
@@ -72,14 +72,18 @@ CENTERS: dict[str, Callable[[FactoredSurface], Center]] = {
     "centroid": partial(_most_central, method="centroid"),
 }
 
+ZIPPERS: dict[str, Callable[[Complex], Complex]] = {
+    "not whitened": geodesic_map,
+    "interior trace": partial(_interior, whitened=False),
+    "interior trace whitened": partial(_interior, whitened=True),
+}
+
 _VARIANTS = {
     "default": Steps(),
     "without Möbius": Steps(mobius=None),
     **{f"center {name}": Steps(of) for name, of in CENTERS.items()},
     **{f"center {name} without Möbius": Steps(of, mobius=None) for name, of in CENTERS.items()},
-    "not whitened": Steps(circle=geodesic_map),
-    "interior trace": Steps(circle=partial(_interior, whitened=False)),
-    "interior trace whitened": Steps(circle=partial(_interior, whitened=True)),
+    **{name: Steps(circle=partial(onto_circle, zipper=zipper)) for name, zipper in ZIPPERS.items()},
 }
 
 ABLATIONS: Mapping[str, Candidate] = Methods(

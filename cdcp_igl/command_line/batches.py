@@ -5,79 +5,54 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from math import inf
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from ..extras import from_extra
 from .messages import FAILED, SOME_FAILED, exit_codes, writing
-from .options import READABLE, Quiet, file_option, takes_map_options
-from .screen import print_table
+from .options import QUIET, SURFACES, file_option, takes_map_options
+from .screen import print_table, progress_bar
 
 if TYPE_CHECKING:
-    from ..batching import Batch, Record
+    from ..batching import Batch
 
 LONG = 100  # rows of a table that can still be read
 WORST = 20  # of a longer one: the maps with the largest distortion
-HEADINGS = ("surface", "vertices", "mean °", "SD °", "area", "flips", "s", "MiB")
+NUMBERS = ("vertices", "mean", "sd", "area", "flips", "seconds", "memory")
 KEPT = ". What is done is kept: mend this, and run the batch again."
 NOW_AND_THEN = 10.0  # seconds between two lines where there is no terminal
 
 
-def _shard(text: str | None) -> tuple[int, int] | None:
-    from ..batching.names import read_shard
-
-    try:
-        return None if text is None else read_shard(text)
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from error
-
-
 @takes_map_options
 def batch_command(
-    inputs: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="IN...",
-            help=f"Surfaces ({' '.join(READABLE)}), folders with everything below, or patterns.",
-        ),
-    ],
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder of the results.")],
     options: dict[str, Any],
-    jobs: Annotated[
-        int, typer.Option("--jobs", "-j", metavar="N", min=1, help="Processes side by side.")
-    ] = 1,
-    format: Annotated[
-        str,
-        typer.Option(
-            metavar="npz|obj|ply|glb|same",
-            help="Type of the results; `same` for that of each surface.",
-        ),
-    ] = "npz",
-    retry: Annotated[
-        bool, typer.Option("--retry", help="Try again what failed in a former run.")
-    ] = False,
-    time_limit: Annotated[
-        float, typer.Option(metavar="SECONDS", min=0, help="For each surface.")
-    ] = float("inf"),
-    memory_limit: Annotated[
-        float, typer.Option(metavar="MIB", min=0, help="For each surface.")
-    ] = float("inf"),
-    shard: Annotated[
-        str | None,
-        typer.Option(metavar="I/N", callback=_shard, help="Map part I of N only: for job arrays."),
-    ] = None,
-    report: Annotated[
-        Path | None,
-        file_option("--report", "R.html", (".html",), "One page with a histogram and a table."),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="tcp://...", help="Address of a Dask scheduler: map on its workers."),
-    ] = None,
-    quiet: Quiet = False,
+    inputs: list[str] = typer.Argument(
+        metavar="IN...", help=f"Surfaces ({SURFACES}), folders with everything below, or patterns."
+    ),
+    out: Path = typer.Argument(metavar="OUT", help="Folder of the results."),
+    jobs: int = typer.Option(1, "--jobs", "-j", metavar="N", min=1, help="Processes side by side."),
+    format: str = typer.Option(
+        "npz",
+        metavar="npz|obj|ply|glb|same",
+        help="Type of the results; `same` for that of each surface.",
+    ),
+    retry: bool = typer.Option(False, "--retry", help="Try again what failed in a former run."),
+    time_limit: float = typer.Option(inf, metavar="SECONDS", min=0, help="For each surface."),
+    memory_limit: float = typer.Option(inf, metavar="MIB", min=0, help="For each surface."),
+    shard: str | None = typer.Option(
+        None, metavar="I/N", help="Map part I of N only: for job arrays."
+    ),
+    report: Path | None = file_option(
+        "--report", "R.html", (".html",), "One page with a histogram and a table."
+    ),
+    scheduler: str | None = typer.Option(
+        None, metavar="tcp://...", help="Address of a Dask scheduler: map on its workers."
+    ),
+    quiet: bool = QUIET,
 ) -> None:
     """Map many surfaces, each to a file in OUT; run again, it goes on where it was.
 
@@ -87,6 +62,8 @@ def batch_command(
     Exit codes: 0 all are mapped; 1 a file could not be written, or an extra is missing;
     2 a bad argument; 4 some are not mapped.
     """
+    from ..batching.names import read_shard
+
     with exit_codes(), _executor(scheduler) as executor:
         run_batch(
             inputs,
@@ -98,7 +75,7 @@ def batch_command(
             retry=retry,
             time_limit=time_limit,
             memory_limit=memory_limit,
-            shard=shard,
+            shard=shard and read_shard(shard),
             report=report,
             **options,
         )
@@ -138,21 +115,9 @@ def _progress(quiet: bool) -> Iterator[Callable[[int, int, int], None] | None]:
     if quiet:
         yield None
     elif sys.stderr.isatty():
-        from rich.console import Console
-        from rich.progress import (
-            BarColumn,
-            MofNCompleteColumn,
-            Progress,
-            TextColumn,
-            TimeRemainingColumn,
-        )
-
-        columns = (MofNCompleteColumn(), TextColumn("{task.description}"), BarColumn())
-        console = Console(stderr=True)
-        with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as bar:
-            task = bar.add_task("", total=None)
-            yield lambda done, failed, total: bar.update(
-                task, completed=done + failed, total=total, description=f"{failed:,} failed"
+        with progress_bar(patience=0) as progress:
+            yield lambda done, failed, total: progress(
+                f"{done + failed:,}/{total:,}, {failed:,} failed", (done + failed) / total
             )
     else:
         said = start = monotonic()
@@ -161,10 +126,8 @@ def _progress(quiet: bool) -> Iterator[Callable[[int, int, int], None] | None]:
             nonlocal said
             if monotonic() - said > NOW_AND_THEN:
                 said = monotonic()
-                typer.echo(
-                    f"{said - start:,.0f} s: {done:,} of {total:,} mapped, {failed:,} failed",
-                    err=True,
-                )
+                count = f"{done:,} of {total:,} mapped, {failed:,} failed"
+                typer.echo(f"{said - start:,.0f} s: {count}", err=True)
 
         yield say
 
@@ -177,7 +140,9 @@ def _show(made: Batch, out: Path) -> None:
         done = tuple(sorted(done, key=lambda record: record.mean, reverse=True)[:WORST])
         title = f"the {WORST} with the largest mean"
     if done:
-        print_table(title, HEADINGS, [_row(record) for record in done])
+        print_table(
+            title, "surface", NUMBERS, [(printable(record.name), record) for record in done]
+        )
     for record in done:
         if not record.conformal:
             typer.echo(f"{printable(record.name)}: not conformal: {record.boundary}")
@@ -186,18 +151,3 @@ def _show(made: Batch, out: Path) -> None:
     if len(made.failed) > LONG:
         typer.echo(f"and {len(made.failed) - LONG:,} more")
     typer.echo(f"{made}\nOf each surface: {printable(out / 'summary.csv')}")
-
-
-def _row(record: Record) -> list[str]:
-    from ..errors import printable
-
-    return [
-        printable(record.name),
-        f"{record.vertices:,}",
-        f"{record.mean:.3f}",
-        f"{record.sd:.3f}",
-        f"{record.area:.3f}",
-        f"{record.flips:,}",
-        f"{record.seconds:.2f}",
-        f"{record.memory:,.0f}",
-    ]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
 from .messages import BAD_INPUT, exit_codes, reason
-from .options import Inputs
+from .options import INPUTS
 from .screen import show_text
 
 if TYPE_CHECKING:
@@ -17,10 +18,8 @@ if TYPE_CHECKING:
 
 
 def check_command(
-    meshes: Inputs,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print a list of objects, one a file.")
-    ] = False,
+    meshes: list[Path] = INPUTS,
+    as_json: bool = typer.Option(False, "--json", help="Print a list of objects, one a file."),
 ) -> None:
     """Report every defect of meshes, what kind of surface each is, and how to go on.
 
@@ -38,9 +37,9 @@ def check_command(
         try:
             with exit_codes(mesh if len(meshes) > 1 else None):
                 try:
-                    V, F, whole = read_polygons(mesh, notes.append)
+                    V, F, polygon_of_face = read_polygons(mesh, notes.append)
                     report = check(V, F)
-                    report = replace(report, defects=in_polygons(report.defects, whole))
+                    report = replace(report, defects=in_polygons(report.defects, polygon_of_face))
                 except (MeshError, OSError) as error:
                     if not as_json:
                         raise

@@ -5,14 +5,16 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import nan
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from ..extras import from_extra
 from .messages import BAD_INPUT, SOME_FAILED, check_targets, exit_codes, writing
-from .options import PICTURES, Force, Inputs, file_option
+from .options import FORCE, INPUTS, PICTURES, file_option
 from .screen import print_table, progress_bar
 
 if TYPE_CHECKING:
@@ -21,53 +23,23 @@ if TYPE_CHECKING:
 
 # Those of `reference`, spelled out: `--help` shows them, and must not wait for NumPy.
 METHODS = ("cdcp", "double_cover", "fdcp", "ldcp", "harmonic", "lscm", "spectral")
-HEADINGS = ("method", "mean °", "SD °", "max °", "area", "flips", "boundary", "s", "MiB")
-FORMATS = {
-    "mean": ".3f",
-    "sd": ".3f",
-    "max": ".1f",
-    "area": ".3f",
-    "flips": ",.0f",
-    "boundary_error": ".0e",
-    "seconds": ".2f",
-    "memory": ",.0f",
-}
-
-
-def _methods(text: str | None) -> str | None:
-    unknown = [name for name in (text or "cdcp").split(",") if name not in METHODS]
-    if unknown:
-        raise typer.BadParameter(f"{unknown[0]!r} is not one of {', '.join(METHODS)}.")
-    return text
+NUMBERS = ("mean", "sd", "max", "area", "flips", "boundary_error", "seconds", "memory")
 
 
 def compare_command(
-    meshes: Inputs,
-    methods: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME,...",
-            callback=_methods,
-            help=f"Of {', '.join(METHODS)}. [default: all of them]",
-        ),
-    ] = None,
-    time_limit: Annotated[
-        float, typer.Option(metavar="SECONDS", min=0, help="For each method on each mesh.")
-    ] = 600,
-    json_file: Annotated[
-        Path | None, file_option("--json", "R.json", (".json",), "The numbers.")
-    ] = None,
-    csv_file: Annotated[
-        Path | None, file_option("--csv", "R.csv", (".csv",), "The numbers.")
-    ] = None,
-    picture: Annotated[
-        Path | None,
-        file_option(
-            *("--picture", "P.png", PICTURES),
-            help="The maps side by side, a row a mesh (.png .svg .pdf).",
-        ),
-    ] = None,
-    force: Force = False,
+    meshes: list[Path] = INPUTS,
+    methods: str | None = typer.Option(
+        None, metavar="NAME,...", help=f"Of {', '.join(METHODS)}. [default: all of them]"
+    ),
+    time_limit: float = typer.Option(
+        600, metavar="SECONDS", min=0, help="For each method on each mesh."
+    ),
+    json_file: Path | None = file_option("--json", "R.json", (".json",), "The numbers."),
+    csv_file: Path | None = file_option("--csv", "R.csv", (".csv",), "The numbers."),
+    picture: Path | None = file_option(
+        "--picture", "P.png", PICTURES, "The maps side by side, a row a mesh (.png .svg .pdf)."
+    ),
+    force: bool = FORCE,
 ) -> None:
     """Compare methods on meshes: a table of distortion, flips, time and memory for each.
 
@@ -84,7 +56,9 @@ def compare_command(
     from ..reference.case import run_case
     from ..surface.mesh import DiskMesh
 
-    chosen = (methods or ",".join(METHODS)).split(",")
+    chosen = methods.split(",") if methods else METHODS
+    if unknown := [name for name in chosen if name not in METHODS]:
+        raise typer.BadParameter(f"{unknown[0]!r} is not one of {', '.join(METHODS)}.")
     meshes = list(dict.fromkeys(meshes))
     cases: dict[Path, list[Case]] = {}
     rows: list[MapRow] = []
@@ -118,10 +92,19 @@ def compare_command(
     if not cases:
         raise typer.Exit(BAD_INPUT)
     with writing():
-        for path, write in ((json_file, _write_json), (csv_file, _write_csv)):
-            if path:
-                with whole_file(path) as unfinished:
-                    write(unfinished, cases)
+        table = _table(cases)
+        if json_file:
+            with whole_file(json_file) as unfinished:
+                text = json.dumps(table, indent=2, ensure_ascii=False) + "\n"
+                unfinished.write_text(text, encoding="utf-8")
+        if csv_file:
+            with (
+                whole_file(csv_file) as unfinished,
+                unfinished.open("w", newline="", encoding="utf-8") as file,
+            ):
+                writer = csv.DictWriter(file, table[0])
+                writer.writeheader()
+                writer.writerows(table)
         if picture:
             with whole_file(picture) as unfinished:
                 names = [printable(mesh.name) for mesh in cases]
@@ -134,44 +117,22 @@ def compare_command(
 
 def print_cases(title: str, cases: Sequence[Case]) -> None:
     """Print a row a method, and below why one has no map."""
-    print_table(
-        title,
-        HEADINGS,
-        [[case.method + " *" * _is_free(case), *_numbers(case)] for case in cases],
-    )
-    if any(map(_is_free, cases)):
+    rows = []
+    for case in cases:
+        if case.boundary == "free" and case.outcome == "ok":
+            rows.append((f"{case.method} *", replace(case, boundary_error=nan)))
+        else:
+            rows.append((case.method, case))
+    print_table(title, "method", NUMBERS, rows)
+    if any(name.endswith("*") for name, _ in rows):
         typer.echo("* no disk: a map with free boundary; compare it on angles only")
     for case in cases:
         if case.outcome != "ok":
             typer.echo(f"{case.method}: {case.outcome}")
 
 
-def _is_free(case: Case) -> bool:
-    return case.boundary == "free" and case.outcome == "ok"
-
-
-def _numbers(case: Case) -> list[str]:
-    row = case.as_json()
-    if case.boundary == "free":
-        row["boundary_error"] = None
-    return ["–" if row[name] is None else format(row[name], form) for name, form in FORMATS.items()]
-
-
-def _write_json(path: Path, cases: Mapping[Path, Sequence[Case]]) -> None:
-    """Write a list of objects, one a case, null where there is no number."""
-    path.write_text(json.dumps(_rows(cases), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-
-
-def _write_csv(path: Path, cases: Mapping[Path, Sequence[Case]]) -> None:
-    """Write one line a case, empty where there is no number."""
-    rows = _rows(cases)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
-
-
-def _rows(cases: Mapping[Path, Sequence[Case]]) -> list[dict[str, object]]:
+def _table(cases: Mapping[Path, Sequence[Case]]) -> list[dict[str, Any]]:
+    """Return a row a case; None where there is no number."""
     from ..errors import printable
 
     return [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
 import typer
 
@@ -12,62 +12,46 @@ from ..extras import from_extra
 from .batches import run_batch
 from .messages import check_targets, exit_codes, writing
 from .options import (
+    FORCE,
     PICTURES,
-    READABLE,
+    QUIET,
+    SURFACES,
     WRITABLE,
-    Force,
-    Quiet,
     file_option,
     takes_map_options,
     verify_target,
 )
 from .screen import progress_bar, show_pairs
 
-if TYPE_CHECKING:
-    from ..one_file import Mapped, Settings
-
 MAPPED = 0.8  # of the progress, when the map is computed
 
 
 @takes_map_options
 def map_command(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="IN OUT",
-            help=f"The surface ({' '.join(READABLE)}), and the map: texture coordinates "
-            "(.obj .ply .glb), or V, F and uv (.npz). With --out-dir, surfaces only.",
-        ),
-    ],
     options: dict[str, Any],
-    out_dir: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Map all files named, as `batch` does, each to its name in this folder; what "
-            "cannot be written in its own type as .obj.",
-        ),
-    ] = None,
-    force: Force = False,
-    report: Annotated[
-        Path | None,
-        file_option("--report", "R.json", (".json",), "Certificate, distortion, timings."),
-    ] = None,
-    picture: Annotated[
-        Path | None,
-        file_option(
-            *("--picture", "P.png", PICTURES),
-            help="Surface, disk or disks, and the angular distortion (.png .svg .pdf).",
-        ),
-    ] = None,
-    view: Annotated[
-        Path | None,
-        file_option(
-            *("--view", "V.html", (".html",)),
-            help="A page in which the surface turns beside the disk.",
-        ),
-    ] = None,
-    quiet: Quiet = False,
+    files: list[Path] = typer.Argument(
+        metavar="IN OUT",
+        help=f"The surface ({SURFACES}), and the map: texture coordinates "
+        "(.obj .ply .glb), or V, F and uv (.npz). With --out-dir, surfaces only.",
+    ),
+    out_dir: Path | None = typer.Option(
+        None,
+        metavar="DIR",
+        help="Map all files named, as `batch` does, each to its name in this folder; what cannot "
+        "be written in its own type as .obj.",
+    ),
+    force: bool = FORCE,
+    report: Path | None = file_option(
+        "--report", "R.json", (".json",), "Certificate, distortion, timings."
+    ),
+    picture: Path | None = file_option(
+        *("--picture", "P.png", PICTURES),
+        help="Surface, disk or disks, and the angular distortion (.png .svg .pdf).",
+    ),
+    view: Path | None = file_option(
+        "--view", "V.html", (".html",), "A page in which the surface turns beside the disk."
+    ),
+    quiet: bool = QUIET,
 ) -> None:
     """Map a triangulated disk conformally onto the unit disk.
 
@@ -86,13 +70,15 @@ def map_command(
         raise typer.BadParameter("give IN and OUT; several surfaces need --out-dir DIR.")
     source, out = files
     verify_target(out, WRITABLE)
+    from ..errors import printable
     from ..io import read_polygons
+    from ..io.output import whole_file
     from ..one_file import Settings, map_one
 
-    notes: list[str] = []
+    name, notes = printable(source.name), list[str]()
     with exit_codes():
-        flags = {name: options.pop(name) for name in ("disk", "clean", "cut")}
-        settings = Settings(**flags, options=options)
+        disk, clean, cut = (options.pop(flag) for flag in ("disk", "clean", "cut"))
+        settings = Settings(disk, clean, cut, options)
         if picture or view:
             with from_extra("plot"):
                 import matplotlib  # noqa: F401
@@ -100,39 +86,23 @@ def map_command(
         with progress_bar() as progress:
             progress("read", 0)
             surface = read_polygons(source, notes.append)
-            mapped = map_one(*surface, settings, lambda name, done: progress(name, MAPPED * done))
+            mapped = map_one(*surface, settings, lambda phase, done: progress(phase, MAPPED * done))
             with writing():
                 progress("draw", MAPPED)
-                _draw(mapped, source, picture, view)
+                if picture:
+                    figure = mapped.result.plot(name=name)[0].figure
+                    with whole_file(picture) as unfinished:
+                        figure.savefig(unfinished)
+                if view:
+                    mapped.result.view(view, title=name)
                 progress("write", 0.9)
-                _write(mapped, source, settings, out, report)
+                if report:
+                    with whole_file(report) as unfinished:
+                        text = json.dumps(mapped.report(), indent=2) + "\n"
+                        unfinished.write_text(text, encoding="utf-8")
+                mapped.write(out, source, settings)
     if not quiet:
-        if not settings.cut:  # the summary of a surface that was cut has them
+        if not cut:  # the summary of a surface that was cut has them
             notes += mapped.changes
         title, pairs = mapped.result.summary()
         show_pairs(title, [*pairs, *(("note", note) for note in notes)])
-
-
-def _draw(mapped: Mapped, source: Path, picture: Path | None, view: Path | None) -> None:
-    from ..errors import printable
-    from ..io.output import whole_file
-
-    name = printable(source.name)
-    if picture:
-        figure = mapped.result.plot(name=name)[0].figure
-        with whole_file(picture) as unfinished:
-            figure.savefig(unfinished)
-    if view:
-        mapped.result.view(view, title=name)
-
-
-def _write(
-    mapped: Mapped, source: Path, settings: Settings, out: Path, report: Path | None
-) -> None:
-    from ..io.output import whole_file
-
-    if report:
-        with whole_file(report) as unfinished:
-            text = json.dumps(mapped.report(), indent=2)
-            unfinished.write_text(f"{text}\n", encoding="utf-8")
-    mapped.write(out, source, settings)

@@ -6,7 +6,7 @@ import inspect
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
@@ -14,13 +14,11 @@ import typer
 READABLE = (".mat", ".npz", ".obj", ".off", ".ply", ".stl")
 WRITABLE = (".glb", ".npz", ".obj", ".ply")
 PICTURES = (".png", ".svg", ".pdf")
+SURFACES = " ".join(READABLE)
 
-Inputs = Annotated[
-    list[Path],
-    typer.Argument(metavar="IN...", help=f"Triangulated surfaces ({' '.join(READABLE)})."),
-]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but what went wrong.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace files that are there.")]
+INPUTS = typer.Argument(metavar="IN...", help=f"Triangulated surfaces ({SURFACES}).")
+QUIET = typer.Option(False, "--quiet", "-q", help="Print nothing but what went wrong.")
+FORCE = typer.Option(False, "--force", help="Replace files that are there.")
 
 
 def verify_target(path: Path, suffixes: tuple[str, ...]) -> None:
@@ -41,79 +39,61 @@ def file_option(name: str, example: str, suffixes: tuple[str, ...], help: str) -
             verify_target(path, suffixes)
         return path
 
-    return typer.Option(name, metavar=example, callback=verify, help=help)
+    return typer.Option(None, name, metavar=example, callback=verify, help=help)
 
 
 def _map_options(
-    disk: Annotated[
-        bool,
-        typer.Option("--disk", help="Texture coordinates in the unit disk, not in [0, 1]^2."),
-    ] = False,
-    clean: Annotated[
-        bool,
-        typer.Option(
-            "--clean",
-            help="Mend the surface first and say how: merge equal vertices, drop bad faces, "
-            "orient, keep the largest component, fill holes. OUT has what is left of IN, in its "
-            "order, without the filling.",
-        ),
-    ] = False,
-    cut: Annotated[
-        bool,
-        typer.Option(
-            "--cut",
-            help="Map a surface that is no disk: closed, with handles, holes or several parts. It "
-            "is cut open, and each part mapped; texture coordinates show the disks side by side.",
-        ),
-    ] = False,
-    center: Annotated[
-        str | None,
-        typer.Option(
-            metavar="torsion|heat|centroid|FACE",
-            help="The face that carries the dipole, counted from 0, or how to find it. "
-            "[default: torsion]",
-        ),
-    ] = None,
-    mobius: Annotated[
-        str | None,
-        typer.Option(
-            metavar="angle|area|none",
-            help="What the Möbius transformation minimises. [default: angle]",
-        ),
-    ] = None,
-    align: Annotated[
-        str | None,
-        typer.Option(
-            metavar="VERTEX|X,Y,Z",
-            help="What lies to the right: a boundary vertex counted from 0, or a direction in "
-            "space. [default: the first boundary vertex]",
-        ),
-    ] = None,
-    refine: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            min=0,
-            help="Steps of refinement after the harmonic map, 0 for none. [default: as needed]",
-        ),
-    ] = None,
-    refine_norm: Annotated[
-        float | None,
-        typer.Option(
-            metavar="P",
-            min=1,
-            max=2,
-            help="Refinement lowers the sum of |angle error|^P. [default: 1.5]",
-        ),
-    ] = None,
-    refine_seconds: Annotated[
-        float | None,
-        typer.Option(metavar="S", min=0, help="Begin no step of refinement after S seconds."),
-    ] = None,
-    preset: Annotated[
-        str | None,
-        typer.Option(metavar="paper", help="Follow the paper; sets --center and --mobius itself."),
-    ] = None,
+    disk: bool = typer.Option(
+        False, "--disk", help="Texture coordinates in the unit disk, not in [0, 1]^2."
+    ),
+    clean: bool = typer.Option(
+        False,
+        "--clean",
+        help="Mend the surface first and say how: merge equal vertices, drop bad faces, orient, "
+        "keep the largest component, fill holes. OUT has what is left of IN, in its order, "
+        "without the filling.",
+    ),
+    cut: bool = typer.Option(
+        False,
+        "--cut",
+        help="Map a surface that is no disk: closed, with handles, holes or several parts. It is "
+        "cut open, and each part mapped; texture coordinates show the disks side by side.",
+    ),
+    center: str | None = typer.Option(
+        None,
+        metavar="torsion|heat|centroid|FACE",
+        help="The face that carries the dipole, or how to find it. [default: torsion]",
+    ),
+    mobius: str | None = typer.Option(
+        None,
+        metavar="angle|area|none",
+        help="What the Möbius transformation minimises. [default: angle]",
+    ),
+    align: str | None = typer.Option(
+        None,
+        metavar="VERTEX|X,Y,Z",
+        help="What lies to the right: a boundary vertex counted from 0, or a direction in space. "
+        "[default: the first boundary vertex]",
+    ),
+    refine: int | None = typer.Option(
+        None,
+        metavar="N",
+        min=0,
+        help="Steps of refinement after the harmonic map, 0 for none. [default: as needed]",
+    ),
+    refine_norm: float | None = typer.Option(
+        None,
+        metavar="P",
+        min=1,
+        max=2,
+        help="Refinement lowers the sum of |angle error|^P. [default: 1.5]",
+    ),
+    refine_seconds: float | None = typer.Option(
+        None, metavar="S", min=0, help="Begin no step of refinement after S seconds."
+    ),
+    preset: str | None = typer.Option(
+        None, metavar="paper", help="Follow the paper; sets --center and --mobius itself."
+    ),
 ) -> dict[str, Any]:
     """Return `disk`, `clean` and `cut`, and those options of `disk_map` that were given."""
     options = {
@@ -142,15 +122,14 @@ def _row_or_direction(text: str) -> int | list[float] | str:
 
 
 def takes_map_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options of a map, in place of its parameter `options`, a dict of them."""
+    """Give a command the options of a map; it gets them as a dict, its argument `options`."""
     shared = inspect.signature(_map_options, eval_str=True).parameters
-    parameters: list[inspect.Parameter] = []
-    for own in inspect.signature(command, eval_str=True).parameters.values():
-        parameters += shared.values() if own.name == "options" else [own]
+    own = inspect.signature(command, eval_str=True).parameters
+    parameters = [*(own[name] for name in own if name != "options"), *shared.values()]
 
     def run(**given: Any) -> None:
         options = _map_options(**{name: given.pop(name) for name in shared})
-        command(**given, options=options)
+        command(options, **given)
 
     # Typer makes its options from these.
     run.__doc__ = command.__doc__

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from math import isnan
 from threading import Timer
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,17 @@ if TYPE_CHECKING:
 PATIENCE = 1.0  # seconds before the bar appears
 PIPE = 120  # columns where there is no terminal
 FOLDED = 20  # characters of a name where the terminal is too narrow
+COLUMNS = {  # heading and format of the numbers in a table
+    "vertices": ("vertices", ","),
+    "mean": ("mean °", ".3f"),
+    "sd": ("SD °", ".3f"),
+    "max": ("max °", ".1f"),
+    "area": ("area", ".3f"),
+    "flips": ("flips", ",.0f"),
+    "boundary_error": ("boundary", ".0e"),
+    "seconds": ("s", ".2f"),
+    "memory": ("MiB", ",.0f"),
+}
 
 
 def show_pairs(title: str, pairs: Pairs) -> None:
@@ -52,8 +64,10 @@ def _show(text: str, content: RenderableType, color: str, title: str = "") -> No
     Console().print(Panel(content, title=Text(title, "bold"), border_style=color, expand=False))
 
 
-def print_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a column of names and columns of numbers, as narrow as can be.
+def print_table(
+    title: str, heading: str, columns: Sequence[str], rows: Sequence[tuple[str, object]]
+) -> None:
+    """Print names, and beside each the numbers that its object has as attributes; NaN is a dash.
 
     Where the terminal is too narrow for it, names fold, and no number is cut.
     """
@@ -70,40 +84,41 @@ def print_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str
         pad_edge=False,
         padding=(0, 1, 0, 0),
     )
-    table.add_column(headings[0], overflow="fold")
-    for heading in headings[1:]:
-        table.add_column(heading, justify="right", no_wrap=True)
-    for name, *numbers in rows:
-        table.add_row(Text(name), *numbers)
+    table.add_column(heading, overflow="fold")
+    for column in columns:
+        table.add_column(COLUMNS[column][0], justify="right", no_wrap=True)
+    for name, row in rows:
+        values = [(getattr(row, column), COLUMNS[column][1]) for column in columns]
+        table.add_row(Text(name), *("–" if isnan(x) else format(x, form) for x, form in values))
     console = Console(width=None if sys.stdout.isatty() else PIPE)
     unbounded = console.options.update(max_width=sys.maxsize)
-    longest = max(Text(name).cell_len for name, *_ in rows)
+    longest = max(Text(name).cell_len for name, _ in rows)
     least = console.measure(table, options=unbounded).maximum - max(longest - FOLDED, 0)
     console.width = max(console.width, least)
     console.print(table)
 
 
 @contextmanager
-def progress_bar() -> Iterator[Progress]:
+def progress_bar(patience: float = PATIENCE) -> Iterator[Progress]:
     """Show a bar on stderr while the body runs; the body calls ``progress(phase, fraction)``.
 
-    The bar appears after a second and vanishes at the end. Where stderr is no terminal,
-    there is none.
+    The bar appears after a while and vanishes at the end. Where stderr is no terminal, there is
+    none.
     """
     if not sys.stderr.isatty():
         yield lambda phase, fraction: None
         return
+    from rich import progress as rich
     from rich.console import Console
-    from rich.progress import BarColumn, SpinnerColumn, TaskProgressColumn, TextColumn
-    from rich.progress import Progress as Bar
-    from rich.progress import TimeElapsedColumn as Elapsed
 
-    columns = (SpinnerColumn(), TextColumn("{task.description:<11}"), BarColumn())
-    bar = Bar(
-        *columns, TaskProgressColumn(), Elapsed(), console=Console(stderr=True), transient=True
+    bar = rich.Progress(
+        *(rich.SpinnerColumn(), rich.TextColumn("{task.description:<11}"), rich.BarColumn()),
+        *(rich.TaskProgressColumn(), rich.TimeElapsedColumn(), rich.TimeRemainingColumn()),
+        console=Console(stderr=True),
+        transient=True,
     )
     task = bar.add_task("", total=1)
-    appear = Timer(PATIENCE, bar.start)
+    appear = Timer(patience, bar.start)
     appear.start()
     try:
         yield lambda phase, fraction: bar.update(task, description=phase, completed=fraction)

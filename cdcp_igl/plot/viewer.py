@@ -131,7 +131,7 @@ def _rim_and_cut(V: Floats, F: Ints) -> tuple[Ints, Ints]:
     """Edges with one face; where two of them lie in one place, the surface was cut there."""
     tail = tails(F, len(V))
     by_edge = group_by_edge(tail, len(V))
-    single = by_edge.sides[by_edge.start[by_edge.valence == 1]]
+    single = by_edge.border
     edges = np.column_stack([tail[single], heads(tail)[single]]).astype(np.int64)
     ends, place = np.unique(edges), V[np.unique(edges)]
     where = np.unique(place, axis=0, return_inverse=True)[1].ravel()

@@ -14,10 +14,10 @@ from scipy.sparse import coo_matrix, csr_matrix
 from ..algorithm import Steps, algorithm_1
 from ..arrays import Complex, Floats, Ints
 from ..errors import MapError
-from ..rescue.boundary import Rejected
-from ..rescue.repair import unfold
+from ..rescue.repair import repaired
 from ..solve.factored import FactoredSurface
-from ..steps.dipole import face_dipole
+from ..steps.circle import Rejected
+from ..steps.trace import face_dipole
 from ..surface.mesh import DiskMesh
 from .certified import certified_disk_map
 from .dirichlet import Dirichlet
@@ -57,10 +57,10 @@ def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
     """
     surface = FactoredSurface.of(DiskMesh(V, F))
     try:
-        f = algorithm_1(surface, Steps(trace=double_cover_trace))
+        _, f, _ = algorithm_1(surface, Steps(trace=double_cover_trace))
     except Rejected as error:
         raise MapError(f"The trace of the double cover gives no map: {error}") from error
-    f, _ = unfold(surface.mesh, f)
+    f, _ = repaired(surface.mesh, f)
     return certified_disk_map(surface.mesh, f)
 
 

@@ -1,30 +1,31 @@
-"""A map among others: certified, judged, and refined where it is due."""
+"""A map among others: what was done for it, its certificate, and how conformal it is."""
 
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from time import perf_counter
 
 from ..arrays import Complex, Floats, Ints, coordinates
 from ..certificate import Certificate, certify
 from ..distortion import disk_map_distortion
+from ..solve.factored import FactoredSurface
 from ..steps.alignment import rotate
 from ..steps.center import Center
+from ..steps.extension import harmonic_extension, settled_extension
 from ..steps.mobius import Normalization
 from ..steps.options import Options
 from ..steps.phases import Phases
 from ..surface.mesh import DiskMesh
 from .boundary import BoundaryMethod
-from .collapsed_faces import hold_open
+from .collapsed_faces import open_collapsed_faces
 from .conformality import STRETCHED, Conformality, judge
 from .line_search import HALVINGS, THIN
-from .refine import Refinement, lower_angle_distortion
-from .repair import Repair, mend
-from .straightening import Straightening
-from .trimming import Trimmed
-
-__all__ = ["SMALL", "Candidate", "judged", "refined"]
+from .recentering import deep_vertex, recentered
+from .refine import STEPS_DUE, Refinement, lower_angle_distortion
+from .repair import Repair, repair_locally
+from .straightening import Straightening, is_sheared, straighten
 
 log = logging.getLogger("cdcp_igl")
 
@@ -34,19 +35,77 @@ COARSE = 0.2
 # and so it is where the errors are more than this times what the scale explains. Such maps have
 # steps of refinement even if none are asked for.
 EXCESS = 1.05
-STEPS_DUE = 2
-# A map that is not conformal, or whose interior had to be replaced, has more of them, as long as
-# one lowers the objective by a share that is worth its time: on a mesh that is not small, after
-# a few steps, a larger share.
+# A map that is not conformal, or whose interior had to be replaced, has up to this many.
 MUCH_REPAIRED = 0.1  # of the vertices
 MOST_STEPS = 100
-WORTH, WORTH_LATER = 0.001, 0.003
-FEW_STEPS = 20
-SMALL = 5_000  # vertices
 PATIENT = 12  # halvings of their steps
-# If the scale at the vertices explains so many more errors than there are, it jumps from one to
-# the next, as that of a conformal map does not.
+# If the scale at the vertices explains so many more errors than there are, it is not smooth, so
+# the map is not near a conformal one.
 LEAST_EXCESS = 0.6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance:
+    """How a map came about.
+
+    Attributes
+    ----------
+    center : Center
+        The central face, sect. 4.1, and how it was found.
+    boundary : BoundaryMethod
+        How the boundary got onto the circle, with all fallbacks.
+    straightening : Straightening
+        What was done about the shear that all faces have in common.
+    mobius : Normalization
+        The Möbius transformation (19) that was applied, or why none was.
+    repair : Repair
+        What was done about faces that the harmonic map had flipped.
+    refinement : Refinement or None
+        How far the angular distortion was lowered beyond that of the harmonic map;
+        None if no step was asked for and none was due.
+    """
+
+    center: Center
+    boundary: BoundaryMethod
+    straightening: Straightening = field(default_factory=Straightening)
+    mobius: Normalization = field(default_factory=Normalization)
+    repair: Repair = field(default_factory=Repair)
+    refinement: Refinement | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicMap:
+    """A map before its Möbius transformation.
+
+    Attributes
+    ----------
+    surface : FactoredSurface
+        Whose Laplacian it is harmonic for.
+    f : (n,) complex128
+    done : Provenance
+    w : complex
+        The point that has gone to 0, lest what is around it be too small; 0 if none has.
+    """
+
+    surface: FactoredSurface
+    f: Complex
+    done: Provenance
+    w: complex = 0j
+
+    @property
+    def is_mendable(self) -> bool:
+        """Whether `mended` has anything to do."""
+        mesh = self.surface.mesh
+        return is_sheared(mesh, self.f) or deep_vertex(mesh, self.f) is not None
+
+    def mended(self, *, straightened: bool) -> HarmonicMap:
+        """Take the common shear out if asked to, and move what is too small for its place to 0."""
+        surface, mesh = self.surface, self.surface.mesh
+        f, straightening = self.f, Straightening()
+        if straightened:
+            f, straightening = straighten(mesh, f, partial(harmonic_extension, surface))
+        f, w = recentered(mesh, f, partial(settled_extension, surface))
+        return HarmonicMap(surface, f, replace(self.done, straightening=straightening), w)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,15 +113,10 @@ class Candidate:
     """A normalised map with what is known of it; `degrees` (m, 3) is its angular distortion."""
 
     f: Complex
+    done: Provenance
     certificate: Certificate
     degrees: Floats
     conformality: Conformality
-    center: Center
-    trace: BoundaryMethod
-    straightening: Straightening
-    mobius: Normalization
-    repair: Repair
-    refinement: Refinement | None = None
 
     @property
     def rank(self) -> tuple[bool, float]:
@@ -72,14 +126,12 @@ class Candidate:
     @property
     def steps_due(self) -> int:
         """Steps of refinement for a map that is measurably not near the conformal one."""
-        replaced = self.repair.n_moved > MUCH_REPAIRED * len(self.f)
-        replaced |= self.trace.laplacian == "constrained Delaunay"
-        if not self.conformality or replaced:
+        if not self.conformality or self.done.repair.n_moved > MUCH_REPAIRED * len(self.f):
             return MOST_STEPS
-        unlike = self.straightening.gain > COARSE or self.conformality.excess > EXCESS
+        unlike = self.done.straightening.gain > COARSE or self.conformality.excess > EXCESS
         return STEPS_DUE if unlike else 0
 
-    def doubtful(self, mesh: DiskMesh) -> bool:
+    def is_doubtful(self, mesh: DiskMesh) -> bool:
         """Whether another way to the circle may lead nearer to the conformal map.
 
         Errors that only the size of the faces explains do not say so. What does is shear,
@@ -89,11 +141,11 @@ class Candidate:
         verdict = self.conformality
         if verdict.sheared or verdict.stretch > STRETCHED or verdict.excess < LEAST_EXCESS:
             return True
-        return bool(mesh.on_boundary[mesh.F[self.center.face]].any())
+        return bool(mesh.on_boundary[mesh.F[self.done.center.face]].any())
 
     def objection(self) -> str:
         """Why another map was sought after this one, or taken instead."""
-        name = self.trace.name
+        name = self.done.boundary.name
         if not self.certificate.valid:
             return f"{name}: no certificate"
         verdict = "" if self.conformality else ", not conformal"
@@ -101,15 +153,16 @@ class Candidate:
 
 
 def judged(
-    mesh: DiskMesh, f: Complex, phase: Phases, *, closely: bool
-) -> tuple[Certificate, Floats, Conformality]:
+    mesh: DiskMesh, f: Complex, done: Provenance, phase: Phases, *, closely: bool = False
+) -> Candidate:
     """Certify a map (n,), measure it, and judge it if it is valid; `closely` as in `judge`."""
     uv = coordinates(f)
     with phase("certificate"):
         certificate, degrees = certify(mesh, uv), disk_map_distortion(mesh, uv)
-        if not certificate.valid:
-            return certificate, degrees, Conformality(True, ("it is not valid",))
-        return certificate, degrees, judge(mesh, f, degrees, closely=closely)
+        conformality = Conformality(True, ("it is not valid",))
+        if certificate.valid:
+            conformality = judge(mesh, f, degrees, closely=closely)
+        return Candidate(f, done, certificate, degrees, conformality)
 
 
 def refined(
@@ -122,60 +175,37 @@ def refined(
 ) -> Candidate:
     """Lower the angular distortion beyond that of the harmonic map.
 
-    Where rounding turns faces over at the end, it is done again with steps that leave room.
+    Where rounding flips faces at the end, it is done again with steps that leave room.
     """
     deadline = perf_counter() + options.refine_seconds
-    least, trimmed = max(options.refine, STEPS_DUE), Trimmed(mesh, candidate.f)
-
-    def enough(taken: int, gain: float) -> bool:
-        later = taken >= FEW_STEPS and len(mesh.V) > SMALL
-        return taken >= least and gain < (WORTH_LATER if later else WORTH)
-
-    def lowered(thin: float) -> tuple[Complex, Refinement]:
+    wanted = candidate.conformality.wanted if options.refine is None else None
+    done = candidate.done
+    for thin in (0.0, THIN):
         with phase("refine") as advance:
             f, refinement = lower_angle_distortion(
-                trimmed.mesh,
-                trimmed.f,
-                trimmed.order(order),
+                mesh,
+                candidate.f,
+                order,
                 steps,
                 options.refine_norm,
                 seconds=deadline - perf_counter(),
                 halvings=HALVINGS if candidate.conformality else PATIENT,
                 thin=thin,
-                enough=enough,
-                opened=lambda f: hold_open(trimmed.mesh, f)[0],
+                wanted=wanted,
                 advance=advance,
             )
-            if refinement.steps:
-                # Turned once, at the end: it rounds all coordinates, and small faces feel it.
-                f, _ = hold_open(mesh, rotate(mesh, trimmed.completed(f), options.align))
-        return f, refinement
-
-    for thin in (0.0, THIN):
-        f, refinement = lowered(thin)
         if refinement.stopped:
             log.info("refinement: %s", refinement)
         if refinement.steps == 0:
-            return replace(candidate, refinement=refinement)
+            return replace(candidate, done=replace(done, refinement=refinement))
         with phase("repair"):
-            f, repair = mend(mesh, f)
-        closely = candidate.repair.n_flipped > 0
-        certificate, degrees, conformality = judged(mesh, f, phase, closely=closely)
-        if certificate.valid:
-            break
-    else:
-        undone = replace(refinement, steps=0, stopped="no certificate", after=refinement.before)
-        return replace(candidate, refinement=undone)
-    if candidate.trace.reason and conformality:  # low errors do not undo the shortening
-        shortened = ("remote parts are shortened",)
-        conformality = replace(candidate.conformality, reasons=shortened)
-    n_moved = max(candidate.repair.n_moved, repair.n_moved)
-    return replace(
-        candidate,
-        f=f,
-        certificate=certificate,
-        degrees=degrees,
-        conformality=conformality,
-        refinement=refinement,
-        repair=replace(candidate.repair, n_moved=n_moved),
-    )
+            # Turned once, at the end: it rounds all coordinates, and small faces feel it.
+            f, _ = open_collapsed_faces(mesh, rotate(mesh, f, options.align))
+            f, repair = repair_locally(mesh, f)
+        n_moved = max(done.repair.n_moved, repair.n_moved)
+        lowered = replace(done, refinement=refinement, repair=replace(done.repair, n_moved=n_moved))
+        better = judged(mesh, f, lowered, phase, closely=done.repair.n_flipped > 0)
+        if better.certificate.valid:
+            return better
+    undone = replace(refinement, steps=0, stopped="no certificate", after=refinement.before)
+    return replace(candidate, done=replace(done, refinement=undone))

@@ -1,4 +1,4 @@
-"""Hold faces behind chords of the circle open by the last digits of their corners."""
+"""Open faces inscribed in the circle that have collapsed in double precision."""
 
 from __future__ import annotations
 
@@ -8,20 +8,19 @@ from ..arrays import Complex, Ints, coordinates
 from ..certificate import flipped_faces, increments
 from ..libigl import is_counterclockwise
 from ..surface.mesh import DiskMesh
-from .pieces import raise_pieces
-
-__all__ = ["hold_open"]
 
 LAST_DIGIT = 2.0**-53  # of a coordinate between 1/2 and 1
 MOST = 1e-13  # that a corner may leave the circle by; a certificate allows 1e-12
-ROUNDS = 8  # as a raised corner may be that of another face; what is turned over stays so
+ROUNDS = 8  # as a raised corner may be that of another face; then give up
 
 
-def hold_open(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
-    """Make room for what collapses behind chords of the circle, by no more than rounding errors.
+def open_collapsed_faces(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
+    """Move corners of collapsed inscribed faces outwards, by no more than rounding errors.
 
-    Faces inscribed in the circle are opened by one corner each; pieces with vertices inside by
-    `raise_pieces`.
+    A triangle inscribed in the unit circle with arcs p and q, both short, is p q / 2 high. In a
+    crowded part of the surface that is far less than the distance between doubles, and rounding
+    decides on which side of the chord under the two arcs the corner between them comes to lie.
+    It belongs outside, and is put there by the fewest last digits that will do.
 
     Parameters
     ----------
@@ -32,22 +31,9 @@ def hold_open(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
     Returns
     -------
     f : (n,) complex128
-        The argument itself where nothing has collapsed there.
+        The argument itself where nothing has collapsed.
     int
-        The number of inscribed faces that had, and of others that were opened.
-    """
-    f, n_inscribed = _open_inscribed(mesh, f)
-    f, n_inside = raise_pieces(mesh, f)
-    return f, n_inscribed + n_inside
-
-
-def _open_inscribed(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
-    """Move corners of collapsed inscribed faces outwards, by no more than rounding errors.
-
-    A triangle inscribed in the unit circle with arcs p and q, both short, is p q / 2 high. In a
-    remote part of the surface that is far less than the distance between doubles, and rounding
-    decides on which side of the chord under the two arcs the corner between them comes to lie.
-    It belongs outside, and is put there by the fewest last digits that will do.
+        The number of inscribed faces that had.
     """
     collapsed = _collapsed(mesh, f)
     if len(collapsed) == 0:
@@ -73,7 +59,7 @@ def _collapsed(mesh: DiskMesh, f: Complex) -> Ints:
 def _tips(mesh: DiskMesh, f: Complex) -> tuple[Ints, Complex]:
     """(k,) corner opposite the longest arc of each inscribed face; length of the other two."""
     angle = np.append(0, np.cumsum(increments(f[mesh.loop])))
-    corners = np.sort(mesh.place[mesh.F[mesh.inscribed]], axis=1)
+    corners = np.sort(mesh.loop_index[mesh.F[mesh.inscribed]], axis=1)
     arcs = angle[np.roll(corners, -1, axis=1)] - angle[corners]
     arcs[:, 2] += angle[-1]
     longest = arcs.argmax(axis=1)

@@ -13,8 +13,6 @@ from ..distortion import face_dilatation
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import face_areas
 
-__all__ = ["STRETCHED", "Conformality", "dilatation", "explained_errors", "judge"]
-
 SMALL = 1.0  # degrees: a mean error that no one sees, whatever it comes from
 LARGE = 12.0  # degrees: more than any use of a conformal map can bear
 STRETCHED = 3.0  # times as long one way as the other, which no use can bear either
@@ -47,6 +45,9 @@ class Conformality:
     stretch : float
         How many times a face is longer one way than the other, compared with itself on the
         surface: the geometric mean, by area.
+    wanted : float
+        The share of the mean angle error that would be left if the map were conformal: 1 if
+        it is, or if other errors keep it from being so.
     """
 
     sheared: bool
@@ -54,6 +55,7 @@ class Conformality:
     remedies: tuple[str, ...] = ()
     excess: float = 1.0
     stretch: float = 1.0
+    wanted: float = 1.0
 
     def __bool__(self) -> bool:
         return not self.reasons
@@ -121,7 +123,8 @@ def judge(mesh: DiskMesh, f: Complex, degrees: Floats, *, closely: bool = False)
     if reasons and mean > 2 * mean_free:
         remedies.append("flip the ears (cdcp_igl.clean with flip_ears=True)")
     excess = mean / explained if explained else np.inf
-    return Conformality(sheared, tuple(reasons), tuple(remedies), excess, stretch)
+    wanted = min(1, max(EXCESS * explained, SMALL) / mean, LARGE / mean_free)
+    return Conformality(sheared, tuple(reasons), tuple(remedies), excess, stretch, wanted)
 
 
 def dilatation(mesh: DiskMesh, f: Complex, faces: Ints) -> float:

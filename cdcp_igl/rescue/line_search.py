@@ -10,9 +10,8 @@ from ..arrays import Bools, Complex, Floats, Ints, coordinates
 from ..certificate import certify
 from ..distortion import angle_errors
 from ..surface.mesh import DiskMesh
+from .collapsed_faces import open_collapsed_faces
 from .recentering import extents
-
-__all__ = ["HALVINGS", "THIN", "search_along"]
 
 HALVINGS = 6  # of a step, before it is computed again with more damping
 # High by the distance from 0: rounding, as when the map is turned, may turn such a face over.
@@ -30,7 +29,6 @@ def search_along(
     step: Complex,
     measure: Callable[[Floats], float],
     objective: float,
-    opened: Callable[[Complex], Complex],
     halvings: int,
     thin: float,
 ) -> tuple[Complex, Floats, float] | None:
@@ -47,8 +45,6 @@ def search_along(
         The objective of angle errors (m, 3).
     objective : float
         That of f.
-    opened : callable
-        Applied to each map before it is looked at.
     halvings : int
         At most so many.
     thin : float
@@ -65,7 +61,7 @@ def search_along(
     """
     scale, low = np.ones(len(f)), _lower(mesh.F, f, thin)
     for _ in range(halvings):
-        trial = opened(_slide(mesh, f, scale * step))
+        trial = open_collapsed_faces(mesh, _slide(mesh, f, scale * step))[0]
         certificate = certify(mesh, coordinates(trial))
         flipped = _lower(mesh.F, trial, thin) & ~low
         flipped[certificate.flipped] = True

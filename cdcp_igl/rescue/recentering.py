@@ -6,10 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, spread_evenly
+from ..arrays import Complex, Floats, Ints, evenly_spaced_rows
 from ..surface.mesh import DiskMesh
-
-__all__ = ["deep_vertex", "extents", "recentered"]
 
 FACES = 1_000  # enough to tell whether a part of the surface is too small
 # Faces this small by their distance from 0, and from the circle, have angles with errors of 1e-4.
@@ -74,7 +72,7 @@ def deep_vertex(mesh: DiskMesh, f: Complex) -> int | None:
     int or None
         An interior vertex; None in the ordinary case.
     """
-    faces = mesh.F[spread_evenly(len(mesh.F), FACES)]
+    faces = mesh.F[evenly_spaced_rows(len(mesh.F), FACES)]
     size, distance = extents(f[faces])
     small = size < TOO_SMALL * np.minimum(distance, 1 - distance)
     if np.count_nonzero(small) <= FEW * len(faces):

@@ -24,13 +24,13 @@ from .line_search import HALVINGS, search_along
 
 Array = TypeVar("Array", Complex, Ints)
 
-__all__ = [
-    "Refinement",
-    "WeightedLaplacian",
-    "gauss_newton_step",
-    "lower_angle_distortion",
-]
 
+# A map that is measurably not near the conformal one has so many steps even if none are asked for.
+STEPS_DUE = 2
+# Further ones go on while one of the last three lowers the objective by a thousandth.
+PATIENCE, WORTH = 3, 0.001
+# Whether they can make a map conformal shows after some of them, to within a factor.
+FEW_STEPS, HOPE = 10, 2
 ROUNDING = np.radians(0.1)  # below this angle |r|^p is rounded off to a parabola
 CG_ITERATIONS = 3  # lower the objective to within 0.3 % of what the solved system would
 DAMPINGS = (0, 1, 10, 100)  # tried in turn
@@ -52,9 +52,10 @@ class Refinement:
     steps : int
         Steps that were taken.
     stopped : str
-        Why they are fewer: ``"no improvement"``, ``"little to gain"`` of steps that were not
-        asked for, ``"no certificate"`` of the map that they led to, or ``"time limit"``; empty
-        if they are not.
+        Why they are fewer: ``"no improvement"``; of steps that were not asked for,
+        ``"little to gain"``, or ``"out of reach"`` if they cannot make the map conformal;
+        ``"no certificate"`` of the map that they led to; or ``"time limit"``. Empty if they are
+        not.
     norm : float
         The exponent p.
     before, after : float
@@ -90,8 +91,7 @@ def lower_angle_distortion(
     seconds: float = np.inf,
     halvings: int = HALVINGS,
     thin: float = 0.0,
-    enough: Callable[[int, float], bool] = lambda taken, gain: False,
-    opened: Callable[[Complex], Complex] = lambda f: f,
+    wanted: float | None = None,
     advance: Callable[[float], None] = lambda done: None,
 ) -> tuple[Complex, Refinement]:
     """Lower the sum of |angle error|^p over all corners; boundary vertices slide on the circle.
@@ -121,12 +121,9 @@ def lower_angle_distortion(
         go on where a map is bad.
     thin : float
         Steps keep faces this high that were so before.
-    enough : callable
-        Given the number of steps taken and the share of the objective that the last one has
-        removed, says whether to end here.
-    opened : callable
-        Applied to the map after each step, to make room for what rounding has collapsed as
-        boundary vertices come back onto the circle.
+    wanted : float, optional
+        The share of the objective that would make the map conformal, for steps that nobody has
+        asked for: they end where there is little to gain, or where that is out of reach.
     advance : callable
         Called with the share of the steps that is done, after each.
 
@@ -151,6 +148,7 @@ def lower_angle_distortion(
     r = angle_errors(mesh, f)
     before = objective = measure(r)
     taken, attempt, p, stopped = 0, 0, 2.0, ""
+    gains: list[float] = []
     if len(mesh.interior) == 0 or not certify(mesh, coordinates(f)).valid:
         return f, Refinement(steps, taken, "no improvement", norm, before, objective)
     laplacian, stale = WeightedLaplacian(mesh, order), True
@@ -162,7 +160,7 @@ def lower_angle_distortion(
         else:
             used, last = (p, attempt), objective
             step = gauss_newton_step(mesh, f, r, p, DAMPINGS[attempt], laplacian, anew=stale)
-            found = search_along(mesh, f, step, measure, objective, opened, halvings, thin)
+            found = search_along(mesh, f, step, measure, objective, halvings, thin)
             if found is None:
                 attempt += 1
             else:
@@ -170,12 +168,32 @@ def lower_angle_distortion(
                     p = max(norm, p - LOWERING)
                 f, r, objective = found
                 taken, attempt = taken + 1, max(attempt - 1, 0)
+                gains.append(1 - objective / last)
                 advance(taken / steps)
-                if taken < steps and enough(taken, 1 - objective / last):
-                    stopped = "little to gain"
+                if wanted is not None and STEPS_DUE <= taken < steps:
+                    stopped = _in_vain(gains, steps - taken, wanted * before / objective)
             settled = (p, attempt) == used and objective >= (1 - SETTLED) * last
             stale = not settled or p < STEADY
     return f, Refinement(steps, taken, stopped, norm, before, objective)
+
+
+def _in_vain(gains: list[float], left: int, wanted: float) -> str:
+    """Say why further steps are not worth their time; empty if they may be.
+
+    Parameters
+    ----------
+    gains : list of float
+        The share of the objective that each step has removed.
+    left : int
+        How many more there can be.
+    wanted : float
+        The share of the objective that is to be left in the end.
+    """
+    best = max(gains[-PATIENCE:])
+    if len(gains) >= PATIENCE and best < WORTH:
+        return "little to gain"
+    hopeless = len(gains) >= FEW_STEPS and (1 - best) ** left > HOPE * wanted
+    return "out of reach" if hopeless else ""
 
 
 def gauss_newton_step(

@@ -7,8 +7,6 @@ import numpy as np
 from ..arrays import Bools, Complex, Floats, Ints
 from ..distortion import wirtinger_derivative
 
-__all__ = ["Relaxation"]
-
 HALVINGS = 12  # of a vertex's step
 UNFOLDING = 4  # of that of a vertex at a flipped face, which a shorter one hardly ever unfolds
 

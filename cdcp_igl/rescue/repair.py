@@ -17,18 +17,14 @@ from ..errors import counted
 from ..surface.mesh import DiskMesh
 from .recentering import recentered
 from .relaxation import Relaxation
-from .star_search import search_stars
-
-__all__ = ["MANY", "Repair", "embed", "mean_value_weights", "mend", "unfold"]
 
 RINGS = 10  # largest radius of a patch around a flipped face
 ATTEMPTS = 4  # with patches up to a quarter of that, a half and so on
-IN_VAIN = 2  # attempts in succession that mend nothing, and no further one will
+MAX_FAILED_ATTEMPTS = 2  # in succession; then no further one will mend anything
 MANY = 0.03  # of the faces: so many flipped faces are not near each other, but everywhere
 FEW = 10  # faces that are worth another attempt even if the last one mended none
 SOFTNESSES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the relaxation that pulls faces over, in turn
-SWEEPS = 4  # of that relaxation with each
-SEARCHES = 6  # of all stars with a flipped face
+SWEEPS = 4  # of a relaxation near flipped faces
 POWERS = (1, 1 / 2, 0)  # of the mean-value weights of a whole surface, in turn
 RELAXED = 6  # rings around what was moved, that are relaxed with it
 MOVES, MOST_SWEEPS = 200_000, 30  # of vertices at most, in these sweeps at most
@@ -67,12 +63,12 @@ class Repair:
         return f"{flipped}, {moved} moved in {counted(self.rounds, 'round', 'rounds')}"
 
 
-def unfold(mesh: DiskMesh, f: Complex, *, on_disk: bool = True) -> tuple[Complex, Repair]:
+def repaired(mesh: DiskMesh, f: Complex, *, on_disk: bool = True) -> tuple[Complex, Repair]:
     """Make every face positively oriented, at whatever cost.
 
-    Where `mend` cannot, because of many flipped faces or stubborn ones, the whole interior
-    is set to mean values, and Floater's theorem applies: positive weights and a convex
-    boundary give an embedding, as far as double precision goes.
+    Where `repair_locally` cannot, because of many flipped faces or stubborn ones, the whole
+    interior is set to mean values, and Floater's theorem applies: positive weights and a
+    convex boundary give an embedding, as far as double precision goes.
 
     Parameters
     ----------
@@ -92,15 +88,15 @@ def unfold(mesh: DiskMesh, f: Complex, *, on_disk: bool = True) -> tuple[Complex
     ----------
     M. S. Floater. Mean value coordinates. Comput. Aided Geom. Design 20(1), 2003.
     """
-    g, repair = mend(mesh, f, MANY * len(mesh.F))
+    g, repair = repair_locally(mesh, f, MANY * len(mesh.F))
     if len(flipped_faces(g, mesh.F)[0]) == 0:
         return g, repair
-    f, whole = embed(mesh, f, on_disk=on_disk)
+    f, whole = replace_interior(mesh, f, on_disk=on_disk)
     return f, Repair(whole.n_flipped, whole.n_moved, repair.rounds + whole.rounds)
 
 
-def embed(mesh: DiskMesh, f: Complex, *, on_disk: bool = True) -> tuple[Complex, Repair]:
-    """Set the whole interior to mean values and relax it; otherwise as `unfold`.
+def replace_interior(mesh: DiskMesh, f: Complex, *, on_disk: bool = True) -> tuple[Complex, Repair]:
+    """Set the whole interior to mean values and relax it; otherwise as `repaired`.
 
     Where these crowd too much for double precision, the weights differ less. Where most of the
     surface is in one spot of the disk, a Möbius transformation takes it to 0.
@@ -119,7 +115,7 @@ def embed(mesh: DiskMesh, f: Complex, *, on_disk: bool = True) -> tuple[Complex,
     return g, Repair(len(flipped), len(mesh.interior), rounds)
 
 
-def mend(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:
+def repair_locally(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:
     """Unfold flipped faces by moving vertices near them and no others.
 
     Cotangents of obtuse angles are negative, and a harmonic map with negative weights may
@@ -149,16 +145,15 @@ def mend(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Rep
     folded[mesh.F[flipped]] = True
     near = _Neighbourhood(mesh, _grow(mesh.F, folded, RINGS + RELAXED + 1))
     g = near.of(f)
-    rounds = in_vain = 0
+    rounds = failed = 0
     for attempt in range(1, ATTEMPTS + 1):
         before = len(near.flipped(g))
         g, tried = near.average(g, attempt * RINGS // ATTEMPTS)
         rounds += tried
         g = near.pull_over(g, attempt)
-        g = near.search(g)
         left = len(near.flipped(g))
-        in_vain = in_vain + 1 if left == before else 0
-        if left == 0 or in_vain == IN_VAIN or left > max(0.9 * before, FEW):
+        failed = failed + 1 if left == before else 0
+        if left == 0 or failed == MAX_FAILED_ATTEMPTS or left > max(0.9 * before, FEW):
             break
     f = f.copy()
     f[near.vertices] = g if left else near.relaxed(g)
@@ -229,8 +224,8 @@ class _Neighbourhood:
     def average(self, g: Complex, rings: int) -> tuple[Complex, int]:
         """Set patches around flipped faces to mean values, and keep those that are better then.
 
-        A patch that is not is larger by a ring the next time, up to so many; and so are all if
-        there are not fewer flipped faces then.
+        Without progress a patch grows by a ring, up to so many; all do if there are not fewer
+        flipped faces then.
         """
         reach = np.zeros(len(g), dtype=np.int64)
         rounds = 0
@@ -276,25 +271,11 @@ class _Neighbourhood:
             return trial
         return g
 
-    def search(self, g: Complex) -> Complex:
-        """Look for places for the corners of flipped faces; kept if fewer are left."""
-        trial, moved = g, self.moved
-        for _ in range(SEARCHES):
-            flipped = self.flipped(trial)
-            if len(flipped) == 0:
-                break
-            trial, searched = search_stars(self.F, trial, flipped, self.free)
-            moved = moved | searched
-        if len(self.flipped(trial)) < len(self.flipped(g)):
-            self.moved = moved
-            return trial
-        return g
-
     def combine(self, g: Complex, patch: Bools) -> Complex:
         """Make the vertices of a patch the weighted means of their neighbours.
 
-        Solved for the displacements, by differences of neighbours: where all of a patch is
-        small, its shape has digits that its place has not.
+        Solved for the displacements, by differences of neighbours: where a patch is small,
+        differences are more accurate than positions.
         """
         inside = np.flatnonzero(patch)
         rows = self._weights[inside]

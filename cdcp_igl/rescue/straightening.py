@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, spread_evenly
-from ..certificate import is_around
+from ..arrays import Complex, Floats, Ints, evenly_spaced_rows
+from ..certificate import increments, is_around
 from ..distortion import plane_angles
+from ..steps.circle import RESOLVED
 from ..surface.mesh import DiskMesh
-
-__all__ = ["Straightening", "common_shear", "straighten"]
 
 FEW_FACES = 1_000  # enough to tell whether there is anything to gain
 MANY_FACES = 30_000  # for the gain itself
@@ -82,11 +81,11 @@ def straighten(
         The argument itself where less than 2 % of the mean angular distortion can be gained.
     Straightening
     """
-    shear, possible = common_shear(mesh, f, FEW_FACES)
-    if possible < WORTH:
+    if not is_sheared(mesh, f):
         return f, Straightening()
-    judges = spread_evenly(len(mesh.F), MANY_FACES)
-    faces, angles = mesh.F[judges], mesh.angles[judges]
+    shear, _ = common_shear(mesh, f, FEW_FACES)
+    sample = evenly_spaced_rows(len(mesh.F), MANY_FACES)
+    faces, angles = mesh.F[sample], mesh.angles[sample]
     first = last = float(abs(plane_angles(f, faces) - angles).mean())
     for _ in range(STEPS):
         straight = _straighter(mesh, f, extend, faces, angles, last)
@@ -128,6 +127,16 @@ def _straighter(
     return None
 
 
+def is_sheared(mesh: DiskMesh, f: Complex) -> bool:
+    """Whether so much shear is common to all faces that it is worth taking out.
+
+    Not asked where arcs are too short for positions on the circle to describe them well.
+    """
+    if increments(f[mesh.loop]).min() < RESOLVED:
+        return False
+    return common_shear(mesh, f, FEW_FACES)[1] >= WORTH
+
+
 def common_shear(mesh: DiskMesh, f: Complex, most: int) -> tuple[complex, float]:
     """Find the shear f - mu conj(f) of the image that lowers the angular distortion most.
 
@@ -144,9 +153,9 @@ def common_shear(mesh: DiskMesh, f: Complex, most: int) -> tuple[complex, float]
     float
         The share of the angular distortion that it would remove.
     """
-    judges = spread_evenly(len(mesh.F), most)
-    corners = f[mesh.F[judges]]
-    errors = plane_angles(f, mesh.F[judges]) - mesh.angles[judges]
+    sample = evenly_spaced_rows(len(mesh.F), most)
+    corners = f[mesh.F[sample]]
+    errors = plane_angles(f, mesh.F[sample]) - mesh.angles[sample]
     response = _angle_response(corners, -corners.conj())
     mu, after = _least_errors(errors, response.imag, response.real)
     before = abs(errors).mean()

@@ -13,21 +13,17 @@ from ..certificate import BOUNDARY_TOLERANCE, Certificate, certify
 from ..distortion import AngleDistortion
 from ..errors import MapError
 from ..plot.layout import Layout
-from ..rescue.boundary import BoundaryMethod
-from ..rescue.collapsed_faces import hold_open
+from ..rescue.candidate import Provenance
+from ..rescue.collapsed_faces import open_collapsed_faces
 from ..rescue.conformality import Conformality
-from ..rescue.refine import Refinement
-from ..rescue.repair import Repair, mend
-from ..rescue.straightening import Straightening
-from ..steps.center import Center
-from ..steps.mobius import Normalization
+from ..rescue.repair import repair_locally
 from .base import Result
 from .bijection import Bijection
 from .landmarks import landmark_automorphism
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DiskMap(Bijection, Result):
+class DiskMap(Bijection, Result, Provenance):
     """A disk conformal map. Printing it gives a summary.
 
     Attributes
@@ -45,27 +41,16 @@ class DiskMap(Bijection, Result):
         and what would help.
     distortion : AngleDistortion
         Mean, SD and maximum of the angular distortion (7) in degrees.
-    distortion_free : AngleDistortion
+    distortion_of_free_faces : AngleDistortion
         The same without the faces that have all three corners on the boundary: the circle
         fixes their angles, whatever the method. Equal to `distortion` where there are
         none, or no others.
-    center : Center
-        The central face, sect. 4.1, and how it was found.
-    trace : BoundaryMethod
-        How the boundary got onto the circle, with all fallbacks.
-    straightening : Straightening
-        What was done about the shear that all faces have in common.
-    repair : Repair
-        What was done about faces that the harmonic map had flipped.
-    mobius : Normalization
-        The Möbius transformation (19) that was applied, or why none was.
-    refinement : Refinement or None
-        How far the angular distortion was lowered beyond that of the harmonic map;
-        None if no step was asked for and none was due.
     solver : str
         Sparse solver, version, ordering and mode.
     timings : dict of str to float
         Seconds per phase.
+    center, boundary, straightening, mobius, repair, refinement
+        What was done, as in `Provenance`.
 
     Examples
     --------
@@ -79,13 +64,7 @@ class DiskMap(Bijection, Result):
     certificate: Certificate
     conformality: Conformality
     distortion: AngleDistortion
-    distortion_free: AngleDistortion
-    center: Center
-    trace: BoundaryMethod
-    straightening: Straightening
-    repair: Repair
-    mobius: Normalization
-    refinement: Refinement | None
+    distortion_of_free_faces: AngleDistortion
     solver: str
     timings: dict[str, float]
 
@@ -153,8 +132,8 @@ class DiskMap(Bijection, Result):
         # No digit more than need be is rounded, and what that turns over in crowded parts opened.
         radius = abs(f[self.mesh.loop])
         f[self.mesh.loop] /= np.where(abs(radius - 1) < BOUNDARY_TOLERANCE / 10, 1, radius)
-        f, _ = hold_open(self.mesh, f)
-        f, _ = mend(self.mesh, f)
+        f, _ = open_collapsed_faces(self.mesh, f)
+        f, _ = repair_locally(self.mesh, f)
         uv = coordinates(f)
         certificate = certify(self.mesh, uv)
         if not certificate.valid:
@@ -171,7 +150,7 @@ class DiskMap(Bijection, Result):
 
     def _summary(self) -> list[tuple[str, str]]:
         pairs = super()._summary()
-        if (free := self.distortion_free) != self.distortion:
+        if (free := self.distortion_of_free_faces) != self.distortion:
             text = f"{free}, without those with all corners on the circle"
             pairs.insert(1, ("of free faces", text))
         return pairs
@@ -180,7 +159,7 @@ class DiskMap(Bijection, Result):
         straightening = [("straightening", str(self.straightening))]
         return [
             ("center", str(self.center)),
-            ("boundary", str(self.trace)),
+            ("boundary", str(self.boundary)),
             *(straightening if self.straightening.before else []),
             ("repair", str(self.repair)),
             ("Möbius", str(self.mobius)),
@@ -190,13 +169,13 @@ class DiskMap(Bijection, Result):
 
     def _details(self) -> dict[str, Any]:
         return {
-            "angular_distortion_of_free_faces_degrees": asdict(self.distortion_free),
+            "angular_distortion_of_free_faces_degrees": asdict(self.distortion_of_free_faces),
             "center": {"method": self.center.method, "face": self.center.face},
             "boundary": {
-                "method": self.trace.name,
-                "laplacian": self.trace.laplacian,
-                "rejected": list(self.trace.rejected),
-                "spread_faces": self.trace.n_spread,
+                "method": self.boundary.name,
+                "laplacian": self.boundary.laplacian,
+                "rejected": list(self.boundary.rejected),
+                "spread_faces": self.boundary.n_opened,
             },
             "straightening": asdict(self.straightening),
             "repair": {

@@ -10,8 +10,7 @@ from ..arrays import Bools
 from ..cached import cached_property
 from ..surface.mesh import DiskMesh
 from .cholesky import Numbers
-from .delaunay import intrinsic_delaunay_laplacian
-from .laplacian import Laplacian, cotangent_laplacian
+from .laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
 from .memory import require_memory
 from .ordering import elimination_order
 from .solvers import factorize
@@ -78,7 +77,7 @@ class FactoredSurface:
         outwards = mesh.on_boundary[high]
         inner, outer = np.where(outwards, low, high), np.where(outwards, high, low)
         shape = len(mesh.V), len(mesh.loop)
-        return csc_matrix((-L.weights[between], (inner, mesh.place[outer])), shape)
+        return csc_matrix((-L.weights[between], (inner, mesh.loop_index[outer])), shape)
 
     @cached_property
     def delaunay(self) -> FactoredSurface:

@@ -9,8 +9,6 @@ from ..arrays import Complex, Floats
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import face_areas
 
-__all__ = ["at_one", "rotate", "vertex_areas"]
-
 
 def rotate(mesh: DiskMesh, f: Complex, align: int | ArrayLike | None) -> Complex:
     """Turn a map about 0.

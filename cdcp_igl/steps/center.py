@@ -14,8 +14,6 @@ from ..solve.solvers import factorize
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import face_areas
 
-__all__ = ["METHODS", "Center", "CenterMethod", "central_face", "centrality"]
-
 CenterMethod = Literal["torsion", "heat", "centroid"]
 METHODS = get_args(CenterMethod)
 

@@ -7,8 +7,6 @@ import numpy as np
 from ..arrays import Complex
 from ..solve.factored import FactoredSurface
 
-__all__ = ["harmonic_extension", "settled_extension"]
-
 
 def harmonic_extension(surface: FactoredSurface, f_B: Complex) -> Complex:
     """Extend boundary values harmonically: L_II f_I = -L_IB f_B, eq. (10).

@@ -6,15 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, spread_evenly
+from ..arrays import Complex, Floats, Ints, evenly_spaced_rows
 from ..distortion import angles_between, plane_angles
-
-__all__ = [
-    "AngleErrors",
-    "angle_change",
-    "least_angle_distortion",
-    "least_angle_distortion_nelder_mead",
-]
 
 # Faces on which Newton's method looks: few at first, to come near. On 13 scans, the mean
 # angular distortion with 10,000 is within 1e-4 degrees of that with all faces.
@@ -104,14 +97,14 @@ class AngleErrors:
         angles : (m, 3) float64
             Corner angles of the surface in radians.
         """
-        faces = spread_evenly(len(F), MANY_FACES)
+        faces = evenly_spaced_rows(len(F), MANY_FACES)
         corners = z.take(F[faces].T)
         errors = angles_between(*corners) - angles.T[:, faces]
         return cls(corners.real.copy(), corners.imag.copy(), errors)
 
     def on_fewer(self, most: int) -> AngleErrors:
         """Take at most so many of these faces, spread evenly."""
-        faces = spread_evenly(self.n_faces, most)
+        faces = evenly_spaced_rows(self.n_faces, most)
         return AngleErrors(self._x[:, faces], self._y[:, faces], self._errors[:, faces])
 
     def mean(self, w: complex) -> float:

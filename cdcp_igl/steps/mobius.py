@@ -18,15 +18,6 @@ from .least_distortion import (
     least_angle_distortion_nelder_mead,
 )
 
-__all__ = [
-    "MobiusMethod",
-    "Normalization",
-    "composed",
-    "conformal_barycenter",
-    "mobius_transformation",
-    "normalize",
-]
-
 MobiusMethod = Literal["angle", "area", "nelder-mead"]
 
 
@@ -49,8 +40,8 @@ class Normalization:
         Why the method's result was not used; empty where it was.
     """
 
-    method: str
-    w: complex
+    method: str = "none"
+    w: complex = 0j
     rejected: str = ""
 
     def __str__(self) -> str:
@@ -63,7 +54,7 @@ def normalize(
     mesh: DiskMesh,
     f: Complex,
     method: MobiusMethod | None,
-    finished: Callable[[Complex, complex], Complex] = lambda f, w: f,
+    finished: Callable[[Complex], Complex] = lambda f: f,
 ) -> tuple[Complex, Normalization]:
     """Apply the best Möbius transformation that does no harm.
 
@@ -80,7 +71,7 @@ def normalize(
     method : {"angle", "nelder-mead", "area"} or None
         Least angular distortion by Newton or by Nelder-Mead; conformal barycentre; none.
     finished : callable
-        What is done to the map after psi_w, given w, before its faces count as turned over.
+        What is done to the map after psi_w, before its faces count as flipped.
 
     Returns
     -------
@@ -89,7 +80,7 @@ def normalize(
     Normalization
     """
     if method is None:
-        return finished(f, 0j), Normalization("none", 0j)
+        return finished(f), Normalization("none", 0j)
     errors = AngleErrors.of(mesh.F, f, mesh.angles)
     before = errors.mean(0j)
     if method == "angle":
@@ -106,17 +97,17 @@ def normalize(
             break
         moved = at_one(mesh, mobius_transformation(f, w), mesh.loop[0])
         if is_around(moved[mesh.loop]):
-            moved = finished(moved, w)
+            moved = finished(moved)
             turned, _ = flipped_faces(moved, mesh.F)
             if len(turned) and allowed is None:
-                allowed, _ = flipped_faces(finished(f, 0j), mesh.F)
+                allowed, _ = flipped_faces(finished(f), mesh.F)
             if allowed is None or np.isin(turned, allowed).all():
                 return moved, Normalization(method, w)
             reason = "flipped faces"
         else:
             reason = "crowding"
         w /= 2
-    return finished(f, 0j), Normalization(method, 0j, reason)
+    return finished(f), Normalization(method, 0j, reason)
 
 
 def mobius_transformation(z: Complex, w: complex) -> Complex:

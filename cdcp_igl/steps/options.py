@@ -13,8 +13,6 @@ from ..surface.mesh import DiskMesh
 from .center import METHODS, CenterMethod
 from .mobius import MobiusMethod
 
-__all__ = ["Options"]
-
 
 @dataclass(frozen=True, eq=False)
 class Options:
@@ -23,7 +21,7 @@ class Options:
     center: CenterMethod | int = "torsion"
     mobius: Literal["angle", "area"] | None = "angle"
     align: int | ArrayLike | None = None
-    refine: int = 0
+    refine: int | None = None
     refine_norm: float = 1.5
     refine_seconds: float = np.inf
     preset: Literal["paper"] | None = None
@@ -37,8 +35,11 @@ class Options:
             raise ValueError(f'preset must be "paper" or None, not {self.preset!r}')
         if self.mobius not in ("angle", "area", None):
             raise ValueError(f'mobius must be "angle", "area" or None, not {self.mobius!r}')
-        if not _whole(self.refine) or self.refine < 0:
-            raise ValueError(f"refine must be a number of steps, 0 or more, not {self.refine!r}")
+        if self.refine is not None and not (_whole(self.refine) and self.refine >= 0):
+            raise ValueError(
+                "refine must be a number of steps, 0 or more, or None (as needed), "
+                f"not {self.refine!r}"
+            )
         if not (_real(self.refine_norm) and 1 <= self.refine_norm <= 2):
             raise ValueError(f"refine_norm must be from 1 to 2, not {self.refine_norm!r}")
         if not (_real(self.refine_seconds) and self.refine_seconds >= 0):
@@ -68,6 +69,11 @@ class Options:
     def mobius_method(self) -> MobiusMethod | None:
         """What chooses the Möbius transformation."""
         return "nelder-mead" if self.paper else self.mobius
+
+    @property
+    def first_steps(self) -> tuple[CenterMethod | int, str | None]:
+        """What the harmonic map of Algorithm 1 depends on, before its normalisation."""
+        return self.center, self.preset
 
     @property
     def paper(self) -> bool:

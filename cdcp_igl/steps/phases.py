@@ -6,8 +6,6 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
 
-__all__ = ["PHASES", "Phases", "Progress"]
-
 Progress = Callable[[str, float], None]
 
 # The phases in order, with their share of the time on a large mesh: what a progress bar

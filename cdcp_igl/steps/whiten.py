@@ -6,9 +6,6 @@ import numpy as np
 
 from ..arrays import Complex
 
-__all__ = ["whiten_trace"]
-
-
 ROUNDS = 3
 
 
