@@ -36,7 +36,7 @@ def search_along(
 
     The step (n,) is tangential to the circle on the boundary; `measure` takes angle errors
     (m, 3) to the objective. Faces that become less high than `thin`, by their distance from 0,
-    count as flipped. Returns the map, its angle errors and its objective, or None if nothing has helped.
+    count as flipped. Returns the map, its angle errors and its objective; None if nothing helps.
     """
     scale, low = np.ones(len(f)), _lower(mesh.F, f, thin)
     for _ in range(halvings):
