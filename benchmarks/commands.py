@@ -8,10 +8,13 @@ import typer
 from rich.console import Console
 
 from .measure import ablation as variants
+from .measure import mechanisms
 from .measure import methods as measured_methods
 from .measure.any_surface import surfaces
+from .measure.families import FAMILIES, disks
 from .measure.fuzzing import fuzz
 from .measure.machine import MACHINE
+from .measure.mechanisms import RESCUES
 from .measure.methods import METHODS, maps
 from .measure.models import subdivided
 from .measure.mutants import mutants
@@ -24,7 +27,7 @@ from .records.store import ROOT, WORK, Work
 from .session import Machine, Out, Session, with_session
 from .write.front_page import MODELS, README, rewrite
 from .write.report import draw
-from .write.sections import cases, in_order, summary_table
+from .write.sections import cases, in_order, rescue_tables, summary_table
 from .write.table import printed
 
 SPEED_METHODS = ("factor", "cdcp", "cdcp refine=1", "cdcp refine=5", "lscm", "harmonic")
@@ -123,15 +126,42 @@ def speed(session: Session, repeats: Repeats = 5) -> None:
 
 @app.command()
 @with_session
-def ablation(session: Session) -> None:
-    """Measure CDCP with a step left out or replaced: Möbius, centre, trace, whitening, zipper.
+def ablation(
+    session: Session,
+    families: Annotated[str, typer.Option(metavar="NAME,...", help="Of disks.")] = ",".join(
+        FAMILIES
+    ),
+    count: Annotated[int, typer.Option(min=1, help="Disks of each family.")] = 5,
+    most: Annotated[int, typer.Option(min=1, help="Vertices of the largest of them.")] = 5_000,
+) -> None:
+    """Measure CDCP with a step of Algorithm 1 changed, then with a part of its rescue left out.
 
-    What is there already is not measured again. To start over, delete the work folder.
+    The steps on scans; the rescue on families of disks, or on the models that are chosen. What is
+    there already is not measured again. To start over, delete the work folder.
     """
-    methods = session.wanted_methods(variants.ABLATIONS, variants.ABLATIONS)
-    models = session.wanted_models(ABLATION_MODELS)
-    records = session.run("ablation", models, methods, variants.TABLE, lambda *_: 1)
-    _finish(session, "ablation", records)
+    known = {**variants.ABLATIONS, **RESCUES}
+    wanted = session.wanted_methods(known, known)
+    steps = {name: method for name, method in wanted.items() if name not in RESCUES}
+    rescues = {name: method for name, method in wanted.items() if name in RESCUES}
+    if steps:
+        models = session.wanted_models(ABLATION_MODELS)
+        records = session.run("ablation", models, steps, variants.TABLE, lambda *_: 1)
+        _finish(session, "ablation", records)
+    if rescues:
+        chosen = session.models or session.quick
+        models = session.wanted_models() if chosen else disks(_known(families), count, most)
+        records = session.run("rescue", models, rescues, mechanisms.TABLE, lambda *_: 1)
+        _finish(session, "rescue", records)
+
+
+def _known(families: str) -> list[str]:
+    """Names of families, as they were typed."""
+    names = [name for name in families.split(",") if name]
+    for name in names:
+        if name not in FAMILIES:
+            text = f"{name!r} is not one of {', '.join(FAMILIES)}."
+            raise typer.BadParameter(text, param_hint="--families")
+    return names
 
 
 def _finish(session: Session, section: str, records: list[Record]) -> None:
@@ -141,7 +171,10 @@ def _finish(session: Session, section: str, records: list[Record]) -> None:
         console.width = WIDE
     results = measured.sections[section]
     every = cases(results)
-    if len(every.rows) <= LONG:
+    if section == "rescue":
+        (table,) = rescue_tables(results)
+        console.print(printed(table, table.headings), table.text)
+    elif len(every.rows) <= LONG:
         console.print(printed(every, TOLD))
     else:
         over_all = summary_table(results, in_order(results.maps))

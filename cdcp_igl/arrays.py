@@ -1,6 +1,5 @@
 """Names of the array types used in signatures, points as complex numbers, parts of arrays."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -25,13 +24,12 @@ def coordinates(z: Complex) -> Floats:
     return np.column_stack([z.real, z.imag])
 
 
-def blocks(m: int) -> Iterator[slice]:
+def blocks(m: int) -> list[slice]:
     """Split m faces into blocks whose arrays stay in the cache."""
-    for start in range(0, m, BLOCK):
-        yield slice(start, start + BLOCK)
+    return [slice(start, start + BLOCK) for start in range(0, m, BLOCK)]
 
 
-def spread_evenly(m: int, most: int) -> Ints:
+def evenly_spaced_rows(m: int, most: int) -> Ints:
     """(k,) rows of at most so many of m, spread evenly."""
     return np.linspace(0, m - 1, min(most, m)).astype(np.int64)
 

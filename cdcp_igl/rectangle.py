@@ -73,7 +73,7 @@ class RectangleMap(Result):
         sides are placed as `disk_map` and elliptic integrals tell, for obtuse faces at a side may
         turn it back.
     laplacian : str
-        ``"cotangent"``; or, where that turned faces over, or its map is not conformal, and this
+        ``"cotangent"``; or, where that flipped faces, or its map is not conformal, and this
         distorts less, ``"intrinsic Delaunay"``.
     repair : Repair
         What was done about flipped faces.
@@ -249,7 +249,7 @@ def _boundary_sides(mesh: DiskMesh, corners: ArrayLike) -> list[Ints]:
     chosen = np.asarray(corners)
     if chosen.shape != (4,) or chosen.dtype.kind not in "iu":
         raise ValueError(f"corners must be four vertices, not {corners!r}")
-    place, nB = mesh.place, len(mesh.loop)
+    place, nB = mesh.loop_index, len(mesh.loop)
     if not ((chosen >= 0) & (chosen < len(place))).all() or (place[chosen] < 0).any():
         raise ValueError(f"corners={chosen.tolist()} must be boundary vertices")
     steps = (np.roll(place[chosen], -1) - place[chosen]) % nB

@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+from itertools import islice
 from pathlib import Path
 
 import meshes
@@ -11,8 +12,9 @@ from benchmark_commands import GRID, MACHINE, ROOT, benchmarks, measure, record,
 
 import cdcp_igl
 from benchmarks.commands import GROWTH_METHODS
-from benchmarks.measure import models
+from benchmarks.measure import families, models
 from benchmarks.measure.ablation import ABLATIONS
+from benchmarks.measure.mechanisms import ALL, RESCUES
 from benchmarks.measure.methods import METHODS, maps
 from benchmarks.measure.models import Model
 from benchmarks.records.paper import PAPER
@@ -25,6 +27,7 @@ from cdcp_igl.certificate import certify
 from cdcp_igl.surface.mesh import DiskMesh
 
 V, F = GRID.load()
+WITHOUT = "without harmonic measure"
 
 
 def page(records):
@@ -55,6 +58,28 @@ def test_every_method_gives_a_map(name):
 def test_every_ablation_gives_a_map():
     for name, method in ABLATIONS.items():
         assert method.function(V, F).shape == (len(V), 2), name
+
+
+def test_a_mechanism_is_left_out_of_one_map_only():
+    *_, (length, V, F) = islice(families.FAMILIES["strips"](), 3)
+    means = [RESCUES[name].function(V, F).distortion.mean for name in (ALL, WITHOUT, ALL)]
+    assert length == "20:1"
+    assert means[1] > 2 * means[0] == 2 * means[2]
+
+
+def test_a_good_map_needs_no_mechanism():
+    uv = cdcp_igl.cdcp(V, F)
+    for name, method in RESCUES.items():
+        np.testing.assert_array_equal(method.function(V, F).uv, uv, name)
+
+
+def test_every_family_has_disks(monkeypatch):
+    monkeypatch.delenv("CDCP_IGL_DATA", raising=False)
+    found = families.disks(list(families.FAMILIES), 2, 1_000)
+    names = [families.family_of(model.name) for model in found]
+    assert names == ["fuzzed", "fuzzed", "strips"]  # the others are large, or not at hand
+    assert families.family_of("chinese_lion") == "given"
+    assert all(cdcp_igl.check(*model.load()).is_disk for model in found)
 
 
 def test_records_survive_json(tmp_path):
@@ -175,6 +200,11 @@ def test_each_command_writes_a_section_of_the_same_results(tmp_path):
     commands = read_results(tmp_path / "here.json")[0]["commands"]
     assert commands["speed"].startswith("python -m benchmarks speed --repeats 2 --methods")
     assert list(commands) == ["speed", "ablation"]
+    rescue = ("ablation", "--methods", f"{ALL},{WITHOUT}", "--families", "strips", "--count", 1)
+    done = benchmarks(*rescue, *shared[1:-2])
+    assert done.exit_code == 0, done.output
+    assert "strips, 1" in done.stdout
+    assert done.stdout.count("1; 1; 0+0; ") == 2
 
 
 def test_rows_of_earlier_calls_do_not_linger(tmp_path):

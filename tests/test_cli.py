@@ -94,36 +94,38 @@ def test_an_option_that_does_not_fit_the_mesh(cap, option, row, message):
     assert (result.exit_code, result.stderr) == (2, message)
 
 
-def test_quiet(cap):
-    result = invoke("map", cap, cap.with_name("o.obj"), "--quiet")
-    assert (result.exit_code, result.output) == (0, "")
-
-
 @pytest.mark.parametrize(
     ("given", "named"),
     [
-        (("o.stl",), "'o.stl' must end in"),
-        (("o",), "'o' must end in"),
-        (("missing/o.obj",), "there is no folder 'missing'"),
-        (("folder.obj",), "'folder.obj' is a folder"),
-        (("o.obj", "--report", "r.txt"), "must end in .json"),
-        (("o.obj", "--report", "missing/r.json"), "there is no folder"),
-        (("o.obj", "--picture", "p.jpg"), "must end in .png or .svg or .pdf"),
-        (("o.obj", "--center", "middle"), "center must be"),
-        (("o.obj", "--center", "0", "--preset", "paper"), "sets center and mobius itself"),
-        (("o.obj", "--mobius", "both"), "mobius must be"),
-        (("o.obj", "--preset", "book"), "preset must be"),
-        (("o.obj", "--align", "up"), "align must be"),
-        (("o.obj", "--align", "1,2"), "align must be"),
-        (("o.obj", "--refine", "-1"), "--refine"),
-        (("o.obj", "--refine-norm", "3"), "--refine-norm"),
-        (("second.obj", "third.obj"), "--out-dir"),
+        ("map IN o.stl", "'o.stl' must end in"),
+        ("map IN o", "'o' must end in"),
+        ("map IN missing/o.obj", "there is no folder 'missing'"),
+        ("map IN folder.obj", "'folder.obj' is a folder"),
+        ("map IN o.obj --report r.txt", "must end in .json"),
+        ("map IN o.obj --report missing/r.json", "there is no folder"),
+        ("map IN o.obj --picture p.jpg", "must end in .png or .svg or .pdf"),
+        ("map IN o.obj --center middle", "center must be"),
+        ("map IN o.obj --center 0 --preset paper", "sets center and mobius itself"),
+        ("map IN o.obj --mobius both", "mobius must be"),
+        ("map IN o.obj --preset book", "preset must be"),
+        ("map IN o.obj --align up", "align must be"),
+        ("map IN o.obj --align 1,2", "align must be"),
+        ("map IN o.obj --refine -1", "--refine"),
+        ("map IN o.obj --refine-norm 3", "--refine-norm"),
+        ("map IN second.obj third.obj", "--out-dir"),
+        ("map IN --out-dir maps --cut --clean", "leave out clean"),
+        ("map IN --out-dir maps --cut --center 3", "must be a method"),
+        ("map IN --out-dir maps --report r.json", "are for one surface"),
+        ("map IN --out-dir maps --force", "are for one surface"),
+        ("compare IN --methods cdcp,magic", "'magic' is not one of"),
+        ("compare IN --json r.txt", "must end in .json"),
+        ("compare IN --csv r.json", "must end in .csv"),
     ],
 )
 def test_bad_arguments_are_found_before_anything_is_read(tmp_path, monkeypatch, given, named):
     monkeypatch.chdir(tmp_path)
     Path("folder.obj").mkdir()
-    result = invoke("map", "there_is_none.obj", *given)
+    result = invoke(*given.replace("IN", "there_is_none.obj").split())
     assert result.exit_code == 2
     assert named in " ".join(result.stderr.split())
     assert "No such file" not in result.stderr
@@ -198,13 +200,6 @@ def test_check(cap, surface, code, said):
     assert said in result.stdout
 
 
-def test_indices_from_one_are_announced_by_map(cap):
-    np.savez(cap, V=V, F=F + 1)
-    result = invoke("map", cap, cap.with_name("o.obj"))
-    assert result.exit_code == 0
-    assert "from 1" in result.stdout
-
-
 def test_several_files_are_checked(cap):
     torn, missing = cap.with_name("torn.npz"), cap.with_name("missing.obj")
     np.savez(torn, V=V, F=F[:-30])
@@ -264,11 +259,15 @@ def test_help_names_what_the_library_has():
 # -- on a terminal and in a pipe -------------------------------------------------------
 
 
-def test_a_pipe_gets_plain_text(cap, monkeypatch):
+def test_a_pipe_gets_plain_text_or_nothing(cap, monkeypatch):
     monkeypatch.setenv("FORCE_COLOR", "1")
+    np.savez(cap, V=V, F=F + 1)
     result = invoke("map", cap, cap.with_name("o.obj"))
     assert (result.exit_code, result.stderr) == (0, "")
     assert result.stdout.replace("\n", "").isprintable()  # no escape sequences
+    assert "  note                The faces count vertices from 1" in result.stdout
+    result = invoke("map", cap, cap.with_name("o.obj"), "--force", "--quiet")
+    assert (result.exit_code, result.output) == (0, "")
 
 
 def test_a_terminal_gets_a_bar_after_a_second(monkeypatch):

@@ -86,22 +86,8 @@ def test_many_surfaces_are_a_batch_of_their_own_types(scan):
     assert made == ["b/scan.obj", "scan.obj"]
     for name, surface in (("scan.obj", scan), ("b/scan.obj", files[2]), (files[3].name, files[3])):
         np.testing.assert_array_equal(read_mesh(out / name)[0], read_mesh(surface)[0])
-    for option in (("--report", folder / "r.json"), ("--force",)):
-        assert invoke("map", *files, "--out-dir", out, *option).exit_code == 2
     assert invoke("map", scan, "--out-dir", folder).exit_code == 4
     assert scan.read_bytes() == before
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [(("--clean",), "leave out clean"), (("--center", 3), "must be a method")],
-)
-def test_options_that_do_not_go_together_are_no_fault_of_a_surface(scan, options, message):
-    out = scan.with_name("maps")
-    result = invoke("map", scan, "--out-dir", out, "--cut", *options)
-    assert result.exit_code == 2
-    assert message in result.stderr
-    assert not out.exists()
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")

@@ -173,20 +173,6 @@ def test_each_mesh_is_compared_once(mesh):
     assert done.stdout.count("lscm: no result within 0 s") == 1
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--methods", "cdcp,magic"], "'magic' is not one of"),
-        (["--json", "r.txt"], "must end in .json"),
-        (["--csv", "r.json"], "must end in .csv"),
-    ],
-)
-def test_bad_usage(mesh, arguments, message):
-    done = invoke("compare", mesh, *arguments)
-    assert done.exit_code == 2
-    assert message in " ".join(done.stderr.split())
-
-
 def test_a_bad_mesh_is_named_and_the_others_go_on(tmp_path, mesh):
     np.savez(tmp_path / "hole.npz", V=V, F=F[1:-40])
     files = tmp_path / "hole.npz", tmp_path / "missing.obj", mesh

@@ -65,6 +65,16 @@ def open_edges(F, F_cut):
     return np.array(edges, dtype=np.int64).reshape(-1, 2)
 
 
+@given(st.integers(0, 10_000))
+def test_sheets_part_into_a_manifold_however_they_meet(seed):
+    rng = np.random.default_rng(seed)
+    n, m = rng.integers(3, 9), rng.integers(1, 26)
+    F = [rng.permutation(n)[:3] for _ in range(m)]
+    cut = cdcp_igl.cut(rng.random((n, 3)), F, path=[])
+    np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
+    assert Topology(cut.F, len(cut.V)).is_manifold
+
+
 @settings(max_examples=10)
 @given(RANDOM, st.sampled_from([2.0**-600, 1024.0, 2.0**600]))
 def test_the_unit_does_not_change_what_is_cut(mesh, scale):
@@ -100,6 +110,15 @@ def test_a_tube_is_cut_along_a_straight_line():
     assert len(opened.cut_edges) == 23
     # The two ends have corners of pi in place of a straight boundary, the others nothing.
     assert opened.bend < tube.uncut.bend + 2 * np.pi + 0.1
+
+
+def test_the_first_cut_of_a_closed_surface_has_no_loose_end(real_mesh):
+    """Where the shortest paths begin, one edge would be left over."""
+    V, F = real_mesh("any/handles_kitten_10000")
+    kitten = component(np.asarray(V, float), np.asarray(F, np.int64))
+    edges = cut_to_disk(kitten).cut_edges
+    _, visits = np.unique([kitten.tail[edges], kitten.head[edges]], return_counts=True)
+    assert visits.min() > 1
 
 
 def test_a_long_sphere_is_cut_from_tip_to_tip():

@@ -166,7 +166,7 @@ def test_a_face_that_stays_flipped_is_not_called_unfolded():
     """A polygon without vertices inside: nothing may move."""
     V, F = meshes.strip()
     mesh = DiskMesh(V, F)
-    f = np.exp(2j * np.pi * mesh.place / len(V))
+    f = np.exp(2j * np.pi * mesh.loop_index / len(V))
     f[mesh.loop[1]] = f[mesh.loop[0]]
     left, repair = repair_locally(mesh, f)
     flipped, _ = flipped_faces(left, F)

@@ -101,8 +101,9 @@ def test_bad_options_are_refused(option):
 
 
 def test_refinement_comes_after_growth():
-    V, F = surfaces.sphere(rings=30, around=10, stretch=8)
+    V, F = surfaces.tube(n=80, k=16, length=16)
     plain = cdcp_igl.surface_map(V, F)
+    assert len(plain.cut.edges) > 0
     refined = cdcp_igl.surface_map(V, F, refine=6)
     np.testing.assert_array_equal(refined.cut.edges, plain.cut.edges)
     assert refined.distortion.mean < plain.distortion.mean
@@ -213,6 +214,14 @@ def test_a_hole_at_the_end_of_a_branch_is_filled_and_cut_through():
     grown = cdcp_igl.surface_map(V, F)
     assert len(whole.cut.edges) == 0
     assert grown.spread < whole.spread / 2
+
+
+def test_a_tiny_boundary_is_cut_on_before_the_first_map():
+    seen = []
+    V, F = surfaces.sphere(rings=20, around=20, stretch=3)
+    result = cdcp_igl.surface_map(V, F[1:], progress=lambda phase, _: seen.append(phase))
+    assert seen.count("factor") == 1
+    assert result.spread < 1
 
 
 def test_growing_evens_out_the_scale():

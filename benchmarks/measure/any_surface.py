@@ -38,7 +38,9 @@ def surfaces(
             exists=True, file_okay=False, help="npz files of V and F, the class first in the name."
         ),
     ] = None,
-    refine: Annotated[int, typer.Option(help="Steps of refinement.")] = 0,
+    refine: Annotated[
+        int | None, typer.Option(help="Steps of refinement; as needed if not given.")
+    ] = None,
     spread: Annotated[float, typer.Option(help="Grow cuts to this spread.")] = 1.0,
 ) -> None:
     """Map surfaces that are no disks, by class."""
@@ -49,7 +51,7 @@ def surfaces(
     typer.echo(NOTE)
 
 
-def _row(file: Path, refine: int, spread: float) -> Row:
+def _row(file: Path, refine: int | None, spread: float) -> Row:
     """Map a surface; the row notes what holds it back if it is not conformal."""
     with np.load(file) as mesh:
         V, F = mesh["V"].astype(np.float64), mesh["F"].astype(np.int64)

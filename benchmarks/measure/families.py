@@ -19,13 +19,14 @@ from .punctures import opened, row_to_open
 
 LENGTHS = (5, 10, 20, 22, 25, 40, 60, 80)  # of strips, by their width
 CELLS = 10  # across a strip
+GIVEN = "given"  # the family of models that are chosen by name
 SEED = 1  # of the places where a closed surface is opened
 
 
 def family_of(model: str) -> str:
-    """Name the family of a model of `disks`; of another, "given"."""
+    """Name the family of a model."""
     name, found, _ = model.partition(": ")
-    return name if found and name in FAMILIES else "given"
+    return name if found and name in FAMILIES else GIVEN
 
 
 def disks(families: list[str], count: int, most: int) -> list[Model]:

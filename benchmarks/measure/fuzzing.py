@@ -31,7 +31,7 @@ FEWEST, MOST = 8, 4_000  # vertices of a patch
 STRETCHES = (2.0, 5.0, 20.0)  # upper ends of the classes
 TARGETS = {5.0: 0.995, 20.0: 0.97}  # share of the disks up to a stretch that must be mapped
 DAMAGED = 1 / 3  # share of the cases
-REFINE = (0, 0, 1, 5)  # steps of refinement, case by case in turn
+REFINE = (0, 0, 1, 5)  # steps of refinement beside those needed, case by case in turn
 QUANTILES = (0.5, 0.9, 0.99, 1)  # of the distortions
 
 FAULTS = (
@@ -137,7 +137,7 @@ def examine(seed: int, case: int) -> Row:
     given = surface(seed, case)
     disk = check(given.V, given.F).is_disk
     refine = REFINE[case % len(REFINE)]
-    plain = _judged(given, disk, 0)
+    plain = _judged(given, disk, None)
     row = Row(case, given.stretch, disk, plain[0], given.made, *plain[1:])
     if not (refine and _is_mapped(row)):
         return row
@@ -148,7 +148,7 @@ def examine(seed: int, case: int) -> Row:
     return replace(row, refine=refine, refined=mean)
 
 
-def _judged(given: Case, disk: bool, refine: int) -> tuple[str, str, float]:
+def _judged(given: Case, disk: bool, refine: int | None) -> tuple[str, str, float]:
     """Map a surface; return the outcome, the message, and the mean angular distortion."""
     try:
         result = disk_map(given.V, given.F, refine=refine)

@@ -29,7 +29,7 @@ from .worker import Jobs, WorkFolder, kept_answers
 
 SECONDS = 600.0  # after which a map hangs
 RINGS = {"face": 0, "vertex": 1, "2-ring": 2}  # of faces around a vertex that are taken out
-REFINE = (0, 5)
+REFINE = (None, 5)  # as needed, and five steps
 NOT_WORSE = 1.2  # than the best of the others
 HIGH = 12.0  # degrees
 MAPPED = "map"
@@ -122,7 +122,7 @@ class Comparison:
 
 
 # The methods by the steps of refinement for which they are compared: the first is ours.
-COMPARED: Mapping[int, Sequence[str]] = {
+COMPARED: Mapping[int | None, Sequence[str]] = {
     refine: (f"refine={refine}", f"refine={refine}, mobius=None", "FDCP", "arc length")
     for refine in REFINE
 }
@@ -144,7 +144,7 @@ def punctures(
 ) -> None:
     """Take a face, a vertex or a 2-ring out of closed surfaces without handles, and map them.
 
-    Maps with 0 and 5 steps of refinement stand beside those without a Möbius transformation, of
+    Maps refined as needed, and by 5 steps, stand beside those without a Möbius transformation, of
     FDCP, and by arc length. Exit code 1 if one is much worse than the best of the others, or
     something crashes, hangs or goes wrong without saying so. What has been mapped is kept in
     build/benchmarks, and not mapped again.

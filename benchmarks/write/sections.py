@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..measure.ablation import ABLATIONS
+from ..measure.families import FAMILIES, GIVEN, family_of
+from ..measure.mechanisms import ALL, RESCUES
 from ..measure.methods import METHODS
 from ..records.comparison import QUANTITIES, paired, summary
 from ..records.paper import PUBLISHED, published, row_of
@@ -27,6 +29,7 @@ FORMATS = {
 
 # Methods that are what others are measured by, or have tables of their own.
 UNITS = ("factor", "cdcp warm", "cdcp sequence", "import")
+CHANGED = 0.05  # of the mean angular distortion, from which on a map is another one
 
 
 def about(machine: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -58,7 +61,7 @@ def tables(measured: Measured) -> Iterator[Table]:
     """Make the tables of all sections."""
     sections = {
         **{"tables": _accuracy, "peers": peer_tables, "speed": _speed, "growth": _growth},
-        "ablation": _ablation,
+        **{"ablation": _ablation, "rescue": rescue_tables},
     }
     for section, make in sections.items():
         if section in measured.sections:
@@ -285,6 +288,53 @@ def _ablation(results: Section) -> Iterator[Table]:
         headings,
         rows(seconds),
     )
+
+
+def rescue_tables(results: Section) -> Iterator[Table]:
+    """Make the table with a row for each part of the rescue that is left out."""
+    families = {
+        family: [model for model in results.mapped if family_of(model) == family]
+        for family in (*FAMILIES, GIVEN)
+    }
+    families = {family: models for family, models in families.items() if models}
+    headings = [f"{family}, {len(models)}" for family, models in families.items()]
+    yield Table(
+        "rescue",
+        "The rescue, without each of its parts",
+        "In each family of disks: valid maps; conformal maps; maps that are worse + better by more "
+        f"than {CHANGED:.0%} than with all of the rescue, lost ones worse; mean angular distortion "
+        "over the valid maps; seconds, a hint.",
+        ["CDCP with", *headings],
+        [
+            [
+                Cell(method, kind="text name"),
+                *(_rescued(results, method, models) for models in families.values()),
+            ]
+            for method in results.methods(RESCUES)
+        ],
+    )
+
+
+def _rescued(results: Section, method: str, models: Sequence[str]) -> Cell:
+    means, before = (
+        np.array([results.median(model, name, "mean") for model in models])
+        for name in (method, ALL)
+    )
+    worse = np.isnan(means) > np.isnan(before)
+    better = np.isnan(means) < np.isnan(before)
+    worse |= means > (1 + CHANGED) * before
+    better |= means < (1 - CHANGED) * before
+    conformal = sum(
+        run.case.details["conformal"]
+        for model in models
+        for run in results.of(model, method)
+        if run.ok
+    )
+    valid = np.isfinite(means).sum()
+    mean = f"{np.nanmean(means):.2f}°" if valid else NOTHING
+    seconds = np.nansum([results.median(model, method) for model in models])
+    changed = f"{worse.sum()}+{better.sum()}"
+    return Cell(f"{valid}; {conformal}; {changed}; {mean}; {seconds:.1f} s")
 
 
 # -- many surfaces, other programs -------------------------------------------------------

@@ -71,12 +71,13 @@ def map_component(
     if spread < np.inf:
         opened = lead_away(opened)
     best = _chart(opened, options, progress)
-    as_needed = replace(options, refine=0)
+    # Steps that were asked for are taken once, in the end.
+    in_between = replace(options, refine=None) if options.refine else options
     while best.spread > spread or not (best.disk.conformal or spread == np.inf):
         longer = grow(best)
         if longer is best.opened:
             break
-        grown = _chart(longer, as_needed, progress)
+        grown = _chart(longer, in_between, progress)
         if not grown.gains_on(best):
             break
         best = grown

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Floats, spread_evenly
+from ..arrays import Floats, evenly_spaced_rows
 
 # Circles are packed this much smaller than what would touch, against rounding.
 GAP = 1e-6
@@ -22,7 +22,7 @@ def packed_circles(radii: Floats) -> tuple[Floats, Floats]:
     widths = np.unique(
         np.clip(np.cumsum(sides), sides[0], 2 * np.sqrt((sides**2).sum()) + sides[0])
     )
-    widths = widths[spread_evenly(len(widths), MOST_WIDTHS)]
+    widths = widths[evenly_spaced_rows(len(widths), MOST_WIDTHS)]
     best = min(widths, key=lambda width: max(width, _rows(sides, width)[-1].max()))
     x, y, height = _rows(sides, best)
     scale = 1 / max(best, height.max())

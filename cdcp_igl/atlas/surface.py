@@ -238,8 +238,7 @@ def surface_map(
         raise ValueError(f"center must be a method, since each disk has a face, not {center!r}")
     if align is not None and np.ndim(align) == 0:
         raise ValueError(f"align must be a direction in space or None, not {align!r}")
-    steps = 0 if refine is None else refine  # 0 is as needed
-    options = Options(center, mobius, align, steps, refine_norm, refine_seconds, preset, solver)
+    options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset, solver)
     start = perf_counter()
     given, faces = usable_arrays(V, F)
     sheets = oriented_sheets(given, faces, polygon_of_face)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Floats, Ints, spread_evenly
+from ..arrays import Floats, Ints, evenly_spaced_rows
 
 Y_AXIS, Z_AXIS = np.array([0.0, 1, 0]), np.array([0.0, 0, 1])
 
@@ -33,7 +33,7 @@ def choose_viewpoint(V: Floats, F: Ints) -> Floats:
     (3, 3) float64
         Rotation whose rows point right, up and towards the viewer.
     """
-    F = F[spread_evenly(len(F), FACES)]
+    F = F[evenly_spaced_rows(len(F), FACES)]
     i, j, k = F.T
     across = np.cross(V[j] - V[i], V[k] - V[i])
     twice_area = np.linalg.norm(across, axis=1, keepdims=True)

@@ -36,14 +36,7 @@ POLL = 0.05  # seconds between two looks at the memory of the process
 
 @dataclass(frozen=True)
 class Timed:
-    """What a function returns that has its own clock and makes no map.
-
-    Attributes
-    ----------
-    seconds : float
-    phases : dict of str to float
-        Seconds of its parts.
-    """
+    """What a function returns that has its own clock and makes no map: its seconds, in parts."""
 
     seconds: float
     phases: Mapping[str, float] = field(default_factory=dict)
@@ -51,7 +44,7 @@ class Timed:
 
 @dataclass(frozen=True)
 class Case:
-    """What one method made of one mesh.
+    """What one method made of one mesh; NaN, and no details, where there is no map.
 
     Attributes
     ----------
@@ -62,18 +55,15 @@ class Case:
     outcome : str
         ``"ok"``, or why there is no valid map: the error, the signal, a limit, what is wrong.
     mean, sd, max : float
-        Angular distortion in degrees; NaN, as everything below, where there is no map.
+        Angular distortion in degrees.
     area : float
-        Area distortion: mean |log of the ratio of areas| of the faces, both areas as shares
-        of their totals; infinite if a face has collapsed or flipped.
-    flips : float
-        Number of faces that are not positively oriented.
-    boundary_error : float
-        Largest deviation of a boundary vertex from the unit circle.
-    seconds : float
-        Wall time of the method, from arrays to map, in a fresh process.
-    memory : float
-        Peak memory of that process in MiB, Python and the mesh included.
+        Mean |log of the ratio of areas| of the faces, both areas as shares of their totals;
+        infinite if a face has collapsed or flipped.
+    flips, boundary_error : float
+        Number of faces that are not positively oriented; largest deviation of a boundary vertex
+        from the unit circle.
+    seconds, memory : float
+        Wall time from arrays to map, and peak memory in MiB, of a fresh process.
     details : dict
         `DiskMap.report` where the method returns a `DiskMap`, with the seconds per phase.
     """
@@ -112,31 +102,22 @@ def run_case(
     memory_limit: float = np.inf,
     table: str = "cdcp_igl.reference:METHODS",
 ) -> tuple[Case, Floats | None]:
-    """Run a method in a fresh process, which it may crash.
+    """Run a method in a fresh process, which it may crash; return the map if it is valid.
 
     Parameters
     ----------
     method : str
         Name in the table.
-    V : (n, 3) array_like
-        Vertex positions.
-    F : (m, 3) array_like of integers
-        Corners of the faces.
-    time_limit : float
-        Seconds after which the process is killed.
-    memory_limit : float
-        Resident MiB beyond which it is killed. (Address space, which the system could limit by
-        itself, says little: thread pools and mapped libraries reserve much that they never use.)
+    V, F : array_like
+        The surface.
+    time_limit, memory_limit : float
+        Seconds and resident MiB beyond which the process is killed. (Address space, which the
+        system could limit by itself, says little: thread pools and mapped libraries reserve much
+        that they never use.)
     table : str
         ``"module:name"`` of a mapping from names to `reference.Method`. A function in it may
         also return a `DiskMap`, or a `Timed` with boundary ``"none"``. If the method has a
         ``prepare``, that is called first and does not count.
-
-    Returns
-    -------
-    Case
-    uv : (n, 2) float64 or None
-        The map, if there is a valid one.
 
     Raises
     ------
@@ -148,16 +129,9 @@ def run_case(
         mesh, result, errors = (Path(folder, name) for name in ("mesh.npz", "result.npz", "errors"))
         with whole_file(mesh) as unfinished:  # whose errors have its name
             np.savez(unfinished, V=V, F=F)
-        command = [
-            sys.executable,
-            "-P",  # what lies in the folder where the user works is no module
-            "-m",
-            "cdcp_igl.reference.case",
-            table,
-            method,
-            str(mesh),
-            str(result),
-        ]
+        # -P: what lies in the folder where the user works is no module.
+        command = [sys.executable, "-P", "-m", "cdcp_igl.reference.case"]
+        command += [table, method, str(mesh), str(result)]
         # It has to find the same modules as this process.
         path = os.pathsep.join(entry for entry in sys.path if entry)
         with errors.open("wb") as stderr:
@@ -263,8 +237,6 @@ def _main(table: str, method: str, mesh: str, result: str) -> None:
 
 
 if __name__ == "__main__":
-    from cdcp_igl.reference import (
-        case,  # the module that tables of methods import, not a copy of it
-    )
+    from cdcp_igl.reference import case  # which tables of methods import, not a copy of it
 
     case._main(*sys.argv[1:])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, spread_evenly
+from ..arrays import Complex, Floats, Ints, evenly_spaced_rows
 from ..certificate import increments, is_around
 from ..distortion import plane_angles
 from ..steps.circle import RESOLVED
@@ -64,27 +64,13 @@ def straighten(
     the edge of one face, taken out of a closed surface, has not, and where most of the
     surface is mapped far inside, nearly all of its distortion is this. Turning the boundary by
     theta = Re(a conj(zeta)^2) changes ``c[-1]`` by i a / 2 and, besides, ``c[3]`` alone; a is
-    found by Gauss-Newton on the sum of the angle errors.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Harmonic map onto the disk.
-    extend : callable
-        Extends boundary values harmonically to all of the surface; called twice or more for
-        each step.
-
-    Returns
-    -------
-    f : (n,) complex128
-        The argument itself where less than 2 % of the mean angular distortion can be gained.
-    Straightening
+    found by Gauss-Newton on the sum of the angle errors. `extend` extends boundary values
+    harmonically; the map is returned as it is where less than 2 % of the errors can be gained.
     """
     if not is_sheared(mesh, f):
         return f, Straightening()
     shear, _ = common_shear(mesh, f, FEW_FACES)
-    sample = spread_evenly(len(mesh.F), MANY_FACES)
+    sample = evenly_spaced_rows(len(mesh.F), MANY_FACES)
     faces, angles = mesh.F[sample], mesh.angles[sample]
     first = last = float(abs(plane_angles(f, faces) - angles).mean())
     for _ in range(STEPS):
@@ -140,20 +126,9 @@ def is_sheared(mesh: DiskMesh, f: Complex) -> bool:
 def common_shear(mesh: DiskMesh, f: Complex, most: int) -> tuple[complex, float]:
     """Find the shear f - mu conj(f) of the image that lowers the angular distortion most.
 
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-    most : int
-        On so many faces at most, spread evenly through F.
-
-    Returns
-    -------
-    mu : complex
-    float
-        The share of the angular distortion that it would remove.
+    Returns mu, and the share of the distortion that it would remove, on `most` faces at most.
     """
-    sample = spread_evenly(len(mesh.F), most)
+    sample = evenly_spaced_rows(len(mesh.F), most)
     corners = f[mesh.F[sample]]
     errors = plane_angles(f, mesh.F[sample]) - mesh.angles[sample]
     response = _angle_response(corners, -corners.conj())

@@ -77,7 +77,7 @@ class FactoredSurface:
         outwards = mesh.on_boundary[high]
         inner, outer = np.where(outwards, low, high), np.where(outwards, high, low)
         shape = len(mesh.V), len(mesh.loop)
-        return csc_matrix((-L.weights[between], (inner, mesh.place[outer])), shape)
+        return csc_matrix((-L.weights[between], (inner, mesh.loop_index[outer])), shape)
 
     @cached_property
     def delaunay(self) -> FactoredSurface:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from ..arrays import Bools, Floats, Indices, Ints, spread_evenly
+from ..arrays import Bools, Floats, Indices, Ints, evenly_spaced_rows
 from .cholesky import Ordering
 from .laplacian import Laplacian
 from .solvers import solver
@@ -70,7 +70,7 @@ def _sides(V: Floats, levels: int) -> Ints:
 
     Each part is cut at its centre, across the axis along which it is longest.
     """
-    seen = V[spread_evenly(len(V), SAMPLE)]
+    seen = V[evenly_spaced_rows(len(V), SAMPLE)]
     at = np.zeros(len(seen), dtype=np.int64)
     sides = np.zeros(len(V), dtype=np.int64)
     for level in range(levels):

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, spread_evenly
+from ..arrays import Complex, Floats, Ints, evenly_spaced_rows
 from ..distortion import angles_between, plane_angles
 
 # Faces on which Newton's method looks: few at first, to come near. On 13 scans, the mean
@@ -22,15 +22,6 @@ def least_angle_distortion(errors: AngleErrors) -> complex:
     """Find w that minimises the angular distortion of psi_w o f, eq. (20), by Newton.
 
     The sum of absolute values is replaced by a pseudo-Huber function.
-
-    Parameters
-    ----------
-    errors : AngleErrors
-
-    Returns
-    -------
-    complex
-        |w| < 1.
     """
     start = 0j
     if errors.n_faces > FEW_FACES:
@@ -87,24 +78,15 @@ class AngleErrors:
 
     @classmethod
     def of(cls, F: Ints, z: Complex, angles: Floats) -> AngleErrors:
-        """Take at most 10,000 of the faces, spread evenly.
-
-        Parameters
-        ----------
-        F : (m, 3) int64
-        z : (n,) complex128
-            The map f.
-        angles : (m, 3) float64
-            Corner angles of the surface in radians.
-        """
-        faces = spread_evenly(len(F), MANY_FACES)
+        """Take at most 10,000 faces of the map z (n,); `angles` (m, 3) are the surface's."""
+        faces = evenly_spaced_rows(len(F), MANY_FACES)
         corners = z.take(F[faces].T)
         errors = angles_between(*corners) - angles.T[:, faces]
         return cls(corners.real.copy(), corners.imag.copy(), errors)
 
     def on_fewer(self, most: int) -> AngleErrors:
         """Take at most so many of these faces, spread evenly."""
-        faces = spread_evenly(self.n_faces, most)
+        faces = evenly_spaced_rows(self.n_faces, most)
         return AngleErrors(self._x[:, faces], self._y[:, faces], self._errors[:, faces])
 
     def mean(self, w: complex) -> float:

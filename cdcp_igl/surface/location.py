@@ -122,9 +122,7 @@ class FaceFinder:
 
 def _faces_across(mesh: DiskMesh) -> Ints:
     """(m, 3) the face across the edge opposite corner k, or -1 at the boundary."""
-    m, edges = len(mesh.F), mesh.edges
-    inner = edges.valence == 2
-    one, other = edges.sides[edges.start[inner]], edges.sides[edges.start[inner] + 1]
+    (one, other), m = mesh.edges.twins, len(mesh.F)
     across = np.full(3 * m, -1)
     across[one], across[other] = other % m, one % m
     # Half-edge k m + f leaves corner k of face f, so it lies opposite corner k - 1.
@@ -133,9 +131,7 @@ def _faces_across(mesh: DiskMesh) -> Ints:
 
 def _rim(mesh: DiskMesh, z: Complex) -> tuple[Floats, Ints]:
     """Where on the circle each boundary edge begins, ascending, and 3 face + opposite corner."""
-    m, edges = len(mesh.F), mesh.edges
-    half = edges.sides[edges.start[edges.valence == 1]].astype(np.int64)
-    corner, face = half // m, half % m
+    corner, face = np.divmod(mesh.edges.border.astype(np.int64), len(mesh.F))
     angles = np.angle(z[mesh.F[face, corner]])
     order = np.argsort(angles)
     return angles[order], (3 * face + (corner - 1) % 3)[order]
@@ -190,10 +186,10 @@ def z_order(z: Complex) -> Ints:
 
 def _morton(z: Complex) -> Codes:
     """(k,) position along a Z-shaped curve: the bits of both coordinates, interleaved."""
-    return _spread(z.real) | _spread(z.imag) << np.uint64(1)
+    return _with_gaps(z.real) | _with_gaps(z.imag) << np.uint64(1)
 
 
-def _spread(x: Floats) -> Codes:
+def _with_gaps(x: Floats) -> Codes:
     """(k,) the first bits of coordinates from -1 to 1, each followed by a zero."""
     bits = np.clip((x + 1) * 2.0 ** (BITS - 1), 0, 2**BITS - 1).astype(np.uint64)
     for shift, mask in (

@@ -13,7 +13,6 @@ from ..arrays import Bools, Floats, Ints
 from ..cached import cached_property
 from ..errors import Defect, MeshError, counted
 from .checking import examine
-from .chords import Chords
 from .topology import Edges
 from .triangles import corner_angles, corner_cotangents, degenerate_faces
 from .validation import checked_vertices, size_exponent
@@ -126,24 +125,12 @@ class DiskMesh:
         return inscribed
 
     @cached_property
-    def place(self) -> Ints:
-        """(n,) place of each vertex in ``loop``, -1 inside; read-only."""
-        place = np.full(len(self.V), -1)
-        place[self.loop] = np.arange(len(self.loop))
-        place.flags.writeable = False
-        return place
-
-    @cached_property
-    def chord_ends(self) -> Ints:
-        """(k, 2) places in ``loop`` of the ends of edges inside between boundary vertices."""
-        ends = self.place[self.edges.ends(self.edges.chords(self.on_boundary))]
-        ends.flags.writeable = False
-        return ends
-
-    @cached_property
-    def chords(self) -> Chords:
-        """Edges inside between boundary vertices, and the pieces that they cut off."""
-        return Chords.of(self.F, self.edges, self.loop, self.place)
+    def loop_index(self) -> Ints:
+        """(n,) index of each vertex in ``loop``, -1 inside; read-only."""
+        index = np.full(len(self.V), -1)
+        index[self.loop] = np.arange(len(self.loop))
+        index.flags.writeable = False
+        return index
 
     def moved(self, V: ArrayLike) -> DiskMesh:
         """Return the mesh with its vertices elsewhere; what is known of its faces is kept.

@@ -39,9 +39,20 @@ class Edges:
         """(e,) number of half-edges, which is that of faces, of each edge."""
         return np.diff(self.start, append=self.start.dtype.type(len(self.sides)))
 
-    def chords(self, on_boundary: Bools) -> Bools:
-        """(e,) which edges with two faces join two boundary vertices, or two of some of these."""
-        return (self.valence == 2) & on_boundary[self.low] & on_boundary[self.high]
+    @property
+    def twins(self) -> tuple[Indices, Indices]:
+        """The half-edges on either side of each edge that has two faces."""
+        two = self.start[self.valence == 2]
+        return self.sides[two], self.sides[two + 1]
+
+    @property
+    def border(self) -> Indices:
+        """The half-edges of the edges that have one face."""
+        return self.sides[self.start[self.valence == 1]]
+
+    def chords(self, marked: Bools) -> Bools:
+        """(e,) which edges with two faces have both ends marked."""
+        return (self.valence == 2) & marked[self.low] & marked[self.high]
 
     def ends(self, chosen: Bools) -> Ints:
         """(k, 2) vertices of some of the edges."""
@@ -86,13 +97,12 @@ class Topology:
     @cached_property
     def twins(self) -> tuple[Indices, Indices]:
         """The half-edges on either side of each edge that has two faces."""
-        two = self.edges.start[self.edges.valence == 2]
-        return self.edges.sides[two], self.edges.sides[two + 1]
+        return self.edges.twins
 
     @cached_property
     def border(self) -> Indices:
         """The half-edges of the edges that have one face."""
-        return self.edges.sides[self.edges.start[self.edges.valence == 1]]
+        return self.edges.border
 
     @cached_property
     def used(self) -> Bools:
