@@ -73,7 +73,7 @@ class RectangleMap(Result):
         sides are placed as `disk_map` and elliptic integrals tell, for obtuse faces at a side may
         turn it back.
     laplacian : str
-        ``"cotangent"``; or, where that turned faces over, or its map is not conformal, and this
+        ``"cotangent"``; or, where that flipped faces, or its map is not conformal, and this
         distorts less, ``"intrinsic Delaunay"``.
     repair : Repair
         What was done about flipped faces.
