@@ -51,7 +51,7 @@ def test_maps_are_the_same_in_any_thread():
 def test_a_process_may_be_forked_while_another_thread_maps(solver):
     said = run(
         """
-        import os, threading, time
+        import os, signal, threading, time
         from threadpoolctl import threadpool_info
         from cdcp_igl import datasets
         from cdcp_igl.solve.factored import FactoredSurface
@@ -74,6 +74,7 @@ def test_a_process_may_be_forked_while_another_thread_maps(solver):
             time.sleep(0.007 * k)
             child = os.fork()
             if child == 0:
+                signal.alarm(20)  # ends it if it hangs
                 factor(8)
                 say_settings()
                 os._exit(0)
