@@ -131,7 +131,7 @@ def ablation(
     families: Annotated[str, typer.Option(metavar="NAME,...", help="Of disks.")] = ",".join(
         FAMILIES
     ),
-    count: Annotated[int, typer.Option(min=1, help="Disks of each family.")] = 6,
+    count: Annotated[int, typer.Option(min=1, help="Disks of each family.")] = 5,
     most: Annotated[int, typer.Option(min=1, help="Vertices of the largest of them.")] = 5_000,
 ) -> None:
     """Measure CDCP with a step of Algorithm 1 changed, then with a part of its rescue left out.

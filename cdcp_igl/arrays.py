@@ -1,6 +1,5 @@
 """Names of the array types used in signatures, points as complex numbers, parts of arrays."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -25,10 +24,9 @@ def coordinates(z: Complex) -> Floats:
     return np.column_stack([z.real, z.imag])
 
 
-def blocks(m: int) -> Iterator[slice]:
+def blocks(m: int) -> list[slice]:
     """Split m faces into blocks whose arrays stay in the cache."""
-    for start in range(0, m, BLOCK):
-        yield slice(start, start + BLOCK)
+    return [slice(start, start + BLOCK) for start in range(0, m, BLOCK)]
 
 
 def evenly_spaced_rows(m: int, most: int) -> Ints:

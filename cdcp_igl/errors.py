@@ -65,7 +65,7 @@ class Defect:
             remedy=said.remedy,
             kind=said.kind,
             indices=found,
-            remedy_in_shell=said.in_shell or said.remedy,
+            remedy_in_shell=said.remedy_in_shell,
         )
 
     def __str__(self) -> str:

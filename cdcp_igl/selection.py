@@ -41,9 +41,13 @@ Repairing = Callable[[DiskMesh, Complex], tuple[Complex, Repair]]
 
 def is_good(first: Candidate, harmonic: HarmonicMap, options: Options) -> bool:
     """Whether the map of Algorithm 1 needs no rescue."""
-    if options.paper:
-        return not first.conformality.sheared
-    return not (first.is_doubtful(harmonic.surface.mesh) or harmonic.is_mendable)
+    if _is_doubtful(first, options, harmonic.surface.mesh):
+        return False
+    return options.paper or not harmonic.is_mendable
+
+
+def _is_doubtful(candidate: Candidate, options: Options, mesh: DiskMesh) -> bool:
+    return candidate.conformality.sheared if options.paper else candidate.is_doubtful(mesh)
 
 
 def rescue(
@@ -66,9 +70,9 @@ def rescue(
             continue
         with phase("extension"):
             harmonic = harmonic.mended(straightened=not options.paper)
-        candidate = _normalized(harmonic, options, phase, MANY_FLIPPED)
+        candidate = _normalized(harmonic, options, phase)
         tried.append((harmonic, candidate))
-        if not (candidate.conformality.sheared or candidate.is_doubtful(surface.mesh)):
+        if not _is_doubtful(candidate, options, surface.mesh):
             break
     candidates = [candidate for _, candidate in tried]
     if all(candidate.conformality.sheared for candidate in candidates):
@@ -105,19 +109,18 @@ def _harmonic_maps(
         yield HarmonicMap(surface.delaunay, f, Provenance(center=center, boundary=method))
 
 
-def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases, share: float) -> Candidate:
+def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> Candidate:
     """Apply the Möbius transformation, unless the map is better without it; repair, and judge.
 
     A transformed map that had to be repaired, or that has moved a small part of the surface away
-    from 0, is held against the map without the transformation. Nothing is repaired if a larger
-    share of the faces is flipped.
+    from 0, is held against the map without the transformation.
     """
-    repairing = partial(repair_locally, most=share * len(harmonic.surface.mesh.F))
+    repairing = partial(repair_locally, most=MANY_FLIPPED * len(harmonic.surface.mesh.F))
     method = options.mobius_method
-    candidate = finished(harmonic, method, options, phase, repairing)
+    candidate = _finished(harmonic, method, options, phase, repairing)
     if method is None or not (harmonic.w or candidate.done.repair.rounds):
         return candidate
-    plain = finished(harmonic, None, options, phase, repairing)
+    plain = _finished(harmonic, None, options, phase, repairing)
     price = PRICE_OF_AREA if method == "area" else 1
     if (plain.rank[0], price * plain.rank[1]) < candidate.rank:
         rejected = replace(candidate.done.mobius, w=harmonic.w)
@@ -131,19 +134,19 @@ def _unfolded(
 ) -> Candidate:
     """Find a valid map with this boundary at whatever cost, without a Möbius transformation."""
     repairing = replace_interior if failed.done.repair.rounds else repaired
-    candidate = finished(harmonic, None, options, phase, repairing)
+    candidate = _finished(harmonic, None, options, phase, repairing)
     if options.mobius_method is not None:
         rejected = Normalization(options.mobius_method, 0j, "repair")
         candidate = replace(candidate, done=replace(candidate.done, mobius=rejected))
     return candidate
 
 
-def finished(
+def _finished(
     harmonic: HarmonicMap,
     method: MobiusMethod | None,
     options: Options,
     phase: Phases,
-    repairing: Repairing | None = None,
+    repairing: Repairing,
 ) -> Candidate:
     """Do the last step of Algorithm 1 and what rounding asks for, repair if asked to, and judge."""
     mesh, n_opened = harmonic.surface.mesh, 0
@@ -156,10 +159,8 @@ def finished(
     with phase("mobius"):
         f, mobius = normalize(mesh, harmonic.f, method, placed)  # (19), (20)
     mobius = replace(mobius, w=composed(harmonic.w, mobius.w))
-    repair = Repair()
-    if repairing:
-        with phase("repair"):
-            f, repair = repairing(mesh, f)
+    with phase("repair"):
+        f, repair = repairing(mesh, f)
     if repair.n_flipped:
         log.info("%s", repair)
     boundary = replace(harmonic.done.boundary, n_opened=n_opened)

@@ -140,6 +140,14 @@ def test_ply_strips(tmp_path, rows):
     assert_read(path, V5, np.reshape([[0, 1, 2], [2, 1, 3], [4, 3, 2]] if rows else [], (-1, 3)))
 
 
+def test_ply_with_one_long_strip(tmp_path):
+    path = tmp_path / "a.ply"
+    header = ply_header("binary_little_endian", 5, 1, element="tristrips").replace("uchar", "int")
+    strip = np.array([99_999, *np.resize([0, 1, 2, 3], 99_999)], "<i4")
+    path.write_bytes(header.encode() + V5.astype("<f4").tobytes() + strip.tobytes())
+    assert len(read_mesh(path)[1]) == 99_997
+
+
 @pytest.mark.parametrize(
     "name", ["a", "vertex part", "endloop of a facet with a vertex", "endsolid"]
 )

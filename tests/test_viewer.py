@@ -107,9 +107,7 @@ def test_the_file_is_small(real_mesh):
     assert len(cdcp_igl.disk_map(*mesh).view_html()) < 1.5 * 2**20
 
 
-def test_equal_maps_have_equal_pages_that_need_nothing(bumps, page):
-    V, F, _ = bumps
-    assert cdcp_igl.disk_map(V, F).view_html() == cdcp_igl.disk_map(V, F).view_html()
+def test_a_page_needs_nothing(page):
     text = page.read_text(encoding="utf-8")
     assert not re.search(r"https?://|@import|src=\"(?!data:)|url\(", text)
     assert "<h1>Bumps &amp; &lt;hollows&gt;</h1>" in text

@@ -23,7 +23,6 @@ TYPES = {
 BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 INDICES = ("vertex_indices", "vertex_index")
 END_OF_LINE = re.compile(rb"\r\n|\n|\r")
-MOST_ENTRIES = 1 << 16  # of a list, and no polygon has more; a wrong one claims gigabytes
 
 
 class Property(NamedTuple):
@@ -58,41 +57,44 @@ Table = dict[str, Column]
 def read_ply(path: Path) -> tuple[Floats, Ints, Ints]:
     """(n, 3) vertices, (m, 3) faces and (m,) their polygons."""
     tables = _read_tables(path.read_bytes())
-    vertices, faces = tables.get("vertex", {}), tables.get("face", {})
+    vertices = tables.get("vertex", {})
     axes = [vertices[axis] for axis in "xyz" if axis in vertices]
     if len(axes) < 3 or any(axis.lengths is not None for axis in axes):
         raise Damage("its vertices have no x, y and z")
     V = np.column_stack([axis.entries for axis in axes]).astype(np.float64)
-    polygons = next((faces[name] for name in INDICES if name in faces), None)
-    if polygons is None:
-        F = _triangles_of_strips(tables.get("tristrips", {}))
-        return V, F, np.arange(len(F))
-    if polygons.lengths is None:
-        raise Damage("its faces are no lists of vertices")
-    corners = polygons.entries.astype(np.int64)
-    if (corners != polygons.entries).any():
-        raise Damage("its faces have indices that are no integers")
-    return V, *fans(corners, polygons.lengths)
+    polygons = _lists_of_vertices(tables.get("face", {}), "faces")
+    if polygons is not None:
+        return V, *fans(*polygons)
+    strips = _lists_of_vertices(tables.get("tristrips", {}), "strips")
+    F = np.empty((0, 3), np.int64) if strips is None else _triangles_of_strips(*strips)
+    return V, F, np.arange(len(F))
 
 
-def _triangles_of_strips(table: Table) -> Ints:
-    """(m, 3) triangles of rows that are strips: each entry makes one with the two before it.
+def _lists_of_vertices(table: Table, what: str) -> tuple[Ints, Ints] | None:
+    """Vertices of all rows, one after the other, and how many each has; None if there are none."""
+    found = next((table[name] for name in INDICES if name in table), None)
+    if found is None:
+        return None
+    if found.lengths is None:
+        raise Damage(f"its {what} are no lists of vertices")
+    vertices = found.entries.astype(np.int64)
+    if (vertices != found.entries).any():
+        raise Damage(f"its {what} have indices that are no integers")
+    return vertices, found.lengths.astype(np.int64)
+
+
+def _triangles_of_strips(vertices: Ints, lengths: Ints) -> Ints:
+    """(m, 3) triangles of rows that are strips: each vertex makes one with the two before it.
 
     A row has several strips if -1 stands between them. Every other triangle of a strip is
     flipped, so that all have one orientation; and those that name a vertex twice, by which a
     strip turns, are left out.
     """
-    rows = next((table[name] for name in INDICES if name in table), None)
-    if rows is None:
-        return np.empty((0, 3), dtype=np.int64)
-    if rows.lengths is None:
-        raise Damage("its strips are no lists of vertices")
-    ends = np.cumsum(rows.lengths.astype(np.int64))
-    entries = np.insert(rows.entries.astype(np.int64), ends, -1)
-    entries = np.append(entries, [-1, -1])  # so that a triangle begins with each
-    place = np.arange(len(entries))
-    start = np.maximum.accumulate(np.where(entries == -1, place + 1, 0))
-    F = np.lib.stride_tricks.sliding_window_view(entries, 3).copy()
+    vertices = np.insert(vertices, np.cumsum(lengths), -1)
+    vertices = np.append(vertices, [-1, -1])  # so that a triangle begins with each
+    place = np.arange(len(vertices))
+    start = np.maximum.accumulate(np.where(vertices == -1, place + 1, 0))
+    F = np.lib.stride_tricks.sliding_window_view(vertices, 3).copy()
     odd = (place - start)[:-2] % 2 == 1
     F[odd] = F[odd][:, [1, 0, 2]]
     i, j, k = F.T
@@ -198,7 +200,7 @@ def _type_of_row(body: bytes, start: int, element: Element, types: dict[str, str
         if column.length_type:
             length_type = types[column.length_type]
             (length,) = np.frombuffer(body, length_type, 1, start + np.dtype(fields).itemsize)
-            if not (0 <= length <= MOST_ENTRIES and length == int(length)):
+            if not (0 <= length <= len(body) and length == int(length)):
                 raise Damage(f"it has a list of {length:,.0f} entries in {element.name}")
             fields.append((f"length {k}", length_type))
             shape = (int(length),)
@@ -209,16 +211,9 @@ def _type_of_row(body: bytes, start: int, element: Element, types: dict[str, str
 def write_ply(path: Path, V: Floats, F: Ints, texture: Floats, FT: Ints | None) -> None:
     """Write a surface in double precision, binary.
 
-    Parameters
-    ----------
-    path : Path
-    V : (n, 3) float64
-    F : (m, 3) int64
-    texture : (n, 2) or (k, 2) float64
-        Properties u and v of the vertices; or, with `FT`, a list ``texcoord`` of each face:
-        u and v at its first corner, its second and its third.
-    FT : (m, 3) int64 or None
-        Rows of `texture` at the corners of the faces.
+    Without `FT`, `texture` has a row for each vertex: properties u and v. Else `FT` has its rows
+    at the corners of the faces: a list ``texcoord``, u and v at the first corner, the second and
+    the third.
     """
     vertices = V if FT is not None else np.column_stack([V, texture])
     columns = [("size", "u1"), ("corners", "<i4", (3,))]

@@ -130,14 +130,14 @@ def read_polygons(
     """
     path = Path(path)
     if path.is_dir():
-        raise _unreadable("a folder", path=str(path))
+        raise MeshError(Defect.of("unreadable file, a folder", path=str(path)))
     reader = READERS.get(path.suffix.lower())
     if reader is None:
-        raise _unreadable("of another type", name=path.name, readable=" ".join(READABLE))
+        raise _unreadable(f"{path.name!r} is of no known type; readable are {' '.join(READABLE)}")
     if "\0" in str(path):
-        raise _unreadable("no name", name=path.name)
+        raise _unreadable(f"{path.name!r} is no name of a file, as it holds a zero")
     if not stat.S_ISREG(path.stat().st_mode):  # to open a FIFO may take for ever
-        raise _unreadable("a device", name=path.name)
+        raise _unreadable(f"{path.name!r} is a device, a FIFO or a socket")
     path.open("rb").close()  # OSError if it is forbidden; later ones mean damage
     try:
         V, F, *polygons = reader(path)
@@ -158,12 +158,15 @@ def read_polygons(
     return V, F, polygons[0] if polygons else np.arange(len(F))
 
 
-def _unreadable(why: str, **given: Any) -> MeshError:
-    return MeshError(Defect.of(f"unreadable file, {why}", **given))
+def _unreadable(reason: str) -> MeshError:
+    return MeshError(Defect.of("unreadable file", reason=reason))
 
 
 def _damaged(path: Path, reason: str) -> MeshError:
-    return _unreadable("damaged", name=path.name, type=path.suffix[1:], reason=reason)
+    suffix = path.suffix[1:]
+    return MeshError(
+        Defect.of("unreadable file, damaged", name=path.name, type=suffix, reason=reason)
+    )
 
 
 def _counts_from_one(V: Array, F: Array) -> bool:

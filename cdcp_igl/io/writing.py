@@ -106,15 +106,13 @@ def write_map(
     _check_options(path, suffix, like, image)
     checked_vertices(V)
     given, faces = usable_arrays(V, F)
-    plane = _map(uv, np.shape(V)[0], np.shape(F)[0])
+    plane = _map(uv, len(given), len(faces), in_square=suffix != ".npz" and not disk)
     if suffix == ".npz":
         with whole_file(path) as unfinished:
             write_npz(unfinished, V, F, plane)
         return
     positions = np.zeros((len(given), 3))
     positions[:, : given.shape[1]] = given
-    if not disk:
-        plane = _of_whole_faces(uv.packed()) if isinstance(uv, MapResult) else (plane + 1) / 2
     if plane.ndim == 2:
         texture, FT, vertex = plane, faces, np.arange(len(plane))
     else:
@@ -154,9 +152,14 @@ def _check_options(
         raise ValueError("Of like= and image= only one is possible: materials stay with like=.")
 
 
-def _map(uv: ArrayLike | MapResult, n: int, m: int) -> Floats:
+def _map(uv: ArrayLike | MapResult, n: int, m: int, *, in_square: bool) -> Floats:
     """Take uv as an array; ValueError if it is no map of n vertices or m faces."""
-    plane = _of_whole_faces(uv.uv) if isinstance(uv, MapResult) else np.asarray(uv)
+    if isinstance(uv, MapResult):
+        plane = uv.packed() if in_square else uv.uv
+        if plane.ndim == 3:  # a face is on no disk if one of its corners is on none
+            plane = np.where(np.isnan(plane).any(axis=(1, 2), keepdims=True), np.nan, plane)
+    else:
+        plane = np.asarray(uv)
     if plane.dtype.kind not in "iuf" or plane.shape not in ((n, 2), (m, 3, 2)):
         raise ValueError(
             f"uv has shape {plane.shape}: it must be ({n}, 2), a row a vertex, "
@@ -169,14 +172,9 @@ def _map(uv: ArrayLike | MapResult, n: int, m: int) -> Floats:
         raise ValueError(
             f"uv is NaN or infinite in {counted(len(bad), 'row', 'rows')}, the first {bad[0]}."
         )
+    if in_square and not isinstance(uv, MapResult):
+        return (plane + 1) / 2
     return plane.astype(np.float64, copy=False)
-
-
-def _of_whole_faces(plane: Floats) -> Floats:
-    """Put a face on no disk if one of its corners is on none, which a result may have."""
-    if plane.ndim == 3 and np.isnan(plane).any():
-        return np.where(np.isnan(plane).any(axis=(1, 2), keepdims=True), np.nan, plane)
-    return plane
 
 
 def _check_like(like: Path, V: Floats, F: Ints) -> None:

@@ -60,6 +60,8 @@ def page(
 ) -> str:
     """Return the page of a map; fields, texture and title as in `Result.view`."""
     V, F, uv = layout.V, layout.F, layout.uv
+    given = _given(fields, layout.vertices)
+    image = None if texture is None else _image(texture)
     about, arrays = _geometry(V, F, uv, turned=layout.turns)
     if (layout.vertices != np.arange(len(V))).any():
         arrays["vertexOrder"] = layout.vertices
@@ -69,12 +71,12 @@ def page(
         {"name": "normals", "kind": "normals"},
         {"name": "checkerboard", "kind": "checkerboard"},
     ]
-    for coloring, values in _measured(V, F, uv) + _given(fields, layout.vertices):
+    for coloring, values in _measured(V, F, uv) + given:
         name = f"value {len(colorings)}"
         arrays[name] = _quantized(values, coloring["low"], coloring["high"], VALUE_STEPS)
         colorings.append(coloring | {"array": name})
-    if texture is not None:
-        about["image"] = _image(texture)
+    if image:
+        about["image"] = image
         colorings.append({"name": "texture", "kind": "image"})
 
     reordered = _reordered(arrays, uv, F)

@@ -128,27 +128,15 @@ FALLBACKS = {"harmonic measure": by_harmonic_measure, "arc length": by_arc_lengt
 
 
 def harmonic_shares(surface: FactoredSurface, face: int) -> Floats:
-    """Share of the circle that belongs to every boundary edge when a face goes to its centre.
+    """Share of the circle (nB,) that belongs to every boundary edge when a face goes to its centre.
 
     log|f| of a conformal map f onto the disk is harmonic, 0 on the boundary, and has its pole
     where f = 0; arg f is its conjugate. So heat that enters at the central face and leaves
     through the cold boundary does so in proportion to the angles on the circle. Without
-    negative weights there is no negative flux (maximum principle), and even the smallest keep
-    their digits, however crowded.
-
-    Parameters
-    ----------
-    surface : FactoredSurface
-        Without negative weights at interior vertices.
-    face : int
-        The central face.
-
-    Returns
-    -------
-    (nB,) float64
-        From each vertex of ``mesh.loop`` to the next; positive, and they sum to 1. Edges
-        between vertices without interior neighbours, which no heat reaches, share a part of
-        what the edges around them have. NaN if the face has no interior corner.
+    negative weights at interior vertices there is no negative flux (maximum principle), and
+    even the smallest shares keep their digits, however crowded. Edges that no heat reaches,
+    between vertices without interior neighbours, share a part of what the edges around them
+    have. All are positive and they sum to 1; NaN if the face has no interior corner.
 
     References
     ----------

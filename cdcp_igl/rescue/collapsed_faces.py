@@ -20,20 +20,8 @@ def open_collapsed_faces(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
     A triangle inscribed in the unit circle with arcs p and q, both short, is p q / 2 high. In a
     crowded part of the surface that is far less than the distance between doubles, and rounding
     decides on which side of the chord under the two arcs the corner between them comes to lie.
-    It belongs outside, and is put there by the fewest last digits that will do.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Map onto the disk, boundary counterclockwise on the circle.
-
-    Returns
-    -------
-    f : (n,) complex128
-        The argument itself where nothing has collapsed.
-    int
-        The number of inscribed faces that had.
+    It belongs outside, and is put there by the fewest last digits that will do. Returns the map
+    (n,), the argument itself where nothing has collapsed, and how many inscribed faces had.
     """
     collapsed = _collapsed(mesh, f)
     if len(collapsed) == 0:

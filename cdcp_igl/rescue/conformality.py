@@ -76,22 +76,10 @@ class Conformality:
 
 
 def judge(mesh: DiskMesh, f: Complex, degrees: Floats, *, closely: bool = False) -> Conformality:
-    """Judge a valid map.
+    """Judge a valid map f (n,) with angular distortion `degrees` (m, 3).
 
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Map onto the disk without flipped faces.
-    degrees : (m, 3) float64
-        Its angular distortion, of `disk_map_distortion`.
-    closely : bool
-        Look at all faces, for a map that may be sheared in few places only, rather than at some
-        4,000 spread over the surface.
-
-    Returns
-    -------
-    Conformality
+    `closely` looks at all faces, for a map that may be sheared in few places only, rather than at
+    some 4,000 spread over the surface.
     """
     mean = mean_free = float(degrees.mean())
     faces = np.arange(len(degrees)) if closely else _sample(len(degrees))
@@ -137,25 +125,13 @@ def dilatation(mesh: DiskMesh, f: Complex, faces: Ints) -> float:
 
 
 def explained_errors(mesh: DiskMesh, f: Complex, faces: Ints) -> Floats:
-    """(k, 3) changes of the corner angles in radians that the scale at the vertices explains.
+    """Find the changes (k, 3) of the angles of some faces, in radians, that the scale explains.
 
     On every face, three factors u at the corners take the lengths of the surface to those of
     the image, l_ij -> exp((u_i + u_j) / 2) l_ij. Their means at the vertices are the scale of
     the map. Lengths that are changed by this scale and nothing else give triangles with other
     angles than the surface has: these changes every conformal map makes. Shear, which has the
     same direction on neighbouring faces, does not show in them.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Map onto the disk.
-    faces : (k,) int64
-        The faces whose corners are asked for.
-
-    Returns
-    -------
-    (k, 3) float64
 
     References
     ----------

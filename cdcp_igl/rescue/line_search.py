@@ -34,30 +34,9 @@ def search_along(
 ) -> tuple[Complex, Floats, float] | None:
     """Halve a step until the objective falls, and at faces that it flips until it does not.
 
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Map onto the disk.
-    step : (n,) complex128
-        Displacement, tangential to the circle on the boundary.
-    measure : callable
-        The objective of angle errors (m, 3).
-    objective : float
-        That of f.
-    halvings : int
-        At most so many.
-    thin : float
-        Faces that become less high than this, by their distance from 0, count as flipped; 0, or
-        `THIN`.
-
-    Returns
-    -------
-    f : (n,) complex128
-    r : (m, 3) float64
-        Its angle errors.
-    float
-        Its objective. None in place of the three if nothing has helped.
+    The step (n,) is tangential to the circle on the boundary; `measure` takes angle errors
+    (m, 3) to the objective. Faces that become less high than `thin`, by their distance from 0,
+    count as flipped. Returns the map, its angle errors and its objective; None if nothing helps.
     """
     scale, low = np.ones(len(f)), _lower(mesh.F, f, thin)
     for _ in range(halvings):

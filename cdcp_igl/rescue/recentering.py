@@ -28,21 +28,9 @@ def recentered(
 
         psi_w(w + d) = d / (1 - abs(w)^2 - conj(w) d).
 
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Map onto the disk.
-    settled : callable
-        Computes the interior of a map again, by differences of neighbours, such that small parts
-        have all their digits if they lie at 0. The boundary may be a translated circle.
-
-    Returns
-    -------
-    f : (n,) complex128
-        The argument itself if nothing is too small.
-    w : complex
-        The point that went to 0.
+    `settled` computes the interior of a map again, by differences of neighbours, such that small
+    parts have all their digits if they lie at 0; the boundary may be a translated circle. Returns
+    the map, the argument itself if nothing is too small, and the point w that went to 0.
     """
     vertex = deep_vertex(mesh, f)
     if vertex is None:
@@ -59,18 +47,9 @@ def recentered(
 
 
 def deep_vertex(mesh: DiskMesh, f: Complex) -> int | None:
-    """Find the middle of the faces that are too small, far from the circle and from 0.
+    """Find the interior vertex in the middle of the faces that are too small for their place.
 
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Map onto the disk.
-
-    Returns
-    -------
-    int or None
-        An interior vertex; None in the ordinary case.
+    They are far from the circle and from 0. None in the ordinary case.
     """
     faces = mesh.F[evenly_spaced_rows(len(mesh.F), FACES)]
     size, distance = extents(f[faces])

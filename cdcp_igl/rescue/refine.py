@@ -107,7 +107,7 @@ def lower_angle_distortion(
     ----------
     mesh : DiskMesh
     f : (n,) complex128
-        Map onto the disk without flipped faces. With flipped faces nothing is done.
+        Map onto the disk. With flipped faces nothing is done.
     order : (nI,) ndarray of int
         The interior vertices in a fill-reducing order.
     steps : int
@@ -132,11 +132,6 @@ def lower_angle_distortion(
     f : (n,) complex128
         The argument itself if no step was an improvement.
     Refinement
-
-    Raises
-    ------
-    SolverError
-        If memory runs out.
 
     References
     ----------
@@ -180,14 +175,8 @@ def lower_angle_distortion(
 def _in_vain(gains: list[float], left: int, wanted: float) -> str:
     """Say why further steps are not worth their time; empty if they may be.
 
-    Parameters
-    ----------
-    gains : list of float
-        The share of the objective that each step has removed.
-    left : int
-        How many more there can be.
-    wanted : float
-        The share of the objective that is to be left in the end.
+    `gains` are the shares of the objective that each step has removed, `left` is how many more
+    there can be, and `wanted` the share of the objective that is to be left in the end.
     """
     best = max(gains[-PATIENCE:])
     if len(gains) >= PATIENCE and best < WORTH:
@@ -207,7 +196,7 @@ def gauss_newton_step(
     *,
     anew: bool = True,
 ) -> Complex:
-    """Find the displacement that lowers sum w (r + dr)^2, w = |r|^(p-2), by CG.
+    """Find the displacement (n,) that lowers sum w (r + dr)^2, w = |r|^(p-2), by CG.
 
     A displacement of the corners of a plane face is dz = a z + b conj(z) + const, and only
     the shear b = sum beta_v dz_v, linear in the displacements, changes the angles:
@@ -220,27 +209,9 @@ def gauss_newton_step(
     H(b) = (s + damping) b + conj(t b), s = sum_c w_c |g_c|^2 / 2, t = -sum_c w_c g_c^2 / 2.
     On the boundary dz is a real multiple of i z: it slides on the circle.
 
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-    r : (m, 3) float64
-        Errors of the corner angles in radians.
-    p : float
-    damping : float
-        Weight of |b|^2, times that of a corner with the root mean square error. A face
-        flips only where |b| is not small, and the angles of a needle hardly feel b.
-    laplacian : WeightedLaplacian
-        Preconditions.
-    iterations : int
-    anew : bool
-        Whether it is factored with the weights of this step, or stays as it is: CG needs a
-        matrix that is near, and to factor one takes half of the time of a step.
-
-    Returns
-    -------
-    (n,) complex128
-        Tangential to the circle on the boundary.
+    `damping` is the weight of |b|^2, times that of a corner with the root mean square error: a
+    face flips only where |b| is not small, and the angles of a needle hardly feel b. `laplacian`
+    preconditions; unless `anew` it stays as it is: to factor it takes half the time of a step.
     """
     m = len(mesh.F)
     tangent = 1j * f[mesh.loop]

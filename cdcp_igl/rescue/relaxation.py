@@ -44,17 +44,8 @@ class Relaxation:
     def sweep(self, f: Complex, times: int, softness: float = 0.0) -> Complex:
         """Move every vertex so many times.
 
-        Parameters
-        ----------
-        f : (n,) complex128
-        times : int
-        softness : float
-            With 0, no face is flipped, and a vertex at a flipped face moves only if that
-            unfolds all its faces.
-
-        Returns
-        -------
-        (n,) complex128
+        With a softness of 0 no face is flipped, and a vertex at a flipped face moves only if that
+        unfolds all its faces.
         """
         f = f.copy()
         for _ in range(times):

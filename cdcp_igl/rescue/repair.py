@@ -68,21 +68,8 @@ def repaired(mesh: DiskMesh, f: Complex, *, on_disk: bool = True) -> tuple[Compl
 
     Where `repair_locally` cannot, because of many flipped faces or stubborn ones, the whole
     interior is set to mean values, and Floater's theorem applies: positive weights and a
-    convex boundary give an embedding, as far as double precision goes.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Map onto the disk, boundary strictly counterclockwise on the circle.
-    on_disk : bool
-        If not, the map is onto another convex figure, and its boundary stays where it is.
-
-    Returns
-    -------
-    f : (n,) complex128
-        The argument itself if it has no flipped face.
-    Repair
+    convex boundary give an embedding, as far as double precision goes. If not `on_disk`, the map is
+    onto another convex figure, and its boundary stays where it is.
 
     References
     ----------
@@ -123,20 +110,7 @@ def repair_locally(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Co
     neighbours, whose weights are positive; a patch of them is kept if it has fewer flipped
     faces then, and larger the next time if it has not. What no patch mends, a relaxation
     that pulls faces over may. At the end what was moved is relaxed towards conformality.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Map onto the disk, boundary strictly counterclockwise on the circle.
-    most : float
-        Nothing is done about more flipped faces than that.
-
-    Returns
-    -------
-    f : (n,) complex128
-        It may still have flipped faces; the argument itself if nothing was done.
-    Repair
+    Nothing is done about more than `most` flipped faces; some may be left.
     """
     flipped, _ = flipped_faces(f, mesh.F)
     if len(flipped) == 0 or len(flipped) > most:

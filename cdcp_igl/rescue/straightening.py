@@ -64,22 +64,8 @@ def straighten(
     the edge of one face, taken out of a closed surface, has not, and where most of the
     surface is mapped far inside, nearly all of its distortion is this. Turning the boundary by
     theta = Re(a conj(zeta)^2) changes ``c[-1]`` by i a / 2 and, besides, ``c[3]`` alone; a is
-    found by Gauss-Newton on the sum of the angle errors.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Harmonic map onto the disk.
-    extend : callable
-        Extends boundary values harmonically to all of the surface; called twice or more for
-        each step.
-
-    Returns
-    -------
-    f : (n,) complex128
-        The argument itself where less than 2 % of the mean angular distortion can be gained.
-    Straightening
+    found by Gauss-Newton on the sum of the angle errors. `extend` extends boundary values
+    harmonically; the map is returned as it is where less than 2 % of the errors can be gained.
     """
     if not is_sheared(mesh, f):
         return f, Straightening()
@@ -140,18 +126,7 @@ def is_sheared(mesh: DiskMesh, f: Complex) -> bool:
 def common_shear(mesh: DiskMesh, f: Complex, most: int) -> tuple[complex, float]:
     """Find the shear f - mu conj(f) of the image that lowers the angular distortion most.
 
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-    most : int
-        On so many faces at most, spread evenly through F.
-
-    Returns
-    -------
-    mu : complex
-    float
-        The share of the angular distortion that it would remove.
+    Returns mu, and the share of the distortion that it would remove, on `most` faces at most.
     """
     sample = evenly_spaced_rows(len(mesh.F), most)
     corners = f[mesh.F[sample]]

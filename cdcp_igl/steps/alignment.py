@@ -11,26 +11,12 @@ from ..surface.triangles import face_areas
 
 
 def rotate(mesh: DiskMesh, f: Complex, align: int | ArrayLike | None) -> Complex:
-    """Turn a map about 0.
+    """Turn a map (n,) about 0.
 
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Map onto the unit disk.
-    align : int, (3,) array_like or None
-        A boundary vertex, to go to 1; or a direction d in space: the height x.d of the
-        surface, as a function on the disk, has its moment sum_v m_v x_v.d f_v about the
-        mean height, m_v the area at a vertex, at angle 0. None is the first boundary vertex.
-
-    Returns
-    -------
-    (n,) complex128
-
-    Raises
-    ------
-    ValueError
-        If the height has no moment.
+    `align` is a boundary vertex, to go to 1; or a direction d in space: the height x.d of the
+    surface, as a function on the disk, has its moment sum_v m_v x_v.d f_v about the
+    mean height, m_v the area at a vertex, at angle 0. None is the first boundary vertex.
+    ValueError if the height has no moment.
     """
     if align is None:
         align = mesh.loop[0]

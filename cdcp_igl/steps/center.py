@@ -44,21 +44,10 @@ class Center:
 def central_face(
     surface: FactoredSurface, center: CenterMethod | int = "torsion", *, well_shaped: bool = True
 ) -> Center:
-    """Choose the face that is sent to infinity, eq. (15).
+    """Choose the face that is sent to infinity, eq. (15): a given one, or the most central.
 
-    Parameters
-    ----------
-    surface : FactoredSurface
-    center : {"torsion", "heat", "centroid"} or int
-        A measure of centrality, or a row of F.
-    well_shaped : bool
-        Take the most central face without small angles, rather than the most central one.
-        The dipole of eq. (18) sits on one face, and the shape of that face matters more
-        than its place.
-
-    Returns
-    -------
-    Center
+    If `well_shaped`, the most central one without small angles: the dipole of eq. (18) sits on one
+    face, and the shape of that face matters more than its place.
     """
     if not isinstance(center, str):
         return Center("given", int(center))
@@ -68,22 +57,13 @@ def central_face(
 
 
 def centrality(surface: FactoredSurface, method: CenterMethod) -> Floats:
-    """How central each face is, by one of three measures.
+    """How central each face (m,) is, by one of three measures; larger is more central.
 
-    Parameters
-    ----------
-    surface : FactoredSurface
-    method : {"torsion", "heat", "centroid"}
-        - ``"heat"``: heat 1 on the boundary flows in for time t = 1e4; the centre is the
-          coldest face, eqs. (13)-(15). Factors I + t L.
-        - ``"torsion"``: L u = 1 inside, u = 0 on the boundary; the centre is the face with
-          the largest u. Costs one solve with the factor that is already there.
-        - ``"centroid"``: nearest to the centroid of the surface's area.
-
-    Returns
-    -------
-    (m,) float64
-        Larger is more central.
+    - ``"heat"``: heat 1 on the boundary flows in for time t = 1e4; the centre is the
+      coldest face, eqs. (13)-(15). Factors I + t L.
+    - ``"torsion"``: L u = 1 inside, u = 0 on the boundary; the centre is the face with
+      the largest u. Costs one solve with the factor that is already there.
+    - ``"centroid"``: nearest to the centroid of the surface's area.
     """
     mesh = surface.mesh
     if method == "heat":

@@ -9,38 +9,17 @@ from ..solve.factored import FactoredSurface
 
 
 def harmonic_extension(surface: FactoredSurface, f_B: Complex) -> Complex:
-    """Extend boundary values harmonically: L_II f_I = -L_IB f_B, eq. (10).
-
-    Parameters
-    ----------
-    surface : FactoredSurface
-    f_B : (nB,) complex128
-        Boundary values in the order of ``mesh.loop``.
-
-    Returns
-    -------
-    (n,) complex128
-    """
+    """Extend boundary values (nB,) harmonically: L_II f_I = -L_IB f_B, eq. (10)."""
     f = surface.solve(-(surface.coupling @ f_B))
     f[surface.mesh.loop] = f_B
     return f
 
 
 def settled_extension(surface: FactoredSurface, f: Complex) -> Complex:
-    """Make the interior of a map harmonic again, by the differences of neighbours.
+    """Make the interior of a map (n,) harmonic again, by the differences of neighbours.
 
-    Where they are much smaller than f itself, and f is small, they have digits that a solution
-    for the boundary values has not.
-
-    Parameters
-    ----------
-    surface : FactoredSurface
-    f : (n,) complex128
-
-    Returns
-    -------
-    (n,) complex128
-        The same on the boundary.
+    Where these are much smaller than f itself, and f is small, they have digits that a solution for
+    the boundary values has not. The boundary stays.
     """
     L, n = surface.laplacian, len(f)
     flow = L.weights * (f[L.high] - f[L.low])

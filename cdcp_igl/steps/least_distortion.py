@@ -22,15 +22,6 @@ def least_angle_distortion(errors: AngleErrors) -> complex:
     """Find w that minimises the angular distortion of psi_w o f, eq. (20), by Newton.
 
     The sum of absolute values is replaced by a pseudo-Huber function.
-
-    Parameters
-    ----------
-    errors : AngleErrors
-
-    Returns
-    -------
-    complex
-        |w| < 1.
     """
     start = 0j
     if errors.n_faces > FEW_FACES:
@@ -87,16 +78,7 @@ class AngleErrors:
 
     @classmethod
     def of(cls, F: Ints, z: Complex, angles: Floats) -> AngleErrors:
-        """Take at most 10,000 of the faces, spread evenly.
-
-        Parameters
-        ----------
-        F : (m, 3) int64
-        z : (n,) complex128
-            The map f.
-        angles : (m, 3) float64
-            Corner angles of the surface in radians.
-        """
+        """Take at most 10,000 faces of the map z (n,); `angles` (m, 3) are the surface's."""
         faces = evenly_spaced_rows(len(F), MANY_FACES)
         corners = z.take(F[faces].T)
         errors = angles_between(*corners) - angles.T[:, faces]

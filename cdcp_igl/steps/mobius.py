@@ -58,7 +58,7 @@ def normalize(
 ) -> tuple[Complex, Normalization]:
     """Apply the best Möbius transformation that does no harm.
 
-    psi_w turns a face over exactly when 1 / conj(w) lies in its circumdisk. A transformation
+    psi_w flips a face exactly when 1 / conj(w) lies in its circumdisk. A transformation
     that does so, or that crowds the boundary beyond double precision, is halved until it does
     not: what can be gained on the way is gained. It is not applied where it does not lower
     the angular distortion.
@@ -72,12 +72,6 @@ def normalize(
         Least angular distortion by Newton or by Nelder-Mead; conformal barycentre; none.
     finished : callable
         What is done to the map after psi_w, before its faces count as flipped.
-
-    Returns
-    -------
-    f : (n,) complex128
-        The transformed map, finished, boundary on the unit circle.
-    Normalization
     """
     if method is None:
         return finished(f), Normalization("none", 0j)
@@ -124,19 +118,7 @@ def conformal_barycenter(z: Complex, mass: Floats) -> complex:
     """Find w that puts the centre of mass of psi_w o f at 0, by Newton's method.
 
     This evens out the area; it is canonical, so that maps of different meshes of one
-    surface agree up to a rotation.
-
-    Parameters
-    ----------
-    z : (n,) complex128
-        The map f.
-    mass : (n,) float64
-        Positive weights, areas on the surface.
-
-    Returns
-    -------
-    complex
-        |w| < 1.
+    surface agree up to a rotation. `mass` (n,) are positive weights, areas on the surface.
 
     References
     ----------

@@ -11,24 +11,14 @@ from ..surface.mesh import DiskMesh
 
 
 def conjugate_trace(surface: FactoredSurface, face: int) -> Complex:
-    """Boundary values by the conjugate of eq. (18), which needs no factor but that of L_II.
+    """Boundary values (nB,) by the conjugate of eq. (18), with no factor but that of L_II.
 
     The solution h of eq. (18) lets nothing through the boundary. Its harmonic conjugate g is
     constant there, and along the boundary h grows by i times what flows in of g. The dipole of
     the conjugate is the same one, as a turn by 90 degrees is a factor i. So L_II g_I = r_I with
     g_B = 0, and the steps of h are the flux of g, shared by the edges: equal to eq. (18) but for
-    terms of second order in the length of edges. Not in the paper.
-
-    Parameters
-    ----------
-    surface : FactoredSurface
-    face : int
-        Central face, with an interior corner; without one, the trace is a single point.
-
-    Returns
-    -------
-    (nB,) complex128
-        As `boundary_trace`, from 0 at the first vertex of ``mesh.loop``.
+    terms of second order in the length of edges. Not in the paper. Of a face without an interior
+    corner the trace is a single point.
     """
     steps = 1j * shared_by_edges(
         surface.mesh, boundary_flux(surface, face_dipole(surface.mesh, face))
@@ -68,19 +58,10 @@ def boundary_trace(surface: FactoredSurface, face: int) -> Complex:
 
 
 def face_dipole(mesh: DiskMesh, face: int) -> Complex:
-    """Right-hand side of eq. (18): the derivative of a point mass on one face.
+    """Right-hand side (n,) of eq. (18): the derivative of a point mass on one face.
 
-    Parameters
-    ----------
-    mesh : DiskMesh
-    face : int
-        The face [v_i, v_j, v_k] that is sent to infinity.
-
-    Returns
-    -------
-    (n,) complex128
-        Zero off the face; sums to zero. Scaled by |v_j - v_i|, which the shape of the
-        trace does not depend on.
+    Zero off the face, which is sent to infinity; sums to zero. Scaled by |v_j - v_i|, on which the
+    shape of the trace does not depend.
     """
     i, j, k = mesh.F[face]
     e = mesh.V[j] - mesh.V[i]
@@ -95,44 +76,22 @@ def face_dipole(mesh: DiskMesh, face: int) -> Complex:
 
 
 def boundary_flux(surface: FactoredSurface, r: Numbers) -> Numbers:
-    """Flux through the boundary from given sources, L_BI g_I - r_B with L_II g_I = r_I.
+    """Flux through the boundary (nB,) from sources r (n,), L_BI g_I - r_B with L_II g_I = r_I.
 
     It is the normal derivative of the solution g of the Dirichlet problem, integrated with the
-    hat functions of the boundary vertices: of second order, while gradients are of first.
-
-    Parameters
-    ----------
-    surface : FactoredSurface
-    r : (n,) float64 or complex128
-        The sources.
-
-    Returns
-    -------
-    (nB,) of the same type
-        By the vertices of ``mesh.loop``, negative where positive sources flow out. Its sum is
-        minus that of r.
+    hat functions of the boundary vertices: of second order, while gradients are of first. Negative
+    where positive sources flow out; its sum is minus that of r.
     """
     g = surface.solve(r)
     return surface.coupling.T @ g - r[surface.mesh.loop]
 
 
 def shared_by_edges(mesh: DiskMesh, flux: Numbers) -> Numbers:
-    """Flux through each boundary edge, by that of the vertices.
+    """Flux through each boundary edge (nB,), by that of the vertices.
 
     What leaves at a vertex belongs to both its edges. Next to a corner of angle a, where the
     conformal map is like z^(pi/a), they get their parts in proportion to their lengths to the
     power pi/a: to the lengths themselves where the boundary is straight.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-    flux : (nB,) float64 or complex128
-        By the vertices of ``mesh.loop``.
-
-    Returns
-    -------
-    (nB,) of the same type
-        From each vertex of ``mesh.loop`` to the next.
     """
     corners = np.flatnonzero(mesh.on_boundary.take(mesh.F.T))
     around = np.bincount(mesh.F.T.flat[corners], mesh.angles.T.flat[corners])

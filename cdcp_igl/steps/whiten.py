@@ -10,23 +10,13 @@ ROUNDS = 3
 
 
 def whiten_trace(z: Complex) -> Complex:
-    """Make the moments of inertia of a closed polygon equal, and its area pi.
+    """Make the moments of inertia of a closed polygon (N,) equal, and its area pi.
 
     The trace of a dipole on one face is sum a_k zeta^k + b_k zeta^-k with a dominant
     b_1, since the face has a shape. Subtracting a multiple of the conjugate removes b_1
     and leaves a rounder curve, on which the geodesic algorithm loses fewer digits; the
-    exterior map does not change to first order. Not in the paper.
-
-    Parameters
-    ----------
-    z : (N,) complex128
-        Polygon, of either orientation.
-
-    Returns
-    -------
-    (N,) complex128
-        About its area centroid. A polygon that crosses itself so much that it has no
-        moments of inertia is only moved and scaled; one without area comes back as NaN.
+    exterior map does not change to first order. Not in the paper. A polygon that crosses itself so
+    much that it has no moments of inertia is only moved and scaled; one without area becomes NaN.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         return _whitened(z)

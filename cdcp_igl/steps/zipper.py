@@ -92,19 +92,10 @@ def open_blocks(x: Complex, y: Floats, k: int) -> None:
 
     The arcs to the next k points are a hull about infinity, and what opens them is one
     conformal map, real on the real axis: by reflection, it is analytic in each disk with a real
-    centre that holds none of these points. A disk around the real part of the base point holds
-    most of the others. Points on its circle are opened with the points outside, and their
-    images are the coefficients of the power series that moves those inside. The outside is
+    centre that holds none of these points. A disk around the real part of the base point, the
+    last of x, holds most of the others. Points on its circle are opened with the points outside,
+    and their images are the coefficients of the power series that moves those inside. The outside is
     treated in the same way, block by block.
-
-    Parameters
-    ----------
-    x : (N,) complex128
-        As of `open_arcs`; the last one is the base point.
-    y : (M,) float64
-        As of `open_arcs`.
-    k : int
-        At most N - 1 and M.
 
     References
     ----------
@@ -157,7 +148,7 @@ def _sum(series: Floats, x: Points) -> Points:
 
 
 def open_arcs(x: Complex, y: Floats, k: int) -> None:
-    """Open the arcs to the next k points, one after the other.
+    """Open the arcs to the next k points, one after the other, eqs. (2)-(5).
 
     In the coordinate x = i / q of the upper half-plane, with the tip of what has been opened at
     infinity, the geodesic arc from there to the next point c is the ray upwards from c. It
@@ -166,18 +157,8 @@ def open_arcs(x: Complex, y: Floats, k: int) -> None:
         s = x - Re c,  x <- s / sqrt(s^2 + (Im c)^2)
 
     The root is the principal one, which jumps on that ray and nowhere else. Where the tip was is
-    x = 1 then, and c is the tip.
-
-    Parameters
-    ----------
-    x : (N,) complex128
-        Points that are not opened yet, the next ones first. They are moved; of the first k,
-        which become real, nothing is left.
-    y : (M,) float64
-        Points that are opened, on the real axis, with room for k more at the end. They are
-        moved.
-    k : int
-        At most N and M.
+    x = 1 then, and c is the tip. x (N,) are points that are not opened yet, the next ones first;
+    y (M,), on the real axis, those that are, with room for k more. Both are moved in place.
     """
     opened = len(y) - k
     for j in range(k):

@@ -124,9 +124,7 @@ def _faces(F: ArrayLike, n: int) -> Ints:
     """(m, 3) int64 copy of F in C order."""
     given = _numeric("F", F)
     if given.ndim != 2 or given.shape[1] != 3 or len(given) == 0:
-        polygons = given.ndim == 2 and given.shape[1] > 3
-        row = "shape of F, polygons" if polygons else "shape of F"
-        raise MeshError(Defect.of(row, shape=given.shape))
+        raise MeshError(Defect.of("shape of F", shape=given.shape))
     # Judged as given: a cast would wrap large unsigned numbers and truncate fractions.
     if not (given.min() >= 0 and given.max() < n):
         outside = np.flatnonzero(~((given >= 0) & (given < n)).all(axis=1))

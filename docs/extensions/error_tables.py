@@ -58,7 +58,7 @@ def _mesh_table():
             f"**{name}**{variant and ', ' + variant}",
             said,
             _cell(row.remedy),
-            _cell(row.in_shell) or "the same",
+            _cell(row.remedy_in_shell) if row.remedy_in_shell != row.remedy else "the same",
         )
         rows.append(f"| {' | '.join(cells)} |")
     return "\n".join(rows) + "\n"

@@ -1,16 +1,24 @@
-"""Beltrami coefficients, generalised Laplacian, linear Beltrami solver, Dirichlet problem."""
+"""What the reference methods are made of: Beltrami coefficients, and the double cover."""
 
+import igl
+import meshes
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+import cdcp_igl
+from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.datasets import square
-from cdcp_igl.reference import beltrami_coefficient
+from cdcp_igl.reference import beltrami_coefficient, double_cover
 from cdcp_igl.reference.beltrami import generalized_laplacian, linear_beltrami_solver
 from cdcp_igl.reference.dirichlet import Dirichlet
+from cdcp_igl.reference.doubled import double_cover_trace, doubled_faces, doubled_laplacian
+from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.laplacian import cotangent_laplacian
+from cdcp_igl.steps.center import central_face
+from cdcp_igl.steps.trace import boundary_trace
 from cdcp_igl.surface.mesh import DiskMesh
 
 PLANE, F, _ = square(2)
@@ -46,35 +54,19 @@ def test_on_any_chart_the_coefficient_to_the_surface_gives_its_cotangent_laplaci
     assert abs(G - L).max() <= 1e-9 * abs(L).max()
 
 
-def test_coefficient_of_a_conformal_chart_is_zero():
-    assert beltrami_coefficient((2 - 3j) * GRID, F, PLANE) == pytest.approx(0, abs=1e-15)
-
-
 @pytest.mark.parametrize(
-    ("M", "mu"),
+    ("chart", "M", "mu"),
     [
-        (PLANE * [3, 1, 1], 1 / 2),  # (K - 1) / (K + 1)
-        (PLANE * [1, 3, 1], -1 / 2),
+        ((2 - 3j) * GRID, PLANE, 0),  # conformal
+        (GRID, PLANE * [3, 1, 1], 1 / 2),  # (K - 1) / (K + 1)
+        (GRID, PLANE * [1, 3, 1], -1 / 2),
         # x + sy + iy has w_z = (2 - is)/2, w_zbar = is/2; here s = 2
-        (PLANE + np.outer(Y, [2, 0, 0]), 2j / (2 - 2j)),
+        (GRID, PLANE + np.outer(Y, [2, 0, 0]), 2j / (2 - 2j)),
+        (X + 0j, PLANE, -1),  # collapsed
     ],
 )
-def test_coefficient_of_an_affine_map(M, mu):
-    assert beltrami_coefficient(GRID, F, M) == pytest.approx(mu, abs=1e-14)
-
-
-def test_coefficient_is_one_in_modulus_where_the_chart_has_collapsed():
-    mu = beltrami_coefficient(X + 0j, F, PLANE)
-    assert abs(mu) == pytest.approx(1)
-
-
-def test_generalized_laplacian_is_a_laplacian():
-    rng = np.random.default_rng(0)
-    mu = 0.9 * rng.uniform(size=len(F)) * np.exp(2j * np.pi * rng.uniform(size=len(F)))
-    G = generalized_laplacian(GRID, F, mu).toarray()
-    assert pytest.approx(G.T) == G
-    assert G.sum(axis=1) == pytest.approx(0, abs=1e-12)
-    assert np.linalg.eigvalsh(G)[0] > -1e-12
+def test_coefficient_of_an_affine_map(chart, M, mu):
+    assert beltrami_coefficient(chart, F, M) == pytest.approx(mu, abs=1e-14)
 
 
 def test_generalized_laplacian_has_the_matrix_of_the_beltrami_equation():
@@ -111,3 +103,37 @@ def test_dirichlet_solution_satisfies_the_equations():
 def test_dirichlet_with_every_vertex_given():
     L = cotangent_laplacian(DiskMesh(SADDLE, F)).matrix()
     assert (Dirichlet(L, np.arange(N)).solve(GRID) == GRID).all()
+
+
+def test_doubled_faces_close_the_surface():
+    F2 = doubled_faces(DiskMesh(*meshes.fan(4)))
+    assert F2.tolist()[4:] == [[1, 0, 5], [2, 1, 5], [3, 2, 5], [0, 3, 5]]
+    assert cdcp_igl.check(np.zeros((6, 3)), F2).defects[0].name == "closed surface"
+
+
+def test_doubled_laplacian_is_that_of_the_glued_surface(real_mesh):
+    mesh = DiskMesh(*real_mesh("nefertiti_299"))
+    V2 = np.vstack([mesh.V, mesh.V[mesh.interior]])
+    explicit = -igl.cotmatrix(V2, doubled_faces(mesh))
+    L2 = doubled_laplacian(mesh, cotangent_laplacian(mesh).matrix())
+    assert abs(L2 - explicit).max() <= 1e-14 * abs(explicit).max()
+
+
+@pytest.mark.parametrize("name", ["nefertiti_299", "human_face_17157", "chinese_lion_17334"])
+def test_theorem_1_both_systems_give_the_same_trace_up_to_shift_and_scale(name, real_mesh):
+    surface = FactoredSurface.of(DiskMesh(*real_mesh(name)))
+    face = central_face(surface).face
+    reduced = boundary_trace(surface, face)  # (18)
+    explicit = double_cover_trace(surface, face)  # (17)
+
+    reduced, explicit = reduced - reduced.mean(), explicit - explicit.mean()
+    scale = np.vdot(explicit, reduced) / np.vdot(explicit, explicit)
+    assert abs(scale * explicit - reduced).max() <= 1e-10 * abs(reduced).max()
+    assert scale == pytest.approx(2, abs=1e-10)
+
+
+@pytest.mark.parametrize("name", ["nefertiti_299", "chinese_lion_17334"])
+def test_the_map_is_that_of_cdcp(name, real_mesh):
+    V, F = real_mesh(name)
+    _, f, _ = algorithm_1(FactoredSurface.of(DiskMesh(V, F)), Steps(trace=boundary_trace))
+    assert abs(double_cover(V, F) @ [1, 1j] - f).max() < 1e-8
