@@ -129,7 +129,7 @@ class DiskMap(Bijection, Result, Provenance):
             as_complex(map_.uv[column]) for map_, column in zip((self, to), pairs.T, strict=True)
         )
         f = landmark_automorphism(here, there)(as_complex(self.uv))
-        # The boundary is normalised only where it left the circle; faces that this flips are reopened.
+        # Only what left the circle is normalised again, and faces that this flips are reopened.
         radius = abs(f[self.mesh.loop])
         f[self.mesh.loop] /= np.where(abs(radius - 1) < BOUNDARY_TOLERANCE / 10, 1, radius)
         f, _ = open_collapsed_faces(self.mesh, f)
