@@ -106,10 +106,11 @@ def test_a_seam_between_quads(tmp_path):
     assert (tmp_path / "out.obj").read_text("latin-1") == text
 
 
-def test_a_quad_that_is_cut_within_becomes_triangles(tmp_path):
+@pytest.mark.parametrize("corners", [[0, 1, 2], [0], [1]])
+def test_a_quad_that_is_cut_within_becomes_triangles(tmp_path, corners):
     given, V, F = scene(tmp_path, text=PLAIN)
     uv = V[F][:, :, :2] / 4
-    uv[1] += 0.5
+    uv[1, corners] += 0.5
     write_map(tmp_path / "out.obj", V, F, uv, disk=True, like=given)
     lines = (tmp_path / "out.obj").read_text("latin-1").splitlines()
     faces = [line for line in lines if line.startswith("f ")]
