@@ -94,8 +94,8 @@ def open_blocks(x: Complex, y: Floats, k: int) -> None:
     conformal map, real on the real axis: by reflection, it is analytic in each disk with a real
     centre that holds none of these points. A disk around the real part of the base point, the
     last of x, holds most of the others. Points on its circle are opened with the points outside,
-    and their images are the coefficients of the power series that moves those inside. The outside is
-    treated in the same way, block by block.
+    and their images are the coefficients of the power series that moves those inside. The outside
+    is treated in the same way, block by block.
 
     References
     ----------
