@@ -33,16 +33,8 @@ ONLY_OF_CUT = ("fill", "spread")  # options that `surface_map` has and `disk_map
 class Settings:
     """What decides how a surface is mapped and written; ValueError if something is not allowed.
 
-    Attributes
-    ----------
-    disk : bool
-        Texture coordinates in the unit disk, not in the unit square.
-    clean : bool
-        Clean the surface first.
-    cut : bool
-        Map a surface that is no disk as well, see `surface_map`.
-    options : mapping
-        Those of `disk_map`, or of `surface_map`.
+    With `disk`, texture coordinates lie in the unit disk, not in the unit square. The `options`
+    are those of `disk_map`; with `cut`, of `surface_map`, which maps surfaces that are no disks.
     """
 
     disk: bool = False

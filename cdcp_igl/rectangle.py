@@ -73,7 +73,7 @@ class RectangleMap(Result):
         sides are placed as `disk_map` and elliptic integrals tell, for obtuse faces at a side may
         turn it back.
     laplacian : str
-        ``"cotangent"``; or, where that turned faces over, or its map is not conformal, and this
+        ``"cotangent"``; or, where that flipped faces, or its map is not conformal, and this
         distorts less, ``"intrinsic Delaunay"``.
     repair : Repair
         What was done about flipped faces.
@@ -244,6 +244,17 @@ def rectangle_map(
     return best
 
 
+@dataclass(frozen=True, eq=False)
+class _Square:
+    """A map onto the unit square with harmonic coordinates, and what it was made by."""
+
+    f: Complex
+    L: Laplacian
+    laplacian: str
+    boundary: str
+    solver: str
+
+
 def _boundary_sides(mesh: DiskMesh, corners: ArrayLike) -> list[Ints]:
     """Split the boundary loop: the vertices of each side with its corners, in order."""
     chosen = np.asarray(corners)
@@ -282,11 +293,11 @@ def _refuse_chords(mesh: DiskMesh, sides: list[Ints]) -> None:
 
 def _best_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleMap:
     """Try one way after the other until a map is conformal; the best, valid or not."""
-    ways: list[Callable[[DiskMesh, list[Ints], Phases], RectangleMap]]
+    ways: list[Callable[[DiskMesh, list[Ints], Phases], _Square]]
     ways, found = [*(partial(_sliding, name) for name in LAPLACIANS), _by_disk_map], []
     for way in ways:
         try:
-            found.append(way(mesh, sides, phase))
+            found.append(_rectangle(mesh, sides, way(mesh, sides, phase), phase))
         except (SolverError, MapError) as error:
             failure = error
         # Flipped faces that were repaired are worth another Laplacian, not a map onto the disk.
@@ -298,7 +309,7 @@ def _best_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleMap:
     return min(found, key=lambda result: (not result.valid, result.distortion.mean))
 
 
-def _sliding(name: str, mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleMap:
+def _sliding(name: str, mesh: DiskMesh, sides: list[Ints], phase: Phases) -> _Square:
     """Solve for both coordinates, with no flux across the sides along which they vary."""
     bottom, right, top, left = sides
     with phase("laplacian"):
@@ -306,7 +317,7 @@ def _sliding(name: str, mesh: DiskMesh, sides: list[Ints], phase: Phases) -> Rec
     with phase("factor"):
         u, solver = _harmonic(mesh, L, zero=left, one=right)
         v, _ = _harmonic(mesh, L, zero=bottom, one=top)
-    return _mapped(mesh, L, sides, u + 1j * v, name, "sliding", solver, phase)
+    return _Square(u + 1j * v, L, name, "sliding", solver)
 
 
 def _harmonic(mesh: DiskMesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floats, str]:
@@ -318,7 +329,7 @@ def _harmonic(mesh: DiskMesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floa
     return value + surface.solve(-(L.matrix() @ value)), surface.solver
 
 
-def _by_disk_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleMap:
+def _by_disk_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> _Square:
     """Place the boundary as a map onto the disk tells, and both coordinates as harmonic."""
     with phase("factor"):
         surface = FactoredSurface.of(mesh)
@@ -331,8 +342,7 @@ def _by_disk_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleM
             start, along = (0, 1, 1 + 1j, 1j)[number], 1j**number
             f[side[:-1]] = start + along * along_side(z[side[:-1]], np.roll(corners, -number))
         f = harmonic_extension(surface, f[mesh.loop])
-    L, solver = surface.laplacian, surface.solver
-    return _mapped(mesh, L, sides, f, "cotangent", "disk map", solver, phase)
+    return _Square(f, surface.laplacian, "cotangent", "disk map", surface.solver)
 
 
 def along_side(z: Complex, corners: Complex) -> Floats:
@@ -367,23 +377,14 @@ def along_side(z: Complex, corners: Complex) -> Floats:
     return (1 + ellipkinc(amplitude, k * k) / ellipk(k * k)) / 2
 
 
-def _mapped(
-    mesh: DiskMesh,
-    L: Laplacian,
-    sides: list[Ints],
-    square: Complex,
-    laplacian: str,
-    boundary: str,
-    solver: str,
-    phase: Phases,
-) -> RectangleMap:
+def _rectangle(mesh: DiskMesh, sides: list[Ints], square: _Square, phase: Phases) -> RectangleMap:
     """Scale a map onto the unit square to the modulus, repair it, and certify."""
-    matrix = L.matrix()
+    u, v, matrix = square.f.real, square.f.imag, square.L.matrix()
     # The energy of the one with values 0 and 1 is height by width, that of the other width by
     # height, and each at most too large.
-    energy_u, energy_v = (float(x @ (matrix @ x)) for x in (square.real, square.imag))
+    energy_u, energy_v = float(u @ (matrix @ u)), float(v @ (matrix @ v))
     modulus = float(np.sqrt(energy_v / energy_u))
-    f = modulus * square.real + 1j * square.imag
+    f = modulus * u + 1j * v
     repair = Repair()
     with phase("repair"):
         if _is_monotone(sides, f):
@@ -406,10 +407,10 @@ def _mapped(
         certificate=certificate,
         distortion=AngleDistortion.of(degrees),
         conformality=conformality,
-        boundary=boundary,
-        laplacian=laplacian,
+        boundary=square.boundary,
+        laplacian=square.laplacian,
         repair=repair,
-        solver=solver,
+        solver=square.solver,
         timings=phase.seconds,
     )
 

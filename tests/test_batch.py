@@ -95,12 +95,15 @@ def test_what_fills_a_hole_is_not_in_the_file(tmp_path, out):
 
 @pytest.mark.parametrize("format", ["obj", "ply"])
 def test_formats(scans, out, format):
+    batch([scans], out, disk=True)
     made = batch([scans], out, format=format, disk=True)
     for record in made.records:
         read = read_mesh(out / f"{record.name}.{format}")
         for array, given in zip(read, read_mesh(record.input), strict=True):
             np.testing.assert_array_equal(array, given)
     assert batch([scans], out, format=format, disk=True).done == made.done
+    batch([scans], out, disk=True)
+    assert len(lines(out)) == 6
 
 
 def test_each_surface_in_its_own_format(tmp_path, out):
@@ -147,7 +150,10 @@ def test_what_is_done_is_not_done_again(scans, out):
     assert len(batch([scans], out, retry=True).failed) == 1
     assert len(lines(out)) == 5
     np.savez(scans / "torn.npz", **dict(zip("VF", meshes.grid(), strict=True)))
-    assert batch([scans], out).failed == ()  # without `retry`: it is another surface
+    # Without `retry`, as it is another surface; and though `results.jsonl` is read later.
+    assert batch([scans], out, shard=(1, 1)).failed == ()
+    assert batch([scans], out).failed == ()
+    assert len(lines(out)) == 5
 
 
 @pytest.mark.parametrize(
@@ -165,6 +171,16 @@ def test_what_is_lost_or_may_have_changed_is_made_again(scans, out, change):
     assert batch([scans], out).failed == ()
     assert contents(out) == before
     assert len(lines(out)) == 4
+
+
+def test_a_surface_that_is_gone(scans, out):
+    """Its result is not touched."""
+    batch([scans / "surface_001.npz"], out)
+    before = contents(out)
+    (scans / "surface_001.npz").unlink()
+    [failed] = batch([scans / "surface_001.npz"], out).failed
+    assert failed.error == "FileNotFoundError"
+    assert contents(out) == before
 
 
 def test_half_a_line_is_ended_and_does_not_count(scans, out):

@@ -126,7 +126,7 @@ def test_everything_at_once_is_said():
     assert_rows_come_from(cleaned, V, F)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_random_damage_of_a_real_surface(real_mesh, seed):
     V, F = real_mesh("femur_2411")
     rng = np.random.default_rng(seed)
@@ -176,10 +176,6 @@ def test_map_clean_writes_the_surface_without_its_filling(tmp_path):
     F = np.where(F >= 4, F + 1, F)
     mesh, out = tmp_path / "mesh.npz", tmp_path / "map.npz"
     np.savez(mesh, V=V, F=F)
-
-    refused = CliRunner().invoke(app, ["map", str(mesh), str(out)])
-    assert refused.exit_code == 2
-    assert not out.exists()
 
     result = CliRunner().invoke(app, ["map", str(mesh), str(out), "--clean"])
     assert result.exit_code == 0

@@ -65,6 +65,7 @@ def test_texture_coordinates(cap, options, lowest):
         (("--center", "heat", "--mobius", "area"), {"center": "heat", "mobius": "area"}),
         (("--center", "0", "--mobius", "none"), {"center": 0, "mobius": None}),
         (("--preset", "paper"), {"preset": "paper"}),
+        (("--refine", 0), {"refine": 0}),
         (("--refine", 1, "--align", 5), {"refine": 1, "align": 5}),
         (("--refine", 1, "--align", "0,1,0"), {"refine": 1, "align": [0, 1, 0]}),
         (("--refine", 2, "--refine-norm", 1), {"refine": 2, "refine_norm": 1.0}),

@@ -130,6 +130,7 @@ def test_what_clean_leaves_alone_comes_back_as_it_was(scan):
         result = invoke("map", scan, out, "--clean")
         assert result.exit_code == 0, result.output
         assert ("g skin" in out.read_text()) == kept
+        assert ("  note                dropped 1 face" in result.stdout) != kept
 
 
 def test_with_cut_picture_and_page_show_all_parts_and_any_name(scan):

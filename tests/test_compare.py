@@ -26,7 +26,7 @@ NO_MAP = ("--methods", "lscm", "--time-limit", 0)  # a row is all that is needed
 
 @pytest.fixture
 def mesh(tmp_path):
-    path = tmp_path / "grid.npz"
+    path = tmp_path / "Gitter ä.npz"
     np.savez(path, V=V, F=F)
     return path
 

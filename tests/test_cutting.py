@@ -65,6 +65,16 @@ def open_edges(F, F_cut):
     return np.array(edges, dtype=np.int64).reshape(-1, 2)
 
 
+@given(st.integers(0, 10_000))
+def test_sheets_part_into_a_manifold_however_they_meet(seed):
+    rng = np.random.default_rng(seed)
+    n, m = rng.integers(3, 9), rng.integers(1, 26)
+    F = [rng.permutation(n)[:3] for _ in range(m)]
+    cut = cdcp_igl.cut(rng.random((n, 3)), F, path=[])
+    np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
+    assert Topology(cut.F, len(cut.V)).is_manifold
+
+
 @settings(max_examples=10)
 @given(RANDOM, st.sampled_from([2.0**-600, 1024.0, 2.0**600]))
 def test_the_unit_does_not_change_what_is_cut(mesh, scale):

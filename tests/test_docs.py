@@ -111,6 +111,14 @@ def test_links_are_checked(tmp_path):
     assert len(list(complaints(tmp_path))) == len(bad) + 1
 
 
+def test_every_test_that_a_page_cites_is_there(extensions):
+    pytest.importorskip("sphinx")
+    from cited_tests import citations, code_of
+
+    for citation in citations(DOCS):
+        assert code_of(ROOT / "tests", citation)
+
+
 def test_every_equation_has_its_places(extensions):
     from places import NOT_CITED, PACKAGE, equations
 

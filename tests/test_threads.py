@@ -9,7 +9,7 @@ import pytest
 
 
 def run(code, **environment):
-    """Run a program, which prints "done" at its end, with two threads of BLAS."""
+    """What a program prints that has two threads of BLAS."""
     done = subprocess.run(
         [sys.executable, "-c", dedent(code)],
         capture_output=True,
@@ -17,12 +17,13 @@ def run(code, **environment):
         timeout=60,
         env=os.environ | {"OPENBLAS_NUM_THREADS": "2"} | environment,
     )
-    assert done.stdout == "done\n", done.stderr
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
 
 
 def test_maps_are_the_same_in_any_thread():
     """To the last bit, and the caller's number of threads stays."""
-    run("""
+    before, after = run("""
         from concurrent.futures import ThreadPoolExecutor
         import numpy as np
         from threadpoolctl import threadpool_info
@@ -36,20 +37,21 @@ def test_maps_are_the_same_in_any_thread():
         surfaces = [datasets.square(50), datasets.spherical_cap(55), datasets.paraboloid(50, 3)]
         cases = [(surface, solver) for surface in surfaces for solver in SOLVERS]
         serial = [uv(case) for case in cases]
-        before = [pool["num_threads"] for pool in threadpool_info()]
+        print([pool["num_threads"] for pool in threadpool_info()])
         with ThreadPoolExecutor(8) as threads:
             for expected, found in zip(serial, threads.map(uv, cases), strict=True):
                 np.testing.assert_array_equal(found, expected)
-        assert [pool["num_threads"] for pool in threadpool_info()] == before
-        print("done")
+        print([pool["num_threads"] for pool in threadpool_info()])
     """)
+    assert before == after
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not forked here")
 @pytest.mark.parametrize("solver", ["scikit-sparse", "cvxopt"])
 def test_a_process_may_be_forked_while_another_thread_maps(solver):
-    code = """
-        import os, threading, time
+    said = run(
+        """
+        import os, signal, threading, time
         from threadpoolctl import threadpool_info
         from cdcp_igl import datasets
         from cdcp_igl.solve.factored import FactoredSurface
@@ -59,20 +61,29 @@ def test_a_process_may_be_forked_while_another_thread_maps(solver):
             return FactoredSurface.of(DiskMesh(*datasets.paraboloid(resolution)[:2])).delaunay
 
         def beside():
-            while True:
+            while not stop.is_set():
                 factor(40)
 
-        factor(4)
-        before = [pool["num_threads"] for pool in threadpool_info()]
-        threading.Thread(target=beside, daemon=True).start()
-        for k in range(8):
+        def say_settings():
+            print(sorted({pool["num_threads"] for pool in threadpool_info()}), flush=True)
+
+        stop = threading.Event()
+        thread = threading.Thread(target=beside)
+        thread.start()
+        for k in range(8):  # the first ones while the solver is loaded
             time.sleep(0.007 * k)
             child = os.fork()
             if child == 0:
+                signal.alarm(20)  # ends it if it hangs
                 factor(8)
-                os._exit([pool["num_threads"] for pool in threadpool_info()] != before)
+                say_settings()
+                os._exit(0)
             assert os.waitpid(child, 0)[1] == 0
-        print("done", flush=True)
-        os._exit(0)
-    """
-    run(code, CDCP_IGL_SOLVER=solver)
+        stop.set()
+        thread.join()
+        say_settings()
+        """,
+        CDCP_IGL_SOLVER=solver,
+    )
+    assert len(said) == 9
+    assert len(set(said)) == 1

@@ -12,6 +12,8 @@ import typer
 
 import cdcp_igl
 from cdcp_igl import MeshError, SurfaceMap
+from cdcp_igl.arrays import as_complex
+from cdcp_igl.distortion import plane_angles
 from cdcp_igl.libigl import angles
 from cdcp_igl.surface.triangles import face_areas
 
@@ -97,13 +99,7 @@ def least_distortion(result: SurfaceMap) -> float:
     V = np.zeros((len(result.cut.V), 3))
     V[:, : result.cut.V.shape[1]] = result.cut.V
     sums = np.bincount(F.ravel(), angles(V, F).ravel(), len(V))
-    around = np.zeros(len(V))
-    u = uv[F]
-    for k in range(3):
-        one, other = u[:, (k + 1) % 3] - u[:, k], u[:, k - 1] - u[:, k]
-        dot = (one * other).sum(axis=1)
-        cross = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-        around += np.bincount(F[:, k], abs(np.arctan2(cross, dot)), len(V))
+    around = np.bincount(F.ravel(), abs(plane_angles(as_complex(uv), F)).ravel(), len(V))
     interior = abs(around - 2 * np.pi) < 1e-6
     on_circle = np.hypot(*np.nan_to_num(uv).T) > 1 - 1e-9
     excess = abs(sums - 2 * np.pi)[interior].sum()

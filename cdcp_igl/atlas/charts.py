@@ -71,7 +71,7 @@ def map_component(
     if spread < np.inf:
         opened = lead_away(opened)
     best = _chart(opened, options, progress)
-    # Steps that were asked for are taken once, in the end.
+    # Steps that were asked for are taken by the first map, and by the last if the cut has grown.
     in_between = replace(options, refine=None) if options.refine else options
     while best.spread > spread or not (best.disk.conformal or spread == np.inf):
         longer = grow(best)

@@ -42,7 +42,7 @@ def oriented_sheets(V: NDArray[Any], F: Ints, polygon_of_face: ArrayLike | None 
     polygon = polygon_numbers(polygon_of_face, len(F))
     rows, changes = _proper_faces(positions, F)
     faces, polygon = F[rows], polygon[rows]
-    vertices = part_sheets(faces, len(positions), polygon)
+    vertices = part_sheets(faces, len(positions))
     n_copies = len(np.unique(vertices)) - len(np.unique(faces))
     if n_copies > 0:
         changes.append(f"split off {counted(n_copies, 'vertex', 'vertices')} where sheets met")
@@ -92,37 +92,15 @@ def _proper_faces(V: Floats, F: Ints) -> tuple[Ints, list[str]]:
     return kept, changes
 
 
-def part_sheets(F: Ints, n: int, polygon: Ints) -> Ints:
-    """Make a manifold of faces: split vertices where fans meet, part edges of several faces.
+def part_sheets(F: Ints, n: int) -> Ints:
+    """(m, 3) numbers of the corners: those with the same are one vertex of a manifold.
 
-    Corners (m, 3) with the same number are one vertex of it. Where the faces around an edge of
-    three or more hang together at both its ends, all of them but one are parted from everything,
-    each with the other faces of its polygon.
+    A vertex for each fan of faces, which parts the sheets at an edge of three faces or more. A fan
+    begins and ends at such an edge, so at most two of these faces are left at an edge of the
+    manifold.
     """
-    while True:
-        surface = Topology(F, n)
-        count, fan = surface.fans
-        F = np.ascontiguousarray(fan.reshape(3, -1).T, dtype=np.int64)
-        if count == int(surface.used.sum()):  # nothing was split
-            if not surface.singular.any():
-                return F
-            first = np.zeros(F.size, dtype=bool)
-            first[surface.edges.start] = True
-            surplus = ~first & np.repeat(surface.singular, surface.edges.valence)
-            polygon = _without_folds(surface, polygon)
-            alone = np.isin(polygon, polygon[surface.edges.sides[surplus] % len(F)])
-            corners = polygon[alone][:, None] * count + F[alone]
-            F[alone] = count + np.unique(corners, return_inverse=True)[1].reshape(-1, 3)
-        n = int(F.max()) + 1
-
-
-def _without_folds(surface: Topology, polygon: Ints) -> Ints:
-    """Take polygons apart into faces where three or more of these meet in the same edge."""
-    edge = np.repeat(np.arange(len(surface.edges.start)), surface.edges.valence)
-    at_edge = edge * (polygon.max() + 1) + polygon[surface.edges.sides % len(surface.F)]
-    pairs, count = np.unique(at_edge, return_counts=True)
-    folded = np.isin(polygon, pairs[count > 2] % (polygon.max() + 1))
-    return np.where(folded, polygon.max() + 1 + np.arange(len(polygon)), polygon)
+    _, fan = Topology(F, n).fans
+    return np.ascontiguousarray(fan.reshape(3, -1).T, dtype=np.int64)
 
 
 def orient(F: Ints, named: Ints) -> Ints:

@@ -29,6 +29,7 @@ from .journal import Record
 from .work import Task
 
 POLL = 0.05  # seconds between two looks at time and memory
+SECONDS_TO_END = 10.0  # for a process that has closed its stream of answers
 ATTEMPTS = 3  # with a surface that kills its worker
 
 # One thread for each worker: the map uses no more, and numbers must not depend on the machine.
@@ -183,6 +184,9 @@ class _Worker:
         """Wait for the end of a process that has died or was killed; return the cause."""
         assert self._process.stdin
         assert self._process.stdout
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(SECONDS_TO_END)
+        self._process.kill()  # whatever it still does
         returncode = self._process.wait()
         with suppress(OSError):  # something was still to be said to it
             self._process.stdin.close()

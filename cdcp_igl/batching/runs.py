@@ -207,10 +207,13 @@ def batch(
         _refuse_another(Path(report), PAGE_BEGINS, "is no report of a batch")
         try_to_write(Path(report))
     with Journal(folder, shard) as journal, _unfinished_folder(journal) as unfinished:
-        tasks = [
-            _task(name, source, folder, format, unfinished, settings, digest)
-            for name, source in mine
-        ]
+        tasks = []
+        for name, source in mine:
+            suffix = _suffix(source, format)
+            # Not the name of the result, which may be as long as names can be.
+            draft = hashlib.sha256(f"{digest} {name}".encode(errors="surrogateescape")).hexdigest()
+            target, draft = str(folder / f"{name}{suffix}"), str(unfinished / f"{draft}{suffix}")
+            tasks.append(Task(name, str(source), target, draft, settings, digest))
         history = read_journals(folder, digest)
         records = {
             task.name: history[task.name][-1]
@@ -295,19 +298,7 @@ def _unfinished_folder(journal: Journal) -> Iterator[Path]:
         shutil.rmtree(path, ignore_errors=True)
 
 
-def _task(
-    name: str,
-    source: Path,
-    folder: Path,
-    format: str,
-    unfinished: Path,
-    settings: Settings,
-    digest: str,
-) -> Task:
-    suffix = f".{format}"
-    if format == SAME:
-        suffix = source.suffix if source.suffix.lower() in WRITABLE else ".obj"
-    # Not its own name, which may be as long as names can be.
-    draft = hashlib.sha256(name.encode(errors="surrogateescape")).hexdigest() + suffix
-    target = str(folder / f"{name}{suffix}")
-    return Task(name, str(source), target, str(unfinished / draft), settings, digest)
+def _suffix(source: Path, format: str) -> str:
+    if format != SAME:
+        return f".{format}"
+    return source.suffix if source.suffix.lower() in WRITABLE else ".obj"

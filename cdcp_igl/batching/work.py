@@ -24,19 +24,10 @@ class Unwritten(OSError):
 
 @dataclass(frozen=True)
 class Task:
-    """A surface to map.
+    """A surface to map, from the file `source`.
 
-    Attributes
-    ----------
-    name : str
-        Name of the result.
-    source, target : str
-        Absolute paths of the surface and of the result.
-    draft : str
-        Where the worker writes the result, which the batch then moves to `target`.
-    settings : Settings
-    options_digest : str
-        Tells the options of the batch from others.
+    A worker writes the result as `draft`, which the batch then moves to `target`; all three are
+    absolute paths. `options_digest` tells the options of the batch from others.
     """
 
     name: str

@@ -49,7 +49,7 @@ def _map_options(
     clean: bool = typer.Option(
         False,
         "--clean",
-        help="Mend the surface first and say how: merge equal vertices, drop bad faces, orient, "
+        help="Clean the surface first and say how: merge equal vertices, drop bad faces, orient, "
         "keep the largest component, fill holes. OUT has what is left of IN, in its order, "
         "without the filling.",
     ),

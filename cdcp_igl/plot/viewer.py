@@ -247,7 +247,7 @@ def _quantized(x: Floats, low: float, high: float, steps: int = STEPS) -> Ints:
 
 
 def _pack(arrays: Mapping[str, Ints]) -> str:
-    """Base64 of the arrays, one after the other: differences, sign last, by planes of bytes.
+    """Base64 of the arrays, one after the other: zigzag deltas, compressed by planes of bytes.
 
     Differences of neighbours are small, so that the upper planes are nearly empty.
     """

@@ -103,7 +103,7 @@ class DiskMap(Bijection, Result, Provenance):
         ValueError
             If `landmarks` is none of that.
         MapError
-            If the landmarks ask for a transformation that turns large faces over, as their edges
+            If the landmarks ask for a transformation that flips large faces, as their edges
             stay straight, or so strong that vertices coincide. Its ``result`` is this map with
             the coordinates and the certificate that were refused.
 
@@ -129,7 +129,7 @@ class DiskMap(Bijection, Result, Provenance):
             as_complex(map_.uv[column]) for map_, column in zip((self, to), pairs.T, strict=True)
         )
         f = landmark_automorphism(here, there)(as_complex(self.uv))
-        # No digit more than need be is rounded, and what that turns over in crowded parts opened.
+        # Only what left the circle is normalised again, and faces that this flips are reopened.
         radius = abs(f[self.mesh.loop])
         f[self.mesh.loop] /= np.where(abs(radius - 1) < BOUNDARY_TOLERANCE / 10, 1, radius)
         f, _ = open_collapsed_faces(self.mesh, f)
@@ -175,7 +175,7 @@ class DiskMap(Bijection, Result, Provenance):
                 "method": self.boundary.name,
                 "laplacian": self.boundary.laplacian,
                 "rejected": list(self.boundary.rejected),
-                "spread_faces": self.boundary.n_opened,
+                "opened_faces": self.boundary.n_opened,
             },
             "straightening": asdict(self.straightening),
             "repair": {

@@ -35,7 +35,8 @@ _callers: list[tuple[Callable[[int], None], int]] = []  # how to set BLAS, and t
 def libraries_were_loaded() -> None:
     """Look again which libraries of BLAS and OpenMP there are."""
     global _BLAS, _OPENMP
-    pools = ThreadpoolController().lib_controllers
+    with _lock:  # as is that of the loader then
+        pools = ThreadpoolController().lib_controllers
     _BLAS = [pool for pool in pools if pool.user_api == "blas" and not _by_openmp(pool)]
     _OPENMP = [pool.dynlib for pool in pools if pool.user_api == "openmp"]
 
