@@ -129,12 +129,12 @@ def test_a_terminal_of_a_process_without_a_language(folder):
     assert re.search(r"\+-+ disk map of 48 vertices: valid -+\+\r\n(\|.*\|\r\n)+\+-+\+", plain)
 
 
-def test_characters_that_the_font_lacks(main, capsys):
+def test_characters_that_the_font_lacks(main, recwarn):
     name = "日本語 हिंदी.npz"  # there is a warning for a character, and one for a script
     os.rename("in.npz", name)
     with matplotlib.rc_context({"figure.dpi": 30, "savefig.dpi": 30}):
         assert main("map", name, "o.obj", "--picture", "p.png") == 0
-    assert capsys.readouterr().err == ""
+    assert recwarn.list == []
 
 
 def test_a_temporary_folder_that_is_full(folder):

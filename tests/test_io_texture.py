@@ -106,10 +106,11 @@ def test_a_seam_between_quads(tmp_path):
     assert (tmp_path / "out.obj").read_text("latin-1") == text
 
 
-def test_a_quad_that_is_cut_within_becomes_triangles(tmp_path):
+@pytest.mark.parametrize("corners", [[0, 1, 2], [0], [1]])
+def test_a_quad_that_is_cut_within_becomes_triangles(tmp_path, corners):
     given, V, F = scene(tmp_path, text=PLAIN)
     uv = V[F][:, :, :2] / 4
-    uv[1] += 0.5
+    uv[1, corners] += 0.5
     write_map(tmp_path / "out.obj", V, F, uv, disk=True, like=given)
     lines = (tmp_path / "out.obj").read_text("latin-1").splitlines()
     faces = [line for line in lines if line.startswith("f ")]
@@ -190,7 +191,7 @@ def test_corners_in_ply_and_npz(tmp_path, cut_open):
 def test_faces_on_no_disk(tmp_path, like):
     """In an obj file they have no texture coordinates, and the others keep theirs."""
     given, V, F = scene(tmp_path)
-    uv = V[F][:, :, :2] / 4
+    uv = (V[F][:, :, :2] - [1, 1]) / 4  # zeros where the two quads meet
     uv[[0, 1, 4]] = np.nan  # the first quad and the tip
     path = tmp_path / "out.obj"
     write_map(path, V, F, uv, disk=True, like=given if like else None)

@@ -17,12 +17,12 @@ import numpy as np
 from cdcp_igl import DiskMap, disk_map
 from cdcp_igl.arrays import Complex, Floats, Ints
 from cdcp_igl.certificate import flipped_faces
-from cdcp_igl.rescue.boundary import FALLBACKS
+from cdcp_igl.rescue.boundary import FALLBACKS, _balanced
 from cdcp_igl.rescue.candidate import Candidate as Judged
 from cdcp_igl.rescue.collapsed_faces import open_collapsed_faces
 from cdcp_igl.rescue.recentering import recentered
 from cdcp_igl.rescue.relaxation import Relaxation
-from cdcp_igl.rescue.repair import Repair, repair_locally, replace_interior
+from cdcp_igl.rescue.repair import Repair, _Neighbourhood, repair_locally, replace_interior
 from cdcp_igl.rescue.straightening import Straightening, straighten
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -49,13 +49,21 @@ def _without_boundary(name: str) -> AbstractContextManager[Any]:
     return mock.patch.dict(FALLBACKS, left, clear=True)
 
 
+def _not_balanced(surface: object, shares: Floats) -> Floats:
+    return shares
+
+
 def _not_repaired(
     mesh: DiskMesh, f: Complex, most: float = np.inf, *, on_disk: bool = True
 ) -> tuple[Complex, Repair]:
     return f, Repair(len(flipped_faces(f, mesh.F)[0]))
 
 
-def _not_swept(self: Relaxation, g: Complex, sweeps: int) -> Complex:
+def _not_swept(self: Relaxation, f: Complex, times: int, softness: float = 0.0) -> Complex:
+    return f
+
+
+def _not_pulled(self: _Neighbourhood, g: Complex, rings: int) -> Complex:
     return g
 
 
@@ -69,9 +77,13 @@ def _not_moved(mesh: DiskMesh, f: Complex, *others: object) -> tuple[Complex, in
 
 MECHANISMS: Mapping[str, Without] = {
     "harmonic measure": partial(_without_boundary, "harmonic measure"),
+    "balance of harmonic measure": partial(_replaced, _balanced, _not_balanced),
     "arc length": partial(_without_boundary, "arc length"),
     "local repair": partial(_replaced, repair_locally, _not_repaired),
     "relaxation of what is repaired": partial(mock.patch.object, Relaxation, "sweep", _not_swept),
+    "pulling over of flipped faces": partial(
+        mock.patch.object, _Neighbourhood, "pull_over", _not_pulled
+    ),
     "replacement of the interior": partial(_replaced, replace_interior, _not_repaired),
     "straightening": partial(_replaced, straighten, _not_straightened),
     "recentering": partial(_replaced, recentered, _not_moved),
