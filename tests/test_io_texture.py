@@ -191,7 +191,7 @@ def test_corners_in_ply_and_npz(tmp_path, cut_open):
 def test_faces_on_no_disk(tmp_path, like):
     """In an obj file they have no texture coordinates, and the others keep theirs."""
     given, V, F = scene(tmp_path)
-    uv = V[F][:, :, :2] / 4
+    uv = (V[F][:, :, :2] - [1, 1]) / 4  # zeros where the two quads meet
     uv[[0, 1, 4]] = np.nan  # the first quad and the tip
     path = tmp_path / "out.obj"
     write_map(path, V, F, uv, disk=True, like=given if like else None)

@@ -96,7 +96,7 @@ def test_all_in_one_point():
 
 def test_mean_value_weights_are_positive_and_reproduce_the_plane():
     flat = DiskMesh(V[:, :2], F)
-    W = mean_value_weights(flat)
+    W = mean_value_weights(flat.V, flat.F, flat.angles)
     assert (W.data > 0).all()
     z = flat.V[:, 0] + 1j * flat.V[:, 1]
     mean = (W @ z) / np.asarray(W.sum(axis=1)).ravel()

@@ -31,7 +31,7 @@ TESTS = (
     *("mesh", "triangles", "laplacian", "factor", "ordering", "distortion", "dipole", "trace"),
     *("center", "check", "injectivity", "mobius", "theory", "circle", "cholesky", "cdcp"),
     *("known_maps", "conformality", "straightening", "recentering", "repair", "unfolding"),
-    *("mapper", "refine", "strips"),
+    *("mapper", "clean", "solvers", "memory", "bijection", "refine", "strips"),
 )
 LEFT_BEHIND = (".git", ".venv", "build", "dist", "docs", "results", ".hypothesis", "__pycache__")
 
@@ -114,9 +114,9 @@ def mutants(
             noticed = _noticed(copied, files, seconds)
             target.write_text(whole, encoding="utf-8")
             place = f"{mutant.function.path.relative_to(tree)}:{line}"
-            console.print(
-                f"{'killed' if noticed else 'SURVIVED'} {place}: {source}  #  {told}", markup=False
-            )
+            outcome = "killed" if noticed else "SURVIVED"
+            text = f"{outcome} {place}: {source}  #  {told}"
+            console.print(text, markup=False, soft_wrap=True)
             survivors += [] if noticed else [place]
     console.print(f"{len(drawn) - len(survivors)} of {len(drawn)} killed, seed {seed}")
     for place in survivors:

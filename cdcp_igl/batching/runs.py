@@ -8,7 +8,7 @@ import json
 import os
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -185,9 +185,7 @@ def batch(
     [('cap', 'done', ''), ('torn', 'failed', 'MeshError')]
     """
     settings = Settings(disk=disk, clean=clean, cut=cut, options=options)
-    if format != SAME and f".{format}" not in WRITABLE:
-        formats = ", ".join([*(suffix[1:] for suffix in WRITABLE), SAME])
-        raise ValueError(f"format must be one of {formats}, not {format!r}")
+    _check_format(format)
     limits = {"time_limit": time_limit, "memory_limit": memory_limit}
     if executor is not None and (jobs, *limits.values()) != (1, np.inf, np.inf):
         raise ValueError("jobs and limits are those of the executor; give one or the other")
@@ -207,13 +205,10 @@ def batch(
         _refuse_another(Path(report), PAGE_BEGINS, "is no report of a batch")
         try_to_write(Path(report))
     with Journal(folder, shard) as journal, _unfinished_folder(journal) as unfinished:
-        tasks = []
-        for name, source in mine:
-            suffix = _suffix(source, format)
-            # Not the name of the result, which may be as long as names can be.
-            draft = hashlib.sha256(f"{digest} {name}".encode(errors="surrogateescape")).hexdigest()
-            target, draft = str(folder / f"{name}{suffix}"), str(unfinished / f"{draft}{suffix}")
-            tasks.append(Task(name, str(source), target, draft, settings, digest))
+        tasks = [
+            _task(name, source, folder / name, format, unfinished, settings, digest)
+            for name, source in mine
+        ]
         history = read_journals(folder, digest)
         records = {
             task.name: history[task.name][-1]
@@ -233,28 +228,21 @@ def batch(
             tell()
 
         tell()
-        left: dict[str, Task] = {}
         try:
+            left = {}
             for task in tasks:
-                if task.name not in records:
-                    if refusal := task.refusal(history.get(task.name, ())):
-                        write_down(refusal)
-                    else:
-                        left[task.name] = task
+                if task.name in records:
+                    continue
+                if refusal := task.refusal(history.get(task.name, ())):
+                    write_down(refusal)
+                else:
+                    left[task.name] = task
             to_map = list(left.values())
-            made = (
-                Pool(jobs, **limits).run(to_map) if executor is None else run_on(executor, to_map)
-            )
+            pool = Pool(jobs, **limits)
+            made = pool.run(to_map) if executor is None else run_on(executor, to_map)
             with closing(made):
                 for record in made:
-                    task = left[record.name]
-                    if record.status != DONE:
-                        write_down(record)
-                    elif refusal := task.refusal(history.get(task.name, ())):  # since it began
-                        write_down(refusal)
-                    else:
-                        write_down(record)  # first, so that each result that is there has a line
-                        task.move_draft()
+                    _finish(left[record.name], record, history.get(record.name, ()), write_down)
         finally:
             latest = read_journals(folder, digest)  # with those of other shards
             write_summary(summary_file, (latest[name][-1] for name in sorted(latest)))
@@ -298,7 +286,39 @@ def _unfinished_folder(journal: Journal) -> Iterator[Path]:
         shutil.rmtree(path, ignore_errors=True)
 
 
-def _suffix(source: Path, format: str) -> str:
-    if format != SAME:
-        return f".{format}"
-    return source.suffix if source.suffix.lower() in WRITABLE else ".obj"
+def _check_format(format: str) -> None:
+    formats = [*(suffix[1:] for suffix in WRITABLE), SAME]
+    if format not in formats:
+        raise ValueError(f"format must be one of {', '.join(formats)}, not {format!r}")
+
+
+def _task(
+    name: str,
+    source: Path,
+    result: Path,
+    format: str,
+    unfinished: Path,
+    settings: Settings,
+    digest: str,
+) -> Task:
+    """Name the files of a surface, whose result is to be `result` with a suffix."""
+    suffix = f".{format}"
+    if format == SAME:
+        suffix = source.suffix if source.suffix.lower() in WRITABLE else ".obj"
+    # Not the name of the result, which may be as long as names can be.
+    draft = hashlib.sha256(f"{digest} {name}".encode(errors="surrogateescape")).hexdigest()
+    target, draft = f"{result}{suffix}", f"{unfinished / draft}{suffix}"
+    return Task(name, str(source), target, draft, settings, digest)
+
+
+def _finish(
+    task: Task,
+    record: Record,
+    history: Sequence[Record],
+    write_down: Callable[[Record], None],
+) -> None:
+    """Write down what a worker has made, and put the result into its place."""
+    refusal = task.refusal(history) if record.status == DONE else None  # of what has come since
+    write_down(refusal or record)  # first, so that each result that is there has a line
+    if record.status == DONE and refusal is None:
+        task.move_draft()
