@@ -12,7 +12,7 @@ from cdcp_igl.rescue.candidate import HarmonicMap, Provenance
 from cdcp_igl.rescue.recentering import deep_vertex, recentered
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.steps.center import central_face
-from cdcp_igl.steps.extension import harmonic_extension, settled_extension
+from cdcp_igl.steps.extension import extended_again, harmonic_extension
 from cdcp_igl.steps.mobius import composed, mobius_transformation
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -51,8 +51,8 @@ def test_the_map_differs_by_a_mobius_transformation():
     """To within the digits that the place of what is small has left."""
     surface, harmonic = harmonic_map(*arms(20, 1))
     mesh, before = surface.mesh, harmonic.f
-    assert harmonic.is_mendable
-    harmonic = harmonic.mended(straightened=True)
+    assert harmonic.needs_correction
+    harmonic = harmonic.corrected(straightened=True)
     assert 0 < abs(harmonic.w) < 1
     np.testing.assert_allclose(
         harmonic.f, mobius_transformation(before, harmonic.w), rtol=0, atol=1e-13
@@ -68,9 +68,9 @@ def test_settling_finds_digits_that_the_solution_has_not():
     surface, harmonic = harmonic_map(*arms(20, 1))
     mesh, solved = surface.mesh, harmonic.f
     vertex = deep_vertex(mesh, solved)
-    once = settled_extension(surface, solved - solved[vertex])
+    once = extended_again(surface, solved - solved[vertex])
     once -= once[vertex]
-    twice = settled_extension(surface, once)
+    twice = extended_again(surface, once)
     twice -= twice[vertex]
     near = np.argsort(abs(once))[1 : len(once) // 2]
     assert abs(once - (solved - solved[vertex]))[near].max() > 1e-2 * abs(once[near]).min()

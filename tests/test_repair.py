@@ -54,7 +54,7 @@ def test_any_interior_can_be_unfolded(seed, size):
 
 def test_mean_value_weights_are_positive_and_reproduce_the_plane():
     flat = DiskMesh(V[:, :2], F)
-    W = mean_value_weights(flat)
+    W = mean_value_weights(flat.V, flat.F, flat.angles)
     assert (W.data > 0).all()
     z = flat.V[:, 0] + 1j * flat.V[:, 1]
     mean = (W @ z) / np.asarray(W.sum(axis=1)).ravel()

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from time import perf_counter
-from typing import TypeVar
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -19,24 +18,21 @@ from ..solve.cholesky import Cholesky
 from ..solve.laplacian import Laplacian
 from ..solve.solvers import factorize
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import hat_gradients, opposite_edges
+from ..surface.triangles import hat_gradients, opposite_edges, twice_areas
 from .line_search import HALVINGS, search_along
-
-Array = TypeVar("Array", Complex, Ints)
-
 
 # A map that is measurably not near the conformal one has so many steps even if none are asked for.
 STEPS_DUE = 2
-# Further ones go on while one of the last three lowers the objective by a thousandth.
+# Further steps are taken while one of the last three lowers the objective by this share.
 PATIENCE, WORTH = 3, 0.001
-# Whether they can make a map conformal shows after some of them, to within a factor.
+# After so many steps one can tell, to within this factor, whether they will make a map conformal.
 FEW_STEPS, HOPE = 10, 2
 ROUNDING = np.radians(0.1)  # below this angle |r|^p is rounded off to a parabola
 CG_ITERATIONS = 3  # lower the objective to within 0.3 % of what the solved system would
 DAMPINGS = (0, 1, 10, 100)  # tried in turn
-# The preconditioner stays after a step that has lowered the objective by less: it has changed
-# the weights little. Those of a smaller p follow the angles more closely, and it does not stay.
-SETTLED, STEADY = 0.02, 1.5
+# The preconditioner is used again after a step that has lowered the objective by less than this
+# share, as the weights are much the same; but not if p is smaller, as they change too much then.
+SMALL_GAIN, STEADY = 0.02, 1.5
 LOWERING = 0.5  # of p from 2 to the norm, with each step that needs no damping
 SHIFT = 1e-10  # of the unit diagonal: keeps rounding from an indefinite matrix
 
@@ -166,13 +162,13 @@ def lower_angle_distortion(
                 gains.append(1 - objective / last)
                 advance(taken / steps)
                 if wanted is not None and STEPS_DUE <= taken < steps:
-                    stopped = _in_vain(gains, steps - taken, wanted * before / objective)
-            settled = (p, attempt) == used and objective >= (1 - SETTLED) * last
-            stale = not settled or p < STEADY
+                    stopped = _reason_to_stop(gains, steps - taken, wanted * before / objective)
+            alike = (p, attempt) == used and objective >= (1 - SMALL_GAIN) * last
+            stale = not alike or p < STEADY
     return f, Refinement(steps, taken, stopped, norm, before, objective)
 
 
-def _in_vain(gains: list[float], left: int, wanted: float) -> str:
+def _reason_to_stop(gains: list[float], left: int, wanted: float) -> str:
     """Say why further steps are not worth their time; empty if they may be.
 
     `gains` are the shares of the objective that each step has removed, `left` is how many more
@@ -215,12 +211,8 @@ def gauss_newton_step(
     """
     m = len(mesh.F)
     tangent = 1j * f[mesh.loop]
-    beta, s, t, gradient = (
-        np.empty((m, 3), complex),
-        np.empty(m),
-        np.empty(m, complex),
-        np.empty(m, complex),
-    )
+    beta, s = np.empty((m, 3), complex), np.empty(m)
+    t, gradient = np.empty((2, m), complex)
     for part in blocks(m):
         beta[part], s[part], t[part], gradient[part] = _linearize(f[mesh.F[part]], r[part], p)
     s += damping * (r * r).mean() ** (p / 2 - 1)
@@ -243,8 +235,7 @@ def gauss_newton_step(
 def _linearize(corner: Complex, r: Floats, p: float) -> tuple[Complex, Floats, Complex, Complex]:
     """Compute beta (k, 3), s, t and the gradient in b (k,) of k faces."""
     e = opposite_edges(corner)
-    twice_area = (e[:, 0].conj() * e[:, 1]).imag
-    beta = hat_gradients(e, twice_area) / 2
+    beta = hat_gradients(e, twice_areas(e)) / 2
     q = e.conj() / e
     g = _next(q) - _last(q)
     w = (r * r + ROUNDING**2) ** (p / 2 - 1)
@@ -266,7 +257,7 @@ class WeightedLaplacian:
     B^H diag(s) B is the normal matrix without its second, conjugate-linear term. Its real
     part is the Laplacian sum_f s / 4 grad.grad of the plane triangles, one matrix for both
     coordinates. The diagonal does for the boundary: with 3 iterations the whole matrix,
-    whose inverse knows nothing of the circle, is worse than a boundary that stays, and the
+    whose inverse ignores the circle, is worse than a boundary that stays, and the
     boundary block along the tangents is no better.
 
     Parameters
@@ -336,12 +327,12 @@ def _dot(x: Complex, y: Complex) -> float:
     return float(np.einsum("i,i", x.view(float), y.view(float)))
 
 
-def _next(corners: Array) -> Array:
+def _next(corners: Complex) -> Complex:
     """(m, 3) values at the next corner of each face."""
     return corners[:, [1, 2, 0]]
 
 
-def _last(corners: Array) -> Array:
+def _last(corners: Complex) -> Complex:
     """(m, 3) values at the last corner before each, the next but one."""
     return corners[:, [2, 0, 1]]
 

@@ -12,8 +12,8 @@ from ..steps.mobius import conformal_barycenter
 MAX_STEPS = 100
 EPS = np.finfo(float).eps
 INSIDE = 0.99  # factor on points whose barycentre is sought
-# With less, the system of two points on the circle, which leave one degree of freedom, is singular;
-# steps that are damped more no longer move a point.
+# With less damping, the system of two points on the circle, which leave one degree of freedom, is
+# singular; with more, steps no longer move a point.
 LEAST_DAMPING, LARGEST_DAMPING = 1e-12, 1e12
 LONGEST = 0.5  # step, from the middle of the disk
 # The point that goes to 0 is no nearer to the circle: |a|^2 - |b|^2 would be rounding errors.

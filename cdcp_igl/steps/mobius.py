@@ -20,9 +20,8 @@ from .least_distortion import (
 
 MobiusMethod = Literal["angle", "area", "nelder-mead"]
 
-
 MAX_STEPS = 30  # towards the conformal barycentre
-HALVINGS = 10  # of w, until no face is turned over
+HALVINGS = 10  # of w, until no face is flipped
 
 
 @dataclass(frozen=True)
@@ -84,7 +83,7 @@ def normalize(
     else:
         w = conformal_barycenter(f, vertex_areas(mesh))
 
-    allowed: Ints | None = None  # faces that are turned over anyway
+    allowed: Ints | None = None  # faces that are flipped without it, too
     reason = "no improvement"
     for _ in range(HALVINGS):
         if method != "area" and not errors.mean(w) < before:
@@ -92,10 +91,10 @@ def normalize(
         moved = at_one(mesh, mobius_transformation(f, w), mesh.loop[0])
         if is_around(moved[mesh.loop]):
             moved = finished(moved)
-            turned, _ = flipped_faces(moved, mesh.F)
-            if len(turned) and allowed is None:
+            flipped, _ = flipped_faces(moved, mesh.F)
+            if len(flipped) and allowed is None:
                 allowed, _ = flipped_faces(finished(f), mesh.F)
-            if allowed is None or np.isin(turned, allowed).all():
+            if allowed is None or np.isin(flipped, allowed).all():
                 return moved, Normalization(method, w)
             reason = "flipped faces"
         else:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Complex, Floats
-from ..solve.cholesky import Numbers
+from ..arrays import Complex, Floats, Numbers
 from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
 
@@ -16,14 +15,13 @@ def conjugate_trace(surface: FactoredSurface, face: int) -> Complex:
     The solution h of eq. (18) lets nothing through the boundary. Its harmonic conjugate g is
     constant there, and along the boundary h grows by i times what flows in of g. The dipole of
     the conjugate is the same one, as a turn by 90 degrees is a factor i. So L_II g_I = r_I with
-    g_B = 0, and the steps of h are the flux of g, shared by the edges: equal to eq. (18) but for
-    terms of second order in the length of edges. Not in the paper. Of a face without an interior
-    corner the trace is a single point.
+    g_B = 0, and the increments of h are the flux of g, shared by the edges: equal to eq. (18) but
+    for terms of second order in the length of edges. Not in the paper. Of a face without an
+    interior corner the trace is a single point.
     """
-    steps = 1j * shared_by_edges(
-        surface.mesh, boundary_flux(surface, face_dipole(surface.mesh, face))
-    )
-    trace: Complex = np.cumsum(steps) - steps
+    flux = boundary_flux(surface, face_dipole(surface.mesh, face))
+    increments = 1j * shared_by_edges(surface.mesh, flux)
+    trace: Complex = np.cumsum(increments) - increments
     return trace
 
 

@@ -15,7 +15,7 @@ BITS = 31  # of each coordinate in a Morton code: a cell of 1e-9
 ON_CIRCLE = 1e-12  # points this far outside the circle have left it by rounding
 RESOLUTION = 2.0**-52  # of coordinates in the disk
 BLOCK = 1 << 17  # points that walk at a time: their arrays stay in the cache
-AHEAD = 16  # of so many points that are close together, one goes ahead
+AHEAD = 16  # of so many points that are close together, the first is located before the others
 
 
 class FaceFinder:
