@@ -12,7 +12,7 @@ from cdcp_igl.distortion import plane_angles
 from cdcp_igl.rescue.line_search import HALVINGS, search_along
 from cdcp_igl.rescue.refine import (
     WeightedLaplacian,
-    _in_vain,
+    _reason_to_stop,
     gauss_newton_step,
     lower_angle_distortion,
 )
@@ -256,9 +256,9 @@ def test_steps_that_nobody_asked_for_end_where_there_is_little_to_gain_or_no_hop
 
 def test_steps_that_cannot_make_a_map_conformal_end():
     """Ten of 0.3 % each, and ninety more of them, would leave three quarters."""
-    assert _in_vain([0.003] * 9, 91, 0.2) == ""
-    assert _in_vain([0.003] * 10, 90, 0.2) == "out of reach"
-    assert _in_vain([0.003] * 10, 90, 0.5) == ""
+    assert _reason_to_stop([0.003] * 9, 91, 0.2) == ""
+    assert _reason_to_stop([0.003] * 10, 90, 0.2) == "out of reach"
+    assert _reason_to_stop([0.003] * 10, 90, 0.5) == ""
 
 
 def test_no_step_is_taken_if_none_is_wanted():
