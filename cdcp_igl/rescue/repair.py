@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix, csr_matrix, diags, identity
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from ..arrays import Bools, Complex, Floats, Ints, as_complex
+from ..arrays import Bools, Complex, Floats, Ints, as_complex, marked
 from ..certificate import flipped_faces
 from ..errors import counted
 from ..surface.mesh import DiskMesh
@@ -114,8 +114,7 @@ def repair_locally(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Co
     flipped, _ = flipped_faces(f, mesh.F)
     if len(flipped) == 0 or len(flipped) > most:
         return f, Repair(len(flipped))
-    at_flipped = np.zeros(len(f), dtype=bool)
-    at_flipped[mesh.F[flipped]] = True
+    at_flipped = marked(len(f), mesh.F[flipped])
     near = _Neighbourhood(mesh, _grow(mesh.F, at_flipped, RINGS + RELAXED + 1))
     g = f[near.vertices]
     rounds = failed = 0
@@ -210,8 +209,7 @@ class _Neighbourhood:
         flipped = self.flipped(g)
         if len(flipped) == 0:
             return g
-        at_flipped = np.zeros(len(g), dtype=bool)
-        at_flipped[self.F[flipped]] = True
+        at_flipped = marked(len(g), self.F[flipped])
         moving = self.free & _grow(self.F, at_flipped, rings)
         relaxation, trial = Relaxation(self.V, self.F, moving), g
         for softness in SOFTNESSES:

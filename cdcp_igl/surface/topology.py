@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix, csr_matrix, get_index_dtype
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from .. import libigl
-from ..arrays import Bools, Floats, Indices, Ints, distinct_rows
+from ..arrays import Bools, Floats, Indices, Ints, distinct_rows, marked
 from ..cached import cached_property
 from .validation import unit_size
 
@@ -107,9 +107,7 @@ class Topology:
     @cached_property
     def used(self) -> Bools:
         """(n,) vertices with faces."""
-        used = np.zeros(self.n, dtype=bool)
-        used[self.F] = True
-        return used
+        return marked(self.n, self.F)
 
     @cached_property
     def ears(self) -> Ints:
@@ -120,9 +118,7 @@ class Topology:
     @cached_property
     def chords(self) -> Ints:
         """(k, 2) ends of the edges with two faces that join two boundary vertices."""
-        on_boundary = np.zeros(self.n, dtype=bool)
-        on_boundary[self._border_ends] = True
-        return self.edges.ends(self.edges.chords(on_boundary))
+        return self.edges.ends(self.edges.chords(marked(self.n, self._border_ends)))
 
     # -- components and orientation ----------------------------------------------------
 
