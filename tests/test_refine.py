@@ -259,7 +259,7 @@ def test_progress_grows_with_every_step():
 
 
 def test_steps_that_nobody_asked_for_end_where_there_is_little_to_gain_or_no_hope():
-    f, account = lower_angle_distortion(MESH, Z, ORDER, 30, 1.5, wanted=1)
+    f, account = lower_angle_distortion(MESH, Z, ORDER, 30, 1.5, least=2, wanted=1)
     assert account.stopped == "little to gain"
     assert 3 <= account.steps < 30
     assert certify(MESH, np.column_stack([f.real, f.imag])).valid

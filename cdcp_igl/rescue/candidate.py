@@ -178,7 +178,6 @@ def refined(
     Where rounding flips faces at the end, it is done again with steps that leave room.
     """
     deadline = perf_counter() + options.refine_seconds
-    wanted = candidate.conformality.wanted if options.refine is None else None
     done = candidate.done
     for thin in (0.0, THIN):
         with phase("refine") as advance:
@@ -191,7 +190,8 @@ def refined(
                 seconds=deadline - perf_counter(),
                 halvings=HALVINGS if candidate.conformality else PATIENT,
                 thin=thin,
-                wanted=wanted,
+                least=options.refine or STEPS_DUE,
+                wanted=candidate.conformality.wanted,
                 advance=advance,
             )
         if refinement.stopped:

@@ -91,7 +91,8 @@ def lower_angle_distortion(
     seconds: float = np.inf,
     halvings: int = HALVINGS,
     thin: float = 0.0,
-    wanted: float | None = None,
+    least: int | None = None,
+    wanted: float = 0.0,
     advance: Callable[[float], None] = lambda done: None,
 ) -> tuple[Complex, Refinement]:
     """Lower the sum of |angle error|^p over all corners; boundary vertices slide on the circle.
@@ -121,9 +122,11 @@ def lower_angle_distortion(
         go on where a map is bad.
     thin : float
         Steps keep faces this high that were so before.
-    wanted : float, optional
-        The share of the objective that would make the map conformal, for steps that nobody has
-        asked for: they end where there is little to gain, or where that is out of reach.
+    least : int, optional
+        Further steps end where there is little to gain, or where a conformal map is out of
+        reach; all are taken if it is not told.
+    wanted : float
+        The share of the objective that would make the map conformal.
     advance : callable
         Called with the share of the steps that is done, after each.
 
@@ -165,7 +168,7 @@ def lower_angle_distortion(
                 taken, attempt = taken + 1, max(attempt - 1, 0)
                 gains.append(1 - objective / last)
                 advance(taken / steps)
-                if wanted is not None and STEPS_DUE <= taken < steps:
+                if least is not None and least <= taken < steps:
                     stopped = _in_vain(gains, steps - taken, wanted * before / objective)
             settled = (p, attempt) == used and objective >= (1 - SETTLED) * last
             stale = not settled or p < STEADY
