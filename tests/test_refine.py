@@ -269,7 +269,7 @@ def test_steps_that_cannot_make_a_map_conformal_end():
     """Ten of 0.3 % each, and ninety more of them, would leave three quarters."""
     assert refine_module._in_vain([0.003] * 9, 91, 0.2) == ""
     assert refine_module._in_vain([0.003] * 10, 90, 0.2) == "out of reach"
-    assert refine_module._in_vain([0.003] * 10, 90, 0.5) == ""
+    assert refine_module._in_vain([0.003] * 10, 90, 0.3) == ""
 
 
 def test_no_step_is_taken_if_none_is_wanted():

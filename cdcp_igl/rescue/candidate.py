@@ -35,9 +35,10 @@ COARSE = 0.2
 # and so it is where the errors are more than this times what the scale explains. Such maps have
 # steps of refinement even if none are asked for.
 EXCESS = 1.05
-# A map that is not conformal, or whose interior had to be replaced, has up to this many.
+# A map that is not conformal, or whose interior had to be replaced, has up to this many: they take
+# at most some five times as long as what was done before.
+MOST_STEPS = 60
 MUCH_REPAIRED = 0.1  # of the vertices
-MOST_STEPS = 100
 PATIENT = 12  # halvings of their steps
 # If the scale at the vertices explains so many more errors than there are, it is not smooth, so
 # the map is not near a conformal one.

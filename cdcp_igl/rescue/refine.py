@@ -30,7 +30,7 @@ STEPS_DUE = 2
 # Further ones go on while one of the last three lowers the objective by a thousandth.
 PATIENCE, WORTH = 3, 0.001
 # Whether they can make a map conformal shows after some of them, to within a factor.
-FEW_STEPS, HOPE = 10, 2
+FEW_STEPS, HOPE = 10, 3
 ROUNDING = np.radians(0.1)  # below this angle |r|^p is rounded off to a parabola
 CG_ITERATIONS = 3  # lower the objective to within 0.3 % of what the solved system would
 DAMPINGS = (0, 1, 10, 100)  # tried in turn
