@@ -1,6 +1,6 @@
 """Names of the array types used in signatures, points as complex numbers, parts of arrays."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,7 @@ Bools = NDArray[np.bool_]
 Complex = NDArray[np.complex128]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Numbers = TypeVar("Numbers", Complex, Floats)  # complex or real, as given
 Indices = NDArray[np.signedinteger[Any]]  # 32 bits where that is enough
 
 BLOCK = 1 << 14  # faces

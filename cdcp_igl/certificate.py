@@ -14,8 +14,9 @@ from .surface.mesh import DiskMesh
 from .surface.triangles import oriented_areas
 
 BOUNDARY_TOLERANCE = 1e-12
-# Neighbours on the boundary must be this far apart to stay so when rounding has moved them.
-SMALLEST_STEP = 1e-14
+# Neighbours on the boundary must be this far apart, in radians, to stay in order when rounding
+# has moved them.
+SMALLEST_ARC = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,19 +97,9 @@ class Certificate:
 
 
 def certify(mesh: DiskMesh, uv: Floats) -> Certificate:
-    """Verify a map of a mesh onto the unit disk.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-    uv : (n, 2) float64
-
-    Returns
-    -------
-    Certificate
-    """
+    """Verify a map (n, 2) of a mesh onto the unit disk."""
     if not np.isfinite(uv).all():
-        return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)
+        return not_finite(mesh)
     f = as_complex(uv)
     boundary = f[mesh.loop]
     turns, monotone = _around(boundary)
@@ -123,16 +114,21 @@ def certify(mesh: DiskMesh, uv: Floats) -> Certificate:
     )
 
 
+def not_finite(mesh: DiskMesh) -> Certificate:
+    """Return the certificate of a map that is not finite: all faces count as flipped."""
+    return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)
+
+
 def _around(boundary: Complex) -> tuple[int, bool]:
-    """Winding number about 0, and whether it is 1 with every step forward."""
-    steps = increments(boundary)
-    turns = round(steps.sum() / (2 * np.pi))
-    # Rounding may give a step of zero either sign, so the orientation of the triangles
-    # with 0 decides, exactly; only a step of more than a half turn has it reversed.
+    """Winding number about 0, and whether it is 1 with every arc forward."""
+    arcs = increments(boundary)
+    turns = round(arcs.sum() / (2 * np.pi))
+    # Rounding may give an arc of zero either sign, so the exact orientation of the triangles
+    # with 0 decides. Only arcs of more than a half turn have clockwise triangles, too.
     n = len(boundary)
     fan = np.column_stack([np.full(n, n), np.arange(n), np.roll(np.arange(n), -1)])
     not_forward, _ = flipped_faces(np.append(boundary, 0), fan)
-    return turns, turns == 1 and bool((steps[not_forward] > 1).all())
+    return turns, turns == 1 and bool((arcs[not_forward] > 1).all())
 
 
 def increments(z: Complex) -> Floats:
@@ -141,9 +137,9 @@ def increments(z: Complex) -> Floats:
 
 
 def is_around(f_B: Complex) -> bool:
-    """Whether points run once around the circle, counterclockwise, no step too small."""
-    steps = increments(f_B)
-    return bool((steps > SMALLEST_STEP).all()) and round(steps.sum() / (2 * np.pi)) == 1
+    """Whether points run once around the circle, counterclockwise, no arc too short."""
+    arcs = increments(f_B)
+    return bool((arcs > SMALLEST_ARC).all()) and round(arcs.sum() / (2 * np.pi)) == 1
 
 
 def flipped_faces(f: Complex, F: Ints) -> tuple[Ints, int]:
@@ -156,6 +152,6 @@ def flipped_faces(f: Complex, F: Ints) -> tuple[Ints, int]:
     area, error = oriented_areas(f, F[others])
     in_doubt = abs(area) <= error
     corners = f[F[others[in_doubt]]]
-    turned = np.ones(len(others), dtype=bool)
-    turned[in_doubt] = ~libigl.is_counterclockwise(np.stack([corners.real, corners.imag], axis=-1))
-    return others[turned], int(np.count_nonzero(in_doubt))
+    flipped = np.ones(len(others), dtype=bool)
+    flipped[in_doubt] = ~libigl.is_counterclockwise(np.stack([corners.real, corners.imag], axis=-1))
+    return others[flipped], int(np.count_nonzero(in_doubt))

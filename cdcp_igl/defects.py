@@ -142,7 +142,7 @@ DEFECTS = {
         "Cut it across {with_path}, or take faces out, until it has two sides.",
     ),
     "inconsistent orientation": Row(
-        "oriented against the others",
+        "oriented unlike the others",
         "Reverse the corners of these faces, as {clean} and {surface_map} do.",
         subject=("face is", "faces are"),
         cleaned=True,

@@ -238,7 +238,7 @@ def _surface_and_image(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> tuple[Float
 
 
 def _change_in_degrees(uv: Floats, F: Ints, angles: Floats) -> Floats:
-    """(m, 3) differences of the angles in the plane, negative in clockwise faces, from others."""
+    """(m, 3) abs(signed angle in the plane - angle), in degrees; clockwise angles are negative."""
     change = _angles(uv, F)
     clockwise = libigl.double_areas(uv, F) < 0
     if clockwise.any():

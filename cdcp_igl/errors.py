@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from .arrays import Floats, Ints
+from .arrays import Ints
 from .defects import DEFECTS
-
-__all__ = ["Defect", "MapError", "MeshError", "SolverError", "counted", "printable", "spell"]
 
 _SHOWN = 8  # indices spelled out in a message; the attribute holds them all
 
@@ -135,26 +133,6 @@ class SolverError(RuntimeError):
     """
 
 
-class Verdict(Protocol):
-    """What a certificate says of a map that is refused."""
-
-    @property
-    def finite(self) -> bool: ...
-    @property
-    def valid(self) -> bool: ...
-    @property
-    def flipped(self) -> Ints: ...
-
-
-class RefusedMap(Protocol):
-    """A map that is not good enough to be returned, whichever method made it."""
-
-    @property
-    def uv(self) -> Floats: ...
-    @property
-    def certificate(self) -> Verdict: ...
-
-
 class MapError(RuntimeError):
     """There is no certified bijection onto the disk to return.
 
@@ -183,7 +161,7 @@ class MapError(RuntimeError):
     True
     """
 
-    def __init__(self, message: str, result: RefusedMap | None = None) -> None:
+    def __init__(self, message: str, result: Any = None) -> None:
         self.result = result
         super().__init__(message)
 

@@ -18,8 +18,6 @@ from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .surface.mesh import DiskMesh
 
-__all__ = ["DiskMapper"]
-
 
 class DiskMapper:
     """A surface, checked and factored, to be mapped onto the disk more than once.

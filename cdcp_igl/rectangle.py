@@ -14,11 +14,11 @@ from scipy.special import ellipk, ellipkinc
 
 from .algorithm import map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates
-from .certificate import Certificate, flipped_faces
+from .certificate import Certificate, flipped_faces, not_finite
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, counted, spell
 from .plot.layout import Layout
-from .rescue.conformality import Conformality, judge
+from .rescue.conformality import NOT_VALID, Conformality, judge
 from .rescue.repair import Repair, repaired
 from .result.base import Result
 from .solve.factored import FactoredSurface
@@ -28,8 +28,6 @@ from .steps.extension import harmonic_extension
 from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .surface.mesh import DiskMesh
-
-__all__ = ["RectangleMap", "rectangle_map"]
 
 log = logging.getLogger("cdcp_igl")
 
@@ -71,7 +69,7 @@ class RectangleMap(Result):
         ``"sliding"``: there is no flux across the sides along which a coordinate varies. Or,
         where that does not lead to a conformal map and this distorts less, ``"disk map"``: the
         sides are placed as `disk_map` and elliptic integrals tell, for obtuse faces at a side may
-        turn it back.
+        make vertices on it change places.
     laplacian : str
         ``"cotangent"``; or, where that flipped faces, or its map is not conformal, and this
         distorts less, ``"intrinsic Delaunay"``.
@@ -99,7 +97,7 @@ class RectangleMap(Result):
     mesh: DiskMesh
     modulus: float
     modulus_bounds: tuple[float, float]
-    corners: tuple[int, int, int, int]
+    corners: tuple[int, ...]
     certificate: Certificate
     distortion: AngleDistortion
     conformality: Conformality
@@ -260,19 +258,20 @@ def _boundary_sides(mesh: DiskMesh, corners: ArrayLike) -> list[Ints]:
     chosen = np.asarray(corners)
     if chosen.shape != (4,) or chosen.dtype.kind not in "iu":
         raise ValueError(f"corners must be four vertices, not {corners!r}")
-    place, nB = mesh.loop_index, len(mesh.loop)
-    if not ((chosen >= 0) & (chosen < len(place))).all() or (place[chosen] < 0).any():
+    loop_index, nB = mesh.loop_index, len(mesh.loop)
+    if not ((chosen >= 0) & (chosen < len(loop_index))).all() or (loop_index[chosen] < 0).any():
         raise ValueError(f"corners={chosen.tolist()} must be boundary vertices")
-    steps = (np.roll(place[chosen], -1) - place[chosen]) % nB
-    if (steps == 0).any() or steps.sum() != nB:
-        order = mesh.loop[np.sort(place[chosen])].tolist()
+    starts = loop_index[chosen]
+    n_edges = (np.roll(starts, -1) - starts) % nB
+    if (n_edges == 0).any() or n_edges.sum() != nB:
+        order = mesh.loop[np.sort(starts)].tolist()
         raise ValueError(
             f"corners={chosen.tolist()} must be four vertices in the order of the boundary, "
             f"the surface on the left, which is {order}"
         )
     return [
-        mesh.loop[(place[corner] + np.arange(step + 1)) % nB]
-        for corner, step in zip(chosen, steps, strict=True)
+        mesh.loop[(start + np.arange(count + 1)) % nB]
+        for start, count in zip(starts, n_edges, strict=True)
     ]
 
 
@@ -348,17 +347,9 @@ def _by_disk_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> _Square:
 def along_side(z: Complex, corners: Complex) -> Floats:
     """Where the conformal map of the disk onto a rectangle takes an arc between two corners.
 
-    Parameters
-    ----------
-    z : (k,) complex128
-        Points of the arc from the first corner to the second.
-    corners : (4,) complex128
-        On the unit circle, counterclockwise, the start of the side first.
-
-    Returns
-    -------
-    (k,) float64
-        From 0 at the start of the side to 1 at its end.
+    The points z (k,) lie on the arc from the first corner to the second; the `corners` (4,) go
+    counterclockwise around the unit circle. Returns (k,) numbers, 0 at the first and 1 at the
+    second corner.
 
     References
     ----------
@@ -392,18 +383,17 @@ def _rectangle(mesh: DiskMesh, sides: list[Ints], square: _Square, phase: Phases
     with phase("certificate"):
         certificate = certify_rectangle(mesh, sides, f, modulus)
         degrees = np.degrees(abs(angle_errors(mesh, f)))
-        conformality = Conformality(True, ("it is not valid",))
+        conformality = NOT_VALID
         if certificate.valid:
             conformality = judge(mesh, f, degrees, closely=repair.n_flipped > 0)
         if not conformality:
             conformality = replace(conformality, remedies=(REMEDY,))
-    first = tuple(int(side[0]) for side in sides)
     return RectangleMap(
         uv=coordinates(f),
         mesh=mesh,
         modulus=modulus,
         modulus_bounds=(1 / energy_u, energy_v),
-        corners=(first[0], first[1], first[2], first[3]),
+        corners=tuple(int(side[0]) for side in sides),
         certificate=certificate,
         distortion=AngleDistortion.of(degrees),
         conformality=conformality,
@@ -418,7 +408,7 @@ def _rectangle(mesh: DiskMesh, sides: list[Ints], square: _Square, phase: Phases
 def certify_rectangle(mesh: DiskMesh, sides: list[Ints], f: Complex, modulus: float) -> Certificate:
     """Verify a map (n,) onto the rectangle, as `certify` does of one onto the disk."""
     if not np.isfinite(f).all():
-        return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)
+        return not_finite(mesh)
     bottom, right, top, left = sides
     off = f.imag[bottom], f.real[right] - modulus, f.imag[top] - 1, f.real[left]
     from_middle = f[mesh.loop] - (modulus + 1j) / 2

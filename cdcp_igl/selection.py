@@ -21,7 +21,7 @@ from .solve.factored import FactoredSurface
 from .steps.alignment import rotate
 from .steps.center import Center
 from .steps.circle import Rejected
-from .steps.extension import harmonic_extension, settled_extension
+from .steps.extension import extended_again, harmonic_extension
 from .steps.mobius import MobiusMethod, Normalization, composed, normalize
 from .steps.options import Options
 from .steps.phases import Phases
@@ -29,8 +29,8 @@ from .surface.mesh import DiskMesh
 
 log = logging.getLogger("cdcp_igl")
 
-# If a larger share of the faces is flipped, other maps come first: those of the intrinsic
-# Delaunay Laplacian have a hundredth of the flipped faces of the cotangent one on slivers.
+# If a larger share of the faces is flipped, other maps are tried before repair: on slivers, those
+# of the intrinsic Delaunay Laplacian have a hundredth of the flipped faces of the cotangent one.
 MANY_FLIPPED = 0.003
 # Even area, if it was asked for, may raise the angular distortion by so much.
 PRICE_OF_AREA = 1.05
@@ -43,7 +43,7 @@ def is_good(first: Candidate, harmonic: HarmonicMap, options: Options) -> bool:
     """Whether the map of Algorithm 1 needs no rescue."""
     if _is_doubtful(first, options, harmonic.surface.mesh):
         return False
-    return options.paper or not harmonic.is_mendable
+    return options.paper or not harmonic.needs_correction
 
 
 def _is_doubtful(candidate: Candidate, options: Options, mesh: DiskMesh) -> bool:
@@ -69,7 +69,7 @@ def rescue(
             rejected.append(str(harmonic))
             continue
         with phase("extension"):
-            harmonic = harmonic.mended(straightened=not options.paper)
+            harmonic = harmonic.corrected(straightened=not options.paper)
         candidate = _normalized(harmonic, options, phase)
         tried.append((harmonic, candidate))
         if not _is_doubtful(candidate, options, surface.mesh):
@@ -78,7 +78,7 @@ def rescue(
     if all(candidate.conformality.sheared for candidate in candidates):
         for harmonic, failed in sorted(tried, key=lambda pair: pair[1].rank):
             if not failed.certificate.valid:
-                candidates.append(_unfolded(harmonic, failed, options, phase))
+                candidates.append(_repaired_at_any_cost(harmonic, failed, options, phase))
                 if candidates[-1].certificate.valid:
                     break
     candidates.sort(key=lambda candidate: candidate.rank)
@@ -104,7 +104,7 @@ def _harmonic_maps(
             continue
         with phase("extension"):
             f = harmonic_extension(surface.delaunay, f_B)  # (10)
-            f = settled_extension(surface.delaunay, f)
+            f = extended_again(surface.delaunay, f)
         method = BoundaryMethod(name, laplacian="intrinsic Delaunay")
         yield HarmonicMap(surface.delaunay, f, Provenance(center=center, boundary=method))
 
@@ -129,10 +129,10 @@ def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> Candi
     return candidate
 
 
-def _unfolded(
+def _repaired_at_any_cost(
     harmonic: HarmonicMap, failed: Candidate, options: Options, phase: Phases
 ) -> Candidate:
-    """Find a valid map with this boundary at whatever cost, without a Möbius transformation."""
+    """Find a valid map with this boundary, without a Möbius transformation."""
     repairing = replace_interior if failed.done.repair.rounds else repaired
     candidate = _finished(harmonic, None, options, phase, repairing)
     if options.mobius_method is not None:
@@ -176,22 +176,10 @@ def finish(
     *,
     keep_factor: bool,
 ) -> DiskMap:
-    """Refine a map if that is asked for or needed, and say what it is.
+    """Refine a map if that is asked for or needed, and say what it is; MapError if it is not valid.
 
-    Parameters
-    ----------
-    surface : FactoredSurface
-    best : Candidate
-    options : Options
-    phase : Phases
-    keep_factor : bool
-        Whether the surface will be mapped again. If not, refinement, which makes a factor of
-        its own, begins by giving back the memory of this one.
-
-    Raises
-    ------
-    MapError
-        If the map is not valid.
+    Unless `keep_factor`, refinement, which makes a factor of its own, begins by giving back the
+    memory of the surface's.
     """
     mesh = surface.mesh
     steps = options.refine or 0

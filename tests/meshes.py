@@ -191,6 +191,12 @@ NASTY = {
     "sliver": ("degenerate face", [[0, 0, 0], [1, 0, 0], [0.5, 1e-11, 0]], [[0, 1, 2]], [0]),
 }
 
+# Of these, defects of the arrays: there is no surface that could be mended or cut.
+BAD_ARRAYS = {
+    *("not numeric", "shape of V", "shape of F", "V and F swapped"),
+    *("index out of range", "fractional index"),
+}
+
 
 def corridor(length, width=4):
     """Rectangle `length` times longer than wide."""

@@ -18,7 +18,7 @@ SMALL = {"triangle": TRIANGLE, "fan": fan(), "strip": strip(), "grid": grid()}
 
 @pytest.fixture(scope="module")
 def cap():
-    V, F, _ = cdcp_igl.datasets.spherical_cap(60, angle=100)
+    V, F, _ = cdcp_igl.datasets.spherical_cap(30, angle=100)
     return V, F, cdcp_igl.disk_map(V, F)
 
 
@@ -45,20 +45,15 @@ def weights(F, n, face, barycentric):
 @pytest.mark.parametrize("kind", ["faces", "edges", "vertices"])
 def test_many_points_there_and_back(cap, kind):
     V, F, result = cap
-    face, barycentric = points_of(kind, F, 50_000, np.random.default_rng(0))
+    face, barycentric = points_of(kind, F, 20_000, np.random.default_rng(0))
     uv = result.apply(face, barycentric)
     found, found_barycentric = result.invert(uv)
     assert abs(result.apply(found, found_barycentric) - uv).max() < 1e-15
+    there = weights(F, len(V), face, barycentric)
+    assert abs(there - weights(F, len(V), found, found_barycentric)).max() < 1e-12
+    assert abs(result.interpolate(V, uv) - there @ V).max() < 1e-12
     if kind == "faces":
         assert (found == face).mean() > 0.9999  # rounding moves a few across an edge
-    there, back = (
-        weights(F, len(V), *p) for p in ((face, barycentric), (found, found_barycentric))
-    )
-    assert abs(there - back).max() < 1e-12
-    assert (
-        abs(result.interpolate(V, uv) - np.einsum("kc,kcx->kx", barycentric, V[F[face]])).max()
-        < 1e-12
-    )
     if kind == "vertices":
         assert (found_barycentric.max(axis=1) == 1).all()
 
@@ -68,20 +63,18 @@ def test_points_of_small_and_hostile_disks(name):
     V, F = SMALL[name]
     result = cdcp_igl.disk_map(V, F)
     for kind in ("faces", "edges", "vertices"):
-        face, barycentric = points_of(kind, np.asarray(F), 1000, np.random.default_rng(1))
-        uv = result.apply(face, barycentric)
+        uv = result.apply(*points_of(kind, np.asarray(F), 1000, np.random.default_rng(1)))
         assert abs(result.apply(*result.invert(uv)) - uv).max() < 1e-12
 
 
-@pytest.mark.parametrize("name", ["femur_2411", "face_1180_ears", "maze_6120"])
+@pytest.mark.parametrize("name", ["femur_2411", "maze_6120"])
 def test_points_of_crowded_maps(real_mesh, name):
     V, F = real_mesh(name)
     result = cdcp_igl.disk_map(V, F)
-    face, barycentric = points_of("faces", F, 50_000, np.random.default_rng(2))
-    uv = result.apply(face, barycentric)
-    found = result.invert(uv)
-    assert found[1].min() >= 0
-    assert abs(result.apply(*found) - uv).max() < 1e-12
+    uv = result.apply(*points_of("faces", F, 50_000, np.random.default_rng(2)))
+    face, barycentric = result.invert(uv)
+    assert barycentric.min() >= 0
+    assert abs(result.apply(face, barycentric) - uv).max() < 1e-12
 
 
 def test_every_point_of_the_disk_has_a_place_and_no_other(cap):
@@ -137,15 +130,12 @@ def test_shapes_are_kept(cap):
 
 def test_arguments_are_judged(cap):
     V, F, result = cap
-    for bad in (
-        (len(F), [1, 0, 0]),
-        (-1, [1, 0, 0]),
-        (0.5, [1, 0, 0]),
-        (0, [1, 1, 0]),
-        (0, [1, 0]),
-    ):
-        with pytest.raises(ValueError, match=r"face|barycentric"):
-            result.apply(*bad)
+    for face in (len(F), -1, 0.5):
+        with pytest.raises(ValueError, match="face"):
+            result.apply(face, [1, 0, 0])
+    for barycentric in ([1, 1, 0], [1, 0]):
+        with pytest.raises(ValueError, match="barycentric"):
+            result.apply(0, barycentric)
     for uv in ([np.nan, 0], [1, 2, 3], 4):
         with pytest.raises(ValueError, match="uv"):
             result.invert(uv)
@@ -192,7 +182,7 @@ def test_bake_and_pull_back_are_inverse_at_second_order(cap):
     assert 3.5 < errors[0] / errors[1] < 4.5
 
 
-@pytest.mark.parametrize("side", [1, 0.5, 0.3, 0.1, 0.073, 0.02])
+@pytest.mark.parametrize("side", [1, 0.3, 0.073, 0.02])
 def test_the_lattice_is_a_good_disk(side):
     z, F = disk_lattice(side, even_ring(side))
     corners = z[F]
@@ -275,15 +265,6 @@ def test_a_known_automorphism_is_found(z, angle, radius, direction):
     T = Automorphism.of(angle, radius * np.exp(1j * direction))
     found = landmark_automorphism(z, T(z))
     assert abs(found(z) - T(z)).max() < 1e-7
-
-
-def test_automorphisms_are_a_group():
-    T, S = Automorphism.of(1, 0.3 + 0.2j), Automorphism.of(-2, 0.8j)
-    z = np.array([0.1, 0.5j, 1, -1j])
-    assert abs(S.after(T)(z) - S(T(z))).max() < 1e-15
-    assert abs(T.inverse(T(z)) - z).max() < 1e-15
-    assert abs(T(np.array([T.w]))).max() < 1e-15
-    assert abs(abs(T(z[2:])) - 1).max() < 1e-15
 
 
 def test_registration_does_not_depend_on_the_normalisation(cap):

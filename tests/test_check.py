@@ -42,28 +42,19 @@ def test_distortion_of_a_nasty_mesh_does_not_end_the_process(case):
         cdcp_igl.angle_distortion(V, F, V)
 
 
-def read_file(folder, name, text):
-    """What is said of a file."""
-    path = folder / name
-    path.write_text(text)
-    read_mesh(path)
-
-
 def raised_outside_of_check(folder):
     """Calls that find the defects that are not those of a surface."""
     V, F = meshes.grid()
-    flat = [[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]
-    yield lambda: cdcp_igl.clean(*flat)
+    yield lambda: cdcp_igl.clean(0 * V, F)
     yield lambda: cdcp_igl.cut(V, F, path=[0, 2])
     yield lambda: cdcp_igl.angle_distortion(V, F, np.full((len(V), 2), np.nan))
     yield lambda: DiskMesh(V, F).moved(V[:-1])
     np.savez(folder / "columns.npz", V=V.T, F=F.T)
-    yield lambda: read_mesh(folder / "columns.npz")
-    yield lambda: read_mesh(folder)
-    yield lambda: read_mesh("mesh\0.obj")
-    yield lambda: read_file(folder, "mesh.txt", "")
-    yield lambda: read_file(folder, "mesh.off", "3 1 0\n")
-    yield lambda: read_file(folder, "mesh.obj", "v 0 0 0\nv 1 0 0\nf 1 2\n")
+    files = {"mesh.txt": "", "mesh.off": "3 1 0\n", "mesh.obj": "v 0 0 0\nv 1 0 0\nf 1 2\n"}
+    for name, text in files.items():
+        (folder / name).write_text(text)
+    for path in ("columns.npz", "", "mesh\0.obj", *files):
+        yield lambda path=path: read_mesh(folder / path)
 
 
 def test_every_row_of_the_table_is_raised(tmp_path):
@@ -138,14 +129,12 @@ def test_report_of_a_disk():
 
 def test_chords_are_the_inner_edges_between_boundary_vertices():
     V, F = meshes.grid(3, 9)
-    report = cdcp_igl.check(V, F)
     assert len(cdcp_igl.check(*meshes.strip(6)).chords) == 5
-    boundary = set(DiskMesh(V, F).loop.tolist())
-    inner = {tuple(sorted(e)) for f in F.tolist() for e in zip(f, f[1:] + f[:1], strict=True)}
     loop = DiskMesh(V, F).loop
-    inner -= {tuple(sorted(e)) for e in zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)}
-    expected = sorted(e for e in inner if boundary.issuperset(e))
-    assert sorted(map(tuple, report.chords.tolist())) == expected
+    edges = {tuple(sorted(edge)) for face in F for edge in zip(face, np.roll(face, 1), strict=True)}
+    sides = {tuple(sorted(edge)) for edge in zip(loop, np.roll(loop, 1), strict=True)}
+    expected = sorted(edge for edge in edges - sides if np.isin(edge, loop).all())
+    assert list(map(tuple, cdcp_igl.check(V, F).chords)) == expected
 
 
 @pytest.mark.skipif(np.finfo(np.longdouble).maxexp == 1024, reason="it is float64 here")
@@ -159,7 +148,7 @@ def test_coordinates_beyond_float64_are_not_finite():
     assert cdcp_igl.check(V.astype(np.longdouble), F).is_disk
 
 
-@pytest.mark.parametrize("scale", [1e-200, 1e-12, 1.0, 1e12, 1e200])
+@pytest.mark.parametrize("scale", [1e-200, 1e200])
 def test_degeneracy_does_not_depend_on_the_unit(scale):
     V, F = meshes.grid()
     assert cdcp_igl.check(scale * V, F).is_disk
@@ -195,13 +184,13 @@ def test_the_class_of_a_surface(name, kind, components, loops, genus):
 def test_rows_are_counted_and_all_is_reported_where_an_array_is_bad():
     _, V, F, _ = meshes.NASTY["NaN"]
     F = np.delete(F, 18, axis=0)
-    report = cdcp_igl.check(V, F)
-    assert (report.n_vertices, report.n_faces) == (len(V), len(F))
-    names = [defect.name for defect in report.defects]
-    assert names == ["non-finite coordinate", "several boundary loops"]
-    report = cdcp_igl.check(V, F + 1)
-    assert (report.n_vertices, report.n_faces) == (len(V), 0)
-    assert [d.name for d in report.defects] == ["non-finite coordinate", "index out of range"]
+    for faces, count, second in (
+        (F, len(F), "several boundary loops"),
+        (F + 1, 0, "index out of range"),
+    ):
+        report = cdcp_igl.check(V, faces)
+        assert (report.n_vertices, report.n_faces) == (len(V), count)
+        assert [d.name for d in report.defects] == ["non-finite coordinate", second]
 
 
 @pytest.mark.parametrize("integral", [False, True], ids=["floats", "whole numbers"])
@@ -239,7 +228,7 @@ def test_the_next_step_and_the_remedies_are_what_works(case):
 
 def test_the_outer_loop_is_the_one_that_reaches_farthest():
     """Not the one with the most vertices, nor the longest, which may be a river."""
-    V, F, _ = rivered_square()
+    V, F = rivered_square()
     [defect] = cdcp_igl.check(V, F).defects
     assert defect.name == "several boundary loops"
     outline = np.flatnonzero((abs(V[:, :2]) == 1).any(axis=1))
@@ -252,10 +241,7 @@ def rivered_square():
     V, F, _ = cdcp_igl.datasets.square(20)
     middle = V[F].mean(axis=1)
     river = abs(middle[:, 1] - 0.6 * np.sin(9 * middle[:, 0])) < 0.11
-    inside = (abs(V[F][:, :, 0]) < 0.9).all(axis=1) & (abs(V[F][:, :, 1]) < 0.9).all(axis=1)
+    inside = (abs(V[F][:, :, :2]) < 0.9).all(axis=(1, 2))
     cleaned = cdcp_igl.clean(V, F[~(river & inside)])
-    kept = cleaned.face_index >= 0
-    used = np.unique(cleaned.F[kept])
-    rank = np.full(len(cleaned.V), -1)
-    rank[used] = np.arange(len(used))
-    return cleaned.V[used], rank[cleaned.F[kept]], used
+    used, faces = np.unique(cleaned.F[cleaned.face_index >= 0], return_inverse=True)
+    return cleaned.V[used], faces.reshape(-1, 3)

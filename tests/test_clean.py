@@ -15,20 +15,12 @@ from cdcp_igl.surface.triangles import face_areas
 # What is left of each nasty mesh: "disk", a defect that clean cannot mend, or a refusal.
 UNMENDED = {"Moebius strip": "not orientable", "closed": "closed surface", "handle": "handle"}
 NOTHING_LEFT = {"all in one point", "on a line", "sliver"}
-BAD_ARRAYS = {
-    "not numeric",
-    "V and F swapped",
-    "shape of V",
-    "shape of F",
-    "index out of range",
-    "fractional index",
-}
 
 
 @pytest.mark.parametrize("name", meshes.NASTY)
 def test_nasty_meshes(name):
     defect, V, F, _ = meshes.NASTY[name]
-    if defect in BAD_ARRAYS or name in NOTHING_LEFT:
+    if defect in meshes.BAD_ARRAYS or name in NOTHING_LEFT:
         with pytest.raises(cdcp_igl.MeshError) as raised:
             cdcp_igl.clean(V, F)
         assert raised.value.defect == ("nothing left" if name in NOTHING_LEFT else defect)
@@ -79,7 +71,7 @@ def test_holes_are_filled_outside_the_given_rows():
     np.testing.assert_allclose(W[-2:], [V[F[f]].mean(axis=0) for f in (50, 18)])
 
 
-@pytest.mark.parametrize("exponent", [-1040, -540, 520, 1023])
+@pytest.mark.parametrize("exponent", [-1040, 1023])
 def test_the_unit_does_not_change_which_loop_is_the_outline(exponent):
     V, F, _ = cdcp_igl.datasets.spherical_cap(8)
     cleaned = cdcp_igl.clean(np.ldexp(V, exponent), np.delete(F, [0, 50, 51], axis=0))
@@ -126,10 +118,9 @@ def test_everything_at_once_is_said():
     assert_rows_come_from(cleaned, V, F)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_random_damage_of_a_real_surface(real_mesh, seed):
+def test_random_damage_of_a_real_surface(real_mesh):
     V, F = real_mesh("femur_2411")
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     V, F = V.copy(), F.astype(np.int64)
     F = np.delete(F, rng.integers(len(F), size=8), axis=0)
     turned = rng.integers(len(F), size=200)
@@ -162,8 +153,7 @@ def test_flipped_ears_let_their_corners_move(real_mesh):
 
 
 def test_an_ear_without_an_interior_vertex_behind_it_stays():
-    V, F = meshes.strip()
-    cleaned = cdcp_igl.clean(V, F, flip_ears=True)
+    cleaned = cdcp_igl.clean(*meshes.strip(), flip_ears=True)
     assert cleaned.changes == ()
     assert len(cleaned.flipped) == 0
 
@@ -172,23 +162,17 @@ def test_map_clean_writes_the_surface_without_its_filling(tmp_path):
     V, F = meshes.grid()
     F = np.delete(F, 18, axis=0)
     F[11] = F[11, ::-1]
-    V = np.insert(V, 4, [9, 9, 9], axis=0)  # in no face
-    F = np.where(F >= 4, F + 1, F)
     mesh, out = tmp_path / "mesh.npz", tmp_path / "map.npz"
-    np.savez(mesh, V=V, F=F)
-
+    np.savez(mesh, V=np.insert(V, 4, [9, 9, 9], axis=0), F=F + (F >= 4))  # 4 is in no face
     result = CliRunner().invoke(app, ["map", str(mesh), str(out), "--clean"])
     assert result.exit_code == 0
     for change in (
-        "reversed 1 face",
-        "dropped 1 vertex that no face uses",
-        "filled 1 hole",
+        *("reversed 1 face", "dropped 1 vertex that no face uses", "filled 1 hole"),
         "The filling is not in the file.",
     ):
         assert change in result.output
     with np.load(out) as written:
-        np.testing.assert_array_equal(written["V"], np.delete(V, 4, axis=0))
-        assert written["uv"].shape == (len(V) - 1, 2)
+        np.testing.assert_array_equal(written["V"], V)
         assert len(written["F"]) == len(F)
         degrees = cdcp_igl.angle_distortion(written["V"], written["F"], written["uv"])
     assert degrees.mean() < 20
@@ -206,11 +190,9 @@ def crossed_edge(count=1):
     return np.array(V, dtype=float), np.array(F)
 
 
-@pytest.mark.parametrize("count", [1, 2, 5])
+@pytest.mark.parametrize("count", [1, 5])
 def test_a_slit_is_filled_with_faces_that_have_an_area(count):
     V, F = crossed_edge(count)
-    report = cdcp_igl.check(V, F)
-    assert "several boundary loops" in [defect.name for defect in report.defects]
     cleaned = cdcp_igl.clean(V, F)
     assert cdcp_igl.check(cleaned.V, cleaned.F).is_disk
     assert "took out 1 face beside flat holes" in cleaned.changes
@@ -220,9 +202,7 @@ def test_a_slit_is_filled_with_faces_that_have_an_area(count):
 
 def test_a_face_without_area_is_replaced():
     V, F = crossed_edge()
-    F = np.vstack([F, [4, 6, 8]])
-    assert cdcp_igl.check(V, F).defects[0].name == "degenerate face"
-    cleaned = cdcp_igl.clean(V, F)
+    cleaned = cdcp_igl.clean(V, np.vstack([F, [4, 6, 8]]))
     assert cdcp_igl.check(cleaned.V, cleaned.F).is_disk
     assert face_areas(cleaned.V, cleaned.F).sum() == pytest.approx(16)
 

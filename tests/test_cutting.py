@@ -37,7 +37,7 @@ def assert_disks(F, n, given):
         assert len(component.loops) == 1
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(RANDOM)
 def test_every_component_becomes_a_disk_and_glues_back(mesh):
     V, F = mesh
@@ -65,6 +65,7 @@ def open_edges(F, F_cut):
     return np.array(edges, dtype=np.int64).reshape(-1, 2)
 
 
+@settings(max_examples=50)
 @given(st.integers(0, 10_000))
 def test_sheets_part_into_a_manifold_however_they_meet(seed):
     rng = np.random.default_rng(seed)
@@ -75,7 +76,7 @@ def test_sheets_part_into_a_manifold_however_they_meet(seed):
     assert Topology(cut.F, len(cut.V)).is_manifold
 
 
-@settings(max_examples=10)
+@settings(max_examples=5)
 @given(RANDOM, st.sampled_from([2.0**-600, 1024.0, 2.0**600]))
 def test_the_unit_does_not_change_what_is_cut(mesh, scale):
     V, F = mesh
@@ -178,20 +179,20 @@ def test_a_given_path_is_used_as_it_is():
     surface = Topology(cut.F, len(cut.V))
     assert surface.euler_characteristic == 0
     assert len(surface.loops) == 2
-    by_edges = cdcp_igl.cut(V, F, path=cut.edges)
-    np.testing.assert_array_equal(by_edges.F, cut.F)
+    np.testing.assert_array_equal(cdcp_igl.cut(V, F, path=cut.edges).F, cut.F)
+    for path in ([], np.zeros((0, 2), int)):
+        np.testing.assert_array_equal(cdcp_igl.cut(V, F, path=path).F, F)
 
 
 @pytest.mark.parametrize(
     ("path", "wrong"),
-    [([0, 1, 3], [[1, 3]]), ([0, 96], [[0, 96]]), ([[-1, 0], [0, 1]], [[-1, 0]])],
+    [([0, 1, 3], [1, 3]), ([0, 96], [0, 96]), ([[-1, 0], [0, 1]], [-1, 0])],
 )
 def test_a_path_off_the_edges_is_refused_by_its_steps(path, wrong):
-    V, F = surfaces.torus(n=12, k=8)
     with pytest.raises(cdcp_igl.MeshError) as raised:
-        cdcp_igl.cut(V, F, path=path)
+        cdcp_igl.cut(*surfaces.torus(n=12, k=8), path=path)
     assert raised.value.defect == "not an edge"
-    np.testing.assert_array_equal(raised.value.indices, wrong)
+    np.testing.assert_array_equal(raised.value.indices, [wrong])
 
 
 def test_the_boundary_is_no_path():
@@ -204,12 +205,6 @@ def test_the_boundary_is_no_path():
 def test_a_path_is_vertices_or_edges(path):
     with pytest.raises(ValueError, match="path must be"):
         cdcp_igl.cut(*surfaces.torus(), path=path)
-
-
-def test_an_empty_path_cuts_nothing():
-    V, F = surfaces.torus(n=12, k=8)
-    for path in ([], np.zeros((0, 2), int)):
-        np.testing.assert_array_equal(cdcp_igl.cut(V, F, path=path).F, F)
 
 
 def test_a_moebius_strip_can_be_cut_across():
@@ -225,27 +220,21 @@ def test_a_moebius_strip_can_be_cut_across():
 @pytest.mark.parametrize("name", meshes.NASTY)
 def test_nasty_meshes_are_cut_or_refused(name):
     defect, V, F, rows = meshes.NASTY[name]
-    cuttable = {
-        "unreferenced vertex",
-        "non-manifold edge",
-        "several components",
-        "non-manifold vertex",
-        "closed surface",
-        "several boundary loops",
-        "handle",
-        "degenerate face",
+    refused = {
+        *(*meshes.BAD_ARRAYS, "non-finite coordinate", "repeated corner", "duplicate face"),
+        *("inconsistent orientation", "not orientable"),
     }
-    if defect in cuttable:
-        V_cut, F_cut, vertex_index = cdcp_igl.cut(V, F)[:3]
-        np.testing.assert_array_equal(np.asarray(V, float)[vertex_index], V_cut)
-        np.testing.assert_array_equal(vertex_index[F_cut], F)
-        assert_disks(F_cut, len(V_cut), F)
-    else:
+    if defect in refused:
         with pytest.raises(cdcp_igl.MeshError) as raised:
             cdcp_igl.cut(V, F)
         assert raised.value.defect == defect
         if defect != "not orientable":  # which is said of all faces
             np.testing.assert_array_equal(raised.value.indices, rows)
+    else:
+        cut = cdcp_igl.cut(V, F)
+        np.testing.assert_array_equal(np.asarray(V, float)[cut.vertex_index], cut.V)
+        np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
+        assert_disks(cut.F, len(cut.V), F)
 
 
 def test_the_input_is_not_changed():

@@ -244,7 +244,7 @@ def test_defects_of_faces_name_the_polygons_of_the_file(tmp_path):
     polygons[7] = polygons[7][::-1]
     path = tmp_path / "quads.obj"
     write_scene(path, V, polygons)
-    said = "2 faces are oriented against the others (polygons 7)"
+    said = "2 faces are oriented unlike the others (polygons 7)"
     out = str(tmp_path / "out.obj")
     for command in (["check"], ["map", "--force"], ["compare", "--methods", "lscm"]):
         arguments = [str(path), out] if "map" in command else [str(path)]

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from meshes import TWO_TRIANGLES, fan, grid, strip
+from meshes import TWO_TRIANGLES, corridor, fan, grid, strip
 from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.spatial import Delaunay
@@ -15,39 +15,37 @@ import cdcp_igl
 from cdcp_igl.rectangle import along_side, certify_rectangle
 from cdcp_igl.surface.mesh import DiskMesh
 
-REAL = [
-    *("bimba_22838", "camelhead_11381", "chinese_lion_17334", "femur_2411", "human_face_17157"),
-    *("left_hand_53054", "nefertiti_299", "stanford_bunny_31593"),
-]
+REAL = ["camelhead_11381", "femur_2411", "human_face_17157", "nefertiti_299"]
 
 
 def unit_square(n, seed=None):
     """A grid of 2 n^2 triangles, vertices inside moved by a quarter of the spacing at most."""
-    x, y = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
+    V, F = corridor(1, n)
     if seed is not None:
-        shift = np.random.default_rng(seed).uniform(-0.25 / n, 0.25 / n, (2, n - 1, n - 1))
-        x[1:-1, 1:-1] += shift[0]
-        y[1:-1, 1:-1] += shift[1]
-    at = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
-    a, b, c, d = (at[i : n + i, j : n + j].ravel() for i, j in ((0, 0), (0, 1), (1, 1), (1, 0)))
-    F = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-    return x.ravel(), y.ravel(), F, [0, n, (n + 1) ** 2 - 1, (n + 1) * n]
+        inside = abs(V - n / 2).max(axis=1) < n / 2
+        shift = np.random.default_rng(seed).uniform(-0.25, 0.25, V.shape)
+        V = V + shift * inside[:, None]
+    return *(V / n).T, F, [0, n, (n + 1) ** 2 - 1, (n + 1) * n]
 
 
-def on_sides(result, mesh):
-    """Whether the boundary lies on the rectangle, to the last bit, and runs around it once."""
-    u, v = result.uv[mesh.loop].T
-    on = (u == 0) | (u == result.modulus) | (v == 0) | (v == 1)
+def quarters(V, F):
+    """Four corners that part the boundary into sides of equally many edges."""
+    loop = DiskMesh(V, F).loop
+    return loop[np.arange(4) * len(loop) // 4]
+
+
+def assert_on_sides(result):
+    """The map is valid; the boundary lies on the rectangle, to the last bit, around it once."""
+    assert result.valid
+    u, v = result.uv[result.mesh.loop].T
+    assert ((u == 0) | (u == result.modulus) | (v == 0) | (v == 1)).all()
     corners = [[0, 0], [result.modulus, 0], [result.modulus, 1], [0, 1]]
+    np.testing.assert_array_equal(result.uv[list(result.corners)], corners)
     area = 0.5 * np.sum(u * np.roll(v, -1) - v * np.roll(u, -1))
-    return (
-        on.all()
-        and (result.uv[list(result.corners)] == corners).all()
-        and area == pytest.approx(result.modulus, rel=1e-12)
-    )
+    assert area == pytest.approx(result.modulus, rel=1e-12)
 
 
-@pytest.mark.parametrize("width", [0.01, 1, 3.7])
+@pytest.mark.parametrize("width", [0.01, 3.7])
 def test_a_rectangle_is_mapped_to_itself(width):
     x, y, F, corners = unit_square(12, seed=0)
     result = cdcp_igl.rectangle_map(np.column_stack([5 * width * x, 5 * y]), F, corners)
@@ -94,9 +92,9 @@ def trapezoid_modulus(h):
     return 2 / np.pi * mu(((one - other) / (one + other)) ** 2)
 
 
-@pytest.mark.parametrize("h", [1.5, 2.0])
-def test_a_trapezoid_converges_to_its_modulus(h):
+def test_a_trapezoid_converges_to_its_modulus():
     """Its corner of 135 degrees limits the energies to the rate 4/3; their mean does better."""
+    h = 1.5
     exact, widths, errors = trapezoid_modulus(h), [], []
     for n in (16, 32, 64):
         x, y, F, corners = unit_square(n)
@@ -111,6 +109,7 @@ def test_a_trapezoid_converges_to_its_modulus(h):
     assert errors[-1] < 1e-4
 
 
+@settings(max_examples=30)
 @given(st.integers(0, 20), st.sampled_from([0, 1, 2, 3]))
 def test_turning_the_corners_inverts_the_modulus(seed, turn):
     """And moves nothing else; the bounds change places. Scale and rotation do not matter."""
@@ -132,11 +131,8 @@ def test_turning_the_corners_inverts_the_modulus(seed, turn):
 @pytest.mark.parametrize("name", REAL)
 def test_scans_with_corners_at_the_quarters_of_the_boundary(real_mesh, name):
     V, F = real_mesh(name)
-    mesh = DiskMesh(V, F)
-    n = len(mesh.loop)
-    result = cdcp_igl.rectangle_map(V, F, mesh.loop[[0, n // 4, n // 2, 3 * n // 4]])
-    assert result.valid
-    assert on_sides(result, mesh)
+    result = cdcp_igl.rectangle_map(V, F, quarters(V, F))
+    assert_on_sides(result)
     # As good as the map onto the disk, but for the faces around the corners.
     disk = cdcp_igl.disk_map(V, F)
     assert result.distortion.mean < disk.distortion.mean + 1 + 300 / len(V)
@@ -147,28 +143,21 @@ def test_scans_with_corners_at_the_quarters_of_the_boundary(real_mesh, name):
 
 def test_small_disks():
     V, F = TWO_TRIANGLES
-    result = cdcp_igl.rectangle_map(V, F, [0, 1, 2, 3])
-    assert result.valid
-    assert on_sides(result, DiskMesh(V, F))
+    assert_on_sides(cdcp_igl.rectangle_map(V, F, [0, 1, 2, 3]))
     V, F = fan(9)
-    assert cdcp_igl.rectangle_map(V, F, [1, 3, 6, 8]).valid
-    for corners in ([0, 1, 2, 4], [1, 2, 3, 4]):  # in any place of the loop
-        assert cdcp_igl.rectangle_map(V, F, corners).corners == tuple(corners)
+    for corners in ([0, 1, 2, 4], [1, 2, 3, 4], [1, 3, 6, 8]):  # in any place of the loop
+        result = cdcp_igl.rectangle_map(V, F, corners)
+        assert result.corners == tuple(corners)
+        assert_on_sides(result)
 
 
 def test_corners_are_judged():
     V, F = grid()
-    loop = DiskMesh(V, F).loop
-    inside = DiskMesh(V, F).interior[0]
-    good = loop[[0, 7, 12, 19]]
-    for bad in (
-        3,
-        [0, 1, 2],
-        [0.0, 1, 2, 3],
-        [*good[:3], inside],
-        [*good[:3], len(V)],
-        [-1, *good[:3]],
-    ):
+    mesh = DiskMesh(V, F)
+    good = mesh.loop[[0, 7, 12, 19]]
+    few, fractions = [0, 1, 2], [0.0, 1, 2, 3]
+    wrong = ([*good[:3], vertex] for vertex in (mesh.interior[0], len(V), -1))
+    for bad in (3, few, fractions, *wrong):
         with pytest.raises(ValueError, match="corners"):
             cdcp_igl.rectangle_map(V, F, bad)
     for bad in (good[::-1], good[[0, 1, 3, 2]], good[[0, 0, 1, 2]]):
@@ -197,14 +186,14 @@ def test_a_long_tube_with_one_end(corners):
     V, F = closed_tube(80, 24, 40.0)
     result = cdcp_igl.rectangle_map(V, F, DiskMesh(V, F).loop[corners])
     assert result.repair.n_moved > 1000
-    assert on_sides(result, result.mesh)
+    assert_on_sides(result)
 
 
 def test_what_is_no_bijection_is_not_returned():
     """The spot is smaller than the distance of two doubles."""
     V, F = closed_tube(100, 8, 100.0)
     with pytest.raises(cdcp_igl.MapError, match=r"rectangle: [\d,]+ flipped") as caught:
-        cdcp_igl.rectangle_map(V, F, DiskMesh(V, F).loop[[0, 2, 4, 6]])
+        cdcp_igl.rectangle_map(V, F, quarters(V, F))
     result = caught.value.result
     assert not result.valid
     assert not result.conformal
@@ -238,21 +227,16 @@ def test_the_certificate_is_of_the_coordinates():
 
 def test_progress_and_timings_and_solver():
     V, F = scattered(1)
-    loop, seen = DiskMesh(V, F).loop, []
+    corners, seen = quarters(V, F), []
     result = cdcp_igl.rectangle_map(
-        V,
-        F,
-        loop[np.arange(4) * len(loop) // 4],
-        solver="scipy",
-        progress=lambda phase, done: seen.append((phase, done)),
+        V, F, corners, solver="scipy", progress=lambda *step: seen.append(step)
     )
-    assert result.boundary == "disk map"
     assert result.solver.startswith("SuperLU")
     assert set(result.timings) == {phase for phase, _ in seen} - {"done"}
     assert seen[-1] == ("done", 1.0)
     assert all(0 <= done <= 1 for _, done in seen)
     with pytest.raises(ValueError, match="solver must be one of"):
-        cdcp_igl.rectangle_map(V, F, loop[[0, 3, 6, 9]], solver="abacus")
+        cdcp_igl.rectangle_map(V, F, corners, solver="abacus")
 
 
 def test_slivers_are_mapped_too():
@@ -260,9 +244,7 @@ def test_slivers_are_mapped_too():
     rng = np.random.default_rng(5)
     x, y, F, corners = unit_square(14)
     V = np.column_stack([x, 40 * y, 3 * rng.random(len(x))])
-    result = cdcp_igl.rectangle_map(V, F, corners)
-    assert result.valid
-    assert on_sides(result, DiskMesh(V, F))
+    assert_on_sides(cdcp_igl.rectangle_map(V, F, corners))
 
 
 # -- where the sides cannot slide ------------------------------------------------------
@@ -281,11 +263,9 @@ def scattered(seed, n=200):
 @pytest.mark.parametrize("seed", [1, 4, 6])
 def test_a_side_that_turns_back_is_placed_by_the_map_onto_the_disk(seed, caplog):
     V, F = scattered(seed)
-    mesh = DiskMesh(V, F)
-    result = cdcp_igl.rectangle_map(V, F, mesh.loop[np.arange(4) * len(mesh.loop) // 4])
+    result = cdcp_igl.rectangle_map(V, F, quarters(V, F))
     assert result.boundary == "disk map"
-    assert result.valid
-    assert on_sides(result, mesh)
+    assert_on_sides(result)
     low, high = result.modulus_bounds
     assert low < result.modulus < high
     assert result.distortion.mean < 12

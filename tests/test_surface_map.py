@@ -38,7 +38,7 @@ def assert_consistent(result, V, F):
     assert result.shares.sum() == pytest.approx(1)
 
 
-@settings(max_examples=16)
+@settings(max_examples=8)
 @given(RANDOM, st.integers(0, 1000), st.sampled_from([0, 0.3]))
 def test_flipped_faces_are_mapped_as_the_others(mesh, seed, share):
     V, F = mesh
@@ -84,26 +84,26 @@ def test_a_disk_is_mapped_as_by_disk_map(options):
 
 
 @pytest.mark.parametrize(
-    "option",
+    ("name", "value"),
     [
-        {"solver": "pardiso"},
-        {"spread": -1},
-        {"spread": np.nan},
-        {"mobius": "length"},
-        {"refine": 0.5},
-        {"center": 3},
-        {"align": 3},
+        *(("solver", "pardiso"), ("mobius", "length"), ("refine", 0.5), ("center", 3)),
+        *(("spread", -1), ("spread", np.nan), ("align", 3)),
     ],
 )
-def test_bad_options_are_refused(option):
-    with pytest.raises(ValueError, match=next(iter(option))):
-        cdcp_igl.surface_map(*surfaces.torus(), **option)
+def test_bad_options_are_refused(name, value):
+    with pytest.raises(ValueError, match=name):
+        cdcp_igl.surface_map(*surfaces.torus(), **{name: value})
 
 
-def test_refinement_comes_after_growth():
+@pytest.fixture(scope="module")
+def long_tube():
+    """Filled at one end it would crowd, but the cut grows to the end."""
     V, F = surfaces.tube(n=80, k=16, length=16)
-    plain = cdcp_igl.surface_map(V, F)
-    assert len(plain.cut.edges) > 0
+    return V, F, cdcp_igl.surface_map(V, F)
+
+
+def test_refinement_comes_after_growth(long_tube):
+    V, F, plain = long_tube
     refined = cdcp_igl.surface_map(V, F, refine=6)
     np.testing.assert_array_equal(refined.cut.edges, plain.cut.edges)
     assert refined.distortion.mean < plain.distortion.mean
@@ -113,14 +113,13 @@ def test_refinement_comes_after_growth():
 # -- what is repaired ------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", meshes.NASTY)
+@pytest.mark.parametrize("name", meshes.NASTY.keys() - {"split vertices"})  # 70 disks
 def test_nasty_meshes_are_mapped_or_refused(name):
     defect, V, F, rows = meshes.NASTY[name]
-    refused = {"not orientable", "non-finite coordinate"}
-    if name in {"all in one point", "on a line", "sliver"}:
+    if defect == "degenerate face":  # and no other one
         with pytest.raises(cdcp_igl.MeshError, match="no face is left"):
             cdcp_igl.surface_map(V, F)
-    elif defect in refused or defect in BAD_ARRAYS:
+    elif defect in {"not orientable", "non-finite coordinate", *meshes.BAD_ARRAYS}:
         with pytest.raises(cdcp_igl.MeshError) as raised:
             cdcp_igl.surface_map(V, F)
         assert raised.value.defect == defect
@@ -128,16 +127,6 @@ def test_nasty_meshes_are_mapped_or_refused(name):
             np.testing.assert_array_equal(raised.value.indices, rows)
     else:
         assert_consistent(cdcp_igl.surface_map(V, F), V, F)
-
-
-BAD_ARRAYS = {
-    "not numeric",
-    "shape of V",
-    "shape of F",
-    "index out of range",
-    "fractional index",
-    "V and F swapped",
-}
 
 
 def test_everything_at_once_is_said():
@@ -168,12 +157,12 @@ def test_a_klein_bottle_is_refused():
     np.testing.assert_array_equal(raised.value.indices, 1 + len(F) + np.arange(len(G)))
 
 
-def test_progress_never_goes_back():
+def test_progress_never_goes_back(long_tube):
     """Neither from one component to the next, nor while a cut grows."""
     seen = []
-    V, F = surfaces.tube(n=80, k=16, length=16)
+    V, F, _ = long_tube
     two = np.vstack([V, V + 20]), np.vstack([F, F + len(V)])
-    cdcp_igl.surface_map(*two, progress=lambda phase, done: seen.append((phase, done)))
+    cdcp_igl.surface_map(*two, progress=lambda *step: seen.append(step))
     phases, fractions = zip(*seen, strict=True)
     assert phases.count("factor") > 2
     assert list(fractions) == sorted(fractions)
@@ -207,12 +196,10 @@ def test_filled_holes_distort_less_than_cuts_to_them(holes, real_mesh):
     assert filled.distortion.mean < cut.distortion.mean
 
 
-def test_a_hole_at_the_end_of_a_branch_is_filled_and_cut_through():
-    """A long tube: filled at one end it would crowd, but the cut grows to the end."""
-    V, F = surfaces.tube(n=80, k=16, length=16)
+def test_a_hole_at_the_end_of_a_branch_is_filled_and_cut_through(long_tube):
+    V, F, grown = long_tube
     whole = cdcp_igl.surface_map(V, F, spread=np.inf)
-    grown = cdcp_igl.surface_map(V, F)
-    assert len(whole.cut.edges) == 0
+    assert len(whole.cut.edges) == 0 < len(grown.cut.edges)
     assert grown.spread < whole.spread / 2
 
 
@@ -269,11 +256,10 @@ def test_packing_is_not_wasteful(count):
     assert np.pi * (radii**2).sum() > 0.35
 
 
-@settings(max_examples=2)
-@given(st.integers(0, 10_000))
-def test_packed_corners_lie_in_the_square_by_area(seed):
-    V, F = surfaces.voxels(seed, size=4, share=0.15)
+def test_packed_corners_lie_in_the_square_by_area():
+    V, F = surfaces.voxels(0, size=4, share=0.15)
     result = cdcp_igl.surface_map(V, F)
+    assert len(result.disks) > 3
     packed = result.packed()
     assert packed.shape == result.uv.shape
     assert packed.min() >= 0
@@ -292,10 +278,7 @@ def test_packed_corners_lie_in_the_square_by_area(seed):
     ("name", "mean"),
     [
         ("closed_spot_2930", 3.6),
-        ("closed_hippocampus_6002", 1.4),
         ("handles_kitten_10000", 1.6),
-        ("handles_motherchild_5000", 3.2),
-        ("handles_3holes_3596", 2.8),
         ("loops_legohead_4179", 2.5),
         ("defects_bunny_6164", 2.8),
     ],

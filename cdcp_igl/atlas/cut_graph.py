@@ -29,8 +29,8 @@ class Component:
     polygon: Ints  # (m,) number of the polygon that each face is a part of
     rows: Ints  # (k,) where the first k faces come from; the others fill holes
     n_filled: int = 0  # holes
-    # Arcs of a cut that were found to be where they should be.
-    settled: set[tuple[int, ...]] = field(init=False, default_factory=set)
+    # Names of the arcs of a cut that cannot be laid shorter or straighter.
+    best_arcs: set[tuple[int, ...]] = field(init=False, default_factory=set)
 
     @cached_property
     def topology(self) -> Topology:
@@ -326,7 +326,7 @@ def _length(points: Floats) -> float:
 
 
 def _without_loose_ends(opened: OpenedComponent) -> OpenedComponent:
-    """Join again the edges of the cut that end nowhere, as near the root."""
+    """Join again the edges of the cut that dangle, as they do near the root."""
     component = opened.component
     at_border = component.uncut.on_boundary
     while True:

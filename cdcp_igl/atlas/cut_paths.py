@@ -67,7 +67,7 @@ def straighten(opened: OpenedComponent) -> OpenedComponent:
                 continue
             # Whichever way one goes along an arc, its name is the same.
             name = tuple(sorted(min(half, int(component.twin[half])) for half in arc))
-            if name in component.settled:
+            if name in component.best_arcs:
                 continue
             joined = opened.joined(np.array(arc))
             path = _path_in_place_of(joined, np.array(arc))
@@ -75,7 +75,7 @@ def straighten(opened: OpenedComponent) -> OpenedComponent:
             if len(path) and _cost(changed) < cost:
                 opened, cost = changed, _cost(changed)
             else:
-                component.settled.add(name)
+                component.best_arcs.add(name)
         if not cost < before:
             break
     return opened

@@ -123,7 +123,7 @@ class SurfaceMap(Result):
 
     def _steps(self) -> list[tuple[str, str]]:
         return [
-            ("spread of scale", f"{self.spread:.2f}"),
+            ("scale variation", f"{self.spread:.2f}"),
             ("length of the cut", f"{self.cut.length:.4g}"),
             *(("change", change) for change in self.changes),
         ]
@@ -149,7 +149,7 @@ class SurfaceMap(Result):
         area, _ = oriented_areas(as_complex(uv), F)
         return Layout(
             V=unit_size(cut.V),
-            # Faces of a surface with faces turned over, as the disks have them.
+            # Flipped faces of the surface are drawn as the disks have them.
             F=np.where((area < 0)[:, None], F[:, ::-1], F),
             uv=uv,
             vertices=cut.vertex_index,

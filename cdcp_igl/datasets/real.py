@@ -131,5 +131,5 @@ def _terrain() -> tuple[Floats, Ints]:
         (latitude - latitude[-1]) * metres_per_degree,
     )
     V = np.stack([x, y, elevation], axis=2).reshape(-1, 3)
-    # libigl has the rows of a grid from the lowest up, so here every face is turned over.
+    # libigl has the rows of a grid from the lowest up, so here every face is flipped.
     return V, np.ascontiguousarray(libigl.grid_faces(columns, rows)[:, ::-1])

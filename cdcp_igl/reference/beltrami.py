@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
 from ..arrays import Complex, Floats, Ints
-from ..surface.triangles import face_areas, opposite_edges
+from ..surface.triangles import face_areas, opposite_edges, twice_areas
 from .dirichlet import Dirichlet
 
 
@@ -51,7 +51,7 @@ def beltrami_coefficient(p: Complex, F: Ints, M: Floats) -> Complex:
     # The hat function of corner k has the gradient i times edge k over twice the area.
     # That area cancels, so that a collapsed face does no harm.
     gradient = np.einsum("fk,fkd->fd", 1j * edges, M[F])  # M_x + i M_y, times twice the area
-    stretch = 2 * face_areas(M, F) * abs(_twice_area(edges))  # sqrt(E G - H^2), likewise
+    stretch = 2 * face_areas(M, F) * abs(twice_areas(edges))  # sqrt(E G - H^2), likewise
     return (gradient**2).sum(axis=1) / ((abs(gradient) ** 2).sum(axis=1) + 2 * stretch)
 
 
@@ -67,7 +67,7 @@ def generalized_laplacian(p: Complex, F: Ints, mu: Complex) -> csr_matrix:
     """
     edges = opposite_edges(p[F])
     edges = edges + mu[:, None] * edges.conj()
-    twice_area = abs(_twice_area(edges))
+    twice_area = abs(twice_areas(edges))
     elements = (edges.conj()[:, :, None] * edges[:, None, :]).real / (2 * twice_area[:, None, None])
     rows, columns = np.repeat(F, 3, axis=1), np.tile(F, 3)
     return coo_matrix((elements.ravel(), (rows.ravel(), columns.ravel())), (len(p), len(p))).tocsr()
@@ -80,8 +80,3 @@ def linear_beltrami_solver(p: Complex, F: Ints, mu: Complex, S: Ints, c: Complex
     map (n,) has the coefficients mu as nearly as the triangulation and the values c (k,) allow.
     """
     return Dirichlet(generalized_laplacian(p, F, mu), S).solve(c)
-
-
-def _twice_area(edges: Complex) -> Floats:
-    """(m,) twice the signed area of triangles given by their edge vectors."""
-    return (edges[:, 0].conj() * edges[:, 1]).imag

@@ -21,11 +21,11 @@ CROWDED = 2e-17
 MANY_CROWDED = 0.03  # maps of corridors can be certified with 1 % of such edges, and not with 5 %
 
 ROUNDS = 8  # of moving the centre: one is enough unless the first one is far off
-FARTHEST = 1 - 1e-6  # that it is moved in one round: still among faces of a size to tell apart
+FARTHEST = 1 - 1e-6  # that it moves in one round: faces can still be told apart there
 
-# What a face behind an edge receives, as part of what its neighbours do. On scans with ears, whose
-# shares are known from finer meshes of the same surface, 0.01 to 0.1 are equally good.
-BEHIND = 0.1
+# An edge that no heat reaches gets this part of the smaller share next to it. On scans with ears,
+# whose shares are known from finer meshes of the same surface, 0.01 to 0.1 are equally good.
+UNREACHED = 0.1
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def by_arc_length(surface: FactoredSurface, face: int) -> Complex:
     """Place the boundary (nB,) by its length: not conformal, but always possible.
 
     On very crowded surfaces it has lower angular distortion than conformal boundaries that
-    are opened as far as double precision requires. `face` is not looked at.
+    are opened as far as double precision requires. `face` has no influence.
     """
     return arc_length_map(surface.mesh)
 
@@ -135,8 +135,8 @@ def harmonic_shares(surface: FactoredSurface, face: int) -> Floats:
     through the cold boundary does so in proportion to the angles on the circle. Without
     negative weights at interior vertices there is no negative flux (maximum principle), and
     even the smallest shares keep their digits, however crowded. Edges that no heat reaches,
-    between vertices without interior neighbours, share a part of what the edges around them
-    have. All are positive and they sum to 1; NaN if the face has no interior corner.
+    between vertices without interior neighbours, together get a tenth of the smaller share
+    next to them. All are positive and they sum to 1; NaN if the face has no interior corner.
 
     References
     ----------
@@ -161,7 +161,7 @@ def _filled(shares: Floats) -> Floats:
     following = (last + 1) % len(known)
     run = (known[following] - known[last] - 1) % len(shares)
     smaller = np.minimum(shares[known[last]], shares[known[following]])
-    return np.where(shares > 0, shares, BEHIND * smaller / np.maximum(run, 1))
+    return np.where(shares > 0, shares, UNREACHED * smaller / np.maximum(run, 1))
 
 
 def around(shares: Floats) -> Complex:

@@ -13,14 +13,14 @@ from ..distortion import disk_map_distortion
 from ..solve.factored import FactoredSurface
 from ..steps.alignment import rotate
 from ..steps.center import Center
-from ..steps.extension import harmonic_extension, settled_extension
+from ..steps.extension import extended_again, harmonic_extension
 from ..steps.mobius import Normalization
 from ..steps.options import Options
 from ..steps.phases import Phases
 from ..surface.mesh import DiskMesh
 from .boundary import BoundaryMethod
 from .collapsed_faces import open_collapsed_faces
-from .conformality import STRETCHED, Conformality, judge
+from .conformality import LARGEST_STRETCH, NOT_VALID, Conformality, judge
 from .line_search import HALVINGS, THIN
 from .recentering import deep_vertex, recentered
 from .refine import STEPS_DUE, Refinement, lower_angle_distortion
@@ -29,19 +29,19 @@ from .straightening import Straightening, is_sheared, straighten
 
 log = logging.getLogger("cdcp_igl")
 
-# Where straightening removes more than this share of the distortion, the boundary is a polygon
-# so coarse that the harmonic map is not near the conformal one;
+# A harmonic map is not near the conformal one, and is refined even if no steps are asked for,
+# where straightening removes more than this share of the distortion, as the boundary is coarse,
 COARSE = 0.2
-# and so it is where the errors are more than this times what the scale explains. Such maps have
-# steps of refinement even if none are asked for.
+# or where the errors are more than this times what the scale explains.
 EXCESS = 1.05
-# A map that is not conformal, or whose interior had to be replaced, has up to this many: they take
-# at most some five times as long as what was done before.
+# A map that is not conformal, or in which repair has moved more than this share of the vertices,
+# is refined by up to MOST_STEPS, each halved up to PATIENT times. They take at most some five times
+# as long as what was done before.
+MUCH_REPAIRED = 0.1
 MOST_STEPS = 60
-MUCH_REPAIRED = 0.1  # of the vertices
-PATIENT = 12  # halvings of their steps
-# If the scale at the vertices explains so many more errors than there are, it is not smooth, so
-# the map is not near a conformal one.
+PATIENT = 12
+# Where the scale explains errors so much larger than they are, it is not smooth, so the map is not
+# near a conformal one.
 LEAST_EXCESS = 0.6
 
 
@@ -94,18 +94,18 @@ class HarmonicMap:
     w: complex = 0j
 
     @property
-    def is_mendable(self) -> bool:
-        """Whether `mended` has anything to do."""
+    def needs_correction(self) -> bool:
+        """Whether `corrected` has anything to do."""
         mesh = self.surface.mesh
         return is_sheared(mesh, self.f) or deep_vertex(mesh, self.f) is not None
 
-    def mended(self, *, straightened: bool) -> HarmonicMap:
-        """Take the common shear out if asked to, and move what is too small for its place to 0."""
+    def corrected(self, *, straightened: bool) -> HarmonicMap:
+        """Take the common shear out if asked to, and move a tiny region deep inside to 0."""
         surface, mesh = self.surface, self.surface.mesh
         f, straightening = self.f, Straightening()
         if straightened:
             f, straightening = straighten(mesh, f, partial(harmonic_extension, surface))
-        f, w = recentered(mesh, f, partial(settled_extension, surface))
+        f, w = recentered(mesh, f, partial(extended_again, surface))
         return HarmonicMap(surface, f, replace(self.done, straightening=straightening), w)
 
 
@@ -135,12 +135,12 @@ class Candidate:
     def is_doubtful(self, mesh: DiskMesh) -> bool:
         """Whether another way to the circle may lead nearer to the conformal map.
 
-        Errors that only the size of the faces explains do not say so. What does is shear,
-        stretched needles, a scale that jumps, and a centre at the boundary, where a dipole has no
-        room, as in a fan around one vertex.
+        It may if the faces are sheared or needles are stretched, if the scale is not smooth, or if
+        the central face lies at the boundary, where a dipole has no room. Errors that the size of
+        the faces explains are no reason.
         """
         verdict = self.conformality
-        if verdict.sheared or verdict.stretch > STRETCHED or verdict.excess < LEAST_EXCESS:
+        if verdict.sheared or verdict.stretch > LARGEST_STRETCH or verdict.excess < LEAST_EXCESS:
             return True
         return bool(mesh.on_boundary[mesh.F[self.done.center.face]].any())
 
@@ -160,7 +160,7 @@ def judged(
     uv = coordinates(f)
     with phase("certificate"):
         certificate, degrees = certify(mesh, uv), disk_map_distortion(mesh, uv)
-        conformality = Conformality(True, ("it is not valid",))
+        conformality = NOT_VALID
         if certificate.valid:
             conformality = judge(mesh, f, degrees, closely=closely)
         return Candidate(f, done, certificate, degrees, conformality)
@@ -176,7 +176,7 @@ def refined(
 ) -> Candidate:
     """Lower the angular distortion beyond that of the harmonic map.
 
-    Where rounding flips faces at the end, it is done again with steps that leave room.
+    Where rounding flips faces at the end, refine again, and let no face become thinner than `THIN`.
     """
     deadline = perf_counter() + options.refine_seconds
     done = candidate.done
@@ -200,7 +200,7 @@ def refined(
         if refinement.steps == 0:
             return replace(candidate, done=replace(done, refinement=refinement))
         with phase("repair"):
-            # Turned once, at the end: it rounds all coordinates, and small faces feel it.
+            # Rotated only once, at the end: a rotation rounds all coordinates.
             f, _ = open_collapsed_faces(mesh, rotate(mesh, f, options.align))
             f, repair = repair_locally(mesh, f)
         n_moved = max(done.repair.n_moved, repair.n_moved)

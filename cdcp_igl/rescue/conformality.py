@@ -13,11 +13,11 @@ from ..distortion import face_dilatation
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import face_areas
 
-SMALL = 1.0  # degrees: a mean error that no one sees, whatever it comes from
-LARGE = 12.0  # degrees: more than any use of a conformal map can bear
-STRETCHED = 3.0  # times as long one way as the other, which no use can bear either
-SAMPLE, RUN = 4_096, 128  # faces that are looked at, and how many in succession
-EXCESS = 1.2  # of the errors, by those that the scale explains; of conformal maps it is 0.9 to 1.06
+NEGLIGIBLE_DEGREES = 1.0  # mean error that no one sees, whatever its cause
+LARGEST_DEGREES = 12.0  # mean error that any use of a conformal map can bear
+LARGEST_STRETCH = 3.0  # times as long one way as the other: no use can bear more
+LARGEST_EXCESS = 1.2  # errors by those that the scale explains; 0.9 to 1.06 in conformal maps
+SAMPLE, RUN = 4_096, 128  # faces in the sample, and how many of them in succession
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,8 @@ class Conformality:
     corners of a face. A map is called conformal if its mean angle error is at most 1 degree; or
     at most 12 degrees and at most 1.2 times what the scale at the vertices explains, see
     `explained_errors`; and if its faces are stretched, see `dilatation`, at most 3 times as much
-    one way as the other: two angles of a needle stay near a right one, and the third near none,
-    whatever is done to its length. Faces inscribed in the circle do not count in the 12 degrees
-    and the 3 times.
+    one way as the other, for stretching a needle hardly changes its angles. Faces inscribed in
+    the circle do not count in the 12 degrees and the 3 times.
 
     Attributes
     ----------
@@ -75,17 +74,20 @@ class Conformality:
         return f"NO: {'; '.join(self.reasons)}" + (f". To lower it, {remedies}" if remedies else "")
 
 
+NOT_VALID = Conformality(True, ("it is not valid",))
+
+
 def judge(mesh: DiskMesh, f: Complex, degrees: Floats, *, closely: bool = False) -> Conformality:
     """Judge a valid map f (n,) with angular distortion `degrees` (m, 3).
 
-    `closely` looks at all faces, for a map that may be sheared in few places only, rather than at
-    some 4,000 spread over the surface.
+    `closely` judges all faces, for a map that may be sheared in few places only, rather than a
+    sample of some 4,000.
     """
     mean = mean_free = float(degrees.mean())
     faces = np.arange(len(degrees)) if closely else _sample(len(degrees))
     free = faces[~mesh.on_boundary[mesh.F[faces]].all(axis=1)]
     stretch = dilatation(mesh, f, free if len(free) else faces)
-    if mean <= SMALL and stretch <= STRETCHED:
+    if mean <= NEGLIGIBLE_DEGREES and stretch <= LARGEST_STRETCH:
         return Conformality(sheared=False, stretch=stretch)
     explained_there = np.degrees(abs(explained_errors(mesh, f, faces))).mean()
     explained = float(mean * explained_there / degrees[faces].mean())
@@ -93,16 +95,17 @@ def judge(mesh: DiskMesh, f: Complex, degrees: Floats, *, closely: bool = False)
         mean_free = float(np.delete(degrees, mesh.inscribed, axis=0).mean())
 
     reasons, remedies = [], []
-    sheared = mean > max(EXCESS * explained, SMALL)
+    bearable = max(LARGEST_EXCESS * explained, NEGLIGIBLE_DEGREES)
+    sheared = mean > bearable
     if sheared:
         reasons.append(
             f"the mean angle error is {mean:.2f} degrees, and the scale explains {explained:.2f}"
         )
         remedies.append("cut the surface where it is long or branches (cdcp_igl.cut)")
-    elif mean_free > LARGE:
+    elif mean_free > LARGEST_DEGREES:
         reasons.append(f"the mean angle error is {mean_free:.2f} degrees, as the faces are large")
         remedies.append("subdivide the faces, or cut the surface (cdcp_igl.cut)")
-    elif stretch > STRETCHED:
+    elif stretch > LARGEST_STRETCH:
         reasons.append(
             f"faces are stretched {stretch:.3g} times more one way than the other, which the "
             "angles of needles do not show"
@@ -111,7 +114,7 @@ def judge(mesh: DiskMesh, f: Complex, degrees: Floats, *, closely: bool = False)
     if reasons and mean > 2 * mean_free:
         remedies.append("flip the ears (cdcp_igl.clean with flip_ears=True)")
     excess = mean / explained if explained else np.inf
-    wanted = min(1, max(EXCESS * explained, SMALL) / mean, LARGE / mean_free)
+    wanted = min(1, bearable / mean, LARGEST_DEGREES / mean_free)
     return Conformality(sheared, tuple(reasons), tuple(remedies), excess, stretch, wanted)
 
 

@@ -10,16 +10,18 @@ from ..arrays import Bools, Complex, Floats, Ints, coordinates
 from ..certificate import certify
 from ..distortion import angle_errors
 from ..surface.mesh import DiskMesh
+from ..surface.triangles import twice_areas
 from .collapsed_faces import open_collapsed_faces
 from .recentering import extents
 
 HALVINGS = 6  # of a step, before it is computed again with more damping
-# High by the distance from 0: rounding, as when the map is turned, may turn such a face over.
+# Rounding may flip a face less high than this, by its distance from 0, as when the map is rotated.
 THIN = 1e-15
-# Of a step at a face that it flips. Where that is still too much, vertices stay,
+# The corners of a face that a step flips go a shorter part of it; where this part is too long, too,
+# they stay where they are.
 SMALLEST_SCALE = 0.03
-# and at once at faces of this size by their distance from 0, which rounding flips however short
-# the step is.
+# The corners of faces smaller than this, by their distance from 0, stay at once: rounding flips
+# these faces however short the step is.
 TINY = 1e-14
 
 
@@ -45,11 +47,11 @@ def search_along(
         flipped = _lower(mesh.F, trial, thin) & ~low
         flipped[certificate.flipped] = True
         if flipped.any():
-            turned = mesh.F[flipped]
-            corners = np.unique(turned)
+            faces = mesh.F[flipped]
+            corners = np.unique(faces)
             scale[corners] = np.where(scale[corners] > SMALLEST_SCALE, scale[corners] / 2, 0)
-            size, distance = extents(f[turned])
-            scale[turned[size < TINY * distance]] = 0
+            size, distance = extents(f[faces])
+            scale[faces[size < TINY * distance]] = 0
             continue
         r = angle_errors(mesh, trial)
         value = measure(r)
@@ -66,8 +68,8 @@ def _slide(mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
     """
     moved, sliding = f + step, mesh.loop[step[mesh.loop] != 0]
     boundary = f[sliding]
-    turned = boundary * np.exp(step[sliding] / boundary)  # by i times a real number
-    moved[sliding] = turned / abs(turned)
+    boundary = boundary * np.exp(step[sliding] / boundary)  # by i times a real number
+    moved[sliding] = boundary / abs(boundary)
     return moved
 
 
@@ -75,7 +77,7 @@ def _lower(F: Ints, f: Complex, height: float) -> Bools:
     """(m,) whether faces are flipped, or less high than that by their distance from 0."""
     corner = f[F]
     e = corner - corner[:, [2, 0, 1]]
-    twice_area = (e[:, 0].conj() * e[:, 1]).imag
+    twice_area = twice_areas(e)
     if height == 0:
         return np.asarray(twice_area < 0)
     size, distance = extents(corner)

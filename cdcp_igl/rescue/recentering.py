@@ -1,4 +1,4 @@
-"""Recentering: what lies too deep inside the disk for the digits of its place goes to 0."""
+"""Recentering: a tiny region deep inside the disk is moved to 0, where doubles are denser."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ FACES = 1_000  # enough to tell whether a part of the surface is too small
 # Faces this small by their distance from 0, and from the circle, have angles with errors of 1e-4.
 TOO_SMALL = 1e-12
 FEW = 0.01  # of the faces, with which nothing needs to be done
-ROUNDS = 3  # of settling; the first leaves what was lost in the digits of the place
+ROUNDS = 3  # of extending again; the first finds most of the digits that f has not
 
 
 def recentered(
-    mesh: DiskMesh, f: Complex, settled: Callable[[Complex], Complex]
+    mesh: DiskMesh, f: Complex, extend_again: Callable[[Complex], Complex]
 ) -> tuple[Complex, complex]:
-    """Move what is too small for the digits of its place to 0, where doubles are dense.
+    """Move a region that is too small for the doubles where it lies to 0.
 
     A surface that is closed but for a small hole, or that has its boundary at the end of a long
     arm, is mapped to a spot around a point w; a face of size s there has errors of
@@ -28,16 +28,16 @@ def recentered(
 
         psi_w(w + d) = d / (1 - abs(w)^2 - conj(w) d).
 
-    `settled` computes the interior of a map again, by differences of neighbours, such that small
-    parts have all their digits if they lie at 0; the boundary may be a translated circle. Returns
-    the map, the argument itself if nothing is too small, and the point w that went to 0.
+    `extend_again` computes the interior of a map again, by differences of neighbours, such that
+    small parts have all their digits if they lie at 0; the boundary may be a translated circle.
+    Returns the map, the argument itself if nothing is too small, and the point w that went to 0.
     """
     vertex = deep_vertex(mesh, f)
     if vertex is None:
         return f, 0j
     w, d = complex(f[vertex]), f - f[vertex]
     for _ in range(ROUNDS):
-        d = settled(d)
+        d = extend_again(d)
         w, d = w + complex(d[vertex]), d - d[vertex]
     if not abs(w) < 1 - TOO_SMALL:  # the part lies at the circle, and not inside
         return f, 0j

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from time import perf_counter
-from typing import TypeVar
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -19,24 +18,21 @@ from ..solve.cholesky import Cholesky
 from ..solve.laplacian import Laplacian
 from ..solve.solvers import factorize
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import hat_gradients, opposite_edges
+from ..surface.triangles import hat_gradients, opposite_edges, twice_areas
 from .line_search import HALVINGS, search_along
-
-Array = TypeVar("Array", Complex, Ints)
-
 
 # A map that is measurably not near the conformal one has so many steps even if none are asked for.
 STEPS_DUE = 2
-# Further ones go on while one of the last three lowers the objective by a thousandth.
+# Further steps are taken while one of the last three lowers the objective by this share.
 PATIENCE, WORTH = 3, 0.001
-# Whether they can make a map conformal shows after some of them, to within a factor.
+# After so many steps one can tell, to within this factor, whether they will make a map conformal.
 FEW_STEPS, HOPE = 10, 3
 ROUNDING = np.radians(0.1)  # below this angle |r|^p is rounded off to a parabola
 CG_ITERATIONS = 3  # lower the objective to within 0.3 % of what the solved system would
 DAMPINGS = (0, 1, 10, 100)  # tried in turn
-# The preconditioner stays after a step that has lowered the objective by less: it has changed
-# the weights little. Those of a smaller p follow the angles more closely, and it does not stay.
-SETTLED, STEADY = 0.02, 1.5
+# The preconditioner is used again after a step that has lowered the objective by less than this
+# share, as the weights are much the same; but not if p is smaller, as they change too much then.
+SMALL_GAIN, STEADY = 0.02, 1.5
 LOWERING = 0.5  # of p from 2 to the norm, with each step that needs no damping
 SHIFT = 1e-10  # of the unit diagonal: keeps rounding from an indefinite matrix
 
@@ -102,39 +98,16 @@ def lower_angle_distortion(
     Levenberg-Marquardt damping of the shear of every face; when the strongest damping does not
     help, the refinement ends. The weights begin with those of p = 2, which bring the large
     errors down that a smaller p would take for outliers; each step without damping lowers p
-    until it is the norm.
+    until it is the norm, from 1 to 2.
 
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Map onto the disk. With flipped faces nothing is done.
-    order : (nI,) ndarray of int
-        The interior vertices in a fill-reducing order.
-    steps : int
-        At least 1.
-    norm : float
-        The exponent p, from 1 to 2.
-    seconds : float
-        After so many no step is begun; one that has been begun is finished.
-    halvings : int
-        Of a step, before it is computed again with more damping. More of them are slower, and
-        go on where a map is bad.
-    thin : float
-        Steps keep faces this high that were so before.
-    least : int, optional
-        Further steps end where there is little to gain, or where a conformal map is out of
-        reach; all are taken if it is not told.
-    wanted : float
-        The share of the objective that would make the map conformal.
-    advance : callable
-        Called with the share of the steps that is done, after each.
-
-    Returns
-    -------
-    f : (n,) complex128
-        The argument itself if no step was an improvement.
-    Refinement
+    `order` are the interior vertices in a fill-reducing order. After so many `seconds` no step is
+    begun. A step is halved up to `halvings` times before it is computed again with more damping;
+    more of them are slower, and help where a map is bad. Faces at least as high as `thin` stay so,
+    see `search_along`. After the `least` number of steps, if it is told, further ones end where
+    there is little to gain, or where it is out of reach that only the share `wanted` of the
+    objective is left, which would make the map conformal. `advance` is called after each step with
+    the share that is done. Returns f itself if no step was an improvement, or if it has flipped
+    faces.
 
     References
     ----------
@@ -169,13 +142,13 @@ def lower_angle_distortion(
                 gains.append(1 - objective / last)
                 advance(taken / steps)
                 if least is not None and least <= taken < steps:
-                    stopped = _in_vain(gains, steps - taken, wanted * before / objective)
-            settled = (p, attempt) == used and objective >= (1 - SETTLED) * last
-            stale = not settled or p < STEADY
+                    stopped = _reason_to_stop(gains, steps - taken, wanted * before / objective)
+            alike = (p, attempt) == used and objective >= (1 - SMALL_GAIN) * last
+            stale = not alike or p < STEADY
     return f, Refinement(steps, taken, stopped, norm, before, objective)
 
 
-def _in_vain(gains: list[float], left: int, wanted: float) -> str:
+def _reason_to_stop(gains: list[float], left: int, wanted: float) -> str:
     """Say why further steps are not worth their time; empty if they may be.
 
     `gains` are the shares of the objective that each step has removed, `left` is how many more
@@ -218,12 +191,8 @@ def gauss_newton_step(
     """
     m = len(mesh.F)
     tangent = 1j * f[mesh.loop]
-    beta, s, t, gradient = (
-        np.empty((m, 3), complex),
-        np.empty(m),
-        np.empty(m, complex),
-        np.empty(m, complex),
-    )
+    beta, s = np.empty((m, 3), complex), np.empty(m)
+    t, gradient = np.empty((2, m), complex)
     for part in blocks(m):
         beta[part], s[part], t[part], gradient[part] = _linearize(f[mesh.F[part]], r[part], p)
     s += damping * (r * r).mean() ** (p / 2 - 1)
@@ -246,8 +215,7 @@ def gauss_newton_step(
 def _linearize(corner: Complex, r: Floats, p: float) -> tuple[Complex, Floats, Complex, Complex]:
     """Compute beta (k, 3), s, t and the gradient in b (k,) of k faces."""
     e = opposite_edges(corner)
-    twice_area = (e[:, 0].conj() * e[:, 1]).imag
-    beta = hat_gradients(e, twice_area) / 2
+    beta = hat_gradients(e, twice_areas(e)) / 2
     q = e.conj() / e
     g = _next(q) - _last(q)
     w = (r * r + ROUNDING**2) ** (p / 2 - 1)
@@ -269,15 +237,9 @@ class WeightedLaplacian:
     B^H diag(s) B is the normal matrix without its second, conjugate-linear term. Its real
     part is the Laplacian sum_f s / 4 grad.grad of the plane triangles, one matrix for both
     coordinates. The diagonal does for the boundary: with 3 iterations the whole matrix,
-    whose inverse knows nothing of the circle, is worse than a boundary that stays, and the
-    boundary block along the tangents is no better.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-        Has interior vertices.
-    order : (nI,) ndarray of int
-        The interior vertices in a fill-reducing order.
+    whose inverse ignores the circle, is worse than a boundary that stays, and the
+    boundary block along the tangents is no better. `order` are the interior vertices, at least
+    one, in a fill-reducing order.
     """
 
     def __init__(self, mesh: DiskMesh, order: Ints) -> None:
@@ -339,12 +301,12 @@ def _dot(x: Complex, y: Complex) -> float:
     return float(np.einsum("i,i", x.view(float), y.view(float)))
 
 
-def _next(corners: Array) -> Array:
+def _next(corners: Complex) -> Complex:
     """(m, 3) values at the next corner of each face."""
     return corners[:, [1, 2, 0]]
 
 
-def _last(corners: Array) -> Array:
+def _last(corners: Complex) -> Complex:
     """(m, 3) values at the last corner before each, the next but one."""
     return corners[:, [2, 0, 1]]
 

@@ -1,4 +1,4 @@
-"""Relaxation: vertices are moved one after the other towards conformality, faces unfolded."""
+"""Relaxation: vertices are moved one after the other towards conformality."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ..arrays import Bools, Complex, Floats, Ints
 from ..distortion import wirtinger_derivative
 
 HALVINGS = 12  # of a vertex's step
-UNFOLDING = 4  # of that of a vertex at a flipped face, which a shorter one hardly ever unfolds
+HALVINGS_AT_FLIPPED = 4  # of that of a vertex at a flipped face: shorter ones hardly ever help
 
 
 class Relaxation:
@@ -19,15 +19,9 @@ class Relaxation:
     face collapses. As a function of one vertex it is a convex quadratic over a linear
     function, hence convex, and Newton's method with backtracking cannot flip a face. With a
     softness s, the determinant J = |p|^2 - |q|^2 is replaced by (J + sqrt(J^2 + s^2)) / 2, in
-    units of its size at the vertex: flipped faces have a finite, large energy then, and are
-    pulled over. Vertices of one colour have no face in common and move together.
-
-    Parameters
-    ----------
-    V : (n, 3) float64
-    F : (m, 3) int64
-    moving : (n,) bool
-        Vertices that may move; all their faces are in F.
+    units of its size at the vertex: flipped faces have a finite, large energy then, which
+    falls until they are positively oriented. Vertices of one colour have no face in common and
+    move together. F has all faces of the vertices (n,) that are `moving`.
 
     References
     ----------
@@ -44,8 +38,8 @@ class Relaxation:
     def sweep(self, f: Complex, times: int, softness: float = 0.0) -> Complex:
         """Move every vertex so many times.
 
-        With a softness of 0 no face is flipped, and a vertex at a flipped face moves only if that
-        unfolds all its faces.
+        With a softness of 0 no face is flipped, and a vertex at a flipped face moves only if then
+        none of its faces is flipped.
         """
         f = f.copy()
         for _ in range(times):
@@ -58,11 +52,11 @@ class _Star:
     """The faces around an independent set of vertices, one row a corner."""
 
     def __init__(self, n: int, F: Ints, derivative: Complex, vertices: Ints) -> None:
-        place = np.full(n, -1)
-        place[vertices] = np.arange(len(vertices))
-        face, corner = np.nonzero(place[F] >= 0)
+        row = np.full(n, -1)
+        row[vertices] = np.arange(len(vertices))
+        face, corner = np.nonzero(row[F] >= 0)
         self._vertices = vertices
-        self._owner = place[F[face, corner]]
+        self._owner = row[F[face, corner]]
         self._corners = F[face]
         self._derivative = derivative[face]
         self._own = derivative[face, corner]
@@ -98,7 +92,7 @@ class _Star:
         step[~np.isfinite(step)] = 0
 
         energy = self._energy(p, q, soft)
-        most = np.where(np.isfinite(energy), HALVINGS, UNFOLDING)
+        most = np.where(np.isfinite(energy), HALVINGS, HALVINGS_AT_FLIPPED)
         scale = np.ones(len(step))
         for halvings in range(HALVINGS):
             move = (scale * step)[self._owner]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix, diags, identity
@@ -20,14 +19,14 @@ from .relaxation import Relaxation
 
 RINGS = 10  # largest radius of a patch around a flipped face
 ATTEMPTS = 4  # with patches up to a quarter of that, a half and so on
-MAX_FAILED_ATTEMPTS = 2  # in succession; then no further one will mend anything
+MAX_FAILED_ATTEMPTS = 2  # in succession
 MANY = 0.03  # of the faces: so many flipped faces are not near each other, but everywhere
-FEW = 10  # faces that are worth another attempt even if the last one mended none
-SOFTNESSES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the relaxation that pulls faces over, in turn
+FEW = 10  # flipped faces that are worth another attempt even if the last one repaired none
+SOFTNESSES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the relaxation of flipped faces, in turn
 SWEEPS = 4  # of a relaxation near flipped faces
 POWERS = (1, 1 / 2, 0)  # of the mean-value weights of a whole surface, in turn
-RELAXED = 6  # rings around what was moved, that are relaxed with it
-MOVES, MOST_SWEEPS = 200_000, 30  # of vertices at most, in these sweeps at most
+RELAXED = 6  # rings around the vertices that were moved, relaxed with them at the end
+MOST_MOVES, MOST_SWEEPS = 200_000, 30  # of single vertices, and of all, at the end
 
 
 @dataclass(frozen=True)
@@ -103,22 +102,22 @@ def replace_interior(mesh: DiskMesh, f: Complex, *, on_disk: bool = True) -> tup
 
 
 def repair_locally(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:
-    """Unfold flipped faces by moving vertices near them and no others.
+    """Repair flipped faces by moving vertices near them and no others.
 
     Cotangents of obtuse angles are negative, and a harmonic map with negative weights may
-    fold. The vertices of the flipped faces are set to mean-value combinations of their
+    flip faces. The vertices of the flipped faces are set to mean-value combinations of their
     neighbours, whose weights are positive; a patch of them is kept if it has fewer flipped
-    faces then, and larger the next time if it has not. What no patch mends, a relaxation
-    that pulls faces over may. At the end what was moved is relaxed towards conformality.
+    faces then, and larger the next time if it has not. What no patch repairs, a relaxation
+    of the flipped faces may. At the end what was moved is relaxed towards conformality.
     Nothing is done about more than `most` flipped faces; some may be left.
     """
     flipped, _ = flipped_faces(f, mesh.F)
     if len(flipped) == 0 or len(flipped) > most:
         return f, Repair(len(flipped))
-    folded = np.zeros(len(f), dtype=bool)
-    folded[mesh.F[flipped]] = True
-    near = _Neighbourhood(mesh, _grow(mesh.F, folded, RINGS + RELAXED + 1))
-    g = near.of(f)
+    at_flipped = np.zeros(len(f), dtype=bool)
+    at_flipped[mesh.F[flipped]] = True
+    near = _Neighbourhood(mesh, _grow(mesh.F, at_flipped, RINGS + RELAXED + 1))
+    g = f[near.vertices]
     rounds = failed = 0
     for attempt in range(1, ATTEMPTS + 1):
         before = len(near.flipped(g))
@@ -134,32 +133,15 @@ def repair_locally(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Co
     return f, Repair(len(flipped), int(near.moved.sum()), rounds)
 
 
-class _Corners(Protocol):
-    """Triangles in space: those of a surface, or of a part of one."""
-
-    @property
-    def V(self) -> Floats: ...
-    @property
-    def F(self) -> Ints: ...
-    @property
-    def angles(self) -> Floats: ...
-
-
-def mean_value_weights(mesh: _Corners) -> csr_matrix:
+def mean_value_weights(V: Floats, F: Ints, angles: Floats) -> csr_matrix:
     """(n, n) mean-value weights: (tan(a/2) + tan(b/2)) / |v_i - v_j|, all positive.
 
     a and b are the angles at v_i in the two faces at the edge; row i belongs to v_i.
     """
-    half_tangents = np.tan(mesh.angles / 2)
-    n, rows, columns, weights = len(mesh.V), [], [], []
-    for k in range(3):
-        for other in ((k + 1) % 3, (k + 2) % 3):
-            i, j = mesh.F[:, k], mesh.F[:, other]
-            rows.append(i)
-            columns.append(j)
-            weights.append(half_tangents[:, k] / np.linalg.norm(mesh.V[i] - mesh.V[j], axis=1))
-    entries = np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns))
-    return csr_matrix(entries, (n, n))
+    half_tangents = np.tan(angles / 2)
+    i, j = np.repeat(F, 2, axis=1), F[:, [1, 2, 2, 0, 0, 1]]
+    weights = np.repeat(half_tangents, 2, axis=1) / np.linalg.norm(V[i] - V[j], axis=2)
+    return csr_matrix((weights.ravel(), (i.ravel(), j.ravel())), (len(V), len(V)))
 
 
 class _Neighbourhood:
@@ -179,17 +161,13 @@ class _Neighbourhood:
         faces = np.flatnonzero(inside[mesh.F].all(axis=1))
         self.vertices, corners = np.unique(mesh.F[faces], return_inverse=True)
         self.F: Ints = corners.reshape(-1, 3)
-        self.V, self.angles = mesh.V[self.vertices], mesh.angles[faces]
+        self.V = mesh.V[self.vertices]
         degree = np.bincount(mesh.F.ravel(), minlength=len(mesh.V))[self.vertices]
         whole = np.bincount(self.F.ravel(), minlength=len(self.vertices)) == degree
         self.free: Bools = whole & ~mesh.on_boundary[self.vertices]
         self.moved: Bools = np.zeros(len(self.vertices), dtype=bool)
-        self._weights = mean_value_weights(self)
+        self._weights = mean_value_weights(self.V, self.F, mesh.angles[faces])
         self._weights.data **= power
-
-    def of(self, f: Complex) -> Complex:
-        """(k,) the map here."""
-        return f[self.vertices]
 
     def flipped(self, g: Complex) -> Ints:
         """Rows of F that are not positively oriented."""
@@ -205,11 +183,11 @@ class _Neighbourhood:
         rounds = 0
         flipped = self.flipped(g)
         while len(flipped) and reach[self.F[flipped]].max() <= rings:
-            folded = np.unique(self.F[flipped])
-            patch = self.free & self._within(folded, reach)
+            at_flipped = np.unique(self.F[flipped])
+            patch = self.free & self._within(at_flipped, reach)
             part = _connected(self.F, patch)
             trial = self.combine(g, patch)
-            if rounds:  # what the means leave folded, or fold
+            if rounds:  # mean values have left faces flipped, or flipped others
                 around = self.free & _grow(self.F, patch, 2)
                 trial = Relaxation(self.V, self.F, around).sweep(trial, SWEEPS)
             # Flipped faces by patch; the first count is that of faces without one.
@@ -221,20 +199,20 @@ class _Neighbourhood:
             g = np.where(better, trial, g)
             self.moved |= better
             before, flipped = flipped, self.flipped(g)
-            # Patches may take turns to flip what the other has mended.
-            in_vain = ~better[folded] | (len(flipped) >= len(before))
-            reach[folded[in_vain]] += 1
+            # Two patches may take turns to flip what the other has repaired.
+            in_vain = ~better[at_flipped] | (len(flipped) >= len(before))
+            reach[at_flipped[in_vain]] += 1
             rounds += 1
         return g, rounds
 
     def pull_over(self, g: Complex, rings: int) -> Complex:
-        """Relax around flipped faces such that they are pulled over; kept if fewer are left."""
+        """Relax around flipped faces, from soft to hard; keep the result if fewer are left."""
         flipped = self.flipped(g)
         if len(flipped) == 0:
             return g
-        folded = np.zeros(len(g), dtype=bool)
-        folded[self.F[flipped]] = True
-        moving = self.free & _grow(self.F, folded, rings)
+        at_flipped = np.zeros(len(g), dtype=bool)
+        at_flipped[self.F[flipped]] = True
+        moving = self.free & _grow(self.F, at_flipped, rings)
         relaxation, trial = Relaxation(self.V, self.F, moving), g
         for softness in SOFTNESSES:
             trial = relaxation.sweep(trial, SWEEPS, softness)
@@ -266,7 +244,7 @@ class _Neighbourhood:
     def relaxed(self, g: Complex) -> Complex:
         """Relax what has been moved towards conformality, unless rounding flips a face then."""
         moving = self.free & _grow(self.F, self.moved, RELAXED)
-        sweeps = min(MOST_SWEEPS, 1 + MOVES // (1 + int(moving.sum())))
+        sweeps = min(MOST_SWEEPS, 1 + MOST_MOVES // (1 + int(moving.sum())))
         trial = Relaxation(self.V, self.F, moving).sweep(g, sweeps)
         if len(self.flipped(trial)) > len(self.flipped(g)):
             return g

@@ -11,6 +11,7 @@ from ..arrays import Complex, Floats, Ints, evenly_spaced_rows
 from ..certificate import increments, is_around
 from ..distortion import plane_angles
 from ..steps.circle import RESOLVED
+from ..steps.least_distortion import pseudo_huber_corner
 from ..surface.mesh import DiskMesh
 
 FEW_FACES = 1_000  # enough to tell whether there is anything to gain
@@ -18,7 +19,6 @@ MANY_FACES = 30_000  # for the gain itself
 WORTH = 0.02  # of the mean angular distortion: a smaller gain is not worth two solves
 STEPS = 8  # of Gauss-Newton; one is enough but for the strongest shear
 ROUNDS = 8  # of reweighted least squares
-SOFT = 0.2  # corner of the pseudo-Huber function, by the median residual
 HALVINGS = 5
 
 
@@ -60,12 +60,13 @@ def straighten(
     With boundary values ``sum_k c[k] zeta^k``, a harmonic map of the disk is the sum of
     ``c[k] z^k`` over k >= 0 and of ``c[-k] conj(z)^k``. Conformal are the first; of the others,
     conj(z) fades away from the boundary no faster than z does: ``c[-1]`` shears all of the
-    interior by the same. A long boundary has it next to 0. A polygon of few vertices, such as
-    the edge of one face, taken out of a closed surface, has not, and where most of the
-    surface is mapped far inside, nearly all of its distortion is this. Turning the boundary by
-    theta = Re(a conj(zeta)^2) changes ``c[-1]`` by i a / 2 and, besides, ``c[3]`` alone; a is
-    found by Gauss-Newton on the sum of the angle errors. `extend` extends boundary values
-    harmonically; the map is returned as it is where less than 2 % of the errors can be gained.
+    interior by the same. On a boundary of many vertices it is nearly 0. On one of few vertices,
+    such as the edge of one face taken out of a closed surface, it is not, and where most of the
+    surface is mapped far inside, nearly all of its distortion is this. Moving the boundary along
+    the circle by the angle theta = Re(a conj(zeta)^2) changes ``c[-1]`` by i a / 2 and, besides,
+    ``c[3]`` alone; a is found by Gauss-Newton on the sum of the angle errors. `extend` extends
+    boundary values harmonically; the map is returned as it is where less than 2 % of the errors
+    can be gained.
     """
     if not is_sheared(mesh, f):
         return f, Straightening()
@@ -101,11 +102,11 @@ def _straighter(
     responses = [_angle_response(f[faces], move[faces]).imag for move in moves]
     a, _ = _least_errors(plane_angles(f, faces) - angles, *responses)
     for _ in range(HALVINGS):
-        turned = boundary * np.exp(1j * (a * boundary.conj() ** 2).real)
-        turned /= turned[0]
-        turned /= abs(turned)
-        if is_around(turned):
-            straight = extend(turned)
+        moved = boundary * np.exp(1j * (a * boundary.conj() ** 2).real)
+        moved /= moved[0]
+        moved /= abs(moved)
+        if is_around(moved):
+            straight = extend(moved)
             after = float(abs(plane_angles(straight, faces) - angles).mean())
             if after < before:
                 return straight, after
@@ -116,7 +117,7 @@ def _straighter(
 def is_sheared(mesh: DiskMesh, f: Complex) -> bool:
     """Whether so much shear is common to all faces that it is worth taking out.
 
-    Not asked where arcs are too short for positions on the circle to describe them well.
+    False where arcs are too short for positions on the circle to describe them well.
     """
     if increments(f[mesh.loop]).min() < RESOLVED:
         return False
@@ -152,7 +153,7 @@ def _least_errors(errors: Floats, by_x: Floats, by_y: Floats) -> tuple[complex, 
     """Find x + iy with the least mean of |errors + x by_x + y by_y|, and that mean."""
     x = y = 0.0
     r = errors
-    soft = max(SOFT * float(np.median(abs(errors))), np.finfo(float).eps)
+    soft = pseudo_huber_corner(errors)
     for _ in range(ROUNDS):
         weights = 1 / np.sqrt(r * r + soft * soft)
         wx, wy = weights * by_x, weights * by_y

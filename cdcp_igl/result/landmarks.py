@@ -12,8 +12,8 @@ from ..steps.mobius import conformal_barycenter
 MAX_STEPS = 100
 EPS = np.finfo(float).eps
 INSIDE = 0.99  # factor on points whose barycentre is sought
-# With less, the system of two points on the circle, which leave one degree of freedom, is singular;
-# steps that are damped more no longer move a point.
+# With less damping, the system of two points on the circle, which leave one degree of freedom, is
+# singular; with more, steps no longer move a point.
 LEAST_DAMPING, LARGEST_DAMPING = 1e-12, 1e12
 LONGEST = 0.5  # step, from the middle of the disk
 # The point that goes to 0 is no nearer to the circle: |a|^2 - |b|^2 would be rounding errors.
@@ -67,16 +67,8 @@ def landmark_automorphism(z: Complex, target: Complex) -> Automorphism:
 
     It minimises the sum of |T(z) - target|^2, once the disk has been moved so that the
     conformal barycentre of `target` lies at 0. Points that crowd near the circle then
-    count, and the result does not depend on how the two maps are normalised.
-
-    Parameters
-    ----------
-    z, target : (k,) complex128
-        Points of the closed unit disk, k >= 2, in pairs.
-
-    Returns
-    -------
-    Automorphism
+    count, and the result does not depend on how the two maps are normalised. The points (k,) lie
+    in the closed unit disk; there are at least two.
     """
     even = np.ones(len(z))
     here, there = (

@@ -6,18 +6,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from copy import copy
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from scipy.sparse import csc_matrix, spmatrix
 
-from ..arrays import Complex, Floats, Indices, as_complex
+from ..arrays import Indices, Numbers, as_complex
 from ..errors import SolverError
 from .memory import require_buffers
 from .threads import one_thread
 
 Ordering = Literal["amd", "natural"]
-Numbers = TypeVar("Numbers", Complex, Floats)
 
 
 class Cholesky(ABC):

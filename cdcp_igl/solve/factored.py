@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_matrix
 
-from ..arrays import Bools
+from ..arrays import Bools, Numbers
 from ..cached import cached_property
 from ..surface.mesh import DiskMesh
-from .cholesky import Numbers
 from .laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
 from .memory import require_memory
 from .ordering import elimination_order

@@ -11,7 +11,7 @@ from .laplacian import Laplacian
 from .solvers import solver
 
 # Minimum degree is greedy; a few straight cuts first keep its fronts short. Below this many
-# vertices there is nothing to gain, and on folded surfaces something to lose.
+# vertices there is nothing to gain, and on surfaces with folds something to lose.
 LARGE = 100_000
 LEVELS = 5
 SAMPLE = 20_000  # vertices from which the cuts are found

@@ -35,10 +35,10 @@ def whitened_geodesic_map(trace: Complex) -> Complex:
     along the edges of the trace keep it to the harmonic map, which is linear there.
     """
     z = whiten_trace(trace)
-    pieces = -(-ENOUGH_POINTS // len(z))
-    along = np.arange(pieces) / pieces
+    n_per_edge = -(-ENOUGH_POINTS // len(z))
+    along = np.arange(n_per_edge) / n_per_edge
     polygon = np.outer(z, 1 - along) + np.outer(np.roll(z, -1), along)
-    return geodesic_map(polygon.ravel())[::pieces]
+    return geodesic_map(polygon.ravel())[::n_per_edge]
 
 
 def onto_circle(

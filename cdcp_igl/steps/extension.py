@@ -15,7 +15,7 @@ def harmonic_extension(surface: FactoredSurface, f_B: Complex) -> Complex:
     return f
 
 
-def settled_extension(surface: FactoredSurface, f: Complex) -> Complex:
+def extended_again(surface: FactoredSurface, f: Complex) -> Complex:
     """Make the interior of a map (n,) harmonic again, by the differences of neighbours.
 
     Where these are much smaller than f itself, and f is small, they have digits that a solution for

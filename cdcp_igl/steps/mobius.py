@@ -20,9 +20,8 @@ from .least_distortion import (
 
 MobiusMethod = Literal["angle", "area", "nelder-mead"]
 
-
 MAX_STEPS = 30  # towards the conformal barycentre
-HALVINGS = 10  # of w, until no face is turned over
+HALVINGS = 10  # of w, until no face is flipped
 
 
 @dataclass(frozen=True)
@@ -63,15 +62,8 @@ def normalize(
     not: what can be gained on the way is gained. It is not applied where it does not lower
     the angular distortion.
 
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Map onto the unit disk, first boundary vertex at 1.
-    method : {"angle", "nelder-mead", "area"} or None
-        Least angular distortion by Newton or by Nelder-Mead; conformal barycentre; none.
-    finished : callable
-        What is done to the map after psi_w, before its faces count as flipped.
+    The first boundary vertex of the map f (n,) lies at 1. `finished` is what is done to the map
+    after psi_w, before its flipped faces are counted.
     """
     if method is None:
         return finished(f), Normalization("none", 0j)
@@ -84,7 +76,7 @@ def normalize(
     else:
         w = conformal_barycenter(f, vertex_areas(mesh))
 
-    allowed: Ints | None = None  # faces that are turned over anyway
+    allowed: Ints | None = None  # faces that are flipped without it, too
     reason = "no improvement"
     for _ in range(HALVINGS):
         if method != "area" and not errors.mean(w) < before:
@@ -92,10 +84,10 @@ def normalize(
         moved = at_one(mesh, mobius_transformation(f, w), mesh.loop[0])
         if is_around(moved[mesh.loop]):
             moved = finished(moved)
-            turned, _ = flipped_faces(moved, mesh.F)
-            if len(turned) and allowed is None:
+            flipped, _ = flipped_faces(moved, mesh.F)
+            if len(flipped) and allowed is None:
                 allowed, _ = flipped_faces(finished(f), mesh.F)
-            if allowed is None or np.isin(turned, allowed).all():
+            if allowed is None or np.isin(flipped, allowed).all():
                 return moved, Normalization(method, w)
             reason = "flipped faces"
         else:

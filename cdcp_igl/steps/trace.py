@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Complex, Floats
-from ..solve.cholesky import Numbers
+from ..arrays import Complex, Floats, Numbers
 from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
 
@@ -16,14 +15,13 @@ def conjugate_trace(surface: FactoredSurface, face: int) -> Complex:
     The solution h of eq. (18) lets nothing through the boundary. Its harmonic conjugate g is
     constant there, and along the boundary h grows by i times what flows in of g. The dipole of
     the conjugate is the same one, as a turn by 90 degrees is a factor i. So L_II g_I = r_I with
-    g_B = 0, and the steps of h are the flux of g, shared by the edges: equal to eq. (18) but for
-    terms of second order in the length of edges. Not in the paper. Of a face without an interior
-    corner the trace is a single point.
+    g_B = 0, and the increments of h are the flux of g, shared by the edges: equal to eq. (18) but
+    for terms of second order in the length of edges. Not in the paper. Of a face without an
+    interior corner the trace is a single point.
     """
-    steps = 1j * shared_by_edges(
-        surface.mesh, boundary_flux(surface, face_dipole(surface.mesh, face))
-    )
-    trace: Complex = np.cumsum(steps) - steps
+    flux = boundary_flux(surface, face_dipole(surface.mesh, face))
+    increments = 1j * shared_by_edges(surface.mesh, flux)
+    trace: Complex = np.cumsum(increments) - increments
     return trace
 
 
@@ -33,23 +31,9 @@ def boundary_trace(surface: FactoredSurface, face: int) -> Complex:
     The double cover would need a system of size 2 nI + nB; by symmetry, the pinned system
     of size n gives the same boundary values up to scale and shift. It is factored here.
 
-    Parameters
-    ----------
-    surface : FactoredSurface
-    face : int
-        Central face.
-
-    Returns
-    -------
-    (nB,) complex128
-        In the order of ``mesh.loop``. It runs **clockwise**: with the pole at infinity,
-        the image of the surface is the exterior of this curve. (Inside the surface, h is
-        not conformal and of no use.)
-
-    Raises
-    ------
-    SolverError
-        If L pinned is numerically not positive definite, or its factor cannot fit into memory.
+    They are (nB,), in the order of ``mesh.loop``, and run **clockwise**: with the pole at infinity,
+    the image of the surface is the exterior of this curve. (Inside the surface, h is not conformal
+    and of no use.) SolverError if the pinned L is numerically not positive definite.
     """
     mesh = surface.mesh
     free = np.arange(len(mesh.V)) != mesh.loop[0]  # h = 0 at the pin, b_1

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
-
 import numpy as np
 
-from ..arrays import Bools, Complex, Floats
-
-Points = TypeVar("Points", Complex, Floats)
+from ..arrays import Bools, Complex, Floats, Numbers
 
 COINCIDENT = 1e-8  # points closer than this to the one before, by the size of the curve
 PINCHED = 1e-14  # the flattest geodesic arc that double precision can open
@@ -47,7 +43,7 @@ def geodesic_map(z: Complex) -> Complex:
     D. E. Marshall, S. Rohde. Convergence of a variant of the zipper algorithm for
     conformal mapping. SIAM J. Numer. Anal. 45(6), 2007.
     """
-    # From the longest edge, the one that two points describe worst; the first of several.
+    # Start at the longest edge, which two points describe worst; of several, at the first.
     lengths = abs(np.roll(z, -1) - z)
     first = int((lengths >= (1 - 1e-9) * lengths.max()).argmax())
     curve = np.roll(z, -first)
@@ -138,7 +134,7 @@ def _open_by_series(x: Complex, y: Floats, k: int) -> bool:
     return True
 
 
-def _sum(series: Floats, x: Points) -> Points:
+def _sum(series: Floats, x: Numbers) -> Numbers:
     """Sum a power series by Horner's method."""
     total = np.full_like(x, series[-1])
     for coefficient in series[-2::-1]:

@@ -1,1 +1,1 @@
-"""What comes in: a surface, checked, mended and indexed."""
+"""What comes in: a surface, checked, cleaned and indexed."""

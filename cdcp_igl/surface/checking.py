@@ -43,7 +43,7 @@ class MeshReport:
         Components of faces that share edges; 0 where the surface could not be examined.
     n_loops : int or None
         Boundary loops of all components; None unless the surface is a manifold with two
-        sides, whichever way its faces are turned.
+        sides, once its faces are oriented alike.
     genus : int or None
         Handles of all components; None as for `n_loops`.
     defects : tuple of Defect

@@ -1,4 +1,4 @@
-"""Mend a surface that is nearly a disk, and say what was changed."""
+"""Clean a surface that is nearly a disk, and say what was changed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .validation import repeated_corners, unit_size, usable_arrays
 
 
 class Cleaned(NamedTuple):
-    """A mended surface; ``clean(V, F)[:2]`` is a surface again.
+    """A cleaned surface; ``clean(V, F)[:2]`` is a surface again.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
 
 
 class _Surface:
-    """The surface while it is being mended."""
+    """The surface while it is being cleaned."""
 
     def __init__(self, V: Floats, F: Ints) -> None:
         self.V, self.F = V, F

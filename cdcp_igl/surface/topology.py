@@ -149,7 +149,7 @@ class Topology:
 
     @cached_property
     def misoriented(self) -> Ints | None:
-        """Faces that are oriented against most of their component; None if it has one side."""
+        """Faces that are oriented unlike most of their component; None if it has one side."""
         (one, other), m = self.twins, len(self.F)
         if self.is_oriented:
             return np.empty(0, np.int64)
@@ -230,8 +230,8 @@ class Topology:
             return []
         tail, head = self._border_ends
         if len(self.misoriented):
-            turned = np.isin(self.border % len(self.F), self.misoriented)
-            tail, head = np.where(turned, head, tail), np.where(turned, tail, head)
+            flipped = np.isin(self.border % len(self.F), self.misoriented)
+            tail, head = np.where(flipped, head, tail), np.where(flipped, tail, head)
         if self._is_plainly_a_disk:
             return [_from_smallest(libigl.path(np.column_stack([tail, head]).astype(np.int64)))]
         return _cycles(tail, head)

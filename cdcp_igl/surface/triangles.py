@@ -76,6 +76,11 @@ def opposite_edges(corners: Complex) -> Complex:
     return corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
 
 
+def twice_areas(edges: Complex) -> Floats:
+    """(m,) twice the signed areas of plane triangles with these edges (m, 3), in their order."""
+    return (edges[:, 0].conj() * edges[:, 1]).imag
+
+
 def hat_gradients(opposite: Complex, twice_area: Floats) -> Complex:
     """(m, 3) gradients of the hat functions of the corners, of triangles with these edges."""
     # They grow at right angles to the opposite edge.
