@@ -266,25 +266,9 @@ def algorithm_1(
 ) -> tuple[HarmonicMap, Complex, Normalization]:
     """Algorithm 1 as it stands: no fallback, no repair, no certificate.
 
-    Parameters
-    ----------
-    surface : FactoredSurface
-    steps : Steps
-    phase : Phases, optional
-    harmonic : HarmonicMap, optional
-        What the first four steps give, if that is known.
-
-    Returns
-    -------
-    harmonic : HarmonicMap
-    f : (n,) complex128
-        After the Möbius transformation.
-    mobius : Normalization
-
-    Raises
-    ------
-    Rejected
-        If the trace gives no map of the boundary onto the circle.
+    `harmonic` is what the first four steps give, if that is known. Returns it, f (n,) after the
+    Möbius transformation, and what that was. Raises `Rejected` if the trace gives no map of the
+    boundary onto the circle.
     """
     phase = phase or Phases()
     if harmonic is None:

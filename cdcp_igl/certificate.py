@@ -97,17 +97,7 @@ class Certificate:
 
 
 def certify(mesh: DiskMesh, uv: Floats) -> Certificate:
-    """Verify a map of a mesh onto the unit disk.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-    uv : (n, 2) float64
-
-    Returns
-    -------
-    Certificate
-    """
+    """Verify a map (n, 2) of a mesh onto the unit disk."""
     if not np.isfinite(uv).all():
         return not_finite(mesh)
     f = as_complex(uv)

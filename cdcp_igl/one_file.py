@@ -44,7 +44,7 @@ class Settings:
 
     def __post_init__(self) -> None:
         if self.cut and self.clean:
-            raise ValueError("cut mends what it must by itself; leave out clean")
+            raise ValueError("cut cleans what it must by itself; leave out clean")
         of_map = {name: value for name, value in self.options.items() if name not in ONLY_OF_CUT}
         checked = Options(**of_map)
         if self.cut and not isinstance(checked.center, str):

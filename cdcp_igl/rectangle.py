@@ -347,17 +347,9 @@ def _by_disk_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> _Square:
 def along_side(z: Complex, corners: Complex) -> Floats:
     """Where the conformal map of the disk onto a rectangle takes an arc between two corners.
 
-    Parameters
-    ----------
-    z : (k,) complex128
-        Points of the arc from the first corner to the second.
-    corners : (4,) complex128
-        On the unit circle, counterclockwise, the start of the side first.
-
-    Returns
-    -------
-    (k,) float64
-        From 0 at the start of the side to 1 at its end.
+    The points z (k,) lie on the arc from the first corner to the second; the `corners` (4,) go
+    counterclockwise around the unit circle. Returns (k,) numbers, 0 at the first and 1 at the
+    second corner.
 
     References
     ----------

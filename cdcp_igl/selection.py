@@ -29,8 +29,8 @@ from .surface.mesh import DiskMesh
 
 log = logging.getLogger("cdcp_igl")
 
-# If a larger share of the faces is flipped, other maps come first: those of the intrinsic
-# Delaunay Laplacian have a hundredth of the flipped faces of the cotangent one on slivers.
+# If a larger share of the faces is flipped, other maps are tried before repair: on slivers, those
+# of the intrinsic Delaunay Laplacian have a hundredth of the flipped faces of the cotangent one.
 MANY_FLIPPED = 0.003
 # Even area, if it was asked for, may raise the angular distortion by so much.
 PRICE_OF_AREA = 1.05
@@ -176,22 +176,10 @@ def finish(
     *,
     keep_factor: bool,
 ) -> DiskMap:
-    """Refine a map if that is asked for or needed, and say what it is.
+    """Refine a map if that is asked for or needed, and say what it is; MapError if it is not valid.
 
-    Parameters
-    ----------
-    surface : FactoredSurface
-    best : Candidate
-    options : Options
-    phase : Phases
-    keep_factor : bool
-        Whether the surface will be mapped again. If not, refinement, which makes a factor of
-        its own, begins by giving back the memory of this one.
-
-    Raises
-    ------
-    MapError
-        If the map is not valid.
+    Unless `keep_factor`, refinement, which makes a factor of its own, begins by giving back the
+    memory of the surface's.
     """
     mesh = surface.mesh
     steps = options.refine

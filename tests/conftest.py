@@ -3,13 +3,14 @@
 import os
 import re
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import hypothesis
 import numpy as np
 import pytest
 
-from cdcp_igl import datasets
+from cdcp_igl import DiskMap, datasets, disk_map
 
 # Deterministic: a failure in CI is a failure everywhere.
 hypothesis.settings.register_profile("cdcp_igl", derandomize=True, deadline=None)
@@ -65,3 +66,9 @@ def real_mesh() -> Callable[[str], Mesh]:
             return data["V"], data["F"]
 
     return load
+
+
+@pytest.fixture(scope="session")
+def map_of(real_mesh) -> Callable[..., DiskMap]:
+    """What maps a real surface with some options, once for all tests that look at the map."""
+    return cache(lambda name, **options: disk_map(*real_mesh(name), **options))

@@ -131,3 +131,64 @@ def dual(V, F):
             polygon.append(face)
         polygons.append(polygon)
     return V[F].mean(axis=1), polygons
+
+
+def blob(seed, subdivisions=3):
+    """A closed surface: an icosahedron, subdivided, with bumps."""
+    t = (1 + np.sqrt(5)) / 2
+    V = [(0, s, u * t) for s in (-1, 1) for u in (-1, 1)]
+    V = np.array([np.roll(v, k) for k in range(3) for v in V], float)
+    edge = np.linalg.norm(V[:, None] - V, axis=2) < 2.1
+    F = [
+        (i, j, k)
+        for i in range(12)
+        for j in range(i + 1, 12)
+        for k in range(j + 1, 12)
+        if edge[i, j] and edge[j, k] and edge[i, k]
+    ]
+    F = np.array([f if np.linalg.det(V[list(f)]) > 0 else (f[0], f[2], f[1]) for f in F])
+    for _ in range(subdivisions):
+        ends = np.sort(np.concatenate([F[:, [1, 2]], F[:, [2, 0]], F[:, [0, 1]]]), axis=1)
+        edges, which = np.unique(ends, axis=0, return_inverse=True)
+        a, b, c = len(V) + which.reshape(3, -1)
+        V = np.vstack([V, V[edges].mean(axis=1)])
+        i, j, k = F.T
+        corners = ([i, c, b], [j, a, c], [k, b, a], [a, b, c])
+        F = np.concatenate([np.column_stack(face) for face in corners])
+    V /= np.linalg.norm(V, axis=1)[:, None]
+    rng = np.random.default_rng(seed)
+    bumps = np.cos(4 * V @ rng.normal(size=(3, 4)) + rng.uniform(0, 6, 4)).sum(axis=1)
+    return V * (1 + 0.08 * bumps)[:, None], F
+
+
+def punctured(V, F, rings, seed):
+    """Take out a face, a vertex, or a vertex with its neighbours."""
+    rng = np.random.default_rng(seed)
+    near = np.zeros(len(V), dtype=bool)
+    near[rng.integers(len(V))] = True
+    if rings == 0:
+        left = np.delete(F, rng.integers(len(F)), axis=0)
+    else:
+        for _ in range(rings - 1):
+            near[F[near[F].any(axis=1)]] = True
+        left = F[~near[F].any(axis=1)]
+    used = np.unique(left)
+    return V[used], np.searchsorted(used, left)
+
+
+def capped_tube(around=16, along=60):
+    """A tube closed at one end, twelve times longer than wide."""
+    angle = 2 * np.pi * np.arange(around) / around
+    rings = [
+        np.column_stack([np.cos(angle), np.sin(angle), np.full(around, 0.4 * k)])
+        for k in range(along)
+    ]
+    V = np.vstack([*rings, [0, 0, -0.5]])
+    here = np.arange(around)
+    beside = np.roll(here, -1)
+    faces = [np.column_stack([beside, here, np.full(around, len(V) - 1)])]
+    for k in range(along - 1):
+        low, high = around * k, around * (k + 1)
+        faces.append(np.column_stack([low + here, low + beside, high + here]))
+        faces.append(np.column_stack([low + beside, high + beside, high + here]))
+    return V, np.vstack(faces)

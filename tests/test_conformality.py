@@ -1,5 +1,6 @@
 """Whether a valid map is conformal, and that the result says so."""
 
+import json
 import logging
 
 import meshes
@@ -67,30 +68,19 @@ def test_shear_is_not_explained():
     assert of_scale < np.radians(1)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "chinese_lion_17334",
-        "human_face_17157",
-        "human_brain_48463",
-        "left_hand_53054",
-        "bimba_22838",
-    ],
-)
-def test_arc_length_is_not_conformal(name, real_mesh):
+@pytest.mark.parametrize("name", ["chinese_lion_17334", "human_face_17157", "human_brain_48463"])
+def test_arc_length_is_not_conformal(name, real_mesh, map_of):
     V, F = real_mesh(name)
-    mesh = DiskMesh(V, F)
-    error, of_scale = means(V, F, harmonic(V, F))
+    uv = harmonic(V, F)
+    error, of_scale = means(V, F, uv)
     assert 1.8 * of_scale < error < 9 * of_scale
-    f = harmonic(V, F) @ [1, 1j]
+    mesh, f = DiskMesh(V, F), uv @ [1, 1j]
     verdict = judge(mesh, f, np.degrees(abs(angle_errors(mesh, f))))
     assert verdict.sheared
     assert not verdict
     assert "the scale explains" in str(verdict)
     assert "cdcp_igl.cut" in str(verdict)
-    result = cdcp_igl.disk_map(V, F)
-    assert result.conformal
-    assert not result.conformality.sheared
+    assert map_of(name).conformal
 
 
 def test_coarse_faces_are_no_shear():
@@ -117,7 +107,7 @@ def test_dilatation_of_a_linear_map(stretch, angle, needles):
     assert dilatation(mesh, f, np.arange(len(F))) == pytest.approx(stretch, rel=1e-6)
 
 
-@pytest.mark.parametrize("length", [30, 1e3, 1e6])
+@pytest.mark.parametrize("length", [30, 1e6])
 def test_needles_hide_what_is_done_to_them(length):
     """Strips of 30 by 30 cells: the angles of their faces hardly change by arc length."""
     V, F = meshes.corridor(1, 30)
@@ -129,7 +119,7 @@ def test_needles_hide_what_is_done_to_them(length):
     assert "remesh" in str(result)
 
 
-@pytest.mark.parametrize("length", [1, 5, 10])
+@pytest.mark.parametrize("length", [1, 10])
 def test_needles_need_not_be_stretched(length):
     V, F = meshes.corridor(1, 30)
     assert cdcp_igl.disk_map(V * [length, 1], F).conformal
@@ -142,6 +132,7 @@ def test_the_result_says_so(caplog):
     assert str(result).startswith(f"disk map of {len(V):,} vertices: valid, NOT CONFORMAL")
     assert "the boundary lies by arc length" in str(result)
     report = result.report()
+    assert json.loads(json.dumps(report)) == report
     assert report["valid"]
     assert report["conformal"] is False
     assert any("crowding" in reason for reason in report["not_conformal_because"])
@@ -164,7 +155,7 @@ def test_warnings_are_silent_unless_asked_for(capfd):
 
 def test_refinement_starts_from_the_best_attempt():
     """The first map of this strip cannot be certified; refinement goes on from the second."""
-    for k in (17, 18, 19, 20):
+    for k in (17, 20):
         V, F = meshes.corridor(k, 4)
         plain, refined = (cdcp_igl.disk_map(V, F, refine=steps) for steps in (0, 3))
         assert refined.valid

@@ -7,14 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_straightening import blob, punctured
 from threadpoolctl import threadpool_limits
 
 import cdcp_igl
 from cdcp_igl.reference import fdcp, harmonic
-from cdcp_igl.rescue.relaxation import Relaxation
-from cdcp_igl.rescue.repair import repair_locally
-from cdcp_igl.surface.mesh import DiskMesh
 
 
 def square_with_a_tail(cells, length, width):
@@ -28,7 +24,7 @@ def square_with_a_tail(cells, length, width):
     return V, np.argsort(order)[same.ravel()][np.vstack([F, G + len(both) - len(tail)])]
 
 
-@pytest.mark.parametrize("width", [3, 4, 6])
+@pytest.mark.parametrize("width", [3, 6])
 def test_a_crowded_tail_does_not_spoil_the_rest(width):
     """Its end is 1e-15 of the disk, where faces cannot be told to be positively oriented."""
     V, F = square_with_a_tail(20, 11, width)
@@ -42,16 +38,6 @@ def test_a_crowded_tail_does_not_spoil_the_rest(width):
     assert degrees.mean() < 8
 
 
-@pytest.mark.parametrize("rings", [0, 1, 2])
-@pytest.mark.parametrize("seed", range(6))
-def test_no_other_method_is_better_where_the_boundary_is_short(rings, seed):
-    V, F = punctured(*blob(seed), rings, seed)
-    mean = cdcp_igl.disk_map(V, F).distortion.mean
-    paper = cdcp_igl.disk_map(V, F, preset="paper").distortion.mean
-    others = [cdcp_igl.angle_distortion(V, F, method(V, F)).mean() for method in (fdcp, harmonic)]
-    assert mean < 1.02 * min(paper, *others)
-
-
 def split_triangle(corners, parts):
     """A triangle, each side in so many parts."""
     i, j = np.array([(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]).T
@@ -62,8 +48,8 @@ def split_triangle(corners, parts):
     return V, np.array(lower + upper)
 
 
-@pytest.mark.parametrize("parts", [4, 6, 8, 10])
-@pytest.mark.parametrize("height", [1e-1, 1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("parts", [4, 9])
+@pytest.mark.parametrize("height", [1e-1, 1e-2, 1e-4])
 @pytest.mark.parametrize("tip", [0, -0.5])
 def test_no_other_method_is_better_on_needles(parts, height, tip):
     """The geodesic algorithm has certified maps of them that are far from conformal."""
@@ -76,7 +62,7 @@ def test_no_other_method_is_better_on_needles(parts, height, tip):
     assert mean < 1.1 * min(others)
 
 
-@pytest.mark.parametrize("spokes", [5, 8, 12, 20, 30, 100, 1000])
+@pytest.mark.parametrize("spokes", [5, 12, 30, 1000])
 def test_a_fan_maps_to_itself(spokes):
     """All its faces lie at the boundary; where they are many, angles do not show what is wrong."""
     F = meshes.fan(spokes)[1]
@@ -87,7 +73,7 @@ def test_a_fan_maps_to_itself(spokes):
     assert result.conformality.stretch < 1 + 1e-5
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(st.integers(10, 40), st.floats(0, 2), st.floats(0.3, 1), st.integers(0, 1000))
 def test_no_other_method_is_better_on_fans(spokes, height, least, seed):
     V, F = meshes.fan(spokes, height)
@@ -96,8 +82,8 @@ def test_no_other_method_is_better_on_fans(spokes, height, least, seed):
     assert mean < 1.1 * cdcp_igl.angle_distortion(V, F, harmonic(V, F)).mean() + 1e-6
 
 
-@pytest.mark.parametrize("sides", [16, 48, 200])
-@pytest.mark.parametrize("height", [0.5, 2, 10])
+@pytest.mark.parametrize("sides", [16, 200])
+@pytest.mark.parametrize("height", [0.5, 10])
 def test_a_prism_with_needles(sides, height):
     """As in a drawing: no vertex inside the lid, which is a fan from one on its rim."""
     V, F = meshes.prism(sides, height)
@@ -122,80 +108,41 @@ REACHED = {
     "koala_punct": 1.124,
     "octopus_punct": 20.996,
     "rangemap_lato000_ears": 0.890,
-    "rangemap_lato180_ears": 8.950,
     "sophie_stl_15282_ears": 0.967,
 }
 
 
 @pytest.mark.parametrize("name", REACHED)
-def test_hard_surfaces_are_mapped_as_well_as_ever(name, real_mesh):
-    result = cdcp_igl.disk_map(*real_mesh(f"hard/{name}"))
+def test_hard_surfaces_are_mapped_as_well_as_ever(name, map_of):
+    result = map_of(f"hard/{name}")
     assert result.valid
     # Where repair and many steps follow each other, rounding decides more than elsewhere.
     assert result.distortion.mean < 1.05 * REACHED[name]
 
 
 @pytest.mark.parametrize("name", ["camelhead_11381", "femur_2411"])
-def test_no_other_method_is_better_where_the_boundary_is_coarse(name, real_mesh):
+def test_no_other_method_is_better_where_the_boundary_is_coarse(name, real_mesh, map_of):
     V, F = real_mesh(name)
     by_fdcp = cdcp_igl.angle_distortion(V, F, fdcp(V, F)).mean()
-    assert cdcp_igl.disk_map(V, F).distortion.mean < by_fdcp
+    assert map_of(name).distortion.mean < by_fdcp
 
 
 def test_refined_maps_do_not_depend_on_the_threads_of_blas():
     V, F, _ = cdcp_igl.datasets.spherical_cap(70)
     V = V + 0.02 * np.sin(9 * V[:, [1, 2, 0]])
     maps = []
-    for threads in (1, 2, 4):
+    for threads in (1, 4):
         with threadpool_limits(threads, "blas"):
             maps.append(cdcp_igl.cdcp(V, F, refine=3))
     np.testing.assert_array_equal(maps[1], maps[0])
-    np.testing.assert_array_equal(maps[2], maps[0])
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_rounding_of_the_vertices_does_not_decide_between_maps(seed, real_mesh):
-    """On a mesh with collapsed faces, whose angles on the disk are noise."""
-    V, F = real_mesh("face_1180_ears")
-    noise = np.random.default_rng(seed).uniform(-1e-15, 1e-15, V.shape)
-    one, other = cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(V * (1 + noise), F)
-    assert other.distortion.mean == pytest.approx(one.distortion.mean, abs=1e-6)
-    np.testing.assert_allclose(other.uv, one.uv, atol=1e-6)
-
-
-def test_a_relaxation_that_flips_a_face_at_the_end_of_repair_is_undone(monkeypatch):
-    V, F = meshes.grid(10, 12)
-    mesh = DiskMesh(V, F)
-    f = cdcp_igl.cdcp(V, F) @ [1, 1j]
-    folded = f.copy()
-    vertex = mesh.interior[44]
-    folded[vertex] += 0.4
-    well, repair = repair_locally(mesh, folded)
-    assert repair.rounds == 1  # so that the relaxation at the end is the only one
-
-    def throw(self, f, sweeps):
-        return np.where(np.arange(len(f)) == len(f) // 2, 2, f)
-
-    monkeypatch.setattr(Relaxation, "sweep", throw)
-    mended, _ = repair_locally(mesh, folded)
-    assert cdcp_igl.certificate.certify(mesh, np.column_stack([mended.real, mended.imag])).valid
-    assert abs(mended - well).max() < 0.1
-
-
-@pytest.mark.parametrize("height", [3e-7, 3e-8, 1e-8, 3e-9])
+@pytest.mark.parametrize("height", [3e-7, 1e-8])
 def test_needles_whose_lengths_do_not_know_their_angles(height):
     """Flipping edges by their lengths went on for ever."""
     V, F = meshes.grid(14, 17)
     result = cdcp_igl.disk_map(V * [1, height, height], F)
     assert result.valid
-
-
-def test_a_repair_of_nearly_half_of_the_surface_is_refined_as_one_of_more(real_mesh):
-    """A hole of one face in a closed belt: repair moved 49.9 % with, 50.1 % without Möbius."""
-    V, F = real_mesh("any/closed_belt_8194")
-    F = np.delete(F, 5392, axis=0)
-    mean, plain = (cdcp_igl.disk_map(V, F, mobius=m).distortion.mean for m in ("angle", None))
-    assert mean < 1.05 * plain
 
 
 def test_steps_go_on_where_they_pay(real_mesh):

@@ -19,9 +19,7 @@ def test_is_the_negative_of_libigls(mesh):
     assert abs(difference).max() < 1e-13
 
 
-@pytest.mark.parametrize(
-    "name", ["chinese_lion_17334", "cthead_115491", "femur_2411", "gcanyon_216196", "maze_6120"]
-)
+@pytest.mark.parametrize("name", ["chinese_lion_17334", "cthead_115491", "femur_2411"])
 def test_is_the_negative_of_libigls_on_real_meshes(name, real_mesh):
     """But for slivers, whose areas libigl takes from lengths alone; see test_triangles.py."""
     mesh = DiskMesh(*real_mesh(name))

@@ -92,9 +92,8 @@ def test_area_normalisation_balances_the_hemispheres():
     assert np.hypot(*shifted.uv[0]) < 1e-3  # the pole
 
 
-@pytest.mark.parametrize("name", ["chinese_lion_17334", "human_brain_48463", "left_hand_53054"])
-def test_area_is_as_even_as_a_moebius_transformation_can_make_it(real_mesh, name):
-    V, F = real_mesh(name)
+def test_area_is_as_even_as_a_moebius_transformation_can_make_it(real_mesh):
+    V, F = real_mesh("chinese_lion_17334")
     z = cdcp_igl.disk_map(V, F, mobius="area").uv @ [1, 1j]
 
     def unevenness(x):
@@ -113,8 +112,7 @@ def test_area_is_as_even_as_a_moebius_transformation_can_make_it(real_mesh, name
     )
     assert best.success
     assert unevenness([0, 0]) < best.fun + 0.002
-    if name == "chinese_lion_17334":
-        assert best.fun == pytest.approx(0.9467, abs=0.0005)
+    assert best.fun == pytest.approx(0.9467, abs=0.0005)
 
 
 @pytest.mark.parametrize("refine", [0, 2])
@@ -143,11 +141,7 @@ def test_align_follows_the_surface():
     np.testing.assert_allclose(moved, cdcp_igl.cdcp(V, F, align=d), atol=1e-9)
 
 
-def test_bad_alignment():
-    inside = DiskMesh(V, F).interior[0]
-    for bad in (inside, -1, 10**6, [1, 0], "x", [1j, 0, 0]):
-        with pytest.raises(ValueError, match="align"):
-            cdcp_igl.disk_map(V, F, align=bad)
+def test_a_direction_that_the_surface_is_square_to():
     with pytest.raises(ValueError, match="no slope"):
         cdcp_igl.disk_map(V[:, :2], F, align=[0, 0, 1])
 
@@ -158,12 +152,3 @@ def test_a_transformation_that_does_harm_is_not_applied(monkeypatch):
     assert (harmed.mobius.w, harmed.mobius.rejected) == (0, "no improvement")
     assert "rejected: no improvement" in str(harmed)
     np.testing.assert_array_equal(harmed.uv, none.uv)
-
-
-def test_bad_options():
-    with pytest.raises(ValueError, match="mobius"):
-        cdcp_igl.disk_map(V, F, mobius="best")
-    with pytest.raises(ValueError, match="preset"):
-        cdcp_igl.disk_map(V, F, preset="thesis")
-    with pytest.raises(ValueError, match="preset"):
-        cdcp_igl.disk_map(V, F, preset="paper", center="centroid")

@@ -46,7 +46,6 @@ def mapped(real_mesh):
         (harmonic, LION, 2.641, 3.237, 0.005),
         (harmonic, BRAIN, 2.853, 2.196, 0.005),
         (spectral, LION, 1.262, 1.101, 0.005),
-        (spectral, BRAIN, 1.443, 1.511, 0.005),
     ],
 )
 def test_angular_distortion(method, name, mean, sd, tolerance, real_mesh, mapped):

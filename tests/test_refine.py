@@ -1,13 +1,21 @@
+from time import sleep
+
 import meshes
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import cdcp_igl
+from cdcp_igl.arrays import coordinates
 from cdcp_igl.certificate import certify
 from cdcp_igl.distortion import plane_angles
-from cdcp_igl.rescue import refine as refine_module
-from cdcp_igl.rescue.refine import WeightedLaplacian, gauss_newton_step, lower_angle_distortion
+from cdcp_igl.rescue.line_search import HALVINGS, search_along
+from cdcp_igl.rescue.refine import (
+    WeightedLaplacian,
+    _reason_to_stop,
+    gauss_newton_step,
+    lower_angle_distortion,
+)
 from cdcp_igl.surface.mesh import DiskMesh
 
 V, F = meshes.grid(9, 11)
@@ -99,7 +107,6 @@ def test_the_preconditioner_is_the_weighted_laplacian():
 
 
 def test_the_preconditioner_stays_while_the_weights_hardly_change(monkeypatch):
-    """Fewer factorizations than steps, and an objective that the others would hardly lower."""
     mesh = DiskMesh(*cdcp_igl.datasets.paraboloid(20)[:2])
     f = cdcp_igl.cdcp(mesh.V, mesh.F) @ [1, 1j]
     factored = []
@@ -107,12 +114,10 @@ def test_the_preconditioner_stays_while_the_weights_hardly_change(monkeypatch):
     monkeypatch.setattr(
         WeightedLaplacian, "factor", lambda *args: factored.append(1) or factor(*args)
     )
-    _, kept = lower_angle_distortion(mesh, f, mesh.interior, 6, 1.5)
+    lower_angle_distortion(mesh, f, mesh.interior, 6, 1.5)
     few = len(factored)
-    monkeypatch.setattr(refine_module, "STEADY", 2)  # every step factors
-    _, renewed = lower_angle_distortion(mesh, f, mesh.interior, 6, 1.5)
+    lower_angle_distortion(mesh, f, mesh.interior, 6, 1.2)  # whose weights change too much
     assert 2 <= few < 6 == len(factored) - few
-    assert kept.after == pytest.approx(renewed.after, rel=2e-3)
 
 
 def test_damping_holds_the_shear_down():
@@ -128,8 +133,7 @@ def test_damping_holds_the_shear_down():
 @pytest.mark.parametrize("norm", [1, 1.5, 2])
 def test_more_steps_are_never_worse(norm):
     after = [
-        cdcp_igl.disk_map(V, F, refine=k, refine_norm=norm).refinement.after
-        for k in (1, 2, 4, 8, 16)
+        cdcp_igl.disk_map(V, F, refine=k, refine_norm=norm).refinement.after for k in (1, 4, 16)
     ]
     assert after == sorted(after, reverse=True)
     assert after[-1] < after[0]
@@ -153,7 +157,7 @@ def test_account_and_the_rest_of_the_map():
     assert account.after == pytest.approx(np.degrees(expected), abs=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_bad_start_improves_without_a_flip(seed):
     """Vertices anywhere, unfolded by repair: the undamped step would flip faces."""
     rng = np.random.default_rng(seed)
@@ -162,31 +166,44 @@ def test_a_bad_start_improves_without_a_flip(seed):
     f, _ = cdcp_igl.rescue.repair.repaired(MESH, scattered)
     refined, account = lower_angle_distortion(MESH, f, ORDER, 20, 1.5)
     assert account.steps > 0
-    assert certify(MESH, np.column_stack([refined.real, refined.imag])).valid
+    assert certify(MESH, coordinates(refined)).valid
     assert abs(errors(refined)).mean() < abs(errors(f)).mean()
 
 
-def test_no_improvement_returns_the_map_itself(monkeypatch):
-    attempts = []
-
-    def fold(mesh, f, r, p, damping, laplacian, anew):
-        attempts.append(damping)
-        return -f + f * (mesh.loop[:, None] == np.arange(len(f))).any(axis=0)
-
-    monkeypatch.setattr(refine_module, "gauss_newton_step", fold)
-    f, account = lower_angle_distortion(MESH, Z, ORDER, 5, 1.5)
-    assert f is Z
+@pytest.mark.parametrize("case", ["exact", "folded"])
+def test_no_improvement_returns_the_map_itself(case):
+    V, F = meshes.fan(30, 0)
+    f = np.append(np.exp(2j * np.pi * np.arange(30) / 30), 0 if case == "exact" else 2)
+    mesh = DiskMesh(np.column_stack([f.real, f.imag]) if case == "exact" else V, F)
+    g, account = lower_angle_distortion(mesh, f, mesh.interior, 5, 1.5)
+    assert g is f
     assert (account.steps, account.after) == (0, account.before)
     assert str(account) == "no improvement"
-    assert attempts == list(refine_module.DAMPINGS)
 
 
-def test_a_folded_map_is_left_alone():
-    folded = Z.copy()
-    folded[MESH.interior] = 0
-    f, account = lower_angle_distortion(MESH, folded, ORDER, 5, 1.5)
-    assert f is folded
-    assert account.steps == 0
+def searched(step):
+    """The map that a step leads to if every map is better than the last one."""
+    found = search_along(MESH, Z, step, lambda r: -1, 0, HALVINGS, 0)
+    assert found is not None
+    assert certify(MESH, coordinates(found[0])).valid
+    return found[0]
+
+
+def test_a_boundary_that_would_fold_is_not_accepted():
+    """Two boundary vertices that change places, far from any face's sight."""
+    step = np.zeros_like(Z)
+    a, b = MESH.loop[:2]
+    step[[a, b]] = 1j * Z[[a, b]] * np.angle(Z[[b, a]] / Z[[a, b]])
+    assert not np.array_equal(searched(step), Z)
+
+
+def test_where_a_step_flips_faces_it_is_shorter_there_and_nowhere_else():
+    vertex, other = MESH.interior[0], MESH.interior[-1]
+    step = gauss_newton_step(MESH, Z, errors(Z), 2, 0, WeightedLaplacian(MESH, ORDER))
+    step[vertex] += 0.2  # beyond its neighbours
+    f = searched(step)
+    assert (f / (Z + step))[other] == pytest.approx(1, abs=1e-12)
+    assert abs(f - Z)[vertex] < 0.6 * abs(step[vertex])
 
 
 @pytest.mark.parametrize("make", [meshes.strip, meshes.fan])
@@ -198,48 +215,20 @@ def test_small_meshes(make):
         assert "no improvement" in str(refined)
 
 
-def test_a_boundary_that_would_fold_is_not_accepted(monkeypatch):
-    """Two boundary vertices that change places, far from any face's sight."""
+def test_no_step_begins_after_the_time_limit():
+    def wait(phase, fraction):
+        if phase == "refine" and phase in seen:  # a step has been taken
+            sleep(0.6)
+        seen.append(phase)
 
-    def swap(mesh, f, r, p, damping, laplacian, anew):
-        dz = np.zeros_like(f)
-        a, b = mesh.loop[:2]
-        dz[[a, b]] = 1j * f[[a, b]] * np.angle(f[[b, a]] / f[[a, b]])
-        return dz
-
-    monkeypatch.setattr(refine_module, "gauss_newton_step", swap)
-    f, _ = lower_angle_distortion(MESH, Z, ORDER, 5, 1.5)
-    assert certify(MESH, np.column_stack([f.real, f.imag])).valid
-
-
-def test_where_a_step_flips_faces_it_is_shorter_there_and_nowhere_else(monkeypatch):
-    vertex, other = MESH.interior[0], MESH.interior[-1]
-    step = gauss_newton_step(MESH, Z, errors(Z), 2, 0, WeightedLaplacian(MESH, ORDER))
-    step[vertex] += 0.2  # beyond its neighbours
-    monkeypatch.setattr(refine_module, "gauss_newton_step", lambda *_, anew: step)
-    falling = iter(range(1, 99))
-    monkeypatch.setattr(refine_module, "_power_mean", lambda r, p: -next(falling))
-    f, account = lower_angle_distortion(MESH, Z, ORDER, 1, 2)
-    turn = (f / (Z + step))[other]
-    assert account.steps == 1
-    assert turn == pytest.approx(1, abs=1e-12)
-    assert abs(f - Z)[vertex] < 0.6 * abs(step[vertex])
-
-
-def test_time_limit(monkeypatch):
-    clock = iter(range(100))  # a second from each look to the next
-    monkeypatch.setattr(refine_module, "perf_counter", lambda: next(clock))
-    result = cdcp_igl.disk_map(V, F, refine=5, refine_seconds=3)
-    assert (result.refinement.steps, result.refinement.stopped) == (2, "time limit")
-    assert "2 of 5 steps (time limit)" in str(result)
-    assert result.refinement.after < result.refinement.before
-    np.testing.assert_array_equal(result.uv, cdcp_igl.cdcp(V, F, refine=2))
-
-
-def test_no_time_at_all_is_the_harmonic_map():
+    seen = []
+    result = cdcp_igl.disk_map(V, F, refine=5, refine_seconds=0.5, progress=wait)
+    assert (result.refinement.steps, result.refinement.stopped) == (1, "time limit")
+    assert "1 of 5 steps (time limit)" in str(result)
+    np.testing.assert_array_equal(result.uv, cdcp_igl.cdcp(V, F, refine=1))
     result = cdcp_igl.disk_map(V, F, refine=5, refine_seconds=0)
     assert str(result.refinement) == "time limit"
-    np.testing.assert_array_equal(result.uv, cdcp_igl.cdcp(V, F))
+    np.testing.assert_array_equal(result.uv, cdcp_igl.cdcp(V, F, refine=0))
 
 
 def test_position_and_scale_do_not_matter():
@@ -262,14 +251,14 @@ def test_steps_that_nobody_asked_for_end_where_there_is_little_to_gain_or_no_hop
     f, account = lower_angle_distortion(MESH, Z, ORDER, 30, 1.5, wanted=1)
     assert account.stopped == "little to gain"
     assert 3 <= account.steps < 30
-    assert certify(MESH, np.column_stack([f.real, f.imag])).valid
+    assert certify(MESH, coordinates(f)).valid
 
 
 def test_steps_that_cannot_make_a_map_conformal_end():
     """Ten of 0.3 % each, and ninety more of them, would leave three quarters."""
-    assert refine_module._in_vain([0.003] * 9, 91, 0.2) == ""
-    assert refine_module._in_vain([0.003] * 10, 90, 0.2) == "out of reach"
-    assert refine_module._in_vain([0.003] * 10, 90, 0.5) == ""
+    assert _reason_to_stop([0.003] * 9, 91, 0.2) == ""
+    assert _reason_to_stop([0.003] * 10, 90, 0.2) == "out of reach"
+    assert _reason_to_stop([0.003] * 10, 90, 0.5) == ""
 
 
 def test_no_step_is_taken_if_none_is_wanted():
@@ -277,18 +266,6 @@ def test_no_step_is_taken_if_none_is_wanted():
     as_needed, none = cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(V, F, refine=0)
     assert as_needed.refinement.steps > 0
     assert none.refinement is None
-
-
-def test_bad_options():
-    for bad in (-1, 1.5, "2"):
-        with pytest.raises(ValueError, match="refine must"):
-            cdcp_igl.disk_map(V, F, refine=bad)
-    for bad in (0.9, 2.1, float("nan"), True):
-        with pytest.raises(ValueError, match="refine_norm"):
-            cdcp_igl.disk_map(V, F, refine=1, refine_norm=bad)
-    for bad in (-1, float("nan")):
-        with pytest.raises(ValueError, match="refine_seconds"):
-            cdcp_igl.disk_map(V, F, refine=1, refine_seconds=bad)
 
 
 # Mean and SD of the angular distortion in degrees, at most.
@@ -299,48 +276,30 @@ FIVE_STEPS = {
     "left_hand_53054": (1.180, 1.260),
     "human_face_17157": (1.177, 1.779),
     "bimba_22838": (1.152, 2.142),
-    "bulldog_40073": (1.003, 2.165),
-    "gcanyon_216196": (0.389, 0.676),
 }
-ONE_STEP = {"chinese_lion_17334": (1.339, 1.842), "human_brain_48463": (1.342, 1.472)}
-TEN_STEPS = {"chinese_lion_17334": 1.254, "human_brain_48463": 1.245, "stanford_bunny_31593": 0.957}
-# Few vertices, ears, slivers.
-HARD = ("nefertiti_299", "femur_2411", "face_1180_ears", "camelhead_11381")
-HARD = (*HARD, "cthead_115491")
-
-
-def refined(real_mesh, name, **options):
-    result = cdcp_igl.disk_map(*real_mesh(name), **options)
-    assert len(result.certificate.flipped) == 0
-    assert result.certificate.boundary_error < 1e-12
-    return result
 
 
 @pytest.mark.parametrize("name", FIVE_STEPS)
-def test_five_steps(real_mesh, name):
-    result = refined(real_mesh, name, refine=5)
+def test_five_steps(map_of, name):
+    result = map_of(name, refine=5)
     mean, sd = FIVE_STEPS[name]
+    assert result.valid
     assert result.distortion.mean <= mean
     assert result.distortion.sd <= sd
 
 
-@pytest.mark.parametrize("name", ONE_STEP)
-def test_one_step(real_mesh, name):
-    result = refined(real_mesh, name, refine=1)
-    mean, sd = ONE_STEP[name]
-    assert result.distortion.mean <= mean
-    assert result.distortion.sd <= sd
+def test_ten_steps_towards_the_mean(map_of):
+    result = map_of("chinese_lion_17334", refine=10, refine_norm=1.2)
+    assert result.distortion.mean <= 1.254
 
 
-@pytest.mark.parametrize("name", TEN_STEPS)
-def test_ten_steps_towards_the_mean(real_mesh, name):
-    result = refined(real_mesh, name, refine=10, refine_norm=1.2)
-    assert result.distortion.mean <= TEN_STEPS[name]
+# Few vertices, slivers, ears.
+HARD = ("nefertiti_299", "femur_2411", "face_1180_ears", "camelhead_11381")
 
 
 @pytest.mark.parametrize("name", HARD)
-def test_mean_and_sd_both_fall_on_hard_meshes(real_mesh, name):
-    plain, result = refined(real_mesh, name), refined(real_mesh, name, refine=5)
+def test_mean_and_sd_both_fall_on_hard_meshes(map_of, name):
+    plain, result = map_of(name), map_of(name, refine=5)
     assert result.refinement.steps == 5
     assert result.distortion.mean < plain.distortion.mean
     # On 299 vertices the SD is what it was, within half a percent, and the mean a fifth lower.

@@ -4,10 +4,10 @@ import pytest
 from surfaces import arms
 
 import cdcp_igl
+from cdcp_igl.arrays import coordinates
 from cdcp_igl.certificate import certify, flipped_faces, is_around
 from cdcp_igl.rescue.relaxation import Relaxation
 from cdcp_igl.rescue.repair import (
-    _Neighbourhood,
     mean_value_weights,
     repair_locally,
     repaired,
@@ -20,8 +20,8 @@ MESH = DiskMesh(V, F)
 Z = cdcp_igl.cdcp(V, F) @ [1, 1j]
 
 
-def is_valid(f):
-    return certify(MESH, np.column_stack([f.real, f.imag])).valid
+def is_valid(f, mesh=MESH):
+    return certify(mesh, coordinates(f)).valid
 
 
 def test_a_valid_map_is_returned_as_it_is():
@@ -31,67 +31,25 @@ def test_a_valid_map_is_returned_as_it_is():
     assert str(repair) == "not needed"
 
 
-def test_one_misplaced_vertex_is_put_back_and_the_rest_stays():
-    folded = Z.copy()
-    vertex = MESH.interior[44]
-    folded[vertex] = Z[vertex] + 0.4
-    assert not is_valid(folded)
-    f, repair = repaired(MESH, folded)
-    assert is_valid(f)
-    assert repair.n_flipped > 0
-    assert str(repair) == f"1 flipped face, {repair.n_moved} vertices moved in 1 round"
-    assert np.count_nonzero(f != folded) <= repair.n_moved < len(MESH.interior)
-    assert abs(f[vertex] - Z[vertex]) < 0.05
-
-
-def test_patches_that_undo_each_other_come_to_an_end(monkeypatch):
-    """A round mends one of two faces and turns over the other, for ever."""
-    one, *_, other = np.flatnonzero(~MESH.on_boundary[MESH.F].any(axis=1))
-    near = _Neighbourhood(MESH, np.ones(len(V), dtype=bool))
-    calls = []
-
-    def turned(self, g):
-        return np.array([one if (g[MESH.F[one]] == g[MESH.F[other]]).all() else other])
-
-    def combined(self, g, patch):
-        calls.append(patch)
-        assert len(calls) < 20
-        return np.where(patch, 1 - g, g)
-
-    monkeypatch.setattr(_Neighbourhood, "flipped", turned)
-    monkeypatch.setattr(_Neighbourhood, "combine", combined)
-    monkeypatch.setattr(Relaxation, "sweep", lambda self, g, *_: g)
-    _, rounds = near.average(np.zeros(len(V), dtype=complex), 2)
-    assert rounds == len(calls) > 2
-
-
-def test_weights_that_differ_less_embed_what_mean_values_crowd(monkeypatch):
+def test_weights_that_differ_less_embed_what_mean_values_crowd():
     mesh = DiskMesh(*arms(32, 2))
     f = np.zeros(len(mesh.V), dtype=complex)
     f[mesh.loop] = np.exp(2j * np.pi * np.arange(len(mesh.loop)) / len(mesh.loop))
     embedded, account = replace_interior(mesh, f)
-    assert account.rounds > 1
+    assert account.rounds > 1  # mean values alone did not do
     assert len(flipped_faces(embedded, mesh.F)[0]) == 0
     assert is_around(embedded[mesh.loop])
-    monkeypatch.setattr("cdcp_igl.rescue.repair.POWERS", (1,))
-    assert len(flipped_faces(replace_interior(mesh, f)[0], mesh.F)[0]) > 0
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_any_interior_can_be_unfolded(seed):
+@pytest.mark.parametrize(("seed", "size"), [(0, 1), (1, 1), (2, 0)])
+def test_any_interior_can_be_unfolded(seed, size):
     rng = np.random.default_rng(seed)
     folded = Z.copy()
-    folded[MESH.interior] = rng.uniform(-1, 1, (len(MESH.interior), 2)) @ [1, 1j]
+    folded[MESH.interior] = size * rng.uniform(-1, 1, (len(MESH.interior), 2)) @ [1, 1j]
     f, repair = repaired(MESH, folded)
     assert is_valid(f)
     np.testing.assert_array_equal(f[MESH.loop], Z[MESH.loop])
     assert repair.n_moved == len(MESH.interior)
-
-
-def test_all_in_one_point():
-    folded = Z.copy()
-    folded[MESH.interior] = 0
-    assert is_valid(repaired(MESH, folded)[0])
 
 
 def test_mean_value_weights_are_positive_and_reproduce_the_plane():
@@ -103,7 +61,7 @@ def test_mean_value_weights_are_positive_and_reproduce_the_plane():
     np.testing.assert_allclose(mean[flat.interior], z[flat.interior], atol=1e-13)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_disk_map_repairs_and_says_so(seed):
     V, F = meshes.rugged(seed)
     result = cdcp_igl.disk_map(V, F)
@@ -117,16 +75,14 @@ def test_disk_map_repairs_and_says_so(seed):
     assert result.distortion.mean < 0.9 * plain.distortion.mean
 
 
-def test_slivers_of_a_ct_scan(real_mesh):
+def test_slivers_of_a_ct_scan(map_of):
     """1,924 flipped faces of the cotangent Laplacian, 2 of the intrinsic Delaunay one."""
-    result = cdcp_igl.disk_map(*real_mesh("cthead_115491"))
+    result = map_of("cthead_115491")
     assert result.valid
     assert result.conformal
     assert result.boundary.laplacian == "intrinsic Delaunay"
     assert result.repair.n_flipped < 10
     assert result.distortion.mean < 1.25
-    paper = cdcp_igl.disk_map(*real_mesh("cthead_115491"), preset="paper")
-    assert result.distortion.mean < 0.9 * paper.distortion.mean
 
 
 def test_repair_of_one_face_stays_near_it():
@@ -137,7 +93,8 @@ def test_repair_of_one_face_stays_near_it():
     folded = f.copy()
     folded[vertex] += 4 * abs(f[vertex + 1] - f[vertex])
     mended, repair = repair_locally(mesh, folded)
-    assert certify(mesh, np.column_stack([mended.real, mended.imag])).valid
+    assert is_valid(mended, mesh)
+    assert str(repair).endswith(f", {repair.n_moved} vertices moved in 1 round")
     assert np.count_nonzero(mended != folded) <= repair.n_moved < 400
     assert abs(mended - f).max() < 0.5 * abs(f[vertex + 1] - f[vertex])
 

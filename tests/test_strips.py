@@ -47,7 +47,7 @@ def exact_distortion(V, F, length):
     return abs(np.degrees(angle - DiskMesh(V, F).angles)).mean()
 
 
-@pytest.mark.parametrize("length", [8, 10, 12, 14, 16, 18, 20])
+@pytest.mark.parametrize("length", [8, 14, 20])
 def test_as_good_as_the_exact_map_as_far_as_doubles_go(length):
     V, F = strip(length)
     result = cdcp_igl.disk_map(V, F)
@@ -64,24 +64,25 @@ def test_where_the_last_digit_decides(solver):
     assert result.distortion.mean < 1.02 * exact_distortion(V, F, 21)
 
 
+@pytest.fixture(scope="module")
+def jittered():
+    V, F = strip(18, jitter=0.2)
+    return V, F, cdcp_igl.disk_map(V, F)
+
+
 @pytest.mark.parametrize(
     "options",
     [
         {"mobius": None},
-        {"mobius": "area"},
-        {"align": [1, 0.3, 0]},
         {"align": [0, 1, 0], "mobius": "area"},
         {"align": 0, "refine": 2},
-        {"refine": 2, "mobius": "area"},
         {"center": "heat"},
-        {"center": "centroid"},
         {"preset": "paper"},
     ],
     ids=str,
 )
-def test_with_every_option(options):
-    V, F = strip(18, jitter=0.2)
-    plain = cdcp_igl.disk_map(V, F)
+def test_with_every_option(options, jittered):
+    V, F, plain = jittered
     result = cdcp_igl.disk_map(V, F, **options)
     assert result.certificate.valid
     assert result.certificate.boundary_error < 1e-14
@@ -125,7 +126,7 @@ def test_any_centre_will_do_for_a_strip():
         assert result.distortion.mean < 1.03 * exact_distortion(V, F, 14)
 
 
-@pytest.mark.parametrize("length", [24, 28, 40])
+@pytest.mark.parametrize("length", [24, 40])
 def test_beyond_what_doubles_hold_it_is_certified_and_says_why(length):
     result = cdcp_igl.disk_map(*strip(length, 10))
     assert result.valid

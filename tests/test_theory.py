@@ -1,10 +1,12 @@
 """Claims of the theory pages that no other test measures."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
-from cdcp_igl import angle_distortion, disk_map
+from cdcp_igl import angle_distortion
 from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.distortion import angle_errors
 from cdcp_igl.solve.factored import FactoredSurface
@@ -34,6 +36,11 @@ class Surface:
         return np.degrees(abs(angle_errors(self.mesh, f)).mean())
 
 
+@pytest.fixture(scope="module")
+def steps_of(real_mesh):
+    return cache(lambda name: Surface(*real_mesh(name)))
+
+
 def interior_map(z):
     """Map the *inside* of a closed clockwise curve onto the disk, its centroid to 0."""
     after = np.roll(z, -1)
@@ -54,17 +61,17 @@ def test_interior_map_of_a_known_curve():
     ("name", "outside", "inside"),
     [(LION, 1.420, 1.436), (FACE, 1.209, 1.421), (BRAIN, 1.458, 4.262)],
 )
-def test_the_surface_is_the_outside_of_the_trace(name, outside, inside, real_mesh):
-    steps = Surface(*real_mesh(name))
+def test_the_surface_is_the_outside_of_the_trace(name, outside, inside, steps_of):
+    steps = steps_of(name)
     exterior, interior = geodesic_map(steps.trace), interior_map(steps.trace)
     assert steps.distortion(exterior) == pytest.approx(outside, abs=0.001)
     assert steps.distortion(interior) == pytest.approx(inside, abs=0.002)
 
 
 @pytest.mark.parametrize(("name", "first"), [(LION, 2.95e-3), (FACE, 1.10e-2), (BRAIN, 6.66e-2)])
-def test_the_error_of_the_trace_is_in_the_first_negative_power(name, first, real_mesh):
+def test_the_error_of_the_trace_is_in_the_first_negative_power(name, first, steps_of):
     """Coefficients of the trace in powers of zeta, the exterior map of its curve."""
-    steps = Surface(*real_mesh(name))
+    steps = steps_of(name)
     zeta = 1 / geodesic_map(whiten_trace(steps.trace))
     arcs = -np.angle(np.roll(zeta, -1) / zeta)
 
@@ -79,8 +86,8 @@ def test_the_error_of_the_trace_is_in_the_first_negative_power(name, first, real
 
 
 @pytest.mark.parametrize(("name", "inside"), [(LION, 17.05), (FACE, 17.89), (BRAIN, 7.69)])
-def test_only_the_boundary_values_of_the_pinned_solution_are_of_use(name, inside, real_mesh):
-    steps = Surface(*real_mesh(name))
+def test_only_the_boundary_values_of_the_pinned_solution_are_of_use(name, inside, steps_of):
+    steps = steps_of(name)
     free = np.delete(np.arange(len(steps.mesh.V)), steps.mesh.loop[0])
     h = np.zeros(len(steps.mesh.V), complex)
     L, r = steps.surface.laplacian.matrix(), face_dipole(steps.mesh, steps.face)
@@ -93,11 +100,11 @@ def test_only_the_boundary_values_of_the_pinned_solution_are_of_use(name, inside
 @pytest.mark.parametrize(
     ("name", "faces", "before", "after"), [(LION, 1.5, 52.0, 50.7), (BRAIN, 0.26, 5.9, 6.2)]
 )
-def test_what_refinement_leaves_lies_at_the_boundary(name, faces, before, after, real_mesh):
+def test_what_refinement_leaves_lies_at_the_boundary(name, faces, before, after, real_mesh, map_of):
     """Faces with a boundary vertex: their share of all faces, and of the squared errors, in %."""
     V, F = real_mesh(name)
     at_boundary = np.isin(F, DiskMesh(V, F).loop).any(axis=1)
     assert 100 * at_boundary.mean() == pytest.approx(faces, rel=0.1)
-    for steps, share in ((0, before), (5, after)):
-        squares = angle_distortion(V, F, disk_map(V, F, refine=steps).uv) ** 2
+    for result, share in ((map_of(name), before), (map_of(name, refine=5), after)):
+        squares = angle_distortion(V, F, result.uv) ** 2
         assert 100 * squares[at_boundary].sum() / squares.sum() == pytest.approx(share, abs=0.5)

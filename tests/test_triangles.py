@@ -51,7 +51,7 @@ def error(computed, expected):
         return np.vectorize(lambda a, b: float(abs(mpmath.mpf(a) - b)))(computed, expected)
 
 
-@pytest.mark.parametrize("exponent", range(1, 9))
+@pytest.mark.parametrize("exponent", [1, 3, 5, 8])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_slivers_lose_no_more_digits_than_their_shape_takes(shape, exponent):
     """Rounded differences of coordinates alone move a corner by EPS, an angle by EPS / angle."""

@@ -24,8 +24,8 @@ from .cut_paths import branch_to, open_to_disk, straighten
 # A round of growth is kept if it lowers the scale variation, or the angle error, by more than this
 # share.
 GAIN = 0.03
-# The map has shrunk a part of the surface where lengths are this much shorter, by the
-# power of e, than on the average.
+# The map has shrunk a part of the surface if lengths there are shorter than on the average by this
+# power of e.
 SHRUNK = 1.0
 # A boundary is tiny if a round hole as long has at most this share of the surface's area.
 TINY = 0.01

@@ -29,14 +29,10 @@ class Sheets:
 
 
 def oriented_sheets(V: NDArray[Any], F: Ints, polygon_of_face: ArrayLike | None = None) -> Sheets:
-    """Leave out what is no face, part sheets and reverse flipped faces.
+    """Leave out what is no face, part sheets and reverse the corners of flipped faces.
 
-    Raises
-    ------
-    MeshError
-        If a corner of a face is not finite, no face is left, or a component is one-sided.
-    ValueError
-        If `polygon_of_face` does not number the polygons of the faces.
+    MeshError if a corner of a face is not finite, no face is left, or a component is one-sided;
+    ValueError if `polygon_of_face` does not number the polygons of the faces.
     """
     positions = used_positions(V, F)
     polygon = polygon_numbers(polygon_of_face, len(F))

@@ -37,7 +37,7 @@ def run_on(executor: Any, tasks: Sequence[Task]) -> Generator[Record]:
                 raise
             except BrokenExecutor:
                 broken = True
-                if not os.path.exists(_mark(task)):  # it had not begun
+                if not os.path.exists(_count_of_attempts(task)):  # it had not begun
                     continue
                 record = task.failed("Crash", SUSPECTED)
             except Exception as error:  # Dask's KilledWorker, and what cannot be pickled
@@ -56,18 +56,18 @@ def run_on(executor: Any, tasks: Sequence[Task]) -> Generator[Record]:
 def _attempt(task: Task) -> Record:
     """Map a surface, unless it has cost too many workers already.
 
-    Every attempt leaves a mark: Dask tries again by itself where a worker has died, as often as it
+    A file counts the attempts: Dask tries again by itself where a worker has died, as often as it
     was told to by others.
     """
-    with open(_mark(task), "ab") as file:
+    with open(_count_of_attempts(task), "ab") as file:
         file.write(b".")
         attempts = file.tell()
     if attempts > ATTEMPTS:
         return task.failed("Crash", f"the worker died ({ATTEMPTS} times)")
     record = task.run()
-    os.unlink(_mark(task))
+    os.unlink(_count_of_attempts(task))
     return record
 
 
-def _mark(task: Task) -> str:
+def _count_of_attempts(task: Task) -> str:
     return f"{task.draft}.attempts"

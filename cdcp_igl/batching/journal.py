@@ -56,7 +56,7 @@ class Record:
     message : str
         What it says.
     changes : tuple of str
-        What was changed on reading and mending, a sentence each.
+        What was changed on reading and cleaning, a sentence each.
     vertices, faces, disks : int
         Of the surface as it was given; disks it was mapped to.
     flips : int
@@ -147,7 +147,7 @@ class Journal:
         self._file = self.path.open("ab+", buffering=0)
         try:
             self._lock()
-            self._mend()
+            self._end_last_line()
         except BaseException:
             self._file.close()
             raise
@@ -173,7 +173,7 @@ class Journal:
         except OSError:  # a file system without locks
             return
 
-    def _mend(self) -> None:
+    def _end_last_line(self) -> None:
         """End the line that a full disk or a power failure has left unfinished."""
         size = self._file.seek(0, os.SEEK_END)
         if size:

@@ -213,7 +213,7 @@ def batch(
         records = {
             task.name: history[task.name][-1]
             for task in tasks
-            if task.name in history and task.is_settled(history[task.name][-1], retry)
+            if task.name in history and task.is_done(history[task.name][-1], retry)
         }
         count = Counter(record.status for record in records.values())
 

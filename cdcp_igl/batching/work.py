@@ -57,7 +57,7 @@ class Task:
         """Make the record of this surface if there is no other."""
         return self.record(FAILED, error, message)
 
-    def is_settled(self, record: Record, retry: bool) -> bool:
+    def is_done(self, record: Record, retry: bool) -> bool:
         """Whether a former run, which left this record, has done with the surface as it is now."""
         state = (record.input_size, record.input_mtime)
         if record.input != self.source or state != _size_and_time(self.source):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 LONG = 100  # rows of a table that can still be read
 WORST = 20  # of a longer one: the maps with the largest distortion
 NUMBERS = ("vertices", "mean", "sd", "area", "flips", "seconds", "memory")
-KEPT = ". What is done is kept: mend this, and run the batch again."
+KEPT = ". What is done is kept: correct this, and run the batch again."
 NOW_AND_THEN = 10.0  # seconds between two lines where there is no terminal
 
 

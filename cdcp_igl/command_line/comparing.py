@@ -51,7 +51,7 @@ def compare_command(
     """
     from ..errors import printable
     from ..io import read_polygons
-    from ..io.output import whole_file
+    from ..io.output import whole_file, write_text
     from ..io.polygons import naming_polygons
     from ..reference.case import run_case
     from ..surface.mesh import DiskMesh
@@ -94,9 +94,7 @@ def compare_command(
     with writing():
         table = _table(cases)
         if json_file:
-            with whole_file(json_file) as unfinished:
-                text = json.dumps(table, indent=2, ensure_ascii=False) + "\n"
-                unfinished.write_text(text, encoding="utf-8")
+            write_text(json_file, json.dumps(table, indent=2, ensure_ascii=False) + "\n")
         if csv_file:
             with (
                 whole_file(csv_file) as unfinished,

@@ -72,7 +72,7 @@ def map_command(
     verify_target(out, WRITABLE)
     from ..errors import printable
     from ..io import read_polygons
-    from ..io.output import whole_file
+    from ..io.output import whole_file, write_text
     from ..one_file import Settings, map_one
 
     name, notes = printable(source.name), list[str]()
@@ -97,9 +97,7 @@ def map_command(
                     mapped.result.view(view, title=name)
                 progress("write", 0.9)
                 if report:
-                    with whole_file(report) as unfinished:
-                        text = json.dumps(mapped.report(), indent=2) + "\n"
-                        unfinished.write_text(text, encoding="utf-8")
+                    write_text(report, json.dumps(mapped.report(), indent=2) + "\n")
                 mapped.write(out, source, settings)
     if not quiet:
         if not cut:  # the summary of a surface that was cut has them

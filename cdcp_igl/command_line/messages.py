@@ -27,7 +27,7 @@ def writing(remedy: str = "") -> Iterator[None]:
 
 @contextmanager
 def exit_codes(file: Path | None = None) -> Iterator[None]:
-    """Turn the errors that users can mend into a message, of this file, and an exit code."""
+    """Turn the errors that users can correct into a message, of this file, and an exit code."""
     from ..errors import MapError, MeshError, SolverError, printable
 
     try:

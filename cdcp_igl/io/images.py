@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .output import whole_file
+from .output import whole_file, write_text
 
 CELLS, CELL = 64, 16  # along a side; pixels of each
 COLOURS = ((238, 238, 234), (70, 105, 150))
@@ -63,6 +63,5 @@ def write_material(path: Path, image: Image) -> str:
     materials, picture = path.with_suffix(".mtl"), path.with_suffix(image.suffix)
     with whole_file(picture) as unfinished:
         unfinished.write_bytes(image.data)
-    with whole_file(materials) as unfinished:
-        unfinished.write_text(MATERIAL.format(image=picture.name), encoding="utf-8")
+    write_text(materials, MATERIAL.format(image=picture.name))
     return materials.name

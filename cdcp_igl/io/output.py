@@ -68,6 +68,12 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
             unfinished.unlink(missing_ok=True)
 
 
+def write_text(path: str | PathLike[str], text: str) -> None:
+    """Write a whole file of text in UTF-8."""
+    with whole_file(path) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
+
+
 class _Tried(Exception):
     """Nothing is to be written yet."""
 

@@ -69,7 +69,7 @@ def write_map(
         The obj file that V and F were read from, to write an obj file that differs from it
         in texture coordinates only: polygons, groups, materials, normals, colours and
         comments stay. Polygons that were cut open within are written as triangles; there are
-        none if `surface_map` was given `whole`, see `read_polygons`.
+        none if `surface_map` was given `polygon_of_face`, see `read_polygons`.
     image : path-like, optional
         A PNG or JPEG file to show on the surface, or ``"checkerboard"``, which is what a
         glb file has if nothing else is named. For an obj file, a .mtl file and the image are

@@ -85,19 +85,9 @@ def rasterize(points: Floats, F: Ints, pixels: int) -> Raster:
 def sample(points: Floats, F: Ints, side: int, window: Window) -> Raster:
     """Find what is seen of a mesh, from the positive z axis, at the centres of a square grid.
 
-    Parameters
-    ----------
-    points : (n, 2) or (n, 3) float64
-        Right, up and, on a surface, towards the viewer. What is nearer hides what is behind.
-    F : (m, 3) int64
-    side : int
-        Rows and columns of the grid.
-    window : (float, float, float, float)
-        Left, right, bottom and top of the square, in the unit of the points.
-
-    Returns
-    -------
-    Raster
+    The columns of `points` are right, up and, on a surface, towards the viewer: what is nearer
+    hides what is behind. The grid has `side` rows and columns; the `window` is the square that it
+    covers, in the unit of the points.
     """
     x, y = in_window(points, side, window).T - 0.5
     depth = points[:, 2] if points.shape[1] == 3 else np.zeros(len(points))

@@ -26,18 +26,9 @@ SCALE = "viridis"  # of the angular distortion: even steps, also without colour 
 
 
 class Scene:
-    """A surface from where it shows itself best.
+    """A surface from where it shows itself best, in pictures of so many pixels a side.
 
-    Parameters
-    ----------
-    V : (n, 3) or (n, 2) array_like
-        Vertex positions.
-    F : (m, 3) array_like of integers
-        Corners of the faces.
-    pixels : int
-        Width and height of the pictures.
-    turns : bool
-        Turn each map so that what one sees of the surface keeps its direction.
+    If it `turns` them, what one sees of the surface keeps its direction in each map.
     """
 
     def __init__(self, V: ArrayLike, F: ArrayLike, pixels: int, *, turns: bool = True) -> None:

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Floats, Ints, as_complex
 from ..distortion import angle_distortion, conformal_factor
 from ..extras import from_extra
-from ..io.output import whole_file
+from ..io.output import write_text
 from ..surface.location import z_order
 from ..surface.topology import group_by_edge, heads, tails
 from ..surface.triangles import face_areas
@@ -45,8 +45,7 @@ BEYOND = 0.005  # share of the vertices, at either end, that may lie beyond the 
 def show(page: str, path: str | PathLike[str] | None) -> Path:
     """Write a page to a file, or to a temporary folder and open it in the browser."""
     target = Path(mkdtemp(prefix="cdcp_igl-"), "map.html") if path is None else Path(path)
-    with whole_file(target) as unfinished:
-        unfinished.write_text(page, encoding="utf-8")
+    write_text(target, page)
     if path is None:
         webbrowser.open(target.as_uri())
     return target

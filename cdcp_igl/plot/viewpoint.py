@@ -21,17 +21,8 @@ def choose_viewpoint(V: Floats, F: Ints) -> Floats:
 
     The mean normal points away from the opening. Along it one looks at an open surface,
     with the y axis (or z) up. A surface that is nearly closed stands on its opening and
-    is seen from the side: much of its outside, in relief, and little of its inside.
-
-    Parameters
-    ----------
-    V : (n, 3) float64
-    F : (m, 3) int64
-
-    Returns
-    -------
-    (3, 3) float64
-        Rotation whose rows point right, up and towards the viewer.
+    is seen from the side: much of its outside, in relief, and little of its inside. Returns a
+    rotation (3, 3) whose rows point right, up and towards the viewer.
     """
     F = F[evenly_spaced_rows(len(F), FACES)]
     i, j, k = F.T

@@ -97,37 +97,15 @@ def lower_angle_distortion(
     Levenberg-Marquardt damping of the shear of every face; when the strongest damping does not
     help, the refinement ends. The weights begin with those of p = 2, which bring the large
     errors down that a smaller p would take for outliers; each step without damping lowers p
-    until it is the norm.
+    until it is the norm, from 1 to 2.
 
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Map onto the disk. With flipped faces nothing is done.
-    order : (nI,) ndarray of int
-        The interior vertices in a fill-reducing order.
-    steps : int
-        At least 1.
-    norm : float
-        The exponent p, from 1 to 2.
-    seconds : float
-        After so many no step is begun; one that has been begun is finished.
-    halvings : int
-        Of a step, before it is computed again with more damping. More of them are slower, and
-        go on where a map is bad.
-    thin : float
-        Steps keep faces this high that were so before.
-    wanted : float, optional
-        The share of the objective that would make the map conformal, for steps that nobody has
-        asked for: they end where there is little to gain, or where that is out of reach.
-    advance : callable
-        Called with the share of the steps that is done, after each.
-
-    Returns
-    -------
-    f : (n,) complex128
-        The argument itself if no step was an improvement.
-    Refinement
+    `order` are the interior vertices in a fill-reducing order. After so many `seconds` no step is
+    begun. A step is halved up to `halvings` times before it is computed again with more damping;
+    more of them are slower, and help where a map is bad. Faces at least as high as `thin` stay so,
+    see `search_along`. `wanted` is for steps that nobody has asked for: the share of the objective
+    that would make the map conformal. They end where there is little to gain, or where that is out
+    of reach. `advance` is called after each step with the share that is done. Returns f itself if
+    no step was an improvement, or if it has flipped faces.
 
     References
     ----------
@@ -258,14 +236,8 @@ class WeightedLaplacian:
     part is the Laplacian sum_f s / 4 grad.grad of the plane triangles, one matrix for both
     coordinates. The diagonal does for the boundary: with 3 iterations the whole matrix,
     whose inverse ignores the circle, is worse than a boundary that stays, and the
-    boundary block along the tangents is no better.
-
-    Parameters
-    ----------
-    mesh : DiskMesh
-        Has interior vertices.
-    order : (nI,) ndarray of int
-        The interior vertices in a fill-reducing order.
+    boundary block along the tangents is no better. `order` are the interior vertices, at least
+    one, in a fill-reducing order.
     """
 
     def __init__(self, mesh: DiskMesh, order: Ints) -> None:

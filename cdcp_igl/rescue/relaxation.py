@@ -21,14 +21,7 @@ class Relaxation:
     softness s, the determinant J = |p|^2 - |q|^2 is replaced by (J + sqrt(J^2 + s^2)) / 2, in
     units of its size at the vertex: flipped faces have a finite, large energy then, which
     falls until they are positively oriented. Vertices of one colour have no face in common and
-    move together.
-
-    Parameters
-    ----------
-    V : (n, 3) float64
-    F : (m, 3) int64
-    moving : (n,) bool
-        Vertices that may move; all their faces are in F.
+    move together. F has all faces of the vertices (n,) that are `moving`.
 
     References
     ----------

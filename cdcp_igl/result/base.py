@@ -198,7 +198,7 @@ class Result(ABC):
             If it cannot be written; nothing is left behind.
         """
         from ..io import WRITABLE, write_map
-        from ..io.output import whole_file
+        from ..io.output import whole_file, write_text
 
         suffix = Path(path).suffix.lower()
         if suffix in WRITABLE:
@@ -210,9 +210,7 @@ class Result(ABC):
         elif suffix == ".html":
             self.view(path)
         elif suffix == ".json":
-            with whole_file(path) as unfinished:
-                text = json.dumps(self.report(), indent=2, ensure_ascii=False)
-                unfinished.write_text(text + "\n", encoding="utf-8")
+            write_text(path, json.dumps(self.report(), indent=2, ensure_ascii=False) + "\n")
         else:
             known = " ".join((*WRITABLE, *PICTURES, ".html", ".json"))
             raise ValueError(f"{Path(path).name!r} is of no known type. Writable: {known}")

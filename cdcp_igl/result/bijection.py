@@ -308,18 +308,9 @@ def _pixel_centers(size: int) -> Complex:
 
 
 def _bilinear(image: Floats, z: Complex) -> Floats:
-    """Read an image of the square from -1 to 1 between its pixel centres.
+    """(k, ...) values at points z (k,) of an image (height, width, ...) of the square from -1 to 1.
 
-    Parameters
-    ----------
-    image : (height, width, ...) float64
-        The top row lies at v = 1.
-    z : (k,) complex128
-        In the square; between its rim and the outermost centres, these count.
-
-    Returns
-    -------
-    (k, ...) float64
+    The top row lies at v = 1. Between the rim and the outermost pixel centres, these count.
     """
     height, width = image.shape[:2]
     row = np.clip((1 - z.imag) / 2 * height - 0.5, 0, height - 1)

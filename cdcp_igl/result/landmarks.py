@@ -67,16 +67,8 @@ def landmark_automorphism(z: Complex, target: Complex) -> Automorphism:
 
     It minimises the sum of |T(z) - target|^2, once the disk has been moved so that the
     conformal barycentre of `target` lies at 0. Points that crowd near the circle then
-    count, and the result does not depend on how the two maps are normalised.
-
-    Parameters
-    ----------
-    z, target : (k,) complex128
-        Points of the closed unit disk, k >= 2, in pairs.
-
-    Returns
-    -------
-    Automorphism
+    count, and the result does not depend on how the two maps are normalised. The points (k,) lie
+    in the closed unit disk; there are at least two.
     """
     even = np.ones(len(z))
     here, there = (

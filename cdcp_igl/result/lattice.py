@@ -23,16 +23,8 @@ def with_corners(ring: Complex, loop: Complex, V_ring: Floats, V_loop: Floats) -
     A vertex is a corner if it lies far from the chord between the two points of the ring next
     to it. The farthest come first, and no two points come nearer than half of their distance.
 
-    Parameters
-    ----------
-    ring, loop : (k,) and (nB,) complex128
-        An even ring, and the boundary vertices on the unit circle.
-    V_ring, V_loop : (k, 3) and (nB, 3) float64
-        Where they are on the surface.
-
-    Returns
-    -------
-    (k,) complex128
+    `loop` (nB,) are the boundary vertices on the unit circle; `V_ring` and `V_loop` are where the
+    points of the ring (k,) and of the loop lie on the surface.
     """
     step = 2 * np.pi / len(ring)
     angle = np.angle(loop) % (2 * np.pi) / step  # in steps, as all angles here
@@ -57,19 +49,8 @@ def with_corners(ring: Complex, loop: Complex, V_ring: Floats, V_loop: Floats) -
 def disk_lattice(side: float, ring: Complex) -> tuple[Complex, Ints]:
     """Mesh the unit disk by a lattice of equilateral triangles and a ring on the circle.
 
-    Parameters
-    ----------
-    side : float
-        Of the triangles, from 0 to 1.
-    ring : (k,) complex128
-        On the circle, counterclockwise, about as far apart.
-
-    Returns
-    -------
-    z : (k,) complex128
-        The ring first.
-    F : (m, 3) int64
-        Counterclockwise; the Delaunay triangulation.
+    The points of the ring are about as far apart as the triangles are wide, `side`. Returns the
+    vertices, those of the ring first, and their Delaunay triangulation, counterclockwise.
     """
     from scipy.spatial import Delaunay  # slow to import, and only a lattice uses it
 

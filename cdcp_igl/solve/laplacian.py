@@ -11,12 +11,12 @@ from .. import libigl
 from ..arrays import Bools, Floats, Indices, Ints
 from ..surface.mesh import DiskMesh
 
-# Of an angle as small as this, in radians, the lengths of the sides know nothing: its square is
-# below their last digit. Edges would be flipped to and fro for ever.
+# The lengths of the sides do not determine an angle as small as this, in radians: its square is
+# below their last digit. libigl would flip edges to and fro for ever.
 THINNEST = 5e-8
-# The least weight of an edge where thin faces are kept, for cotangents that are negative: that of
-# an edge opposite two angles of 89.4 degrees. With less, kept faces come nearer to collapse than
-# doubles can hold.
+# Where thin faces are kept, smaller weights, also negative ones, become this one: that of an edge
+# opposite two angles of 89.4 degrees. With less, these faces come nearer to collapse than doubles
+# can hold.
 LEAST_WEIGHT = 0.01
 
 

@@ -50,20 +50,9 @@ class AngleErrors:
     """Angle errors of psi_w o f as functions of w, on some of the faces.
 
     They are those of f and their change, which is exact, also in faces that are as good as
-    collapsed, whose angles are rounding errors.
-
-    Parameters
-    ----------
-    x, y : (3, k) float64
-        The corners of the faces under f. Row by row, a corner of all faces, in real numbers, takes
-        half the time of complex columns.
-    errors : (3, k) float64
-        The angle errors of f in radians.
-
-    Attributes
-    ----------
-    corner : float
-        Of the pseudo-Huber function, in radians.
+    collapsed, whose angles are rounding errors. x and y (3, k) are the corners of the faces under
+    f: row by row, a corner of all faces, in real numbers, takes half the time of complex columns.
+    The `errors` (3, k) are those of f, in radians, as is the `corner` of the pseudo-Huber function.
     """
 
     def __init__(self, x: Floats, y: Floats, errors: Floats) -> None:

@@ -62,15 +62,8 @@ def normalize(
     not: what can be gained on the way is gained. It is not applied where it does not lower
     the angular distortion.
 
-    Parameters
-    ----------
-    mesh : DiskMesh
-    f : (n,) complex128
-        Map onto the unit disk, first boundary vertex at 1.
-    method : {"angle", "nelder-mead", "area"} or None
-        Least angular distortion by Newton or by Nelder-Mead; conformal barycentre; none.
-    finished : callable
-        What is done to the map after psi_w, before its faces count as flipped.
+    The first boundary vertex of the map f (n,) lies at 1. `finished` is what is done to the map
+    after psi_w, before its flipped faces are counted.
     """
     if method is None:
         return finished(f), Normalization("none", 0j)

@@ -30,22 +30,10 @@ REFINEMENT_STEP = 0.5  # share of one step of refinement, by the total of the ab
 class Phases:
     """Times the phases of a computation and reports them to a callback.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Called as ``progress(phase, fraction)`` when a phase begins or advances, and at the
-        end as ``progress("done", 1.0)``; fraction is the estimated share of the work that is
-        done.
-    refinement_steps : int
-        Steps that the phase "refine" will take.
-    skipped : iterable of str
-        Phases that will not run, because their result is there already.
-
-    Attributes
-    ----------
-    seconds : dict of str to float
-        Wall time of each phase that has ended; of all its runs where it was repeated, those that
-        failed included.
+    ``progress(phase, fraction)`` is called when a phase begins or advances, and at the end as
+    ``progress("done", 1.0)``; the fraction is the estimated share of the work that is done. The
+    phases that are `skipped` will not run, because their result is there already. `seconds` has the
+    wall time of each phase that has ended; of all its runs, those that failed included.
     """
 
     def __init__(

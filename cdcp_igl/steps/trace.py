@@ -31,23 +31,9 @@ def boundary_trace(surface: FactoredSurface, face: int) -> Complex:
     The double cover would need a system of size 2 nI + nB; by symmetry, the pinned system
     of size n gives the same boundary values up to scale and shift. It is factored here.
 
-    Parameters
-    ----------
-    surface : FactoredSurface
-    face : int
-        Central face.
-
-    Returns
-    -------
-    (nB,) complex128
-        In the order of ``mesh.loop``. It runs **clockwise**: with the pole at infinity,
-        the image of the surface is the exterior of this curve. (Inside the surface, h is
-        not conformal and of no use.)
-
-    Raises
-    ------
-    SolverError
-        If L pinned is numerically not positive definite, or its factor cannot fit into memory.
+    They are (nB,), in the order of ``mesh.loop``, and run **clockwise**: with the pole at infinity,
+    the image of the surface is the exterior of this curve. (Inside the surface, h is not conformal
+    and of no use.) SolverError if the pinned L is numerically not positive definite.
     """
     mesh = surface.mesh
     free = np.arange(len(mesh.V)) != mesh.loop[0]  # h = 0 at the pin, b_1

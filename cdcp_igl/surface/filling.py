@@ -14,17 +14,9 @@ MOST_CORNERS = 300
 def fill_hole(V: Floats, loop: Ints) -> Ints | None:
     """Triangulate a hole by a fan around its middle or, if that is flat, without a new vertex.
 
-    Parameters
-    ----------
-    V : (n, 3) float64
-    loop : (k,) int64
-        Boundary of the hole, the surface on its left.
-
-    Returns
-    -------
-    (m, 3) int64 or None
-        Faces, oriented like those of the surface. The vertex n, if they use it, has to be put
-        at the mean of the loop. None if each triangulation has faces without area.
+    The surface is on the left of the `loop` (k,) around the hole. The faces (m, 3) are oriented
+    like those of the surface; the vertex n, if they use it, has to be put at the mean of the loop.
+    None if each triangulation has faces without area.
     """
     polygon, k = loop[::-1], len(loop)  # the hole lies on the right of its loop
     points = np.vstack([V[polygon], V[polygon].mean(axis=0)])
@@ -39,15 +31,7 @@ def fill_hole(V: Floats, loop: Ints) -> Ints | None:
 
 
 def least_triangulation(points: Floats) -> Ints:
-    """Triangulate a closed polygon in space with the fewest flat triangles and the least area.
-
-    Parameters
-    ----------
-    points : (k, 3) float64
-
-    Returns
-    -------
-    (k - 2, 3) int64
+    """(k - 2, 3) triangles of a closed polygon in space: the fewest flat ones, then the least area.
 
     References
     ----------

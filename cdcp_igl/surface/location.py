@@ -26,16 +26,8 @@ class FaceFinder:
     circles. A point counts as beyond an edge where the sign of the orientation is certain, so
     that each point on an edge or a vertex is in one of the faces there.
 
-    Parameters
-    ----------
-    mesh : DiskMesh
-    z : (n,) complex128
-        A bijection onto the polygon inscribed in the unit circle.
-
-    Raises
-    ------
-    ValueError
-        If it is none: a face is flipped, or the faces cover more than the disk.
+    ValueError if the map z (n,) is no bijection onto the polygon inscribed in the unit circle: a
+    face is flipped, or the faces cover more than the disk.
 
     References
     ----------
@@ -55,20 +47,11 @@ class FaceFinder:
         self._codes = codes[self._start]
 
     def locate(self, points: Complex) -> tuple[Ints, Floats]:
-        """Find the face of each point and its barycentric coordinates in it.
+        """Find the face (k,) of each point and its barycentric coordinates (k, 3) in it.
 
-        Parameters
-        ----------
-        points : (k,) complex128
-            Finite.
-
-        Returns
-        -------
-        face : (k,) int64
-            -1 outside of the unit disk.
-        barycentric : (k, 3) float64
-            Not negative, rows sum to 1; NaN outside of the unit disk. Between a boundary edge
-            and its arc: those of the nearest point of the edge.
+        The points are finite. Outside of the unit disk there is face -1, with NaN. Coordinates are
+        not negative, and rows sum to 1; between a boundary edge and its arc they are those of the
+        nearest point of the edge.
         """
         face = np.full(len(points), -1)
         barycentric = np.full((len(points), 3), np.nan)

@@ -135,18 +135,7 @@ class DiskMesh:
     def moved(self, V: ArrayLike) -> DiskMesh:
         """Return the mesh with its vertices elsewhere; what is known of its faces is kept.
 
-        Parameters
-        ----------
-        V : (n, 3) or (n, 2) array_like of real numbers
-
-        Returns
-        -------
-        DiskMesh
-
-        Raises
-        ------
-        MeshError
-            If V has another number of rows, is not finite, or makes a face degenerate.
+        MeshError if V has another number of rows, is not finite, or makes a face degenerate.
         """
         positions = checked_vertices(V)
         if len(positions) != len(self.V):
