@@ -63,14 +63,6 @@ def test_colours_of_surface_and_disk_agree():
     np.testing.assert_array_equal(surface[20, 20], disk[20, 20])
 
 
-def test_the_near_side_hides_the_far_side():
-    """A large face far away, in front of it a small one: sorted by their middles they swap."""
-    V = np.array([[-9.0, -9, 0], [9, -9, 0], [0, 9, 9], [-1, -7, 2], [1, -7, 2], [0, -6, 2]])
-    shown = rasterize(V, np.array([[3, 4, 5], [0, 1, 2]]), 60).face
-    x, y = in_picture(V, len(shown))[3:].mean(axis=0).astype(int)
-    assert shown[y, x] == 0
-
-
 def test_what_a_large_slanted_face_hides_is_hidden():
     """Under a roof, nearer than the middle of its slope: only the depth at its place tells."""
     roof = [[-10, -10, 0], [0, -10, 10], [0, 10, 10], [-10, 10, 0], [10, -10, 0], [10, 10, 0]]
