@@ -120,7 +120,8 @@ def disk_map(
         comes with the first two; five take one to three times as long as the map itself.
         None is as needed: no step for a good map, two for one that is measurably not near
         the conformal one, and for one that is not conformal, or had to be replaced by repair,
-        as many as gain enough, see `Refinement`.
+        as many as gain enough, see `Refinement`. Such a map has these if fewer are asked for,
+        too.
     refine_norm : float
         The exponent p, from 1 to 2. The default lowers mean and SD; the nearer to 1, the
         lower the mean and the higher the SD.

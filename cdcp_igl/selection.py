@@ -182,9 +182,9 @@ def finish(
     memory of the surface's.
     """
     mesh = surface.mesh
-    steps = options.refine
-    if steps is None:
-        steps = 0 if options.paper else best.steps_due
+    steps = options.refine or 0
+    if options.refine != 0 and not options.paper:
+        steps = max(steps, best.steps_due)
     if steps and best.certificate.valid:
         if not keep_factor:
             surface.release()

@@ -48,6 +48,7 @@ def test_many_points_there_and_back(cap, kind):
     face, barycentric = points_of(kind, F, 20_000, np.random.default_rng(0))
     uv = result.apply(face, barycentric)
     found, found_barycentric = result.invert(uv)
+    assert found_barycentric.min() >= 0
     assert abs(result.apply(found, found_barycentric) - uv).max() < 1e-15
     there = weights(F, len(V), face, barycentric)
     assert abs(there - weights(F, len(V), found, found_barycentric)).max() < 1e-12
@@ -96,25 +97,6 @@ def test_every_point_of_the_disk_has_a_place_and_no_other(cap):
     outside, nan = result.invert(1.001 * np.column_stack([np.cos([0, 1]), np.sin([0, 1])]))
     assert (outside == -1).all()
     assert np.isnan(nan).all()
-
-
-@given(st.floats(0, 0.99), st.floats(0, 2 * np.pi))
-def test_the_face_found_is_that_of_a_search_through_all(radius, angle):
-    _, F = SMALL["grid"]
-    result = GRID_MAP
-    p = np.array([radius * np.cos(angle), radius * np.sin(angle)])
-    corners = result.uv[F] - p
-    across = np.roll(corners, -1, axis=1)
-    inside = (corners[..., 0] * across[..., 1] - corners[..., 1] * across[..., 0] > -1e-16).all(1)
-    face, barycentric = result.invert(p)
-    if inside.any():
-        assert inside[face]
-        assert abs(result.apply(face, barycentric) - p).max() < 1e-15
-    else:
-        assert np.linalg.norm(result.apply(face, barycentric)) < np.linalg.norm(p)
-
-
-GRID_MAP = cdcp_igl.disk_map(*SMALL["grid"])
 
 
 def test_shapes_are_kept(cap):

@@ -108,6 +108,7 @@ REACHED = {
     "koala_punct": 1.124,
     "octopus_punct": 20.996,
     "rangemap_lato000_ears": 0.890,
+    "rangemap_lato180_ears": 7.532,
     "sophie_stl_15282_ears": 0.967,
 }
 

@@ -107,7 +107,7 @@ def test_ply_as_text(tmp_path, newline, body):
     assert_read(path, V5, TRIANGLES)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15)
 @given(st.lists(st.tuples(st.integers(3, 6), st.integers(1, 9)), max_size=9), st.randoms())
 def test_ply_with_polygons_of_all_sizes(tmp_path_factory, runs, random):
     """In runs of equal ones, between other columns; in all encodings."""

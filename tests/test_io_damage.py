@@ -108,12 +108,6 @@ def test_messages_are_about_the_file(tmp_path, name, text, says, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_polygons_of_two_corners(tmp_path):
-    (tmp_path / "a.off").write_text(f"OFF\n4 1 0\n{ROWS}2 0 1\n")
-    with pytest.raises(MeshError, match="fewer than three corners"):
-        read_mesh(tmp_path / "a.off")
-
-
 @pytest.mark.parametrize("blank", ["\n", " \n", "\x1c\n", "\xa0\n"])
 def test_blank_lines_do_not_complete_a_ply_that_is_cut_off(tmp_path, blank):
     path = tmp_path / "a.ply"
@@ -253,11 +247,6 @@ def test_bombs_are_refused_before_they_go_off(tmp_path):
 # -- what is no file -------------------------------------------------------------------
 
 
-def test_a_zero_in_the_name():
-    with pytest.raises(MeshError, match="no name of a file"):
-        read_mesh("a\0b.obj")
-
-
 @pytest.mark.parametrize("name", ["folder", "folder.obj"])
 def test_a_folder_is_no_file(tmp_path, monkeypatch, name):
     (tmp_path / name).mkdir()
@@ -300,7 +289,7 @@ for path in sorted(Path(sys.argv[1]).iterdir()):
     refused = 0
     for at in range(len(data)):
         wrong = [data[at] ^ 1 << random.integers(8), 0x3F, random.integers(256)]
-        for byte in wrong if path.suffix == ".mat" else wrong[:1]:
+        for byte in wrong if path.name == "a.mat" else wrong[:1]:
             path.write_bytes(data[:at] + bytes([byte]) + data[at + 1:])
             try:
                 V, F = read_mesh(path)

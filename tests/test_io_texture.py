@@ -2,7 +2,6 @@
 
 import re
 import struct
-from types import SimpleNamespace
 
 import numpy as np
 import pygltflib
@@ -120,23 +119,6 @@ def test_a_quad_that_is_cut_within_becomes_triangles(tmp_path, corners):
     assert corner_set(places, texture) == corner_set(V[F], uv)
 
 
-def test_another_reader_finds_texture_materials_and_groups(tmp_path):
-    given, V, F = scene(tmp_path, text=PLAIN)
-    (tmp_path / "scene.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0 1\n")
-    uv = np.random.default_rng(0).random((len(F), 3, 2))
-    uv[1, 0], uv[1, 1] = uv[0, 0], uv[0, 2]  # quads stay quads
-    uv[3, 0], uv[3, 1] = uv[2, 0], uv[2, 2]
-    write_map(tmp_path / "out.obj", V, F, uv, disk=True, like=given)
-    parts = trimesh.load(tmp_path / "out.obj", process=False)
-    found = [
-        (mesh.vertices[mesh.faces], mesh.visual.uv[mesh.faces], mesh.visual.material.name)
-        for mesh in parts.geometry.values()
-    ]
-    places, texture = (np.concatenate([part[k] for part in found]) for k in (0, 1))
-    assert corner_set(places, texture) == corner_set(V[F], uv)
-    assert sorted(name for _, _, name in found) == ["blue", "red"]
-
-
 def test_like_must_be_the_mesh(tmp_path):
     given, V, F = scene(tmp_path)
     out = tmp_path / "out.obj"
@@ -229,14 +211,6 @@ def test_a_result_with_faces_on_no_disk(tmp_path):
         assert np.isnan(uv[-1]).all()
         last = (tmp_path / "a.obj").read_text().splitlines()[-1]
         assert last == "f {} {} {}".format(*F[-1] + 1)
-
-
-def test_a_result_with_disks_side_by_side(tmp_path, cut_open):
-    V, F, uv = cut_open
-    result = SimpleNamespace(uv=uv, packed=lambda: uv / 4)
-    for disk, expected in ((False, uv / 4), (True, uv)):
-        write_map(tmp_path / "a.obj", V, F, result, disk=disk)
-        np.testing.assert_array_equal(corner_places(tmp_path / "a.obj")[1], expected)
 
 
 # -- glb and images ----------------------------------------------------------------------

@@ -103,10 +103,8 @@ def test_a_mesh_report_shows_itself():
 
 def test_what_a_table_names_is_escaped():
     shown = as_html("<b>", [("<i>", "a & b")])
-    assert "<table>" in shown
-    assert "&lt;b&gt;" in shown
-    assert "&lt;i&gt;" in shown
-    assert "a &amp; b" in shown
+    for text in ("<table>", "&lt;b&gt;", "&lt;i&gt;", "a &amp; b"):
+        assert text in shown
 
 
 # -- reports ---------------------------------------------------------------------------
@@ -137,16 +135,21 @@ def test_a_flat_row_spells_lists_out(mapped):
     assert row["disks"] == 2
 
 
-def test_area_distortion_is_that_of_the_function(mapped):
-    for kind in ("disk", "rectangle"):
-        V, F, result = mapped[kind]
-        expected = cdcp_igl.area_distortion(V, F, result.uv)
-        np.testing.assert_allclose(result.area_distortion(), expected, atol=1e-12)
-    V, F, result = mapped["surface"]
-    uv = np.empty((len(V), 2))
-    uv[F] = result.packed()
-    expected = cdcp_igl.area_distortion(V, F, uv)
+@pytest.mark.parametrize("kind", KINDS)
+def test_area_distortion_is_that_of_the_function(mapped, kind):
+    V, F, result = mapped[kind]
+    expected = cdcp_igl.area_distortion(V, F, packed_at_vertices(V, F, result))
     np.testing.assert_allclose(result.area_distortion(), expected, atol=1e-12)
+
+
+def packed_at_vertices(V, F, result):
+    """The coordinates in the unit square, of maps that have one place for each vertex."""
+    packed = result.packed()
+    if packed.ndim == 2:
+        return packed
+    uv = np.empty((len(V), 2))
+    uv[F] = packed
+    return uv
 
 
 def test_faces_that_were_turned_over_have_an_area(mapped):
@@ -177,31 +180,26 @@ def test_a_large_surface_is_a_picture_in_a_notebook():
     assert ".view()" in shown
 
 
-@pytest.fixture(scope="module")
-def executed():
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")
+def test_the_notebook_of_the_gallery_runs_and_its_page_lives(tmp_path):
     import nbformat
     from nbclient import NotebookClient
-
-    book = nbformat.read(NOTEBOOK, 4)
-    NotebookClient(book, timeout=120, kernel_name="python3").execute()
-    return book
-
-
-@pytest.mark.filterwarnings("default")
-def test_the_notebook_of_the_gallery_runs_and_its_page_lives(executed, tmp_path):
     from nbconvert import HTMLExporter
-    from selenium.webdriver.common.by import By
     from selenium.webdriver.support.ui import WebDriverWait
 
-    outputs = [output for cell in executed.cells for output in cell.get("outputs", [])]
+    book = nbformat.read(NOTEBOOK, 4)
+    assert all(not cell.get("outputs") for cell in book.cells)  # it is kept without them
+    NotebookClient(book, timeout=120, kernel_name="python3").execute()
+    outputs = [output for cell in book.cells for output in cell.get("outputs", [])]
     assert not [output for output in outputs if output.output_type == "error"]
     assert sum("<iframe" in output.get("data", {}).get("text/html", "") for output in outputs) == 1
     file = tmp_path / "notebook.html"
-    file.write_text(HTMLExporter().from_notebook_node(executed)[0], encoding="utf-8")
+    file.write_text(HTMLExporter().from_notebook_node(book)[0], encoding="utf-8")
     driver = chromium(*SOFTWARE_WEBGL)
     try:
         driver.get(file.as_uri())
-        frame = driver.find_element(By.TAG_NAME, "iframe")
+        frame = driver.find_element("tag name", "iframe")
         driver.execute_script("arguments[0].scrollIntoView()", frame)
         driver.switch_to.frame(frame)
         WebDriverWait(driver, 30).until(
@@ -209,11 +207,6 @@ def test_the_notebook_of_the_gallery_runs_and_its_page_lives(executed, tmp_path)
         )
     finally:
         driver.quit()
-
-
-def test_the_notebook_is_kept_without_outputs():
-    cells = json.loads(NOTEBOOK.read_text("utf-8"))["cells"]
-    assert all(not cell.get("outputs") for cell in cells)
 
 
 # -- files and images ------------------------------------------------------------------
@@ -252,7 +245,7 @@ def test_vertices_that_no_face_uses_are_not_saved(mapped, tmp_path):
 @pytest.mark.parametrize(
     ("kind", "suffix", "start"),
     [
-        ("rectangle", ".svg", b"<?xml"),
+        ("disk", ".svg", b"<?xml"),
         ("surface", ".html", b"<!doctype html>"),
         ("surface", ".json", b"{"),
     ],
@@ -286,10 +279,7 @@ def test_positions_are_those_given():
 def test_what_is_baked_lies_where_the_map_is_packed(mapped, kind):
     """Texture coordinates baked as colours are the coordinates of the pixels."""
     V, F, result = mapped[kind]
-    packed = result.packed()
-    if packed.ndim == 3:
-        packed = np.empty((len(V), 2))
-        packed[F] = result.packed()
+    packed = packed_at_vertices(V, F, result)
     image = result.bake(packed, size=64)
     row, column = np.mgrid[:64, :64]
     pixels = np.stack([(column + 0.5) / 64, 1 - (row + 0.5) / 64], axis=-1)

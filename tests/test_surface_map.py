@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import cdcp_igl
 from cdcp_igl.atlas.packing import packed_circles
+from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas
 
 RANDOM = st.builds(
@@ -38,7 +39,7 @@ def assert_consistent(result, V, F):
     assert result.shares.sum() == pytest.approx(1)
 
 
-@settings(max_examples=8)
+@settings(max_examples=5)
 @given(RANDOM, st.integers(0, 1000), st.sampled_from([0, 0.3]))
 def test_flipped_faces_are_mapped_as_the_others(mesh, seed, share):
     V, F = mesh
@@ -178,7 +179,7 @@ def punched(V, F, holes):
     """Take out three round holes of a share of the faces each."""
     rng = np.random.default_rng(0)
     middle = V[F].mean(axis=1)
-    boundary = cdcp_igl.surface.mesh.DiskMesh(V, F).on_boundary
+    boundary = DiskMesh(V, F).on_boundary
     inner = np.flatnonzero(~boundary[F].any(axis=1))
     gone = np.zeros(len(F), dtype=bool)
     for center in rng.choice(inner, 3, replace=False):
@@ -189,7 +190,7 @@ def punched(V, F, holes):
 
 @pytest.mark.parametrize("holes", [0.001, 0.01, 0.05])
 def test_filled_holes_distort_less_than_cuts_to_them(holes, real_mesh):
-    V, F = punched(*real_mesh("chinese_lion_17334"), holes)
+    V, F = punched(*real_mesh("face_1180_ears"), holes)
     filled = cdcp_igl.surface_map(V, F)
     cut = cdcp_igl.surface_map(V, F, fill=False)
     assert len(filled.cut.edges) == 0 < len(cut.cut.edges)

@@ -183,7 +183,7 @@ def browser():
 
 @pytest.fixture
 def opened(browser, page):
-    browser.set_window_size(1200, 900)
+    browser.set_window_size(1000, 700)
     browser.execute_cdp_cmd("Network.enable", {})
     browser.execute_cdp_cmd("Network.emulateNetworkConditions", OFFLINE)
     browser.get(page.as_uri())

@@ -35,9 +35,10 @@ COARSE = 0.2
 # or where the errors are more than this times what the scale explains.
 EXCESS = 1.05
 # A map that is not conformal, or in which repair has moved more than this share of the vertices,
-# is refined by up to MOST_STEPS, each halved up to PATIENT times.
+# is refined by up to MOST_STEPS, each halved up to PATIENT times. They take at most some five times
+# as long as what was done before.
 MUCH_REPAIRED = 0.1
-MOST_STEPS = 100
+MOST_STEPS = 60
 PATIENT = 12
 # Where the scale explains errors so much larger than they are, it is not smooth, so the map is not
 # near a conformal one.
@@ -178,7 +179,6 @@ def refined(
     Where rounding flips faces at the end, refine again, and let no face become thinner than `THIN`.
     """
     deadline = perf_counter() + options.refine_seconds
-    wanted = candidate.conformality.wanted if options.refine is None else None
     done = candidate.done
     for thin in (0.0, THIN):
         with phase("refine") as advance:
@@ -191,7 +191,8 @@ def refined(
                 seconds=deadline - perf_counter(),
                 halvings=HALVINGS if candidate.conformality else PATIENT,
                 thin=thin,
-                wanted=wanted,
+                least=options.refine or STEPS_DUE,
+                wanted=candidate.conformality.wanted,
                 advance=advance,
             )
         if refinement.stopped:

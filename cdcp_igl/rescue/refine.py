@@ -26,7 +26,7 @@ STEPS_DUE = 2
 # Further steps are taken while one of the last three lowers the objective by this share.
 PATIENCE, WORTH = 3, 0.001
 # After so many steps one can tell, to within this factor, whether they will make a map conformal.
-FEW_STEPS, HOPE = 10, 2
+FEW_STEPS, HOPE = 10, 3
 ROUNDING = np.radians(0.1)  # below this angle |r|^p is rounded off to a parabola
 CG_ITERATIONS = 3  # lower the objective to within 0.3 % of what the solved system would
 DAMPINGS = (0, 1, 10, 100)  # tried in turn
@@ -87,7 +87,8 @@ def lower_angle_distortion(
     seconds: float = np.inf,
     halvings: int = HALVINGS,
     thin: float = 0.0,
-    wanted: float | None = None,
+    least: int | None = None,
+    wanted: float = 0.0,
     advance: Callable[[float], None] = lambda done: None,
 ) -> tuple[Complex, Refinement]:
     """Lower the sum of |angle error|^p over all corners; boundary vertices slide on the circle.
@@ -102,10 +103,11 @@ def lower_angle_distortion(
     `order` are the interior vertices in a fill-reducing order. After so many `seconds` no step is
     begun. A step is halved up to `halvings` times before it is computed again with more damping;
     more of them are slower, and help where a map is bad. Faces at least as high as `thin` stay so,
-    see `search_along`. `wanted` is for steps that nobody has asked for: the share of the objective
-    that would make the map conformal. They end where there is little to gain, or where that is out
-    of reach. `advance` is called after each step with the share that is done. Returns f itself if
-    no step was an improvement, or if it has flipped faces.
+    see `search_along`. After the `least` number of steps, if it is told, further ones end where
+    there is little to gain, or where it is out of reach that only the share `wanted` of the
+    objective is left, which would make the map conformal. `advance` is called after each step with
+    the share that is done. Returns f itself if no step was an improvement, or if it has flipped
+    faces.
 
     References
     ----------
@@ -139,7 +141,7 @@ def lower_angle_distortion(
                 taken, attempt = taken + 1, max(attempt - 1, 0)
                 gains.append(1 - objective / last)
                 advance(taken / steps)
-                if wanted is not None and STEPS_DUE <= taken < steps:
+                if least is not None and least <= taken < steps:
                     stopped = _reason_to_stop(gains, steps - taken, wanted * before / objective)
             alike = (p, attempt) == used and objective >= (1 - SMALL_GAIN) * last
             stale = not alike or p < STEADY
