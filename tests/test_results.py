@@ -73,12 +73,13 @@ def test_a_map_that_is_not_valid_says_so_and_is_not_drawn(mapped):
 
 def test_a_map_that_is_not_conformal_says_which_disk_and_why():
     V, F = corridor(40)
-    single = cdcp_igl.disk_map(V, F)
+    single = cdcp_igl.disk_map(V, F, refine=0)
     square, G = grid(12, 15)
     several = cdcp_igl.surface_map(
         np.vstack([square - 30, np.column_stack([V, 0 * V[:, 0]])]),
         np.vstack([G, F + len(square)]),
         spread=np.inf,
+        refine=0,
     )
     worst = np.argmax([disk.distortion.mean for disk in several.disks])
     for result in (single, several):
@@ -165,9 +166,8 @@ def test_faces_that_were_turned_over_have_an_area(mapped):
 def test_what_is_shown_does_not_depend_on_the_unit():
     V, F = grid(8, 9)
     F = np.delete(F, 40, axis=0)
-    page = cdcp_igl.surface_map(V, F).view_html()
-    for exponent in (-900, 1010):
-        assert cdcp_igl.surface_map(np.ldexp(V, exponent), F).view_html() == page
+    small, large = (cdcp_igl.surface_map(np.ldexp(V, exponent), F) for exponent in (-900, 1010))
+    assert small.view_html() == large.view_html()
 
 
 def test_a_large_surface_is_a_picture_in_a_notebook():
