@@ -6,7 +6,6 @@ import struct
 import igl
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import grid
@@ -163,16 +162,6 @@ def test_stl_corners_are_merged_in_order_of_appearance(tmp_path, binary, name):
         facets = (f"facet normal 0 0 1\nouter loop\n{a}endloop\nendfacet\n" for a in loops)
         path.write_text(f"solid {name}\n{''.join(facets)}endsolid {name}\n")
     assert_read(path, V5[[2, 0, 1, 3]], [[0, 1, 2], [3, 1, 0]])
-
-
-def test_merging_keeps_the_surface(tmp_path):
-    V, F = grid()
-    V = V.astype("f4")
-    trimesh.Trimesh(V, F, process=False).export(tmp_path / "a.stl")
-    merged, faces = read_mesh(tmp_path / "a.stl")
-    assert len(merged) == len(V)
-    np.testing.assert_array_equal(merged[faces], V[F])
-    assert (np.diff(np.unique(faces, return_index=True)[1]) > 0).all()
 
 
 @pytest.mark.parametrize("suffix", ["obj", "off", "ply"])
