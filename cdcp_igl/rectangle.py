@@ -381,9 +381,8 @@ def _rectangle(mesh: DiskMesh, sides: list[Ints], square: _Square, phase: Phases
     with phase("certificate"):
         certificate = certify_rectangle(mesh, sides, f, modulus)
         degrees = np.degrees(abs(angle_errors(mesh, f)))
-        conformality = NOT_VALID
-        if certificate.valid:
-            conformality = judge(mesh, f, degrees, closely=repair.n_flipped > 0)
+        closely = repair.n_flipped > 0
+        conformality = judge(mesh, f, degrees, closely=closely) if certificate.valid else NOT_VALID
         if not conformality:
             conformality = replace(conformality, remedies=(REMEDY,))
     return RectangleMap(

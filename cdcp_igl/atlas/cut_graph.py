@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
+from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
 from ..arrays import Bools, Floats, Ints, marked, places
 from ..cached import cached_property
-from ..surface.topology import Topology
+from ..surface.topology import Topology, components_of_pairs
 from ..surface.triangles import corner_angles, corner_cotangents
 
 
@@ -147,9 +147,7 @@ class OpenedComponent:
         number = places(spokes, len(component.tail))
         joined = spokes[~self.is_cut[spokes]]
         neighbour = component.after(component.twin[joined])
-        pairs = (number[joined], number[neighbour])
-        graph = coo_matrix((np.ones(len(joined)), pairs), (len(spokes), len(spokes)))
-        _, fan = connected_components(graph, directed=False)
+        _, fan = components_of_pairs(number[joined], number[neighbour], len(spokes))
         _, first = np.unique(fan, return_index=True)
         hub = component.tail[spokes[first]]
         order = np.argsort(hub, kind="stable")
@@ -190,8 +188,7 @@ class OpenedComponent:
     def loop(self) -> Ints:
         """(n,) number of the boundary loop of each vertex from 0, -1 in the interior."""
         tail, head = self.tail[self.is_cut], self.head[self.is_cut]
-        graph = coo_matrix((np.ones(len(tail)), (tail, head)), shape=(self.n, self.n))
-        _, part = connected_components(graph, directed=False)
+        _, part = components_of_pairs(tail, head, self.n)
         loop = np.full(self.n, -1)
         loop[self.on_boundary] = np.unique(part[self.on_boundary], return_inverse=True)[1]
         return loop
