@@ -1,5 +1,6 @@
 """Surfaces that are no disk: random ones of any genus, and some whose cut is known."""
 
+import igl
 import numpy as np
 
 
@@ -135,26 +136,7 @@ def dual(V, F):
 
 def blob(seed, subdivisions=3):
     """A closed surface: an icosahedron, subdivided, with bumps."""
-    t = (1 + np.sqrt(5)) / 2
-    V = [(0, s, u * t) for s in (-1, 1) for u in (-1, 1)]
-    V = np.array([np.roll(v, k) for k in range(3) for v in V], float)
-    edge = np.linalg.norm(V[:, None] - V, axis=2) < 2.1
-    F = [
-        (i, j, k)
-        for i in range(12)
-        for j in range(i + 1, 12)
-        for k in range(j + 1, 12)
-        if edge[i, j] and edge[j, k] and edge[i, k]
-    ]
-    F = np.array([f if np.linalg.det(V[list(f)]) > 0 else (f[0], f[2], f[1]) for f in F])
-    for _ in range(subdivisions):
-        ends = np.sort(np.concatenate([F[:, [1, 2]], F[:, [2, 0]], F[:, [0, 1]]]), axis=1)
-        edges, which = np.unique(ends, axis=0, return_inverse=True)
-        a, b, c = len(V) + which.reshape(3, -1)
-        V = np.vstack([V, V[edges].mean(axis=1)])
-        i, j, k = F.T
-        corners = ([i, c, b], [j, a, c], [k, b, a], [a, b, c])
-        F = np.concatenate([np.column_stack(face) for face in corners])
+    V, F = igl.upsample(*igl.icosahedron(), subdivisions)
     V /= np.linalg.norm(V, axis=1)[:, None]
     rng = np.random.default_rng(seed)
     bumps = np.cos(4 * V @ rng.normal(size=(3, 4)) + rng.uniform(0, 6, 4)).sum(axis=1)

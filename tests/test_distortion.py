@@ -3,7 +3,6 @@ import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.distortion import AngleDistortion
 
 V, F = meshes.grid()
 UV = cdcp_igl.cdcp(V, F)
@@ -39,13 +38,6 @@ def test_flipped_face_is_never_conformal():
     np.testing.assert_allclose(degrees, 2 * angles_by_hand(flat, F), atol=1e-6)
 
 
-def test_summary():
-    degrees = cdcp_igl.angle_distortion(V, F, UV)
-    summary = AngleDistortion.of(degrees)
-    assert summary == AngleDistortion(degrees.mean(), degrees.std(), degrees.max())
-    assert str(summary).startswith("mean ")
-
-
 def test_disk_map_reports_the_distortion_of_its_uv():
     result = cdcp_igl.disk_map(V, F)
     degrees = cdcp_igl.angle_distortion(V, F, result.uv)
@@ -70,15 +62,6 @@ def test_nan_in_uv_is_no_zero():
 
 def linear(matrix):
     return V[:, :2] @ np.transpose(matrix)
-
-
-@pytest.mark.parametrize(
-    ("matrix", "K"),
-    [([[0, -2], [2, 0]], 1), ([[3, 0], [0, 2]], 1.5), ([[1, 1], [0, 1]], (3 + 5**0.5) / 2)],
-)
-def test_dilatation_is_the_ratio_of_the_singular_values(matrix, K):
-    found = cdcp_igl.quasi_conformal_dilatation(V[:, :2], F, linear(matrix))
-    np.testing.assert_allclose(found, K, rtol=1e-12)
 
 
 def test_dilatation_on_a_surface():

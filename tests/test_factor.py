@@ -34,19 +34,6 @@ def test_values_may_be_given_elsewhere():
     np.testing.assert_allclose((surface.laplacian.matrix() @ x)[free], 1, atol=1e-12)
 
 
-def test_no_interior():
-    surface = FactoredSurface.of(DiskMesh(*meshes.strip()))
-    assert (surface.solve(np.ones(len(surface.mesh.V))) == 0).all()
-
-
-def test_coupling_is_the_block_between_interior_and_boundary():
-    surface = FactoredSurface.of(DiskMesh(*meshes.grid()))
-    mesh, L = surface.mesh, surface.laplacian.matrix().toarray()
-    coupling = surface.coupling.toarray()
-    np.testing.assert_array_equal(coupling[mesh.interior], L[np.ix_(mesh.interior, mesh.loop)])
-    assert (coupling[mesh.loop] == 0).all()
-
-
 def test_separators_separate():
     mesh = DiskMesh(*meshes.grid(40, 60))
     low, high, levels = mesh.edges.low, mesh.edges.high, 3

@@ -22,6 +22,27 @@ def test_a_good_map():
     assert "0 flipped faces" in str(certificate)
 
 
+def test_maps_that_are_none():
+    mirrored = certify(MESH, UV * [1, -1])
+    assert len(mirrored.flipped) == len(MESH.F)
+    assert mirrored.winding_number != 1
+    off, missing = UV.copy(), UV.copy()
+    off[MESH.loop[3]] *= 1 + 1e-9
+    assert certify(MESH, off).boundary_error == pytest.approx(1e-9, rel=1e-5)
+    missing[0, 0] = np.nan
+    assert str(certify(MESH, missing)) == "not finite"
+    assert not any(certify(MESH, uv).valid for uv in (UV * [1, -1], off, missing))
+
+
+FAN = DiskMesh(*meshes.fan(9))
+
+
+def around(turns):
+    """The boundary of a fan so many times around the circle."""
+    t = 2 * np.pi * turns * np.arange(9) / 9
+    return np.vstack([np.column_stack([np.cos(t), np.sin(t)]), [[0, 0]]])
+
+
 def test_interior_vertex_pulled_over_an_edge():
     bad = UV.copy()
     bad[MESH.interior[0]] = UV[MESH.interior[-1]]
@@ -36,14 +57,6 @@ def test_interior_vertex_pulled_over_an_edge():
     assert certificate.flipped.tolist() == flipped
 
 
-def test_boundary_off_the_circle():
-    bad = UV.copy()
-    bad[MESH.loop[3]] *= 1 + 1e-9
-    certificate = certify(MESH, bad)
-    assert not certificate.valid
-    assert certificate.boundary_error == pytest.approx(1e-9, rel=1e-5)
-
-
 def test_boundary_neighbours_exchanged():
     bad = UV.copy()
     bad[MESH.loop[[4, 5]]] = UV[MESH.loop[[5, 4]]]
@@ -55,36 +68,17 @@ def test_boundary_neighbours_exchanged():
 
 
 def test_boundary_steps_below_rounding_are_judged_exactly():
-    fan = DiskMesh(*meshes.fan(9))
-    t = 2 * np.pi * np.arange(9) / 9
-    uv = np.vstack([np.column_stack([np.cos(t), np.sin(t)]), [[0, 0]]])
+    uv = around(1)
     for step, forward in ((1e-300, True), (0.0, False), (-1e-300, False)):
         uv[1] = [1, step]  # vertex 0 is at (1, 0)
-        assert certify(fan, uv).boundary_monotone == forward
-
-
-def test_mirror_image():
-    certificate = certify(MESH, UV * [1, -1])
-    assert len(certificate.flipped) == len(MESH.F)
-    assert certificate.winding_number != 1
+        assert certify(FAN, uv).boundary_monotone == forward
 
 
 def test_winding_twice():
-    fan = DiskMesh(*meshes.fan(9))
-    t = 4 * np.pi * np.arange(9) / 9
-    uv = np.vstack([np.column_stack([np.cos(t), np.sin(t)]), [[0, 0]]])
-    certificate = certify(fan, uv)
+    certificate = certify(FAN, around(2))
     assert certificate.winding_number == 2
     assert len(certificate.flipped) == 0  # only the winding number gives it away
     assert not certificate.valid
-
-
-def test_not_finite():
-    bad = UV.copy()
-    bad[0, 0] = np.nan
-    certificate = certify(MESH, bad)
-    assert not certificate.valid
-    assert str(certificate) == "not finite"
 
 
 @given(st.lists(st.integers(-2, 2), min_size=2, max_size=2))

@@ -104,17 +104,6 @@ def test_tutte_puts_every_interior_vertex_in_the_middle_of_its_neighbours():
         assert uv[vertex] == pytest.approx(uv[neighbours].mean(axis=0), abs=1e-13)
 
 
-def test_harmonic_boundary_arcs_are_proportional_to_lengths():
-    V, F = saddle()
-    mesh = DiskMesh(V * [1, 3, 1], F)
-    uv = harmonic(mesh.V, F)[mesh.loop]
-    points = mesh.V[mesh.loop]
-    lengths = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
-    z = uv[:, 0] + 1j * uv[:, 1]
-    arcs = np.angle(np.roll(z, -1) / z)
-    assert arcs == pytest.approx(2 * np.pi * lengths / lengths.sum())
-
-
 @pytest.mark.parametrize("name", ["lscm", "spectral"])
 def test_free_boundary_maps_leave_a_plane_mesh_as_it_is(name):
     V, F = saddle()

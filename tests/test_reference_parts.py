@@ -13,7 +13,6 @@ from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.datasets import square
 from cdcp_igl.reference import beltrami_coefficient, double_cover
 from cdcp_igl.reference.beltrami import generalized_laplacian, linear_beltrami_solver
-from cdcp_igl.reference.dirichlet import Dirichlet
 from cdcp_igl.reference.doubled import double_cover_trace, doubled_faces, doubled_laplacian
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.laplacian import cotangent_laplacian
@@ -69,40 +68,12 @@ def test_coefficient_of_an_affine_map(chart, M, mu):
     assert beltrami_coefficient(chart, F, M) == pytest.approx(mu, abs=1e-14)
 
 
-def test_generalized_laplacian_has_the_matrix_of_the_beltrami_equation():
-    mu = 0.3 - 0.4j
-    G = generalized_laplacian(GRID, F, np.full(len(F), mu))
-    A = np.array([[abs(1 - mu) ** 2, -2 * mu.imag], [-2 * mu.imag, abs(1 + mu) ** 2]]) / (
-        1 - abs(mu) ** 2
-    )
-    gradient = np.array([2.0, -5.0])
-    u = gradient @ [X, Y]
-    area = 16
-    assert u @ G @ u == pytest.approx(area * gradient @ A @ gradient)
-
-
 def test_linear_beltrami_solver_finds_the_affine_map():
     mu = 0.3 - 0.4j
     w = GRID + mu * GRID.conj()
     S = DiskMesh(PLANE, F).loop
     found = linear_beltrami_solver(GRID, F, np.full(len(F), mu), S, w[S])
     assert found == pytest.approx(w, abs=1e-13)
-
-
-def test_dirichlet_solution_satisfies_the_equations():
-    L = cotangent_laplacian(DiskMesh(SADDLE, F)).matrix()
-    S = np.array([7, 0, 24])
-    c = np.array([1j, 2 - 1j, 0.5])
-    r = np.exp(1j * np.arange(N))
-    u = Dirichlet(L, S).solve(c, r)
-    assert (u[S] == c).all()
-    off = np.setdiff1d(np.arange(N), S)
-    assert (L @ u)[off] == pytest.approx(r[off], abs=1e-13)
-
-
-def test_dirichlet_with_every_vertex_given():
-    L = cotangent_laplacian(DiskMesh(SADDLE, F)).matrix()
-    assert (Dirichlet(L, np.arange(N)).solve(GRID) == GRID).all()
 
 
 def test_doubled_faces_close_the_surface():
