@@ -30,6 +30,21 @@ def blocks(m: int) -> list[slice]:
     return [slice(start, start + BLOCK) for start in range(0, m, BLOCK)]
 
 
+def marked(n: int, *rows: NDArray[Any] | int) -> Bools:
+    """(n,) which of n rows are among the given ones."""
+    among = np.zeros(n, dtype=bool)
+    for some in rows:
+        among[some] = True
+    return among
+
+
+def places(rows: NDArray[Any], n: int) -> Ints:
+    """(n,) where each of n rows is among the given ones, which are different; -1 if it is not."""
+    place = np.full(n, -1)
+    place[rows] = np.arange(len(rows))
+    return place
+
+
 def evenly_spaced_rows(m: int, most: int) -> Ints:
     """(k,) rows of at most so many of m, spread evenly."""
     return np.linspace(0, m - 1, min(most, m)).astype(np.int64)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.special import ellipk, ellipkinc
 
 from .algorithm import map_of
-from .arrays import Complex, Floats, Ints, as_complex, coordinates
+from .arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from .certificate import Certificate, flipped_faces, not_finite
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, counted, spell
@@ -278,9 +278,7 @@ def _boundary_sides(mesh: DiskMesh, corners: ArrayLike) -> list[Ints]:
 def _refuse_chords(mesh: DiskMesh, sides: list[Ints]) -> None:
     """Raise ValueError for edges inside that join two vertices of one side."""
     for number, side in enumerate(sides, 1):
-        on_side = np.zeros(len(mesh.V), dtype=bool)
-        on_side[side] = True
-        chords = mesh.edges.ends(mesh.edges.chords(on_side))
+        chords = mesh.edges.ends(mesh.edges.chords(marked(len(mesh.V), side)))
         if len(chords):
             found = counted(len(chords), "edge inside joins", "edges inside join")
             raise ValueError(
@@ -383,9 +381,8 @@ def _rectangle(mesh: DiskMesh, sides: list[Ints], square: _Square, phase: Phases
     with phase("certificate"):
         certificate = certify_rectangle(mesh, sides, f, modulus)
         degrees = np.degrees(abs(angle_errors(mesh, f)))
-        conformality = NOT_VALID
-        if certificate.valid:
-            conformality = judge(mesh, f, degrees, closely=repair.n_flipped > 0)
+        closely = repair.n_flipped > 0
+        conformality = judge(mesh, f, degrees, closely=closely) if certificate.valid else NOT_VALID
         if not conformality:
             conformality = replace(conformality, remedies=(REMEDY,))
     return RectangleMap(

@@ -63,7 +63,7 @@ def test_the_map_differs_by_a_mobius_transformation():
     assert certify(mesh, coordinates(harmonic.f)).valid
 
 
-def test_settling_finds_digits_that_the_solution_has_not():
+def test_extending_again_finds_digits_that_the_solution_has_not():
     """Twice: nothing is found the second time but the rounding of what is there."""
     surface, harmonic = harmonic_map(*arms(20, 1))
     mesh, solved = surface.mesh, harmonic.f

@@ -62,7 +62,7 @@ def test_weights_that_differ_less_embed_what_mean_values_crowd():
 
 
 @pytest.mark.parametrize(("seed", "size"), [(0, 1), (1, 1), (2, 0)])
-def test_any_interior_can_be_unfolded(seed, size):
+def test_any_interior_can_be_repaired(seed, size):
     rng = np.random.default_rng(seed)
     folded = Z.copy()
     folded[MESH.interior] = size * rng.uniform(-1, 1, (len(MESH.interior), 2)) @ [1, 1j]
@@ -136,7 +136,7 @@ def test_too_many_flipped_faces_are_left_alone():
     assert "too many" in str(repair)
 
 
-def test_a_soft_relaxation_pulls_a_face_over():
+def test_a_soft_relaxation_repairs_a_flipped_face():
     folded = Z.copy()
     vertex = MESH.interior[44]
     folded[vertex] = Z[vertex] + 0.4

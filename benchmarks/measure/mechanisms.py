@@ -63,7 +63,7 @@ def _not_swept(self: Relaxation, f: Complex, times: int, softness: float = 0.0) 
     return f
 
 
-def _not_pulled(self: _Neighbourhood, g: Complex, rings: int) -> Complex:
+def _not_relaxed(self: _Neighbourhood, g: Complex, rings: int) -> Complex:
     return g
 
 
@@ -81,8 +81,8 @@ MECHANISMS: Mapping[str, Without] = {
     "arc length": partial(_without_boundary, "arc length"),
     "local repair": partial(_replaced, repair_locally, _not_repaired),
     "relaxation of what is repaired": partial(mock.patch.object, Relaxation, "sweep", _not_swept),
-    "pulling over of flipped faces": partial(
-        mock.patch.object, _Neighbourhood, "pull_over", _not_pulled
+    "relaxation of flipped faces": partial(
+        mock.patch.object, _Neighbourhood, "relax_flipped", _not_relaxed
     ),
     "replacement of the interior": partial(_replaced, replace_interior, _not_repaired),
     "straightening": partial(_replaced, straighten, _not_straightened),

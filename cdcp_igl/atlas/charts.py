@@ -17,7 +17,7 @@ from ..steps.options import Options
 from ..steps.phases import Progress
 from ..surface.filling import fill_hole
 from ..surface.topology import outer_loop
-from ..surface.triangles import face_areas
+from ..surface.triangles import face_areas, vertex_areas
 from .cut_graph import Component, OpenedComponent
 from .cut_paths import branch_to, open_to_disk, straighten
 
@@ -99,8 +99,8 @@ def _chart(opened: OpenedComponent, options: Options, progress: Progress | None)
             raise
         disk, failure = error.result, str(error)
     given = F[: len(opened.component.rows)]
-    area = np.bincount(given.ravel(), np.repeat(face_areas(V, given), 3), len(V))
-    factor = _centered_factor(V, F, disk.uv, area.astype(np.float64))
+    area = vertex_areas(V, given)
+    factor = _centered_factor(V, F, disk.uv, area)
     average = float(np.average(factor, weights=area))
     spread = float(np.sqrt(np.average((factor - average) ** 2, weights=area)))
     return Chart(opened, disk, failure, factor, average, spread)

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
+from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, marked, places
 from ..cached import cached_property
-from ..surface.topology import Topology
+from ..surface.topology import Topology, components_of_pairs
 from ..surface.triangles import corner_angles, corner_cotangents
 
 
@@ -72,9 +72,7 @@ class Component:
         one, other = self.edges % m, self.twin[self.edges] % m
         inside = self.polygon[one] == self.polygon[other]
         joined = self.crossed_by_tree(self.edges[inside], -abs(one - other)[inside])
-        is_diagonal = np.zeros(self.F.size, dtype=bool)
-        is_diagonal[joined] = is_diagonal[self.twin[joined]] = True
-        return is_diagonal
+        return marked(self.F.size, joined, self.twin[joined])
 
     def crossed_by_tree(self, edges: Ints, weight: NDArray[Any]) -> Ints:
         """Those of some edges that a maximum spanning tree of the faces crosses."""
@@ -144,16 +142,12 @@ class OpenedComponent:
         """
         component, n = self.component, len(self.component.V)
         # Only along the cut the half-edges out of a vertex can fall into several fans.
-        touched = np.zeros(n, dtype=bool)
-        touched[component.tail[self.is_cut]] = touched[component.head[self.is_cut]] = True
+        touched = marked(n, component.tail[self.is_cut], component.head[self.is_cut])
         spokes = np.flatnonzero(touched[component.tail])
-        number = np.empty(len(component.tail), np.int64)
-        number[spokes] = np.arange(len(spokes))
+        number = places(spokes, len(component.tail))
         joined = spokes[~self.is_cut[spokes]]
         neighbour = component.after(component.twin[joined])
-        pairs = (number[joined], number[neighbour])
-        graph = coo_matrix((np.ones(len(joined)), pairs), (len(spokes), len(spokes)))
-        _, fan = connected_components(graph, directed=False)
+        _, fan = components_of_pairs(number[joined], number[neighbour], len(spokes))
         _, first = np.unique(fan, return_index=True)
         hub = component.tail[spokes[first]]
         order = np.argsort(hub, kind="stable")
@@ -188,16 +182,13 @@ class OpenedComponent:
     @cached_property
     def on_boundary(self) -> Bools:
         """(n,) the vertices of the boundary."""
-        on_boundary = np.zeros(self.n, dtype=bool)
-        on_boundary[self.tail[self.is_cut]] = True
-        return on_boundary
+        return marked(self.n, self.tail[self.is_cut])
 
     @cached_property
     def loop(self) -> Ints:
         """(n,) number of the boundary loop of each vertex from 0, -1 in the interior."""
         tail, head = self.tail[self.is_cut], self.head[self.is_cut]
-        graph = coo_matrix((np.ones(len(tail)), (tail, head)), shape=(self.n, self.n))
-        _, part = connected_components(graph, directed=False)
+        _, part = components_of_pairs(tail, head, self.n)
         loop = np.full(self.n, -1)
         loop[self.on_boundary] = np.unique(part[self.on_boundary], return_inverse=True)[1]
         return loop
@@ -272,8 +263,7 @@ def split_components(V: Floats, F: Ints, sheets: Ints, polygon: Ints) -> Iterato
         _, first, corner = np.unique(sheets[rows], return_index=True, return_inverse=True)
         vertex = F[rows].ravel()[first]
         order = np.argsort(vertex, kind="stable")  # as in V
-        number = np.empty(len(order), np.int64)
-        number[order] = np.arange(len(order))
+        number = places(order, len(order))
         yield Component(V[vertex[order]], number[corner].reshape(-1, 3), polygon[rows], rows)
 
 
@@ -304,8 +294,7 @@ def cut_to_disk(component: Component) -> OpenedComponent:
     up = np.full(n, -1)
     up[tail[upward]] = upward
 
-    in_tree = np.zeros(len(twin), dtype=bool)
-    in_tree[upward] = in_tree[twin[upward]] = True
+    in_tree = marked(len(twin), upward, twin[upward])
     others = component.edges[~in_tree[component.edges]]
     closed = distance[tail[others]] + distance[head[others]] + length[others]
     closed[component.is_diagonal[others]] = np.inf  # polygons are faces of the cotree

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, marked
 from .cut_graph import Component, OpenedComponent, cut_to_disk
 
 # What an edge of mean length on the cut costs, in radians of bend.
@@ -34,7 +34,7 @@ def _slit(sphere: OpenedComponent) -> OpenedComponent:
     component, graph = sphere.component, sphere.graph(sphere.component.length)
     one = int(dijkstra(graph, indices=0).argmax())
     other = int(dijkstra(graph, indices=one).argmax())
-    path = straight_path(sphere, _only(sphere, one), _only(sphere, other))
+    path = straight_path(sphere, marked(sphere.n, one), marked(sphere.n, other))
     if len(path) == 1:  # which does not open the sphere: go on along the shortest edge
         ends = [component.tail[path[0]], component.head[path[0]]]
         on = sphere.cuttable[np.isin(component.tail[sphere.cuttable], ends)]
@@ -47,7 +47,7 @@ def branch_to(opened: OpenedComponent, vertex: int) -> OpenedComponent:
     """Cut on from the boundary to a vertex of the component, unless it is there already."""
     if opened.on_boundary[vertex]:
         return opened
-    path = straight_path(opened, _only(opened, vertex), opened.on_boundary)
+    path = straight_path(opened, marked(opened.n, vertex), opened.on_boundary)
     return opened.cut(path) if len(path) else opened
 
 
@@ -89,7 +89,7 @@ def _path_in_place_of(joined: OpenedComponent, arc: Ints) -> Ints:
     """Half-edges of the best path in place of an arc that has just been joined, or none."""
     component = joined.component
     ends = component.tail[arc[0]], component.head[arc[-1]]
-    loose = [_only(joined, int(end)) for end in ends if not joined.on_boundary[end]]
+    loose = [marked(joined.n, int(end)) for end in ends if not joined.on_boundary[end]]
     if loose:
         start, end = loose[0], loose[1] if len(loose) == 2 else joined.on_boundary
     elif joined.loop.max() == 1:
@@ -100,13 +100,6 @@ def _path_in_place_of(joined: OpenedComponent, arc: Ints) -> Ints:
     path = straight_path(joined, start, end, longest)
     # One edge with two loose ends does not open a sphere.
     return path if len(path) > 1 or len(loose) < 2 else arc[:0]
-
-
-def _only(opened: OpenedComponent, vertex: int) -> Bools:
-    """(n,) true for one vertex."""
-    chosen = np.zeros(opened.n, dtype=bool)
-    chosen[vertex] = True
-    return chosen
 
 
 # -- paths -----------------------------------------------------------------------------
@@ -129,8 +122,7 @@ def straight_path(
     shortest = _shortest(opened, start, end, blocked, longest)
     if len(shortest) == 0:
         return shortest
-    inside = np.zeros(opened.n, dtype=bool)
-    inside[opened.tail[shortest]] = inside[opened.head[shortest]] = True
+    inside = marked(opened.n, opened.tail[shortest], opened.head[shortest])
     for _ in range(CORRIDOR):
         reached = opened.inner[inside[opened.tail[opened.inner]]]
         inside[opened.head[reached]] = True

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Ints, distinct_rows
+from ..arrays import Floats, Ints, distinct_rows, places
 from ..errors import Defect, MeshError
 from ..surface.topology import Topology, duplicate_faces
 from ..surface.validation import repeated_corners, usable_arrays
@@ -140,8 +140,7 @@ def cut_along(V: Floats, F: Ints, corners: Ints) -> Cut:
     order = np.argsort(vertex, kind="stable")
     surplus = np.diff(vertex[order], prepend=-1) == 0
     order = np.concatenate([order[~surplus], order[surplus]])
-    row = np.empty(len(order), np.int64)
-    row[order] = np.arange(len(order))
+    row = places(order, len(order))
     F_cut, vertex_index = row[corner.reshape(F.shape)], vertex[order]
 
     # An edge that was cut is the origin of several.

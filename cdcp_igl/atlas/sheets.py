@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Bools, Floats, Ints, distinct_rows
+from ..arrays import Bools, Floats, Ints, distinct_rows, marked
 from ..errors import Defect, MeshError, counted
 from ..surface.topology import Topology, duplicate_faces
 from ..surface.triangles import corner_cotangents, degenerate_faces
@@ -65,9 +65,7 @@ def polygon_numbers(polygon_of_face: ArrayLike | None, m: int) -> Ints:
 
 def used_positions(V: NDArray[Any], F: Ints) -> Floats:
     """V scaled to unit size, rows that no face uses 0; MeshError if the others are not finite."""
-    used = np.zeros(len(V), dtype=bool)
-    used[F] = True
-    return checked_vertices(np.where(used[:, None], V, 0))
+    return checked_vertices(np.where(marked(len(V), F)[:, None], V, 0))
 
 
 def _proper_faces(V: Floats, F: Ints) -> tuple[Ints, list[str]]:

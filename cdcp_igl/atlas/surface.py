@@ -183,7 +183,7 @@ def surface_map(
 ) -> SurfaceMap:
     """Map any surface conformally onto disks: clean it, cut it open, map each component.
 
-    What can be repaired without changing the shape is: flipped faces are reversed, vertices where
+    What can be repaired without changing the shape is: flipped faces are oriented, vertices where
     fans of faces meet are split, sheets that meet in an edge of three or more faces are parted.
     Where a disk would shrink a part of the surface, the cut is led to its tip.
 

@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Ints, as_complex
+from ..arrays import Floats, Ints, as_complex, places
 from ..distortion import angle_distortion, conformal_factor
 from ..extras import from_extra
 from ..io.output import write_text
 from ..surface.location import z_order
 from ..surface.topology import group_by_edge, heads, tails
-from ..surface.triangles import face_areas
+from ..surface.triangles import vertex_areas
 from .layout import Layout
 from .pictures import side_by_side
 from .scene import angle_to_view, vertex_normals
@@ -147,8 +147,7 @@ def _reordered(arrays: Mapping[str, Ints], uv: Floats, F: Ints) -> dict[str, Int
     that they had are added.
     """
     vertices = z_order(as_complex(uv))
-    rank = np.empty(len(uv), dtype=np.int64)
-    rank[vertices] = np.arange(len(uv))
+    rank = places(vertices, len(uv))
     faces = np.lexsort(np.sort(rank[F], axis=1).T[::-1])
     corners = rank[F[faces]]
     first = corners.argmin(axis=1)[:, None]
@@ -172,7 +171,7 @@ def _measured(V: Floats, F: Ints, uv: Floats) -> list[tuple[dict[str, Any], Floa
     angle |= {"legend": "mean angular distortion at the corners of a vertex", "unit": "°"}
 
     factor = conformal_factor(V, F, uv)
-    mass = np.bincount(F.ravel(), np.repeat(face_areas(V, F), 3), len(V))
+    mass = vertex_areas(V, F)
     finite = np.isfinite(factor)
     factor = factor - np.average(factor[finite], weights=mass[finite])
     reach = max(float(np.quantile(abs(factor[finite]), 1 - 4 * BEYOND)), 1e-6)

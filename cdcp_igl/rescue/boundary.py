@@ -14,9 +14,9 @@ from ..steps.extension import harmonic_extension
 from ..steps.trace import boundary_flux, edge_lengths, shared_by_edges
 from ..surface.mesh import DiskMesh
 
-# A boundary is crowded when more than MANY_CROWDED of its edges get less than this share of
-# the circle, which is a third of the distance between doubles. On a corridor n times longer
-# than wide, those at the ends get about exp(-pi n / 2).
+# A boundary is crowded if more than MANY_CROWDED of its edges get less than the share CROWDED of
+# the circle, which is a third of the distance between doubles. On a corridor n times longer than
+# wide, the edges at the ends get about exp(-pi n / 2).
 CROWDED = 2e-17
 MANY_CROWDED = 0.03  # maps of corridors can be certified with 1 % of such edges, and not with 5 %
 

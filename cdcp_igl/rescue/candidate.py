@@ -29,10 +29,10 @@ from .straightening import Straightening, is_sheared, straighten
 
 log = logging.getLogger("cdcp_igl")
 
-# A harmonic map is not near the conformal one, and is refined even if no steps are asked for,
-# where straightening removes more than this share of the distortion, as the boundary is coarse,
+# A harmonic map is refined, even if no steps are asked for, where it is not near the conformal one:
+# straightening has removed more than the share COARSE of the distortion, as the boundary has few
+# vertices, or the errors are more than EXCESS times what the scale explains.
 COARSE = 0.2
-# or where the errors are more than this times what the scale explains.
 EXCESS = 1.05
 # A map that is not conformal, or in which repair has moved more than this share of the vertices,
 # is refined by up to MOST_STEPS, each halved up to PATIENT times. They take at most some five times
@@ -160,9 +160,7 @@ def judged(
     uv = coordinates(f)
     with phase("certificate"):
         certificate, degrees = certify(mesh, uv), disk_map_distortion(mesh, uv)
-        conformality = NOT_VALID
-        if certificate.valid:
-            conformality = judge(mesh, f, degrees, closely=closely)
+        conformality = judge(mesh, f, degrees, closely=closely) if certificate.valid else NOT_VALID
         return Candidate(f, done, certificate, degrees, conformality)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import libigl
-from ..arrays import Complex, Floats, Ints
+from ..arrays import Complex, Floats, Ints, marked
 from ..distortion import face_dilatation
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import face_areas
@@ -141,9 +141,7 @@ def explained_errors(mesh: DiskMesh, f: Complex, faces: Ints) -> Floats:
     B. Springborn, P. Schröder, U. Pinkall. Conformal equivalence of triangle meshes. ACM
     Trans. Graph. 27(3), 2008.
     """
-    here = np.zeros(len(mesh.V), dtype=bool)
-    here[mesh.F[faces]] = True
-    i, j, k = here.take(mesh.F.T)
+    i, j, k = marked(len(mesh.V), mesh.F[faces]).take(mesh.F.T)
     F = mesh.F[np.flatnonzero(i | j | k)]
     scale = _edge_scales(mesh, f, F)
     u = scale.sum(axis=0) - 2 * scale

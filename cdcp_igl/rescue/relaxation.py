@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Bools, Complex, Floats, Ints
+from ..arrays import Bools, Complex, Floats, Ints, places
 from ..distortion import wirtinger_derivative
 
 HALVINGS = 12  # of a vertex's step
@@ -52,8 +52,7 @@ class _Star:
     """The faces around an independent set of vertices, one row a corner."""
 
     def __init__(self, n: int, F: Ints, derivative: Complex, vertices: Ints) -> None:
-        row = np.full(n, -1)
-        row[vertices] = np.arange(len(vertices))
+        row = places(vertices, n)
         face, corner = np.nonzero(row[F] >= 0)
         self._vertices = vertices
         self._owner = row[F[face, corner]]

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix, diags, identity
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_matrix, diags, identity
 from scipy.sparse.linalg import splu
 
-from ..arrays import Bools, Complex, Floats, Ints, as_complex
+from ..arrays import Bools, Complex, Floats, Ints, as_complex, marked
 from ..certificate import flipped_faces
 from ..errors import counted
 from ..surface.mesh import DiskMesh
+from ..surface.topology import components_of_pairs
 from .recentering import recentered
 from .relaxation import Relaxation
 
@@ -114,8 +114,7 @@ def repair_locally(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Co
     flipped, _ = flipped_faces(f, mesh.F)
     if len(flipped) == 0 or len(flipped) > most:
         return f, Repair(len(flipped))
-    at_flipped = np.zeros(len(f), dtype=bool)
-    at_flipped[mesh.F[flipped]] = True
+    at_flipped = marked(len(f), mesh.F[flipped])
     near = _Neighbourhood(mesh, _grow(mesh.F, at_flipped, RINGS + RELAXED + 1))
     g = f[near.vertices]
     rounds = failed = 0
@@ -123,7 +122,7 @@ def repair_locally(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Co
         before = len(near.flipped(g))
         g, tried = near.average(g, attempt * RINGS // ATTEMPTS)
         rounds += tried
-        g = near.pull_over(g, attempt)
+        g = near.relax_flipped(g, attempt)
         left = len(near.flipped(g))
         failed = failed + 1 if left == before else 0
         if left == 0 or failed == MAX_FAILED_ATTEMPTS or left > max(0.9 * before, FEW):
@@ -205,13 +204,12 @@ class _Neighbourhood:
             rounds += 1
         return g, rounds
 
-    def pull_over(self, g: Complex, rings: int) -> Complex:
+    def relax_flipped(self, g: Complex, rings: int) -> Complex:
         """Relax around flipped faces, from soft to hard; keep the result if fewer are left."""
         flipped = self.flipped(g)
         if len(flipped) == 0:
             return g
-        at_flipped = np.zeros(len(g), dtype=bool)
-        at_flipped[self.F[flipped]] = True
+        at_flipped = marked(len(g), self.F[flipped])
         moving = self.free & _grow(self.F, at_flipped, rings)
         relaxation, trial = Relaxation(self.V, self.F, moving), g
         for softness in SOFTNESSES:
@@ -272,11 +270,10 @@ def _grow(F: Ints, vertices: Bools, rings: int) -> Bools:
 
 def _connected(F: Ints, patch: Bools) -> Ints:
     """(n,) numbers of the connected parts of a set of vertices; -1 elsewhere."""
-    size = np.count_nonzero(patch)
+    size = int(np.count_nonzero(patch))
     part = np.full(len(patch), -1)
     part[patch] = np.arange(size)
     i, j = part[F].ravel(), part[np.roll(F, -1, axis=1)].ravel()
     inside = (i >= 0) & (j >= 0)
-    graph = coo_matrix((np.ones(np.count_nonzero(inside)), (i[inside], j[inside])), (size, size))
-    part[patch] = connected_components(graph, directed=False)[1]
+    part[patch] = components_of_pairs(i[inside], j[inside], size)[1]
     return part

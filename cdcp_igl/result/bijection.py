@@ -6,7 +6,7 @@ import logging
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates
 from ..cached import cached_property
@@ -155,10 +155,10 @@ class Bijection:
         """
         at_vertices = self._field(values)
         face, barycentric = self.invert(uv)
-        corners = at_vertices[self.mesh.F[face]]  # those of the last face where there is none
-        return np.einsum(
-            "pk,pk...->p...", barycentric.reshape(-1, 3), _rows(corners, face)
-        ).reshape(face.shape + at_vertices.shape[1:])
+        # Where there is no face, those of the last one, with weights that are NaN.
+        corners = at_vertices[self.mesh.F[face.ravel()]]
+        found = np.einsum("pk,pk...->p...", barycentric.reshape(-1, 3), corners)
+        return found.reshape(face.shape + at_vertices.shape[1:])
 
     def bake(self, values: ArrayLike, size: int = 1024) -> Floats:
         """Bake values at the vertices, such as colours, to an image of the disk.
@@ -323,8 +323,3 @@ def _bilinear(image: Floats, z: Complex) -> Floats:
     above = (1 - across) * image[top, left] + across * image[top, right]
     below = (1 - across) * image[bottom, left] + across * image[bottom, right]
     return (1 - down) * above + down * below
-
-
-def _rows(corners: NDArray[np.float64], face: Ints) -> Floats:
-    """Flatten the axes of `face`."""
-    return corners.reshape(face.size, *corners.shape[face.ndim :])

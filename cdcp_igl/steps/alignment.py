@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Complex, Floats
+from ..arrays import Complex
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import face_areas
+from ..surface.triangles import vertex_areas
 
 
 def rotate(mesh: DiskMesh, f: Complex, align: int | ArrayLike | None) -> Complex:
@@ -23,7 +23,7 @@ def rotate(mesh: DiskMesh, f: Complex, align: int | ArrayLike | None) -> Complex
     if isinstance(align, int | np.integer):
         return at_one(mesh, f, int(align))
     direction = np.asarray(align)
-    mass = vertex_areas(mesh)
+    mass = vertex_areas(mesh.V, mesh.F)
     height = mesh.V @ direction
     moment = complex((mass * (height - np.average(height, weights=mass)) * f).sum())
     if not abs(moment) > 1e-12 * mass.sum() * np.ptp(height):
@@ -38,10 +38,3 @@ def at_one(mesh: DiskMesh, f: Complex, vertex: int) -> Complex:
     f = f / f[vertex]
     f[mesh.loop] /= abs(f[mesh.loop])
     return f
-
-
-def vertex_areas(mesh: DiskMesh) -> Floats:
-    """(n,) a third of the areas of the faces at each vertex."""
-    areas = np.zeros(len(mesh.V))
-    np.add.at(areas, mesh.F, face_areas(mesh.V, mesh.F)[:, None] / 3)
-    return areas

@@ -11,7 +11,8 @@ import numpy as np
 from ..arrays import Complex, Floats, Ints
 from ..certificate import flipped_faces, is_around
 from ..surface.mesh import DiskMesh
-from .alignment import at_one, vertex_areas
+from ..surface.triangles import vertex_areas
+from .alignment import at_one
 from .least_distortion import (
     AngleErrors,
     least_angle_distortion,
@@ -74,7 +75,7 @@ def normalize(
     elif method == "nelder-mead":
         w = least_angle_distortion_nelder_mead(mesh.F, f, mesh.angles)
     else:
-        w = conformal_barycenter(f, vertex_areas(mesh))
+        w = conformal_barycenter(f, vertex_areas(mesh.V, mesh.F))
 
     allowed: Ints | None = None  # faces that are flipped without it, too
     reason = "no improvement"

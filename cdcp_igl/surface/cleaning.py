@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Bools, Floats, Ints, distinct_rows
+from ..arrays import Bools, Floats, Ints, distinct_rows, marked
 from ..errors import Defect, MeshError, counted
 from .checking import check
 from .filling import fill_hole
@@ -196,8 +196,7 @@ class _Surface:
         if len(loops) < 2:
             return
         outer = outer_loop(self.V, loops)
-        on_boundary = np.zeros(len(self.V), dtype=bool)
-        on_boundary[np.concatenate(loops)] = True
+        on_boundary = marked(len(self.V), *loops)
         given, filling = len(self.F), []
         for loop in loops:
             faces = None if loop is outer else self._filling(loop, on_boundary)
@@ -244,11 +243,9 @@ class _Surface:
     def flip_ears(self) -> None:
         one, other = self._topology().twins
         m = len(self.F)
-        inner = np.zeros(3 * m, dtype=bool)
-        inner[one] = inner[other] = True
-        sides = inner.reshape(3, m).sum(axis=0)
-        at_border = np.zeros(len(self.V), dtype=bool)
-        at_border[self.F.T[~inner.reshape(3, m)]] = True
+        inner = marked(3 * m, one, other).reshape(3, m)
+        sides = inner.sum(axis=0)
+        at_border = marked(len(self.V), self.F.T[~inner])
         mine, theirs = np.append(one, other), np.append(other, one)
         ear = sides[mine % m] == 1
         mine, theirs = mine[ear], theirs[ear]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, marked
 from .triangles import corner_cotangents, degenerate_faces, face_areas
 
 # The search for a triangulation takes the cube of this many steps, about two seconds.
@@ -63,6 +63,4 @@ def least_triangulation(points: Floats) -> Ints:
 
 
 def _is_flat(points: Floats, triangles: Ints) -> Bools:
-    flat = np.zeros(len(triangles), dtype=bool)
-    flat[degenerate_faces(corner_cotangents(points, triangles))] = True
-    return flat
+    return marked(len(triangles), degenerate_faces(corner_cotangents(points, triangles)))

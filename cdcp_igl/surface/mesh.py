@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, marked, places
 from ..cached import cached_property
 from ..errors import Defect, MeshError, counted
 from .checking import examine
@@ -73,8 +73,7 @@ class DiskMesh:
             raise MeshError(*examined.defects)
         surface = examined.surface
         [loop] = surface.loops
-        on_boundary = np.zeros(surface.n, dtype=bool)
-        on_boundary[loop] = True
+        on_boundary = marked(surface.n, loop)
         edges = surface.edges
         for indices in (edges.low, edges.high, edges.sides, edges.start):
             indices.flags.writeable = False
@@ -127,8 +126,7 @@ class DiskMesh:
     @cached_property
     def loop_index(self) -> Ints:
         """(n,) index of each vertex in ``loop``, -1 inside; read-only."""
-        index = np.full(len(self.V), -1)
-        index[self.loop] = np.arange(len(self.loop))
+        index = places(self.loop, len(self.V))
         index.flags.writeable = False
         return index
 

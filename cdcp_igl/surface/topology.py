@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix, csr_matrix, get_index_dtype
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from .. import libigl
-from ..arrays import Bools, Floats, Indices, Ints, distinct_rows
+from ..arrays import Bools, Floats, Indices, Ints, distinct_rows, marked
 from ..cached import cached_property
 from .validation import unit_size
 
@@ -107,9 +107,7 @@ class Topology:
     @cached_property
     def used(self) -> Bools:
         """(n,) vertices with faces."""
-        used = np.zeros(self.n, dtype=bool)
-        used[self.F] = True
-        return used
+        return marked(self.n, self.F)
 
     @cached_property
     def ears(self) -> Ints:
@@ -120,9 +118,7 @@ class Topology:
     @cached_property
     def chords(self) -> Ints:
         """(k, 2) ends of the edges with two faces that join two boundary vertices."""
-        on_boundary = np.zeros(self.n, dtype=bool)
-        on_boundary[self._border_ends] = True
-        return self.edges.ends(self.edges.chords(on_boundary))
+        return self.edges.ends(self.edges.chords(marked(self.n, self._border_ends)))
 
     # -- components and orientation ----------------------------------------------------
 
@@ -142,23 +138,18 @@ class Topology:
         return connected_components(graph, directed=False)
 
     @cached_property
-    def is_oriented(self) -> bool:
-        """Whether faces that share an edge run along it in opposite directions."""
-        one, other = self.twins
-        return not (self._tail[one] == self._tail[other]).any()
-
-    @cached_property
     def misoriented(self) -> Ints | None:
         """Faces that are oriented unlike most of their component; None if it has one side."""
         (one, other), m = self.twins, len(self.F)
-        if self.is_oriented:
+        aligned = self._tail[one] == self._tail[other]  # as they are where one face is flipped
+        if not aligned.any():
             return np.empty(0, np.int64)
         # Node f stands for face f as it is, node f + m for its reversal.
         left, right = one % m, other % m
-        shift = np.where(self._tail[one] == self._tail[other], m, 0)
+        shift = np.where(aligned, m, 0)
         rows = np.concatenate([left, left + m])
         columns = np.concatenate([right + shift, right + m - shift])
-        _, side = _components_of_pairs(rows, columns, 2 * m)
+        _, side = components_of_pairs(rows, columns, 2 * m)
         if (side[:m] == side[m:]).any():
             return None
         size = np.bincount(side[:m], minlength=side.max() + 1)
@@ -182,7 +173,7 @@ class Topology:
         columns = np.concatenate(
             [np.where(aligned, other, after_other), np.where(aligned, after_other, other)]
         )
-        return _components_of_pairs(rows, columns, self.F.size)
+        return components_of_pairs(rows, columns, self.F.size)
 
     @cached_property
     def pinched(self) -> Ints:
@@ -233,7 +224,8 @@ class Topology:
             flipped = np.isin(self.border % len(self.F), self.misoriented)
             tail, head = np.where(flipped, head, tail), np.where(flipped, tail, head)
         if self._is_plainly_a_disk:
-            return [_from_smallest(libigl.path(np.column_stack([tail, head]).astype(np.int64)))]
+            loop = libigl.path(np.column_stack([tail, head]).astype(np.int64))
+            return [np.roll(loop, -int(loop.argmin()))]
         return _cycles(tail, head)
 
     @cached_property
@@ -303,7 +295,8 @@ def outer_loop(V: Floats, loops: list[Ints]) -> Ints:
     return max(loops, key=lambda loop: float(np.linalg.norm(np.ptp(positions[loop], axis=0))))
 
 
-def _components_of_pairs(rows: Indices, columns: Indices, n: int) -> tuple[int, NDArray[np.int32]]:
+def components_of_pairs(rows: Indices, columns: Indices, n: int) -> tuple[int, NDArray[np.int32]]:
+    """Count the components of a graph of n nodes, joined in pairs; (n,) that of each node."""
     graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n))
     return connected_components(graph, directed=False)
 
@@ -319,7 +312,3 @@ def _cycles(tail: Indices, head: Indices) -> list[Ints]:
             loop.append(vertex)
         loops.append(np.array(loop, dtype=np.int64))
     return loops
-
-
-def _from_smallest(loop: Ints) -> Ints:
-    return np.roll(loop, -int(loop.argmin()))

@@ -23,6 +23,11 @@ def face_areas(V: Floats, F: Ints) -> Floats:
     return libigl.double_areas(V, F) / 2
 
 
+def vertex_areas(V: Floats, F: Ints) -> Floats:
+    """(n,) a third of the areas of the faces at each vertex."""
+    return np.bincount(F.ravel(), np.repeat(face_areas(V, F) / 3, 3), len(V)).astype(np.float64)
+
+
 def corner_cotangents(V: Floats, F: Ints) -> Floats:
     """(m, 3) cotangents of triangles in space, column k at corner k; not finite without area.
 

@@ -2,7 +2,7 @@
 Clean a bad mesh and map it
 ===========================
 
-A surface as scanners deliver it: vertices doubled, faces reversed, holes, crumbs, an
+A surface as scanners deliver it: vertices doubled, faces flipped, holes, crumbs, an
 invalid coordinate. :func:`~cdcp_igl.check` names what is wrong; :func:`~cdcp_igl.clean` mends
 what can be mended without guessing, and says what it did.
 """
