@@ -288,22 +288,29 @@ def wirtinger_derivative(V: Floats, F: Ints) -> Complex:
 
     z is a coordinate of the face's own plane; q = df/d conj(z) has the conjugates.
     """
+    corner = np.zeros(F.shape, dtype=np.complex128)
+    corner[:, 1], corner[:, 2] = _plane_triangles(V, F)
+    twice_area = corner[:, 1].real * corner[:, 2].imag
+    return hat_gradients(opposite_edges(corner), twice_area).conj() / 2
+
+
+def _plane_triangles(V: Floats, F: Ints) -> tuple[Floats, Complex]:
+    """Second and third corner of each face laid into the plane with its first corner at 0."""
     i, j, k = F.T
     e, g = V[j] - V[i], V[k] - V[i]
-    length, twice_area = np.linalg.norm(e, axis=1), libigl.double_areas(V, F)
-    corner = np.zeros(F.shape, dtype=np.complex128)
-    corner[:, 1] = length
-    corner[:, 2] = ((e * g).sum(axis=1) + 1j * twice_area) / length
-    return hat_gradients(opposite_edges(corner), twice_area).conj() / 2
+    length = np.linalg.norm(e, axis=1)
+    return length, ((e * g).sum(axis=1) + 1j * libigl.double_areas(V, F)) / length
 
 
 def face_dilatation(V: Floats, F: Ints, z: Complex) -> Floats:
     """(m,) `quasi_conformal_dilatation` of a map z (n,), without checks."""
     K = np.full(len(F), np.inf)
-    edges = z[F] - z[F[:, :1]]  # of tiny faces these are more accurate than positions
+    i, j, k = F.T
     with np.errstate(divide="ignore", invalid="ignore"):  # of faces without area on the surface
-        derivative = wirtinger_derivative(V, F)
-        p = abs((derivative * edges).sum(axis=1))
-        q = abs((derivative.conj() * edges).sum(axis=1))
+        length, third = _plane_triangles(V, F)
+        # The derivatives from differences, which are accurate on tiny faces too.
+        f_x = (z[j] - z[i]) / length
+        f_y = (z[k] - z[i] - third.real * f_x) / third.imag
+        p, q = abs(f_x - 1j * f_y), abs(f_x + 1j * f_y)
     np.divide(p + q, p - q, out=K, where=p > q)
     return K

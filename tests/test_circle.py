@@ -254,6 +254,18 @@ def test_only_collapsed_faces_are_opened_and_only_by_the_last_digits():
     np.testing.assert_allclose(g, f, atol=1e-12)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 5])
+def test_faces_that_collapse_as_others_are_opened_are_opened_in_turn(seed):
+    mesh, rng = DiskMesh(*meshes.strip(6)), np.random.default_rng(seed)
+    arcs = 10 ** rng.uniform(-15, -7, len(mesh.loop))
+    arcs[rng.integers(len(arcs), size=1 + seed % 2)] = 1
+    f = np.zeros(len(mesh.V), complex)
+    f[mesh.loop] = np.exp(1j * (2 * np.pi * np.cumsum(arcs) / arcs.sum() + seed))
+    g, count = open_collapsed_faces(mesh, f)
+    assert count > 0
+    assert len(flipped_faces(g, mesh.F)[0]) == 0
+
+
 @pytest.mark.parametrize("turn", [0, 2])
 def test_a_collapsed_ear_is_held_open_by_the_last_digits(turn):
     mesh = DiskMesh(*meshes.corridor(6))

@@ -129,6 +129,11 @@ def test_damping_holds_the_shear_down():
     assert lengths[3] < 0.01 * lengths[0]
 
 
+def test_damping_goes_on_where_no_plain_step_is_an_improvement():
+    """Without it, refinement of these needles ends at 21.9 degrees."""
+    assert cdcp_igl.disk_map(V * [10, 1, 1], F, refine=20).refinement.after < 20
+
+
 @pytest.mark.parametrize("norm", [1, 1.5, 2])
 def test_more_steps_are_never_worse(norm):
     after = [

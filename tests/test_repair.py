@@ -8,6 +8,7 @@ from cdcp_igl.arrays import coordinates
 from cdcp_igl.certificate import certify, flipped_faces, is_around
 from cdcp_igl.rescue.relaxation import Relaxation
 from cdcp_igl.rescue.repair import (
+    _Neighbourhood,
     mean_value_weights,
     repair_locally,
     repaired,
@@ -29,6 +30,25 @@ def test_a_valid_map_is_returned_as_it_is():
     assert f is Z
     assert repair.n_flipped == 0
     assert str(repair) == "not needed"
+
+
+def test_patches_that_undo_each_other_come_to_an_end():
+    """A round mends one of two faces and turns over the other, for ever."""
+    one, *_, other = np.flatnonzero(~MESH.on_boundary[MESH.F].any(axis=1))
+    calls = []
+
+    class Undoing(_Neighbourhood):
+        def flipped(self, g):
+            return np.array([one if (g[MESH.F[one]] == g[MESH.F[other]]).all() else other])
+
+        def combine(self, g, patch):
+            calls.append(patch)
+            assert len(calls) < 20
+            return np.where(patch, 1 - g, g)
+
+    near = Undoing(MESH, np.ones(len(V), dtype=bool))
+    _, rounds = near.average(np.zeros(len(V), dtype=complex), 2)
+    assert rounds == len(calls) > 2
 
 
 def test_weights_that_differ_less_embed_what_mean_values_crowd():
@@ -97,6 +117,14 @@ def test_repair_of_one_face_stays_near_it():
     assert str(repair).endswith(f", {repair.n_moved} vertices moved in 1 round")
     assert np.count_nonzero(mended != folded) <= repair.n_moved < 400
     assert abs(mended - f).max() < 0.5 * abs(f[vertex + 1] - f[vertex])
+
+
+@pytest.mark.parametrize(("size", "relaxed"), [(1e-10, True), (1e-15, False)])
+def test_a_relaxation_that_flips_faces_is_undone(size, relaxed):
+    """In a spot as small as the distance between doubles, every displacement is rounded."""
+    near, f = _Neighbourhood(MESH, np.ones(len(V), dtype=bool)), 0.7 + 0.1j + size * Z
+    near.moved = near.free.copy()
+    assert (near.relaxed(f) is not f) == relaxed
 
 
 def test_too_many_flipped_faces_are_left_alone():

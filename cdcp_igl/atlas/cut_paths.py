@@ -13,9 +13,9 @@ from .cut_graph import Component, OpenedComponent, cut_to_disk
 STRETCH = 0.5
 # Rings of vertices around a shortest path within which a straight one is looked for.
 CORRIDOR = 5
-# No straight path is looked for through vertices of more edges, all pairs of which are compared.
+# Straight paths avoid vertices with more edges than this, as all pairs of edges are compared.
 MOST_SPOKES = 200
-# Times that all arcs are laid anew.
+# All arcs are laid anew so many times at most.
 ROUNDS = 3
 
 
@@ -139,7 +139,7 @@ def _shortest(
     """Half-edges of a shortest path between two sets of vertices; none if there is no path."""
     half = opened.cuttable
     tail, head = opened.tail[half], opened.head[half]
-    # Into a start and out of an end no path goes, and along the boundary neither.
+    # No path enters a start, leaves an end or goes along the boundary.
     use = ~(blocked[tail] | blocked[head] | end[tail] | start[head])
     half, tail, head = half[use], tail[use], head[use]
     graph = csr_matrix((opened.component.length[half], (tail, head)), (opened.n, opened.n))

@@ -6,9 +6,9 @@ import numpy as np
 
 from ..arrays import Floats, evenly_spaced_rows
 
-# Circles are packed this much smaller than what would touch, against rounding.
+# Circles are this share smaller than those that would touch, lest rounding make them overlap.
 GAP = 1e-6
-# Widths of the rows that are tried.
+# So many widths of the rows are tried at most.
 MOST_WIDTHS = 200
 
 

@@ -28,7 +28,7 @@ class Sheets:
     changes: tuple[str, ...]  # what was done, a sentence each
 
 
-def oriented_sheets(V: NDArray[Any], F: Ints, polygon_of_face: ArrayLike | None = None) -> Sheets:
+def oriented_sheets(V: NDArray[Any], F: Ints, polygon_of_face: ArrayLike | None) -> Sheets:
     """Leave out what is no face, part sheets and reverse the corners of flipped faces.
 
     MeshError if a corner of a face is not finite, no face is left, or a component is one-sided;

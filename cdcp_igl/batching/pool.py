@@ -51,7 +51,7 @@ class Pool:
     seconds and resident MiB, after which a surface is given up.
     """
 
-    def __init__(self, jobs: int, time_limit: float = np.inf, memory_limit: float = np.inf) -> None:
+    def __init__(self, jobs: int, time_limit: float, memory_limit: float) -> None:
         self.jobs, self.time_limit, self.memory_limit = jobs, time_limit, memory_limit
         self._workers: list[_Worker] = []
         self._idle: SimpleQueue[_Worker] = SimpleQueue()

@@ -9,7 +9,7 @@ from ..arrays import Complex, Floats, Ints, coordinates
 # Between the circle and the lattice, in sides. Among 0.4, 0.45, ..., 0.9 this has the largest
 # smallest angle, 31 degrees, over sides from 1 to 0.01.
 MARGIN = 0.8
-CORNER = 0.2  # height of a corner that is worth a point, by the chord that would cut it off
+CORNER = 0.2  # least height of a corner that gets a point, by the chord that would cut it off
 
 
 def even_ring(side: float) -> Complex:
@@ -27,7 +27,7 @@ def with_corners(ring: Complex, loop: Complex, V_ring: Floats, V_loop: Floats) -
     points of the ring (k,) and of the loop lie on the surface.
     """
     step = 2 * np.pi / len(ring)
-    angle = np.angle(loop) % (2 * np.pi) / step  # in steps, as all angles here
+    angle = np.angle(loop) % (2 * np.pi) / step  # in distances of the ring, as all angles here
     before = angle.astype(np.int64) % len(ring)
     start, end = V_ring[before], V_ring[(before + 1) % len(ring)]
     along, away = end - start, V_loop - start

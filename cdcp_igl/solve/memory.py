@@ -23,7 +23,8 @@ SMALLEST_CHECKED = 100_000  # vertices; fewer take less than 100 MB
 BUFFERS = 192 << 20  # bytes
 
 GIB = 2**30
-# Limit, use and what of it could be given back, in control groups of version 2 and 1.
+# The files of control groups, of version 2 and of version 1: the limit, what is in use, and the
+# account with the name of what could be given back.
 CONTAINERS = (
     ("memory.max", "memory.current", "memory.stat", "inactive_file"),
     (

@@ -15,8 +15,8 @@ from .zipper import geodesic_map
 # from 2.500 to 2.463 degrees; from about 200 points on it changes less than 0.02 %.
 ENOUGH_POINTS = 200
 
-# The trace is known to some 1e-16 of its size, so that arcs shorter than this, in radians, have
-# lost more than four digits.
+# The trace has errors of some 1e-16 of its size, so that arcs shorter than this, in radians, are
+# known to five digits at most.
 RESOLVED = 1e-11
 
 # The trace of a dipole of size 1 is as small as this on surfaces that are closed but for a small

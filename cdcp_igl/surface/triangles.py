@@ -24,7 +24,7 @@ def face_areas(V: Floats, F: Ints) -> Floats:
 
 
 def vertex_areas(V: Floats, F: Ints) -> Floats:
-    """(n,) a third of the areas of the faces at each vertex."""
+    """(n,) a third of the sum of the areas of the faces at each vertex."""
     return np.bincount(F.ravel(), np.repeat(face_areas(V, F) / 3, 3), len(V)).astype(np.float64)
 
 
