@@ -25,7 +25,7 @@ Mesh = tuple[np.ndarray, np.ndarray]
 def pytest_collection_modifyitems(items):
     """What maps a real surface, drives a browser or starts many processes is slow."""
     for item in items:
-        if "real_mesh" in item.fixturenames or "driver" in item.fixturenames:
+        if "real_mesh" in item.fixturenames or "browser" in item.fixturenames:
             item.add_marker(pytest.mark.slow)
 
 
