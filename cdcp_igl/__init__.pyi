@@ -14,6 +14,7 @@ from .distortion import (
 from .errors import Defect, MapError, MeshError, SolverError
 from .mapper import DiskMapper
 from .rectangle import RectangleMap, rectangle_map
+from .rescue.conformality import Conformality
 from .result.disk_map import DiskMap
 from .surface.checking import MeshReport, check
 from .surface.cleaning import Cleaned, clean
@@ -23,6 +24,7 @@ __all__ = [
     "Batch",
     "Certificate",
     "Cleaned",
+    "Conformality",
     "Cut",
     "Defect",
     "DiskMap",
