@@ -47,6 +47,14 @@ class Conformality:
     wanted : float
         The share of the mean angle error that would be left if the map were conformal: 1 if
         it is, or if other errors keep it from being so.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+    >>> conformality = cdcp_igl.disk_map(V, F).conformality
+    >>> bool(conformality), conformality.reasons, str(conformality)
+    (True, (), 'yes')
     """
 
     sheared: bool
