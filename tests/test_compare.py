@@ -129,7 +129,8 @@ def test_every_row_is_there(tmp_path, mesh):
     with matplotlib.rc_context({"svg.fonttype": "none", "figure.dpi": 30}):  # text stays text
         done = invoke("compare", mesh, *(word for option in options for word in option))
     assert (done.exit_code, done.stderr) == (0, "")
-    assert f"{name}: {len(V)} vertices" in " ".join(done.stdout.split())
+    # A long path is broken at the edge of the screen, wherever that is.
+    assert f"{name}:{len(V)}vertices" in "".join(done.stdout.split())
     for method in METHODS:
         assert method in done.stdout
     assert done.stdout.count(" *") == 2  # lscm and spectral
