@@ -22,10 +22,19 @@ collect_ignore = ["workers/sitecustomize.py"]
 Mesh = tuple[np.ndarray, np.ndarray]
 
 
+# Files whose tests start processes, or map and draw many surfaces in a row.
+MANY_PROCESSES = (
+    *("test_batch_killed", "test_batch_systems", "test_batch_workers", "test_benchmarks"),
+    *("test_cli_outputs", "test_cli_processes", "test_compare", "test_docs", "test_fuzz"),
+    *("test_readme", "test_threads"),
+)
+
+
 def pytest_collection_modifyitems(items):
     """What maps a real surface, drives a browser or starts many processes is slow."""
     for item in items:
-        if "real_mesh" in item.fixturenames or "browser" in item.fixturenames:
+        fixtures = {"real_mesh", "browser"}.intersection(item.fixturenames)
+        if fixtures or item.path.stem.startswith(MANY_PROCESSES):
             item.add_marker(pytest.mark.slow)
 
 

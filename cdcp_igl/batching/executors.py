@@ -42,6 +42,9 @@ def run_on(executor: Any, tasks: Sequence[Task]) -> Generator[Record]:
                 record = task.failed("Crash", SUSPECTED)
             except Exception as error:  # Dask's KilledWorker, and what cannot be pickled
                 record = task.failed(type(error).__name__, str(error))
+                if os.path.exists(_count_of_attempts(task)):
+                    times = os.path.getsize(_count_of_attempts(task))
+                    record = task.failed("Crash", f"the worker died ({times} times)")
             left -= 1
             yield record
         if broken:
