@@ -123,8 +123,8 @@ def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> Candi
     plain = _finished(harmonic, None, options, phase, repairing)
     price = PRICE_OF_AREA if method == "area" else 1
     if (plain.rank[0], price * plain.rank[1]) < candidate.rank:
-        rejected = replace(candidate.done.mobius, w=harmonic.w)
-        rejected = replace(rejected, rejected=rejected.rejected or "repair")
+        given = candidate.done.mobius
+        rejected = replace(given, w=harmonic.w, rejected=given.rejected or "repair")
         return replace(plain, done=replace(plain.done, mobius=rejected))
     return candidate
 
@@ -148,7 +148,7 @@ def _finished(
     phase: Phases,
     repairing: Repairing,
 ) -> Candidate:
-    """Do the last step of Algorithm 1 and what rounding asks for, repair if asked to, and judge."""
+    """Do the last step of Algorithm 1 and what rounding asks for, repair the map, and judge it."""
     mesh, n_opened = harmonic.surface.mesh, 0
 
     def placed(f: Complex) -> Complex:
