@@ -14,7 +14,7 @@ from .arrays import Complex, Floats
 from .rescue.boundary import BoundaryMethod
 from .rescue.candidate import HarmonicMap, Provenance, judged
 from .result.disk_map import DiskMap
-from .selection import finish, is_good, rescue
+from .selection import finish, inscribed, is_good, rescue
 from .solve.factored import FactoredSurface
 from .solve.laplacian import cotangent_laplacian
 from .solve.solvers import SolverName, using
@@ -212,6 +212,9 @@ def map_of(
     harmonic map of Algorithm 1, by the options that it depends on.
     """
     steps, key = Steps.of(options), options.first_steps
+    if len(surface.mesh.interior) == 0 and not options.paper:
+        best = inscribed(surface, steps.center(surface), options, phase)
+        return finish(surface, best, options, phase, keep_factor=known is not None)
     try:
         harmonic, f, mobius = algorithm_1(surface, steps, phase, (known or {}).get(key))
     except Rejected as reason:

@@ -149,6 +149,8 @@ def flipped_faces(f: Complex, F: Ints) -> tuple[Ints, int]:
         area, error = oriented_areas(f, F[part])
         np.greater(area, error, out=positive[part])
     others = np.flatnonzero(~positive)
+    if len(others) == 0:
+        return others, 0
     area, error = oriented_areas(f, F[others])
     in_doubt = abs(area) <= error
     corners = f[F[others[in_doubt]]]

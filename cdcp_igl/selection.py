@@ -12,7 +12,7 @@ import numpy as np
 from .arrays import Complex, coordinates
 from .distortion import AngleDistortion
 from .errors import MapError
-from .rescue.boundary import FALLBACKS, BoundaryMethod
+from .rescue.boundary import FALLBACKS, BoundaryMethod, by_inscribed_angles
 from .rescue.candidate import Candidate, HarmonicMap, Provenance, judged, refined
 from .rescue.collapsed_faces import open_collapsed_faces
 from .rescue.repair import Repair, repair_locally, repaired, replace_interior
@@ -48,6 +48,17 @@ def is_good(first: Candidate, harmonic: HarmonicMap, options: Options) -> bool:
 
 def _is_doubtful(candidate: Candidate, options: Options, mesh: DiskMesh) -> bool:
     return candidate.conformality.sheared if options.paper else candidate.is_doubtful(mesh)
+
+
+def inscribed(
+    surface: FactoredSurface, center: Center, options: Options, phase: Phases
+) -> Candidate:
+    """Map a surface without interior vertices, all of whose faces are inscribed in the circle."""
+    with phase("circle"):
+        f = by_inscribed_angles(surface.mesh)
+    done = Provenance(center=center, boundary=BoundaryMethod("inscribed angles"))
+    harmonic = HarmonicMap(surface, f, done)
+    return _finished(harmonic, options.mobius_method, options, phase, repair_locally)
 
 
 def rescue(
@@ -183,7 +194,7 @@ def finish(
     """
     mesh = surface.mesh
     steps = options.refine or 0
-    if options.refine != 0 and not options.paper:
+    if options.refine != 0 and not options.paper and len(mesh.interior):
         steps = max(steps, best.steps_due)
     if steps and best.certificate.valid:
         if not keep_factor:

@@ -147,6 +147,29 @@ N = len(MESH.loop)
 GOOD = CURVES["ellipse"](circle(N).conj())
 CROSSING = circle(N).real + 1j * (circle(N) ** 2).imag  # figure of eight
 EAR = int(MESH.inscribed[0])
+
+
+@pytest.mark.parametrize("height", [0, 0.3])
+def test_without_interior_vertices_no_map_changes_angles_less(height):
+    """A polygon inscribed in a circle is its own map; lifted, other arcs are no better."""
+    rng = np.random.default_rng(0)
+    n = 12
+    turn = 2 * np.pi * (np.arange(n) + np.append(0, rng.uniform(0, 0.9, n - 1))) / n
+    V = np.column_stack([np.cos(turn), np.sin(turn), height * rng.normal(size=n)])
+    F = np.array([[0, k, k + 1] for k in range(1, n - 1)])
+
+    def squares(uv):
+        return (cdcp_igl.angle_distortion(V, F, uv) ** 2).sum()
+
+    result = cdcp_igl.disk_map(V, F, mobius=None)
+    assert result.boundary.name == "inscribed angles"
+    if height == 0:
+        np.testing.assert_allclose(result.uv, V[:, :2], atol=1e-9)
+    for _ in range(20):
+        other = np.arctan2(*result.uv.T[::-1]) + 1e-3 * rng.normal(size=n)
+        assert squares(np.column_stack([np.cos(other), np.sin(other)])) > squares(result.uv)
+
+
 WAYS = ["geodesic", "harmonic measure", "arc length"]
 NO_VERTEX = "harmonic measure: no interior vertex at the central face"
 

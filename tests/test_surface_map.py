@@ -173,6 +173,34 @@ def test_progress_never_goes_back(long_tube):
     assert phases.count("done") == 1
 
 
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.floats(0.1, 3), min_size=1, max_size=12), st.booleans())
+def test_loose_triangles_are_mapped_by_similarities(angles, turned):
+    V = np.vstack([[[0, 0], [1, 0], [np.cos(angle), np.sin(angle)]] for angle in angles])
+    F = np.arange(len(V)).reshape(-1, 3)
+    F[1::2] = np.roll(F[1::2, ::-1] if turned else F[1::2], 1, axis=1)
+    result = cdcp_igl.surface_map(V, F)
+    assert_consistent(result, V, F)
+    assert result.distortion.max < 1e-6
+    np.testing.assert_allclose(np.hypot(*result.uv.T), 1, atol=1e-12)
+
+
+def test_parts_that_are_alike_have_the_same_map():
+    V, F = surfaces.sphere(rings=8, around=8)
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    turn *= np.linalg.det(turn)  # no reflection
+    parts, count = [V, 3 * V @ turn + 20, V * [1, 1, 2] - 20], len(F)
+    F = np.vstack([F + k * len(V) for k in range(3)])
+    for opened in (np.ones(len(F), bool), np.arange(len(F)) % count > 0):  # closed; with a hole
+        result = cdcp_igl.surface_map(np.vstack(parts), F[opened])
+        assert_consistent(result, np.vstack(parts), F[opened])
+        one, other, stretched = np.split(result.uv, 3)
+        np.testing.assert_array_equal(other, one)
+        assert abs(stretched - one).max() > 0.01
+        alone = cdcp_igl.surface_map(parts[1], F[:count][opened[:count]])
+        assert result.disks[1].distortion.mean == pytest.approx(alone.distortion.mean, rel=1e-3)
+
+
 # -- holes and growth ------------------------------------------------------------------
 
 

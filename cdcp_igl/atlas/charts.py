@@ -8,9 +8,11 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from ..algorithm import disk_map
-from ..arrays import Floats, Ints, as_complex
-from ..distortion import conformal_factor, plane_angles
+from ..arrays import Floats, Ints, as_complex, coordinates
+from ..certificate import certify
+from ..distortion import conformal_factor
 from ..errors import MapError
+from ..rescue.boundary import by_inscribed_angles
 from ..result.disk_map import DiskMap
 from ..steps.mobius import conformal_barycenter
 from ..steps.options import Options
@@ -31,6 +33,8 @@ SHRUNK = 1.0
 TINY = 0.01
 # Branches in one round of growth.
 MOST_BRANCHES = 8
+# Angles, in radians, that differ by rounding only.
+SAME_ANGLE = 1e-9
 # Where an edge has collapsed the conformal factor is minus infinity: counted as this.
 LEAST_FACTOR = -50.0
 
@@ -52,11 +56,6 @@ class Chart:
         """(k, 3) the faces that do not fill holes, rows of ``disk.uv``."""
         return self.opened.F[: len(self.opened.component.rows)]
 
-    def angle_errors(self) -> Floats:
-        """(k, 3) at the corners of these faces, in degrees."""
-        angles = self.opened.component.angle.reshape(3, -1).T[: len(self.F)]
-        return np.degrees(abs(plane_angles(as_complex(self.disk.uv), self.F) - angles))
-
     def gains_on(self, other: Chart) -> bool:
         """Whether the scale is more even; or the angles are better where they were not good."""
         if other.disk.conformal:
@@ -65,6 +64,58 @@ class Chart:
 
 
 def map_component(
+    component: Component,
+    options: Options,
+    fill: bool,
+    spread: float,
+    known: dict[bytes, list[Chart]],
+    progress: Progress | None,
+) -> Chart:
+    """Open a component to a disk and map it, unless it is like one that is `known`, by its faces.
+
+    Then it has the map of that.
+    """
+    alike = known.setdefault(component.F.tobytes(), [])
+    if options.align is None:
+        for chart in alike:
+            if made := _made_like(chart, component, options):
+                return made
+    alike.append(_grown(component, options, fill, spread, progress))
+    return alike[-1]
+
+
+def _made_like(chart: Chart, component: Component, options: Options) -> Chart | None:
+    """Give a component with the same faces the map of a known one, if its angles are the same.
+
+    A face alone may have other angles: its map is a similarity.
+    """
+    disk, spread = chart.disk, chart.spread
+    if chart.opened.component.n_filled:
+        component = fill_holes(component)
+    opened = chart.opened.moved(component)
+    if len(component.F) == 1 and options.mobius != "area" and not options.refine:
+        mesh = disk.mesh.moved(component.V)
+        uv = coordinates(by_inscribed_angles(mesh))
+        # The barycentre is 0 in the equilateral triangle, where the scale is 1 / sin^2.
+        spread = float(2 * np.log(np.sin(mesh.angles)).std())
+    elif _same_angles(component, chart.opened.component):
+        mesh, uv = disk.mesh.moved(opened.positions), disk.uv
+    else:
+        return None
+    certificate = certify(mesh, uv)
+    if not certificate.valid:
+        return None
+    disk = replace(disk, mesh=mesh, uv=uv, certificate=certificate, timings={})
+    return replace(chart, opened=opened, disk=disk, spread=spread)
+
+
+def _same_angles(one: Component, other: Component) -> bool:
+    polygons, others = (each.polygon - each.polygon[0] for each in (one, other))
+    same = np.array_equal(one.F, other.F) and np.array_equal(polygons, others)
+    return same and bool(abs(one.angle - other.angle).max() < SAME_ANGLE)
+
+
+def _grown(
     component: Component, options: Options, fill: bool, spread: float, progress: Progress | None
 ) -> Chart:
     """Open a component to a disk and map it; grow the cut while that evens out the scale."""
@@ -119,6 +170,8 @@ def fill_holes(component: Component) -> Component:
 
     A hole that only faces without area would fill, such as a slit of coinciding edges, stays.
     """
+    if component.topology.euler_characteristic > 0:  # a sphere or a disk
+        return component
     loops = component.topology.loops
     if len(loops) < 2:
         return component
@@ -159,6 +212,8 @@ def grow(chart: Chart) -> OpenedComponent:
     """
     opened, factor = chart.opened, chart.factor
     shrunk = np.flatnonzero(~opened.on_boundary & (factor < chart.average - SHRUNK))
+    if len(shrunk) == 0:
+        return opened
     inside = opened.graph(np.ones(len(opened.tail)))[shrunk][:, shrunk]
     n_parts, part = connected_components(inside, directed=False)
     order = np.lexsort((factor[shrunk], part))

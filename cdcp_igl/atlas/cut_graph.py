@@ -121,6 +121,12 @@ class OpenedComponent:
     component: Component
     is_cut: Bools
 
+    def moved(self, component: Component) -> OpenedComponent:
+        """Take a component with the same faces, opened along the same cut."""
+        other = OpenedComponent(component, self.is_cut)
+        other.__dict__["tail"] = self.tail
+        return other
+
     def cut(self, half: Ints) -> OpenedComponent:
         """Cut the edges of some more half-edges as well."""
         return self._with(half, is_cut=True)
@@ -141,6 +147,8 @@ class OpenedComponent:
         A vertex of the component keeps its number; the copies on other sides of the cut come last.
         """
         component, n = self.component, len(self.component.V)
+        if not self.is_cut[component.edges].any():
+            return component.tail
         # Only along the cut the half-edges out of a vertex can fall into several fans.
         touched = marked(n, component.tail[self.is_cut], component.head[self.is_cut])
         spokes = np.flatnonzero(touched[component.tail])

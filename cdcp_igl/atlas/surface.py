@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Floats, Ints, as_complex
 from ..cached import cached_property
 from ..certificate import Certificate
-from ..distortion import AngleDistortion
+from ..distortion import AngleDistortion, plane_angles
 from ..errors import counted
 from ..plot.layout import Layout
 from ..rescue.conformality import Conformality
@@ -22,7 +22,7 @@ from ..solve.solvers import SolverName
 from ..steps.center import CenterMethod
 from ..steps.options import Options
 from ..steps.phases import Progress
-from ..surface.triangles import face_areas, oriented_areas
+from ..surface.triangles import corner_angles, corner_cotangents, face_areas, oriented_areas
 from ..surface.validation import unit_size, usable_arrays
 from .charts import Chart, map_component
 from .cut_graph import split_components
@@ -243,10 +243,11 @@ def surface_map(
     given, faces = usable_arrays(V, F)
     sheets = oriented_sheets(given, faces, polygon_of_face)
     charts, done = [], 0.0
+    known: dict[bytes, list[Chart]] = {}
     for component in split_components(sheets.V, sheets.F, sheets.vertices, sheets.polygon):
         share = len(component.rows) / len(sheets.F)
         part = _part_of(progress, done, share)
-        charts.append(map_component(component, options, fill, spread, part))
+        charts.append(map_component(component, options, fill, spread, known, part))
         done += share
     if progress:
         progress("done", 1.0)
@@ -274,12 +275,14 @@ def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[Chart]) -> Surfac
     """Put the maps of all components back into the rows of the given faces."""
     uv, face_disk = np.full((len(F), 3, 2), np.nan), np.full(len(F), -1)
     corners = -1 - np.arange(F.size).reshape(F.shape)
-    count, areas = 0, []
+    count = 0
     for k, chart in enumerate(charts):
         rows = sheets.rows[chart.opened.component.rows]
         uv[rows], face_disk[rows], corners[rows] = chart.disk.uv[chart.F], k, count + chart.F
         count += chart.opened.n
-        areas.append(float(face_areas(sheets.V, F[rows]).sum()))
+    mapped = np.flatnonzero(face_disk >= 0)
+    areas = np.bincount(face_disk[mapped], face_areas(sheets.V, F[mapped]))
+    distortion = _distortion(sheets, uv[sheets.rows])
     flipped = sheets.rows[sheets.flipped]
     for array in (corners, uv):
         array[flipped] = array[flipped, ::-1]
@@ -298,11 +301,19 @@ def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[Chart]) -> Surfac
         changes=tuple(changes),
         certificate=_common_certificate(disks),
         conformality=_worst_conformality(disks),
-        distortion=AngleDistortion.of(np.concatenate([chart.angle_errors() for chart in charts])),
+        distortion=distortion,
         spread=max(chart.spread for chart in charts),
-        shares=np.array(areas) / sum(areas),
+        shares=areas / areas.sum(),
         timings=_sum_of_seconds(disks),
     )
+
+
+def _distortion(sheets: Sheets, uv: Floats) -> AngleDistortion:
+    """Measure the images (m, 3, 2) of the corners of all faces."""
+    z = as_complex(uv.reshape(-1, 2))
+    errors = plane_angles(z, np.arange(len(z)).reshape(-1, 3))
+    errors -= corner_angles(corner_cotangents(sheets.V, sheets.F))
+    return AngleDistortion.of(np.degrees(abs(errors)))
 
 
 def _common_certificate(disks: list[DiskMap]) -> Certificate:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import nnls
 
 from ..arrays import Complex, Floats
 from ..errors import counted, spell
@@ -28,6 +29,12 @@ FARTHEST = 1 - 1e-6  # that it moves in one round: faces can still be told apart
 UNREACHED = 0.1
 
 
+# Of a mesh without interior vertices no arc is shorter than this share of the average one.
+LEAST_ARC = 1e-3
+# The weight of the equation that all arcs go once around, beside those of the angles.
+ALL_AROUND = 1e4
+
+
 @dataclass(frozen=True)
 class BoundaryMethod:
     """How the boundary got onto the circle.
@@ -37,6 +44,7 @@ class BoundaryMethod:
     name : str
         The method whose result was used: ``"geodesic"``, the paper's, unless something went
         wrong; else ``"harmonic measure"``, or at last ``"arc length"``, which is not conformal.
+        Without interior vertices ``"inscribed angles"``.
     rejected : tuple of str
         The other methods that were tried, each with the reason why its map was not used.
     n_opened : int
@@ -121,6 +129,26 @@ def by_arc_length(surface: FactoredSurface, face: int) -> Complex:
 def arc_length_map(mesh: DiskMesh) -> Complex:
     """(nB,) boundary vertices around the circle in proportion to their distances, from 1."""
     return around(edge_lengths(mesh))
+
+
+def by_inscribed_angles(mesh: DiskMesh) -> Complex:
+    """Place the vertices (n,) of a mesh without interior ones so that its angles change least.
+
+    All faces are inscribed in the circle, so that each angle is half the arc that the other side
+    of its face cuts off: it is linear in the arcs. So they are found by least squares, and no
+    other map is better.
+    """
+    n = len(mesh.loop)
+    first, last = (mesh.loop_index[np.roll(mesh.F, -k, axis=1)].ravel() for k in (1, 2))
+    behind = (np.arange(n) - first[:, None]) % n < ((last - first) % n)[:, None]
+    least = min(LEAST_ARC * np.pi / n, mesh.angles.min())
+    # The last row: all halves of arcs add up to pi.
+    system = np.vstack([behind, np.full(n, ALL_AROUND)])
+    wanted = np.append(mesh.angles.ravel(), ALL_AROUND * np.pi)
+    arcs, _ = nnls(system, wanted - least * system.sum(axis=1))
+    f = np.empty(n, dtype=np.complex128)
+    f[mesh.loop] = around(arcs + least)
+    return f
 
 
 # In the order in which they are tried.

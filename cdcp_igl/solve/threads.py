@@ -13,7 +13,7 @@ from threadpoolctl import LibController, ThreadpoolController
 # The supernodes of a surface's Laplacian are small: BLAS threads never gain much on them,
 # and lose a factor of 2 to 20 when the cores are shared. The same goes for the OpenMP loops of
 # CHOLMOD, which in SuiteSparse 5 ask for four threads whatever the number allowed.
-_BLAS: list[LibController] = []
+_BLAS: list[tuple[Callable[[int], None], LibController]] = []  # what sets it, and it
 _OPENMP: list[CDLL] = []
 
 
@@ -37,7 +37,8 @@ def libraries_were_loaded() -> None:
     global _BLAS, _OPENMP
     with _lock:  # as is that of the loader then
         pools = ThreadpoolController().lib_controllers
-    _BLAS = [pool for pool in pools if pool.user_api == "blas" and not _by_openmp(pool)]
+    blas = [pool for pool in pools if pool.user_api == "blas" and not _by_openmp(pool)]
+    _BLAS = [(_setter(pool), pool) for pool in blas]
     _OPENMP = [pool.dynlib for pool in pools if pool.user_api == "openmp"]
 
 
@@ -60,7 +61,7 @@ def _serial_blas() -> Iterator[None]:
     """
     with _lock:
         if not _inside:
-            _callers[:] = [(_setter(pool), pool.num_threads) for pool in _BLAS]
+            _callers[:] = [(set_number, pool.num_threads) for set_number, pool in _BLAS]
             for set_number, _ in _callers:
                 set_number(1)
         _inside.append(get_ident())
