@@ -142,6 +142,16 @@ def is_around(f_B: Complex) -> bool:
     return bool((arcs > SMALLEST_ARC).all()) and round(arcs.sum() / (2 * np.pi)) == 1
 
 
+def lost_in_single_precision(uv: Floats, F: Ints) -> Ints:
+    """Faces whose corners (n, 2), as float32, have no area, or are turned over.
+
+    Renderers, and files of type glb and ply, have single precision.
+    """
+    area, _ = oriented_areas(as_complex(uv), F)
+    upwards = np.where((area < 0)[:, None], F[:, ::-1], F)
+    return flipped_faces(as_complex(uv.astype(np.float32)), upwards)[0]
+
+
 def flipped_faces(f: Complex, F: Ints) -> tuple[Ints, int]:
     """Faces that are not positively oriented, exactly, and how many were in doubt."""
     positive = np.empty(len(F), dtype=bool)

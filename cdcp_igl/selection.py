@@ -133,7 +133,7 @@ def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> Candi
         return candidate
     plain = _finished(harmonic, None, options, phase, repairing)
     price = PRICE_OF_AREA if method == "area" else 1
-    if (plain.rank[0], price * plain.rank[1]) < candidate.rank:
+    if (*plain.rank[:2], price * plain.mean) < candidate.rank:
         given = candidate.done.mobius
         rejected = replace(given, w=harmonic.w, rejected=given.rejected or "repair")
         return replace(plain, done=replace(plain.done, mobius=rejected))

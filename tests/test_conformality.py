@@ -66,6 +66,16 @@ def test_shear_is_not_explained():
     error, of_scale = means(V, F, V[:, :2] * [1, 2])
     assert error > np.radians(10)
     assert of_scale < np.radians(1)
+    mesh, f, degrees = DiskMesh(V, F), V[:, 0] + 2j * V[:, 1], np.full(F.shape, np.degrees(error))
+    assert judge(mesh, f, degrees / 3).sheared
+    assert judge(mesh, f, degrees / 3, known=np.degrees(error) / 3)  # nor would refinement add any
+
+
+def test_faces_inscribed_in_the_circle_count():
+    result = cdcp_igl.disk_map(*meshes.corridor(6, 1))
+    assert result.distortion.mean > 12
+    assert not result.conformal
+    assert "flip the ears" in str(result)
 
 
 @pytest.mark.parametrize("name", ["chinese_lion_17334", "human_face_17157", "human_brain_48463"])

@@ -300,5 +300,5 @@ def test_what_was_asked_for_is_not_given_up_for_a_map_without_it():
     F = [[4, 2, 6], [3, 1, 4], [2, 4, 5], [4, 1, 5], [7, 5, 1], [0, 6, 2], [7, 2, 5], [2, 7, 0]]
     result = cdcp_igl.disk_map(V, F, refine=1)
     assert result.boundary.rejected
-    assert result.refinement.steps == 1
+    assert result.refinement.steps >= 1
     assert result.refinement.after < result.refinement.before

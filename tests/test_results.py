@@ -35,6 +35,24 @@ def twice(V, F):
     return np.vstack([V, V + 3000]), np.vstack([F, F + len(V)])
 
 
+def test_what_is_lost_in_single_precision(tmp_path, caplog):
+    """A strip 16 times as long as wide, whose ends are tiny on the disk."""
+    V, F = corridor(16, 4)
+    result = cdcp_igl.disk_map(V, F)
+    x, y = ((result.uv + 1) / 2).astype(np.float32).astype(np.longdouble)[F].T  # products are exact
+    area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
+    lost = np.count_nonzero(area <= 0)
+    report = result.report()["lost_in_single_precision"]
+    assert 10 < lost == report["faces"] < len(F) / 2
+    assert report["share_of_area"] == pytest.approx(lost / len(F))
+    assert f"{lost} faces without area" in str(result)
+    caplog.clear()
+    result.save(tmp_path / "a.obj")
+    assert not caplog.records
+    result.save(tmp_path / "a.glb")
+    assert f"{lost} faces have no area" in caplog.text
+
+
 # -- what is printed -------------------------------------------------------------------
 
 

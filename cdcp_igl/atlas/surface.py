@@ -71,12 +71,12 @@ class SurfaceMap(Result):
 
     Examples
     --------
-    Two caps, packed one below the other:
+    Two caps, the larger one packed below the other:
 
     >>> import numpy as np
     >>> import cdcp_igl
     >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
-    >>> result = cdcp_igl.surface_map(np.vstack([V, V + 3]), np.vstack([F, F + len(V)]))
+    >>> result = cdcp_igl.surface_map(np.vstack([2 * V, V + 3]), np.vstack([F, F + len(V)]))
     >>> below, above = result.packed()[: len(F)], result.packed()[len(F) :]
     >>> bool(below[..., 1].max() < above[..., 1].min())
     True

@@ -8,6 +8,7 @@ The Khronos Group. glTF 2.0 Specification. 2021.
 from __future__ import annotations
 
 import json
+import logging
 import struct
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,12 @@ import numpy as np
 
 from .. import libigl
 from ..arrays import Floats, Ints
+from ..certificate import lost_in_single_precision
+from ..errors import counted
 from ..surface.validation import unit_size
 from .images import Image
+
+log = logging.getLogger("cdcp_igl")
 
 # Numbers that the specification gives to types and targets.
 FLOAT, UNSIGNED_INT = 5126, 5125
@@ -55,6 +60,11 @@ def write_glb(
         positions = V.astype("<f4")[vertex]
     if not np.isfinite(positions).all():
         raise ValueError("V is too large for a glb file, which has single precision: scale it.")
+    on_a_disk = texture[FT].any(axis=(1, 2))
+    lost = lost_in_single_precision(texture, FT[on_a_disk])
+    if len(lost):
+        faces = counted(len(lost), "face has", "faces have")
+        log.warning("%s no area on the texture in single precision: cut the surface", faces)
     upper_left = np.column_stack([texture[:, 0], 1 - texture[:, 1]])  # where glTF has its origin
     arrays = (positions, _normals(V, F).astype("<f4")[vertex], upper_left.astype("<f4"))
     pieces = [*(array.tobytes() for array in arrays), FT.astype("<u4").tobytes(), image.data]

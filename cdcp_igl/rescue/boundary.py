@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
 
 from ..arrays import Complex, Floats
 from ..errors import counted, spell
@@ -138,6 +137,8 @@ def by_inscribed_angles(mesh: DiskMesh) -> Complex:
     of its face cuts off: it is linear in the arcs. So they are found by least squares, and no
     other map is better.
     """
+    from scipy.optimize import nnls  # slow to import, and used here alone
+
     n = len(mesh.loop)
     first, last = (mesh.loop_index[np.roll(mesh.F, -k, axis=1)].ravel() for k in (1, 2))
     behind = (np.arange(n) - first[:, None]) % n < ((last - first) % n)[:, None]

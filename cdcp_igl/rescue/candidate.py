@@ -120,9 +120,14 @@ class Candidate:
     conformality: Conformality
 
     @property
-    def rank(self) -> tuple[bool, float]:
-        """Valid maps come first, then those of low mean distortion."""
-        return not self.certificate.valid, float(self.degrees.mean())
+    def mean(self) -> float:
+        """Mean angular distortion in degrees."""
+        return float(self.degrees.mean())
+
+    @property
+    def rank(self) -> tuple[bool, bool, float]:
+        """Valid maps come first, of these the conformal ones, then those of low mean distortion."""
+        return not self.certificate.valid, not self.conformality, self.mean
 
     @property
     def steps_due(self) -> int:
@@ -150,17 +155,24 @@ class Candidate:
         if not self.certificate.valid:
             return f"{name}: no certificate"
         verdict = "" if self.conformality else ", not conformal"
-        return f"{name}: mean distortion {self.rank[1]:.2f} degrees{verdict}"
+        return f"{name}: mean distortion {self.mean:.2f} degrees{verdict}"
 
 
 def judged(
-    mesh: DiskMesh, f: Complex, done: Provenance, phase: Phases, *, closely: bool = False
+    mesh: DiskMesh,
+    f: Complex,
+    done: Provenance,
+    phase: Phases,
+    *,
+    closely: bool = False,
+    known: float = 0.0,
 ) -> Candidate:
-    """Certify a map (n,), measure it, and judge it if it is valid; `closely` as in `judge`."""
-    uv = coordinates(f)
+    """Certify a map (n,), measure it, and judge it if it is valid; the options as in `judge`."""
+    uv, conformality = coordinates(f), NOT_VALID
     with phase("certificate"):
         certificate, degrees = certify(mesh, uv), disk_map_distortion(mesh, uv)
-        conformality = judge(mesh, f, degrees, closely=closely) if certificate.valid else NOT_VALID
+        if certificate.valid:
+            conformality = judge(mesh, f, degrees, closely=closely, known=known)
         return Candidate(f, done, certificate, degrees, conformality)
 
 
@@ -203,8 +215,11 @@ def refined(
             f, repair = repair_locally(mesh, f)
         n_moved = max(done.repair.n_moved, repair.n_moved)
         lowered = replace(done, refinement=refinement, repair=replace(done.repair, n_moved=n_moved))
-        better = judged(mesh, f, lowered, phase, closely=done.repair.n_flipped > 0)
-        if better.certificate.valid:
+        known = 0.0 if candidate.conformality.sheared else candidate.mean
+        closely = done.repair.n_flipped > 0
+        better = judged(mesh, f, lowered, phase, closely=closely, known=known)
+        if better.rank[:2] <= candidate.rank[:2]:
             return better
-    undone = replace(refinement, steps=0, stopped="no certificate", after=refinement.before)
+    stopped = "not conformal" if better.certificate.valid else "no certificate"
+    undone = replace(refinement, steps=0, stopped=stopped, after=refinement.before)
     return replace(candidate, done=replace(done, refinement=undone))

@@ -50,8 +50,8 @@ class Refinement:
     stopped : str
         Why they are fewer: ``"no improvement"``; of steps that were not asked for,
         ``"little to gain"``, or ``"out of reach"`` if they cannot make the map conformal;
-        ``"no certificate"`` of the map that they led to; or ``"time limit"``. Empty if they are
-        not.
+        ``"no certificate"`` of the map that they led to, or ``"not conformal"`` if only that map is
+        not; or ``"time limit"``. Empty if they are not fewer.
     norm : float
         The exponent p.
     before, after : float

@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints
-from ..certificate import Certificate
+from ..certificate import Certificate, lost_in_single_precision
 from ..distortion import AngleDistortion, area_distortion
-from ..errors import spell
+from ..errors import counted, spell
 from ..plot.layout import Layout
 from ..plot.raster import sample
 from ..printing import Pairs, as_html, as_text
 from ..rescue.conformality import Conformality
+from ..surface.triangles import face_areas
 
 PICTURES = (".pdf", ".png", ".svg")
 
@@ -141,6 +142,30 @@ class Result(ABC):
         layout = self._layout()
         return area_distortion(layout.V, layout.F, layout.uv)
 
+    def lost_in_single_precision(self) -> tuple[int, float]:
+        """Count the faces that have no area as texture coordinates in single precision.
+
+        Renderers, and glb files, have no other; an obj file keeps all digits.
+
+        Returns
+        -------
+        faces : int
+            Whose corners, in the unit square as in `packed`, coincide or lie on a line as float32.
+        share : float
+            Their share in the area of the surface.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> cdcp_igl.disk_map(V, F).lost_in_single_precision()
+        (0, 0.0)
+        """
+        layout = self._layout()
+        lost = lost_in_single_precision(layout.uv / 2 + layout.origin, layout.F)
+        areas = face_areas(layout.V, layout.F)
+        return len(lost), float(areas[lost].sum() / areas.sum())
+
     def report(self, *, flat: bool = False) -> dict[str, Any]:
         """Return everything but the coordinates.
 
@@ -168,6 +193,7 @@ class Result(ABC):
         'torsion'
         """
         V, F = self._surface()
+        lost, share = self.lost_in_single_precision()
         report = {
             "vertices": len(V),
             "faces": len(F),
@@ -175,6 +201,7 @@ class Result(ABC):
             **self.conformality.report(),
             "angular_distortion_degrees": asdict(self.distortion),
             "certificate": self.certificate.report(),
+            "lost_in_single_precision": {"faces": lost, "share_of_area": share},
             **self._details(),
             "seconds": self.timings,
         }
@@ -389,10 +416,13 @@ class Result(ABC):
         """Return what is printed below the title: pairs of a name and a text."""
         phases = ", ".join(f"{name} {seconds:.2f}" for name, seconds in self.timings.items())
         why = [] if self.conformal else [("conformal", str(self.conformality))]
+        lost, share = self.lost_in_single_precision()
+        text = f"{counted(lost, 'face', 'faces')} without area, {share:.2g} of the surface"
         return [
             ("angular distortion", str(self.distortion)),
             *why,
             ("certificate", str(self.certificate)),
+            *([("single precision", text)] if lost else []),
             *self._steps(),
             ("seconds", f"{sum(self.timings.values()):.2f} ({phases})"),
         ]
