@@ -29,8 +29,8 @@ class Conformality:
     at most 12 degrees and at most 1.2 times what the scale at the vertices explains, see
     `explained_errors`; and if its faces are stretched, see `dilatation`, at most 3 times as much
     one way as the other, for stretching a needle hardly changes its angles. Faces inscribed in
-    the circle do not count in the 3 times. Refinement that lowers the mean angle error does not make
-    a map less conformal.
+    the circle do not count in the 3 times. Refinement that lowers the mean angle error makes no map
+    less conformal.
 
     Attributes
     ----------
