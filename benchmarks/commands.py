@@ -12,6 +12,7 @@ from .measure import mechanisms
 from .measure import methods as measured_methods
 from .measure.any_surface import surfaces
 from .measure.families import FAMILIES, disks
+from .measure.faults import faults
 from .measure.fuzzing import fuzz
 from .measure.machine import MACHINE
 from .measure.mechanisms import RESCUES
@@ -58,6 +59,7 @@ app = typer.Typer(
     help="Measure cdcp_igl against other methods.", no_args_is_help=True, add_completion=False
 )
 app.command()(fuzz)
+app.command()(faults)
 app.command()(surfaces)
 app.command()(punctures)
 app.command()(mutants)

@@ -26,7 +26,7 @@ Mesh = tuple[np.ndarray, np.ndarray]
 MANY_PROCESSES = (
     *("test_batch_killed", "test_batch_systems", "test_batch_workers", "test_benchmarks"),
     *("test_cli_outputs", "test_cli_processes", "test_compare", "test_docs", "test_fuzz"),
-    *("test_readme", "test_threads"),
+    "test_readme",
 )
 
 

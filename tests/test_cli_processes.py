@@ -36,7 +36,8 @@ def folder(tmp_path, monkeypatch):
 @pytest.fixture
 def main(folder, monkeypatch):
     """Run the program in this process; return what it exits with."""
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+    before = {number: signal.getsignal(number) for number in numbers}
 
     def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["cdcp-igl", *map(str, arguments)])
@@ -121,7 +122,7 @@ def test_a_temporary_folder_that_is_full(folder):
     [
         ("typer", signal.SIGINT),
         ("scipy.sparse", signal.SIGTERM),  # by a compiled module
-        ("matplotlib.backends.backend_svg", signal.SIGINT),  # when the picture is begun
+        ("matplotlib.backends.backend_svg", signal.SIGHUP),  # when the picture is begun
     ],
 )
 def test_a_stopped_program_leaves_what_was_there(folder, module, number):

@@ -15,8 +15,10 @@ from ..extras import MissingExtra, from_extra
 def main() -> None:
     """Run ``cdcp-igl``."""
     # Before the first slow import, and as an exception, so that no unfinished file stays behind.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _stop)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)  # Windows has no SIGHUP
+        if number and signal.getsignal(number) != signal.SIG_IGN:  # as nohup has set it
+            signal.signal(number, _stop)
     _make_printable()
     # The font of a picture lacks many scripts; a box in a title is no reason to print source lines.
     warnings.filterwarnings("ignore", r"Glyph \d+|Matplotlib currently does not support")
