@@ -143,21 +143,6 @@ def blob(seed, subdivisions=3):
     return V * (1 + 0.08 * bumps)[:, None], F
 
 
-def punctured(V, F, rings, seed):
-    """Take out a face, a vertex, or a vertex with its neighbours."""
-    rng = np.random.default_rng(seed)
-    near = np.zeros(len(V), dtype=bool)
-    near[rng.integers(len(V))] = True
-    if rings == 0:
-        left = np.delete(F, rng.integers(len(F)), axis=0)
-    else:
-        for _ in range(rings - 1):
-            near[F[near[F].any(axis=1)]] = True
-        left = F[~near[F].any(axis=1)]
-    used = np.unique(left)
-    return V[used], np.searchsorted(used, left)
-
-
 def capped_tube(around=16, along=60):
     """A tube closed at one end, twelve times longer than wide."""
     angle = 2 * np.pi * np.arange(around) / around

@@ -11,7 +11,6 @@ from meshes import TRIANGLE, corridor, fan, grid, strip
 
 import cdcp_igl
 from cdcp_igl.result.landmarks import Automorphism, landmark_automorphism
-from cdcp_igl.result.lattice import disk_lattice, even_ring
 
 SMALL = {"triangle": TRIANGLE, "fan": fan(), "strip": strip(), "grid": grid()}
 
@@ -162,18 +161,6 @@ def test_bake_and_pull_back_are_inverse_at_second_order(cap):
         exact = np.sin(3 * result.uv[:, 0]) * np.cos(2 * result.uv[:, 1])
         errors.append(abs(result.pull_back(samples) - exact)[inside].max())
     assert 3.5 < errors[0] / errors[1] < 4.5
-
-
-@pytest.mark.parametrize("side", [1, 0.3, 0.073, 0.02])
-def test_the_lattice_is_a_good_disk(side):
-    z, F = disk_lattice(side, even_ring(side))
-    corners = z[F]
-    turns = (np.roll(corners, 1, axis=1) - corners) / (np.roll(corners, -1, axis=1) - corners)
-    assert np.degrees(np.angle(turns)).min() > 31
-    plane = np.column_stack([z.real, z.imag])
-    assert cdcp_igl.check(plane, F).is_disk
-    on_circle = abs(abs(z) - 1) < 1e-12
-    assert on_circle[: on_circle.sum()].all()
 
 
 def test_a_remeshed_surface_has_the_shapes_of_the_lattice():
