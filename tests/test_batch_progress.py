@@ -66,7 +66,6 @@ def test_a_bar_on_a_terminal(scans, tmp_path, monkeypatch):
     [
         (["--shard", "3/2"], "must be I/N"),
         (["--report", "page.txt"], "must end in .html"),
-        (["--cut", "--clean"], "leave out clean"),
         (["--align", "3", "--cut"], "must be a direction"),
         (["--jobs", "0"], "jobs"),
     ],

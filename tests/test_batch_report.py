@@ -55,10 +55,10 @@ def test_their_texture_coordinates_are_side_by_side(scans, tmp_path, format):
 
 @pytest.mark.parametrize(
     "options",
-    [{"cut": True, "clean": True}, {"cut": True, "center": 3}, {"fill": 0.1}, {"spread": 1}],
+    [{"cut": True, "center": 3}, {"fill": 0.1}, {"spread": 1}],
 )
 def test_options_that_do_not_go_together(scans, tmp_path, options):
-    with pytest.raises(ValueError, match=r"leave out clean|must be a method|that are cut"):
+    with pytest.raises(ValueError, match=r"must be a method|that are cut"):
         batch([scans], tmp_path / "maps", **options)
 
 
