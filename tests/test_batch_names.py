@@ -29,11 +29,6 @@ def test_names_do_not_collide(tmp_path):
     assert result_names([]) == []
 
 
-def test_large_and_small_letters_count_as_equal(tmp_path):
-    names = result_names([tmp_path / "Face.obj", tmp_path / "face.obj"])
-    assert len({name.casefold() for name in names}) == 2
-
-
 def test_one_file_is_one_surface_however_it_is_spelled(scans, tmp_path, monkeypatch):
     """And no result of another folder's surface gets out of the folder of the results."""
     mine = write_surfaces(tmp_path / "work" / "scans", 1, rows=9) / "surface_000.npz"

@@ -87,10 +87,7 @@ class Record:
 
     def as_json(self) -> dict[str, Any]:
         """Return `row` as JSON types, None for NaN and infinity."""
-        return {
-            name: None if isinstance(value, float) and not np.isfinite(value) else value
-            for name, value in self.row().items()
-        }
+        return finite(self.row())
 
     def line(self) -> str:
         """Return it as one line of JSON."""
@@ -105,3 +102,11 @@ class Record:
         own = {f.name: row[f.name] for f in fields(cls) if f.name in row}
         own |= {name: np.inf for name in LIMITS & own.keys() if own[name] is None}
         return cls(**own, case=Case(**made))
+
+
+def finite(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Put None for NaN and infinity, which JSON does not have."""
+    return {
+        name: None if isinstance(value, float) and not np.isfinite(value) else value
+        for name, value in row.items()
+    }
