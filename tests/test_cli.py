@@ -89,7 +89,6 @@ def test_options_are_those_of_the_library(cap, given, options):
         ("map IN o.obj --refine -1", "--refine"),
         ("map IN o.obj --refine-norm 3", "--refine-norm"),
         ("map IN second.obj third.obj", "--out-dir"),
-        ("map IN --out-dir maps --cut --clean", "leave out clean"),
         ("map IN --out-dir maps --cut --center 3", "must be a method"),
         ("map IN --out-dir maps --report r.json", "are for one surface"),
         ("map IN --out-dir maps --force", "are for one surface"),
@@ -177,6 +176,23 @@ def test_check(cap, surface, code, said):
     result = invoke("check", cap)
     assert (result.exit_code, result.stderr) == (code, "")
     assert said in result.stdout
+
+
+@pytest.mark.parametrize("name", meshes.NASTY)
+def test_the_next_step_is_a_command_that_works(tmp_path, name):
+    """One step, wherever one command can map the surface."""
+    defect, V, F, _ = meshes.NASTY[name]
+    if defect in meshes.BAD_ARRAYS:
+        return
+    surface, out = tmp_path / "surface.npz", tmp_path / "out.npz"
+    np.savez(surface, V=V, F=F)
+    said = invoke("check", surface).stdout.partition("Next: ")[2]
+    command = re.match(r"cdcp-igl (map(?: --\w+)+)", said)
+    lost = defect == "not orientable" or name in ("all in one point", "on a line", "sliver")
+    assert (command is None) == lost
+    if command:
+        assert invoke(*command[1].split(), surface, out).exit_code == 0
+        assert np.isfinite(np.load(out)["uv"]).all()
 
 
 def test_checks_as_json(cap):
