@@ -217,7 +217,8 @@ def test_progress_never_goes_back(long_tube):
 @settings(max_examples=20, deadline=None)
 @given(st.lists(st.floats(0.1, 3), min_size=1, max_size=12), st.booleans())
 def test_loose_triangles_are_mapped_by_similarities(angles, turned):
-    V = np.vstack([[[0, 0], [1, 0], [np.cos(angle), np.sin(angle)]] for angle in angles])
+    corners = [[[0, 0], [1, 0], [np.cos(angle), np.sin(angle)]] for angle in angles]
+    V = np.vstack([corner + np.array([3 * k, 0]) for k, corner in enumerate(corners)])
     F = np.arange(len(V)).reshape(-1, 3)
     F[1::2] = np.roll(F[1::2, ::-1] if turned else F[1::2], 1, axis=1)
     result = cdcp_igl.surface_map(V, F)
