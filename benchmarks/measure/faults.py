@@ -65,10 +65,10 @@ def faults(
     """
     console = Console()
     requests = {(kind, case): Row(kind, case) for kind in DRILLS for case in range(cases)}
-    path = (work or WORK / code()) / f"faults-{seed}.jsonl"
+    kept = (work or WORK / code()) / f"faults-{seed}"
     known_by = attrgetter("kind", "case")
     answer = partial(examine, seed)
-    rows = kept_answers(answer, requests, known_by, path, SECONDS, jobs, console)
+    rows = kept_answers(answer, requests, known_by, kept, SECONDS, jobs, console)
     table = Table("fault", "outcome", "cases")
     counts = Counter((row.kind, row.outcome) for row in rows)
     for (kind, outcome), count in sorted(counts.items()):
@@ -173,7 +173,7 @@ def _address_space(rng: np.random.Generator, folder: Path) -> str:
         import resource  # not on Windows
 
         size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        most = size + int(2 ** rng.uniform(12, 26))
+        most = size + int(2 ** rng.uniform(16, 30))
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
         _exit_with(lambda: len(cdcp(V, F)) > 0)
     ended = _waited(child)
@@ -205,7 +205,7 @@ def _waited(child: int) -> int:
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
-def _program(arguments: list[str], prepare: Callable[[], None] = lambda: None) -> int:
+def _program(arguments: list[str], prepare: Callable[[], object] = lambda: None) -> int:
     """Run the command line in a child; return its process."""
     child = os.fork()
     if child:
@@ -231,9 +231,7 @@ def _judged(folder: Path, out: Path, whole: bytes | None, ended: int) -> str:
     left = sorted(path.name for path in folder.iterdir() if path.name not in ("in.npz", out.name))
     if left:
         return f"{FAULT}left behind {left}"
-    if ended == -signal.SIGALRM:
-        return FAULT + "hang"
-    if ended == UNTYPED or (ended < 0 and ended != -signal.SIGKILL):
+    if ended < 0 or ended == UNTYPED:
         return f"{FAULT}ended with {ended}"
     now = out.read_bytes()
     if now == b"old":
@@ -256,15 +254,19 @@ def _to_write(rng: np.random.Generator, folder: Path) -> tuple[list[str], Path, 
 def _signal(rng: np.random.Generator, folder: Path) -> str:
     """Send a signal at any moment."""
     arguments, out, whole = _to_write(rng, folder)
-    child = _program(arguments)
-    sleep(rng.uniform(0, 0.6))
+    begun, begins = os.pipe()
+    child = _program(arguments, partial(os.write, begins, b"."))
+    os.read(begun, 1)
+    sleep(rng.uniform(0.005, 1.5))
+    os.close(begun)
+    os.close(begins)
     name = str(rng.choice(SIGNALS))
     number = signal.Signals[name]
     os.kill(child, number)
     ended = _waited(child)
     if ended not in (0, 1, 128 + number, -number):
         return f"{FAULT}ended with {ended}"
-    return f"{name}: " + _judged(folder, out, whole, max(ended, 0))
+    return f"{name}: " + _judged(folder, out, whole, abs(ended))
 
 
 def _full_disk(rng: np.random.Generator, folder: Path) -> str:
