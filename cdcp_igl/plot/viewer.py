@@ -65,10 +65,7 @@ def page(
     for name, given in beside.items():
         maps[f" of {name}"] = _fitted(_at_vertices(f"map {name!r}", given, layout.vertices, (2,)))
     about, arrays = _geometry(V, F, list(maps.values()), turned=layout.turns)
-    if (layout.vertices != np.arange(len(V))).any():
-        arrays["vertexOrder"] = layout.vertices
-    if len(layout.faces) and (layout.faces != np.arange(len(F))).any():
-        arrays["faceOrder"] = layout.faces
+    arrays |= {"vertexOrder": layout.vertices, "faceOrder": layout.faces}
 
     def coloring(description: dict[str, Any], values: Floats) -> dict[str, Any]:
         name = f"value {len(arrays)}"
@@ -87,10 +84,7 @@ def page(
     colorings.append({"name": "normals", "kind": "normals"})
     colorings += [coloring(*measure) for measure in _measured(V, F, maps)]
 
-    reordered = _reordered(arrays, uv, F)
-    data, other = _pack(arrays), _pack(reordered)
-    if len(other) < len(data):
-        data, arrays = other, reordered
+    arrays = _reordered(arrays, uv, F)
     about |= {
         "arrays": [(name, len(array)) for name, array in arrays.items()],
         "colorings": colorings,
@@ -108,7 +102,7 @@ def page(
         poster=poster(layout),
         # A closing tag in a name would end the script element.
         about=json.dumps(about).replace("<", "\\u003c"),
-        data=data,
+        data=_pack(arrays),
     )
 
 
@@ -154,8 +148,8 @@ def _rim_and_cut(V: Floats, F: Ints) -> tuple[Ints, Ints]:
 def _reordered(arrays: Mapping[str, Ints], uv: Floats, F: Ints) -> dict[str, Ints]:
     """Put vertices and faces in an order in which neighbours follow one another.
 
-    Vertices come along a Z-shaped curve in the plane, faces by their vertices. Arrays of the rows
-    that they had are added.
+    Vertices come along a Z-shaped curve in the plane, faces by their vertices. Those of the
+    rows that they had stay with them.
     """
     vertices = z_order(as_complex(uv))
     rank = places(vertices, len(uv))
@@ -168,8 +162,7 @@ def _reordered(arrays: Mapping[str, Ints], uv: Floats, F: Ints) -> dict[str, Int
         if name not in ("faces", "faceOrder")
     }
     new["faces"] = np.take_along_axis(corners, (first + np.arange(3)) % 3, axis=1).ravel()
-    rows = arrays["faceOrder"][faces] if "faceOrder" in arrays else faces
-    return {"vertexOrder": vertices} | new | {"faceOrder": rows}
+    return new | {"faceOrder": arrays["faceOrder"][faces]}
 
 
 def _measured(

@@ -393,14 +393,14 @@ function start(scene, gl, image) {
       const [i, j, k] = scene.F.slice(3 * found.face, 3 * found.face + 3);
       const nearest = [i, j, k][found.weights.indexOf(Math.max(...found.weights))];
       const { faceOrder, vertexOrder } = scene.arrays;
-      const face = faceOrder ? faceOrder[found.face] : found.face;
+      const face = faceOrder[found.face];
       const [u, v] = [0, 1].map((c) => [i, j, k].reduce((sum, at, n) => sum + about.scale * found.weights[n] * scene.maps[0][2 * at + c], about.middle[c]));
       const values = about.colorings.filter((c) => c.kind === "values").map((c) => {
         const x = c.low + ((c.high - c.low) * scene.arrays[c.array][nearest]) / 255;
         return `${c.name} ${x.toPrecision(3)}${c.unit}`;
       });
       readout.textContent = [`face ${face.toLocaleString("en")}`,
-        `vertex ${(vertexOrder ? vertexOrder[nearest] : nearest).toLocaleString("en")}`,
+        `vertex ${vertexOrder[nearest].toLocaleString("en")}`,
         `(${u.toFixed(4)}, ${v.toFixed(4)})`, ...values].join("  ·  ");
       readout.dataset.face = face;
     } else {
@@ -458,7 +458,7 @@ function start(scene, gl, image) {
 
   function save() { // what the panels show, as a picture
     const stage = byId("stage").getBoundingClientRect(), ratio = views[0].canvas.width / frame(views[0]).width;
-    const all = Object.assign(document.createElement("canvas"), { width: stage.width * ratio, height: stage.height * ratio });
+    const all = Object.assign(document.createElement("canvas"), { width: Math.floor(stage.width * ratio), height: Math.floor(stage.height * ratio) });
     const paper = all.getContext("2d");
     paper.fillStyle = getComputedStyle(document.body).backgroundColor;
     paper.fillRect(0, 0, all.width, all.height);
