@@ -298,6 +298,7 @@ function start(scene, gl, image) {
   }
   const hit = (view, x, y) => { const s = seen(view); return faceAt(scene.F, s.X, s.Y, s.Z, x, y); };
 
+  const sharpness = () => Math.min(window.devicePixelRatio, 2);
   const stale = new Set();
   function redraw(...some) {
     if (!stale.size) requestAnimationFrame(drawAll);
@@ -320,7 +321,7 @@ function start(scene, gl, image) {
   function draw(view) {
     const f = frame(view), [ratio, cells] = EFFORTS[view.rest ? state.effort : 0];
     const pixels = (ratio) => ({ width: Math.max(Math.round(f.width * ratio), 1), height: Math.max(Math.round(f.height * ratio), 1) });
-    const { width, height } = pixels(ratio), shown = pixels(Math.min(window.devicePixelRatio, 2));
+    const { width, height } = pixels(ratio), shown = pixels(sharpness());
     if (gl.canvas.width !== width || gl.canvas.height !== height) Object.assign(gl.canvas, { width, height });
     if (!drawn.has(cells)) drawn.set(cells, elements(gl, fewerFaces(scene, cells)));
     const [faces, edges] = drawn.get(cells);
@@ -457,7 +458,7 @@ function start(scene, gl, image) {
   }
 
   function save() { // what the panels show, as a picture
-    const stage = byId("stage").getBoundingClientRect(), ratio = views[0].canvas.width / frame(views[0]).width;
+    const stage = byId("stage").getBoundingClientRect(), ratio = sharpness();
     const all = Object.assign(document.createElement("canvas"), { width: Math.floor(stage.width * ratio), height: Math.floor(stage.height * ratio) });
     const paper = all.getContext("2d");
     paper.fillStyle = getComputedStyle(document.body).backgroundColor;
