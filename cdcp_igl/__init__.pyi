@@ -13,6 +13,7 @@ from .distortion import (
 )
 from .errors import Defect, MapError, MeshError, SolverError
 from .mapper import DiskMapper
+from .parts import PartsMap, partition, parts_map
 from .rectangle import RectangleMap, rectangle_map
 from .rescue.conformality import Conformality
 from .result.disk_map import DiskMap
@@ -32,6 +33,7 @@ __all__ = [
     "MapError",
     "MeshError",
     "MeshReport",
+    "PartsMap",
     "RectangleMap",
     "SolverError",
     "SurfaceMap",
@@ -46,6 +48,8 @@ __all__ = [
     "datasets",
     "disk_map",
     "io",
+    "partition",
+    "parts_map",
     "plot",
     "quasi_conformal_dilatation",
     "rectangle_map",

@@ -192,7 +192,7 @@ def factored_surface(
     """Check the surface and the options, and factor the Laplacian."""
     with phase("check"):
         mesh = DiskMesh(V, F)
-        options.check_rows(mesh)
+        options.check_rows(len(mesh.F), mesh.loop)
     with phase("laplacian"):
         L = cotangent_laplacian(mesh)  # (8)
     with phase("factor"):

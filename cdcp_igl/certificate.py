@@ -101,9 +101,12 @@ def certify(mesh: DiskMesh, uv: Floats) -> Certificate:
     if not np.isfinite(uv).all():
         return not_finite(mesh)
     f = as_complex(uv)
-    boundary = f[mesh.loop]
+    return certificate_of(f[mesh.loop], *flipped_faces(f, mesh.F))
+
+
+def certificate_of(boundary: Complex, flipped: Ints, n_exact: int) -> Certificate:
+    """Verify the boundary (nB,) of a finite map whose faces are verified."""
     turns, monotone = _around(boundary)
-    flipped, n_exact = flipped_faces(f, mesh.F)
     return Certificate(
         finite=True,
         boundary_error=float(abs(abs(boundary) - 1).max()),

@@ -109,7 +109,7 @@ class DiskMapper:
             As `disk_map`.
         """
         options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
-        options.check_rows(self.mesh)
+        options.check_rows(len(self.mesh.F), self.mesh.loop)
         skipped = ["check", "laplacian", "factor"]
         if options.first_steps in self._known:
             skipped += ["center", "trace", "circle", "extension"]

@@ -33,6 +33,7 @@ FLOORS = (
     {"atlas"},
     {"one_file"},
     {"datasets", "batching"},
+    {"parts"},
     {"command_line", "__init__", "__main__"},
 )
 FLOOR = {name: number for number, floor in enumerate(FLOORS) for name in floor}

@@ -240,7 +240,7 @@ def batch(
             to_map = list(left.values())
             pool = Pool(jobs, **limits)
             made = pool.run(to_map) if executor is None else run_on(executor, to_map)
-            with closing(made):
+            with closing(pool), closing(made):
                 for record in made:
                     _finish(left[record.name], record, history.get(record.name, ()), write_down)
         finally:

@@ -17,6 +17,7 @@ NEGLIGIBLE_DEGREES = 1.0  # mean error that no one sees, whatever its cause
 LARGEST_DEGREES = 12.0  # mean error that any use of a conformal map can bear
 LARGEST_STRETCH = 3.0  # times as long one way as the other: no use can bear more
 LARGEST_EXCESS = 1.2  # errors by those that the scale explains; 0.9 to 1.06 in conformal maps
+LEAST_EXCESS = 0.6
 SAMPLE, RUN = 4_096, 128  # faces in the sample, and how many of them in succession
 
 
@@ -64,6 +65,15 @@ class Conformality:
     stretch: float = 1.0
     wanted: float = 1.0
 
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether another map of this mesh may be nearer to the conformal one.
+
+        It may if the faces are sheared or needles are stretched, or if the scale is not smooth:
+        then it explains errors so much larger than they are.
+        """
+        return self.sheared or self.stretch > LARGEST_STRETCH or self.excess < LEAST_EXCESS
+
     def __bool__(self) -> bool:
         return not self.reasons
 
@@ -92,15 +102,26 @@ def judge(mesh: DiskMesh, f: Complex, degrees: Floats, *, closely: bool = False)
     sample of some 4,000.
     """
     mean = mean_free = float(degrees.mean())
-    faces = np.arange(len(degrees)) if closely else _sample(len(degrees))
+    if 0 < len(mesh.inscribed) < len(mesh.F):
+        mean_free = float(np.delete(degrees, mesh.inscribed, axis=0).mean())
+    faces = np.arange(len(degrees)) if closely else sampled_faces(len(degrees))
+    return judge_by(mesh, f, degrees[faces], faces, mean, mean_free)
+
+
+def judge_by(
+    mesh: DiskMesh, f: Complex, degrees: Floats, faces: Ints, mean: float, mean_free: float
+) -> Conformality:
+    """Judge a valid map by some faces, with their angular distortion (k, 3).
+
+    `mean` is that of all faces, `mean_free` that of those not inscribed in the circle. Of `mesh`,
+    the faces at the vertices of these are needed.
+    """
     free = faces[~mesh.on_boundary[mesh.F[faces]].all(axis=1)]
     stretch = dilatation(mesh, f, free if len(free) else faces)
     if mean <= NEGLIGIBLE_DEGREES and stretch <= LARGEST_STRETCH:
         return Conformality(sheared=False, stretch=stretch)
     explained_there = np.degrees(abs(explained_errors(mesh, f, faces))).mean()
-    explained = float(mean * explained_there / degrees[faces].mean())
-    if 0 < len(mesh.inscribed) < len(mesh.F):
-        mean_free = float(np.delete(degrees, mesh.inscribed, axis=0).mean())
+    explained = float(mean * explained_there / degrees.mean())
 
     reasons, remedies = [], []
     bearable = max(LARGEST_EXCESS * explained, NEGLIGIBLE_DEGREES)
@@ -176,7 +197,7 @@ def _edge_scales(mesh: DiskMesh, f: Complex, F: Ints) -> Floats:
         return np.log(squared / libigl.squared_edge_lengths(mesh.V, F).T) / 2
 
 
-def _sample(m: int) -> Ints:
+def sampled_faces(m: int) -> Ints:
     """(k,) some of m faces: runs of neighbours in F, spread evenly, as these share vertices."""
     rows = np.arange(m)
     return rows[(rows // RUN) % -(-m // SAMPLE) == 0]

@@ -167,10 +167,10 @@ class Result(ABC):
         >>> result.report(flat=True)["center_method"]
         'torsion'
         """
-        V, F = self._surface()
+        vertices, faces = self._size()
         report = {
-            "vertices": len(V),
-            "faces": len(F),
+            "vertices": vertices,
+            "faces": faces,
             "valid": self.valid,
             **self.conformality.report(),
             "angular_distortion_degrees": asdict(self.distortion),
@@ -423,6 +423,11 @@ class Result(ABC):
     @abstractmethod
     def _surface(self) -> tuple[Floats, Ints]:
         """Return V and F as they are saved, in the unit in which they were given."""
+
+    def _size(self) -> tuple[int, int]:
+        """Return the numbers of vertices and faces."""
+        V, F = self._surface()
+        return len(V), len(F)
 
     @abstractmethod
     def _layout(self) -> Layout:

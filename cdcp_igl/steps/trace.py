@@ -20,7 +20,12 @@ def conjugate_trace(surface: FactoredSurface, face: int) -> Complex:
     interior corner the trace is a single point.
     """
     flux = boundary_flux(surface, face_dipole(surface.mesh, face))
-    increments = 1j * shared_by_edges(surface.mesh, flux)
+    return trace_of_shares(shared_by_edges(surface.mesh, flux))
+
+
+def trace_of_shares(shares: Complex) -> Complex:
+    """(nB,) `conjugate_trace` by the flux through the edges."""
+    increments = 1j * shares
     trace: Complex = np.cumsum(increments) - increments
     return trace
 
@@ -78,9 +83,13 @@ def shared_by_edges(mesh: DiskMesh, flux: Numbers) -> Numbers:
     power pi/a: to the lengths themselves where the boundary is straight.
     """
     corners = np.flatnonzero(mesh.on_boundary.take(mesh.F.T))
-    around = np.bincount(mesh.F.T.flat[corners], mesh.angles.T.flat[corners])
-    exponent = np.pi / around[mesh.loop]
-    length = edge_lengths(mesh)
+    around: Floats = np.bincount(mesh.F.T.flat[corners], mesh.angles.T.flat[corners])
+    return shares_of_edges(flux, edge_lengths(mesh), around[mesh.loop])
+
+
+def shares_of_edges(flux: Numbers, length: Floats, around: Floats) -> Numbers:
+    """Do what `shared_by_edges` does, by lengths of edges and the angles around vertices (nB,)."""
+    exponent = np.pi / around
     # The part of the edge that follows, at most 1 / (1 + 0): a power of a ratio may overflow.
     with np.errstate(over="ignore"):
         following = 1 / (1 + (np.roll(length, 1) / length) ** exponent)
@@ -90,6 +99,10 @@ def shared_by_edges(mesh: DiskMesh, flux: Numbers) -> Numbers:
 
 def edge_lengths(mesh: DiskMesh) -> Floats:
     """(nB,) lengths of the boundary edges, from each vertex of ``mesh.loop`` to the next."""
-    points = mesh.V[mesh.loop]
+    return lengths_along(mesh.V[mesh.loop])
+
+
+def lengths_along(points: Floats) -> Floats:
+    """(nB,) distances from each of some points (nB, 3) to the next, in a ring."""
     lengths: Floats = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     return lengths
