@@ -37,6 +37,7 @@ from ..rescue.repair import Repair, repair_locally
 from ..rescue.straightening import FEW_FACES, WORTH, common_shear
 from ..selection import MANY_FLIPPED
 from ..solve.solvers import SolverName, solver, using
+from ..solve.threads import one_thread
 from ..steps.alignment import check_slope
 from ..steps.center import CANDIDATES, Center, first_well_shaped
 from ..steps.circle import Rejected, onto_circle
@@ -135,7 +136,7 @@ def parts_map(
     files.work.mkdir(exist_ok=True)
     for attempts in files.work.glob("*.attempts"):  # of a run that was stopped
         attempts.unlink()
-    with closing(Engine(files, executor, solver)) as engine:
+    with closing(Engine(files, executor, solver)) as engine, one_thread():
         result = _Mapping(files, engine, options, Phases(progress), engine_of).run()
     return result
 
@@ -577,10 +578,10 @@ class _Mapping:
         if all(x["finite"] for x in found):
             n_exact = sum(int(x["n_exact"]) for x in found)
             certificate = certificate_of(self.final["boundary"], flipped, n_exact)
-        every, inscribed = np.moveaxis(np.array([x["degrees"] for x in found]), 1, 0)
-        distortion = of_free = _distortion(every)
-        if 0 < inscribed[:, 0].sum() < every[:, 0].sum():
-            of_free = _distortion(every[:, :3] - inscribed[:, :3])
+        free, inscribed = np.moveaxis(np.array([x["degrees"] for x in found]), 1, 0)
+        distortion = of_free = _distortion(np.concatenate([free, inscribed]))
+        if inscribed[:, 0].any() and free[:, 0].any():
+            of_free = _distortion(free)
         conformality = NOT_VALID
         if certificate.valid:
             near = _Sample.of(self.folder, self.names)
@@ -608,7 +609,7 @@ class _Mapping:
 
 def _distortion(sums: Floats) -> AngleDistortion:
     """Mean, SD and maximum by the sums of parts: number, sum, sum of squares and maximum."""
-    number, total, squares = sums[:, :3].sum(axis=0)
+    number, total, squares, _ = sums.sum(axis=0)
     mean = total / number
-    most = sums[:, 3].max()
-    return AngleDistortion(float(mean), float(np.sqrt(max(squares / number - mean**2, 0))), most)
+    sd = np.sqrt(max(squares / number - mean**2, 0))
+    return AngleDistortion(float(mean), float(sd), float(sums[:, 3].max()))

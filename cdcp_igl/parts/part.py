@@ -145,7 +145,9 @@ class Folder:
 
     def has_face(self, p: int, face: int) -> bool:
         """Whether a part has a face, by its row."""
-        return bool(np.isin(face, _read(self.parts / f"part-{p}.npz", "faces")["faces"]))
+        return bool(
+            among(np.array([face]), _read(self.parts / f"part-{p}.npz", "faces")["faces"]).any()
+        )
 
     def remove(self, name: str) -> None:
         """Remove what is not needed any more."""
@@ -168,6 +170,16 @@ class Folder:
 def _read(path: Path, *only: str) -> Arrays:
     with np.load(path) as archive:
         return {name: archive[name] for name in only or archive.files}
+
+
+def among(some: Ints, rows: Ints) -> Bools:
+    """(k,) which of k ascending rows are among some others."""
+    mask = np.zeros(len(rows), dtype=bool)
+    at = np.searchsorted(rows, some)
+    inside = at < len(rows)
+    at = at[inside]
+    mask[at[rows[at] == some[inside]]] = True
+    return mask
 
 
 def named(what: Callable[..., Arrays], of: int, given: tuple[Any, ...] = ()) -> str:

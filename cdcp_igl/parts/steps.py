@@ -26,7 +26,7 @@ from ..steps.mobius import mobius_transformation
 from ..steps.trace import boundary_flux, face_dipole
 from ..surface.topology import Topology
 from ..surface.triangles import corner_cotangents, degenerate_faces, vertex_areas
-from .part import Arrays, Folder, Part, Piece, named
+from .part import Arrays, Folder, Part, Piece, among, named
 
 
 class Placed:
@@ -63,6 +63,11 @@ class Placed:
     def piece(self) -> Piece:
         """The part with this boundary, as a mesh."""
         return Piece(self.part.V, self.part.F, self.given)
+
+    def factored(self, folder: Folder, p: int) -> FactoredSurface:
+        """Factor what is inside, in the order that was found when the part was condensed."""
+        order = folder.read(named(eliminate, p), "order")["order"]
+        return FactoredSurface(self.piece, cotangent_laplacian(self.piece), order=order)
 
     @property
     def sources(self) -> Floats:
@@ -120,6 +125,7 @@ def eliminate(folder: Folder, p: int) -> Arrays:
         "rows": placed.rows,
         "torsion": torsion[:k],
         "most": u[part.F].sum(axis=1).max(),
+        "order": condensed.order,
         "places": placed.places,
         "positions": part.V[placed.border],
         "around": around[placed.border],
@@ -159,7 +165,7 @@ def central(folder: Folder, p: int) -> Arrays:
     """Find the most central faces by torsion: how central, their rows, their smallest angles."""
     placed = Placed(folder, p)
     part, piece = placed.part, placed.piece
-    surface = FactoredSurface(piece, cotangent_laplacian(piece))
+    surface = placed.factored(folder, p)
     centrality = _torsion(folder, placed, surface)
     best = most_central(centrality)
     return {
@@ -173,7 +179,7 @@ def dipole(folder: Folder, p: int, face: int) -> Arrays:
     """Condense the dipole on a face of a part: what flows into its seams and its boundary."""
     placed = Placed(folder, p)
     piece = placed.piece
-    surface = FactoredSurface(piece, cotangent_laplacian(piece))
+    surface = placed.factored(folder, p)
     row = int(np.searchsorted(placed.part.faces, face))
     flux = boundary_flux(surface, face_dipole(piece, row))
     k = len(placed.seam)
@@ -193,12 +199,12 @@ def extend(folder: Folder, p: int, values: str, sample: str, with_torsion: bool)
     """
     placed = Placed(folder, p)
     given = folder.read(values)
-    surface = FactoredSurface(placed.piece, cotangent_laplacian(placed.piece))
+    surface = placed.factored(folder, p)
     f = harmonic_extension(
         surface, np.concatenate([given["seams"][placed.rows], given["boundary"][placed.places]])
     )
     highest = _torsion(folder, placed, surface).max() if with_torsion else -np.inf
-    here: Bools = np.isin(placed.part.faces, folder.read(sample)["rows"])
+    here = among(folder.read(sample)["rows"], placed.part.faces)
     return {"f": f, "highest": highest, **chosen(placed, here, f)}
 
 
@@ -209,28 +215,29 @@ def finish(
 
     ``uv`` (n, 2) has the values of seams and boundary bit by bit as they are given: both sides of
     a seam certify the same. ``degrees`` are sums of the angular distortion: number, sum, sum of
-    squares and maximum, of all faces, and of those inscribed in the circle. And the faces at
-    some vertices, as `chosen`.
+    squares and maximum, and the same of faces inscribed in the circle, which are not among the
+    first. And the faces at some vertices, as `chosen`.
     """
     placed = Placed(folder, p)
     part, given = placed.part, folder.read(values)
     f = mobius_transformation(folder.read(named(extend, p, extension), "f")["f"], w) / given["turn"]
     f[placed.seam] = given["seams"][placed.rows]
     f[placed.border] = given["boundary"][placed.places]
-    _, here, at = np.intersect1d(part.vertices, given["vertices"], return_indices=True)
-    f[here] = given["moved"][at]
+    f[among(given["vertices"], part.vertices)] = given["moved"][
+        among(part.vertices, given["vertices"])
+    ]
     uv = coordinates(f)
     finite = bool(np.isfinite(uv).all())
     flipped, n_exact = flipped_faces(f, part.F) if finite else (np.arange(len(part.F)), 0)
     degrees = disk_map_distortion(placed.piece, uv)
     inscribed = marked(len(f), placed.border)[part.F].all(axis=1)
-    around = np.isin(part.vertices, folder.read(near)["rows"])[part.F].any(axis=1)
+    around: Bools = among(folder.read(near)["rows"], part.vertices)[part.F].any(axis=1)
     return {
         "uv": uv,
         "finite": finite,
         "flipped": part.faces[flipped],
         "n_exact": n_exact,
-        "degrees": np.array([_sums(degrees), _sums(degrees[inscribed])]),
+        "degrees": np.array([_sums(degrees[~inscribed]), _sums(degrees[inscribed])]),
         **chosen(placed, around, f),
     }
 

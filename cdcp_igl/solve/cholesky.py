@@ -91,8 +91,7 @@ class Cholesky(ABC):
             unit = np.zeros((n, len(some)))
             unit[n - k + some, some - start] = 1
             inverse[:, some] = self.solve(unit)[n - k :]
-        block: Floats = np.linalg.inv((inverse + inverse.T) / 2)
-        return block
+        return np.asarray(np.linalg.inv((inverse + inverse.T) / 2), np.float64)
 
     @classmethod
     def fill_reducing_order(cls, A: spmatrix) -> Indices:

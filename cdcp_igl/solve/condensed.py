@@ -21,6 +21,8 @@ class Condensed:
 
     Attributes
     ----------
+    order : (n - k,) ndarray of int
+        I in the order of elimination.
     schur : (k, k) float64
         S = L_GG - L_GI L_II^-1 L_IG.
 
@@ -36,6 +38,7 @@ class Condensed:
         rows, ordering, _ = elimination_order(laplacian, V, ~marked(n, kept))
         if ordering == "amd" and len(rows):
             rows = rows[solver().fill_reducing_order(laplacian.block(rows))]
+        self.order = rows
         self._rows: Indices = np.concatenate([rows, kept])
         self._kept = kept
         A = _joined_and_shifted(laplacian.block(self._rows), k)

@@ -83,8 +83,8 @@ def shared_by_edges(mesh: DiskMesh, flux: Numbers) -> Numbers:
     power pi/a: to the lengths themselves where the boundary is straight.
     """
     corners = np.flatnonzero(mesh.on_boundary.take(mesh.F.T))
-    around: Floats = np.bincount(mesh.F.T.flat[corners], mesh.angles.T.flat[corners])
-    return shares_of_edges(flux, edge_lengths(mesh), around[mesh.loop])
+    around = np.bincount(mesh.F.T.flat[corners], mesh.angles.T.flat[corners])
+    return shares_of_edges(flux, edge_lengths(mesh), np.asarray(around[mesh.loop], np.float64))
 
 
 def shares_of_edges(flux: Numbers, length: Floats, around: Floats) -> Numbers:
