@@ -11,7 +11,7 @@ J. S. Przemieniecki. Matrix structural analysis of substructures. AIAA Journal 1
 """
 
 from .mapping import parts_map
-from .partition import partition
+from .parting import partition
 from .result import PartsMap
 
 __all__ = ["PartsMap", "partition", "parts_map"]

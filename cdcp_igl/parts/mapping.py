@@ -49,7 +49,7 @@ from ..steps.trace import lengths_along, shares_of_edges, trace_of_shares
 from ..surface.topology import Topology, components_of_pairs, heads
 from . import steps
 from .part import Folder, Piece, named
-from .partition import refuse
+from .parting import refuse
 from .result import PartsMap
 from .running import Engine
 

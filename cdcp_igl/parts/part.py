@@ -17,7 +17,7 @@ from ..io.output import whole_file
 from ..surface.mesh import DiskMesh
 from ..surface.topology import Edges, Topology
 from ..surface.triangles import corner_cotangents
-from .partition import MANIFEST
+from .parting import MANIFEST
 
 Arrays = dict[str, Any]
 

@@ -45,6 +45,17 @@ class PartsMap(OntoDisk):
         As of a DiskMap; of the whole.
     moved_bytes : int
         What has been written on the way.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+    >>> with TemporaryDirectory() as folder:
+    ...     result = cdcp_igl.parts_map(cdcp_igl.partition((V, F), Path(folder, "cap"), parts=2))
+    ...     result
+    PartsMap(331 vertices in 2 parts: valid, mean distortion 1.93°)
     """
 
     folder: Folder

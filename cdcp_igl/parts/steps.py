@@ -231,14 +231,14 @@ def finish(
     flipped, n_exact = flipped_faces(f, part.F) if finite else (np.arange(len(part.F)), 0)
     degrees = disk_map_distortion(placed.piece, uv)
     inscribed = marked(len(f), placed.border)[part.F].all(axis=1)
-    around: Bools = among(folder.read(near)["rows"], part.vertices)[part.F].any(axis=1)
+    i, j, k = among(folder.read(near)["rows"], part.vertices)[part.F.T]
     return {
         "uv": uv,
         "finite": finite,
         "flipped": part.faces[flipped],
         "n_exact": n_exact,
         "degrees": np.array([_sums(degrees[~inscribed]), _sums(degrees[inscribed])]),
-        **chosen(placed, around, f),
+        **chosen(placed, i | j | k, f),
     }
 
 
