@@ -7,6 +7,7 @@ from pathlib import Path
 import meshes
 import numpy as np
 import pytest
+from commands import invoke
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -261,3 +262,22 @@ def test_what_is_drawn_is_the_surface(folder):
     image = parts_map(partition((V, F), folder, 2), align=[0, 1, 0]).bake(V, size=64)
     expected = disk_map(V, F, refine=0, align=[0, 1, 0]).bake(V, size=64)
     assert abs(image - expected).mean() < 0.03
+
+
+@pytest.mark.slow
+def test_the_command_line(tmp_path):
+    V, F = SURFACES["cap"]
+    write_map(tmp_path / "cap.ply", V, F, disk_map(V, F))
+    parts, out = tmp_path / "cap", tmp_path / "cap.npy"
+    assert invoke("partition", tmp_path / "cap.ply", parts, "--parts", 4).exit_code == 0
+    said = invoke("map", parts, out, "--mobius", "area", "--report", tmp_path / "cap.json")
+    assert said.exit_code == 0
+    assert "469 vertices in 4 parts: valid" in said.output
+    np.testing.assert_array_equal(np.load(out), parts_map(parts, mobius="area").uv)
+    assert (tmp_path / "cap.json").stat().st_size > 1000
+    assert "--force" in invoke("map", parts, out).output
+    refused = invoke("map", parts, tmp_path / "other.npy", "--clean", "--refine", 2)
+    assert refused.exit_code == 2
+    assert "--clean, --refine" in refused.output
+    surface = tmp_path / "cap.ply", tmp_path / "cap.obj"
+    assert invoke("map", *surface, "--jobs", 2).exit_code == 2

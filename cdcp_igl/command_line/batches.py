@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 LONG = 100  # rows of a table that can still be read
 WORST = 20  # of a longer one: the maps with the largest distortion
 NUMBERS = ("vertices", "mean", "sd", "area", "flips", "seconds", "memory")
-KEPT = ". What is done is kept: correct this, and run the batch again."
+SCHEDULER = typer.Option(
+    None, metavar="tcp://...", help="Address of a Dask scheduler: map on its workers."
+)
+KEPT = ". What is done is kept: correct this, and run it again."
 NOW_AND_THEN = 10.0  # seconds between two lines where there is no terminal
 
 
@@ -49,9 +52,7 @@ def batch_command(
     report: Path | None = file_option(
         "--report", "R.html", (".html",), "One page with a histogram and a table."
     ),
-    scheduler: str | None = typer.Option(
-        None, metavar="tcp://...", help="Address of a Dask scheduler: map on its workers."
-    ),
+    scheduler: str | None = SCHEDULER,
     quiet: bool = QUIET,
 ) -> None:
     """Map many surfaces, each to a file in OUT; run again, it goes on where it was.
@@ -64,7 +65,7 @@ def batch_command(
     """
     from ..batching.names import read_shard
 
-    with exit_codes(), _executor(scheduler) as executor:
+    with exit_codes(), executor_at(scheduler) as executor:
         run_batch(
             inputs,
             out,
@@ -94,7 +95,8 @@ def run_batch(inputs: Sequence[str | Path], out: Path, *, quiet: bool, **options
 
 
 @contextmanager
-def _executor(scheduler: str | None) -> Iterator[Any]:
+def executor_at(scheduler: str | None) -> Iterator[Any]:
+    """Let the body use the workers of a Dask scheduler; None without an address."""
     if scheduler is None:
         yield None
         return
