@@ -1,13 +1,15 @@
 """A surface in parts: the same map as in one, whatever the planes cut, and the same refusals."""
 
+import os
 import re
+import signal
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import meshes
 import numpy as np
 import pytest
-from commands import invoke
+from commands import invoke, start
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -172,6 +174,83 @@ def test_executors_give_the_same_bits(folder):
     with ThreadPoolExecutor(2) as executor:
         other = partition((V, F), folder.with_name("other"), 8)
         np.testing.assert_array_equal(parts_map(other, executor=executor).uv, expected)
+
+
+def rough_patch(seed):
+    """A sheet with a small patch of needles, across which its harmonic map flips faces."""
+    rng = np.random.default_rng(seed)
+    x, y, F = meshes.cells(40, 50)
+    V = np.column_stack([x, y, 0.3 * np.sin(x / 3)])
+    V[:, :2] += rng.uniform(-0.2, 0.2, (len(V), 2))
+    inside = np.maximum(0, 1 - ((x - 25) / 4) ** 2) * np.maximum(0, 1 - ((y - 20) / 4) ** 2)
+    V[:, 2] += 3 * inside * rng.normal(size=len(V))
+    V[:, 0] += 1.5 * inside * (y - 20)
+    return V, F
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_few_flipped_faces_are_repaired_across_seams(seed, folder):
+    V, F = rough_patch(seed)
+    expected = disk_map(V, F, refine=0)
+    assert expected.repair.n_flipped > 0
+    result = parts_map(partition((V, F), folder, 8))
+    assert result.repair == expected.repair
+    np.testing.assert_allclose(result.uv, expected.uv, atol=1e-10)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="no such limit")
+@pytest.mark.parametrize("most", [400, 3_000, 12_000, 40_000])
+def test_a_full_disk_is_an_error_after_which_it_goes_on(most, folder):
+    import resource
+
+    V, F = SURFACES["grid"]
+    parts = partition((V, F), folder, 2)
+    hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, hard))
+    try:
+        with pytest.raises(OSError, match=r"map-.*npz"):
+            parts_map(parts)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+    other = partition((V, F), folder.with_name("other"), 2)
+    np.testing.assert_array_equal(parts_map(parts).uv, parts_map(other).uv)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("phase", ["check", "factor", "extension", "certificate"])
+def test_a_killed_run_goes_on_with_the_same_bits(phase, folder):
+    V, F = SURFACES["scroll"]
+    expected = parts_map(partition((V, F), folder.with_name("other"), 8)).uv
+    parts = partition((V, F), folder, 8)
+    killed = start(
+        "-c",
+        "import os, cdcp_igl\n"
+        "def kill(phase, done):\n"
+        f"    if phase == {phase!r}: os.kill(os.getpid(), 9)\n"
+        f"cdcp_igl.parts_map({str(parts)!r}, executor=2, progress=kill)",
+    )
+    assert killed.returncode == -signal.SIGKILL
+    np.testing.assert_array_equal(parts_map(parts).uv, expected)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="who the workers are")
+def test_killed_workers_are_replaced(folder):
+    V, F = SURFACES["scroll"]
+    expected = parts_map(partition((V, F), folder.with_name("other"), 8)).uv
+    victims = []
+
+    def kill(phase, done):
+        children = Path("/proc/self/task").glob("*/children")
+        pids = [int(pid) for file in children for pid in file.read_text().split()]
+        if pids and phase in ("factor", "extension", "mobius"):
+            victims.append(phase)
+            if victims.count(phase) == 1:
+                os.kill(pids[0], signal.SIGKILL)
+
+    uv = parts_map(partition((V, F), folder, 8), executor=2, progress=kill).uv
+    assert {"factor", "extension"} <= {*victims}
+    np.testing.assert_array_equal(uv, expected)
 
 
 @pytest.mark.slow

@@ -48,12 +48,14 @@ from ..steps.phases import Phases, Progress
 from ..steps.trace import lengths_along, shares_of_edges, trace_of_shares
 from ..surface.topology import Topology, components_of_pairs, heads
 from . import steps
-from .part import Folder, Piece, named
+from .part import Arrays, Folder, Piece, named
 from .parting import refuse
 from .result import PartsMap
 from .running import Engine
 
 RESULT = "map.json"
+
+Finished = tuple[list[str], Arrays]  # names of the results of the parts, and their values on seams
 
 
 def parts_map(
@@ -441,24 +443,24 @@ class _Mapping:
     def normalize(self, sample: _Sample) -> Normalization:
         """Find the best Möbius transformation that does no harm, (19) and (20); finish the parts.
 
-        Sets `self.names`, of the results.
+        Sets `self.names` of the results and `self.final`, the values on seams and boundary.
         """
         method = self.options.mobius
         if method is None:
-            self.names, _ = self.unmoved()
+            (self.names, self.final), _ = self.unmoved()
             return Normalization()
         rows = evenly_spaced_rows(self.m, MANY_FACES)
         some = sample.of_faces(rows)
         errors = AngleErrors.of(some.F, sample.f, some.angles)
         before = errors.mean(0j)
         w = least_angle_distortion(errors) if method == "angle" else self.barycenter()
-        w, names, reason = harmless(
+        w, finished, reason = harmless(
             w,
             lambda w: method == "area" or errors.mean(w) < before,
             self.finish,
             lambda: self.unmoved()[1],
         )
-        self.names = names or self.unmoved()[0]
+        self.names, self.final = finished or self.unmoved()[0]
         return Normalization(method, w, reason)
 
     def barycenter(self) -> complex:
@@ -492,8 +494,8 @@ class _Mapping:
         check_slope(align, moment, mass.real * float(np.ptp(heights)))
         return moment / abs(moment)
 
-    def finish(self, w: complex) -> tuple[list[str], Ints] | None:
-        """Apply psi_w and certify the parts: names of the results, and the flipped faces.
+    def finish(self, w: complex) -> tuple[Finished, Ints] | None:
+        """Apply psi_w and certify the parts: names of the results, values; flipped faces.
 
         None where the boundary is crowded.
         """
@@ -503,28 +505,28 @@ class _Mapping:
         f_B /= abs(f_B)
         if not is_around(f_B):
             return None
-        self.final: dict[str, Any] = {
+        final = {
             "seams": mobius_transformation(self.values["seams"], w) / turn,
             "boundary": f_B,
             "turn": turn,
             "vertices": np.empty(0, np.int64),
             "moved": np.empty(0, complex),
         }
-        names = self.certified(w, self.leaves)
+        names = self.certified(w, final, self.leaves)
         flipped = [self.folder.read(name, "flipped")["flipped"] for name in names]
-        return names, np.concatenate(flipped)
+        return (names, final), np.concatenate(flipped)
 
-    def unmoved(self) -> tuple[list[str], Ints]:
+    def unmoved(self) -> tuple[Finished, Ints]:
         """Do what `finish` does, without a Möbius transformation: the boundary is not crowded."""
         finished = self.finish(0j)
         assert finished is not None
         return finished
 
-    def certified(self, w: complex, of: list[int]) -> list[str]:
-        """Finish some parts with the values `self.final` of seams, boundary and moved vertices."""
-        digest = crc32(b"".join(np.asarray(x).tobytes() for x in self.final.values()))
+    def certified(self, w: complex, final: Arrays, of: list[int]) -> list[str]:
+        """Finish some parts with the values of seams, boundary and vertices that have moved."""
+        digest = crc32(b"".join(np.asarray(x).tobytes() for x in final.values()))
         values = f"final-{digest:08x}"
-        self.folder.write(values, self.final)
+        self.folder.write(values, final)
         return self.parts(steps.finish, self.extension, values, w, "near", of=of)
 
     def repair(self, w: complex) -> Repair:
@@ -548,7 +550,8 @@ class _Mapping:
         self.final["vertices"] = np.array(sorted(moved), np.int64)
         self.final["moved"] = np.array([moved[vertex] for vertex in sorted(moved)], complex)
         order = sorted(touched)
-        for k, name in zip(order, self.certified(w, [self.leaves[k] for k in order]), strict=True):
+        names = self.certified(w, self.final, [self.leaves[k] for k in order])
+        for k, name in zip(order, names, strict=True):
             self.names[k] = name
         return Repair(n_flipped, len(moved), rounds)
 
