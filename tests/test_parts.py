@@ -343,6 +343,24 @@ def test_what_is_drawn_is_the_surface(folder):
     assert abs(image - expected).mean() < 0.03
 
 
+def test_a_fraction_of_the_memory(real_mesh, tmp_path):
+    V, F = real_mesh("gcanyon_996999")
+    np.save(tmp_path / "V.npy", V)
+    np.save(tmp_path / "F.npy", F)
+    partition((tmp_path / "V.npy", tmp_path / "F.npy"), tmp_path / "parts")
+    calls = (
+        "disk_map(np.load('V.npy'), np.load('F.npy'), refine=0).center.face",
+        "parts_map('parts').center.face",
+    )
+    code = "import numpy as np; from cdcp_igl import *; from cdcp_igl.processes import peak_memory"
+    one, parts = (
+        start("-c", f"{code}; print({call}, peak_memory())", cwd=tmp_path).stdout.split()
+        for call in calls
+    )
+    assert one[0] == parts[0]
+    assert float(parts[1]) < 0.2 * float(one[1])
+
+
 @pytest.mark.slow
 def test_the_command_line(tmp_path):
     V, F = SURFACES["cap"]

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
+import logging
+import shutil
 from collections.abc import Callable, Iterable
 from contextlib import closing
 from dataclasses import dataclass
@@ -52,6 +55,8 @@ from .part import Arrays, Folder, Piece, named
 from .parting import refuse
 from .result import PartsMap
 from .running import Engine
+
+log = logging.getLogger("cdcp_igl")
 
 RESULT = "map.json"
 
@@ -318,16 +323,41 @@ class _Mapping:
 
     def factor(self, advance: Callable[[float], None]) -> None:
         """Condense the parts, and eliminate the seams, level by level from the leaves."""
+        memory = self.require_room()
         self.parts(steps.eliminate, advance=advance)
         for level in range(self.folder.manifest["levels"] - 1, -1, -1):
             cuts = [node for node in self.cuts if node.bit_length() == level + 1]
-            kids = [k for node in cuts for k in (2 * node, 2 * node + 1)]
-            left = [node for node in cuts if not self.folder.has(named(steps.merge, node))]
-            sizes = {k: self.folder.size(f"schur-{k}") for k in kids}
-            largest = max((sizes[2 * k] + sizes[2 * k + 1] for k in left), default=0)
-            self.engine.run(steps.merge, cuts, memory=4 * largest / 2**20)
-            for node in kids:
-                self.folder.remove(f"schur-{node}")
+            largest = max((memory[node] for node in cuts), default=0)
+            self.engine.run(steps.merge, cuts, memory=largest / 2**20)
+            for node in cuts:
+                for side in (2 * node, 2 * node + 1):
+                    self.folder.remove(f"schur-{side}")
+
+    def require_room(self) -> dict[int, float]:
+        """Find how many bytes each front takes to be made; OSError if the disk is too small."""
+        node_of_row, rows, written = self.folder.seams["node"], dict[int, Ints](), 0
+        memory = dict[int, float]()
+        for p in self.leaves:
+            seam = self.folder.part_arrays(p, "seam")["seam"]
+            rows[self.folder.n_leaves + p] = np.sort(seam[seam >= 0])
+            written += 8 * len(rows[self.folder.n_leaves + p]) ** 2
+        for node in reversed(self.cuts):
+            sides = [rows.pop(k) for k in (2 * node, 2 * node + 1) if k in rows]
+            together = np.unique(np.concatenate(sides))
+            rows[node] = together[node_of_row[together] != node]
+            size, rest = len(together), len(rows[node])
+            written += 8 * (size * (size - rest) + rest**2)
+            # The front, the larger of its sides, and what is taken from it.
+            memory[node] = 8.0 * (size**2 + max(len(side) for side in sides) ** 2 + 2 * rest**2)
+        most, left = max(memory.values(), default=0), shutil.disk_usage(self.folder.work).free
+        log.info(
+            "the seams take up to %s MiB on disk and %s MiB of memory, a part some %s MiB",
+            *(f"{x:,.0f}" for x in (written / 2**20, most / 2**20, self.memory)),
+        )
+        if written > left and not self.folder.has(named(steps.merge, 1)):
+            reason = f"{written / 2**30:,.1f} GiB are needed and {left / 2**30:,.1f} GiB are free"
+            raise OSError(errno.ENOSPC, reason, str(self.folder.work))
+        return memory
 
     @property
     def cuts(self) -> list[int]:

@@ -119,7 +119,11 @@ class Folder:
 
     def part(self, p: int) -> Part:
         """Read a part."""
-        return Part(**_read(self.parts / f"part-{p}.npz"))
+        return Part(**self.part_arrays(p))
+
+    def part_arrays(self, p: int, *only: str) -> Arrays:
+        """Read the arrays of a part, all or some."""
+        return _read(self.parts / f"part-{p}.npz", *only)
 
     @cached_property
     def seams(self) -> Arrays:
@@ -139,15 +143,9 @@ class Folder:
         with whole_file(self._file(name)) as unfinished:
             np.savez(unfinished, **arrays)
 
-    def size(self, name: str) -> int:
-        """How many bytes something that is computed has; 0 if it is not there."""
-        return self._file(name).stat().st_size if self.has(name) else 0
-
     def has_face(self, p: int, face: int) -> bool:
         """Whether a part has a face, by its row."""
-        return bool(
-            among(np.array([face]), _read(self.parts / f"part-{p}.npz", "faces")["faces"]).any()
-        )
+        return bool(among(np.array([face]), self.part_arrays(p, "faces")["faces"]).any())
 
     def remove(self, name: str) -> None:
         """Remove what is not needed any more."""
