@@ -31,7 +31,6 @@ SECONDS = 600.0  # after which a map hangs
 RINGS = {"face": 0, "vertex": 1, "2-ring": 2}  # of faces around a vertex that are taken out
 REFINE = (None, 5)  # as needed, and five steps
 NOT_WORSE = 1.2  # than the best of the others
-HIGH = 12.0  # degrees
 MAPPED = "map"
 TYPED = ("MapError", "SolverError")
 QUANTILES = (0.5, 0.9, 1)
@@ -105,11 +104,6 @@ class Comparison:
         """Whether another method is much better; there may be no map of ours."""
         return self.best is not None and not self.ratio <= NOT_WORSE
 
-    @property
-    def is_high(self) -> bool:
-        """Whether the map is far from conformal."""
-        return self.ours.mean > HIGH
-
     def __str__(self) -> str:
         ours, best = self.ours, self.best
         where = "face" if ours.kind == "face" else "vertex"
@@ -161,7 +155,7 @@ def punctures(
         comparisons = list(_comparisons(rows, methods))
         console.print(_summary(methods[0], comparisons))
         for one in comparisons:
-            if one.is_fault or one.is_worse or one.is_high:
+            if one.is_fault or one.is_worse:
                 console.print(str(one), soft_wrap=True)
             wrong |= one.is_fault or one.is_worse
     console.print(f"All rows: {kept}", soft_wrap=True)
@@ -276,7 +270,7 @@ def _summary(title: str, comparisons: Sequence[Comparison]) -> Table:
     """Show quantiles of the distortion and count what is wrong, surface by surface."""
     table = Table(title=f"Mean angular distortion in degrees, {title}")
     table.add_column("surface", no_wrap=True)
-    names = ("holes", "median", "90 %", "worst", f"above {HIGH:g}", "worst by the best")
+    names = ("holes", "median", "90 %", "worst", "worst by the best")
     for name in (*names, f"above {NOT_WORSE:g} times", "typed errors", "faults"):
         table.add_column(name, justify="right")
     for surface, group in groupby(comparisons, lambda one: one.ours.surface):
@@ -293,7 +287,6 @@ def _cells(comparisons: Sequence[Comparison]) -> list[str]:
     return [
         f"{len(comparisons):,}",
         *(f"{mean:.2f}" for mean in quantiles),
-        f"{sum(one.is_high for one in comparisons)}",
         f"{max(ratios, default=np.nan):.3f}",
         f"{sum(one.is_worse for one in comparisons)}",
         f"{sum(one.ours.outcome in TYPED for one in comparisons)}",
