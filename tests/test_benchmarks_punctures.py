@@ -1,7 +1,5 @@
 """The command `python -m benchmarks punctures`."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import surfaces
@@ -65,8 +63,7 @@ def test_a_fault_is_told_and_an_exit_code(measured, tmp_path):
 
 def test_a_surface_that_has_changed_is_mapped_again():
     V, F = surfaces.sphere()
-    one, other = (punctures.Hole("sphere", digest(V * k, F), "face", 0, 7) for k in (1, 2))
-    rows = [punctures.Task(Path("sphere.npz"), hole, "FDCP").row for hole in (one, other)]
+    rows = [Row("sphere", digest(V * k, F), "face", 0, 7, "FDCP") for k in (1, 2)]
     assert len(set(map(punctures.KNOWN_BY, rows))) == 2
 
 

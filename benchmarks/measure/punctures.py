@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
@@ -39,20 +39,17 @@ WIDE = 160  # columns of a table that is printed to a file
 
 
 @dataclass(frozen=True)
-class Hole:
-    """Where a surface is opened: `row` of F, or of V. `mesh` is the digest of V and F."""
+class Row:
+    """What a method made of a surface with a hole.
+
+    It is opened at `row` of F, or of V; `mesh` is the digest of the two.
+    """
 
     surface: str
     mesh: str
     kind: str
     place: int
     row: int
-
-
-@dataclass(frozen=True)
-class Row(Hole):
-    """What a method made of a surface with a hole."""
-
     method: str
     outcome: str = ""
     mean: float = np.nan  # angular distortion, degrees
@@ -60,20 +57,6 @@ class Row(Hole):
     vertices: int = 0
     boundary_vertices: int = 0
     seconds: float = np.nan  # of CPU
-
-
-@dataclass(frozen=True)
-class Task:
-    """A hole and a method."""
-
-    path: Path
-    hole: Hole
-    method: str
-
-    @property
-    def row(self) -> Row:
-        """Its row, before anything is mapped."""
-        return Row(**asdict(self.hole), method=self.method)
 
 
 @dataclass(frozen=True)
@@ -143,13 +126,14 @@ def punctures(
     something crashes, hangs or goes wrong without saying so. What has been mapped is kept in
     build/benchmarks, and not mapped again.
     """
-    paths = [path for path in files_of(folder, READABLE) if _is_closed(path, most)]
-    requests = {task: task.row for task in _tasks(paths, places, seed)}
+    files = files_of(folder, READABLE)
+    paths = {path.stem: path for path in files if _is_closed(path, most)}
+    requests = {row: row for row in _requests(paths, places, seed)}
     console = Console()
     if not console.is_terminal:
         console.width = WIDE
     kept = (work or WORK / code()) / f"punctures-{seed}"
-    rows = kept_answers(examine, requests, KNOWN_BY, kept, SECONDS, jobs, console)
+    rows = kept_answers(partial(examine, paths), requests, KNOWN_BY, kept, SECONDS, jobs, console)
     wrong = False
     for methods in COMPARED.values():
         comparisons = list(_comparisons(rows, methods))
@@ -201,18 +185,17 @@ def opened(V: Floats, F: Ints, kind: str, row: int) -> tuple[Floats, Ints]:
     return V[used], np.searchsorted(used, left)
 
 
-def _tasks(paths: Iterable[Path], places: int, seed: int) -> Iterator[Task]:
+def _requests(paths: Mapping[str, Path], places: int, seed: int) -> Iterator[Row]:
     """Choose random places at which a hole leaves a disk."""
-    for path in paths:
+    for name, path in paths.items():
         V, F = _surface(path)
         for kind in RINGS:
             for place in range(places):
                 rng = np.random.default_rng([seed, RINGS[kind], place])
                 row = row_to_open(rng, V, F, kind)
                 if row is not None:
-                    hole = Hole(path.stem, digest(V, F), kind, place, row)
                     for method in METHODS:
-                        yield Task(path, hole, method)
+                        yield Row(name, digest(V, F), kind, place, row, method)
 
 
 def row_to_open(rng: np.random.Generator, V: Floats, F: Ints, kind: str) -> int | None:
@@ -221,14 +204,14 @@ def row_to_open(rng: np.random.Generator, V: Floats, F: Ints, kind: str) -> int 
     return next((row for row in rows if check(*opened(V, F, kind, row)).is_disk), None)
 
 
-def examine(task: Task) -> Row:
+def examine(paths: Mapping[str, Path], request: Row) -> Row:
     """Map a surface with a hole by one method, and judge the map."""
-    V, F = opened(*_surface(task.path), task.hole.kind, task.hole.row)
+    V, F = opened(*_surface(paths[request.surface]), request.kind, request.row)
     mesh = DiskMesh(V, F)
     start = process_time()
     mean, message = np.nan, ""
     try:
-        uv = _map(task.method, V, F)
+        uv = _map(request.method, V, F)
     except (MapError, MeshError, SolverError) as error:
         outcome, message = type(error).__name__, str(error)
     except Exception as error:
@@ -237,7 +220,7 @@ def examine(task: Task) -> Row:
         outcome = MAPPED if certify(mesh, uv).valid else "not certified"
         mean = float(angle_distortion(V, F, uv).mean())
     return replace(
-        task.row,
+        request,
         outcome=outcome,
         mean=mean,
         message=message,
