@@ -88,6 +88,28 @@ DEFECTS = {
         subject=("vertex has", "vertices have"),
         kind="vertices",
     ),
+    "shape of V, transposed": Row(
+        "V has shape {shape}", "Its columns are vertices: transpose it, V.T, and F if it is alike."
+    ),
+    "shape of F, empty": Row(
+        "There are no faces", "A cloud of points is no surface: give the mesh with its faces."
+    ),
+    "shape of F, flat": Row(
+        "F has shape {shape}, a list in which the number of corners comes before them",
+        "Pass the mesh itself, not mesh.faces.",
+    ),
+    "not numeric, cells": Row(
+        "F is a list of cells by their type", "Pass the mesh itself, not mesh.cells."
+    ),
+    "no surface": Row(
+        "{type} is no surface: it has no vertices, points or V, or no faces, triangles, cells or F",
+        "Pass V and F; or in their place a tuple (V, F), the path of a file, or a mesh of trimesh, "
+        "Open3D, PyVista or meshio.",
+    ),
+    "no surface, but another": Row(
+        "{type} has no triangles or polygons of its own, but mesh.{method}() has",
+        "Pass that in its place.",
+    ),
     "index out of range": Row(
         "an index outside 0..{last}",
         "Correct or drop them.",

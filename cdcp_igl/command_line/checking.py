@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,7 +26,6 @@ def check_command(
     """
     from ..errors import MeshError, printable
     from ..io import read_polygons
-    from ..io.polygons import in_polygons
     from ..printing import as_text
     from ..surface.checking import MeshReport, check
 
@@ -38,8 +36,7 @@ def check_command(
             with exit_codes(mesh if len(meshes) > 1 else None):
                 try:
                     V, F, polygon_of_face = read_polygons(mesh, notes.append)
-                    report = check(V, F)
-                    report = replace(report, defects=in_polygons(report.defects, polygon_of_face))
+                    report = check(V, F, polygon_of_face=polygon_of_face)
                 except (MeshError, OSError) as error:
                     if not as_json:
                         raise

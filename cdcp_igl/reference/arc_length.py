@@ -8,12 +8,14 @@ from scipy.sparse import csr_matrix, diags
 
 from .. import libigl
 from ..arrays import Complex, Floats, as_complex, coordinates
+from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
 from ..surface.mesh import DiskMesh
 from .certified import certified_disk_map
 from .dirichlet import Dirichlet
 
 
+@takes_meshes
 def harmonic(V: ArrayLike, F: ArrayLike, *, tutte: bool = False) -> Floats:
     """Map a triangulated disk harmonically onto the unit disk, the boundary by arc length.
 

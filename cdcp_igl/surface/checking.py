@@ -16,6 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Floats, Ints, distinct_rows
 from ..defects import DEFECTS, IN_PYTHON, IN_SHELL
 from ..errors import Defect, counted, spell
+from ..io.given import takes_meshes
+from ..io.polygons import in_polygons
 from ..printing import as_html
 from .topology import Topology, duplicate_faces, outer_loop, sewn
 from .triangles import corner_cotangents, degenerate_faces
@@ -202,7 +204,8 @@ class MeshReport:
         return "\n".join([counts, verdict, *found, f"Next: {self._next_step(in_shell)}"])
 
 
-def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
+@takes_meshes
+def check(V: ArrayLike, F: ArrayLike, *, polygon_of_face: Ints | None = None) -> MeshReport:
     """Examine a mesh and report every defect; raise nothing.
 
     Parameters
@@ -211,6 +214,8 @@ def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
         Vertex positions.
     F : (m, 3) array_like
         Corners of the faces, rows of V.
+    polygon_of_face : (m,) ndarray of integers, optional
+        Which polygon each face is a part of, as in `cut`; then defects name polygons.
 
     Returns
     -------
@@ -230,7 +235,10 @@ def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
     """
     found = examine(V, F)
     surface = found.surface
-    report = MeshReport(found.n_vertices, found.n_faces, defects=found.defects)
+    defects = found.defects
+    if polygon_of_face is not None:
+        defects = in_polygons(defects, polygon_of_face)
+    report = MeshReport(found.n_vertices, found.n_faces, defects=defects)
     if surface is None:
         return report
     in_sheets = not surface.singular.any()
