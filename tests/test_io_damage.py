@@ -278,7 +278,7 @@ counts = {}
 for path in sorted(Path(sys.argv[1]).iterdir()):
     data = path.read_bytes()
     refused = 0
-    for at in range(len(data)):
+    for at in range(min(len(data), 2000)):
         wrong = [data[at] ^ 1 << random.integers(8), 0x3F, random.integers(256)]
         for byte in wrong if path.name == "a.mat" else wrong[:1]:
             path.write_bytes(data[:at] + bytes([byte]) + data[at + 1:])
@@ -317,5 +317,5 @@ def test_any_wrong_byte_is_a_mesh_or_a_mesh_error(tmp_path):
     )
     assert (run.returncode, run.stderr) == (0, "")
     counts = json.loads(run.stdout)
-    assert len(counts) == 11
+    assert len(counts) == 12
     assert all(refused > 0 for refused, _ in counts.values())
