@@ -44,15 +44,6 @@ def test_a_folder_that_cannot_be_written(scans):
         assert f"{folder}: {reason}" in done.stderr
 
 
-def test_memory_where_there_is_no_proc(tmp_path, monkeypatch):
-    monkeypatch.setattr(processes, "PROC", tmp_path / "proc" / "self")
-    assert processes.resident(os.getpid()) >= 0  # from ps, if there is one
-    assert not processes.peak_memory() <= 0
-    processes.forget_peak_memory()
-    monkeypatch.setenv("PATH", "")
-    assert processes.resident(os.getpid()) == 0
-
-
 def test_why_a_process_ended():
     assert processes.cause_of_death(-signal.SIGSEGV, "") == "crashed: SIGSEGV"
     assert processes.cause_of_death(-123, "") == "crashed: signal 123"

@@ -103,16 +103,6 @@ def test_characters_that_the_font_lacks(main, recwarn):
     assert recwarn.list == []
 
 
-def test_a_temporary_folder_that_is_full(folder):
-    resource = pytest.importorskip("resource")
-    done = start(
-        *("-m", "cdcp_igl", *COMPARE),
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000)),
-    )
-    assert done.returncode == 1
-    assert re.fullmatch(r"Not written: .*mesh\.npz: File too large\n", done.stderr)
-
-
 # -- signals ---------------------------------------------------------------------------
 
 

@@ -273,9 +273,3 @@ def test_libigl_reads_texture_coordinates(tmp_path, mapped):
     _, TC, _, _, FTC, _ = igl.readOBJ(str(path))
     np.testing.assert_array_equal(TC[:, :2], uv)
     np.testing.assert_array_equal(FTC, F)
-
-
-def test_planar_meshes_get_a_third_coordinate(tmp_path, mapped):
-    V, F, uv = mapped
-    write_map(tmp_path / "a.obj", V[:, :2], F, uv)
-    assert_read(tmp_path / "a.obj", V * [1, 1, 0], F)

@@ -20,8 +20,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from cdcp_igl.batching.journal import Journal, journal_lines
-
-from ..records.record import finite
+from cdcp_igl.printing import finite
 
 Jobs = Annotated[int, typer.Option(min=1, help="Cases side by side.")]
 WorkFolder = Annotated[

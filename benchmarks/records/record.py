@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cdcp_igl.arrays import Floats
+from cdcp_igl.printing import finite
 from cdcp_igl.reference.case import OK, Case
 
 OPENED = "-opened"
@@ -102,11 +103,3 @@ class Record:
         own = {f.name: row[f.name] for f in fields(cls) if f.name in row}
         own |= {name: np.inf for name in LIMITS & own.keys() if own[name] is None}
         return cls(**own, case=Case(**made))
-
-
-def finite(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Put None for NaN and infinity, which JSON does not have."""
-    return {
-        name: None if isinstance(value, float) and not np.isfinite(value) else value
-        for name, value in row.items()
-    }
