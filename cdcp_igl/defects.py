@@ -16,6 +16,7 @@ IN_PYTHON = {
     "with_path": "with cdcp_igl.cut(V, F, path)",
     "surface_map": "cdcp_igl.surface_map",
     "disk_map": "cdcp_igl.disk_map",
+    "clean_and_cut": "cdcp_igl.clean and cdcp_igl.surface_map",
     "batch": "cdcp_igl.batch",
 }
 IN_SHELL = {
@@ -24,8 +25,16 @@ IN_SHELL = {
     "with_path": "in a program for meshes",
     "surface_map": "cdcp-igl map --cut",
     "disk_map": "cdcp-igl map",
+    "clean_and_cut": "cdcp-igl map --clean --cut",
     "batch": "cdcp-igl batch",
 }
+
+
+def as_commands(text: str) -> str:
+    """Name commands in a text in the place of functions."""
+    for call, name in sorted(IN_PYTHON.items(), key=lambda item: -len(item[1])):
+        text = text.replace(name, IN_SHELL[call])
+    return text
 
 
 class Row(NamedTuple):
@@ -232,6 +241,9 @@ DEFECTS = {
     "unreadable file": Row("{reason}", "Name a file that may be read."),
     "unreadable file, a folder": Row(
         "{path!r} is a folder", "Name a file in it; {batch} maps all of them."
+    ),
+    "unreadable file, empty": Row(
+        "no vertices were found in {name!r}", "Export it again, or in another format."
     ),
     "unreadable file, damaged": Row(
         "{name!r} is not a readable {type} file: {reason}",

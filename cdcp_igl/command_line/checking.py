@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 import typer
@@ -47,7 +48,9 @@ def check_command(
         rows.append({"file": printable(mesh), **report.report(), "notes": notes})
         if not as_json:
             name = f"{printable(mesh)}: " if len(meshes) > 1 else ""
-            text = as_text(f"{name}{report.in_shell}", [("note", note) for note in notes])
+            files = f"{quote(printable(mesh))} {quote(printable(mesh.stem) + '_map.obj')}"
+            said = report.in_shell.replace("IN OUT", files)
+            text = as_text(f"{name}{said}", [("note", note) for note in notes])
             show_text(text, "green" if report.is_disk else "red")
     if as_json:
         typer.echo(json.dumps(rows, indent=2))

@@ -161,7 +161,7 @@ def read_polygons(
         raise _unreadable(f"{path.name!r} is a device, a FIFO or a socket")
     with path.open("rb") as file:  # OSError if it is forbidden; later ones mean damage
         if not file.read(1):
-            raise _damaged(path, "no vertices were found in it, for it is empty")
+            raise _empty(path)
     try:
         V, F, *polygons = reader(path)
     except Damage as error:
@@ -173,7 +173,7 @@ def read_polygons(
     except DAMAGE as error:
         raise _damaged(path, "it is cut off, or damaged") from error
     if len(V) == 0:
-        raise _damaged(path, "no vertices were found in it")
+        raise _empty(path)
     if path.suffix.lower() in (".npz", ".mat") and _counts_from_one(V, F):
         F = F - 1
         if (np.rint(F) == F).all():  # fractions stay, and are refused as those of any mesh
@@ -185,6 +185,10 @@ def read_polygons(
 
 def _unreadable(reason: str) -> MeshError:
     return MeshError(Defect.of("unreadable file", reason=reason))
+
+
+def _empty(path: Path) -> MeshError:
+    return MeshError(Defect.of("unreadable file, empty", name=path.name))
 
 
 def _damaged(path: Path, reason: str) -> MeshError:
