@@ -83,6 +83,7 @@ DISKS = {
     "a tuple": ((V, F), V, F),
     "a tuple with quads": ((V, QUADS), V, F),
     "a tuple with polygons": ((V.tolist(), [*QUADS[:6].tolist(), *F[12:].tolist()]), V, F),
+    "a tuple with arrays": ((V, list(F)), V, F),
     "a cut": (CHART, CHART.V, CHART.F),
     "quads.obj": (OBJ, V, F),
     "stream.off": (OFF, V, F),
@@ -115,6 +116,8 @@ REFUSED = {
     ),
     "strips": (SimpleNamespace(points=V, faces=flat(), n_strips=1), "triangulate()"),
     "a cloud": (SimpleNamespace(vertices=V), "no faces"),
+    "no rows": ((V, None), "not a rectangular array"),
+    "rows and numbers": ((V, [[0, 1, 2], 3]), "fewer than three corners"),
     "cut off": (SimpleNamespace(points=V, faces=flat(*F)[:-1]), "F has shape"),
     "transposed": ((V.T, F.T), "transpose it, V.T"),
     "empty.obj": ("", "no vertices were found"),
@@ -186,6 +189,12 @@ def test_every_function_takes_one_object_in_place_of_two(function, more):
             np.testing.assert_array_equal(mine, theirs)
     else:
         assert str(one).partition("seconds")[0] == str(other).partition("seconds")[0]
+
+
+def test_it_is_written_with_its_map(tmp_path):
+    write_map(tmp_path / "one.obj", MESH, UV)
+    write_map(tmp_path / "two.obj", V, F, UV)
+    assert (tmp_path / "one.obj").read_bytes() == (tmp_path / "two.obj").read_bytes()
 
 
 def test_polygons_are_named_and_not_parted(tmp_path):
