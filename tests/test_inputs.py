@@ -164,8 +164,9 @@ def test_what_is_no_surface_is_told_what_to_do(tmp_path, name):
         cdcp_igl.disk_map(put(tmp_path, name, what))
 
 
-UV = cdcp_igl.cdcp(V, F)
-MESH = SimpleNamespace(points=V, faces=flat(*QUADS))
+P, T, UV = cdcp_igl.datasets.spherical_cap(4)
+CAP = SimpleNamespace(points=P, faces=flat(*T))
+CORNERS = cdcp_igl.DiskMapper(P, T).mesh.loop[::6]
 
 
 @pytest.mark.parametrize(
@@ -174,8 +175,8 @@ MESH = SimpleNamespace(points=V, faces=flat(*QUADS))
         *((f, ()) for f in (cdcp_igl.cdcp, cdcp_igl.DiskMapper, cdcp_igl.check, cdcp_igl.clean)),
         *((f, ()) for f in (cdcp_igl.cut, cdcp_igl.surface_map)),
         *((method.function, ()) for method in cdcp_igl.reference.METHODS.values()),
-        (cdcp_igl.cut, ([6, 7],)),
-        (cdcp_igl.rectangle_map, ([0, 4, 19, 15],)),
+        (cdcp_igl.cut, (T[0],)),
+        (cdcp_igl.rectangle_map, (CORNERS,)),
         (cdcp_igl.angle_distortion, (UV,)),
         (cdcp_igl.area_distortion, (UV,)),
         (cdcp_igl.conformal_factor, (UV,)),
@@ -183,7 +184,7 @@ MESH = SimpleNamespace(points=V, faces=flat(*QUADS))
     ],
 )
 def test_every_function_takes_one_object_in_place_of_two(function, more):
-    one, other = (function(*mesh, *more) for mesh in ((MESH,), (V, F)))
+    one, other = (function(*mesh, *more) for mesh in ((CAP,), (P, T)))
     if isinstance(one, tuple | np.ndarray):
         for mine, theirs in zip(one, other, strict=True):
             np.testing.assert_array_equal(mine, theirs)
@@ -192,8 +193,8 @@ def test_every_function_takes_one_object_in_place_of_two(function, more):
 
 
 def test_it_is_written_with_its_map(tmp_path):
-    write_map(tmp_path / "one.obj", MESH, UV)
-    write_map(tmp_path / "two.obj", V, F, UV)
+    write_map(tmp_path / "one.obj", CAP, UV)
+    write_map(tmp_path / "two.obj", P, T, UV)
     assert (tmp_path / "one.obj").read_bytes() == (tmp_path / "two.obj").read_bytes()
 
 
