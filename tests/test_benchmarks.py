@@ -260,7 +260,9 @@ def test_the_table_of_the_readme_is_that_of_the_results(tmp_path):
         for method, time, flips in (("cdcp", 0.5, 0), ("lscm", 2.0, 0), ("BFF free", 50.0, 3))
     ]
     records[5] = record("chinese_lion", "BFF free", "peers", outcome="crashed: of itself", n=99)
-    records.append(record("chinese_lion", "BFF disk", "peers", outcome="not to be had: no BFF"))
+    records.append(
+        record("chinese_lion", "BFF disk", "peers", outcome="not to be had: no BFF", n=99)
+    )
     write_results(tmp_path / "here.json", MACHINE, records)
     readme = tmp_path / "README.md"
     markers = f"before\n{front_page.BEGIN}\noutdated\n{front_page.END}\nafter\n"
