@@ -270,7 +270,13 @@ def test_the_table_of_the_readme_is_that_of_the_results(tmp_path):
     front_page.rewrite(readme, tmp_path / "here.json")
     lines = readme.read_text(encoding="utf-8").splitlines()
     assert (lines[0], lines[-1]) == ("before", "after")
-    shown = ["human face 99", "Chinese Lion 99", "Human Brain 99", "left hand 99", "gcanyon 99"]
+    shown = [
+        "human face 99",
+        "Chinese Lion 99",
+        "Human Brain 99",
+        "left hand 99",
+        "gcanyon 216196 99",
+    ]
     assert lines[2].split(" | ")[2:] == [*shown, "flipped faces", "time |"]
     rows = {line.split(" | ")[0]: line.split(" | ")[1:] for line in lines[4:]}
     assert rows["| CDCP"] == ["disk", *["1.25"] * 5, "0", "1 × |"]
