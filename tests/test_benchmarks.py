@@ -281,6 +281,6 @@ def test_the_table_of_the_readme_is_that_of_the_results(tmp_path):
     rows = {line.split(" | ")[0]: line.split(" | ")[1:] for line in lines[4:]}
     assert rows["| CDCP"] == ["disk", *["1.25"] * 5, "0", "1 × |"]
     assert rows["| LSCM"] == ["free", *["1.25"] * 5, "0", "4 × |"]
-    assert rows["| BFF"] == ["free", "1.25", "no map", *["1.25"] * 3, "12", "100 × |"]
+    assert rows["| BFF free"] == ["free", "1.25", "no map", *["1.25"] * 3, "12", "100 × |"]
     assert len(rows) == 5  # an empty line and the note with them
     assert "first run: make bench" in refused("readme", "--machine", "nowhere")

@@ -10,6 +10,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 from .. import libigl
 from ..arrays import Complex, Floats, Ints, as_complex
 from ..errors import SolverError
+from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
 from ..solve.laplacian import cotangent_laplacian
 from ..solve.solvers import factorize
@@ -20,6 +21,7 @@ from .dirichlet import Dirichlet
 SHIFT = 1e-9  # makes the energy definite; its own eigenvalues have no unit
 
 
+@takes_meshes
 def lscm(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk to the plane, conformally in the least squares sense, by libigl.
 
@@ -73,6 +75,7 @@ def _two_far_vertices(mesh: DiskMesh) -> Ints:
     return np.array([first, farthest(first)])
 
 
+@takes_meshes
 def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk to the plane by the eigenvector of least conformal energy.
 
