@@ -15,6 +15,7 @@ IN_PYTHON = {
     "cut": "cdcp_igl.cut",
     "with_path": "with cdcp_igl.cut(V, F, path)",
     "surface_map": "cdcp_igl.surface_map",
+    "disk_map": "cdcp_igl.disk_map",
     "batch": "cdcp_igl.batch",
 }
 IN_SHELL = {
@@ -22,6 +23,7 @@ IN_SHELL = {
     "cut": "cdcp-igl map --cut",
     "with_path": "in a program for meshes",
     "surface_map": "cdcp-igl map --cut",
+    "disk_map": "cdcp-igl map",
     "batch": "cdcp-igl batch",
 }
 
@@ -104,29 +106,33 @@ DEFECTS = {
     # Faces
     "repeated corner": Row(
         "the same vertex at two corners",
-        "Drop these faces, as {clean} does.",
+        "Drop these faces, as {clean} and {surface_map} do.",
         subject=("face has", "faces have"),
         cleaned=True,
+        cut=True,
     ),
     "unreferenced vertex": Row(
         "to no face",
-        "Drop them and renumber F, as {clean} does.",
+        "Drop them and renumber F, as {clean} does; {surface_map} ignores them.",
         subject=("vertex belongs", "vertices belong"),
         kind="vertices",
         cleaned=True,
+        cut=True,
     ),
     "duplicate face": Row(
         "the corners of another",
-        "Drop these faces, as {clean} does.",
+        "Drop these faces, as {clean} and {surface_map} do.",
         subject=("face repeats", "faces repeat"),
         cleaned=True,
+        cut=True,
     ),
     "degenerate face": Row(
         "no area to speak of",
-        "Merge coinciding vertices, and collapse or flip the slivers; {clean} merges, and drops "
-        "what is left of them.",
+        "Merge coinciding vertices, and collapse or flip the slivers; {clean} and {surface_map} "
+        "merge, and drop what is left of them.",
         subject=("face has", "faces have"),
         cleaned=True,
+        cut=True,
     ),
     # How faces hang together
     "non-manifold edge": Row(
@@ -136,16 +142,19 @@ DEFECTS = {
         subject=("edge lies", "edges lie"),
         kind="edges",
         cleaned=True,
+        cut=True,
     ),
     "not orientable": Row(
         "The surface is one-sided, like a Möbius strip",
-        "Cut it across {with_path}, or take faces out, until it has two sides.",
+        "Cut it across {with_path}, or take faces out, until it has two sides; {surface_map} with "
+        "merge=False maps it then.",
     ),
     "inconsistent orientation": Row(
         "oriented unlike the others",
         "Reverse the corners of these faces, as {clean} and {surface_map} do.",
         subject=("face is", "faces are"),
         cleaned=True,
+        cut=True,
     ),
     "several components": Row(
         "{parts:,} components, the largest with {largest:,} of {faces:,} faces",
@@ -155,17 +164,18 @@ DEFECTS = {
     ),
     "several components, coinciding": Row(
         "{parts:,} components, the largest with {largest:,} of {faces:,} faces",
-        "{clean} keeps the largest, {surface_map} maps each of them. Some vertices coincide: "
-        "merging them, as {clean} does, may join the parts.",
+        "{clean} keeps the largest, {surface_map} maps each of them. Some vertices coincide: both "
+        "merge them along seams, which may join the parts.",
         cleaned=True,
         cut=True,
     ),
     "non-manifold vertex": Row(
         "several fans of faces",
-        "Split each into one copy a fan, as {clean} does.",
+        "Split each into one copy a fan, as {clean} and {surface_map} do.",
         subject=("vertex joins", "vertices join"),
         kind="vertices",
         cleaned=True,
+        cut=True,
     ),
     "closed surface": Row(
         "The surface has no boundary",

@@ -6,7 +6,7 @@ The command ``map`` and the workers of a batch both go this way.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,8 +43,6 @@ class Settings:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.cut and self.clean:
-            raise ValueError("cut cleans what it must by itself; leave out clean")
         of_map = {name: value for name, value in self.options.items() if name not in ONLY_OF_CUT}
         checked = Options(**of_map)
         if self.cut and not isinstance(checked.center, str):
@@ -74,6 +72,8 @@ class Mapped:
     indices : dict of str to ndarray
         What an npz file holds beside V, F and uv: of a surface that was cleaned or cut, the rows
         that the vertices and faces come from, and the disk of each face.
+    as_read : bool
+        Whether nothing was changed by cleaning.
     """
 
     V: Array
@@ -83,6 +83,7 @@ class Mapped:
     n_written: int
     written: Ints
     indices: dict[str, Any]
+    as_read: bool = True
 
     @property
     def disks(self) -> tuple[DiskMap, ...]:
@@ -96,8 +97,7 @@ class Mapped:
         is `target`, the rest of that file is kept.
         """
         suffix, result, V, F = target.suffix.lower(), self.result, self.V, self.F
-        cleaned = settings.clean and self.changes
-        if {suffix, source.suffix.lower()} == {".obj"} and not cleaned:
+        if {suffix, source.suffix.lower()} == {".obj"} and self.as_read:
             write_map(target, V, F, result, disk=settings.disk, like=source)
             return
         V, F = V[: self.n_written], F[self.written]
@@ -141,27 +141,31 @@ def map_one(
     MeshError, SolverError, MapError, ValueError
         As `disk_map` and `surface_map`. The MeshError names polygons of the file.
     """
-    if settings.clean:  # which numbers the faces anew
-        return _clean_and_map(V, F, settings, progress)
-    with naming_polygons(polygon_of_face):
-        if settings.cut:
-            return _cut_and_map(V, F, polygon_of_face, settings, progress)
-        result = disk_map(V, F, progress=progress, **settings.options)
-    return Mapped(V, F, result, (), len(V), np.arange(len(F)), {})
-
-
-def _clean_and_map(V: Array, F: Array, settings: Settings, progress: Progress | None) -> Mapped:
-    cleaned = clean(V, F)
-    V, F, vertex_index, face_index = cleaned.V, cleaned.F, cleaned.vertex_index, cleaned.face_index
+    if not settings.clean:
+        with naming_polygons(polygon_of_face):
+            return _map(V, F, polygon_of_face, settings, settings.options, progress)
+    cleaned = clean(V, F)  # which numbers the faces anew
+    vertex_index, face_index = cleaned.vertex_index, cleaned.face_index
     n, m = int((vertex_index >= 0).sum()), int((face_index >= 0).sum())  # the filling comes last
-    note = ("The filling is not in the file.",) if m < len(F) else ()
+    filling = polygon_of_face.max() + np.arange(1, len(face_index) - m + 1)
+    polygon = np.append(polygon_of_face[face_index[:m]], filling)
     options = dict(settings.options)
     for name, kind, index in (("align", "vertex", vertex_index), ("center", "face", face_index)):
         if isinstance(row := options.get(name), int | np.integer):  # of the file
             options[name] = _row_after_cleaning(index, row, f"{name} is {kind} {row}")
-    result = disk_map(V, F, progress=progress, **options)
-    indices = {"vertex_index": vertex_index[:n], "face_index": face_index[:m]}
-    return Mapped(V, F, result, (*cleaned.changes, *note), n, np.arange(m), indices)
+    mapped = _map(cleaned.V, cleaned.F, polygon, settings, options, progress)
+    kept = mapped.written < m
+    indices = {name: rows[kept] for name, rows in mapped.indices.items()}
+    indices |= {"vertex_index": vertex_index[:n], "face_index": face_index[mapped.written[kept]]}
+    note = ("The filling is not in the file.",) if m < len(face_index) else ()
+    return replace(
+        mapped,
+        changes=(*cleaned.changes, *mapped.changes, *note),
+        n_written=n,
+        written=mapped.written[kept],
+        indices=indices,
+        as_read=not cleaned.changes,
+    )
 
 
 def _row_after_cleaning(index: Ints, row: int | np.integer, what: str) -> int:
@@ -172,14 +176,20 @@ def _row_after_cleaning(index: Ints, row: int | np.integer, what: str) -> int:
     return int(rows[0])
 
 
-def _cut_and_map(
-    V: Array, F: Array, polygon_of_face: Array, settings: Settings, progress: Progress | None
+def _map(
+    V: Array,
+    F: Array,
+    polygon_of_face: Array,
+    settings: Settings,
+    options: Mapping[str, Any],
+    progress: Progress | None,
 ) -> Mapped:
-    result = surface_map(
-        V, F, polygon_of_face=polygon_of_face, progress=progress, **settings.options
-    )
-    rows = np.flatnonzero(result.face_disk >= 0)
+    if not settings.cut:
+        result = disk_map(V, F, progress=progress, **options)
+        return Mapped(V, F, result, (), len(V), np.arange(len(F)), {})
+    cut = surface_map(V, F, polygon_of_face=polygon_of_face, progress=progress, **options)
+    rows = np.flatnonzero(cut.face_disk >= 0)
     left_out = len(F) - len(rows)
     note = (f"faces on no disk: {left_out:,}",) if left_out else ()
-    indices = {"face_index": rows, "face_disk": result.face_disk[rows]}
-    return Mapped(V, F, result, (*result.changes, *note), len(V), rows, indices)
+    indices = {"face_index": rows, "face_disk": cut.face_disk[rows]}
+    return Mapped(V, F, cut, (*cut.changes, *note), len(V), rows, indices)

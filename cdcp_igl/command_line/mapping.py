@@ -100,7 +100,7 @@ def map_command(
                     write_text(report, json.dumps(mapped.report(), indent=2) + "\n")
                 mapped.write(out, source, settings)
     if not quiet:
-        if not cut:  # the summary of a surface that was cut has them
-            notes += mapped.changes
         title, pairs = mapped.result.summary()
+        said = [text for _, text in pairs]  # by a surface that was cut
+        notes += [change for change in mapped.changes if change not in said]
         show_pairs(title, [*pairs, *(("note", note) for note in notes)])

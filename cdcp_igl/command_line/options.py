@@ -51,13 +51,14 @@ def _map_options(
         "--clean",
         help="Clean the surface first and say how: merge equal vertices, drop bad faces, orient, "
         "keep the largest component, fill holes. OUT has what is left of IN, in its order, "
-        "without the filling.",
+        "without the filling. With --cut, what is left is cut open.",
     ),
     cut: bool = typer.Option(
         False,
         "--cut",
-        help="Map a surface that is no disk: closed, with handles, holes or several parts. It is "
-        "cut open, and each part mapped; texture coordinates show the disks side by side.",
+        help="Map a surface that is no disk: closed, with handles, holes or several parts. Equal "
+        "vertices are merged along seams, it is cut open, and each part mapped; texture "
+        "coordinates show the disks side by side.",
     ),
     center: str | None = typer.Option(
         None,
