@@ -104,7 +104,7 @@ def test_tutte_puts_every_interior_vertex_in_the_middle_of_its_neighbours():
         assert uv[vertex] == pytest.approx(uv[neighbours].mean(axis=0), abs=1e-13)
 
 
-@pytest.mark.parametrize("name", ["lscm", "spectral"])
+@pytest.mark.parametrize("name", ["lscm", "spectral", "bff"])
 def test_free_boundary_maps_leave_a_plane_mesh_as_it_is(name):
     V, F = saddle()
     plane = V[:, :2] * [1, 3]

@@ -77,8 +77,8 @@ def map_command(
 
     name, notes = printable(source.name), list[str]()
     with exit_codes():
-        disk, clean, cut = (options.pop(flag) for flag in ("disk", "clean", "cut"))
-        settings = Settings(disk, clean, cut, options)
+        flags = {flag: options.pop(flag) for flag in ("disk", "clean", "cut", "free")}
+        settings = Settings(**flags, options=options)
         if picture or view:
             with from_extra("plot"):
                 import matplotlib  # noqa: F401
@@ -100,7 +100,7 @@ def map_command(
                     write_text(report, json.dumps(mapped.report(), indent=2) + "\n")
                 mapped.write(out, source, settings)
     if not quiet:
-        if not cut:  # the summary of a surface that was cut has them
+        if not settings.cut:  # the summary of a surface that was cut has them
             notes += mapped.changes
         title, pairs = mapped.result.summary()
         show_pairs(title, [*pairs, *(("note", note) for note in notes)])
