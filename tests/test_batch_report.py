@@ -55,10 +55,13 @@ def test_their_texture_coordinates_are_side_by_side(scans, tmp_path, format):
 
 @pytest.mark.parametrize(
     "options",
-    [{"cut": True, "clean": True}, {"cut": True, "center": 3}, {"fill": 0.1}, {"spread": 1}],
+    [
+        *({"cut": True, "clean": True}, {"cut": True, "center": 3}, {"fill": 0.1}, {"spread": 1}),
+        *({"free": True, "cut": True}, {"free": True, "disk": True}, {"free": True, "center": 3}),
+    ],
 )
 def test_options_that_do_not_go_together(scans, tmp_path, options):
-    with pytest.raises(ValueError, match=r"leave out clean|must be a method|that are cut"):
+    with pytest.raises(ValueError, match=r"leave out|must be a method|that are cut|has no center"):
         batch([scans], tmp_path / "maps", **options)
 
 
