@@ -203,7 +203,7 @@ def free_map(
 
     Examples
     --------
-    What is flat keeps its shape and its size; a square becomes a triangle if that is asked for:
+    What is flat keeps its shape and its size, unless another scale is asked for:
 
     >>> import numpy as np
     >>> import cdcp_igl
@@ -211,10 +211,9 @@ def free_map(
     >>> result = cdcp_igl.free_map(V, F, align=[1, 0, 0])
     >>> bool(abs(result.uv - V[:, :2]).max() < 1e-12)
     True
-    >>> ends = [abs(V[:, :2] - end).sum(axis=1).argmin() for end in ([-1, -1], [1, -1], [1, 1])]
-    >>> triangle = cdcp_igl.free_map(V, F, corners=dict.fromkeys(ends, 2 * np.pi / 3))
-    >>> np.ptp(triangle.uv, axis=0).round(1)
-    array([2.3, 2.7])
+    >>> twice = cdcp_igl.free_map(V, F, boundary_scale=np.full(len(V), 2))
+    >>> round(twice.area_ratio, 9)
+    4.0
     """
     options = Options(
         align=align,

@@ -289,3 +289,15 @@ def test_what_is_asked_of_the_boundary_is_judged():
     ):
         with pytest.raises(ValueError, match=message):
             cdcp_igl.free_map(V, F, **options)
+
+
+def test_in_batches(tmp_path):
+    V, F = grid(9, 11)
+    np.savez(tmp_path / "surface.npz", V=V, F=F)
+    (record,) = cdcp_igl.batch([tmp_path], tmp_path / "maps", free=True, refine=1).records
+    assert (record.status, record.boundary) == ("done", "own lengths")
+    with np.load(tmp_path / "maps" / "surface.npz") as saved:
+        np.testing.assert_array_equal(saved["uv"], cdcp_igl.free_map(V, F, refine=1).uv)
+    for options in ({"cut": True}, {"disk": True}, {"center": 3}):
+        with pytest.raises(ValueError, match=r"leave out|has no center"):
+            cdcp_igl.batch([tmp_path], tmp_path / "others", free=True, **options)

@@ -7,6 +7,7 @@ import pytest
 from cdcp_igl import angle_distortion
 from cdcp_igl.certificate import certify
 from cdcp_igl.reference import (
+    bff,
     fdcp,
     harmonic,
     ldcp,
@@ -39,6 +40,13 @@ def mapped(real_mesh):
         (harmonic, LION, 2.641, 3.237, 0.005),
         (harmonic, BRAIN, 2.853, 2.196, 0.005),
         (spectral, LION, 1.262, 1.101, 0.005),
+        (bff, LION, 1.255, 1.101, 0.001),
+        (bff, FACE, 1.111, 1.830, 0.001),
+        (bff, BRAIN, 1.445, 1.512, 0.002),
+        (bff, "gcanyon_216196", 0.365, 0.652, 0.002),
+        (partial(bff, disk=True), LION, 1.593, 2.088, 0.001),
+        (partial(bff, disk=True), FACE, 1.215, 1.833, 0.001),
+        (partial(bff, disk=True), BRAIN, 1.564, 1.617, 0.001),
     ],
 )
 def test_angular_distortion(method, name, mean, sd, tolerance, real_mesh, mapped):

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from ..reference.case import Case
 
 # Those of `reference`, spelled out: `--help` shows them, and must not wait for NumPy.
-METHODS = ("cdcp", "double_cover", "fdcp", "ldcp", "harmonic", "lscm", "spectral")
+METHODS = (
+    *("cdcp", "double_cover", "fdcp", "ldcp", "harmonic", "lscm", "spectral", "bff", "bff_disk"),
+)
 NUMBERS = ("mean", "sd", "max", "area", "flips", "boundary_error", "seconds", "memory")
 
 

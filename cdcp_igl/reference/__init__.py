@@ -9,7 +9,7 @@ Examples
 >>> uv.shape
 (5, 2)
 >>> [name for name, method in METHODS.items() if method.boundary == "free"]
-['lscm', 'spectral']
+['lscm', 'spectral', 'bff', 'bff_disk']
 """
 
 from .arc_length import harmonic
@@ -17,7 +17,7 @@ from .beltrami import beltrami_coefficient
 from .certified import ReferenceMap
 from .doubled import double_cover
 from .fast import fdcp
-from .free_boundary import lscm, spectral
+from .free_boundary import bff, lscm, spectral
 from .linear import ldcp
 from .methods import METHODS, Method
 
@@ -26,6 +26,7 @@ __all__ = [
     "Method",
     "ReferenceMap",
     "beltrami_coefficient",
+    "bff",
     "double_cover",
     "fdcp",
     "harmonic",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 from typing import Literal
 
@@ -14,7 +15,7 @@ from ..arrays import Floats
 from .arc_length import harmonic
 from .doubled import double_cover
 from .fast import fdcp
-from .free_boundary import lscm, spectral
+from .free_boundary import bff, lscm, spectral
 from .linear import ldcp
 
 
@@ -54,5 +55,7 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         "harmonic": Method(harmonic, "disk", "Eck et al. 1995"),
         "lscm": Method(lscm, "free", "Lévy et al. 2002"),
         "spectral": Method(spectral, "free", "Mullen et al. 2008"),
+        "bff": Method(bff, "free", "Sawhney and Crane 2018"),
+        "bff_disk": Method(partial(bff, disk=True), "free", "Sawhney and Crane 2018, near a disk"),
     }
 )
