@@ -127,6 +127,7 @@ class Mapped:
             "sd": result.distortion.sd,
             "area": float(np.abs(result.area_distortion()).mean()),
             "conformal": result.conformal,
+            "reasons": "; ".join(result.conformality.reasons),
             "boundary": ", ".join(dict.fromkeys(_boundary(map_) for map_ in self.maps)),
         }
 

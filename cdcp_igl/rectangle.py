@@ -17,6 +17,7 @@ from .arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from .certificate import Certificate, flipped_faces, not_finite
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, counted, spell
+from .io.given import takes_meshes
 from .rescue.conformality import NOT_VALID, Conformality, judge
 from .rescue.repair import Repair, repaired
 from .result.plane_map import PlaneMap
@@ -133,6 +134,7 @@ class RectangleMap(PlaneMap):
         }
 
 
+@takes_meshes
 def rectangle_map(
     V: ArrayLike,
     F: ArrayLike,

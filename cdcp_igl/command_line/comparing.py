@@ -59,7 +59,7 @@ def compare_command(
     from ..reference.case import run_case
     from ..surface.mesh import DiskMesh
 
-    chosen = methods.split(",") if methods else METHODS
+    chosen = [name.strip() for name in methods.split(",")] if methods else METHODS
     if unknown := [name for name in chosen if name not in METHODS]:
         raise typer.BadParameter(f"{unknown[0]!r} is not one of {', '.join(METHODS)}.")
     meshes = list(dict.fromkeys(meshes))

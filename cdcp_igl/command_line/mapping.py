@@ -76,7 +76,8 @@ def map_command(
     from ..one_file import Settings, map_one
 
     name, notes = printable(source.name), list[str]()
-    with exit_codes():
+    tried = [f"--{flag}" for flag in ("clean", "cut") if options[flag]]
+    with exit_codes(files=files, tried=tried):
         flags = {flag: options.pop(flag) for flag in ("disk", "clean", "cut", "free")}
         settings = Settings(**flags, options=options)
         if picture or view:

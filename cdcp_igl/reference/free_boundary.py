@@ -10,6 +10,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 from .. import libigl
 from ..arrays import Complex, Floats, Ints, as_complex
 from ..errors import SolverError
+from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
 from ..solve.factored import FactoredSurface
 from ..solve.laplacian import cotangent_laplacian
@@ -31,6 +32,7 @@ ROUNDS = 10  # of `bff` towards a disk
 SHIFT = 1e-9  # makes the energy definite; its own eigenvalues have no unit
 
 
+@takes_meshes
 def lscm(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk to the plane, conformally in the least squares sense, by libigl.
 
@@ -84,6 +86,7 @@ def _two_far_vertices(mesh: DiskMesh) -> Ints:
     return np.array([first, farthest(first)])
 
 
+@takes_meshes
 def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk to the plane by the eigenvector of least conformal energy.
 
@@ -163,6 +166,7 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     return checked_free_map(mesh, f)
 
 
+@takes_meshes
 def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
     """Map a triangulated disk to the plane, boundary first.
 

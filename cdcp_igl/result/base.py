@@ -18,6 +18,7 @@ from ..arrays import Floats, Ints
 from ..certificate import Certificate, OutlineCertificate
 from ..distortion import AngleDistortion, area_distortion
 from ..errors import spell
+from ..io.given import FromFile
 from ..plot.layout import Layout
 from ..plot.raster import sample
 from ..printing import Pairs, as_html, as_text
@@ -29,7 +30,7 @@ PICTURES = (".pdf", ".png", ".svg")
 MOST_VERTICES_OF_PAGES = 20_000
 
 
-class Result(ABC):
+class Result(FromFile, ABC):
     """A map with its certificate: a DiskMap, FreeMap, RectangleMap or SurfaceMap.
 
     Printing it gives a summary.
@@ -188,21 +189,29 @@ class Result(ABC):
         path : path-like
             The surface with its map for the types of `cdcp_igl.io.write_map`; a picture for
             .png, .svg and .pdf; the page of `view` for .html; the report for .json. An
-            existing file is replaced once the new one is complete.
+            existing file is replaced once the new one is complete. An obj file keeps polygons,
+            groups and materials of the obj file that was given in place of V and F.
 
         Raises
         ------
         ValueError
-            If the file is not of a known type.
+            If the file is not of a known type, or the obj file that was given has changed.
         OSError
             If it cannot be written; nothing is left behind.
         """
-        from ..io import WRITABLE, write_map
+        from ..io import WRITABLE, read_mesh, write_map
         from ..io.output import whole_file, write_text
 
         suffix = Path(path).suffix.lower()
         if suffix in WRITABLE:
-            write_map(path, *self._surface(), self)
+            (V, F), like = self._surface(), self.source
+            if like is not None and suffix == like.suffix.lower() == ".obj":
+                corners, (V, F) = V[F], read_mesh(like)
+                if F.shape != corners.shape[:2] or not np.array_equal(V[F], corners):
+                    raise ValueError(f"{like.name!r} has changed since the surface was read.")
+            else:
+                like = None
+            write_map(path, V, F, self, like=like)
         elif suffix in PICTURES:
             figure = self.plot()[0].figure
             with whole_file(path) as unfinished:
