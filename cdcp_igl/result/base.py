@@ -265,13 +265,15 @@ class Result(FromFile, ABC):
         *,
         fields: Mapping[str, ArrayLike] | None = None,
         texture: str | PathLike[str] | ArrayLike | None = None,
+        beside: Mapping[str, ArrayLike] | None = None,
         title: str = "",
     ) -> Path:
         """Write a page that shows the map, or open it in the browser.
 
         A single file that needs no network and no library: the surface turns beside its image;
-        the face under the pointer is marked on both. Colours by normals, a checkerboard, the
-        angular distortion, the conformal factor, and what is given here.
+        the face under the pointer is marked on both. It opens on what is given here, a texture
+        or a field, and on a checkerboard otherwise; normals, the angular distortion and the
+        conformal factor, each with its histogram, are a button away.
 
         Parameters
         ----------
@@ -283,6 +285,9 @@ class Result(FromFile, ABC):
         texture : path-like or (height, width, 3 or 4) array_like, optional
             Image of the unit square that `packed` fills, the top row at v = 1: a png, jpeg or
             webp file, or colours from 0 to 1, such as `bake` makes.
+        beside : mapping of str to (n, 2) array_like, optional
+            Other maps of the vertices of the given mesh, each drawn beside this one under its
+            name, such as ``{"LSCM": uv}``; angular distortion is on one scale of colours.
         title : str
             The heading, such as the name of the surface.
 
@@ -294,7 +299,7 @@ class Result(FromFile, ABC):
         Raises
         ------
         ValueError
-            If a field has not a value for each vertex, or the texture is no such image.
+            If a field or a map has not a row for each vertex, or the texture is no such image.
         OSError
             If the file cannot be written, or the texture not be read.
         ImportError
@@ -315,20 +320,23 @@ class Result(FromFile, ABC):
         """
         from ..plot.viewer import show
 
-        return show(self.view_html(fields=fields, texture=texture, title=title), path)
+        return show(
+            self.view_html(fields=fields, texture=texture, beside=beside, title=title), path
+        )
 
     def view_html(
         self,
         *,
         fields: Mapping[str, ArrayLike] | None = None,
         texture: str | PathLike[str] | ArrayLike | None = None,
+        beside: Mapping[str, ArrayLike] | None = None,
         title: str = "",
     ) -> str:
         """Return the page that `view` writes, a whole HTML document.
 
         Parameters
         ----------
-        fields, texture, title
+        fields, texture, beside, title
             As in `view`.
 
         Returns
@@ -349,7 +357,7 @@ class Result(FromFile, ABC):
         """
         from ..plot.viewer import page
 
-        return page(self._layout(), fields or {}, texture, title)
+        return page(self._layout(), fields or {}, texture, beside or {}, title)
 
     def summary(self) -> tuple[str, Pairs]:
         """Return what printing shows: a title, and pairs of a name and what is said of it.
@@ -390,7 +398,8 @@ class Result(FromFile, ABC):
         frame = (
             f'<iframe srcdoc="{escape(self.view_html(), quote=True)}" '
             'title="The surface beside its image" loading="lazy" '
-            'sandbox="allow-scripts" style="width: 100%; height: 560px; border: 0"></iframe>'
+            'sandbox="allow-scripts allow-downloads" '
+            'style="width: 100%; height: 560px; border: 0"></iframe>'
         )
         return table + frame
 
