@@ -83,6 +83,7 @@ DISKS = {
     "a tuple": ((V, F), V, F),
     "a tuple with quads": ((V, QUADS), V, F),
     "a tuple with polygons": ((V.tolist(), [*QUADS[:6].tolist(), *F[12:].tolist()]), V, F),
+    "a tuple with arrays": ((V, list(F)), V, F),
     "a cut": (CHART, CHART.V, CHART.F),
     "quads.obj": (OBJ, V, F),
     "stream.off": (OFF, V, F),
@@ -115,6 +116,8 @@ REFUSED = {
     ),
     "strips": (SimpleNamespace(points=V, faces=flat(), n_strips=1), "triangulate()"),
     "a cloud": (SimpleNamespace(vertices=V), "no faces"),
+    "no rows": ((V, None), "not a rectangular array"),
+    "rows and numbers": ((V, [[0, 1, 2], 3]), "fewer than three corners"),
     "cut off": (SimpleNamespace(points=V, faces=flat(*F)[:-1]), "F has shape"),
     "transposed": ((V.T, F.T), "transpose it, V.T"),
     "empty.obj": ("", "no vertices were found"),
@@ -161,8 +164,9 @@ def test_what_is_no_surface_is_told_what_to_do(tmp_path, name):
         cdcp_igl.disk_map(put(tmp_path, name, what))
 
 
-UV = cdcp_igl.cdcp(V, F)
-MESH = SimpleNamespace(points=V, faces=flat(*QUADS))
+P, T, UV = cdcp_igl.datasets.spherical_cap(4)
+CAP = SimpleNamespace(points=P, faces=flat(*T))
+CORNERS = cdcp_igl.DiskMapper(P, T).mesh.loop[::6]
 
 
 @pytest.mark.parametrize(
@@ -171,8 +175,8 @@ MESH = SimpleNamespace(points=V, faces=flat(*QUADS))
         *((f, ()) for f in (cdcp_igl.cdcp, cdcp_igl.DiskMapper, cdcp_igl.check, cdcp_igl.clean)),
         *((f, ()) for f in (cdcp_igl.cut, cdcp_igl.surface_map)),
         *((method.function, ()) for method in cdcp_igl.reference.METHODS.values()),
-        (cdcp_igl.cut, ([6, 7],)),
-        (cdcp_igl.rectangle_map, ([0, 4, 19, 15],)),
+        (cdcp_igl.cut, (T[0],)),
+        (cdcp_igl.rectangle_map, (CORNERS,)),
         (cdcp_igl.angle_distortion, (UV,)),
         (cdcp_igl.area_distortion, (UV,)),
         (cdcp_igl.conformal_factor, (UV,)),
@@ -180,12 +184,18 @@ MESH = SimpleNamespace(points=V, faces=flat(*QUADS))
     ],
 )
 def test_every_function_takes_one_object_in_place_of_two(function, more):
-    one, other = (function(*mesh, *more) for mesh in ((MESH,), (V, F)))
+    one, other = (function(*mesh, *more) for mesh in ((CAP,), (P, T)))
     if isinstance(one, tuple | np.ndarray):
         for mine, theirs in zip(one, other, strict=True):
             np.testing.assert_array_equal(mine, theirs)
     else:
         assert str(one).partition("seconds")[0] == str(other).partition("seconds")[0]
+
+
+def test_it_is_written_with_its_map(tmp_path):
+    write_map(tmp_path / "one.obj", CAP, UV)
+    write_map(tmp_path / "two.obj", P, T, UV)
+    assert (tmp_path / "one.obj").read_bytes() == (tmp_path / "two.obj").read_bytes()
 
 
 def test_polygons_are_named_and_not_parted(tmp_path):

@@ -5,6 +5,7 @@ Other libraries are known by the attributes of their meshes; none of them is imp
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from functools import wraps
 from inspect import signature
@@ -18,6 +19,8 @@ from ..arrays import Ints
 from ..errors import Defect, MeshError
 from .polygons import naming_polygons, triangulated
 from .reading import Array, read_polygons
+
+log = logging.getLogger("cdcp_igl")
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -72,7 +75,7 @@ def _is_mesh(given: Any) -> bool:
 def surface_of(mesh: Any) -> tuple[Array, Array, Ints]:
     """V, F, and the polygon (m,) that each face is a part of; MeshError if it has none of these."""
     if isinstance(mesh, str | PathLike):
-        return read_polygons(mesh)
+        return read_polygons(mesh, log.warning)
     if isinstance(mesh, tuple) and len(mesh) == 2:
         return mesh[0], *triangulated(mesh[1])
     V, faces = (

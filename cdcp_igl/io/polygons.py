@@ -39,7 +39,7 @@ def triangulated(faces: Any) -> tuple[NDArray[Any], Ints]:
     corners comes before them; or meshio's list of cells by their type, of which only those in
     two dimensions count. What is none of these comes back as it is, to be refused.
     """
-    if isinstance(faces, list) and faces and all(hasattr(block, "data") for block in faces):
+    if isinstance(faces, list) and faces and all(hasattr(block, "type") for block in faces):
         flat = [np.asarray(block.data) for block in faces if block.type in POLYGONS]
         flat.append(np.empty((0, 3), np.int64))
         sizes = np.concatenate([np.full(len(rows), rows.shape[1]) for rows in flat])
@@ -47,15 +47,16 @@ def triangulated(faces: Any) -> tuple[NDArray[Any], Ints]:
     try:
         rows = np.asarray(faces)
     except ValueError:  # of several lengths
-        rows = np.array([number for row in faces for number in (len(row), *row)])
+        lists = map(np.atleast_1d, faces)
+        rows = np.array([number for row in lists for number in (len(row), *row)])
     if rows.dtype.kind in "iu" and rows.ndim == 2 and rows.shape[1] > 3:
         return fans(rows.ravel(), np.full(len(rows), rows.shape[1]))
     if rows.dtype.kind not in "iu" or rows.ndim != 1:
-        return rows, np.arange(len(rows))
-    before = [0]
-    while before[-1] < len(rows):
-        before.append(before[-1] + 1 + abs(int(rows[before[-1]])))
-    if before.pop() != len(rows):
+        return rows, np.arange(len(np.atleast_1d(rows)))
+    flat, before = rows.tolist(), [0]
+    while before[-1] < len(flat):
+        before.append(before[-1] + 1 + abs(flat[before[-1]]))
+    if before.pop() != len(flat):
         return rows, np.arange(len(rows))
     return fans(np.delete(rows, before), rows[before])
 
@@ -96,4 +97,4 @@ def naming_polygons(polygon_of_face: Ints) -> Iterator[None]:
     try:
         yield
     except MeshError as error:
-        raise MeshError(*in_polygons(error.defects, polygon_of_face)) from error
+        raise MeshError(*in_polygons(error.defects, polygon_of_face)) from None

@@ -24,7 +24,6 @@ from ..arrays import Floats, Ints
 from ..certificate import certify
 from ..distortion import AngleDistortion, angle_distortion, area_distortion
 from ..errors import MapError, SolverError
-from ..io.given import takes_meshes
 from ..io.output import whole_file
 from ..printing import finite
 from ..processes import cause_of_death, peak_memory, resident
@@ -91,7 +90,6 @@ class Case:
 FIELDS = tuple(field.name for field in fields(Case) if field.name != "details")
 
 
-@takes_meshes
 def run_case(
     method: str,
     V: ArrayLike,
