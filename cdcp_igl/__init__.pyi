@@ -3,7 +3,7 @@ from .algorithm import cdcp, disk_map
 from .atlas.cutting import Cut, cut
 from .atlas.surface import SurfaceMap, surface_map
 from .batching import Batch, batch
-from .certificate import Certificate
+from .certificate import Certificate, OutlineCertificate
 from .distortion import (
     AngleDistortion,
     angle_distortion,
@@ -12,6 +12,7 @@ from .distortion import (
     quasi_conformal_dilatation,
 )
 from .errors import Defect, MapError, MeshError, SolverError
+from .free import FreeMap, free_map
 from .mapper import DiskMapper
 from .rectangle import RectangleMap, rectangle_map
 from .rescue.conformality import Conformality
@@ -29,9 +30,11 @@ __all__ = [
     "Defect",
     "DiskMap",
     "DiskMapper",
+    "FreeMap",
     "MapError",
     "MeshError",
     "MeshReport",
+    "OutlineCertificate",
     "RectangleMap",
     "SolverError",
     "SurfaceMap",
@@ -45,6 +48,7 @@ __all__ = [
     "cut",
     "datasets",
     "disk_map",
+    "free_map",
     "io",
     "plot",
     "quasi_conformal_dilatation",

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from .algorithm import disk_map
 from .arrays import Ints
 from .atlas.surface import SurfaceMap, surface_map
+from .free import FreeMap, free_map
 from .io import write_map
 from .io.output import whole_file
 from .io.polygons import naming_polygons
@@ -27,6 +28,7 @@ from .surface.cleaning import clean
 Array = NDArray[Any]
 
 ONLY_OF_CUT = ("fill", "spread")  # options that `surface_map` has and `disk_map` has not
+ONLY_OF_DISKS = ("center", "mobius", "preset")  # that `free_map` has not
 
 
 @dataclass(frozen=True)
@@ -34,15 +36,21 @@ class Settings:
     """What decides how a surface is mapped and written; ValueError if something is not allowed.
 
     With `disk`, texture coordinates lie in the unit disk, not in the unit square. The `options`
-    are those of `disk_map`; with `cut`, of `surface_map`, which maps surfaces that are no disks.
+    are those of `disk_map`; with `cut`, of `surface_map`, which maps surfaces that are no disks; or
+    with `free`, of `free_map`.
     """
 
     disk: bool = False
     clean: bool = False
     cut: bool = False
+    free: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if self.free and (self.cut or self.disk):
+            raise ValueError("with a free outline there is no disk; leave out disk and cut")
+        if self.free and (of_disks := [name for name in ONLY_OF_DISKS if name in self.options]):
+            raise ValueError(f"a map with a free outline has no {' and no '.join(of_disks)}")
         of_map = {name: value for name, value in self.options.items() if name not in ONLY_OF_CUT}
         checked = Options(**of_map)
         if self.cut and not isinstance(checked.center, str):
@@ -62,7 +70,7 @@ class Mapped:
     V : (n, 3) ndarray
     F : (m, 3) ndarray
         The surface that was mapped: as it was given, or cleaned.
-    result : DiskMap or SurfaceMap
+    result : DiskMap, FreeMap or SurfaceMap
     changes : tuple of str
         What was changed before, a sentence each.
     n_written : int
@@ -78,7 +86,7 @@ class Mapped:
 
     V: Array
     F: Array
-    result: DiskMap | SurfaceMap
+    result: DiskMap | FreeMap | SurfaceMap
     changes: tuple[str, ...]
     n_written: int
     written: Ints
@@ -86,9 +94,9 @@ class Mapped:
     as_read: bool = True
 
     @property
-    def disks(self) -> tuple[DiskMap, ...]:
+    def maps(self) -> tuple[DiskMap | FreeMap, ...]:
         """The maps, that of the part with most faces first."""
-        return (self.result,) if isinstance(self.result, DiskMap) else self.result.disks
+        return self.result.disks if isinstance(self.result, SurfaceMap) else (self.result,)
 
     def write(self, target: Path, source: Path, settings: Settings) -> None:
         """Write the map in the format of its suffix; OSError if the file cannot be written.
@@ -101,7 +109,7 @@ class Mapped:
             write_map(target, V, F, result, disk=settings.disk, like=source)
             return
         V, F = V[: self.n_written], F[self.written]
-        rows = slice(self.n_written) if isinstance(result, DiskMap) else self.written
+        rows = self.written if isinstance(result, SurfaceMap) else slice(self.n_written)
         if suffix == ".npz":
             with whole_file(target) as unfinished, unfinished.open("wb") as file:
                 np.savez(file, V=V, F=F, uv=result.uv[rows], **self.indices)
@@ -113,19 +121,23 @@ class Mapped:
         """Return what the record of a batch has of the map."""
         result = self.result
         return {
-            "disks": len(self.disks),
+            "disks": len(self.maps),
             "flips": len(result.certificate.flipped),
             "mean": result.distortion.mean,
             "sd": result.distortion.sd,
             "area": float(np.abs(result.area_distortion()).mean()),
             "conformal": result.conformal,
             "reasons": "; ".join(result.conformality.reasons),
-            "boundary": ", ".join(dict.fromkeys(disk.boundary.name for disk in self.disks)),
+            "boundary": ", ".join(dict.fromkeys(_boundary(map_) for map_ in self.maps)),
         }
 
     def report(self) -> dict[str, Any]:
         """Return everything but the coordinates, as JSON types."""
         return self.result.report() | ({"changes": list(self.changes)} if self.changes else {})
+
+
+def _boundary(map_: DiskMap | FreeMap) -> str:
+    return map_.boundary.name if isinstance(map_, DiskMap) else map_.boundary
 
 
 def map_one(
@@ -140,7 +152,7 @@ def map_one(
     Raises
     ------
     MeshError, SolverError, MapError, ValueError
-        As `disk_map` and `surface_map`. The MeshError names polygons of the file.
+        As `disk_map`, `free_map` and `surface_map`. The MeshError names polygons of the file.
     """
     if not settings.clean:
         with naming_polygons(polygon_of_face):
@@ -186,7 +198,8 @@ def _map(
     progress: Progress | None,
 ) -> Mapped:
     if not settings.cut:
-        result = disk_map(V, F, progress=progress, **options)
+        map_disk = free_map if settings.free else disk_map
+        result: DiskMap | FreeMap = map_disk(V, F, progress=progress, **options)
         return Mapped(V, F, result, (), len(V), np.arange(len(F)), {})
     cut = surface_map(V, F, polygon_of_face=polygon_of_face, progress=progress, **options)
     rows = np.flatnonzero(cut.face_disk >= 0)

@@ -28,7 +28,7 @@ FLOORS = (
     {"result"},
     {"selection"},
     {"algorithm"},
-    {"mapper", "rectangle"},
+    {"free", "mapper", "rectangle"},
     {"reference"},
     {"atlas"},
     {"one_file"},

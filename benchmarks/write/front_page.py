@@ -74,5 +74,5 @@ def _row(results: Section, method: str) -> list[Cell]:
         Cell(METHODS[method], kind="text"),
         *(number(means[m], ".2f") if m in means else none[m] for m in SHOWN),
         Cell(f"{flips:,.0f}"),
-        Cell(f"{median(times):.2g} ×"),
+        Cell(f"{float(f'{median(times):.2g}'):,g} ×"),
     ]

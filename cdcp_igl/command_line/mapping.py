@@ -78,8 +78,8 @@ def map_command(
     name, notes = printable(source.name), list[str]()
     tried = [f"--{flag}" for flag in ("clean", "cut") if options[flag]]
     with exit_codes(files=files, tried=tried):
-        disk, clean, cut = (options.pop(flag) for flag in ("disk", "clean", "cut"))
-        settings = Settings(disk, clean, cut, options)
+        flags = {flag: options.pop(flag) for flag in ("disk", "clean", "cut", "free")}
+        settings = Settings(**flags, options=options)
         if picture or view:
             with from_extra("plot"):
                 import matplotlib  # noqa: F401

@@ -60,6 +60,11 @@ def _map_options(
         "vertices are merged along seams, it is cut open, and each part mapped; texture "
         "coordinates show the disks side by side.",
     ),
+    free: bool = typer.Option(
+        False,
+        "--free",
+        help="Map with a free outline, the boundary as long as it is: the least distortion.",
+    ),
     center: str | None = typer.Option(
         None,
         metavar="torsion|heat|centroid|FACE",
@@ -96,7 +101,7 @@ def _map_options(
         None, metavar="paper", help="Follow the paper; sets --center and --mobius itself."
     ),
 ) -> dict[str, Any]:
-    """Return `disk`, `clean` and `cut`, and those options of `disk_map` that were given."""
+    """Return `disk`, `clean`, `cut` and `free`, and those options of `disk_map` that were given."""
     options = {
         "center": int(center) if center and center.isdecimal() else center,
         "mobius": mobius,
@@ -109,7 +114,7 @@ def _map_options(
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     if mobius == "none":
         given["mobius"] = None
-    return {"disk": disk, "clean": clean, "cut": cut, **given}
+    return {"disk": disk, "clean": clean, "cut": cut, "free": free, **given}
 
 
 def _row_or_direction(text: str) -> int | list[float] | str:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints
-from ..certificate import Certificate
+from ..certificate import Certificate, OutlineCertificate
 from ..distortion import AngleDistortion, area_distortion
 from ..errors import spell
 from ..io.given import FromFile
@@ -31,7 +31,7 @@ MOST_VERTICES_OF_PAGES = 20_000
 
 
 class Result(FromFile, ABC):
-    """A map with its certificate: a DiskMap, a RectangleMap or a SurfaceMap.
+    """A map with its certificate: a DiskMap, FreeMap, RectangleMap or SurfaceMap.
 
     Printing it gives a summary.
 
@@ -39,7 +39,7 @@ class Result(FromFile, ABC):
     ----------
     uv : ndarray of float64
         (n, 2) images of the vertices; of a SurfaceMap (m, 3, 2), those of the corners.
-    certificate : Certificate
+    certificate : Certificate or OutlineCertificate
         What was verified about `uv`.
     conformality : Conformality
         Whether the map is what a conformal map of this mesh should be; if not, the reasons
@@ -51,7 +51,7 @@ class Result(FromFile, ABC):
     """
 
     uv: Floats
-    certificate: Certificate
+    certificate: Certificate | OutlineCertificate
     conformality: Conformality
     distortion: AngleDistortion
     timings: dict[str, float]
