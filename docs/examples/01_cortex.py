@@ -3,8 +3,9 @@ A cortex on the disk
 ====================
 
 The left cortex of ``fsaverage5``, which comes with nilearn, opened along the cuts that FreeSurfer
-made for its own flat patch. Coloured by the depth of its folds; turn it, and point at the disk to
-find a place on the cortex.
+made for its own flat patch. Turn it, and point at the disk to find a place on the cortex.
+``result.view(fields={"depth": depth}, beside={"flat patch": flat})`` opens the same page coloured by
+the depth of the folds, with the flat patch beside the disk.
 """
 
 import importlib.util
@@ -29,7 +30,6 @@ def arrays(name):
 V, F, row, *_ = cdcp_igl.clean(V, F)  # without the vertices that the flat patch leaves out
 depth, flat = depth[row], flat[row, :2]
 result = cdcp_igl.disk_map(V, F, refine=5)
-result.view("cortex.html", fields={"depth": depth}, beside={"flat patch": flat})
 result
 
 # %%
