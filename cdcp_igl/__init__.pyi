@@ -3,7 +3,7 @@ from .algorithm import cdcp, disk_map
 from .atlas.cutting import Cut, cut
 from .atlas.surface import SurfaceMap, surface_map
 from .batching import Batch, batch
-from .certificate import Certificate
+from .certificate import Certificate, SphereCertificate
 from .distortion import (
     AngleDistortion,
     angle_distortion,
@@ -16,6 +16,7 @@ from .mapper import DiskMapper
 from .rectangle import RectangleMap, rectangle_map
 from .rescue.conformality import Conformality
 from .result.disk_map import DiskMap
+from .sphere import SphereMap, sphere_map
 from .surface.checking import MeshReport, check
 from .surface.cleaning import Cleaned, clean
 
@@ -34,6 +35,8 @@ __all__ = [
     "MeshReport",
     "RectangleMap",
     "SolverError",
+    "SphereCertificate",
+    "SphereMap",
     "SurfaceMap",
     "angle_distortion",
     "area_distortion",
@@ -50,6 +53,7 @@ __all__ = [
     "quasi_conformal_dilatation",
     "rectangle_map",
     "reference",
+    "sphere_map",
     "surface_map",
 ]
 

@@ -15,6 +15,9 @@ IN_PYTHON = {
     "cut": "cdcp_igl.cut",
     "with_path": "with cdcp_igl.cut(V, F, path)",
     "surface_map": "cdcp_igl.surface_map",
+    "disk_map": "cdcp_igl.disk_map",
+    "sphere_map": "cdcp_igl.sphere_map",
+    "annulus_map": "cdcp_igl.annulus_map",
     "batch": "cdcp_igl.batch",
 }
 IN_SHELL = {
@@ -22,6 +25,9 @@ IN_SHELL = {
     "cut": "cdcp-igl map --cut",
     "with_path": "in a program for meshes",
     "surface_map": "cdcp-igl map --cut",
+    "disk_map": "cdcp-igl map",
+    "sphere_map": "cdcp-igl map --sphere",
+    "annulus_map": "cdcp-igl map --annulus",
     "batch": "cdcp-igl batch",
 }
 
@@ -169,12 +175,32 @@ DEFECTS = {
     ),
     "closed surface": Row(
         "The surface has no boundary",
+        "{sphere_map} maps it onto a sphere; {surface_map} cuts it open, and maps it.",
+        cut=True,
+    ),
+    "closed surface, with handles": Row(
+        "The surface has no boundary",
         "{surface_map} cuts it open, and maps it.",
         cut=True,
+    ),
+    "boundary": Row(
+        "The boundary loops of the surface are {loops:,}, a sphere has none",
+        "{disk_map} maps a surface with one, {annulus_map} with two or more.",
+    ),
+    "one boundary loop": Row(
+        "The surface has one boundary loop, an annulus has two", "{disk_map} maps it."
     ),
     "several boundary loops": Row(
         "{loops:,} boundary loops, the outer one with {outer:,} vertices",
         "{clean} fills the holes, {cut} joins the loops by cuts.",
+        kind="vertices",
+        cleaned=True,
+        cut=True,
+    ),
+    "several boundary loops, no handle": Row(
+        "{loops:,} boundary loops, the outer one with {outer:,} vertices",
+        "{annulus_map} maps it onto a ring; {clean} fills the holes, {cut} joins the loops by "
+        "cuts.",
         kind="vertices",
         cleaned=True,
         cut=True,

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints
-from ..certificate import Certificate
+from ..certificate import Certificate, SphereCertificate
 from ..distortion import AngleDistortion, area_distortion
 from ..errors import spell
 from ..plot.layout import Layout
@@ -30,14 +30,14 @@ MOST_VERTICES_OF_PAGES = 20_000
 
 
 class Result(ABC):
-    """A map with its certificate: a DiskMap, a RectangleMap or a SurfaceMap.
+    """A map with its certificate: a DiskMap, a RectangleMap, a SphereMap or a SurfaceMap.
 
     Printing it gives a summary.
 
     Attributes
     ----------
     uv : ndarray of float64
-        (n, 2) images of the vertices; of a SurfaceMap (m, 3, 2), those of the corners.
+        (n, 2) images of the vertices; of a SurfaceMap or SphereMap (m, 3, 2), those of the corners.
     certificate : Certificate
         What was verified about `uv`.
     conformality : Conformality
@@ -50,7 +50,7 @@ class Result(ABC):
     """
 
     uv: Floats
-    certificate: Certificate
+    certificate: Certificate | SphereCertificate
     conformality: Conformality
     distortion: AngleDistortion
     timings: dict[str, float]

@@ -320,11 +320,11 @@ def _defects_of_a_surface(surface: Topology, V: NDArray[Any]) -> Iterator[Defect
         yield Defect.of("non-manifold vertex", surface.pinched)
         return
     if len(surface.border) == 0:
-        yield Defect.of("closed surface")
+        yield Defect.of("closed surface" + (", with handles" if surface.genus else ""))
     if len(surface.loops) > n_parts:
         outer = outer_loop(V, surface.loops)
         holes = np.concatenate([loop for loop in surface.loops if loop is not outer])
-        loops = len(surface.loops)
-        yield Defect.of("several boundary loops", holes, loops=loops, outer=len(outer))
+        row = "several boundary loops" + ("" if surface.genus else ", no handle")
+        yield Defect.of(row, holes, loops=len(surface.loops), outer=len(outer))
     if surface.genus:
         yield Defect.of("handle", genus=surface.genus)
