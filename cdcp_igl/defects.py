@@ -17,7 +17,6 @@ IN_PYTHON = {
     "surface_map": "cdcp_igl.surface_map",
     "disk_map": "cdcp_igl.disk_map",
     "sphere_map": "cdcp_igl.sphere_map",
-    "annulus_map": "cdcp_igl.annulus_map",
     "batch": "cdcp_igl.batch",
 }
 IN_SHELL = {
@@ -27,7 +26,6 @@ IN_SHELL = {
     "surface_map": "cdcp-igl map --cut",
     "disk_map": "cdcp-igl map",
     "sphere_map": "cdcp-igl map --sphere",
-    "annulus_map": "cdcp-igl map --annulus",
     "batch": "cdcp-igl batch",
 }
 
@@ -110,29 +108,33 @@ DEFECTS = {
     # Faces
     "repeated corner": Row(
         "the same vertex at two corners",
-        "Drop these faces, as {clean} does.",
+        "Drop these faces, as {clean} and {surface_map} do.",
         subject=("face has", "faces have"),
         cleaned=True,
+        cut=True,
     ),
     "unreferenced vertex": Row(
         "to no face",
-        "Drop them and renumber F, as {clean} does.",
+        "Drop them and renumber F, as {clean} does; {surface_map} ignores them.",
         subject=("vertex belongs", "vertices belong"),
         kind="vertices",
         cleaned=True,
+        cut=True,
     ),
     "duplicate face": Row(
         "the corners of another",
-        "Drop these faces, as {clean} does.",
+        "Drop these faces, as {clean} and {surface_map} do.",
         subject=("face repeats", "faces repeat"),
         cleaned=True,
+        cut=True,
     ),
     "degenerate face": Row(
         "no area to speak of",
-        "Merge coinciding vertices, and collapse or flip the slivers; {clean} merges, and drops "
-        "what is left of them.",
+        "Merge coinciding vertices, and collapse or flip the slivers; {clean} and {surface_map} "
+        "merge, and drop what is left of them.",
         subject=("face has", "faces have"),
         cleaned=True,
+        cut=True,
     ),
     # How faces hang together
     "non-manifold edge": Row(
@@ -142,16 +144,19 @@ DEFECTS = {
         subject=("edge lies", "edges lie"),
         kind="edges",
         cleaned=True,
+        cut=True,
     ),
     "not orientable": Row(
         "The surface is one-sided, like a Möbius strip",
-        "Cut it across {with_path}, or take faces out, until it has two sides.",
+        "Cut it across {with_path}, or take faces out, until it has two sides; {surface_map} with "
+        "merge=False maps it then.",
     ),
     "inconsistent orientation": Row(
         "oriented unlike the others",
         "Reverse the corners of these faces, as {clean} and {surface_map} do.",
         subject=("face is", "faces are"),
         cleaned=True,
+        cut=True,
     ),
     "several components": Row(
         "{parts:,} components, the largest with {largest:,} of {faces:,} faces",
@@ -161,17 +166,18 @@ DEFECTS = {
     ),
     "several components, coinciding": Row(
         "{parts:,} components, the largest with {largest:,} of {faces:,} faces",
-        "{clean} keeps the largest, {surface_map} maps each of them. Some vertices coincide: "
-        "merging them, as {clean} does, may join the parts.",
+        "{clean} keeps the largest, {surface_map} maps each of them. Some vertices coincide: both "
+        "merge them along seams, which may join the parts.",
         cleaned=True,
         cut=True,
     ),
     "non-manifold vertex": Row(
         "several fans of faces",
-        "Split each into one copy a fan, as {clean} does.",
+        "Split each into one copy a fan, as {clean} and {surface_map} do.",
         subject=("vertex joins", "vertices join"),
         kind="vertices",
         cleaned=True,
+        cut=True,
     ),
     "closed surface": Row(
         "The surface has no boundary",
@@ -185,22 +191,11 @@ DEFECTS = {
     ),
     "boundary": Row(
         "The boundary loops of the surface are {loops:,}, a sphere has none",
-        "{disk_map} maps a surface with one, {annulus_map} with two or more.",
-    ),
-    "one boundary loop": Row(
-        "The surface has one boundary loop, an annulus has two", "{disk_map} maps it."
+        "{disk_map} maps a surface with one, {surface_map} all others.",
     ),
     "several boundary loops": Row(
         "{loops:,} boundary loops, the outer one with {outer:,} vertices",
         "{clean} fills the holes, {cut} joins the loops by cuts.",
-        kind="vertices",
-        cleaned=True,
-        cut=True,
-    ),
-    "several boundary loops, no handle": Row(
-        "{loops:,} boundary loops, the outer one with {outer:,} vertices",
-        "{annulus_map} maps it onto a ring; {clean} fills the holes, {cut} joins the loops by "
-        "cuts.",
         kind="vertices",
         cleaned=True,
         cut=True,

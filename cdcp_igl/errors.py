@@ -104,7 +104,7 @@ class MeshError(ValueError):
     ...     print(error.defect, error.indices)
     ...     print(error.remedy)
     unreferenced vertex [3]
-    Drop them and renumber F, as cdcp_igl.clean does.
+    Drop them and renumber F, as cdcp_igl.clean does; cdcp_igl.surface_map ignores them.
     """
 
     def __init__(self, *defects: Defect) -> None:

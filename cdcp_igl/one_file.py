@@ -5,8 +5,8 @@ The command ``map`` and the workers of a batch both go this way.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from .io import write_map
 from .io.output import whole_file
 from .io.polygons import naming_polygons
 from .result.disk_map import DiskMap
+from .sphere import SphereMap, sphere_map
 from .steps.options import Options
 from .steps.phases import Progress
 from .surface.cleaning import clean
@@ -27,6 +28,10 @@ from .surface.cleaning import clean
 Array = NDArray[Any]
 
 ONLY_OF_CUT = ("fill", "spread")  # options that `surface_map` has and `disk_map` has not
+# What a surface may be mapped onto, besides disks, and the options of that.
+TARGETS: dict[str, tuple[Callable[..., SphereMap], set[str]]] = {
+    "sphere": (sphere_map, {"mobius", "solver"}),
+}
 
 
 @dataclass(frozen=True)
@@ -34,17 +39,20 @@ class Settings:
     """What decides how a surface is mapped and written; ValueError if something is not allowed.
 
     With `disk`, texture coordinates lie in the unit disk, not in the unit square. The `options`
-    are those of `disk_map`; with `cut`, of `surface_map`, which maps surfaces that are no disks.
+    are those of `disk_map`; with `cut`, of `surface_map`, which maps surfaces that are no disks;
+    else those of what maps `onto` something else, one of `TARGETS`.
     """
 
     disk: bool = False
     clean: bool = False
     cut: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
+    onto: str | None = None
 
     def __post_init__(self) -> None:
-        if self.cut and self.clean:
-            raise ValueError("cut cleans what it must by itself; leave out clean")
+        if self.onto is not None:
+            self._check_target(self.onto)
+            return
         of_map = {name: value for name, value in self.options.items() if name not in ONLY_OF_CUT}
         checked = Options(**of_map)
         if self.cut and not isinstance(checked.center, str):
@@ -53,6 +61,13 @@ class Settings:
             raise ValueError("align must be a direction, not a vertex, where surfaces are cut")
         if not self.cut and len(of_map) < len(self.options):
             raise ValueError(f"{' and '.join(ONLY_OF_CUT)} are for surfaces that are cut")
+
+    def _check_target(self, onto: str) -> None:
+        if onto not in TARGETS:
+            raise ValueError(f"onto must be one of {', '.join(TARGETS)}, not {onto!r}")
+        others = [name for name in ("disk", "cut") if getattr(self, name)]
+        if others := others + sorted(set(self.options) - TARGETS[onto][1]):
+            raise ValueError(f"{', '.join(others)}: no option of a map onto the {onto}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +79,7 @@ class Mapped:
     V : (n, 3) ndarray
     F : (m, 3) ndarray
         The surface that was mapped: as it was given, or cleaned.
-    result : DiskMap or SurfaceMap
+    result : DiskMap, SurfaceMap or SphereMap
     changes : tuple of str
         What was changed before, a sentence each.
     n_written : int
@@ -74,20 +89,25 @@ class Mapped:
     indices : dict of str to ndarray
         What an npz file holds beside V, F and uv: of a surface that was cleaned or cut, the rows
         that the vertices and faces come from, and the disk of each face.
+    as_read : bool
+        Whether nothing was changed by cleaning.
     """
 
     V: Array
     F: Array
-    result: DiskMap | SurfaceMap
+    result: DiskMap | SurfaceMap | SphereMap
     changes: tuple[str, ...]
     n_written: int
     written: Ints
     indices: dict[str, Any]
+    as_read: bool = True
 
     @property
     def disks(self) -> tuple[DiskMap, ...]:
         """The maps, that of the part with most faces first."""
-        return (self.result,) if isinstance(self.result, DiskMap) else self.result.disks
+        if isinstance(self.result, SurfaceMap):
+            return self.result.disks
+        return (self.result,) if isinstance(self.result, DiskMap) else ()
 
     def write(self, target: Path, source: Path, settings: Settings) -> None:
         """Write the map in the format of its suffix; OSError if the file cannot be written.
@@ -96,15 +116,17 @@ class Mapped:
         is `target`, the rest of that file is kept.
         """
         suffix, result, V, F = target.suffix.lower(), self.result, self.V, self.F
-        cleaned = settings.clean and self.changes
-        if {suffix, source.suffix.lower()} == {".obj"} and not cleaned:
+        if {suffix, source.suffix.lower()} == {".obj"} and self.as_read:
             write_map(target, V, F, result, disk=settings.disk, like=source)
             return
         V, F = V[: self.n_written], F[self.written]
         rows = slice(self.n_written) if isinstance(result, DiskMap) else self.written
         if suffix == ".npz":
+            arrays = dict(self.indices)
+            if isinstance(result, SphereMap):
+                arrays["points"] = result.points[: self.n_written]
             with whole_file(target) as unfinished, unfinished.open("wb") as file:
-                np.savez(file, V=V, F=F, uv=result.uv[rows], **self.indices)
+                np.savez(file, V=V, F=F, uv=result.uv[rows], **arrays)
         else:
             uv = result.uv if settings.disk else result.packed()
             write_map(target, V, F, uv[rows], disk=True)  # as it is
@@ -141,27 +163,31 @@ def map_one(
     MeshError, SolverError, MapError, ValueError
         As `disk_map` and `surface_map`. The MeshError names polygons of the file.
     """
-    if settings.clean:  # which numbers the faces anew
-        return _clean_and_map(V, F, settings, progress)
-    with naming_polygons(polygon_of_face):
-        if settings.cut:
-            return _cut_and_map(V, F, polygon_of_face, settings, progress)
-        result = disk_map(V, F, progress=progress, **settings.options)
-    return Mapped(V, F, result, (), len(V), np.arange(len(F)), {})
-
-
-def _clean_and_map(V: Array, F: Array, settings: Settings, progress: Progress | None) -> Mapped:
-    cleaned = clean(V, F)
-    V, F, vertex_index, face_index = cleaned.V, cleaned.F, cleaned.vertex_index, cleaned.face_index
+    if not settings.clean:
+        with naming_polygons(polygon_of_face):
+            return _map(V, F, polygon_of_face, settings, settings.options, progress)
+    cleaned = clean(V, F)  # which numbers the faces anew
+    vertex_index, face_index = cleaned.vertex_index, cleaned.face_index
     n, m = int((vertex_index >= 0).sum()), int((face_index >= 0).sum())  # the filling comes last
-    note = ("The filling is not in the file.",) if m < len(F) else ()
+    filling = polygon_of_face.max() + np.arange(1, len(face_index) - m + 1)
+    polygon = np.append(polygon_of_face[face_index[:m]], filling)
     options = dict(settings.options)
     for name, kind, index in (("align", "vertex", vertex_index), ("center", "face", face_index)):
         if isinstance(row := options.get(name), int | np.integer):  # of the file
             options[name] = _row_after_cleaning(index, row, f"{name} is {kind} {row}")
-    result = disk_map(V, F, progress=progress, **options)
-    indices = {"vertex_index": vertex_index[:n], "face_index": face_index[:m]}
-    return Mapped(V, F, result, (*cleaned.changes, *note), n, np.arange(m), indices)
+    mapped = _map(cleaned.V, cleaned.F, polygon, settings, options, progress)
+    kept = mapped.written < m
+    indices = {name: rows[kept] for name, rows in mapped.indices.items()}
+    indices |= {"vertex_index": vertex_index[:n], "face_index": face_index[mapped.written[kept]]}
+    note = ("The filling is not in the file.",) if m < len(face_index) else ()
+    return replace(
+        mapped,
+        changes=(*cleaned.changes, *mapped.changes, *note),
+        n_written=n,
+        written=mapped.written[kept],
+        indices=indices,
+        as_read=not cleaned.changes,
+    )
 
 
 def _row_after_cleaning(index: Ints, row: int | np.integer, what: str) -> int:
@@ -172,14 +198,21 @@ def _row_after_cleaning(index: Ints, row: int | np.integer, what: str) -> int:
     return int(rows[0])
 
 
-def _cut_and_map(
-    V: Array, F: Array, polygon_of_face: Array, settings: Settings, progress: Progress | None
+def _map(
+    V: Array,
+    F: Array,
+    polygon_of_face: Array,
+    settings: Settings,
+    options: Mapping[str, Any],
+    progress: Progress | None,
 ) -> Mapped:
-    result = surface_map(
-        V, F, polygon_of_face=polygon_of_face, progress=progress, **settings.options
-    )
-    rows = np.flatnonzero(result.face_disk >= 0)
+    if not settings.cut:
+        function = TARGETS[settings.onto][0] if settings.onto else disk_map
+        result = function(V, F, progress=progress, **options)
+        return Mapped(V, F, result, (), len(V), np.arange(len(F)), {})
+    cut = surface_map(V, F, polygon_of_face=polygon_of_face, progress=progress, **options)
+    rows = np.flatnonzero(cut.face_disk >= 0)
     left_out = len(F) - len(rows)
     note = (f"faces on no disk: {left_out:,}",) if left_out else ()
-    indices = {"face_index": rows, "face_disk": result.face_disk[rows]}
-    return Mapped(V, F, result, (*result.changes, *note), len(V), rows, indices)
+    indices = {"face_index": rows, "face_disk": cut.face_disk[rows]}
+    return Mapped(V, F, cut, (*cut.changes, *note), len(V), rows, indices)

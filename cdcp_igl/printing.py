@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from html import escape
+from typing import Any
 
 Pairs = Sequence[tuple[str, str]]
 
@@ -25,3 +27,11 @@ def as_html(title: str, pairs: Pairs) -> str:
     style = "text-align: left; font-weight: 600; white-space: nowrap"
     head = f'<caption style="{style}">{escape(title)}</caption>'
     return f"<table>{head}<tbody>{cells}</tbody></table>"
+
+
+def finite(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Put None for NaN and infinity, which JSON does not have."""
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in row.items()
+    }

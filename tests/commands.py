@@ -5,6 +5,7 @@ import subprocess
 import sys
 from io import StringIO
 from pathlib import Path
+from textwrap import dedent
 
 from typer.testing import CliRunner
 
@@ -25,6 +26,13 @@ def start(*command, environment=None, **options):
         **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, **options},
         env={**os.environ, "PYTHONPATH": str(ROOT), **(environment or {})},
     )
+
+
+def printed(code, **environment):
+    """What a program prints, line by line."""
+    done = start("-c", dedent(code), environment=environment)
+    assert done.stdout, done.stderr
+    return done.stdout.splitlines()
 
 
 class Terminal(StringIO):

@@ -1,7 +1,7 @@
 """Meshes built in code: small disks, and one nasty mesh for each way to fail."""
 
 import numpy as np
-from surfaces import torus
+from surfaces import sheet, torus, tube
 
 TRIANGLE = ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
 TWO_TRIANGLES = ([[0, 0, 0], [1, 0, 0], [1, 1, 0.5], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
@@ -48,25 +48,15 @@ def _tetrahedron():
 
 
 def _annulus(n=8):
-    t = 2 * np.pi * np.arange(n) / n
-    circle = np.column_stack([np.cos(t), np.sin(t), 0 * t])
-    i, j = np.arange(n), (np.arange(n) + 1) % n
-    F = np.concatenate([np.column_stack([i, i + n, j]), np.column_stack([j, i + n, j + n])])
-    return np.vstack([circle, 2 * circle]), F
+    V, F = tube(2, n)
+    return V * np.repeat([[1], [2]], n, axis=0), F
 
 
 def _moebius_strip(n=9):
-    t = 2 * np.pi * np.arange(n) / n
-    edge = []
-    for s in (-0.3, 0.3):
-        r = 1 + s * np.cos(t / 2)
-        edge.append(np.column_stack([r * np.cos(t), r * np.sin(t), s * np.sin(t / 2)]))
-    low, high = np.arange(n), np.arange(n) + n
-    next_low, next_high = np.append(low[1:], high[0]), np.append(high[1:], low[0])
-    F = np.concatenate(
-        [np.column_stack([low, next_low, high]), np.column_stack([high, next_low, next_high])]
-    )
-    return np.vstack(edge), F
+    t, s = np.tile(2 * np.pi * np.arange(n) / n, 2), np.repeat([-0.3, 0.3], n)
+    r = 1 + s * np.cos(t / 2)
+    V = np.column_stack([r * np.cos(t), r * np.sin(t), s * np.sin(t / 2)])
+    return V, sheet(n, 1, lambda i, j: i % n + n * np.where(i < n, j, 1 - j))
 
 
 def _torus_with_hole():

@@ -55,65 +55,57 @@ def _plain(F):
     return np.flatnonzero((count[edge.reshape(F.shape)] == 2).all(axis=1))[:-1]
 
 
+def sheet(n, k, at):
+    """Triangles of n by k cells; the corner (i, j) of one is the vertex at(i, j)."""
+    i, j = (g.ravel() for g in np.meshgrid(np.arange(n), np.arange(k), indexing="ij"))
+    a, b, c, d = (at(i + di, j + dj) for di, dj in ((0, 0), (1, 0), (1, 1), (0, 1)))
+    return np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+
+
+def parameters(n, k):
+    """Angles of n by k vertices, once around each."""
+    i, j = np.divmod(np.arange(n * k), k)
+    return 2 * np.pi * i / n, 2 * np.pi * j / k
+
+
 def torus(n=12, k=8, thickness=0.4):
     """Closed, genus 1: n vertices along, k around."""
-    i, j = (grid.ravel() for grid in np.meshgrid(np.arange(n), np.arange(k), indexing="ij"))
-    s, t = 2 * np.pi * i / n, 2 * np.pi * j / k
+    s, t = parameters(n, k)
     r = 1 + thickness * np.cos(t)
     V = np.column_stack([r * np.cos(s), r * np.sin(s), thickness * np.sin(t)])
-    a, b, c, d = ((i + di) % n * k + (j + dj) % k for di, dj in ((0, 0), (1, 0), (1, 1), (0, 1)))
-    return V, np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    return V, sheet(n, k, lambda i, j: i % n * k + j % k)
 
 
 def sphere(rings=10, around=16, stretch=1.0):
     """Closed, genus 0: circles of latitude and two poles, which are the last two vertices."""
-    z = np.cos(np.pi * np.arange(1, rings + 1) / (rings + 1))
-    t = 2 * np.pi * np.arange(around) / around
+    _, t = parameters(rings, around)
+    z = np.repeat(np.cos(np.pi * np.arange(1, rings + 1) / (rings + 1)), around)
     r = np.sqrt(1 - z**2)
-    V = np.column_stack(
-        [np.outer(r, np.cos(t)).ravel(), np.outer(r, np.sin(t)).ravel(), np.repeat(z, around)]
-    )
-    V = np.vstack([V, [0, 0, 1], [0, 0, -1]])
-    i, j = (g.ravel() for g in np.meshgrid(np.arange(rings - 1), np.arange(around), indexing="ij"))
-    a, b = i * around + j, i * around + (j + 1) % around
+    V = np.column_stack([r * np.cos(t), r * np.sin(t), z])
     k = np.arange(around)
-    north = np.column_stack([np.full(around, len(V) - 2), k, (k + 1) % around])
-    last = (rings - 1) * around
-    south = np.column_stack([np.full(around, len(V) - 1), last + (k + 1) % around, last + k])
-    F = np.vstack(
-        [
-            np.column_stack([a, a + around, b + around]),
-            np.column_stack([a, b + around, b]),
-            north,
-            south,
-        ]
-    )
-    return V * [1, 1, stretch], F
+    north = np.column_stack([np.full(around, len(V)), k, (k + 1) % around])
+    south = north[:, [0, 2, 1]] + [1, len(V) - around, len(V) - around]
+    wall = sheet(rings - 1, around, lambda i, j: i * around + j % around)
+    V = np.vstack([V, [0, 0, 1], [0, 0, -1]])
+    return V * [1, 1, stretch], np.vstack([wall, north, south])
 
 
 def tube(n=24, k=12, length=4.0):
     """An open cylinder of radius 1: two boundary loops."""
-    i, j = (g.ravel() for g in np.meshgrid(np.arange(n), np.arange(k), indexing="ij"))
-    t = 2 * np.pi * (j + i / 2) / k
-    V = np.column_stack([np.cos(t), np.sin(t), length * i / (n - 1)])
-    i, j = (g.ravel() for g in np.meshgrid(np.arange(n - 1), np.arange(k), indexing="ij"))
-    a, b = i * k + j, i * k + (j + 1) % k
-    return V, np.vstack([np.column_stack([a, b, a + k]), np.column_stack([b, b + k, a + k])])
+    s, t = parameters(n, k)
+    t = t - np.pi * np.arange(n).repeat(k) / k
+    V = np.column_stack([np.cos(t), np.sin(t), length * n / (n - 1) * s / (2 * np.pi)])
+    return V, sheet(k, n - 1, lambda j, i: i * k + j % k)
 
 
 def klein_bottle(n=10, k=8):
     """Closed and one-sided; it goes through itself in space, which no triangle notices."""
-    i, j = (g.ravel() for g in np.meshgrid(np.arange(n), np.arange(k), indexing="ij"))
-    s, t = 2 * np.pi * i / n, 2 * np.pi * j / k
+    s, t = parameters(n, k)
     r = 2 + np.cos(s / 2) * np.sin(t) - np.sin(s / 2) * np.sin(2 * t)
     h = np.sin(s / 2) * np.sin(t) + np.cos(s / 2) * np.sin(2 * t)
     V = np.column_stack([r * np.cos(s), r * np.sin(s), h])
-
-    def row(i, j):  # after one turn t has become -t
-        return i % n * k + np.where(i < n, j, -j) % k
-
-    a, b, c, d = (row(i + di, j + dj) for di, dj in ((0, 0), (1, 0), (1, 1), (0, 1)))
-    return V, np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    # After one turn t has become -t.
+    return V, sheet(n, k, lambda i, j: i % n * k + np.where(i < n, j, -j) % k)
 
 
 def dual(V, F):
@@ -143,34 +135,9 @@ def blob(seed, subdivisions=3):
     return V * (1 + 0.08 * bumps)[:, None], F
 
 
-def punctured(V, F, rings, seed):
-    """Take out a face, a vertex, or a vertex with its neighbours."""
-    rng = np.random.default_rng(seed)
-    near = np.zeros(len(V), dtype=bool)
-    near[rng.integers(len(V))] = True
-    if rings == 0:
-        left = np.delete(F, rng.integers(len(F)), axis=0)
-    else:
-        for _ in range(rings - 1):
-            near[F[near[F].any(axis=1)]] = True
-        left = F[~near[F].any(axis=1)]
-    used = np.unique(left)
-    return V[used], np.searchsorted(used, left)
-
-
 def capped_tube(around=16, along=60):
     """A tube closed at one end, twelve times longer than wide."""
-    angle = 2 * np.pi * np.arange(around) / around
-    rings = [
-        np.column_stack([np.cos(angle), np.sin(angle), np.full(around, 0.4 * k)])
-        for k in range(along)
-    ]
-    V = np.vstack([*rings, [0, 0, -0.5]])
-    here = np.arange(around)
-    beside = np.roll(here, -1)
-    faces = [np.column_stack([beside, here, np.full(around, len(V) - 1)])]
-    for k in range(along - 1):
-        low, high = around * k, around * (k + 1)
-        faces.append(np.column_stack([low + here, low + beside, high + here]))
-        faces.append(np.column_stack([low + beside, high + beside, high + here]))
-    return V, np.vstack(faces)
+    V, F = tube(along, around, 0.4 * (along - 1))
+    tip, end = np.full(around, len(V)), np.arange(around)
+    cap = np.column_stack([np.roll(end, -1), end, tip])
+    return np.vstack([V, [0, 0, -0.5]]), np.vstack([F, cap])

@@ -84,28 +84,6 @@ def test_surfaces_are_cleaned(tmp_path, out):
         assert failed.message.endswith(" 1, which is not in the cleaned surface")
 
 
-def test_what_fills_a_hole_is_not_in_the_file(tmp_path, out):
-    V, F = meshes.grid(8, 8)
-    np.savez(tmp_path / "holed.npz", V=V, F=np.delete(F, [30], axis=0))
-    [made] = batch([tmp_path / "holed.npz"], out, clean=True).done
-    assert made.changes[-1] == "The filling is not in the file."
-    with np.load(out / "holed.npz") as saved:
-        assert (len(saved["uv"]), len(saved["F"])) == (len(V), len(F) - 1)
-
-
-@pytest.mark.parametrize("format", ["obj", "ply"])
-def test_formats(scans, out, format):
-    batch([scans], out, disk=True)
-    made = batch([scans], out, format=format, disk=True)
-    for record in made.records:
-        read = read_mesh(out / f"{record.name}.{format}")
-        for array, given in zip(read, read_mesh(record.input), strict=True):
-            np.testing.assert_array_equal(array, given)
-    assert batch([scans], out, format=format, disk=True).done == made.done
-    batch([scans], out, disk=True)
-    assert len(lines(out)) == 6
-
-
 def test_each_surface_in_its_own_format(tmp_path, out):
     V, F = meshes.grid()
     (tmp_path / "scans").mkdir()
@@ -117,19 +95,22 @@ def test_each_surface_in_its_own_format(tmp_path, out):
 
 
 @pytest.mark.parametrize(
-    "options",
+    ("options", "message"),
     [
-        {"format": "stl"},
-        {"center": "middle"},
-        {"jobs": 0},
-        {"shard": (3, 2)},
-        {"executor": object(), "jobs": 2},
-        {"executor": object(), "time_limit": 1},
-        {"nonsense": 1},
+        ({"format": "stl"}, "format"),
+        ({"center": "middle"}, "center"),
+        ({"jobs": 0}, "jobs"),
+        ({"shard": (3, 2)}, "shard"),
+        ({"executor": object(), "jobs": 2}, "executor"),
+        ({"executor": object(), "time_limit": 1}, "executor"),
+        ({"cut": True, "center": 3}, "must be a method"),
+        ({"cut": True, "align": 3}, "must be a direction"),
+        ({"fill": 0.1}, "that are cut"),
+        ({"spread": 1}, "that are cut"),
     ],
 )
-def test_bad_options(scans, out, options):
-    with pytest.raises((ValueError, TypeError)):
+def test_bad_options(scans, out, options, message):
+    with pytest.raises((ValueError, TypeError), match=message):
         cdcp_igl.batch([scans], out, **options)
     assert not out.exists()
 
@@ -171,16 +152,6 @@ def test_what_is_lost_or_may_have_changed_is_made_again(scans, out, change):
     assert batch([scans], out).failed == ()
     assert contents(out) == before
     assert len(lines(out)) == 4
-
-
-def test_a_surface_that_is_gone(scans, out):
-    """Its result is not touched."""
-    batch([scans / "surface_001.npz"], out)
-    before = contents(out)
-    (scans / "surface_001.npz").unlink()
-    [failed] = batch([scans / "surface_001.npz"], out).failed
-    assert failed.error == "FileNotFoundError"
-    assert contents(out) == before
 
 
 def test_half_a_line_is_ended_and_does_not_count(scans, out):

@@ -29,11 +29,6 @@ def test_names_do_not_collide(tmp_path):
     assert result_names([]) == []
 
 
-def test_large_and_small_letters_count_as_equal(tmp_path):
-    names = result_names([tmp_path / "Face.obj", tmp_path / "face.obj"])
-    assert len({name.casefold() for name in names}) == 2
-
-
 def test_one_file_is_one_surface_however_it_is_spelled(scans, tmp_path, monkeypatch):
     """And no result of another folder's surface gets out of the folder of the results."""
     mine = write_surfaces(tmp_path / "work" / "scans", 1, rows=9) / "surface_000.npz"
@@ -101,13 +96,6 @@ def test_loops_of_links_and_names_that_are_too_long(scans, tmp_path, monkeypatch
     for out in (long, "loop.obj"):
         result = invoke("batch", scans, out)
         assert (result.exit_code, result.stderr[:13]) == (1, "Not written: ")
-    for file in odd:
-        for arguments in ([file, "o.obj"], [file, "--out-dir", "od"]):
-            assert invoke("map", *arguments).exit_code in (2, 4)
-    for out in (f"{long}.obj", f"{long}/o.obj", "loop.obj", "loop.obj/o.obj"):
-        result = invoke("map", scans / "surface_000.npz", out)
-        assert result.exit_code in (1, 2), result.output
-        assert result.stderr
 
 
 def test_names_that_are_no_text(scans, tmp_path):

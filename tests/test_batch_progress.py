@@ -59,26 +59,3 @@ def test_a_bar_on_a_terminal(scans, tmp_path, monkeypatch):
     app(["batch", str(scans), str(tmp_path / "maps")], standalone_mode=False)
     assert "0/3" in terminal.getvalue()
     assert "0 failed" in terminal.getvalue()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--shard", "3/2"], "must be I/N"),
-        (["--report", "page.txt"], "must end in .html"),
-        (["--cut", "--clean"], "leave out clean"),
-        (["--align", "3", "--cut"], "must be a direction"),
-        (["--jobs", "0"], "jobs"),
-    ],
-)
-def test_bad_usage(scans, tmp_path, arguments, message):
-    result = invoke(scans, tmp_path / "maps", *arguments)
-    assert result.exit_code == 2
-    assert message in " ".join(result.stderr.split())
-    assert not (tmp_path / "maps").exists()
-
-
-def test_nothing_to_do(tmp_path):
-    result = invoke(tmp_path, tmp_path / "maps")
-    assert result.exit_code == 2
-    assert "no surface there" in result.stderr

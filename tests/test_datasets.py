@@ -102,23 +102,6 @@ def test_the_pages_name_what_else_the_tests_use():
     assert set(re.findall("`(.*?)`", " ".join(named))) == private
 
 
-def test_download_is_pinned_and_checked(no_data_directory, tmp_path, monkeypatch):
-    import pooch
-
-    seen = {}
-    V, F, _ = datasets.spherical_cap(2)
-    np.savez(tmp_path / "file.npz", V=V, F=F)
-
-    def retrieve(url, known_hash, fname, path):
-        seen.update(url=url, known_hash=known_hash, fname=fname)
-        return str(tmp_path / "file.npz")
-
-    monkeypatch.setattr(pooch, "retrieve", retrieve)
-    datasets.load("left_hand")
-    assert seen["url"].endswith("/9961ed1f7ebc75e481b9b32f77a0af662ca81fe7/hand.mat")
-    assert seen["known_hash"].startswith("sha256:a88112a3")
-
-
 @pytest.mark.parametrize(
     ("module", "name"), [("pooch", "human_face"), ("matplotlib", "jacksboro_fault")]
 )

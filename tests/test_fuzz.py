@@ -8,6 +8,7 @@ import pytest
 from benchmark_commands import benchmarks
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from meshes import cells
 
 import cdcp_igl
 from benchmarks.measure import fuzzing as fuzz
@@ -57,16 +58,6 @@ def test_refinement_never_raises_the_objective(seed, norm):
         np.testing.assert_array_equal(result.uv, cdcp_igl.cdcp(case.V, case.F, refine=0))
 
 
-def test_a_norm_near_one_does_not_stall():
-    """Begun with p = 1.2, refinement of this surface stops after one step."""
-    case = fuzz.surface(3, 210)
-    means = [
-        cdcp_igl.disk_map(case.V, case.F, refine=10, refine_norm=norm).distortion.mean
-        for norm in (1.2, 1.5)
-    ]
-    assert means[0] < 1.001 * means[1]
-
-
 @settings(max_examples=60)
 @given(st.integers(0, 2**31))
 def test_clean_mends_any_damage_but_that_of_the_arrays(seed):
@@ -91,14 +82,8 @@ def test_clean_mends_any_damage_but_that_of_the_arrays(seed):
 def test_rectangles(columns, rows, jitter, aspect, seed):
     """Of any length, from square to crowded."""
     rng = np.random.default_rng(seed)
-    x, y = np.meshgrid(np.arange(columns) * aspect, np.arange(rows))
-    corner = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = (
-        corner[i : rows - 1 + i, j : columns - 1 + j].ravel()
-        for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
-    )
-    F = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-    V = np.column_stack([x.ravel(), y.ravel()])
+    x, y, F = cells(rows, columns)
+    V = np.column_stack([x * aspect, y])
     V += jitter * rng.uniform(-1, 1, V.shape) * min(aspect, 1)
     if not cdcp_igl.check(V, F).is_disk:
         return
@@ -130,24 +115,12 @@ def test_a_worker_that_dies_or_hangs_is_replaced():
         assert np.isfinite(row.refined)
 
 
-def test_a_refinement_that_fails_is_a_fault(monkeypatch):
-    def without_refinement(V, F, refine=None):
-        if refine:
-            raise AttributeError("no factor")
-        return cdcp_igl.disk_map(V, F)
-
-    monkeypatch.setattr(fuzz, "disk_map", without_refinement)
-    row = fuzz.examine(1, REFINED)
-    assert row.outcome in fuzz.FAULTS
-    assert "no factor" in row.message
-
-
 def test_a_killed_run_goes_on_where_it_stopped(tmp_path):
     command = ("fuzz", "--cases", 6, "--work", tmp_path)
     whole = benchmarks(*command)
     assert whole.exit_code == 0
     assert "refined maps" in whole.stdout
-    path = tmp_path / "fuzz-1.jsonl"
+    path = tmp_path / "fuzz-1" / "results.jsonl"
     lines = path.read_bytes().splitlines(keepends=True)
     lost = lines[0].replace(json.loads(lines[0])["outcome"].encode(), b"hang")
     path.write_bytes(lost + b"".join(lines[1:3]) + lines[3][:9])  # in the middle of a line
@@ -156,4 +129,6 @@ def test_a_killed_run_goes_on_where_it_stopped(tmp_path):
     assert again.exit_code == 1  # for what is lost
     assert "case 0: " in again.stdout
     assert path.read_bytes().startswith(lost)
-    assert sorted(path.read_bytes().splitlines(keepends=True)[1:]) == sorted(lines[1:])
+    made = path.read_bytes().splitlines(keepends=True)
+    assert set(lines[1:]) < set(made)
+    assert len(made) == len(lines) + 1  # half a line

@@ -13,31 +13,6 @@ import cdcp_igl
 from cdcp_igl.reference import fdcp, harmonic
 
 
-def square_with_a_tail(cells, length, width):
-    """Square cells; the tail is `width` cells wide and `length` times longer."""
-    V, F = meshes.corridor(1, cells)
-    tail, G = meshes.corridor(length, width)
-    both = np.vstack([V, tail + np.array([cells, cells // 2])])
-    _, first, same = np.unique(both, axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    V = both[first[order]]
-    return V, np.argsort(order)[same.ravel()][np.vstack([F, G + len(both) - len(tail)])]
-
-
-@pytest.mark.parametrize("width", [3, 6])
-def test_a_crowded_tail_does_not_spoil_the_rest(width):
-    """Its end is 1e-15 of the disk, where faces cannot be told to be positively oriented."""
-    V, F = square_with_a_tail(20, 11, width)
-    assert cdcp_igl.check(V, F).is_disk
-    result = cdcp_igl.disk_map(V, F)
-    assert result.valid
-    degrees = cdcp_igl.angle_distortion(V, F, result.uv).mean(axis=1)
-    inside = V[F, 0].max(axis=1) <= 20
-    alone = cdcp_igl.disk_map(*meshes.corridor(1, 20)).distortion.mean
-    assert degrees[inside].mean() < 1.2 * alone
-    assert degrees.mean() < 8
-
-
 def split_triangle(corners, parts):
     """A triangle, each side in so many parts."""
     i, j = np.array([(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]).T

@@ -13,9 +13,7 @@ from scipy.io import loadmat, savemat
 from scipy.sparse import eye
 
 from cdcp_igl import check, disk_map
-from cdcp_igl.certificate import certify
 from cdcp_igl.io import read_mesh, write_map
-from cdcp_igl.surface.mesh import DiskMesh
 
 V5 = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0]], float)
 ROWS = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n2 0 0\n"
@@ -139,14 +137,6 @@ def test_ply_strips(tmp_path, rows):
     assert_read(path, V5, np.reshape([[0, 1, 2], [2, 1, 3], [4, 3, 2]] if rows else [], (-1, 3)))
 
 
-def test_ply_with_one_long_strip(tmp_path):
-    path = tmp_path / "a.ply"
-    header = ply_header("binary_little_endian", 5, 1, element="tristrips").replace("uchar", "int")
-    strip = np.array([99_999, *np.resize([0, 1, 2, 3], 99_999)], "<i4")
-    path.write_bytes(header.encode() + V5.astype("<f4").tobytes() + strip.tobytes())
-    assert len(read_mesh(path)[1]) == 99_997
-
-
 @pytest.mark.parametrize(
     "name", ["a", "vertex part", "endloop of a facet with a vertex", "endsolid"]
 )
@@ -162,14 +152,6 @@ def test_stl_corners_are_merged_in_order_of_appearance(tmp_path, binary, name):
         facets = (f"facet normal 0 0 1\nouter loop\n{a}endloop\nendfacet\n" for a in loops)
         path.write_text(f"solid {name}\n{''.join(facets)}endsolid {name}\n")
     assert_read(path, V5[[2, 0, 1, 3]], [[0, 1, 2], [3, 1, 0]])
-
-
-@pytest.mark.parametrize("suffix", ["obj", "off", "ply"])
-def test_reads_what_libigl_reads(tmp_path, suffix):
-    path = tmp_path / f"a.{suffix}"
-    igl.write_triangle_mesh(str(path), *grid())
-    for ours, theirs in zip(read_mesh(path), igl.read_triangle_mesh(str(path)), strict=True):
-        np.testing.assert_allclose(ours, theirs, rtol=1e-15)
 
 
 # -- archives --------------------------------------------------------------------------
@@ -284,17 +266,6 @@ def stored_uv(path):
     return np.array([line.split()[1:] for line in lines if line.startswith("vt ")], float)
 
 
-@pytest.mark.parametrize("suffix", ["obj", "ply"])
-def test_texture_coordinates_fill_the_unit_square_and_stay_valid(tmp_path, suffix, mapped):
-    V, F, uv = mapped
-    path = tmp_path / f"a.{suffix}"
-    write_map(path, V, F, uv)
-    texture = stored_uv(path)
-    assert texture.min() >= 0
-    assert texture.max() <= 1
-    assert certify(DiskMesh(V, F), 2 * texture - 1).valid
-
-
 def test_libigl_reads_texture_coordinates(tmp_path, mapped):
     V, F, uv = mapped
     path = tmp_path / "a.obj"
@@ -302,9 +273,3 @@ def test_libigl_reads_texture_coordinates(tmp_path, mapped):
     _, TC, _, _, FTC, _ = igl.readOBJ(str(path))
     np.testing.assert_array_equal(TC[:, :2], uv)
     np.testing.assert_array_equal(FTC, F)
-
-
-def test_planar_meshes_get_a_third_coordinate(tmp_path, mapped):
-    V, F, uv = mapped
-    write_map(tmp_path / "a.obj", V[:, :2], F, uv)
-    assert_read(tmp_path / "a.obj", V * [1, 1, 0], F)

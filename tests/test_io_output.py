@@ -5,7 +5,7 @@ import signal
 import stat
 import subprocess
 import sys
-import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -153,32 +153,12 @@ def test_threads_that_write_one_file_do_not_meet(tmp_path):
     path = tmp_path / "a.npz"
     V, F = np.random.default_rng(0).random((300, 3)), np.arange(300).reshape(-1, 3)
     write_map(path, V, F, V[:, :2])
-    failures, done = [], threading.Event()
-
-    def keep(action):
-        try:
-            for _ in range(30):
-                action()
-        except Exception as error:
-            failures.append(error)
-
-    def read():
-        while not done.is_set():
+    with ThreadPoolExecutor(4) as threads:
+        written = [threads.submit(write_map, path, V, F, V[:, :2]) for _ in range(120)]
+        while not all(one.done() for one in written):
             with np.load(path) as saved:
                 assert saved["uv"].shape == (300, 2)
-
-    writers = [
-        threading.Thread(target=keep, args=[lambda: write_map(path, V, F, V[:, :2])])
-        for _ in range(4)
-    ]
-    reader = threading.Thread(target=keep, args=[read])
-    for thread in (*writers, reader):
-        thread.start()
-    for thread in writers:
-        thread.join()
-    done.set()
-    reader.join()
-    assert failures == []
+    assert [one.result() for one in written] == [None] * 120
     assert os.listdir(tmp_path) == ["a.npz"]
 
 

@@ -292,17 +292,6 @@ def test_what_is_no_map_is_not_written(tmp_path, cap, suffix, change, says):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("suffix", [".obj", ".ply", ".glb", ".npz"])
-def test_faces_that_the_map_left_out_may_be_degenerate(tmp_path, cap, suffix):
-    V, F, result = cap
-    more = np.vstack([F, [[0, 0, 1]]])
-    uv = np.vstack([result.uv[F], np.full((1, 3, 2), np.nan)])
-    path = tmp_path / f"a{suffix}"
-    write_map(path, V, more, uv)
-    if suffix != ".glb":
-        np.testing.assert_array_equal(read_mesh(path)[1], more)
-
-
 def test_options_that_do_not_go_together(tmp_path, cap):
     V, F, result = cap
     for name, options, says in (

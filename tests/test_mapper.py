@@ -45,17 +45,6 @@ def test_timings_are_of_what_was_done():
     assert refined == everything - ONCE - HARMONIC | {"refine", "repair"}
 
 
-def test_progress_goes_from_0_to_1():
-    mapper = DiskMapper(V, F)
-    for _ in range(2):
-        seen = []
-        mapper.map(progress=lambda phase, fraction, seen=seen: seen.append(fraction))
-        assert seen == sorted(seen)
-        assert seen[0] == 0
-        assert seen[-2] > 0.6  # the last phase is a third of a map that is known already
-        assert seen[-1] == 1
-
-
 def test_moved_vertices():
     V, F, _ = cdcp_igl.datasets.spherical_cap(6)
     there = V + 0.2 * np.sin(3 * V[:, [1, 2, 0]])

@@ -98,9 +98,7 @@ def run(code: str) -> None:
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, timeout=120)
 
 
-@pytest.mark.parametrize(
-    "name", ["reference.fdcp", "plot.side_by_side", "io.read_mesh", "datasets.square", "DiskMap"]
-)
+@pytest.mark.parametrize("name", ["reference.fdcp", "DiskMap"])
 def test_public_names_are_there_after_one_import(name):
     run(f"import cdcp_igl; cdcp_igl.{name}")
 

@@ -55,14 +55,3 @@ def test_the_conda_package_says_of_itself_what_the_wheel_says(project, recipe):
     assert (ROOT / recipe["about"]["license_file"]).exists()
     commands = [f"{name} = {entry}" for name, entry in metadata["scripts"].items()]
     assert recipe["build"]["python"]["entry_points"] == commands
-
-
-def test_the_citation_names_software_and_paper():
-    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
-    required = {"cff-version", "message", "title", "authors"}  # by the format, version 1.2.0
-    assert required <= set(citation)
-    assert citation["cff-version"] == "1.2.0"
-    paper = citation["preferred-citation"]
-    assert {"type", "title", "authors"} <= set(paper)
-    assert paper["title"] == "A Constructive Algorithm for Disk Conformal Parameterizations"
-    assert paper["authors"][0] == {"family-names": "Yueh", "given-names": "Mei-Heng"}

@@ -105,15 +105,6 @@ def test_any_numbers_make_disks(seed, most):
     assert_disks(cut.F, len(cut.V), F)
 
 
-def test_only_which_faces_have_the_same_number_matters():
-    V, polygons = torus_with_holes(12, 8, 0, 2)
-    F, whole = triangles(polygons)
-    cut = cdcp_igl.cut(V, F, polygon_of_face=whole)
-    np.testing.assert_array_equal(cdcp_igl.cut(V, F, polygon_of_face=7 - 5 * whole).F, cut.F)
-    each = cdcp_igl.cut(V, F, polygon_of_face=np.arange(len(F)))
-    np.testing.assert_array_equal(each.F, cdcp_igl.cut(V, F).F)
-
-
 @pytest.mark.parametrize("whole", [[0, 1], [[0], [0]], "quads", [0.0] * 4, 3])
 def test_there_is_a_number_for_each_face(whole):
     V, F = np.vstack([np.zeros(3), np.eye(3)]), [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
@@ -242,13 +233,3 @@ def test_defects_of_faces_name_the_polygons_of_the_file(tmp_path):
     run = CliRunner().invoke(app, ["check", "--json", str(path)])
     [defect] = json.loads(run.stdout)[0]["defects"]
     assert (defect["of"], defect["indices"]) == ("polygons", [7, 7])
-
-
-def test_a_disk_of_quads_that_is_not_cut(tmp_path):
-    V, F = meshes.grid()
-    write_scene(tmp_path / "a.obj", V, quads(F).tolist())
-    V, F, whole = read_polygons(tmp_path / "a.obj")
-    result = cdcp_igl.surface_map(V, F, polygon_of_face=whole)
-    np.testing.assert_array_equal(result.uv, cdcp_igl.disk_map(V, F).uv[F])
-    write_map(tmp_path / "b.obj", V, F, result, like=tmp_path / "a.obj")
-    assert_only_texture_was_added(tmp_path / "a.obj", tmp_path / "b.obj")

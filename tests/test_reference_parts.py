@@ -24,7 +24,6 @@ PLANE, F, _ = square(2)
 PLANE *= 2  # vertices at integers
 X, Y, _ = PLANE.T
 N = len(PLANE)
-SADDLE = np.column_stack([X, Y, X * Y / 2])
 GRID = X + 1j * Y
 
 # Less than a fifth of the spacing: no triangle of the jittered grid collapses.

@@ -32,25 +32,6 @@ def test_a_valid_map_is_returned_as_it_is():
     assert str(repair) == "not needed"
 
 
-def test_patches_that_undo_each_other_come_to_an_end():
-    """A round mends one of two faces and turns over the other, for ever."""
-    one, *_, other = np.flatnonzero(~MESH.on_boundary[MESH.F].any(axis=1))
-    calls = []
-
-    class Undoing(Neighbourhood):
-        def flipped(self, g):
-            return np.array([one if (g[MESH.F[one]] == g[MESH.F[other]]).all() else other])
-
-        def combine(self, g, patch):
-            calls.append(patch)
-            assert len(calls) < 20
-            return np.where(patch, 1 - g, g)
-
-    near = Undoing(MESH, np.ones(len(V), dtype=bool))
-    _, rounds = near.average(np.zeros(len(V), dtype=complex), 2)
-    assert rounds == len(calls) > 2
-
-
 def test_weights_that_differ_less_embed_what_mean_values_crowd():
     mesh = DiskMesh(*arms(32, 2))
     f = np.zeros(len(mesh.V), dtype=complex)

@@ -2,13 +2,12 @@
 
 import os
 import pickle
-import subprocess
 import sys
 import threading
-from textwrap import dedent
 
 import numpy as np
 import pytest
+from commands import printed
 
 from cdcp_igl import DiskMapper, datasets, disk_map
 from cdcp_igl.solve.solvers import SOLVERS, solver, using
@@ -79,20 +78,6 @@ def test_what_is_asked_for_in_one_thread_is_not_asked_for_in_another(monkeypatch
         assert solver() is not seen[0]
 
 
-def run(code, **environment):
-    """What a process of its own prints."""
-    kept = {name: value for name, value in os.environ.items() if name != "CDCP_IGL_SOLVER"}
-    done = subprocess.run(
-        [sys.executable, "-c", dedent(code)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        env=kept | environment,
-    )
-    assert done.stdout, done.stderr
-    return done.stdout.splitlines()
-
-
 @pytest.mark.parametrize(
     ("broken", "used"),
     [
@@ -115,7 +100,7 @@ def test_solvers_that_cannot_be_imported_are_passed_over(tmp_path, broken, used)
             print(error)
     """
     path = os.pathsep.join([str(tmp_path), *sys.path])
-    by_itself, asked_for = run(code, PYTHONPATH=path)
+    by_itself, asked_for = printed(code, PYTHONPATH=path, CDCP_IGL_SOLVER="")
     assert f"({used} " in by_itself
     assert "pip install scikit-sparse; or take another: cvxopt, scipy." in asked_for
     assert broken["sksparse"].split("'")[1] in asked_for
@@ -150,7 +135,7 @@ def error_in_little_memory(room, setting, name):
             print(error)
     """
     # The last line, as the library itself may have printed before.
-    return run(code, CDCP_IGL_SOLVER=name, OPENBLAS_NUM_THREADS="1")[-1]
+    return printed(code, CDCP_IGL_SOLVER=name, OPENBLAS_NUM_THREADS="1")[-1]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a limit of address space is needed")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from commands import invoke
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
@@ -137,3 +138,19 @@ def test_other_surfaces_are_refused_by_name():
     for align in ({99: [1, 0, 0]}, {0: [0, 0, 0]}, {0: [1, 2]}, {}, 3):
         with pytest.raises(ValueError, match="align must give"):
             cdcp_igl.sphere_map(V, F, align=align)
+
+
+def test_on_the_command_line_and_in_a_batch(tmp_path):
+    V, F, _ = cdcp_igl.datasets.spheroid(1)
+    source = tmp_path / "egg.obj"
+    cdcp_igl.io.write_map(source, V, F, V[:, :2])
+    assert "cdcp-igl map --sphere" in invoke("check", source).stdout
+    done = invoke("map", "--sphere", source, tmp_path / "map.npz")
+    assert "sphere map of 42 vertices: valid" in done.stdout
+    with np.load(tmp_path / "map.npz") as saved:
+        np.testing.assert_allclose(np.linalg.norm(saved["points"], axis=1), 1)
+        assert saved["uv"].shape == (len(F), 3, 2)
+    made = cdcp_igl.batch(source, tmp_path / "out", onto="sphere")
+    assert [record.status for record in made.records] == ["done"]
+    for wrong in (["--cut"], ["--disk"], ["--center", "heat"]):
+        assert invoke("map", "--sphere", *wrong, source, tmp_path / "x.npz").exit_code == 2

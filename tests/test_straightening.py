@@ -4,9 +4,10 @@ from functools import partial
 
 import numpy as np
 import pytest
-from surfaces import blob, punctured
+from surfaces import blob
 
 import cdcp_igl
+from benchmarks.measure.punctures import RINGS, opened, row_to_open
 from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.distortion import angle_errors
 from cdcp_igl.reference import fdcp, harmonic
@@ -16,10 +17,15 @@ from cdcp_igl.steps.extension import harmonic_extension
 from cdcp_igl.surface.mesh import DiskMesh
 
 
-@pytest.mark.parametrize("rings", [0, 1, 2])
+def punctured(seed, kind="face"):
+    V, F = blob(seed)
+    return opened(V, F, kind, row_to_open(np.random.default_rng(seed), V, F, kind))
+
+
+@pytest.mark.parametrize("kind", RINGS)
 @pytest.mark.parametrize("seed", range(3))
-def test_closed_surfaces_with_a_puncture(rings, seed):
-    V, F = punctured(*blob(seed), rings, seed)
+def test_closed_surfaces_with_a_puncture(kind, seed):
+    V, F = punctured(seed, kind)
     result = cdcp_igl.disk_map(V, F)
     assert result.valid
     assert result.distortion.mean < 6
@@ -34,7 +40,7 @@ def test_closed_surfaces_with_a_puncture(rings, seed):
 
 @pytest.mark.parametrize("seed", range(2))
 def test_the_common_shear_is_taken_out(seed):
-    V, F = punctured(*blob(seed), 0, seed)
+    V, F = punctured(seed)
     mesh = DiskMesh(V, F)
     surface = FactoredSurface.of(mesh)
     plain, *_ = algorithm_1(surface, Steps())
@@ -69,7 +75,7 @@ def test_a_long_boundary_is_left_as_it_is():
 
 
 def test_what_was_straightened_much_is_refined_and_says_so():
-    V, F = punctured(*blob(4), 0, 4)
+    V, F = punctured(7)
     result = cdcp_igl.disk_map(V, F)
     assert result.straightening.gain > 0.2
     assert result.refinement.steps >= 2

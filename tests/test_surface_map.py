@@ -131,6 +131,47 @@ def test_nasty_meshes_are_mapped_or_refused(name):
         assert_consistent(cdcp_igl.surface_map(V, F), V, F)
 
 
+def soup(V, F):
+    """Each face with corners of its own."""
+    return np.asarray(V)[F].reshape(-1, 3), np.arange(np.size(F)).reshape(-1, 3)
+
+
+def sphere_as_a_grid():
+    """One meridian is there twice, and each pole in a row of vertices."""
+    x, y, F = meshes.cells(7, 13)
+    r, t = np.sin(np.pi * y / 6).round(12), np.pi * (x % 12) / 6
+    return np.column_stack([r * np.cos(t), r * np.sin(t), np.cos(np.pi * y / 6)]), F
+
+
+V, F = surfaces.sphere()
+CUBES = surfaces.skin(np.eye(2, dtype=bool)[None])  # which touch in an edge
+
+
+@pytest.mark.parametrize(
+    ("mesh", "disks", "n_cut"),
+    [
+        (soup(V, F), 1, 11),
+        (soup(*surfaces.torus()), 1, 20),
+        (soup(V, np.vstack([F, F[:, ::-1]])), 1, 11),  # each face twice
+        (soup(*CUBES), 2, 4),
+        (sphere_as_a_grid(), 1, 6),
+    ],
+    ids=["sphere", "torus", "two sides", "cubes", "grid"],
+)
+def test_seams_are_sewn(mesh, disks, n_cut):
+    """Vertices of equal coordinates are one, but where sheets only touch."""
+    result = cdcp_igl.surface_map(*mesh)
+    assert (result.valid, len(result.disks), len(result.cut.edges)) == (True, disks, n_cut)
+    assert result.changes[0].startswith("merged")
+    np.testing.assert_array_equal(result.cut.V[result.cut.F], mesh[0][mesh[1]])
+    np.testing.assert_array_equal(result.uv_cut[result.cut.F], result.uv)
+
+
+def test_seams_stay_if_that_is_asked_for():
+    V, F = soup(*CUBES)
+    assert len(cdcp_igl.surface_map(V, F, merge=False).disks) == len(F)
+
+
 def test_everything_at_once_is_said():
     (V, F), (W, G) = surfaces.torus(), surfaces.tube(n=8)
     n = len(V)

@@ -1,29 +1,16 @@
 """Maps in threads of the caller, and in processes that are forked beside them."""
 
 import os
-import subprocess
-import sys
-from textwrap import dedent
 
 import pytest
+from commands import printed
 
-
-def run(code, **environment):
-    """What a program prints that has two threads of BLAS."""
-    done = subprocess.run(
-        [sys.executable, "-c", dedent(code)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        env=os.environ | {"OPENBLAS_NUM_THREADS": "2"} | environment,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout.splitlines()
+TWO_THREADS = {"OPENBLAS_NUM_THREADS": "2"}
 
 
 def test_maps_are_the_same_in_any_thread():
     """To the last bit, and the caller's number of threads stays."""
-    before, after = run("""
+    code = """
         from concurrent.futures import ThreadPoolExecutor
         import numpy as np
         from threadpoolctl import threadpool_info
@@ -42,15 +29,15 @@ def test_maps_are_the_same_in_any_thread():
             for expected, found in zip(serial, threads.map(uv, cases), strict=True):
                 np.testing.assert_array_equal(found, expected)
         print([pool["num_threads"] for pool in threadpool_info()])
-    """)
+    """
+    before, after = printed(code, **TWO_THREADS)
     assert before == after
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not forked here")
 @pytest.mark.parametrize("solver", ["scikit-sparse", "cvxopt"])
 def test_a_process_may_be_forked_while_another_thread_maps(solver):
-    said = run(
-        """
+    code = """
         import os, signal, threading, time
         from threadpoolctl import threadpool_info
         from cdcp_igl import datasets
@@ -82,8 +69,7 @@ def test_a_process_may_be_forked_while_another_thread_maps(solver):
         stop.set()
         thread.join()
         say_settings()
-        """,
-        CDCP_IGL_SOLVER=solver,
-    )
+    """
+    said = printed(code, CDCP_IGL_SOLVER=solver, **TWO_THREADS)
     assert len(said) == 9
     assert len(set(said)) == 1

@@ -40,27 +40,23 @@ def surfaces(
             exists=True, file_okay=False, help="npz files of V and F, the class first in the name."
         ),
     ] = None,
-    refine: Annotated[
-        int | None, typer.Option(help="Steps of refinement; as needed if not given.")
-    ] = None,
-    spread: Annotated[float, typer.Option(help="Grow cuts to this spread.")] = 1.0,
 ) -> None:
     """Map surfaces that are no disks, by class."""
     files = files_of(folder, {".npz"})
     for kind, group in groupby(files, key=lambda file: file.stem.partition("_")[0]):
-        rows = [_row(file, refine, spread) for file in group]
+        rows = [_row(file) for file in group]
         typer.echo(f"\n## {kind}\n\n{markdown(Table(kind, kind, '', COLUMNS, rows))}")
     typer.echo(NOTE)
 
 
-def _row(file: Path, refine: int | None, spread: float) -> Row:
+def _row(file: Path) -> Row:
     """Map a surface; the row notes what holds it back if it is not conformal."""
     with np.load(file) as mesh:
         V, F = mesh["V"].astype(np.float64), mesh["F"].astype(np.int64)
     names = [Cell(file.stem, kind="text name"), Cell(f"{len(V):,}")]
     start = perf_counter()
     try:
-        result = cdcp_igl.surface_map(V, F, refine=refine, spread=spread)
+        result = cdcp_igl.surface_map(V, F)
     except MeshError as error:
         return [*names, Cell(f"refused: {error}"), *[Cell("")] * (len(COLUMNS) - 3)]
     seconds = perf_counter() - start

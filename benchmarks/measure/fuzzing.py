@@ -78,10 +78,10 @@ def fuzz(
     """
     console = Console()
     requests = {case: Row(case, made=f"surface({seed}, {case})") for case in range(cases)}
-    path = (work or WORK / code()) / f"fuzz-{seed}.jsonl"
+    folder = (work or WORK / code()) / f"fuzz-{seed}"
     known_by = attrgetter("case")
     answer = partial(examine, seed)
-    rows = kept_answers(answer, requests, known_by, path, SECONDS, jobs, console)
+    rows = kept_answers(answer, requests, known_by, folder, SECONDS, jobs, console)
     console.print(_outcomes(rows))
     for name, means in (
         ("maps", [row.distortion for row in rows if _is_mapped(row)]),

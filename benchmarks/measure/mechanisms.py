@@ -22,7 +22,7 @@ from cdcp_igl.rescue.candidate import Candidate as Judged
 from cdcp_igl.rescue.collapsed_faces import open_collapsed_faces
 from cdcp_igl.rescue.recentering import recentered
 from cdcp_igl.rescue.relaxation import Relaxation
-from cdcp_igl.rescue.repair import Repair, Neighbourhood, repair_locally, replace_interior
+from cdcp_igl.rescue.repair import Neighbourhood, Repair, repair_locally, replace_interior
 from cdcp_igl.rescue.straightening import Straightening, straighten
 from cdcp_igl.surface.mesh import DiskMesh
 

@@ -154,8 +154,8 @@ def punctures(
     console = Console()
     if not console.is_terminal:
         console.width = WIDE
-    path = (work or WORK / code()) / f"punctures-{seed}.jsonl"
-    rows = kept_answers(examine, requests, KNOWN_BY, path, SECONDS, jobs, console)
+    kept = (work or WORK / code()) / f"punctures-{seed}"
+    rows = kept_answers(examine, requests, KNOWN_BY, kept, SECONDS, jobs, console)
     wrong = False
     for methods in COMPARED.values():
         comparisons = list(_comparisons(rows, methods))
@@ -164,7 +164,7 @@ def punctures(
             if one.is_fault or one.is_worse or one.is_high:
                 console.print(str(one), soft_wrap=True)
             wrong |= one.is_fault or one.is_worse
-    console.print(f"All rows: {path}", soft_wrap=True)
+    console.print(f"All rows: {kept}", soft_wrap=True)
     if wrong:
         raise typer.Exit(1)
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import warnings
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -19,6 +18,9 @@ import numpy as np
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+from cdcp_igl.batching.journal import Journal, journal_lines
+from cdcp_igl.printing import finite
 
 Jobs = Annotated[int, typer.Option(min=1, help="Cases side by side.")]
 WorkFolder = Annotated[
@@ -120,12 +122,12 @@ def kept_answers(
     answer: Callable[[Any], Any],
     requests: Mapping[Any, Any],
     key: Callable[[Any], Hashable],
-    path: Path,
+    folder: Path,
     seconds: float,
     jobs: int,
     console: Console,
 ) -> list[Any]:
-    """Return the row of each request; those that a file has are not asked for again.
+    """Return the row of each request; those that a folder has are not asked for again.
 
     Parameters
     ----------
@@ -136,43 +138,25 @@ def kept_answers(
         is lost.
     key : callable
         Of a row: by what it is known again.
-    path : Path
-        Gets a line for each row.
+    folder : Path
+        Its journal gets a line for each row.
     seconds, jobs, console
         As of `answers`.
     """
     kinds = {type(row) for row in requests.values()}
-    rows = {key(row): row for kind in kinds for row in (kind(**kept) for kept in _read(path))}
-    missing = [request for request, row in requests.items() if key(row) not in rows]
-    for request, row in answers(answer, missing, seconds, jobs, console):
-        made = replace(requests[request], outcome=str(row)) if isinstance(row, Lost) else row
-        rows[key(made)] = made
-        _append(path, asdict(made))
+    folder.mkdir(parents=True, exist_ok=True)
+    with Journal(folder) as journal:
+        rows = {key(row): row for kind in kinds for row in _kept(folder, kind)}
+        missing = [request for request, row in requests.items() if key(row) not in rows]
+        for request, row in answers(answer, missing, seconds, jobs, console):
+            made = replace(requests[request], outcome=str(row)) if isinstance(row, Lost) else row
+            rows[key(made)] = made
+            journal.append(json.dumps(finite(asdict(made)), ensure_ascii=False) + "\n")
     return [rows[key(row)] for row in requests.values()]
 
 
-def _read(path: Path) -> list[dict[str, Any]]:
-    """All rows, NaN for null; a half-written last line does not count."""
-    if not path.exists():
-        return []
-    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
-    rows = (json.loads(line) for line in lines if line.endswith("\n"))
-    return [{k: np.nan if x is None else x for k, x in row.items()} for row in rows]
-
-
-def _append(path: Path, row: Mapping[str, Any]) -> None:
-    """Add a row, null for NaN and infinity; once this returns, it is on disk."""
-    finite = {
-        name: None if isinstance(value, float) and not np.isfinite(value) else value
-        for name, value in row.items()
-    }
-    line = json.dumps(finite, ensure_ascii=False, allow_nan=False)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("ab+") as file:
-        if file.tell():
-            file.seek(-1, os.SEEK_END)
-            if file.read(1) != b"\n":  # a line that a killed run left unfinished goes
-                file.truncate(path.read_bytes().rfind(b"\n") + 1)
-        file.write(line.encode() + b"\n")
-        file.flush()
-        os.fsync(file.fileno())
+def _kept(folder: Path, kind: Callable[..., Any]) -> Iterator[Any]:
+    """Yield all rows, NaN for null; a half-written line does not count."""
+    for line in journal_lines(folder):
+        with suppress(json.JSONDecodeError):
+            yield kind(**{k: np.nan if x is None else x for k, x in json.loads(line).items()})

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cdcp_igl.arrays import Floats
+from cdcp_igl.printing import finite
 from cdcp_igl.reference.case import OK, Case
 
 OPENED = "-opened"
@@ -87,10 +88,7 @@ class Record:
 
     def as_json(self) -> dict[str, Any]:
         """Return `row` as JSON types, None for NaN and infinity."""
-        return {
-            name: None if isinstance(value, float) and not np.isfinite(value) else value
-            for name, value in self.row().items()
-        }
+        return finite(self.row())
 
     def line(self) -> str:
         """Return it as one line of JSON."""

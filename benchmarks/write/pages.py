@@ -19,7 +19,6 @@ from cdcp_igl.io.output import whole_file
 from cdcp_igl.plot.raster import Bytes
 from cdcp_igl.plot.scene import SCALE, Scene
 
-from ..records.findings import sentences
 from ..records.paper import published
 from ..records.record import EDGES, Record
 from ..records.results import Measured, NotMeasured, Section
@@ -78,7 +77,6 @@ def write_pages(
         "index.html",
         {model: link["link"] for model, link in links.items()},
         about=about(machine),
-        findings=sentences(measured),
         sections=sections,
         figures=shown,
         models=list(links.values()),

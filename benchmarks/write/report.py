@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from cdcp_igl.io.output import whole_file
 
-from ..records.findings import sentences
 from ..records.results import Measured, NotMeasured
 from .figures import PLOTS, Plot
 from .figures.style import encode
@@ -21,7 +20,7 @@ from .table import markdown
 
 
 def as_markdown(machine: Mapping[str, Any], measured: Measured) -> str:
-    """Write the report: what was measured on, what was found, the tables.
+    """Write the report: what was measured on, and the tables.
 
     Parameters
     ----------
@@ -33,20 +32,14 @@ def as_markdown(machine: Mapping[str, Any], measured: Measured) -> str:
     -------
     str
     """
-    parts = ["# Measured results", _list(_fact(*fact) for fact in about(machine))]
-    if found := sentences(measured):
-        parts += ["## Findings", _list(found)]
+    parts = ["# Measured results", "\n".join(_fact(*fact) for fact in about(machine))]
     for table in tables(measured):
         parts += [part for part in (f"## {table.title}", table.text, markdown(table)) if part]
     return "\n\n".join(parts) + "\n"
 
 
-def _list(items: Iterable[str]) -> str:
-    return "\n".join(f"- {item}" for item in items)
-
-
 def _fact(name: str, text: str) -> str:
-    return f"{name}: `{text}`" if name == "Again" else f"{name}: {text}"
+    return f"- {name}: `{text}`" if name == "Again" else f"- {name}: {text}"
 
 
 def draw(folder: Path, about: Mapping[str, Any], measured: Measured) -> Path:

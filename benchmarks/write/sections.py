@@ -165,14 +165,6 @@ def _speed(results: Section) -> Iterator[Table]:
         rows = [row for row in grid(results, methods, cell) if row[0].model in large]
         yield Table(id, title, text, ["surface", "n", *labels], rows)
     yield Table(
-        "steps",
-        "T, the time of CDCP, and the others",
-        "A step of refinement: the first is refine=1 less CDCP, the further ones (refine=5 less "
-        "refine=1)/4.",
-        ["surface", "n", "T, s", "LSCM/T", "harmonic/T", "first step/T", "further steps/T"],
-        [[*model_cells(results, model), *_by_cdcp(results, model)] for model in large],
-    )
-    yield Table(
         "small",
         "Once imported, and the import",
         "Milliseconds: medians (least–greatest) of many calls of `cdcp` in one process, and of "
@@ -229,15 +221,6 @@ def _spread(values: Sequence[float], form: str) -> Cell:
     return number(median(values), lambda value: f"{value:{form}} {text}")
 
 
-def _by_cdcp(results: Section, model: str) -> Row:
-    T, one, five, lscm, harmonic = (
-        results.median(model, method)
-        for method in ("cdcp", "cdcp refine=1", "cdcp refine=5", "lscm", "harmonic")
-    )
-    ratios = [lscm / T, harmonic / T, (one - T) / T, (five - one) / 4 / T]
-    return [number(T, ".3g"), *(number(ratio, ".2f") for ratio in ratios)]
-
-
 def _small(results: Section) -> Iterator[Row]:
     for model in results.sizes:
         for method, text in (("cdcp warm", f"`cdcp` on {model}"), ("import", "`import cdcp_igl`")):
@@ -259,18 +242,7 @@ def _sequences(results: Section) -> Iterator[Row]:
 def _ablation(results: Section) -> Iterator[Table]:
     headings = ["variant", *(model_cells(results, model)[0].text for model in results.sizes)]
 
-    def rows(cell: Callable[[str, str], Cell]) -> list[Row]:
-        return [
-            [
-                Cell(variant, kind="text name"),
-                *(failure_cell(results, m, variant) or cell(m, variant) for m in results.sizes),
-            ]
-            for variant in results.methods(ABLATIONS)
-        ]
-
-    def seconds(model: str, variant: str) -> Cell:
-        return number(results.median(model, variant) / results.median(model, "default"), ".2f")
-
+    cell = distortion_cell(results, ".4f")
     yield Table(
         "ablation",
         "Ablation",
@@ -279,14 +251,13 @@ def _ablation(results: Section) -> Iterator[Table]:
         "Möbius for least angular distortion; the other centres are the most central face whatever "
         "its shape.",
         headings,
-        rows(distortion_cell(results, ".4f")),
-    )
-    yield Table(
-        "ablation-time",
-        "Ablation: time as a multiple of the default",
-        "One run each: a hint only.",
-        headings,
-        rows(seconds),
+        [
+            [
+                Cell(variant, kind="text name"),
+                *(failure_cell(results, m, variant) or cell(m, variant) for m in results.sizes),
+            ]
+            for variant in results.methods(ABLATIONS)
+        ],
     )
 
 

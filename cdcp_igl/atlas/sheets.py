@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Bools, Floats, Ints, distinct_rows, marked
 from ..errors import Defect, MeshError, counted
-from ..surface.topology import Topology, duplicate_faces
+from ..surface.topology import Topology, duplicate_faces, sewn
 from ..surface.triangles import corner_cotangents, degenerate_faces
 from ..surface.validation import checked_vertices, repeated_corners
 
@@ -25,18 +25,25 @@ class Sheets:
     polygon: Ints  # (k,) number of the polygon that each face is a part of
     rows: Ints  # (k,) the rows of the given F that the faces come from
     flipped: Ints  # the rows of this F whose corners are reversed
+    given: Ints  # (m, 3) the given F, with equal vertices merged
     changes: tuple[str, ...]  # what was done, a sentence each
 
 
-def oriented_sheets(V: NDArray[Any], F: Ints, polygon_of_face: ArrayLike | None) -> Sheets:
-    """Leave out what is no face, part sheets and reverse the corners of flipped faces.
+def oriented_sheets(
+    V: NDArray[Any], F: Ints, polygon_of_face: ArrayLike | None, merge: bool
+) -> Sheets:
+    """Sew seams, leave out what is no face, part sheets and reverse corners of flipped faces.
 
     MeshError if a corner of a face is not finite, no face is left, or a component is one-sided;
     ValueError if `polygon_of_face` does not number the polygons of the faces.
     """
     positions = used_positions(V, F)
     polygon = polygon_numbers(polygon_of_face, len(F))
+    F, n_merged = sewn(positions, F) if merge else (F, 0)
     rows, changes = _proper_faces(positions, F)
+    if n_merged:
+        merged = f"merged {counted(n_merged, 'vertex', 'vertices')} with an equal one"
+        changes.insert(0, merged)
     faces, polygon = F[rows], polygon[rows]
     vertices = part_sheets(faces, len(positions))
     n_copies = len(np.unique(vertices)) - len(np.unique(faces))
@@ -47,7 +54,7 @@ def oriented_sheets(V: NDArray[Any], F: Ints, polygon_of_face: ArrayLike | None)
         changes.append(f"reversed {counted(len(flipped), 'face', 'faces')}")
     for corners in (faces, vertices):
         corners[flipped] = corners[flipped, ::-1]
-    return Sheets(positions, faces, vertices, polygon, rows, flipped, tuple(changes))
+    return Sheets(positions, faces, vertices, polygon, rows, flipped, F, tuple(changes))
 
 
 def polygon_numbers(polygon_of_face: ArrayLike | None, m: int) -> Ints:

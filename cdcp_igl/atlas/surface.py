@@ -48,7 +48,7 @@ class SurfaceMap(Result):
         already. Its corners lie where other faces have them, or are NaN.
     cut : Cut
         The opened surface, with the edges that were cut and their length. Flipped faces still
-        are flipped.
+        are flipped; of vertices that were merged, it names the first.
     changes : tuple of str
         What was done to make disks, a sentence each; empty if the surface was a disk.
     certificate : Certificate
@@ -169,6 +169,7 @@ def surface_map(
     F: ArrayLike,
     *,
     polygon_of_face: ArrayLike | None = None,
+    merge: bool = True,
     fill: bool = True,
     spread: float = 1.0,
     center: CenterMethod = "torsion",
@@ -183,9 +184,10 @@ def surface_map(
 ) -> SurfaceMap:
     """Map any surface conformally onto disks: clean it, cut it open, map each component.
 
-    What can be repaired without changing the shape is: flipped faces are oriented, vertices where
-    fans of faces meet are split, sheets that meet in an edge of three or more faces are parted.
-    Where a disk would shrink a part of the surface, the cut is led to its tip.
+    What can be repaired without changing the shape is: vertices of equal coordinates are merged
+    along seams, flipped faces oriented, vertices where fans of faces meet split, sheets that meet
+    in an edge of three or more faces parted. Where a disk would shrink a part of the surface, the
+    cut is led to its tip.
 
     Parameters
     ----------
@@ -195,6 +197,9 @@ def surface_map(
         Corners of the faces.
     polygon_of_face : (m,) array_like of integers, optional
         As in `cut`: which polygon each face is a part of; polygons are not parted.
+    merge : bool
+        Merge vertices of equal coordinates along seams, where two edges lie in the same place,
+        each with a face of its own. Sheets that only touch stay apart.
     fill : bool
         Fill all boundary loops but the outermost of each component while mapping; those faces
         are not returned. It distorts less than a cut to them. False cuts.
@@ -241,7 +246,7 @@ def surface_map(
     options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset, solver)
     start = perf_counter()
     given, faces = usable_arrays(V, F)
-    sheets = oriented_sheets(given, faces, polygon_of_face)
+    sheets = oriented_sheets(given, faces, polygon_of_face, merge)
     charts, done = [], 0.0
     for component in split_components(sheets.V, sheets.F, sheets.vertices, sheets.polygon):
         share = len(component.rows) / len(sheets.F)
@@ -250,7 +255,7 @@ def surface_map(
         done += share
     if progress:
         progress("done", 1.0)
-    made = _together(given.astype(np.float64), faces, sheets, charts)
+    made = _together(given.astype(np.float64), sheets, charts)
     mapping = sum(made.timings.values())
     return replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
 
@@ -270,8 +275,9 @@ def _part_of(progress: Progress | None, done: float, share: float) -> Progress |
     return advance
 
 
-def _together(V: Floats, F: Ints, sheets: Sheets, charts: list[Chart]) -> SurfaceMap:
+def _together(V: Floats, sheets: Sheets, charts: list[Chart]) -> SurfaceMap:
     """Put the maps of all components back into the rows of the given faces."""
+    F = sheets.given
     uv, face_disk = np.full((len(F), 3, 2), np.nan), np.full(len(F), -1)
     corners = -1 - np.arange(F.size).reshape(F.shape)
     count, areas = 0, []

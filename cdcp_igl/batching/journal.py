@@ -19,6 +19,7 @@ except ModuleNotFoundError:  # Windows: two batches in one folder are not kept a
 
 from ..errors import printable
 from ..io.output import whole_file
+from ..printing import finite
 from .names import Shard
 
 DONE, FAILED, REFUSED = "done", "failed", "refused"
@@ -113,10 +114,7 @@ class Record:
 
     def values(self) -> dict[str, Any]:
         """Return the record as JSON types."""
-        return {
-            name: None if isinstance(value, float) and not math.isfinite(value) else value
-            for name, value in asdict(self).items()
-        }
+        return finite(asdict(self))
 
     @classmethod
     def from_line(cls, line: str) -> Record:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -100,6 +100,7 @@ def batch(
     disk: bool = False,
     clean: bool = False,
     cut: bool = False,
+    onto: Literal["sphere"] | None = None,
     retry: bool = False,
     time_limit: float = np.inf,
     memory_limit: float = np.inf,
@@ -141,6 +142,8 @@ def batch(
         in its order.
     cut : bool
         Map surfaces that are no disks as well, see `cdcp_igl.surface_map`.
+    onto : {"sphere"} or None
+        Map closed surfaces onto the sphere, see `cdcp_igl.sphere_map`.
     retry : bool
         Try again what failed in a former run.
     time_limit, memory_limit : float
@@ -184,7 +187,7 @@ def batch(
     >>> [(record.name, record.status, record.error) for record in made.records]
     [('cap', 'done', ''), ('torn', 'failed', 'MeshError')]
     """
-    settings = Settings(disk=disk, clean=clean, cut=cut, options=options)
+    settings = Settings(disk=disk, clean=clean, cut=cut, options=options, onto=onto)
     _check_format(format)
     limits = {"time_limit": time_limit, "memory_limit": memory_limit}
     if executor is not None and (jobs, *limits.values()) != (1, np.inf, np.inf):

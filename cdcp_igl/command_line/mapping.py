@@ -77,8 +77,8 @@ def map_command(
 
     name, notes = printable(source.name), list[str]()
     with exit_codes():
-        disk, clean, cut = (options.pop(flag) for flag in ("disk", "clean", "cut"))
-        settings = Settings(disk, clean, cut, options)
+        disk, clean, cut, onto = (options.pop(key) for key in ("disk", "clean", "cut", "onto"))
+        settings = Settings(disk, clean, cut, options, onto)
         if picture or view:
             with from_extra("plot"):
                 import matplotlib  # noqa: F401
@@ -100,7 +100,7 @@ def map_command(
                     write_text(report, json.dumps(mapped.report(), indent=2) + "\n")
                 mapped.write(out, source, settings)
     if not quiet:
-        if not cut:  # the summary of a surface that was cut has them
-            notes += mapped.changes
         title, pairs = mapped.result.summary()
+        said = [text for _, text in pairs]  # by a surface that was cut
+        notes += [change for change in mapped.changes if change not in said]
         show_pairs(title, [*pairs, *(("note", note) for note in notes)])

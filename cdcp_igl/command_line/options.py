@@ -51,13 +51,20 @@ def _map_options(
         "--clean",
         help="Clean the surface first and say how: merge equal vertices, drop bad faces, orient, "
         "keep the largest component, fill holes. OUT has what is left of IN, in its order, "
-        "without the filling.",
+        "without the filling. With --cut, what is left is cut open.",
     ),
     cut: bool = typer.Option(
         False,
         "--cut",
-        help="Map a surface that is no disk: closed, with handles, holes or several parts. It is "
-        "cut open, and each part mapped; texture coordinates show the disks side by side.",
+        help="Map a surface that is no disk: closed, with handles, holes or several parts. Equal "
+        "vertices are merged along seams, it is cut open, and each part mapped; texture "
+        "coordinates show the disks side by side.",
+    ),
+    sphere: bool = typer.Option(
+        False,
+        "--sphere",
+        help="Map a closed surface without handles onto the sphere; texture coordinates show two "
+        "hemispheres side by side, and an .npz file has its points, too.",
     ),
     center: str | None = typer.Option(
         None,
@@ -95,7 +102,7 @@ def _map_options(
         None, metavar="paper", help="Follow the paper; sets --center and --mobius itself."
     ),
 ) -> dict[str, Any]:
-    """Return `disk`, `clean` and `cut`, and those options of `disk_map` that were given."""
+    """Return `disk`, `clean`, `cut`, `onto`, and those options of the map that were given."""
     options = {
         "center": int(center) if center and center.isdecimal() else center,
         "mobius": mobius,
@@ -108,7 +115,8 @@ def _map_options(
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     if mobius == "none":
         given["mobius"] = None
-    return {"disk": disk, "clean": clean, "cut": cut, **given}
+    onto = "sphere" if sphere else None
+    return {"disk": disk, "clean": clean, "cut": cut, "onto": onto, **given}
 
 
 def _row_or_direction(text: str) -> int | list[float] | str:

@@ -51,10 +51,6 @@ class Raster:
         corners = values[self.F[self.face[self.seen]]]
         return np.einsum("sk,sk...->s...", self.weights[self.seen], corners)
 
-    def on_faces(self, values: Floats) -> Floats:
-        """Look up values (m, ...) on the faces: one row for each sample that is seen."""
-        return values[self.face[self.seen]]
-
     def image(self, colors: Floats) -> Bytes:
         """Paint the samples that are seen, (s, 3) in [0, 1], and average them to pixels.
 

@@ -10,7 +10,7 @@ from ..arrays import Floats, Ints, as_complex, coordinates
 from ..distortion import angle_distortion
 from ..extras import from_extra
 from ..surface.validation import checked_surface
-from .raster import SAMPLES, Bytes, frame, in_picture, rasterize
+from .raster import Bytes, frame, rasterize
 from .viewpoint import choose_viewpoint
 
 with from_extra("plot"):
@@ -21,7 +21,6 @@ Extent = tuple[float, float, float, float]
 LIGHT = np.array([-0.35, 0.5, 0.79])  # from above left, behind the viewer
 SQUARES = 24  # of the checkerboard, across the diameter of the disk
 DARK, BRIGHT = np.array([0.0, 0.447, 0.698]), np.array([0.97, 0.97, 0.95])  # its colours
-NEAR = 0.03  # of the width: how far behind what is seen a point counts as seen
 SCALE = "viridis"  # of the angular distortion: even steps, also without colour vision
 
 
@@ -68,7 +67,7 @@ class Scene:
     def distortion(self, uv: Floats, most: float) -> Bytes:
         """Return the surface by angular distortion, mean of a face's corners, 0 to `most`."""
         degrees = angle_distortion(self._V, self._F, uv).mean(axis=1)
-        colors = colormaps[SCALE](self.surface.on_faces(degrees) / most)[:, :3]
+        colors = colormaps[SCALE](degrees[self.surface.face[self.surface.seen]] / most)[:, :3]
         return self.surface.image(self._light * colors)
 
     def _turned(self, uv: Floats) -> Floats:
@@ -77,15 +76,6 @@ class Scene:
             return uv
         turn = np.exp(1j * angle_to_view(self.points, self._normals, uv))
         return coordinates(as_complex(uv) * turn)
-
-    def locate(self, face: int) -> tuple[float, float, bool]:
-        """Return where a face is in the picture, right and down, and whether one sees it."""
-        x, y = in_picture(self.points, self._pixels)[self._F[face]].mean(axis=0)
-        sample = int(SAMPLES * y), int(SAMPLES * x)
-        hiding = self._F[self.surface.face[sample]]
-        depth = self.points[self._F[face], 2].mean()
-        nearest = self.surface.weights[sample] @ self.points[hiding, 2]
-        return x, y, bool(depth > nearest - NEAR * np.ptp(self.points[:, :2], axis=0).max())
 
 
 def angle_to_view(points: Floats, normals: Floats, uv: Floats) -> float:

@@ -62,10 +62,7 @@ def page(
     given = _given(fields, layout.vertices)
     image = None if texture is None else _image(texture)
     about, arrays = _geometry(V, F, uv, turned=layout.turns)
-    if (layout.vertices != np.arange(len(V))).any():
-        arrays["vertexOrder"] = layout.vertices
-    if len(layout.faces) and (layout.faces != np.arange(len(F))).any():
-        arrays["faceOrder"] = layout.faces
+    arrays |= {"vertexOrder": layout.vertices, "faceOrder": layout.faces}
     colorings: list[dict[str, Any]] = [
         {"name": "normals", "kind": "normals"},
         {"name": "checkerboard", "kind": "checkerboard"},
@@ -78,10 +75,7 @@ def page(
         about["image"] = image
         colorings.append({"name": "texture", "kind": "image"})
 
-    reordered = _reordered(arrays, uv, F)
-    data, other = _pack(arrays), _pack(reordered)
-    if len(other) < len(data):
-        data, arrays = other, reordered
+    arrays = _reordered(arrays, uv, F)
     about |= {
         "arrays": [(name, len(array)) for name, array in arrays.items()],
         "colorings": colorings,
@@ -99,7 +93,7 @@ def page(
         poster=poster(layout),
         # A closing tag in a name would end the script element.
         about=json.dumps(about).replace("<", "\\u003c"),
-        data=data,
+        data=_pack(arrays),
     )
 
 
@@ -143,8 +137,8 @@ def _rim_and_cut(V: Floats, F: Ints) -> tuple[Ints, Ints]:
 def _reordered(arrays: Mapping[str, Ints], uv: Floats, F: Ints) -> dict[str, Ints]:
     """Put vertices and faces in an order in which neighbours follow one another.
 
-    Vertices come along a Z-shaped curve in the plane, faces by their vertices. Arrays of the rows
-    that they had are added.
+    Vertices come along a Z-shaped curve in the plane, faces by their vertices. Those of the
+    rows that they had stay with them.
     """
     vertices = z_order(as_complex(uv))
     rank = places(vertices, len(uv))
@@ -157,8 +151,7 @@ def _reordered(arrays: Mapping[str, Ints], uv: Floats, F: Ints) -> dict[str, Int
         if name not in ("faces", "faceOrder")
     }
     new["faces"] = np.take_along_axis(corners, (first + np.arange(3)) % 3, axis=1).ravel()
-    rows = arrays["faceOrder"][faces] if "faceOrder" in arrays else faces
-    return {"vertexOrder": vertices} | new | {"faceOrder": rows}
+    return new | {"faceOrder": arrays["faceOrder"][faces]}
 
 
 def _measured(V: Floats, F: Ints, uv: Floats) -> list[tuple[dict[str, Any], Floats]]:

@@ -1,20 +1,17 @@
-"""Harmonic map with the boundary on the circle by arc length, by libigl; Tutte embedding."""
+"""Harmonic map with the boundary on the circle by arc length, by libigl."""
 
 from __future__ import annotations
 
-import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_matrix, diags
 
 from .. import libigl
-from ..arrays import Complex, Floats, as_complex, coordinates
+from ..arrays import Floats, as_complex, coordinates
 from ..rescue.boundary import arc_length_map
 from ..surface.mesh import DiskMesh
 from .certified import certified_disk_map
-from .dirichlet import Dirichlet
 
 
-def harmonic(V: ArrayLike, F: ArrayLike, *, tutte: bool = False) -> Floats:
+def harmonic(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk harmonically onto the unit disk, the boundary by arc length.
 
     Onto the disk, but not conformal: nothing makes the boundary fit the angles.
@@ -25,9 +22,6 @@ def harmonic(V: ArrayLike, F: ArrayLike, *, tutte: bool = False) -> Floats:
         Vertex positions, in any unit.
     F : (m, 3) array_like of integers
         Corners of the faces, counterclockwise seen from outside.
-    tutte : bool
-        Uniform weights instead of cotangents: every interior vertex in the middle of its
-        neighbours, so that no face can flip.
 
     Returns
     -------
@@ -49,8 +43,6 @@ def harmonic(V: ArrayLike, F: ArrayLike, *, tutte: bool = False) -> Floats:
     M. Eck, T. DeRose, T. Duchamp, H. Hoppe, M. Lounsbery, W. Stuetzle. Multiresolution
     analysis of arbitrary meshes. SIGGRAPH 1995.
 
-    W. T. Tutte. How to draw a graph. Proc. London Math. Soc. 13, 1963.
-
     Examples
     --------
     >>> import numpy as np
@@ -62,15 +54,6 @@ def harmonic(V: ArrayLike, F: ArrayLike, *, tutte: bool = False) -> Floats:
     np.float64(1.0)
     """
     mesh = DiskMesh(V, F)
-    f_B = arc_length_map(mesh)
-    return certified_disk_map(mesh, _tutte(mesh, f_B) if tutte else _harmonic(mesh, f_B))
-
-
-def _harmonic(mesh: DiskMesh, f_B: Complex) -> Complex:
-    return as_complex(libigl.harmonic(mesh.V, mesh.F, mesh.loop, coordinates(f_B)))
-
-
-def _tutte(mesh: DiskMesh, f_B: Complex) -> Complex:
-    edges = csr_matrix(libigl.adjacency_matrix(mesh.F), dtype=float)
-    valence = np.asarray(edges.sum(axis=1)).ravel()
-    return Dirichlet(diags(valence, format="csr") - edges, mesh.loop).solve(f_B)
+    f_B = coordinates(arc_length_map(mesh))
+    uv = libigl.harmonic(mesh.V, mesh.F, mesh.loop, f_B)
+    return certified_disk_map(mesh, as_complex(uv))

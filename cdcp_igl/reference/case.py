@@ -25,6 +25,7 @@ from ..certificate import certify
 from ..distortion import AngleDistortion, angle_distortion, area_distortion
 from ..errors import MapError, SolverError
 from ..io.output import whole_file
+from ..printing import finite
 from ..processes import cause_of_death, peak_memory, resident
 from ..result.disk_map import DiskMap
 from ..surface.mesh import DiskMesh
@@ -83,11 +84,7 @@ class Case:
 
     def as_json(self) -> dict[str, Any]:
         """Return all but the details as JSON types, None for what is not a finite number."""
-        return {
-            name: None if isinstance(value, float) and not np.isfinite(value) else value
-            for name, value in asdict(self).items()
-            if name in FIELDS
-        }
+        return finite({name: getattr(self, name) for name in FIELDS})
 
 
 FIELDS = tuple(field.name for field in fields(Case) if field.name != "details")

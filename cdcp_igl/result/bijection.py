@@ -160,42 +160,6 @@ class Bijection:
         found = np.einsum("pk,pk...->p...", barycentric.reshape(-1, 3), corners)
         return found.reshape(face.shape + at_vertices.shape[1:])
 
-    def bake(self, values: ArrayLike, size: int = 1024) -> Floats:
-        """Bake values at the vertices, such as colours, to an image of the disk.
-
-        Parameters
-        ----------
-        values : (n, ...) array_like
-            A row a vertex.
-        size : int
-            Pixels along each side of the square around the disk.
-
-        Returns
-        -------
-        (size, size, ...) float64
-            The top row lies at v = 1. Pixels outside of the disk have the values of the
-            nearest point on the circle, so that filtered textures show no rim.
-
-        Raises
-        ------
-        ValueError
-            If `values` has not a row for each vertex or is complex, or `size` is not positive.
-
-        Examples
-        --------
-        >>> import cdcp_igl
-        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
-        >>> image = cdcp_igl.disk_map(V, F).bake(V, size=64)
-        >>> image.shape
-        (64, 64, 3)
-        """
-        if not size >= 1:
-            raise ValueError(f"size must be at least 1, not {size!r}")
-        z = _pixel_centers(size)
-        z /= np.maximum(abs(z), 1)
-        baked = self.interpolate(values, coordinates(z))
-        return baked.reshape(size, size, *baked.shape[1:])
-
     def pull_back(self, values: ArrayLike) -> Floats:
         """Pull an image of the disk back to the vertices of the surface.
 
@@ -299,12 +263,6 @@ class Bijection:
                 f"values has shape {at_vertices.shape}; it must have {len(self.uv)} rows"
             )
         return at_vertices
-
-
-def _pixel_centers(size: int) -> Complex:
-    """(size * size,) centres of the pixels of the square from -1 to 1, row by row, top first."""
-    x = (2 * np.arange(size) + 1) / size - 1
-    return (x[None, :] - 1j * x[:, None]).ravel()
 
 
 def _bilinear(image: Floats, z: Complex) -> Floats:

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints, distinct_rows
-from ..defects import DEFECTS
+from ..defects import DEFECTS, IN_PYTHON, IN_SHELL
 from ..errors import Defect, counted, spell
 from ..printing import as_html
-from .topology import Topology, duplicate_faces, outer_loop
+from .topology import Topology, duplicate_faces, outer_loop, sewn
 from .triangles import corner_cotangents, degenerate_faces
 from .validation import read, unit_size
 
@@ -69,6 +69,7 @@ class MeshReport:
     n_loops: int | None = None
     genus: int | None = None
     defects: tuple[Defect, ...] = ()
+    _seams: bool = False  # whether vertices are there twice along them
 
     @property
     def is_disk(self) -> bool:
@@ -95,19 +96,30 @@ class MeshReport:
         return self._next_step(in_shell=False)
 
     def _next_step(self, in_shell: bool) -> str:
+
+        def step(call: str, does: str) -> str:
+            command = IN_SHELL[call]
+            return f"{command} {does}" if in_shell else f"{IN_PYTHON[call]} {does} ({command})"
+
         if self.is_disk:
-            return "cdcp_igl.disk_map maps it (cdcp-igl map)."
-        rows = [DEFECTS[defect.name] for defect in self.defects]
-        flat = [d.indices for d in self.defects if d.name == "degenerate face"]
-        nothing_left = bool(flat) and len(flat[0]) == self.n_faces
-        if not nothing_left and all(row.cleaned for row in rows):
-            step = "cdcp_igl.clean mends it (cdcp-igl map --clean)"
-            if self.genus is None or self.n_components > 1:
-                step = "cdcp_igl.clean mends its largest part (cdcp-igl map --clean)"
-            return step + ("; or: " + _CUT_STEP if any(row.cut for row in rows) else ".")
-        if not nothing_left and all(row.cleaned or row.cut for row in rows):
-            return _CUT_STEP
-        return self.defects[0].remedy_in_shell if in_shell else self.defects[0].remedy
+            return step("disk_map", "maps it") + "."
+        for defect in self.defects:
+            row = DEFECTS[defect.name]
+            flat = defect.name == "degenerate face" and len(defect.indices) == self.n_faces
+            if flat or not (row.cleaned or row.cut):
+                return defect.remedy_in_shell if in_shell else defect.remedy
+        names = [defect.name for defect in self.defects]
+        rows = [DEFECTS[name] for name in names]
+        clean, cut = step("clean", "mends it"), step("surface_map", "cuts it open and maps it")
+        # Elsewhere what is left after cleaning may be closed, or have handles.
+        sure = self.genus is not None and self.n_components == 1 and not self._seams
+        if sure and all(row.cleaned for row in rows):
+            return clean + (f"; or: {cut}." if self.kind != "disk" else ".")
+        if self.kind == "genus 0, closed" and names == ["closed surface"]:
+            return f"{step('sphere_map', 'maps it onto a sphere')}; or: {cut}."
+        if all(row.cut for row in rows):
+            return cut + "."
+        return f"{IN_SHELL['clean']} --cut mends and maps it." if in_shell else f"{clean}, {cut}."
 
     def report(self) -> dict[str, Any]:
         """Return all of it.
@@ -193,9 +205,6 @@ class MeshReport:
         return "\n".join([counts, verdict, *found, f"Next: {self._next_step(in_shell)}"])
 
 
-_CUT_STEP = "cdcp_igl.surface_map cuts it open and maps it (cdcp-igl map --cut)."
-
-
 def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
     """Examine a mesh and report every defect; raise nothing.
 
@@ -236,6 +245,7 @@ def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
         n_components=surface.components[0],
         n_loops=None if surface.genus is None else len(surface.loops),
         genus=surface.genus,
+        _seams=bool(found.defects) and sewn(found.V, surface.F)[1] > 0,
     )
 
 
@@ -324,7 +334,7 @@ def _defects_of_a_surface(surface: Topology, V: NDArray[Any]) -> Iterator[Defect
     if len(surface.loops) > n_parts:
         outer = outer_loop(V, surface.loops)
         holes = np.concatenate([loop for loop in surface.loops if loop is not outer])
-        row = "several boundary loops" + ("" if surface.genus else ", no handle")
-        yield Defect.of(row, holes, loops=len(surface.loops), outer=len(outer))
+        loops = len(surface.loops)
+        yield Defect.of("several boundary loops", holes, loops=loops, outer=len(outer))
     if surface.genus:
         yield Defect.of("handle", genus=surface.genus)

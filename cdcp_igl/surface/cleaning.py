@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Bools, Floats, Ints, distinct_rows, marked
+from ..arrays import Bools, Floats, Ints, marked
 from ..errors import Defect, MeshError, counted
 from .checking import check
 from .filling import fill_hole
-from .topology import Topology, duplicate_faces, outer_loop
+from .topology import Topology, duplicate_faces, outer_loop, sewn
 from .triangles import corner_cotangents, degenerate_faces
 from .validation import repeated_corners, unit_size, usable_arrays
 
@@ -55,7 +55,7 @@ def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
     """Mend what can be mended without guessing, so that the surface may become a disk.
 
     In this order: faces at a vertex with a NaN or infinite coordinate are dropped;
-    vertices with equal coordinates merged; faces with a repeated corner, duplicate and
+    vertices with equal coordinates merged along seams; faces with a repeated corner, duplicate and
     degenerate faces dropped; vertices where several fans of faces meet split, which also
     parts the sheets that meet in a non-manifold edge; the largest component kept, its
     faces oriented like the majority, and all holes filled. A hole is a boundary loop other
@@ -80,8 +80,7 @@ def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
     -------
     Cleaned
         What it cannot mend is left for `check` to find and `disk_map` to refuse: a handle,
-        a closed or a one-sided surface, sheets that hang together around both ends of a
-        non-manifold edge, and flat holes at another boundary.
+        a closed or a one-sided surface, and flat holes at another boundary.
 
     Raises
     ------
@@ -143,12 +142,8 @@ class _Surface:
         self._drop_faces(at_bad, "with a NaN or infinite coordinate")
 
     def merge_vertices(self) -> None:
-        rows = np.flatnonzero(self._topology().used)
-        first, group = distinct_rows(self.V[rows])  # the first stands for all that are equal
-        merged = np.arange(len(self.V))
-        merged[rows] = rows[first[group]]
-        self.F = merged[self.F]
-        self._say(len(rows) - len(first), "merged {} with an equal one", "vertex", "vertices")
+        self.F, n_merged = sewn(self.V, self.F)
+        self._say(n_merged, "merged {} with an equal one", "vertex", "vertices")
 
     def drop_faces(self) -> None:
         self._drop_faces(repeated_corners(self.F), "with a repeated corner")

@@ -286,6 +286,37 @@ def duplicate_faces(F: Ints) -> Ints:
     return np.setdiff1d(np.arange(len(F)), first)
 
 
+def sewn(V: Floats, F: Ints) -> tuple[Ints, int]:
+    """Merge vertices of equal coordinates along seams: the faces (m, 3), and how many went.
+
+    At a seam two edges lie in the same place, each with a face of its own. Sheets that only touch
+    have none, and stay apart. A loose triangle that repeats another gets its vertices.
+    """
+    n = len(V)
+    first, place = distinct_rows(V)
+    if len(first) == n:
+        return F, 0
+    at = place[F]
+    inner = np.sort(at, axis=1)
+    lead, which = distinct_rows(inner)
+    proper = lead[(np.diff(inner[lead]) > 0).all(axis=1)]
+    one, other = Topology(at[proper], n).twins
+    tail = tails(F[proper], n)
+    tail_at, head = place[tail], heads(tail)
+    aligned = tail_at[one] == tail_at[other]
+    loose = np.flatnonzero((np.bincount(F.ravel())[F] == 1).all(axis=1))
+    corners = np.take_along_axis(F, np.argsort(at, axis=1), axis=1)
+    rows = [tail[one], head[one], corners[loose].ravel()]
+    columns = [
+        np.where(aligned, tail[other], head[other]),
+        np.where(aligned, head[other], tail[other]),
+        corners[lead[which[loose]]].ravel(),
+    ]
+    n_left, group = components_of_pairs(np.concatenate(rows), np.concatenate(columns), n)
+    _, kept = np.unique(group, return_index=True)
+    return kept[group[F]], n - n_left
+
+
 def outer_loop(V: Floats, loops: list[Ints]) -> Ints:
     """Choose the loop that reaches farthest, by the diagonal of its box.
 

@@ -106,18 +106,12 @@ PLOTS = (
         cost.mobius,
     ),
     Plot(
-        "factorizations.png",
-        "Time in factorizations",
-        "Wall time of all methods as a multiple of one CHOLMOD analysis and factorization of the "
-        f"interior Laplacian, measured in the same run. {TABLES}.",
-        cost.factorizations,
-    ),
-    Plot(
         "factorizations-repeated.png",
-        "Time in factorizations, repeated runs",
-        "The same for fewer methods: medians of repeated runs in fresh processes, the methods "
-        "taking turns; the lines go from the fastest to the slowest run.",
-        cost.repeated,
+        "Time in factorizations",
+        "Wall time as a multiple of one CHOLMOD analysis and factorization of the interior "
+        "Laplacian: medians of repeated runs in fresh processes, the methods taking turns; the "
+        "lines go from the fastest to the slowest run.",
+        cost.factorizations,
     ),
     Plot(
         "phases.png",
@@ -140,13 +134,5 @@ PLOTS = (
         "them (Dolan and Moré 2002). Where a curve starts: how often it is the best; where it "
         "ends: how often it gives a valid map.",
         many.performance_profiles,
-    ),
-    Plot(
-        "quartiles.png",
-        "Distortion and time over all surfaces",
-        "Median and quartiles in a box, lines to the least and the greatest, over the surfaces "
-        "that a method has mapped: who fails on the hard ones has the lower numbers. LSCM has a "
-        "free boundary: compare it on angles only.",
-        many.quartiles,
     ),
 )

@@ -78,18 +78,9 @@ def _growth(measured: Measured, name: str, label: str) -> Figure:
 
 
 def factorizations(measured: Measured) -> Figure:
-    """Time of all methods as a multiple of one factorization of L_II."""
-    return _factorizations(measured, "tables", COMPARED)
-
-
-def repeated(measured: Measured) -> Figure:
-    """Time of fewer methods, by repeated runs."""
-    return _factorizations(measured, "speed", REPEATED)
-
-
-def _factorizations(measured: Measured, section: str, wanted: Sequence[str]) -> Figure:
-    measured.require(section, ("factor",))
-    results, methods = measured.require(section, wanted)
+    """Time as a multiple of one factorization of L_II, by repeated runs."""
+    measured.require("speed", ("factor",))
+    results, methods = measured.require("speed", REPEATED)
     unit = results.values("factor", "seconds")
     plotted = [
         replace(one, values=one.values / unit, spread=one.spread / unit)

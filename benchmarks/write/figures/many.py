@@ -1,15 +1,14 @@
-"""Figures over many surfaces: performance profiles and quartiles."""
+"""Performance profiles: figures over many surfaces."""
 
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...records.comparison import profiles
 from ...records.results import Measured, NotMeasured, Section
 from .accuracy import COMPARED
-from .style import FAINT, INK, LEAST, STYLES, legend, log_scale, new, style
+from .style import INK, STYLES, legend, log_scale, new, style
 
 FEWEST = 3  # surfaces, below which a share says nothing
 FARTHEST = 20  # times the best, where a profile ends
@@ -45,38 +44,6 @@ def performance_profiles(measured: Measured) -> Figure:
     panels[0, 0].set_ylabel("% of surfaces", fontsize=10, color=INK)
     legend(figure, panels[0, 0], len(methods))
     return figure
-
-
-def quartiles(measured: Measured) -> Figure:
-    """Median, quartiles and range of distortion and time, a box a method."""
-    results, methods = measured.require("tables", _shown(measured))
-    _enough(results)
-    labels = {"mean": "mean angular distortion, degrees", "sd": "SD, degrees", "seconds": "seconds"}
-    figure, panels = new(11, 1.2 + 0.3 * len(methods), ncols=len(labels))
-    for axes, (name, label) in zip(panels[0], labels.items(), strict=True):
-        _boxes(axes, results, methods, name)
-        axes.set_xlabel(label, fontsize=10, color=INK)
-        if axes is not panels[0, 0]:
-            axes.set_yticklabels([])
-    return figure
-
-
-def _boxes(axes: Axes, results: Section, methods: list[str], name: str) -> None:
-    values = [results.values(method, name) for method in methods]
-    drawn = axes.boxplot(
-        [of[np.isfinite(of)] for of in values],
-        orientation="horizontal",
-        whis=(0, 100),
-        widths=0.6,
-        patch_artist=True,
-        tick_labels=[style(method).label for method in methods],
-        medianprops={"color": INK},
-    )
-    for box, method in zip(drawn["boxes"], methods, strict=True):
-        box.set(facecolor=style(method).color, edgecolor=FAINT, alpha=0.7)
-    axes.invert_yaxis()
-    log_scale(axes, "x")
-    axes.set_xlim(left=max(axes.get_xlim()[0], np.nanmedian(np.concatenate(values)) / LEAST))
 
 
 def _disk_methods(measured: Measured) -> tuple[Section, list[str]]:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from matplotlib.figure import Figure
 
+from cdcp_igl.arrays import Ints
+from cdcp_igl.plot.raster import SAMPLES, in_picture
 from cdcp_igl.plot.scene import Scene
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.surface.mesh import DiskMesh
@@ -19,6 +22,7 @@ LARGEST = 100_000  # vertices of a model with centres, where those are not at ha
 PIXELS = 280
 IMAGES = 180  # pixels of a surface or disk among many
 PAIRS = 4  # of surface and disk, across
+NEAR = 0.03  # of the width: how far behind what is seen a point counts as seen
 
 # Open markers of growing size: they are all seen where they coincide.
 MARKS = {
@@ -55,7 +59,7 @@ def _centers(measured: Measured, names: Sequence[str]) -> Figure:
         axes.set_title(model_name(model, len(V)), fontsize=10, color=INK)
         for name in names:
             label, color, marker, size = MARKS[name]
-            x, y, visible = scene.locate(CENTERS[name](surface).face)
+            x, y, visible = _located(scene, surface.mesh.F, CENTERS[name](surface).face)
             axes.plot(
                 *(x, y, marker),
                 label=label,
@@ -68,6 +72,16 @@ def _centers(measured: Measured, names: Sequence[str]) -> Figure:
             )
     legend(figure, panels[0, 0], len(names))
     return figure
+
+
+def _located(scene: Scene, F: Ints, face: int) -> tuple[float, float, bool]:
+    """Return where a face is in the picture, right and down, and whether one sees it."""
+    x, y = in_picture(scene.points, PIXELS)[F[face]].mean(axis=0)
+    sample = int(SAMPLES * y), int(SAMPLES * x)
+    hiding = F[scene.surface.face[sample]]
+    nearest = scene.surface.weights[sample] @ scene.points[hiding, 2]
+    depth = scene.points[F[face], 2].mean()
+    return x, y, bool(depth > nearest - NEAR * np.ptp(scene.points[:, :2], axis=0).max())
 
 
 def images(measured: Measured) -> Figure:

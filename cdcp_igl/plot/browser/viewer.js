@@ -314,14 +314,14 @@ function start(scene, gl, image) {
       lines.mark = strokes(gl, pen, scene, [i, j, j, k, k, i]);
       const nearest = [i, j, k][found.weights.indexOf(Math.max(...found.weights))];
       const { faceOrder, vertexOrder } = scene.arrays;
-      const face = faceOrder ? faceOrder[found.face] : found.face;
+      const face = faceOrder[found.face];
       const [u, v] = [0, 1].map((c) => [i, j, k].reduce((sum, at, n) => sum + about.scale * found.weights[n] * scene.UV[2 * at + c], about.middle[c]));
       const values = about.colorings.filter((c) => c.kind === "values").map((c) => {
         const x = c.low + ((c.high - c.low) * scene.arrays[c.array][nearest]) / 255;
         return `${c.name} ${x.toPrecision(3)}${c.unit}`;
       });
       readout.textContent = [`face ${face.toLocaleString("en")}`,
-        `vertex ${(vertexOrder ? vertexOrder[nearest] : nearest).toLocaleString("en")}`,
+        `vertex ${vertexOrder[nearest].toLocaleString("en")}`,
         `(${u.toFixed(4)}, ${v.toFixed(4)})`, ...values].join("  ·  ");
       readout.dataset.face = face;
     } else {
