@@ -1,5 +1,6 @@
 from . import datasets, io, plot, reference
 from .algorithm import cdcp, disk_map
+from .annulus import AnnulusMap, annulus_map
 from .atlas.cutting import Cut, cut
 from .atlas.surface import SurfaceMap, surface_map
 from .batching import Batch, batch
@@ -22,6 +23,7 @@ from .surface.cleaning import Cleaned, clean
 
 __all__ = [
     "AngleDistortion",
+    "AnnulusMap",
     "Batch",
     "Certificate",
     "Cleaned",
@@ -39,6 +41,7 @@ __all__ = [
     "SphereMap",
     "SurfaceMap",
     "angle_distortion",
+    "annulus_map",
     "area_distortion",
     "batch",
     "cdcp",

@@ -195,7 +195,7 @@ def certify(mesh: DiskMesh, uv: Floats) -> Certificate:
         return not_finite(mesh)
     f = as_complex(uv)
     boundary = f[mesh.loop]
-    turns, monotone = _around(boundary)
+    turns, monotone = around(boundary)
     flipped, n_exact = flipped_faces(f, mesh.F)
     return Certificate(
         finite=True,
@@ -212,7 +212,7 @@ def not_finite(mesh: DiskMesh) -> Certificate:
     return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)
 
 
-def _around(boundary: Complex) -> tuple[int, bool]:
+def around(boundary: Complex) -> tuple[int, bool]:
     """Winding number about 0, and whether it is 1 with every arc forward."""
     arcs = increments(boundary)
     turns = round(arcs.sum() / (2 * np.pi))

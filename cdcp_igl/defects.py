@@ -17,6 +17,7 @@ IN_PYTHON = {
     "surface_map": "cdcp_igl.surface_map",
     "disk_map": "cdcp_igl.disk_map",
     "sphere_map": "cdcp_igl.sphere_map",
+    "annulus_map": "cdcp_igl.annulus_map",
     "batch": "cdcp_igl.batch",
 }
 IN_SHELL = {
@@ -26,6 +27,7 @@ IN_SHELL = {
     "surface_map": "cdcp-igl map --cut",
     "disk_map": "cdcp-igl map",
     "sphere_map": "cdcp-igl map --sphere",
+    "annulus_map": "cdcp-igl map --annulus",
     "batch": "cdcp-igl batch",
 }
 
@@ -191,7 +193,7 @@ DEFECTS = {
     ),
     "boundary": Row(
         "The boundary loops of the surface are {loops:,}, a sphere has none",
-        "{disk_map} maps a surface with one, {surface_map} all others.",
+        "{disk_map} maps a surface with one, {annulus_map} with two or more.",
     ),
     "several boundary loops": Row(
         "{loops:,} boundary loops, the outer one with {outer:,} vertices",
@@ -199,6 +201,9 @@ DEFECTS = {
         kind="vertices",
         cleaned=True,
         cut=True,
+    ),
+    "one boundary loop": Row(
+        "The surface has one boundary loop, an annulus has two", "{disk_map} maps it."
     ),
     "handle": Row(
         "The surface has genus {genus}, a disk has 0",

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .algorithm import disk_map
+from .annulus import AnnulusMap, annulus_map
 from .arrays import Ints
 from .atlas.surface import SurfaceMap, surface_map
 from .io import write_map
@@ -29,7 +30,8 @@ Array = NDArray[Any]
 
 ONLY_OF_CUT = ("fill", "spread")  # options that `surface_map` has and `disk_map` has not
 # What a surface may be mapped onto, besides disks, and the options of that.
-TARGETS: dict[str, tuple[Callable[..., SphereMap], set[str]]] = {
+TARGETS: dict[str, tuple[Callable[..., SphereMap | AnnulusMap], set[str]]] = {
+    "annulus": (annulus_map, {"solver"}),
     "sphere": (sphere_map, {"mobius", "solver"}),
 }
 
@@ -65,7 +67,8 @@ class Settings:
     def _check_target(self, onto: str) -> None:
         if onto not in TARGETS:
             raise ValueError(f"onto must be one of {', '.join(TARGETS)}, not {onto!r}")
-        others = [name for name in ("disk", "cut") if getattr(self, name)]
+        cleaned = ("clean",) if onto == "annulus" else ()  # which would fill the holes
+        others = [name for name in ("disk", "cut", *cleaned) if getattr(self, name)]
         if others := others + sorted(set(self.options) - TARGETS[onto][1]):
             raise ValueError(f"{', '.join(others)}: no option of a map onto the {onto}")
 
@@ -79,7 +82,7 @@ class Mapped:
     V : (n, 3) ndarray
     F : (m, 3) ndarray
         The surface that was mapped: as it was given, or cleaned.
-    result : DiskMap, SurfaceMap or SphereMap
+    result : DiskMap, SurfaceMap, SphereMap or AnnulusMap
     changes : tuple of str
         What was changed before, a sentence each.
     n_written : int
@@ -95,7 +98,7 @@ class Mapped:
 
     V: Array
     F: Array
-    result: DiskMap | SurfaceMap | SphereMap
+    result: DiskMap | SurfaceMap | SphereMap | AnnulusMap
     changes: tuple[str, ...]
     n_written: int
     written: Ints
@@ -120,7 +123,7 @@ class Mapped:
             write_map(target, V, F, result, disk=settings.disk, like=source)
             return
         V, F = V[: self.n_written], F[self.written]
-        rows = slice(self.n_written) if isinstance(result, DiskMap) else self.written
+        rows = slice(self.n_written) if result.uv.ndim == 2 else self.written
         if suffix == ".npz":
             arrays = dict(self.indices)
             if isinstance(result, SphereMap):

@@ -51,6 +51,7 @@ def raised_outside_of_check(folder):
     yield lambda: cdcp_igl.angle_distortion(V, F, np.full((len(V), 2), np.nan))
     yield lambda: DiskMesh(V, F).moved(V[:-1])
     yield lambda: cdcp_igl.sphere_map(V, F)
+    yield lambda: cdcp_igl.annulus_map(V, F)
     yield lambda: cdcp_igl.disk_map(*torus())
     np.savez(folder / "columns.npz", V=V.T, F=F.T)
     files = {"mesh.txt": "", "mesh.off": "3 1 0\n", "mesh.obj": "v 0 0 0\nv 1 0 0\nf 1 2\n"}

@@ -100,7 +100,7 @@ def batch(
     disk: bool = False,
     clean: bool = False,
     cut: bool = False,
-    onto: Literal["sphere"] | None = None,
+    onto: Literal["sphere", "annulus"] | None = None,
     retry: bool = False,
     time_limit: float = np.inf,
     memory_limit: float = np.inf,
@@ -142,8 +142,9 @@ def batch(
         in its order.
     cut : bool
         Map surfaces that are no disks as well, see `cdcp_igl.surface_map`.
-    onto : {"sphere"} or None
-        Map closed surfaces onto the sphere, see `cdcp_igl.sphere_map`.
+    onto : {"sphere", "annulus"} or None
+        Map closed surfaces onto the sphere, see `cdcp_igl.sphere_map`, or those with two boundary
+        loops onto rings, see `cdcp_igl.annulus_map`.
     retry : bool
         Try again what failed in a former run.
     time_limit, memory_limit : float

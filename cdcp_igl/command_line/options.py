@@ -66,6 +66,11 @@ def _map_options(
         help="Map a closed surface without handles onto the sphere; texture coordinates show two "
         "hemispheres side by side, and an .npz file has its points, too.",
     ),
+    annulus: bool = typer.Option(
+        False,
+        "--annulus",
+        help="Map a surface with two boundary loops onto a ring; more loops are filled meanwhile.",
+    ),
     center: str | None = typer.Option(
         None,
         metavar="torsion|heat|centroid|FACE",
@@ -115,7 +120,9 @@ def _map_options(
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     if mobius == "none":
         given["mobius"] = None
-    onto = "sphere" if sphere else None
+    if sphere and annulus:
+        raise typer.BadParameter("--sphere and --annulus: give one of them.")
+    onto = "sphere" if sphere else "annulus" if annulus else None
     return {"disk": disk, "clean": clean, "cut": cut, "onto": onto, **given}
 
 

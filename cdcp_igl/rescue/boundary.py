@@ -120,7 +120,7 @@ def by_arc_length(surface: FactoredSurface, face: int) -> Complex:
 
 def arc_length_map(mesh: DiskMesh) -> Complex:
     """(nB,) boundary vertices around the circle in proportion to their distances, from 1."""
-    return around(edge_lengths(mesh))
+    return around(edge_lengths(mesh, mesh.loop))
 
 
 # In the order in which they are tried.
@@ -148,7 +148,7 @@ def harmonic_shares(surface: FactoredSurface, face: int) -> Floats:
     flux = np.maximum(-boundary_flux(surface, source), 0)
     if not flux.any():
         return np.full(len(flux), np.nan)
-    shares = _filled(shared_by_edges(surface.mesh, flux))
+    shares = _filled(shared_by_edges(surface.mesh, surface.mesh.loop, flux))
     return shares / shares.sum()
 
 

@@ -30,7 +30,7 @@ MOST_VERTICES_OF_PAGES = 20_000
 
 
 class Result(ABC):
-    """A map with its certificate: a DiskMap, a RectangleMap, a SphereMap or a SurfaceMap.
+    """A map with its certificate, such as a DiskMap or a SphereMap.
 
     Printing it gives a summary.
 

@@ -114,6 +114,8 @@ class MeshReport:
         # Elsewhere what is left after cleaning may be closed, or have handles.
         sure = self.genus is not None and self.n_components == 1 and not self._seams
         if sure and all(row.cleaned for row in rows):
+            if self.kind == "genus 0, 2 boundary loops" and names == ["several boundary loops"]:
+                clean = f"{clean}; or: {step('annulus_map', 'maps it onto a ring')}"
             return clean + (f"; or: {cut}." if self.kind != "disk" else ".")
         if self.kind == "genus 0, closed" and names == ["closed surface"]:
             return f"{step('sphere_map', 'maps it onto a sphere')}; or: {cut}."

@@ -202,5 +202,15 @@ class SphereMesh(DiskMesh):
         return (Defect.of("boundary", loops=len(loops)), *defects) if loops else defects
 
 
+class AnnulusMesh(DiskMesh):
+    """A triangulated annulus: two boundary loops, and no handle."""
+
+    @staticmethod
+    def _defects(examined: Examined) -> tuple[Defect, ...]:
+        loops = examined.surface.loops if examined.surface else []
+        defects = _without(examined, *["several boundary loops"] * (len(loops) == 2))
+        return (Defect.of("one boundary loop"), *defects) if len(loops) == 1 else defects
+
+
 def _without(examined: Examined, *names: str) -> tuple[Defect, ...]:
     return tuple(defect for defect in examined.defects if defect.name not in names)
