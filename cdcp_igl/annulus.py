@@ -15,6 +15,7 @@ from .arrays import Complex, Floats, Ints, coordinates, marked
 from .certificate import Certificate, around, flipped_faces, not_finite
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, counted
+from .io.given import takes_meshes
 from .plot.layout import Layout
 from .rescue.conformality import NOT_VALID, Conformality, judge
 from .rescue.repair import Repair, repair_locally
@@ -138,6 +139,7 @@ class AnnulusMap(Result):
         )
 
 
+@takes_meshes
 def annulus_map(
     V: ArrayLike,
     F: ArrayLike,

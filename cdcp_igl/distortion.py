@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from . import libigl
 from .arrays import Complex, Floats, Ints, as_complex, blocks, coordinates
+from .io.given import takes_meshes
 from .surface.mesh import DiskMesh
 from .surface.triangles import face_areas, hat_gradients, opposite_edges, oriented_areas
 from .surface.validation import checked_surface, checked_vertices, size_exponent
@@ -45,6 +46,7 @@ class AngleDistortion:
         return f"mean {self.mean:.4f}, SD {self.sd:.4f}, max {self.max:.2f} degrees"
 
 
+@takes_meshes
 def angle_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     """Absolute change of every corner angle, eq. (7).
 
@@ -92,6 +94,7 @@ def disk_map_distortion(mesh: DiskMesh, uv: Floats) -> Floats:
     return _change_in_degrees(uv, mesh.F, mesh.angles)
 
 
+@takes_meshes
 def quasi_conformal_dilatation(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     """Ratio of the singular values of the map on every face, the larger by the smaller.
 
@@ -129,6 +132,7 @@ def quasi_conformal_dilatation(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Flo
     return face_dilatation(positions, faces, z)
 
 
+@takes_meshes
 def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     """Logarithm of the scale of the map at every vertex.
 
@@ -186,6 +190,7 @@ def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     return mean + exponent * np.log(2)
 
 
+@takes_meshes
 def area_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     """Logarithm of the area in the plane by the area on the surface, for every face.
 

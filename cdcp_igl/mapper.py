@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .algorithm import map_of
+from .io.given import takes_meshes
 from .rescue.candidate import HarmonicMap
 from .result.disk_map import DiskMap
 from .solve.factored import FactoredSurface
@@ -67,6 +68,7 @@ class DiskMapper:
     True
     """
 
+    @takes_meshes
     def __init__(self, V: ArrayLike, F: ArrayLike, *, solver: SolverName | None = None) -> None:
         mesh = DiskMesh(V, F)
         self._solver = solver

@@ -144,6 +144,7 @@ class Mapped:
             "sd": result.distortion.sd,
             "area": float(np.abs(result.area_distortion()).mean()),
             "conformal": result.conformal,
+            "reasons": "; ".join(result.conformality.reasons),
             "boundary": ", ".join(dict.fromkeys(disk.boundary.name for disk in self.disks)),
         }
 

@@ -17,6 +17,7 @@ from .arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from .certificate import Certificate, flipped_faces, not_finite
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, counted, spell
+from .io.given import takes_meshes
 from .plot.layout import Layout
 from .rescue.conformality import NOT_VALID, Conformality, judge
 from .rescue.repair import Repair, repaired
@@ -157,6 +158,7 @@ class RectangleMap(Result):
         )
 
 
+@takes_meshes
 def rectangle_map(
     V: ArrayLike,
     F: ArrayLike,

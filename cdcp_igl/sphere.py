@@ -16,6 +16,7 @@ from .cached import cached_property
 from .certificate import SphereCertificate, certify_sphere, flipped_on_sphere
 from .distortion import AngleDistortion, log_of_ratio, sphere_angle_errors
 from .errors import MapError, SolverError
+from .io.given import takes_meshes
 from .plot.layout import Layout
 from .rescue.conformality import NOT_VALID, Conformality, judge
 from .rescue.repair import MANY, POWERS, Neighbourhood, Repair, grow, repair_locally
@@ -176,6 +177,7 @@ class SphereMap(Result):
         )
 
 
+@takes_meshes
 def sphere_map(
     V: ArrayLike,
     F: ArrayLike,

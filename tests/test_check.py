@@ -2,6 +2,7 @@
 
 import re
 from contextlib import suppress
+from types import SimpleNamespace
 
 import meshes
 import numpy as np
@@ -53,6 +54,10 @@ def raised_outside_of_check(folder):
     yield lambda: cdcp_igl.sphere_map(V, F)
     yield lambda: cdcp_igl.annulus_map(V, F)
     yield lambda: cdcp_igl.disk_map(*torus())
+    yield lambda: cdcp_igl.check(V)
+    yield lambda: cdcp_igl.check(SimpleNamespace(to_mesh=None))
+    yield lambda: cdcp_igl.cdcp(V, F.ravel())
+    yield lambda: cdcp_igl.cdcp(V, [SimpleNamespace(type="triangle", data=F)])
     np.savez(folder / "columns.npz", V=V.T, F=F.T)
     files = {"mesh.txt": "", "mesh.off": "3 1 0\n", "mesh.obj": "v 0 0 0\nv 1 0 0\nf 1 2\n"}
     for name, text in files.items():

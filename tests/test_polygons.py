@@ -113,12 +113,6 @@ def test_there_is_a_number_for_each_face(whole):
             function(V, F, polygon_of_face=whole)
 
 
-def test_a_path_says_enough():
-    V, F = surfaces.torus()
-    with pytest.raises(ValueError, match="leave out polygon_of_face"):
-        cdcp_igl.cut(V, F, [0, 1], polygon_of_face=np.arange(len(F)))
-
-
 # -- there and back --------------------------------------------------------------------
 
 

@@ -7,10 +7,14 @@ import pytest
 from cdcp_igl import angle_distortion
 from cdcp_igl.certificate import certify
 from cdcp_igl.reference import (
+    abf,
+    cem,
     fdcp,
     harmonic,
+    heat_flow,
     ldcp,
     lscm,
+    ricci,
     spectral,
 )
 from cdcp_igl.surface.mesh import DiskMesh
@@ -39,6 +43,10 @@ def mapped(real_mesh):
         (harmonic, LION, 2.641, 3.237, 0.005),
         (harmonic, BRAIN, 2.853, 2.196, 0.005),
         (spectral, LION, 1.262, 1.101, 0.005),
+        (abf, LION, 1.211, 1.066, 0.001),  # as Blender's angle-based unwrapping
+        (cem, "camelhead_11381", 1.482, 1.548, 0.005),
+        (heat_flow, LION, 1.420, 2.044, 0.005),
+        (ricci, LION, 1.389, 1.954, 0.005),
     ],
 )
 def test_angular_distortion(method, name, mean, sd, tolerance, real_mesh, mapped):

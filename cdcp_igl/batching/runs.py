@@ -23,6 +23,7 @@ from ..one_file import Settings
 from .executors import run_on
 from .journal import (
     DONE,
+    REFUSED,
     SUMMARY_BEGINS,
     Journal,
     Record,
@@ -249,7 +250,8 @@ def batch(
                     _finish(left[record.name], record, history.get(record.name, ()), write_down)
         finally:
             latest = read_journals(folder, digest)  # with those of other shards
-            write_summary(summary_file, (latest[name][-1] for name in sorted(latest)))
+            if not summary_file.exists() or count.total() > count[REFUSED]:
+                write_summary(summary_file, (latest[name][-1] for name in sorted(latest)))
     done = Batch(folder, tuple(records[task.name] for task in tasks))
     if report is not None:
         page = report_page(f"Maps in {printable(folder.name)}", str(done), done.records)

@@ -84,11 +84,20 @@ def batch_command(
 def run_batch(inputs: Sequence[str | Path], out: Path, *, quiet: bool, **options: Any) -> None:
     """Run `batch` and show what it has done; typer.Exit, with its code, if not all are mapped."""
     from ..batching import batch
+    from ..defects import as_commands
+    from ..errors import printable
 
     with exit_codes(), writing(KEPT), _progress(quiet) as progress:
         made = batch(inputs, out, progress=progress, **options)
     if not quiet:
-        _show(made, out)
+        _show_done(made)
+    for record in made.failed[:LONG]:
+        message = as_commands(record.message).replace("cdcp-igl map", "cdcp-igl batch")
+        typer.echo(f"{printable(record.name)}: {record.error}: {message}", err=quiet)
+    if len(made.failed) > LONG:
+        typer.echo(f"and {len(made.failed) - LONG:,} more", err=quiet)
+    if not quiet:
+        typer.echo(f"{made}\nOf each surface: {printable(out / 'summary.csv')}")
     if made.failed:
         raise typer.Exit(SOME_FAILED)
 
@@ -132,7 +141,7 @@ def _progress(quiet: bool) -> Iterator[Callable[[int, int, int], None] | None]:
         yield say
 
 
-def _show(made: Batch, out: Path) -> None:
+def _show_done(made: Batch) -> None:
     from ..errors import printable
 
     done, title = made.done, ""
@@ -145,9 +154,4 @@ def _show(made: Batch, out: Path) -> None:
         )
     for record in done:
         if not record.conformal:
-            typer.echo(f"{printable(record.name)}: not conformal: {record.boundary}")
-    for record in made.failed[:LONG]:
-        typer.echo(f"{printable(record.name)}: {record.error}: {record.message}")
-    if len(made.failed) > LONG:
-        typer.echo(f"and {len(made.failed) - LONG:,} more")
-    typer.echo(f"{made}\nOf each surface: {printable(out / 'summary.csv')}")
+            typer.echo(f"{printable(record.name)}: not conformal: {record.reasons}")

@@ -76,7 +76,8 @@ def map_command(
     from ..one_file import Settings, map_one
 
     name, notes = printable(source.name), list[str]()
-    with exit_codes():
+    tried = [f"--{flag}" for flag in ("clean", "cut") if options[flag]]
+    with exit_codes(files=files, tried=tried):
         disk, clean, cut, onto = (options.pop(key) for key in ("disk", "clean", "cut", "onto"))
         settings = Settings(disk, clean, cut, options, onto)
         if picture or view:

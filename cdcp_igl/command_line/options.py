@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 # Those of `io`, spelled out: `--help` shows them, and must not wait for NumPy.
-READABLE = (".mat", ".npz", ".obj", ".off", ".ply", ".stl")
+READABLE = (".glb", ".gltf", ".mat", ".npz", ".obj", ".off", ".ply", ".stl", ".vtk", ".vtu")
 WRITABLE = (".glb", ".npz", ".obj", ".ply")
 PICTURES = (".png", ".svg", ".pdf")
 SURFACES = " ".join(READABLE)

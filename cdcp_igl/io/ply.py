@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints
 from .damage import Damage
-from .polygons import fans
+from .polygons import fans, strips
 from .text import culprit
 
 TYPES = {
@@ -65,8 +65,8 @@ def read_ply(path: Path) -> tuple[Floats, Ints, Ints]:
     polygons = _lists_of_vertices(tables.get("face", {}), "faces")
     if polygons is not None:
         return V, *fans(*polygons)
-    strips = _lists_of_vertices(tables.get("tristrips", {}), "strips")
-    F = np.empty((0, 3), np.int64) if strips is None else _triangles_of_strips(*strips)
+    rows = _lists_of_vertices(tables.get("tristrips", {}), "strips")
+    F = np.empty((0, 3), np.int64) if rows is None else strips(*rows)
     return V, F, np.arange(len(F))
 
 
@@ -81,24 +81,6 @@ def _lists_of_vertices(table: Table, what: str) -> tuple[Ints, Ints] | None:
     if (vertices != found.entries).any():
         raise Damage(f"its {what} have indices that are no integers")
     return vertices, found.lengths.astype(np.int64)
-
-
-def _triangles_of_strips(vertices: Ints, lengths: Ints) -> Ints:
-    """(m, 3) triangles of rows that are strips: each vertex makes one with the two before it.
-
-    A row has several strips if -1 stands between them. Every other triangle of a strip is
-    flipped, so that all have one orientation; and those that name a vertex twice, by which a
-    strip turns, are left out.
-    """
-    vertices = np.insert(vertices, np.cumsum(lengths), -1)
-    vertices = np.append(vertices, [-1, -1])  # so that a triangle begins with each
-    place = np.arange(len(vertices))
-    start = np.maximum.accumulate(np.where(vertices == -1, place + 1, 0))
-    F = np.lib.stride_tricks.sliding_window_view(vertices, 3).copy()
-    odd = (place - start)[:-2] % 2 == 1
-    F[odd] = F[odd][:, [1, 0, 2]]
-    i, j, k = F.T
-    return F[(F >= 0).all(axis=1) & (i != j) & (j != k) & (k != i)]
 
 
 def _read_tables(data: bytes) -> dict[str, Table]:

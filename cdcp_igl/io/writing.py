@@ -13,6 +13,7 @@ from ..arrays import Floats, Ints, distinct_rows
 from ..errors import counted
 from ..surface.validation import checked_vertices, usable_arrays
 from .archives import write_npz
+from .given import takes_meshes
 from .glb import write_glb
 from .images import Image, checkerboard, read_image, write_material
 from .obj import write_like, write_obj
@@ -35,6 +36,7 @@ class MapResult(Protocol):
         """Scale it into the unit square."""
 
 
+@takes_meshes
 def write_map(
     path: str | PathLike[str],
     V: ArrayLike,

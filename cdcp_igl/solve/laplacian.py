@@ -79,14 +79,15 @@ def _without_duplicates(entries: Floats, rows: Indices, columns: Indices, n: int
     return matrix
 
 
-def cotangent_laplacian(mesh: DiskMesh) -> Laplacian:
+def cotangent_laplacian(mesh: DiskMesh, cotangents: Floats | None = None) -> Laplacian:
     """Compute the positive semidefinite cotangent Laplacian, eq. (8).
 
     L_ij = -(cot a_ij + cot b_ij) / 2 on edges, rows sum to zero; the negative of
-    ``igl.cotmatrix(V, F)``, by the edges that the check has found.
+    ``igl.cotmatrix(V, F)``, by the edges that the check has found. The `cotangents` (m, 3) may be
+    those of another metric.
     """
     edges = mesh.edges
-    weights = edges.sum_opposite(mesh.cotangents) / 2
+    weights = edges.sum_opposite(mesh.cotangents if cotangents is None else cotangents) / 2
     return Laplacian.of(edges.low, edges.high, weights, len(mesh.V))
 
 

@@ -16,6 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Floats, Ints, distinct_rows
 from ..defects import DEFECTS, IN_PYTHON, IN_SHELL
 from ..errors import Defect, counted, spell
+from ..io.given import takes_meshes
+from ..io.polygons import in_polygons
 from ..printing import as_html
 from .topology import Topology, duplicate_faces, outer_loop, sewn
 from .triangles import corner_cotangents, degenerate_faces
@@ -97,12 +99,8 @@ class MeshReport:
 
     def _next_step(self, in_shell: bool) -> str:
 
-        def step(call: str, does: str) -> str:
-            command = IN_SHELL[call]
-            return f"{command} {does}" if in_shell else f"{IN_PYTHON[call]} {does} ({command})"
-
         if self.is_disk:
-            return step("disk_map", "maps it") + "."
+            return _step(in_shell, disk_map="maps it")
         for defect in self.defects:
             row = DEFECTS[defect.name]
             flat = defect.name == "degenerate face" and len(defect.indices) == self.n_faces
@@ -110,18 +108,18 @@ class MeshReport:
                 return defect.remedy_in_shell if in_shell else defect.remedy
         names = [defect.name for defect in self.defects]
         rows = [DEFECTS[name] for name in names]
-        clean, cut = step("clean", "mends it"), step("surface_map", "cuts it open and maps it")
+        mends, cuts = {"clean": "mends it"}, {"surface_map": "cuts it open and maps it"}
+        if self.kind == "genus 0, closed" and names == ["closed surface"]:
+            return _step(in_shell, sphere_map="maps it onto a sphere", **cuts)
+        if self.kind == "genus 0, 2 boundary loops" and names == ["several boundary loops"]:
+            mends["annulus_map"] = "maps it onto a ring"
         # Elsewhere what is left after cleaning may be closed, or have handles.
         sure = self.genus is not None and self.n_components == 1 and not self._seams
         if sure and all(row.cleaned for row in rows):
-            if self.kind == "genus 0, 2 boundary loops" and names == ["several boundary loops"]:
-                clean = f"{clean}; or: {step('annulus_map', 'maps it onto a ring')}"
-            return clean + (f"; or: {cut}." if self.kind != "disk" else ".")
-        if self.kind == "genus 0, closed" and names == ["closed surface"]:
-            return f"{step('sphere_map', 'maps it onto a sphere')}; or: {cut}."
+            return _step(in_shell, **mends, **(cuts if self.kind != "disk" else {}))
         if all(row.cut for row in rows):
-            return cut + "."
-        return f"{IN_SHELL['clean']} --cut mends and maps it." if in_shell else f"{clean}, {cut}."
+            return _step(in_shell, **cuts)
+        return _step(in_shell, clean_and_cut="mend it, and map what is left")
 
     def report(self) -> dict[str, Any]:
         """Return all of it.
@@ -186,7 +184,7 @@ class MeshReport:
 
     @property
     def in_shell(self) -> str:
-        """What `str` gives, with the remedies on the command line."""
+        """What `str` gives, with the remedies on the command line, of a file IN."""
         return self._text(in_shell=True)
 
     def _text(self, in_shell: bool) -> str:
@@ -207,7 +205,16 @@ class MeshReport:
         return "\n".join([counts, verdict, *found, f"Next: {self._next_step(in_shell)}"])
 
 
-def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
+def _step(in_shell: bool, **what: str) -> str:
+    """Say which function goes on and what it does; in the shell the whole command."""
+    if in_shell:
+        return "; or: ".join(f"{IN_SHELL[call]} IN OUT" for call in what)
+    said = [f"{IN_PYTHON[call]} {does} ({IN_SHELL[call]})" for call, does in what.items()]
+    return "; or: ".join(said) + "."
+
+
+@takes_meshes
+def check(V: ArrayLike, F: ArrayLike, *, polygon_of_face: Ints | None = None) -> MeshReport:
     """Examine a mesh and report every defect; raise nothing.
 
     Parameters
@@ -216,6 +223,8 @@ def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
         Vertex positions.
     F : (m, 3) array_like
         Corners of the faces, rows of V.
+    polygon_of_face : (m,) ndarray of integers, optional
+        Which polygon each face is a part of, as in `cut`; then defects name polygons.
 
     Returns
     -------
@@ -235,7 +244,10 @@ def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
     """
     found = examine(V, F)
     surface = found.surface
-    report = MeshReport(found.n_vertices, found.n_faces, defects=found.defects)
+    defects = found.defects
+    if polygon_of_face is not None:
+        defects = in_polygons(defects, polygon_of_face)
+    report = MeshReport(found.n_vertices, found.n_faces, defects=defects)
     if surface is None:
         return report
     in_sheets = not surface.singular.any()
