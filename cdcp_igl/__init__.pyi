@@ -4,7 +4,7 @@ from .annulus import AnnulusMap, annulus_map
 from .atlas.cutting import Cut, cut
 from .atlas.surface import SurfaceMap, surface_map
 from .batching import Batch, batch
-from .certificate import Certificate, SphereCertificate
+from .certificate import Certificate, OutlineCertificate, SphereCertificate
 from .distortion import (
     AngleDistortion,
     angle_distortion,
@@ -13,6 +13,7 @@ from .distortion import (
     quasi_conformal_dilatation,
 )
 from .errors import Defect, MapError, MeshError, SolverError
+from .free import FreeMap, free_map
 from .mapper import DiskMapper
 from .rectangle import RectangleMap, rectangle_map
 from .rescue.conformality import Conformality
@@ -32,9 +33,11 @@ __all__ = [
     "Defect",
     "DiskMap",
     "DiskMapper",
+    "FreeMap",
     "MapError",
     "MeshError",
     "MeshReport",
+    "OutlineCertificate",
     "RectangleMap",
     "SolverError",
     "SphereCertificate",
@@ -51,6 +54,7 @@ __all__ = [
     "cut",
     "datasets",
     "disk_map",
+    "free_map",
     "io",
     "plot",
     "quasi_conformal_dilatation",

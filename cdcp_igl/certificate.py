@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from . import libigl
-from .arrays import Complex, Floats, Ints, as_complex, blocks
-from .errors import counted
+from .arrays import BLOCK, Complex, Floats, Ints, as_complex, blocks, coordinates
+from .errors import counted, spell
 from .surface.mesh import DiskMesh
 from .surface.triangles import EPS, oriented_areas
 
@@ -187,6 +187,129 @@ def solid_angles(P: Floats, F: Ints) -> Floats:
     i, j, k = P[F].transpose(1, 0, 2)
     cosines = (i * j).sum(axis=1) + (j * k).sum(axis=1) + (k * i).sum(axis=1)
     return 2 * np.arctan2((i * np.cross(j, k)).sum(axis=1), 1 + cosines)
+
+
+@dataclass(frozen=True, eq=False)
+class OutlineCertificate:
+    """What was verified on the coordinates of a map with a free outline.
+
+    If the outline, the image of the boundary, is a simple polygon and every face is positively
+    oriented, the map is a bijection onto the polygon: each of its points has as many images as
+    the outline goes around it, and that is once inside and never outside.
+
+    Attributes
+    ----------
+    finite : bool
+        All coordinates are finite.
+    winding_number : int
+        Turns of the outline: its exterior angles by 2 pi.
+    meeting : (k, 2) ndarray of int64
+        Edges of the outline that meet elsewhere than at a common end, exactly: the boundary
+        vertices that they leave. Some if there are any, and not always all.
+    flipped : (k,) ndarray of int64
+        Faces that are not positively oriented, collapsed ones included.
+    n_exact : int
+        Faces whose sign was in doubt and decided in exact arithmetic.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(20)
+    >>> certificate = cdcp_igl.free_map(V, F).certificate
+    >>> certificate.valid, certificate.winding_number, len(certificate.meeting)
+    (True, 1, 0)
+    """
+
+    finite: bool
+    winding_number: int
+    meeting: Ints
+    flipped: Ints
+    n_exact: int
+
+    @property
+    def valid(self) -> bool:
+        """True for a bijection onto a simple polygon."""
+        simple = self.finite and self.winding_number == 1 and len(self.meeting) == 0
+        return simple and len(self.flipped) == 0
+
+    def report(self) -> dict[str, Any]:
+        """Return it as JSON types."""
+        return {
+            "finite": self.finite,
+            "winding_number": self.winding_number,
+            "meeting_edges": self.meeting.tolist(),
+            "flipped_faces": self.flipped.tolist(),
+            "faces_decided_exactly": self.n_exact,
+        }
+
+    def __str__(self) -> str:
+        if not self.finite:
+            return "not finite"
+        flipped = counted(len(self.flipped), "flipped face", "flipped faces")
+        overlap = f"overlaps itself at {spell(self.meeting)}" if len(self.meeting) else "simple"
+        return (
+            f"{flipped} ({self.n_exact:,} decided exactly), outline {overlap}, "
+            f"winding number {self.winding_number}"
+        )
+
+
+def certify_outline(mesh: DiskMesh, uv: Floats) -> OutlineCertificate:
+    """Verify a map (n, 2) of a mesh with a free outline."""
+    if not np.isfinite(uv).all():
+        return OutlineCertificate(False, 0, np.empty((0, 2), int), np.arange(len(mesh.F)), 0)
+    f = as_complex(uv)
+    edges = np.roll(f[mesh.loop], -1) - f[mesh.loop]
+    turns = np.angle(edges * np.roll(edges, 1).conj()).sum() / (2 * np.pi)
+    flipped, n_exact = flipped_faces(f, mesh.F)
+    meeting = mesh.loop[meeting_edges(f[mesh.loop])]
+    return OutlineCertificate(True, round(turns), meeting, flipped, n_exact)
+
+
+def meeting_edges(z: Complex) -> Ints:
+    """(k, 2) edges of a closed polygon that meet elsewhere than at a common end; some if any do.
+
+    Edge i leaves z[i]. Boxes around runs of edges, the halves of these and so on: only where
+    two boxes overlap, runs are looked into. Whether edges meet is decided exactly.
+    """
+    n, ends = len(z), np.stack([coordinates(z), coordinates(np.roll(z, -1))])
+    depth = (n - 1).bit_length()
+    low, high = np.full((2, 1 << depth, 2), np.inf) * [[[1]], [[-1]]]  # empty boxes at the end
+    low[:n], high[:n] = ends.min(axis=0), ends.max(axis=0)
+    boxes = [(low, high)]
+    for _ in range(depth):
+        low, high = low.reshape(-1, 2, 2).min(axis=1), high.reshape(-1, 2, 2).max(axis=1)
+        boxes.append((low, high))
+    stack = [(depth, np.zeros((1, 2), dtype=np.int64))]
+    while stack:
+        level, pairs = stack.pop()
+        if level == 0:
+            if len(found := pairs[[_meet(z, i, j) for i, j in pairs.tolist()]]):
+                return found
+            continue
+        (low, high), level = boxes[level - 1], level - 1
+        halves = 2 * pairs[:, None] + [[0, 0], [0, 1], [1, 0], [1, 1]]
+        i, j = halves.reshape(-1, 2).T
+        kept = np.flatnonzero((i < j) | ((i == j) & (level > 0)))
+        i, j = i[kept], j[kept]
+        over = ((low[i] <= high[j]) & (low[j] <= high[i])).all(axis=1)
+        pairs = np.column_stack([i[over], j[over]])
+        # The first part is looked into first, so that the others take no memory meanwhile.
+        stack += [(level, pairs[start : start + BLOCK]) for start in range(0, len(pairs), BLOCK)]
+    return np.empty((0, 2), dtype=np.int64)
+
+
+def _meet(z: Complex, i: int, j: int) -> bool:
+    """Whether edges i < j of a closed polygon meet elsewhere than at a common end, exactly."""
+    n = len(z)
+    if j - i not in (1, n - 1):
+        points = coordinates(z[[i, i + 1, j, (j + 1) % n]])
+        return libigl.meet(*points)
+    p, q, r = z[[i, j, (j + 1) % n] if j - i == 1 else [j, i, i + 1]]
+    back, on = p - q, r - q
+    if np.sign(back.real) != np.sign(on.real) or np.sign(back.imag) != np.sign(on.imag):
+        return False
+    both = coordinates(np.array([[p, q, r], [r, q, p]]).ravel()).reshape(2, 3, 2)
+    return not libigl.is_counterclockwise(both).any()  # they go back along one line
 
 
 def certify(mesh: DiskMesh, uv: Floats) -> Certificate:

@@ -28,7 +28,7 @@ FLOORS = (
     {"result"},
     {"selection"},
     {"algorithm"},
-    {"annulus", "mapper", "rectangle", "sphere"},
+    {"annulus", "free", "mapper", "rectangle", "sphere"},
     {"reference"},
     {"atlas"},
     {"one_file"},

@@ -60,6 +60,11 @@ def _map_options(
         "vertices are merged along seams, it is cut open, and each part mapped; texture "
         "coordinates show the disks side by side.",
     ),
+    free: bool = typer.Option(
+        False,
+        "--free",
+        help="Map with a free outline, the boundary as long as it is: the least distortion.",
+    ),
     sphere: bool = typer.Option(
         False,
         "--sphere",
@@ -107,7 +112,7 @@ def _map_options(
         None, metavar="paper", help="Follow the paper; sets --center and --mobius itself."
     ),
 ) -> dict[str, Any]:
-    """Return `disk`, `clean`, `cut`, `onto`, and those options of the map that were given."""
+    """Return the flags, `onto`, and those options of the map that were given."""
     options = {
         "center": int(center) if center and center.isdecimal() else center,
         "mobius": mobius,
@@ -123,7 +128,7 @@ def _map_options(
     if sphere and annulus:
         raise typer.BadParameter("--sphere and --annulus: give one of them.")
     onto = "sphere" if sphere else "annulus" if annulus else None
-    return {"disk": disk, "clean": clean, "cut": cut, "onto": onto, **given}
+    return {"disk": disk, "clean": clean, "cut": cut, "free": free, "onto": onto, **given}
 
 
 def _row_or_direction(text: str) -> int | list[float] | str:

@@ -120,7 +120,7 @@ def by_arc_length(surface: FactoredSurface, face: int) -> Complex:
 
 def arc_length_map(mesh: DiskMesh) -> Complex:
     """(nB,) boundary vertices around the circle in proportion to their distances, from 1."""
-    return around(edge_lengths(mesh, mesh.loop))
+    return around(edge_lengths(mesh))
 
 
 # In the order in which they are tried.

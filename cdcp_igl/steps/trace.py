@@ -88,8 +88,8 @@ def shared_by_edges(mesh: DiskMesh, loop: Ints, flux: Numbers) -> Numbers:
     return shares
 
 
-def edge_lengths(mesh: DiskMesh, loop: Ints) -> Floats:
-    """(k,) lengths of the edges of a boundary loop (k,), from each vertex to the next."""
-    points = mesh.V[loop]
+def edge_lengths(mesh: DiskMesh, loop: Ints | None = None) -> Floats:
+    """(k,) lengths of the edges of a boundary loop (k,), if not of all, to the next vertex."""
+    points = mesh.V[mesh.loop if loop is None else loop]
     lengths: Floats = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     return lengths

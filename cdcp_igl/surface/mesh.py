@@ -119,7 +119,11 @@ class DiskMesh:
     @property
     def positions(self) -> Floats:
         """(n, 3) the vertices in the unit in which they were given."""
-        return np.ldexp(self.V, self._exponent)
+        return self.in_given_unit(self.V)
+
+    def in_given_unit(self, lengths: Floats) -> Floats:
+        """Take lengths in the unit of `V` to that in which the vertices were given, exactly."""
+        return np.ldexp(lengths, self._exponent)
 
     @cached_property
     def angles(self) -> Floats:
