@@ -200,20 +200,6 @@ def test_a_klein_bottle_is_refused():
     np.testing.assert_array_equal(raised.value.indices, 1 + len(F) + np.arange(len(G)))
 
 
-def test_progress_never_goes_back(long_tube):
-    """Neither from one component to the next, nor while a cut grows."""
-    seen = []
-    V, F, _ = long_tube
-    two = np.vstack([V, V + 20]), np.vstack([F, F + len(V)])
-    cdcp_igl.surface_map(*two, progress=lambda *step: seen.append(step))
-    phases, fractions = zip(*seen, strict=True)
-    assert phases.count("factor") > 2
-    assert list(fractions) == sorted(fractions)
-    assert 0 <= fractions[0] <= fractions[len(seen) // 2 - 1] <= 0.5
-    assert seen[-1] == ("done", 1.0)
-    assert phases.count("done") == 1
-
-
 # -- holes and growth ------------------------------------------------------------------
 
 
