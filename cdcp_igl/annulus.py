@@ -187,10 +187,9 @@ def annulus_map(
 
     Examples
     --------
-    >>> import numpy as np
     >>> import cdcp_igl
-    >>> V, F, uv = cdcp_igl.datasets.spherical_cap(20)
-    >>> result = cdcp_igl.annulus_map(V, F[F.min(axis=1) > 0])
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(20)
+    >>> result = cdcp_igl.annulus_map(V[1:], F[F.min(axis=1) > 0] - 1)
     >>> low, high = result.modulus_bounds
     >>> result.valid, low < result.modulus < high
     (True, True)
