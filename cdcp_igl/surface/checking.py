@@ -314,7 +314,8 @@ def _defects_of_edges(surface: Topology) -> Iterator[Defect]:
     if not surface.used.all():
         yield Defect.of("unreferenced vertex", np.flatnonzero(~surface.used))
     singular = surface.singular
-    if singular.any() or len(surface.border) == 0:  # the copy of a face leaves no edge with one
+    # A face and its copy close each other: without a third one at an edge they are all there is.
+    if singular.any() or np.bincount(surface.components[1]).min() == 2:
         duplicates = duplicate_faces(surface.F)
         if len(duplicates):
             yield Defect.of("duplicate face", duplicates)
