@@ -1,9 +1,10 @@
 from . import datasets, io, plot, reference
 from .algorithm import cdcp, disk_map
+from .annulus import AnnulusMap, annulus_map
 from .atlas.cutting import Cut, cut
 from .atlas.surface import SurfaceMap, surface_map
 from .batching import Batch, batch
-from .certificate import Certificate, OutlineCertificate
+from .certificate import Certificate, OutlineCertificate, SphereCertificate
 from .distortion import (
     AngleDistortion,
     angle_distortion,
@@ -17,11 +18,13 @@ from .mapper import DiskMapper
 from .rectangle import RectangleMap, rectangle_map
 from .rescue.conformality import Conformality
 from .result.disk_map import DiskMap
+from .sphere import SphereMap, sphere_map
 from .surface.checking import MeshReport, check
 from .surface.cleaning import Cleaned, clean
 
 __all__ = [
     "AngleDistortion",
+    "AnnulusMap",
     "Batch",
     "Certificate",
     "Cleaned",
@@ -37,8 +40,11 @@ __all__ = [
     "OutlineCertificate",
     "RectangleMap",
     "SolverError",
+    "SphereCertificate",
+    "SphereMap",
     "SurfaceMap",
     "angle_distortion",
+    "annulus_map",
     "area_distortion",
     "batch",
     "cdcp",
@@ -54,6 +60,7 @@ __all__ = [
     "quasi_conformal_dilatation",
     "rectangle_map",
     "reference",
+    "sphere_map",
     "surface_map",
 ]
 

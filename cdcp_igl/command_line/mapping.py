@@ -78,8 +78,8 @@ def map_command(
     name, notes = printable(source.name), list[str]()
     tried = [f"--{flag}" for flag in ("clean", "cut") if options[flag]]
     with exit_codes(files=files, tried=tried):
-        flags = {flag: options.pop(flag) for flag in ("disk", "clean", "cut", "free")}
-        settings = Settings(**flags, options=options)
+        flags = ("disk", "clean", "cut", "free", "onto")
+        settings = Settings(**{flag: options.pop(flag) for flag in flags}, options=options)
         if picture or view:
             with from_extra("plot"):
                 import matplotlib  # noqa: F401

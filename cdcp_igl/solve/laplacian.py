@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -130,3 +131,9 @@ def _half_cotangents(mesh: DiskMesh, faces: Bools) -> csr_matrix:
     tails, heads = F[:, [1, 2, 0]].ravel(), F[:, [2, 0, 1]].ravel()
     ends = np.minimum(tails, heads), np.maximum(tails, heads)
     return coo_matrix((mesh.cotangents[faces].ravel() / 2, ends), (n, n)).tocsr()
+
+
+LAPLACIANS: dict[str, Callable[[DiskMesh], Laplacian]] = {
+    "cotangent": cotangent_laplacian,
+    "intrinsic Delaunay": intrinsic_delaunay_laplacian,
+}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Numbers
+from ..arrays import Complex, Floats, Ints, Numbers
 from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
 
@@ -20,7 +20,7 @@ def conjugate_trace(surface: FactoredSurface, face: int) -> Complex:
     interior corner the trace is a single point.
     """
     flux = boundary_flux(surface, face_dipole(surface.mesh, face))
-    increments = 1j * shared_by_edges(surface.mesh, flux)
+    increments = 1j * shared_by_edges(surface.mesh, surface.mesh.loop, flux)
     trace: Complex = np.cumsum(increments) - increments
     return trace
 
@@ -70,8 +70,8 @@ def boundary_flux(surface: FactoredSurface, r: Numbers) -> Numbers:
     return surface.coupling.T @ g - r[surface.mesh.loop]
 
 
-def shared_by_edges(mesh: DiskMesh, flux: Numbers) -> Numbers:
-    """Flux through each boundary edge (nB,), by that of the vertices.
+def shared_by_edges(mesh: DiskMesh, loop: Ints, flux: Numbers) -> Numbers:
+    """Flux through each edge (k,) of a boundary loop (k,), by that of the vertices.
 
     What leaves at a vertex belongs to both its edges. Next to a corner of angle a, where the
     conformal map is like z^(pi/a), they get their parts in proportion to their lengths to the
@@ -79,8 +79,8 @@ def shared_by_edges(mesh: DiskMesh, flux: Numbers) -> Numbers:
     """
     corners = np.flatnonzero(mesh.on_boundary.take(mesh.F.T))
     around = np.bincount(mesh.F.T.flat[corners], mesh.angles.T.flat[corners])
-    exponent = np.pi / around[mesh.loop]
-    length = edge_lengths(mesh)
+    exponent = np.pi / around[loop]
+    length = edge_lengths(mesh, loop)
     # The part of the edge that follows, at most 1 / (1 + 0): a power of a ratio may overflow.
     with np.errstate(over="ignore"):
         following = 1 / (1 + (np.roll(length, 1) / length) ** exponent)
@@ -88,8 +88,8 @@ def shared_by_edges(mesh: DiskMesh, flux: Numbers) -> Numbers:
     return shares
 
 
-def edge_lengths(mesh: DiskMesh) -> Floats:
-    """(nB,) lengths of the boundary edges, from each vertex of ``mesh.loop`` to the next."""
-    points = mesh.V[mesh.loop]
+def edge_lengths(mesh: DiskMesh, loop: Ints | None = None) -> Floats:
+    """(k,) lengths of the edges of a boundary loop (k,), if not of all, to the next vertex."""
+    points = mesh.V[mesh.loop if loop is None else loop]
     lengths: Floats = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     return lengths
