@@ -69,6 +69,13 @@ class AnnulusMap(Result):
         Sparse solver, version, ordering and mode.
     timings : dict of str to float
         Seconds per phase.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+    >>> cdcp_igl.annulus_map(V[1:], F[F.min(axis=1) > 0] - 1).filled
+    0
     """
 
     uv: Floats

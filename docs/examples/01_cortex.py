@@ -4,8 +4,8 @@ A cortex on the disk
 
 The left cortex of ``fsaverage5``, which comes with nilearn, opened along the cuts that FreeSurfer
 made for its own flat patch. Turn it, and point at the disk to find a place on the cortex.
-``result.view(fields={"depth": depth}, beside={"flat patch": flat})`` opens the same page coloured by
-the depth of the folds, with the flat patch beside the disk.
+``result.view(fields={"depth": depth}, beside={"flat patch": flat})`` opens the same page coloured
+by the depth of the folds, with the flat patch beside the disk.
 """
 
 import importlib.util
