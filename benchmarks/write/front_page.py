@@ -21,11 +21,10 @@ MODELS = (
     "gcanyon_216196",
 )
 SHOWN = ("human_face", "chinese_lion", "human_brain", "left_hand", "gcanyon_216196")
-METHODS = {
-    **{"cdcp": "disk", "cdcp refine=5": "disk", "BFF disk": "disk"},
-    **{"lscm": "free", "BFF free": "free"},
-    **{"Blender angle-based": "free", "Blender conformal": "free"},
-}
+METHODS = (
+    *("cdcp", "cdcp refine=5", "BFF disk", "lscm", "BFF free"),
+    *("Blender angle-based", "Blender conformal"),
+)
 
 
 def rewrite(page: Path, file: Path) -> None:
@@ -37,12 +36,13 @@ def rewrite(page: Path, file: Path) -> None:
     # Other programs were measured beside CDCP, so that their times compare.
     results = sections.get("peers") or sections["tables"]
     names = [_name(results, model) for model in SHOWN]
-    headings = ["method", "boundary", *names, "flipped faces", "time"]
+    headings = ["method", *names, "flips", "time"]
     rows = [_row(results, method) for method in METHODS if _mapped(results, method)]
     table = Table("readme", "", "", headings, rows)
     note = (
         "Mean angular distortion in degrees; flipped faces on all five; median time as a multiple "
-        f"of CDCP's. A free boundary has less to keep. Measured on {about['cpu']}, "
+        "of CDCP's. CDCP and BFF disk fill the disk; the others have a free boundary, which has "
+        f"less to keep. Measured on {about['cpu']}, "
         f"{about['cores']} cores, commit {about['commit']}, two cases side by side, by "
         f"`make bench`; [all numbers](benchmarks/results/{file.stem}.md)."
     )
@@ -52,9 +52,9 @@ def rewrite(page: Path, file: Path) -> None:
 
 
 def _name(results: Section, model: str) -> str:
-    """Name a surface and its size, without what it stands for."""
-    name, size = (cell.text for cell in model_cells(results, model))
-    return f"{name.partition(', for ')[0].partition(' (')[0]} {size}"
+    """Name a surface, without what it stands for."""
+    name, _ = (cell.text for cell in model_cells(results, model))
+    return name.partition(", for ")[0].partition(" (")[0]
 
 
 def _mapped(results: Section, method: str) -> list[str]:
@@ -71,7 +71,6 @@ def _row(results: Section, method: str) -> list[Cell]:
     none = {m: Cell("no map" if results.of(m, method) else NOTHING) for m in SHOWN}
     return [
         Cell(label, kind="text name"),
-        Cell(METHODS[method], kind="text"),
         *(number(means[m], ".2f") if m in means else none[m] for m in SHOWN),
         Cell(f"{flips:,.0f}"),
         Cell(f"{float(f'{median(times):.2g}'):,g} ×"),
