@@ -32,8 +32,9 @@ def _write(app):
     pages = re.search(r":maxdepth: 1\n\n(.*?)```", text, re.DOTALL)[1].split()
     lines = []
     for page in pages:
-        names = [line_of(full) for full in documented(reference / f"{page}.md")]
-        if names and page != "internals":
+        if page == "internals":
+            continue
+        if names := [line_of(full) for full in documented(reference / f"{page}.md")]:
             lines += [f"**{{doc}}`/reference/{page}`**\n", *names, ""]
     parts = Path(app.srcdir, "generated", "parts")
     parts.mkdir(parents=True, exist_ok=True)
