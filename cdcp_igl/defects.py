@@ -16,6 +16,8 @@ IN_PYTHON = {
     "with_path": "with cdcp_igl.cut(V, F, path)",
     "surface_map": "cdcp_igl.surface_map",
     "disk_map": "cdcp_igl.disk_map",
+    "sphere_map": "cdcp_igl.sphere_map",
+    "annulus_map": "cdcp_igl.annulus_map",
     "clean_and_cut": "cdcp_igl.clean and cdcp_igl.surface_map",
     "batch": "cdcp_igl.batch",
 }
@@ -25,6 +27,8 @@ IN_SHELL = {
     "with_path": "in a program for meshes",
     "surface_map": "cdcp-igl map --cut",
     "disk_map": "cdcp-igl map",
+    "sphere_map": "cdcp-igl map --sphere",
+    "annulus_map": "cdcp-igl map --annulus",
     "clean_and_cut": "cdcp-igl map --clean --cut",
     "batch": "cdcp-igl batch",
 }
@@ -210,8 +214,17 @@ DEFECTS = {
     ),
     "closed surface": Row(
         "The surface has no boundary",
+        "{sphere_map} maps it onto a sphere; {surface_map} cuts it open, and maps it.",
+        cut=True,
+    ),
+    "closed surface, with handles": Row(
+        "The surface has no boundary",
         "{surface_map} cuts it open, and maps it.",
         cut=True,
+    ),
+    "boundary": Row(
+        "The boundary loops of the surface are {loops:,}, a sphere has none",
+        "{disk_map} maps a surface with one, {annulus_map} with two or more.",
     ),
     "several boundary loops": Row(
         "{loops:,} boundary loops, the outer one with {outer:,} vertices",
@@ -219,6 +232,9 @@ DEFECTS = {
         kind="vertices",
         cleaned=True,
         cut=True,
+    ),
+    "one boundary loop": Row(
+        "The surface has one boundary loop, an annulus has two", "{disk_map} maps it."
     ),
     "handle": Row(
         "The surface has genus {genus}, a disk has 0",

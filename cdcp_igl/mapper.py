@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from typing import Any, Literal
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .algorithm import map_of
+from .free import FreeMap, free_map_of
 from .io.given import takes_meshes
 from .rescue.candidate import HarmonicMap
 from .result.disk_map import DiskMap
@@ -118,6 +120,43 @@ class DiskMapper:
         phase = Phases(progress, refine or 0, skipped)
         with using(self._solver):
             return map_of(self._surface, options, phase, known=self._known)
+
+    def free(
+        self,
+        *,
+        boundary_scale: ArrayLike | None = None,
+        corners: Mapping[int, float] | None = None,
+        align: int | ArrayLike | None = None,
+        refine: int | None = None,
+        refine_norm: float = 1.5,
+        refine_seconds: float = np.inf,
+        progress: Progress | None = None,
+    ) -> FreeMap:
+        """Map the surface with a free outline; the same map as `free_map` with these options.
+
+        Parameters
+        ----------
+        boundary_scale, corners, align, refine, refine_norm, refine_seconds, progress
+            As in `free_map`.
+
+        Returns
+        -------
+        FreeMap
+
+        Raises
+        ------
+        SolverError, MapError, ValueError
+            As `free_map`.
+        """
+        options = Options(
+            align=align, refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds
+        )
+        options.check_rows(len(self.mesh.F), self.mesh.loop)
+        phase = Phases(progress, refine or 0, skipped=("check", "laplacian", "factor"))
+        with using(self._solver):
+            return free_map_of(
+                self._surface, boundary_scale, corners, options, phase, keep_factor=True
+            )
 
     def moved(self, V: ArrayLike) -> DiskMapper:
         """Take the same faces with moved vertices: no topological checks, no new ordering.

@@ -22,6 +22,7 @@ from cdcp_igl.command_line.messages import exit_codes
 from cdcp_igl.command_line.screen import progress_bar
 
 V, F = meshes.grid()
+MAPS = cdcp_igl.disk_map, cdcp_igl.free_map
 
 
 @pytest.fixture
@@ -57,12 +58,14 @@ def test_texture_coordinates(cap, options, lowest):
         (("--refine", 1, "--align", "0,1,0"), {"refine": 1, "align": [0, 1, 0]}),
         (("--refine", 2, "--refine-norm", 1), {"refine": 2, "refine_norm": 1.0}),
         (("--refine", 9, "--refine-seconds", 0), {"refine": 9, "refine_seconds": 0}),
+        (("--free",), {}),
+        (("--free", "--refine", 1, "--align", "0,1,0"), {"refine": 1, "align": [0, 1, 0]}),
     ],
 )
 def test_options_are_those_of_the_library(cap, given, options):
     out, report = cap.with_name("out.npz"), cap.with_name("report.json")
     assert invoke("map", cap, out, "--report", report, *given).exit_code == 0
-    expected = cdcp_igl.disk_map(V, F, **options)
+    expected = MAPS["--free" in given](V, F, **options)
     np.testing.assert_array_equal(np.load(out)["uv"], expected.uv)
     reports = [json.loads(report.read_text()), json.loads(json.dumps(expected.report()))]
     for read in reports:  # measured, and not the same twice

@@ -28,7 +28,7 @@ FLOORS = (
     {"result"},
     {"selection"},
     {"algorithm"},
-    {"mapper", "rectangle"},
+    {"annulus", "free", "mapper", "rectangle", "sphere"},
     {"reference"},
     {"atlas"},
     {"one_file"},

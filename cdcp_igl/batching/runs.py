@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -101,6 +101,8 @@ def batch(
     disk: bool = False,
     clean: bool = False,
     cut: bool = False,
+    free: bool = False,
+    onto: Literal["sphere", "annulus"] | None = None,
     retry: bool = False,
     time_limit: float = np.inf,
     memory_limit: float = np.inf,
@@ -142,6 +144,11 @@ def batch(
         in its order.
     cut : bool
         Map surfaces that are no disks as well, see `cdcp_igl.surface_map`.
+    free : bool
+        Map with free outlines, see `cdcp_igl.free_map`.
+    onto : {"sphere", "annulus"} or None
+        Map closed surfaces onto the sphere, see `cdcp_igl.sphere_map`, or those with two boundary
+        loops onto rings, see `cdcp_igl.annulus_map`.
     retry : bool
         Try again what failed in a former run.
     time_limit, memory_limit : float
@@ -155,7 +162,7 @@ def batch(
     progress : callable, optional
         Called as ``progress(done, failed, total)``, at first with what former runs have done.
     **options
-        Those of `cdcp_igl.disk_map`, or of `cdcp_igl.surface_map`.
+        Those of `cdcp_igl.disk_map`, `cdcp_igl.surface_map` or `cdcp_igl.free_map`.
 
     Returns
     -------
@@ -185,7 +192,7 @@ def batch(
     >>> [(record.name, record.status, record.error) for record in made.records]
     [('cap', 'done', ''), ('torn', 'failed', 'MeshError')]
     """
-    settings = Settings(disk=disk, clean=clean, cut=cut, options=options)
+    settings = Settings(disk, clean, cut, free, onto, options)
     _check_format(format)
     limits = {"time_limit": time_limit, "memory_limit": memory_limit}
     if executor is not None and (jobs, *limits.values()) != (1, np.inf, np.inf):

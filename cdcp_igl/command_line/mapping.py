@@ -93,8 +93,8 @@ def map_command(
     name, notes = printable(source.name), list[str]()
     tried = [f"--{flag}" for flag in ("clean", "cut") if options[flag]]
     with exit_codes(files=files, tried=tried):
-        disk, clean, cut = (options.pop(flag) for flag in ("disk", "clean", "cut"))
-        settings = Settings(disk, clean, cut, options)
+        flags = ("disk", "clean", "cut", "free", "onto")
+        settings = Settings(**{flag: options.pop(flag) for flag in flags}, options=options)
         if picture or view:
             with from_extra("plot"):
                 import matplotlib  # noqa: F401

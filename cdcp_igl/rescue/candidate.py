@@ -123,11 +123,9 @@ class Candidate:
 
     @property
     def steps_due(self) -> int:
-        """Steps of refinement for a map that is measurably not near the conformal one."""
-        if not self.conformality or self.done.repair.n_moved > MUCH_REPAIRED * len(self.f):
-            return MOST_STEPS
-        unlike = self.done.straightening.gain > COARSE or self.conformality.excess > EXCESS
-        return STEPS_DUE if unlike else 0
+        """As `steps_due`."""
+        share = self.done.repair.n_moved / len(self.f)
+        return steps_due(self.conformality, share, self.done.straightening.gain)
 
     def is_doubtful(self, mesh: DiskMesh) -> bool:
         """Whether another way to the circle may lead nearer to the conformal map.
@@ -147,6 +145,17 @@ class Candidate:
             return f"{name}: no certificate"
         verdict = "" if self.conformality else ", not conformal"
         return f"{name}: mean distortion {self.rank[1]:.2f} degrees{verdict}"
+
+
+def steps_due(conformality: Conformality, repaired: float, straightened: float = 0.0) -> int:
+    """Count the steps for a map that is measurably not near the conformal one.
+
+    Repair has moved the share `repaired` of its vertices; straightening has taken out the share
+    `straightened` of its distortion.
+    """
+    if not conformality or repaired > MUCH_REPAIRED:
+        return MOST_STEPS
+    return STEPS_DUE if straightened > COARSE or conformality.excess > EXCESS else 0
 
 
 def judged(

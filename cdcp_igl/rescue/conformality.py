@@ -95,8 +95,10 @@ class Conformality:
 NOT_VALID = Conformality(True, ("it is not valid",))
 
 
-def judge(mesh: DiskMesh, f: Complex, degrees: Floats, *, closely: bool = False) -> Conformality:
-    """Judge a valid map f (n,) with angular distortion `degrees` (m, 3).
+def judge(
+    mesh: DiskMesh, f: Complex | Floats, degrees: Floats, *, closely: bool = False
+) -> Conformality:
+    """Judge a valid map f, (n,) or into space (n, 3), with angular distortion `degrees` (m, 3).
 
     `closely` judges all faces, for a map that may be sheared in few places only, rather than a
     sample of some 4,000.
@@ -109,7 +111,12 @@ def judge(mesh: DiskMesh, f: Complex, degrees: Floats, *, closely: bool = False)
 
 
 def judge_by(
-    mesh: DiskMesh, f: Complex, degrees: Floats, faces: Ints, mean: float, mean_free: float
+    mesh: DiskMesh,
+    f: Complex | Floats,
+    degrees: Floats,
+    faces: Ints,
+    mean: float,
+    mean_free: float,
 ) -> Conformality:
     """Judge a valid map by some faces, with their angular distortion (k, 3).
 
@@ -147,7 +154,7 @@ def judge_by(
     return Conformality(sheared, tuple(reasons), tuple(remedies), excess, stretch, wanted)
 
 
-def dilatation(mesh: DiskMesh, f: Complex, faces: Ints) -> float:
+def dilatation(mesh: DiskMesh, f: Complex | Floats, faces: Ints) -> float:
     """Geometric mean, by area, of the dilatation K of some faces: 1 where no angle changes."""
     F = mesh.F[faces]
     log_K = np.log(face_dilatation(mesh.V, F, f))
@@ -156,7 +163,7 @@ def dilatation(mesh: DiskMesh, f: Complex, faces: Ints) -> float:
     return float(np.exp(np.average(log_K[known], weights=area))) if known.any() else 1.0
 
 
-def explained_errors(mesh: DiskMesh, f: Complex, faces: Ints) -> Floats:
+def explained_errors(mesh: DiskMesh, f: Complex | Floats, faces: Ints) -> Floats:
     """Find the changes (k, 3) of the angles of some faces, in radians, that the scale explains.
 
     On every face, three factors u at the corners take the lengths of the surface to those of
@@ -188,12 +195,14 @@ def explained_errors(mesh: DiskMesh, f: Complex, faces: Ints) -> Floats:
     return np.arccos(np.clip(cosine, -1, 1)).T - mesh.angles[faces]
 
 
-def _edge_scales(mesh: DiskMesh, f: Complex, F: Ints) -> Floats:
+def _edge_scales(mesh: DiskMesh, f: Complex | Floats, F: Ints) -> Floats:
     """(3, k) logarithms of the length on the disk by that on the surface, opposite corners."""
     i, j, k = f[F.T]
     edges = np.array([j - k, k - i, i - j])
     with np.errstate(divide="ignore", invalid="ignore"):  # of edges that have collapsed
         squared = edges.real**2 + edges.imag**2
+        if f.ndim == 2:
+            squared = squared.sum(axis=2)
         return np.log(squared / libigl.squared_edge_lengths(mesh.V, F).T) / 2
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints
-from ..certificate import Certificate
+from ..certificate import Certificate, OutlineCertificate, SphereCertificate
 from ..distortion import AngleDistortion, area_distortion
 from ..errors import spell
 from ..io.given import FromFile
@@ -31,15 +31,15 @@ MOST_VERTICES_OF_PAGES = 20_000
 
 
 class Result(FromFile, ABC):
-    """A map with its certificate: a DiskMap, a RectangleMap or a SurfaceMap.
+    """A map with its certificate, such as a DiskMap or a SphereMap.
 
     Printing it gives a summary.
 
     Attributes
     ----------
     uv : ndarray of float64
-        (n, 2) images of the vertices; of a SurfaceMap (m, 3, 2), those of the corners.
-    certificate : Certificate
+        (n, 2) images of the vertices; of a SurfaceMap or SphereMap (m, 3, 2), those of the corners.
+    certificate : Certificate, OutlineCertificate or SphereCertificate
         What was verified about `uv`.
     conformality : Conformality
         Whether the map is what a conformal map of this mesh should be; if not, the reasons
@@ -51,7 +51,7 @@ class Result(FromFile, ABC):
     """
 
     uv: Floats
-    certificate: Certificate
+    certificate: Certificate | OutlineCertificate | SphereCertificate
     conformality: Conformality
     distortion: AngleDistortion
     timings: dict[str, float]

@@ -106,8 +106,13 @@ class MeshReport:
             flat = defect.name == "degenerate face" and len(defect.indices) == self.n_faces
             if flat or not (row.cleaned or row.cut):
                 return defect.remedy_in_shell if in_shell else defect.remedy
-        rows = [DEFECTS[defect.name] for defect in self.defects]
+        names = [defect.name for defect in self.defects]
+        rows = [DEFECTS[name] for name in names]
         mends, cuts = {"clean": "mends it"}, {"surface_map": "cuts it open and maps it"}
+        if self.kind == "genus 0, closed" and names == ["closed surface"]:
+            return _step(in_shell, sphere_map="maps it onto a sphere", **cuts)
+        if self.kind == "genus 0, 2 boundary loops" and names == ["several boundary loops"]:
+            mends["annulus_map"] = "maps it onto a ring"
         # Elsewhere what is left after cleaning may be closed, or have handles.
         sure = self.genus is not None and self.n_components == 1 and not self._seams
         if sure and all(row.cleaned for row in rows):
@@ -309,7 +314,8 @@ def _defects_of_edges(surface: Topology) -> Iterator[Defect]:
     if not surface.used.all():
         yield Defect.of("unreferenced vertex", np.flatnonzero(~surface.used))
     singular = surface.singular
-    if singular.any() or len(surface.border) == 0:  # the copy of a face leaves no edge with one
+    # A face and its copy close each other: without a third one at an edge they are all there is.
+    if singular.any() or np.bincount(surface.components[1]).min() == 2:
         duplicates = duplicate_faces(surface.F)
         if len(duplicates):
             yield Defect.of("duplicate face", duplicates)
@@ -339,7 +345,7 @@ def _defects_of_a_surface(surface: Topology, V: NDArray[Any]) -> Iterator[Defect
         yield Defect.of("non-manifold vertex", surface.pinched)
         return
     if len(surface.border) == 0:
-        yield Defect.of("closed surface")
+        yield Defect.of("closed surface" + (", with handles" if surface.genus else ""))
     if len(surface.loops) > n_parts:
         outer = outer_loop(V, surface.loops)
         holes = np.concatenate([loop for loop in surface.loops if loop is not outer])
