@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from . import libigl
-from .arrays import Complex, Floats, Ints, as_complex, blocks
-from .errors import counted
+from .arrays import BLOCK, Complex, Floats, Ints, as_complex, blocks, coordinates
+from .errors import counted, spell
 from .surface.mesh import DiskMesh
-from .surface.triangles import oriented_areas
+from .surface.triangles import EPS, oriented_areas
 
 BOUNDARY_TOLERANCE = 1e-12
 # Neighbours on the boundary must be this far apart, in radians, to stay in order when rounding
 # has moved them.
 SMALLEST_ARC = 1e-14
+# As `ORIENTATION_BOUND`, of three points and the centre of the sphere; with some to spare.
+VOLUME_BOUND = 8 * EPS
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,14 +98,231 @@ class Certificate:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class SphereCertificate:
+    """What was verified on a map onto the unit sphere, as it is returned.
+
+    If every spherical triangle, with great arcs as sides, is positively oriented, and they cover
+    the sphere once, the map is a bijection onto the sphere.
+
+    Attributes
+    ----------
+    finite : bool
+        All coordinates are finite.
+    radius_error : float
+        Largest deviation of a vertex from the unit sphere.
+    degree : int
+        How many times the triangles cover the sphere.
+    flipped : (k,) ndarray of int64
+        Faces that are not positively oriented seen from outside, collapsed ones included.
+    n_exact : int
+        Faces whose sign was in doubt and decided in exact arithmetic.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    >>> F = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
+    >>> certificate = cdcp_igl.sphere_map(V, F).certificate
+    >>> certificate.valid, certificate.degree
+    (True, 1)
+    """
+
+    finite: bool
+    radius_error: float
+    degree: int
+    flipped: Ints
+    n_exact: int
+
+    @property
+    def valid(self) -> bool:
+        """True for a bijection onto the unit sphere."""
+        on_sphere = self.finite and self.radius_error <= BOUNDARY_TOLERANCE
+        return on_sphere and self.degree == 1 and len(self.flipped) == 0
+
+    def report(self) -> dict[str, Any]:
+        """Return it as JSON types."""
+        return asdict(self) | {"flipped": self.flipped.tolist()}
+
+    def __str__(self) -> str:
+        if not self.finite:
+            return "not finite"
+        flipped = counted(len(self.flipped), "flipped face", "flipped faces")
+        return (
+            f"{flipped} ({self.n_exact:,} decided exactly), radius error {self.radius_error:.1e}, "
+            f"degree {self.degree}"
+        )
+
+
+def certify_sphere(F: Ints, P: Floats) -> SphereCertificate:
+    """Verify a map (n, 3) of a closed surface with faces F onto the unit sphere."""
+    if not np.isfinite(P).all():
+        return SphereCertificate(False, np.inf, 0, np.arange(len(F)), 0)
+    flipped, n_exact = flipped_on_sphere(P, F)
+    radius_error = float(abs(np.linalg.norm(P, axis=1) - 1).max())
+    degree = round(solid_angles(P, F).sum() / (4 * np.pi))
+    return SphereCertificate(True, radius_error, degree, flipped, n_exact)
+
+
+def flipped_on_sphere(P: Floats, F: Ints) -> tuple[Ints, int]:
+    """Find what `flipped_faces` does, of spherical triangles seen from outside."""
+    x, y, z = P[F].T  # by coordinate, then by corner
+    products = [(z[k - 2] * x[k - 1] * y[k], z[k - 2] * x[k] * y[k - 1]) for k in range(3)]
+    volume = sum(left - right for left, right in products)
+    size = sum(abs(left) + abs(right) for left, right in products)
+    in_doubt = np.flatnonzero(abs(volume) <= VOLUME_BOUND * size)
+    flipped = volume < 0
+    flipped[in_doubt] = ~libigl.is_seen_from_outside(P[F[in_doubt]])
+    return np.flatnonzero(flipped), len(in_doubt)
+
+
+def solid_angles(P: Floats, F: Ints) -> Floats:
+    """(m,) signed solid angles of spherical triangles.
+
+    References
+    ----------
+    A. van Oosterom, J. Strackee. The solid angle of a plane triangle. IEEE Trans. Biomed. Eng.
+    30(2), 1983.
+    """
+    i, j, k = P[F].transpose(1, 0, 2)
+    cosines = (i * j).sum(axis=1) + (j * k).sum(axis=1) + (k * i).sum(axis=1)
+    return 2 * np.arctan2((i * np.cross(j, k)).sum(axis=1), 1 + cosines)
+
+
+@dataclass(frozen=True, eq=False)
+class OutlineCertificate:
+    """What was verified on the coordinates of a map with a free outline.
+
+    If the outline, the image of the boundary, is a simple polygon and every face is positively
+    oriented, the map is a bijection onto the polygon: each of its points has as many images as
+    the outline goes around it, and that is once inside and never outside.
+
+    Attributes
+    ----------
+    finite : bool
+        All coordinates are finite.
+    winding_number : int
+        Turns of the outline: its exterior angles by 2 pi.
+    meeting : (k, 2) ndarray of int64
+        Edges of the outline that meet elsewhere than at a common end, exactly: the boundary
+        vertices that they leave. Some if there are any, and not always all.
+    flipped : (k,) ndarray of int64
+        Faces that are not positively oriented, collapsed ones included.
+    n_exact : int
+        Faces whose sign was in doubt and decided in exact arithmetic.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(20)
+    >>> certificate = cdcp_igl.free_map(V, F).certificate
+    >>> certificate.valid, certificate.winding_number, len(certificate.meeting)
+    (True, 1, 0)
+    """
+
+    finite: bool
+    winding_number: int
+    meeting: Ints
+    flipped: Ints
+    n_exact: int
+
+    @property
+    def valid(self) -> bool:
+        """True for a bijection onto a simple polygon."""
+        simple = self.finite and self.winding_number == 1 and len(self.meeting) == 0
+        return simple and len(self.flipped) == 0
+
+    def report(self) -> dict[str, Any]:
+        """Return it as JSON types."""
+        return {
+            "finite": self.finite,
+            "winding_number": self.winding_number,
+            "meeting_edges": self.meeting.tolist(),
+            "flipped_faces": self.flipped.tolist(),
+            "faces_decided_exactly": self.n_exact,
+        }
+
+    def __str__(self) -> str:
+        if not self.finite:
+            return "not finite"
+        flipped = counted(len(self.flipped), "flipped face", "flipped faces")
+        overlap = f"overlaps itself at {spell(self.meeting)}" if len(self.meeting) else "simple"
+        return (
+            f"{flipped} ({self.n_exact:,} decided exactly), outline {overlap}, "
+            f"winding number {self.winding_number}"
+        )
+
+
+def certify_outline(mesh: DiskMesh, uv: Floats) -> OutlineCertificate:
+    """Verify a map (n, 2) of a mesh with a free outline."""
+    if not np.isfinite(uv).all():
+        return OutlineCertificate(False, 0, np.empty((0, 2), int), np.arange(len(mesh.F)), 0)
+    f = as_complex(uv)
+    edges = np.roll(f[mesh.loop], -1) - f[mesh.loop]
+    turns = np.angle(edges * np.roll(edges, 1).conj()).sum() / (2 * np.pi)
+    flipped, n_exact = flipped_faces(f, mesh.F)
+    meeting = mesh.loop[meeting_edges(f[mesh.loop])]
+    return OutlineCertificate(True, round(turns), meeting, flipped, n_exact)
+
+
+def meeting_edges(z: Complex) -> Ints:
+    """(k, 2) edges of a closed polygon that meet elsewhere than at a common end; some if any do.
+
+    Edge i leaves z[i]. Boxes around runs of edges, the halves of these and so on: only where
+    two boxes overlap, runs are looked into. Whether edges meet is decided exactly.
+    """
+    n, ends = len(z), np.stack([coordinates(z), coordinates(np.roll(z, -1))])
+    depth = (n - 1).bit_length()
+    low, high = np.full((2, 1 << depth, 2), np.inf) * [[[1]], [[-1]]]  # empty boxes at the end
+    low[:n], high[:n] = ends.min(axis=0), ends.max(axis=0)
+    boxes = [(low, high)]
+    for _ in range(depth):
+        low, high = low.reshape(-1, 2, 2).min(axis=1), high.reshape(-1, 2, 2).max(axis=1)
+        boxes.append((low, high))
+    stack = [(depth, np.zeros((1, 2), dtype=np.int64))]
+    while stack:
+        level, pairs = stack.pop()
+        if level == 0:
+            if len(found := pairs[[_meet(z, i, j) for i, j in pairs.tolist()]]):
+                return found
+            continue
+        (low, high), level = boxes[level - 1], level - 1
+        halves = 2 * pairs[:, None] + [[0, 0], [0, 1], [1, 0], [1, 1]]
+        i, j = halves.reshape(-1, 2).T
+        kept = np.flatnonzero((i < j) | ((i == j) & (level > 0)))
+        i, j = i[kept], j[kept]
+        over = ((low[i] <= high[j]) & (low[j] <= high[i])).all(axis=1)
+        pairs = np.column_stack([i[over], j[over]])
+        # The first part is looked into first, so that the others take no memory meanwhile.
+        stack += [(level, pairs[start : start + BLOCK]) for start in range(0, len(pairs), BLOCK)]
+    return np.empty((0, 2), dtype=np.int64)
+
+
+def _meet(z: Complex, i: int, j: int) -> bool:
+    """Whether edges i < j of a closed polygon meet elsewhere than at a common end, exactly."""
+    n = len(z)
+    if j - i not in (1, n - 1):
+        points = coordinates(z[[i, i + 1, j, (j + 1) % n]])
+        return libigl.meet(*points)
+    p, q, r = z[[i, j, (j + 1) % n] if j - i == 1 else [j, i, i + 1]]
+    back, on = p - q, r - q
+    if np.sign(back.real) != np.sign(on.real) or np.sign(back.imag) != np.sign(on.imag):
+        return False
+    both = coordinates(np.array([[p, q, r], [r, q, p]]).ravel()).reshape(2, 3, 2)
+    return not libigl.is_counterclockwise(both).any()  # they go back along one line
+
+
 def certify(mesh: DiskMesh, uv: Floats) -> Certificate:
     """Verify a map (n, 2) of a mesh onto the unit disk."""
     if not np.isfinite(uv).all():
         return not_finite(mesh)
     f = as_complex(uv)
-    boundary = f[mesh.loop]
-    turns, monotone = _around(boundary)
-    flipped, n_exact = flipped_faces(f, mesh.F)
+    return certificate_of(f[mesh.loop], *flipped_faces(f, mesh.F))
+
+
+def certificate_of(boundary: Complex, flipped: Ints, n_exact: int) -> Certificate:
+    """Verify the boundary (nB,) of a finite map whose faces are verified."""
+    turns, monotone = around(boundary)
     return Certificate(
         finite=True,
         boundary_error=float(abs(abs(boundary) - 1).max()),
@@ -119,7 +338,7 @@ def not_finite(mesh: DiskMesh) -> Certificate:
     return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)
 
 
-def _around(boundary: Complex) -> tuple[int, bool]:
+def around(boundary: Complex) -> tuple[int, bool]:
     """Winding number about 0, and whether it is 1 with every arc forward."""
     arcs = increments(boundary)
     turns = round(arcs.sum() / (2 * np.pi))

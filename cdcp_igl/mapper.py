@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from typing import Any, Literal
 
@@ -9,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .algorithm import map_of
+from .free import FreeMap, free_map_of
+from .io.given import takes_meshes
 from .rescue.candidate import HarmonicMap
 from .result.disk_map import DiskMap
 from .solve.factored import FactoredSurface
@@ -67,6 +70,7 @@ class DiskMapper:
     True
     """
 
+    @takes_meshes
     def __init__(self, V: ArrayLike, F: ArrayLike, *, solver: SolverName | None = None) -> None:
         mesh = DiskMesh(V, F)
         self._solver = solver
@@ -109,13 +113,50 @@ class DiskMapper:
             As `disk_map`.
         """
         options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
-        options.check_rows(self.mesh)
+        options.check_rows(len(self.mesh.F), self.mesh.loop)
         skipped = ["check", "laplacian", "factor"]
         if options.first_steps in self._known:
             skipped += ["center", "trace", "circle", "extension"]
         phase = Phases(progress, refine or 0, skipped)
         with using(self._solver):
             return map_of(self._surface, options, phase, known=self._known)
+
+    def free(
+        self,
+        *,
+        boundary_scale: ArrayLike | None = None,
+        corners: Mapping[int, float] | None = None,
+        align: int | ArrayLike | None = None,
+        refine: int | None = None,
+        refine_norm: float = 1.5,
+        refine_seconds: float = np.inf,
+        progress: Progress | None = None,
+    ) -> FreeMap:
+        """Map the surface with a free outline; the same map as `free_map` with these options.
+
+        Parameters
+        ----------
+        boundary_scale, corners, align, refine, refine_norm, refine_seconds, progress
+            As in `free_map`.
+
+        Returns
+        -------
+        FreeMap
+
+        Raises
+        ------
+        SolverError, MapError, ValueError
+            As `free_map`.
+        """
+        options = Options(
+            align=align, refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds
+        )
+        options.check_rows(len(self.mesh.F), self.mesh.loop)
+        phase = Phases(progress, refine or 0, skipped=("check", "laplacian", "factor"))
+        with using(self._solver):
+            return free_map_of(
+                self._surface, boundary_scale, corners, options, phase, keep_factor=True
+            )
 
     def moved(self, V: ArrayLike) -> DiskMapper:
         """Take the same faces with moved vertices: no topological checks, no new ordering.

@@ -17,12 +17,12 @@ from .arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from .certificate import Certificate, flipped_faces, not_finite
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, counted, spell
-from .plot.layout import Layout
+from .io.given import takes_meshes
 from .rescue.conformality import NOT_VALID, Conformality, judge
 from .rescue.repair import Repair, repaired
-from .result.base import Result
+from .result.plane_map import PlaneMap
 from .solve.factored import FactoredSurface
-from .solve.laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
+from .solve.laplacian import LAPLACIANS, Laplacian
 from .solve.solvers import SolverName, using
 from .steps.extension import harmonic_extension
 from .steps.options import Options
@@ -31,17 +31,13 @@ from .surface.mesh import DiskMesh
 
 log = logging.getLogger("cdcp_igl")
 
-LAPLACIANS: dict[str, Callable[[DiskMesh], Laplacian]] = {
-    "cotangent": cotangent_laplacian,
-    "intrinsic Delaunay": intrinsic_delaunay_laplacian,
-}
 # Phases of a map onto the disk, which a map onto a rectangle has only where its sides cannot slide.
 OF_THE_DISK = ("center", "trace", "circle", "extension", "mobius", "refine")
 REMEDY = "choose corners where the boundary has corners, or refine the faces there"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RectangleMap(Result):
+class RectangleMap(PlaneMap):
     """A conformal map onto a rectangle. Printing it gives a summary.
 
     Attributes
@@ -108,13 +104,7 @@ class RectangleMap(Result):
     timings: dict[str, float]
 
     _kind = "rectangle"
-
-    def packed(self) -> Floats:
-        """Return the image scaled into the unit square, (n, 2): texture coordinates."""
-        return self.uv / max(self.modulus, 1)
-
-    def _subject(self) -> str:
-        return f"{len(self.uv):,} vertices"
+    _plane = "Rectangle"
 
     def _key_figure(self) -> str:
         return f"modulus {self.modulus:.6g}"
@@ -139,28 +129,8 @@ class RectangleMap(Result):
             "solver": self.solver,
         }
 
-    def _surface(self) -> tuple[Floats, Ints]:
-        return self.mesh.positions, self.mesh.F
 
-    def _layout(self) -> Layout:
-        mesh, scale = self.mesh, max(self.modulus, 1) / 2
-        middle = (self.modulus / 2, 0.5)
-        return Layout(
-            V=mesh.V,
-            F=mesh.F,
-            uv=(self.uv - middle) / scale,
-            vertices=np.arange(len(mesh.V)),
-            faces=np.arange(len(mesh.F)),
-            plane="Rectangle",
-            middle=middle,
-            scale=scale,
-            origin=(middle[0] / (2 * scale), middle[1] / (2 * scale)),
-            distortion=self.distortion,
-            flipped=len(self.certificate.flipped),
-            facts=self._facts(self._subject(), f"modulus {self.modulus:.6g}"),
-        )
-
-
+@takes_meshes
 def rectangle_map(
     V: ArrayLike,
     F: ArrayLike,

@@ -17,8 +17,8 @@ def scans(tmp_path):
     V, F = meshes.grid()
     two = np.vstack([F, F[:, ::-1] + len(V)])
     np.savez(folder / "two.npz", V=np.vstack([V, V + np.array([20, 0, 0])]), F=two)
-    V = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    np.savez(folder / "closed.npz", V=V, F=[[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    _, V, F, _ = meshes.NASTY["closed"]
+    np.savez(folder / "closed.npz", V=V, F=F)
     return folder
 
 

@@ -8,6 +8,7 @@ from cdcp_igl import angle_distortion
 from cdcp_igl.certificate import certify
 from cdcp_igl.reference import (
     abf,
+    bff,
     cem,
     fdcp,
     harmonic,
@@ -43,6 +44,13 @@ def mapped(real_mesh):
         (harmonic, LION, 2.641, 3.237, 0.005),
         (harmonic, BRAIN, 2.853, 2.196, 0.005),
         (spectral, LION, 1.262, 1.101, 0.005),
+        (bff, LION, 1.255, 1.101, 0.001),
+        (bff, FACE, 1.111, 1.830, 0.001),
+        (bff, BRAIN, 1.445, 1.512, 0.002),
+        (bff, "gcanyon_216196", 0.365, 0.652, 0.002),
+        (partial(bff, disk=True), LION, 1.593, 2.088, 0.001),
+        (partial(bff, disk=True), FACE, 1.215, 1.833, 0.001),
+        (partial(bff, disk=True), BRAIN, 1.564, 1.617, 0.001),
         (abf, LION, 1.211, 1.066, 0.001),  # as Blender's angle-based unwrapping
         (cem, "camelhead_11381", 1.482, 1.548, 0.005),
         (heat_flow, LION, 1.420, 2.044, 0.005),

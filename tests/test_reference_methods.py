@@ -149,7 +149,7 @@ def test_cotangents_flip_faces_of_slivers(real_mesh):
     assert len(error.value.result.certificate.flipped) > 1000
 
 
-@pytest.mark.parametrize("name", ["abf", "lscm", "spectral"])
+@pytest.mark.parametrize("name", ["abf", "lscm", "spectral", "bff"])
 def test_free_boundary_maps_leave_a_plane_mesh_as_it_is(name):
     V, F = saddle()
     plane = V[:, :2] * [1, 3]

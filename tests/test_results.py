@@ -16,7 +16,7 @@ from cdcp_igl.io import read_mesh, write_map
 from cdcp_igl.printing import as_html
 
 NOTEBOOK = Path(__file__).parents[1] / "docs" / "examples" / "notebook.ipynb"
-KINDS = "disk", "rectangle", "surface"
+KINDS = "disk", "free", "rectangle", "surface"
 
 
 @pytest.fixture(scope="module")
@@ -26,6 +26,7 @@ def mapped():
     V = 100 * V
     return {
         "disk": (V, F, cdcp_igl.disk_map(V, F)),
+        "free": (V, F, cdcp_igl.free_map(V, F, refine=1)),
         "rectangle": (V, F, cdcp_igl.rectangle_map(V, F, [0, 14, 179, 165])),
         "surface": (*twice(V, F), cdcp_igl.surface_map(*twice(V, F))),
     }
@@ -60,6 +61,7 @@ def test_what_is_lost_in_single_precision(tmp_path, caplog):
     ("kind", "title", "short"),
     [
         ("disk", "disk map of 180 vertices", "DiskMap(180 vertices: valid, mean distortion "),
+        ("free", "free map of 180 vertices", "FreeMap(180 vertices: valid, mean distortion "),
         ("rectangle", "rectangle map of 180 vertices", "RectangleMap(180 vertices: valid, modulus"),
         ("surface", "surface map of 616 faces onto 2 disks", "SurfaceMap(616 faces onto 2 disks: "),
     ],

@@ -14,6 +14,7 @@ from ..cached import cached_property
 from ..certificate import Certificate
 from ..distortion import AngleDistortion, plane_angles
 from ..errors import counted
+from ..io.given import takes_meshes
 from ..plot.layout import Layout
 from ..rescue.conformality import Conformality
 from ..result.base import Result
@@ -164,6 +165,7 @@ class SurfaceMap(Result):
         )
 
 
+@takes_meshes
 def surface_map(
     V: ArrayLike,
     F: ArrayLike,
@@ -192,7 +194,8 @@ def surface_map(
     Parameters
     ----------
     V : (n, 3) or (n, 2) array_like of real numbers
-        Vertex positions, in any unit. Those that no face uses are ignored.
+        Vertex positions, in any unit. Those that no face uses are ignored. In place of V and F,
+        one object as in `disk_map`.
     F : (m, 3) array_like of integers
         Corners of the faces.
     polygon_of_face : (m,) array_like of integers, optional

@@ -9,7 +9,7 @@ Examples
 >>> uv.shape
 (5, 2)
 >>> [name for name, method in METHODS.items() if method.boundary == "free"]
-['abf', 'lscm', 'spectral']
+['abf', 'lscm', 'spectral', 'bff', 'bff_disk']
 """
 
 from .angle_based import abf
@@ -21,7 +21,7 @@ from .diffusion import heat_flow
 from .doubled import double_cover
 from .energy_minimization import cem
 from .fast import fdcp
-from .free_boundary import lscm, spectral
+from .free_boundary import bff, lscm, spectral
 from .linear import ldcp
 from .methods import METHODS, Method
 
@@ -31,6 +31,7 @@ __all__ = [
     "ReferenceMap",
     "abf",
     "beltrami_coefficient",
+    "bff",
     "cem",
     "double_cover",
     "fdcp",

@@ -8,6 +8,7 @@ from scipy.sparse import csr_matrix, diags, vstack
 
 from ..arrays import Floats, places
 from ..errors import MapError, counted
+from ..io.given import takes_meshes
 from ..solve.solvers import factorize
 from ..surface.mesh import DiskMesh
 from .certified import checked_free_map
@@ -17,6 +18,7 @@ TOLERANCE = 1e-8  # of what the constraints lack, in radians
 MAX_STEPS = 50  # the Human Brain takes 6
 
 
+@takes_meshes
 def abf(V: ArrayLike, F: ArrayLike, *, linear: bool = False) -> Floats:
     """Map a triangulated disk to the plane with the corner angles nearest to its own (ABF).
 

@@ -8,6 +8,7 @@ from scipy.sparse import diags
 
 from ..arrays import Complex, Floats
 from ..errors import MapError
+from ..io.given import takes_meshes
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.mobius import conformal_barycenter, mobius_transformation
 from ..surface.mesh import DiskMesh
@@ -22,6 +23,7 @@ TOLERANCE = 1e-8  # of what a step takes from the harmonic energy, which is near
 MAX_STEPS = 200  # the Chinese Lion takes 5
 
 
+@takes_meshes
 def heat_flow(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk conformally onto the unit disk, by the heat flow of Gu and Yau 2002.
 

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Complex, Floats
 from ..errors import MapError
+from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
 from ..solve.laplacian import cotangent_laplacian
 from ..surface.mesh import DiskMesh
@@ -17,6 +18,7 @@ TOLERANCE = 1e-9  # of what a round takes from the conformal energy; the disk ha
 MAX_ROUNDS = 500  # the Chinese Lion takes 230
 
 
+@takes_meshes
 def cem(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk conformally onto the unit disk, Yueh, Lin, Wu and Yau 2017.
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Complex, Floats, Ints
+from ..io.given import takes_meshes
 from ..solve.laplacian import cotangent_laplacian
 from ..surface.mesh import DiskMesh
 from .certified import certified_disk_map
@@ -15,6 +16,7 @@ from .dirichlet import Dirichlet
 from .doubled import doubled_laplacian
 
 
+@takes_meshes
 def ldcp(V: ArrayLike, F: ArrayLike, *, pinned: int = 50) -> Floats:
     """Map a triangulated disk conformally onto the unit disk, Choi and Lui 2018.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 from typing import Literal
 
@@ -18,7 +19,7 @@ from .diffusion import heat_flow
 from .doubled import double_cover
 from .energy_minimization import cem
 from .fast import fdcp
-from .free_boundary import lscm, spectral
+from .free_boundary import bff, lscm, spectral
 from .linear import ldcp
 
 
@@ -62,5 +63,7 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         "abf": Method(abf, "free", "Sheffer et al. 2005"),
         "lscm": Method(lscm, "free", "Lévy et al. 2002"),
         "spectral": Method(spectral, "free", "Mullen et al. 2008"),
+        "bff": Method(bff, "free", "Sawhney and Crane 2018"),
+        "bff_disk": Method(partial(bff, disk=True), "free", "Sawhney and Crane 2018, near a disk"),
     }
 )

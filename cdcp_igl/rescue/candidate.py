@@ -20,7 +20,7 @@ from ..steps.phases import Phases
 from ..surface.mesh import DiskMesh
 from .boundary import BoundaryMethod
 from .collapsed_faces import open_collapsed_faces
-from .conformality import LARGEST_STRETCH, NOT_VALID, Conformality, judge
+from .conformality import NOT_VALID, Conformality, judge
 from .line_search import HALVINGS, THIN
 from .recentering import deep_vertex, recentered
 from .refine import STEPS_DUE, Refinement, lower_angle_distortion
@@ -40,9 +40,6 @@ EXCESS = 1.05
 MUCH_REPAIRED = 0.1
 MOST_STEPS = 60
 PATIENT = 12
-# Where the scale explains errors so much larger than they are, it is not smooth, so the map is not
-# near a conformal one.
-LEAST_EXCESS = 0.6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,11 +128,9 @@ class Candidate:
 
     @property
     def steps_due(self) -> int:
-        """Steps of refinement for a map that is measurably not near the conformal one."""
-        if not self.conformality or self.done.repair.n_moved > MUCH_REPAIRED * len(self.f):
-            return MOST_STEPS
-        unlike = self.done.straightening.gain > COARSE or self.conformality.excess > EXCESS
-        return STEPS_DUE if unlike else 0
+        """As `steps_due`."""
+        share = self.done.repair.n_moved / len(self.f)
+        return steps_due(self.conformality, share, self.done.straightening.gain)
 
     def is_doubtful(self, mesh: DiskMesh) -> bool:
         """Whether another way to the circle may lead nearer to the conformal map.
@@ -144,10 +139,9 @@ class Candidate:
         the central face lies at the boundary, where a dipole has no room. Errors that the size of
         the faces explains are no reason.
         """
-        verdict = self.conformality
-        if verdict.sheared or verdict.stretch > LARGEST_STRETCH or verdict.excess < LEAST_EXCESS:
-            return True
-        return bool(mesh.on_boundary[mesh.F[self.done.center.face]].any())
+        return self.conformality.is_doubtful or bool(
+            mesh.on_boundary[mesh.F[self.done.center.face]].any()
+        )
 
     def objection(self) -> str:
         """Why another map was sought after this one, or taken instead."""
@@ -156,6 +150,17 @@ class Candidate:
             return f"{name}: no certificate"
         verdict = "" if self.conformality else ", not conformal"
         return f"{name}: mean distortion {self.mean:.2f} degrees{verdict}"
+
+
+def steps_due(conformality: Conformality, repaired: float, straightened: float = 0.0) -> int:
+    """Count the steps for a map that is measurably not near the conformal one.
+
+    Repair has moved the share `repaired` of its vertices; straightening has taken out the share
+    `straightened` of its distortion.
+    """
+    if not conformality or repaired > MUCH_REPAIRED:
+        return MOST_STEPS
+    return STEPS_DUE if straightened > COARSE or conformality.excess > EXCESS else 0
 
 
 def judged(

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..arrays import Bools, Complex, Floats, Ints, coordinates
-from ..certificate import certify
+from ..certificate import certify, certify_outline
 from ..distortion import angle_errors
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import twice_areas
@@ -33,17 +33,23 @@ def search_along(
     objective: float,
     halvings: int,
     thin: float,
+    *,
+    free: bool = False,
 ) -> tuple[Complex, Floats, float] | None:
     """Halve a step until the objective falls, and at faces that it flips until it does not.
 
-    The step (n,) is tangential to the circle on the boundary; `measure` takes angle errors
-    (m, 3) to the objective. Faces that become less high than `thin`, by their distance from 0,
-    count as flipped. Returns the map, its angle errors and its objective; None if nothing helps.
+    The step (n,) is tangential to the circle on the boundary, unless that is `free`; `measure`
+    takes angle errors (m, 3) to the objective. Faces that become less high than `thin`, by their
+    distance from 0, count as flipped. Returns the map, its angle errors and its objective; None if
+    nothing helps.
     """
+    certified = certify_outline if free else certify
     scale, low = np.ones(len(f)), _lower(mesh.F, f, thin)
     for _ in range(halvings):
-        trial = open_collapsed_faces(mesh, _slide(mesh, f, scale * step))[0]
-        certificate = certify(mesh, coordinates(trial))
+        trial = f + scale * step
+        if not free:
+            trial = open_collapsed_faces(mesh, _slide(mesh, f, scale * step))[0]
+        certificate = certified(mesh, coordinates(trial))
         flipped = _lower(mesh.F, trial, thin) & ~low
         flipped[certificate.flipped] = True
         if flipped.any():
@@ -55,7 +61,7 @@ def search_along(
             continue
         r = angle_errors(mesh, trial)
         value = measure(r)
-        if value < objective and certificate.on_circle:
+        if value < objective and certificate.valid:
             return trial, r, value
         scale /= 2
     return None

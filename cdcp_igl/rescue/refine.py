@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from ..arrays import Complex, Floats, Ints, blocks, coordinates
-from ..certificate import certify
+from ..certificate import certify, certify_outline
 from ..distortion import angle_errors
 from ..errors import counted
 from ..solve.cholesky import Cholesky
@@ -89,9 +89,12 @@ def lower_angle_distortion(
     thin: float = 0.0,
     least: int | None = None,
     wanted: float = 0.0,
+    free: bool = False,
     advance: Callable[[float], None] = lambda done: None,
 ) -> tuple[Complex, Refinement]:
     """Lower the sum of |angle error|^p over all corners; boundary vertices slide on the circle.
+
+    Where the outline is `free`, they go anywhere, as long as it is simple.
 
     Gauss-Newton with iteratively reweighted least squares. A step that flips a face or does
     not lower the objective is halved, where it flips or everywhere, and then computed again with
@@ -100,14 +103,14 @@ def lower_angle_distortion(
     errors down that a smaller p would take for outliers; each step without damping lowers p
     until it is the norm, from 1 to 2.
 
-    `order` are the interior vertices in a fill-reducing order. After so many `seconds` no step is
-    begun. A step is halved up to `halvings` times before it is computed again with more damping;
-    more of them are slower, and help where a map is bad. Faces at least as high as `thin` stay so,
-    see `search_along`. After the `least` number of steps, if it is told, further ones end where
-    there is little to gain, or where it is out of reach that only the share `wanted` of the
-    objective is left, which would make the map conformal. `advance` is called after each step with
-    the share that is done. Returns f itself if no step was an improvement, or if it has flipped
-    faces.
+    `order` are the interior vertices, or all if the outline is free, in a fill-reducing order.
+    After so many `seconds` no step is begun. A step is halved up to `halvings` times before it is
+    computed again with more damping; more of them are slower, and help where a map is bad. Faces
+    at least as high as `thin` stay so, see `search_along`. After the `least` number of steps, if
+    it is told, further ones end where there is little to gain, or where it is out of reach that
+    only the share `wanted` of the objective is left, which would make the map conformal. `advance`
+    is called after each step with the share that is done. Returns f itself if no step was an
+    improvement, or if it has flipped faces or overlaps itself.
 
     References
     ----------
@@ -120,7 +123,8 @@ def lower_angle_distortion(
     before = objective = measure(r)
     taken, attempt, p, stopped = 0, 0, 2.0, ""
     gains: list[float] = []
-    if len(mesh.interior) == 0 or not certify(mesh, coordinates(f)).valid:
+    certified = certify_outline if free else certify
+    if len(order) == 0 or not certified(mesh, coordinates(f)).valid:
         return f, Refinement(steps, taken, "no improvement", norm, before, objective)
     laplacian, stale = WeightedLaplacian(mesh, order), True
     while taken < steps and not stopped:
@@ -130,8 +134,10 @@ def lower_angle_distortion(
             stopped = "time limit"
         else:
             used, last = (p, attempt), objective
-            step = gauss_newton_step(mesh, f, r, p, DAMPINGS[attempt], laplacian, anew=stale)
-            found = search_along(mesh, f, step, measure, objective, halvings, thin)
+            step = gauss_newton_step(
+                mesh, f, r, p, DAMPINGS[attempt], laplacian, anew=stale, free=free
+            )
+            found = search_along(mesh, f, step, measure, objective, halvings, thin, free=free)
             if found is None:
                 attempt += 1
             else:
@@ -171,6 +177,7 @@ def gauss_newton_step(
     iterations: int = CG_ITERATIONS,
     *,
     anew: bool = True,
+    free: bool = False,
 ) -> Complex:
     """Find the displacement (n,) that lowers sum w (r + dr)^2, w = |r|^(p-2), by CG.
 
@@ -183,14 +190,15 @@ def gauss_newton_step(
     with e_j, e_k the edges at corner c. With the complex numbers b = B dz of all faces, the
     normal equations are B^H H B dz = -B^H sum_c w_c r_c i conj(g_c), where
     H(b) = (s + damping) b + conj(t b), s = sum_c w_c |g_c|^2 / 2, t = -sum_c w_c g_c^2 / 2.
-    On the boundary dz is a real multiple of i z: it slides on the circle.
+    On the boundary, unless it is `free`, dz is a real multiple of i z: it slides on the circle.
 
     `damping` is the weight of |b|^2, times that of a corner with the root mean square error: a
     face flips only where |b| is not small, and the angles of a needle hardly feel b. `laplacian`
     preconditions; unless `anew` it stays as it is: to factor it takes half the time of a step.
     """
     m = len(mesh.F)
-    tangent = 1j * f[mesh.loop]
+    sliding = mesh.loop[:0] if free else mesh.loop
+    tangent = 1j * f[sliding]
     beta, s = np.empty((m, 3), complex), np.empty(m)
     t, gradient = np.empty((2, m), complex)
     for part in blocks(m):
@@ -200,7 +208,7 @@ def gauss_newton_step(
 
     def adjoint(b: Complex) -> Complex:
         x = (B.T @ b.conj()).conj()
-        x[mesh.loop] = (x[mesh.loop] * tangent.conj()).real * tangent
+        x[sliding] = (x[sliding] * tangent.conj()).real * tangent
         return x
 
     def normal_matrix(x: Complex) -> Complex:
@@ -238,8 +246,8 @@ class WeightedLaplacian:
     part is the Laplacian sum_f s / 4 grad.grad of the plane triangles, one matrix for both
     coordinates. The diagonal does for the boundary: with 3 iterations the whole matrix,
     whose inverse ignores the circle, is worse than a boundary that stays, and the
-    boundary block along the tangents is no better. `order` are the interior vertices, at least
-    one, in a fill-reducing order.
+    boundary block along the tangents is no better. `order` are the interior vertices, or all of
+    them where the outline is free, at least one, in a fill-reducing order.
     """
 
     def __init__(self, mesh: DiskMesh, order: Ints) -> None:

@@ -15,9 +15,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints
-from ..certificate import Certificate, lost_in_single_precision
+from ..certificate import (
+    Certificate,
+    OutlineCertificate,
+    SphereCertificate,
+    lost_in_single_precision,
+)
 from ..distortion import AngleDistortion, area_distortion
 from ..errors import counted, spell
+from ..io.given import FromFile
 from ..plot.layout import Layout
 from ..plot.raster import sample
 from ..printing import Pairs, as_html, as_text
@@ -30,16 +36,16 @@ PICTURES = (".pdf", ".png", ".svg")
 MOST_VERTICES_OF_PAGES = 20_000
 
 
-class Result(ABC):
-    """A map with its certificate: a DiskMap, a RectangleMap or a SurfaceMap.
+class Result(FromFile, ABC):
+    """A map with its certificate, such as a DiskMap or a SphereMap.
 
     Printing it gives a summary.
 
     Attributes
     ----------
     uv : ndarray of float64
-        (n, 2) images of the vertices; of a SurfaceMap (m, 3, 2), those of the corners.
-    certificate : Certificate
+        (n, 2) images of the vertices; of a SurfaceMap or SphereMap (m, 3, 2), those of the corners.
+    certificate : Certificate, OutlineCertificate or SphereCertificate
         What was verified about `uv`.
     conformality : Conformality
         Whether the map is what a conformal map of this mesh should be; if not, the reasons
@@ -51,7 +57,7 @@ class Result(ABC):
     """
 
     uv: Floats
-    certificate: Certificate
+    certificate: Certificate | OutlineCertificate | SphereCertificate
     conformality: Conformality
     distortion: AngleDistortion
     timings: dict[str, float]
@@ -192,11 +198,11 @@ class Result(ABC):
         >>> result.report(flat=True)["center_method"]
         'torsion'
         """
-        V, F = self._surface()
+        vertices, faces = self._size()
         lost, share = self.lost_in_single_precision()
         report = {
-            "vertices": len(V),
-            "faces": len(F),
+            "vertices": vertices,
+            "faces": faces,
             "valid": self.valid,
             **self.conformality.report(),
             "angular_distortion_degrees": asdict(self.distortion),
@@ -215,21 +221,29 @@ class Result(ABC):
         path : path-like
             The surface with its map for the types of `cdcp_igl.io.write_map`; a picture for
             .png, .svg and .pdf; the page of `view` for .html; the report for .json. An
-            existing file is replaced once the new one is complete.
+            existing file is replaced once the new one is complete. An obj file keeps polygons,
+            groups and materials of the obj file that was given in place of V and F.
 
         Raises
         ------
         ValueError
-            If the file is not of a known type.
+            If the file is not of a known type, or the obj file that was given has changed.
         OSError
             If it cannot be written; nothing is left behind.
         """
-        from ..io import WRITABLE, write_map
+        from ..io import WRITABLE, read_mesh, write_map
         from ..io.output import whole_file, write_text
 
         suffix = Path(path).suffix.lower()
         if suffix in WRITABLE:
-            write_map(path, *self._surface(), self)
+            (V, F), like = self._surface(), self.source
+            if like is not None and suffix == like.suffix.lower() == ".obj":
+                corners, (V, F) = V[F], read_mesh(like)
+                if F.shape != corners.shape[:2] or not np.array_equal(V[F], corners):
+                    raise ValueError(f"{like.name!r} has changed since the surface was read.")
+            else:
+                like = None
+            write_map(path, V, F, self, like=like)
         elif suffix in PICTURES:
             figure = self.plot()[0].figure
             with whole_file(path) as unfinished:
@@ -462,6 +476,11 @@ class Result(ABC):
     @abstractmethod
     def _surface(self) -> tuple[Floats, Ints]:
         """Return V and F as they are saved, in the unit in which they were given."""
+
+    def _size(self) -> tuple[int, int]:
+        """Return the numbers of vertices and faces."""
+        V, F = self._surface()
+        return len(V), len(F)
 
     @abstractmethod
     def _layout(self) -> Layout:

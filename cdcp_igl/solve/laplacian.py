@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, triu
 
 from .. import libigl
-from ..arrays import Bools, Floats, Indices, Ints
+from ..arrays import Bools, Floats, Indices, Ints, Numbers
 from ..surface.mesh import DiskMesh
 
 # The lengths of the sides do not determine an angle as small as this, in radians: its square is
@@ -49,6 +50,13 @@ class Laplacian:
         diagonal = np.bincount(low, weights, n)
         diagonal += np.bincount(high, weights, n)
         return cls(low, high, weights, diagonal.astype(float, copy=False))
+
+    def times(self, x: Numbers) -> Numbers:
+        """Multiply by x (n,), from the differences of neighbours: rows must sum to zero."""
+        n, flow = len(x), self.weights * (x[self.low] - x[self.high])
+        parts = flow[:, None].view(np.float64).T  # real and imaginary
+        sums = [np.bincount(self.low, part, n) - np.bincount(self.high, part, n) for part in parts]
+        return np.column_stack(sums).view(x.dtype)[:, 0]
 
     def matrix(self) -> csr_matrix:
         """(n, n) the matrix, symmetric to the last bit."""
@@ -123,3 +131,9 @@ def _half_cotangents(mesh: DiskMesh, faces: Bools) -> csr_matrix:
     tails, heads = F[:, [1, 2, 0]].ravel(), F[:, [2, 0, 1]].ravel()
     ends = np.minimum(tails, heads), np.maximum(tails, heads)
     return coo_matrix((mesh.cotangents[faces].ravel() / 2, ends), (n, n)).tocsr()
+
+
+LAPLACIANS: dict[str, Callable[[DiskMesh], Laplacian]] = {
+    "cotangent": cotangent_laplacian,
+    "intrinsic Delaunay": intrinsic_delaunay_laplacian,
+}

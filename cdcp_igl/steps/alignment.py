@@ -10,27 +10,37 @@ from ..surface.mesh import DiskMesh
 from ..surface.triangles import vertex_areas
 
 
-def rotate(mesh: DiskMesh, f: Complex, align: int | ArrayLike | None) -> Complex:
+def rotate(
+    mesh: DiskMesh, f: Complex, align: int | ArrayLike | None, *, on_circle: bool = True
+) -> Complex:
     """Turn a map (n,) about 0.
 
-    `align` is a boundary vertex, to go to 1; or a direction d in space: the height x.d of the
-    surface, as a function on the disk, has its moment sum_v m_v x_v.d f_v about the
-    mean height, m_v the area at a vertex, at angle 0. None is the first boundary vertex.
-    ValueError if the height has no moment.
+    `align` is a boundary vertex, to go to 1, or if not `on_circle` to the right; or a direction d
+    in space: the height x.d of the surface, as a function in the plane, has its moment
+    sum_v m_v x_v.d f_v about the mean height, m_v the area at a vertex, at angle 0. None is the
+    first boundary vertex. ValueError if the height has no moment.
     """
     if align is None:
         align = mesh.loop[0]
     if isinstance(align, int | np.integer):
-        return at_one(mesh, f, int(align))
+        if on_circle:
+            return at_one(mesh, f, int(align))
+        return f * (abs(f[align]) / f[align] if f[align] else 1)
     direction = np.asarray(align)
     mass = vertex_areas(mesh.V, mesh.F)
     height = mesh.V @ direction
     moment = complex((mass * (height - np.average(height, weights=mass)) * f).sum())
-    if not abs(moment) > 1e-12 * mass.sum() * np.ptp(height):
-        raise ValueError(f"align={align!r}: the surface has no slope in this direction")
+    check_slope(align, moment, mass.sum() * np.ptp(height))
     f = f * (abs(moment) / moment)
-    f[mesh.loop] /= abs(f[mesh.loop])
+    if on_circle:
+        f[mesh.loop] /= abs(f[mesh.loop])
     return f
+
+
+def check_slope(align: ArrayLike, moment: complex, most: float) -> None:
+    """Raise ValueError if the moment of the height is negligible beside what it may be."""
+    if not abs(moment) > 1e-12 * most:
+        raise ValueError(f"align={align!r}: the surface has no slope in this direction")
 
 
 def at_one(mesh: DiskMesh, f: Complex, vertex: int) -> Complex:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..arrays import Complex
 from ..solve.factored import FactoredSurface
 
@@ -21,9 +19,4 @@ def extended_again(surface: FactoredSurface, f: Complex) -> Complex:
     Where these are much smaller than f itself, and f is small, they have digits that a solution for
     the boundary values has not. The boundary stays.
     """
-    L, n = surface.laplacian, len(f)
-    flow = L.weights * (f[L.high] - f[L.low])
-    pull = np.zeros(n, dtype=complex)
-    for part, flows in ((pull.real, flow.real), (pull.imag, flow.imag)):
-        part += np.bincount(L.low, flows, n) - np.bincount(L.high, flows, n)
-    return f + surface.solve(pull)
+    return f - surface.solve(surface.laplacian.times(f))
