@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from . import libigl
 from .arrays import Complex, Floats, Ints, coordinates, marked
-from .certificate import Certificate, around, flipped_faces, not_finite
+from .certificate import Certificate, around, not_finite
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, counted
 from .io.given import takes_meshes
@@ -27,6 +27,7 @@ from .steps.trace import shared_by_edges
 from .surface.filling import fill_hole
 from .surface.mesh import AnnulusMesh, DiskMesh
 from .surface.topology import Topology
+from .surface.triangles import flipped_faces
 from .surface.validation import checked_surface
 
 log = logging.getLogger("cdcp_igl")

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from . import libigl
-from .arrays import BLOCK, Complex, Floats, Ints, as_complex, blocks, coordinates
+from .arrays import BLOCK, Complex, Floats, Ints, as_complex, coordinates
 from .errors import counted, spell
 from .surface.mesh import DiskMesh
-from .surface.triangles import EPS, oriented_areas
+from .surface.triangles import EPS, flipped_faces
 
 BOUNDARY_TOLERANCE = 1e-12
 # Neighbours on the boundary must be this far apart, in radians, to stay in order when rounding
@@ -359,30 +359,3 @@ def is_around(f_B: Complex) -> bool:
     """Whether points run once around the circle, counterclockwise, no arc too short."""
     arcs = increments(f_B)
     return bool((arcs > SMALLEST_ARC).all()) and round(arcs.sum() / (2 * np.pi)) == 1
-
-
-def lost_in_single_precision(uv: Floats, F: Ints) -> Ints:
-    """Faces whose corners (n, 2), as float32, have no area, or are turned over.
-
-    Renderers, and files of type glb and ply, have single precision.
-    """
-    area, _ = oriented_areas(as_complex(uv), F)
-    upwards = np.where((area < 0)[:, None], F[:, ::-1], F)
-    return flipped_faces(as_complex(uv.astype(np.float32)), upwards)[0]
-
-
-def flipped_faces(f: Complex, F: Ints) -> tuple[Ints, int]:
-    """Faces that are not positively oriented, exactly, and how many were in doubt."""
-    positive = np.empty(len(F), dtype=bool)
-    for part in blocks(len(F)):
-        area, error = oriented_areas(f, F[part])
-        np.greater(area, error, out=positive[part])
-    others = np.flatnonzero(~positive)
-    if len(others) == 0:
-        return others, 0
-    area, error = oriented_areas(f, F[others])
-    in_doubt = abs(area) <= error
-    corners = f[F[others[in_doubt]]]
-    flipped = np.ones(len(others), dtype=bool)
-    flipped[in_doubt] = ~libigl.is_counterclockwise(np.stack([corners.real, corners.imag], axis=-1))
-    return others[flipped], int(np.count_nonzero(in_doubt))

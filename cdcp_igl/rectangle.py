@@ -14,7 +14,7 @@ from scipy.special import ellipk, ellipkinc
 
 from .algorithm import map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates, marked
-from .certificate import Certificate, flipped_faces, not_finite
+from .certificate import Certificate, not_finite
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, counted, spell
 from .io.given import takes_meshes
@@ -28,6 +28,7 @@ from .steps.extension import harmonic_extension
 from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .surface.mesh import DiskMesh
+from .surface.triangles import flipped_faces
 
 log = logging.getLogger("cdcp_igl")
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.certificate import flipped_faces, increments
+from cdcp_igl.certificate import increments
 from cdcp_igl.rescue.boundary import FALLBACKS, harmonic_shares
 from cdcp_igl.rescue.collapsed_faces import open_collapsed_faces
 from cdcp_igl.solve.factored import FactoredSurface
@@ -22,6 +22,7 @@ from cdcp_igl.steps.trace import boundary_trace, conjugate_trace
 from cdcp_igl.steps.whiten import whiten_trace
 from cdcp_igl.steps.zipper import geodesic_map, open_arcs, open_blocks
 from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.surface.triangles import flipped_faces
 
 
 def circle(n):

@@ -6,7 +6,7 @@ from surfaces import arms
 
 import cdcp_igl
 from cdcp_igl.arrays import coordinates
-from cdcp_igl.certificate import certify, flipped_faces
+from cdcp_igl.certificate import certify
 from cdcp_igl.rescue.boundary import BoundaryMethod, around, harmonic_shares
 from cdcp_igl.rescue.candidate import HarmonicMap, Provenance
 from cdcp_igl.rescue.recentering import deep_vertex, recentered
@@ -15,6 +15,7 @@ from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.extension import extended_again, harmonic_extension
 from cdcp_igl.steps.mobius import composed, mobius_transformation
 from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.surface.triangles import flipped_faces
 
 
 def harmonic_map(V, F):

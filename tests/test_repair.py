@@ -5,7 +5,7 @@ from surfaces import arms
 
 import cdcp_igl
 from cdcp_igl.arrays import coordinates
-from cdcp_igl.certificate import certify, flipped_faces, is_around
+from cdcp_igl.certificate import certify, is_around
 from cdcp_igl.rescue.relaxation import Relaxation
 from cdcp_igl.rescue.repair import (
     Neighbourhood,
@@ -15,6 +15,7 @@ from cdcp_igl.rescue.repair import (
     replace_interior,
 )
 from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.surface.triangles import flipped_faces
 
 V, F = meshes.grid(10, 12)
 MESH = DiskMesh(V, F)

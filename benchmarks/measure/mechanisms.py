@@ -16,7 +16,6 @@ import numpy as np
 
 from cdcp_igl import DiskMap, disk_map
 from cdcp_igl.arrays import Complex, Floats, Ints
-from cdcp_igl.certificate import flipped_faces
 from cdcp_igl.rescue.boundary import FALLBACKS, _balanced
 from cdcp_igl.rescue.candidate import Candidate as Judged
 from cdcp_igl.rescue.collapsed_faces import open_collapsed_faces
@@ -25,6 +24,7 @@ from cdcp_igl.rescue.relaxation import Relaxation
 from cdcp_igl.rescue.repair import Neighbourhood, Repair, repair_locally, replace_interior
 from cdcp_igl.rescue.straightening import Straightening, straighten
 from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.surface.triangles import flipped_faces
 
 from .candidate import Candidate
 

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from .. import libigl
 from ..arrays import Floats, Ints
-from ..certificate import lost_in_single_precision
 from ..errors import counted
+from ..surface.triangles import lost_in_single_precision
 from ..surface.validation import unit_size
 from .damage import Damage
 from .images import Image

@@ -12,7 +12,7 @@ from numpy.lib.format import open_memmap
 
 from ..arrays import Floats, Ints
 from ..cached import cached_property
-from ..certificate import Certificate, lost_in_single_precision
+from ..certificate import Certificate
 from ..distortion import AngleDistortion
 from ..io.output import whole_file
 from ..plot.layout import Layout
@@ -22,7 +22,7 @@ from ..rescue.repair import Repair
 from ..result.disk_map import OntoDisk
 from ..steps.center import Center
 from ..steps.mobius import Normalization
-from ..surface.triangles import face_areas
+from ..surface.triangles import face_areas, lost_in_single_precision
 from .part import Folder
 
 SQUARES, CUBES = 128, 64  # across the disk and the surface: each vertex of a view stands for one

@@ -14,7 +14,6 @@ from scipy.linalg import solve_triangular
 
 from ..arrays import Bools, Complex, Floats, Ints, coordinates, marked
 from ..cached import cached_property
-from ..certificate import flipped_faces
 from ..distortion import disk_map_distortion
 from ..errors import SolverError
 from ..solve.condensed import Condensed
@@ -25,7 +24,7 @@ from ..steps.extension import harmonic_extension
 from ..steps.mobius import mobius_transformation
 from ..steps.trace import boundary_flux, face_dipole
 from ..surface.topology import Topology
-from ..surface.triangles import corner_cotangents, degenerate_faces, vertex_areas
+from ..surface.triangles import corner_cotangents, degenerate_faces, flipped_faces, vertex_areas
 from .part import Arrays, Folder, Part, Piece, among, named
 
 

@@ -10,10 +10,10 @@ from scipy.sparse import csr_matrix, diags, identity
 from scipy.sparse.linalg import splu
 
 from ..arrays import Bools, Complex, Floats, Ints, as_complex, marked
-from ..certificate import flipped_faces
 from ..errors import counted
 from ..surface.mesh import DiskMesh
 from ..surface.topology import components_of_pairs
+from ..surface.triangles import flipped_faces
 from .recentering import recentered
 from .relaxation import Relaxation
 

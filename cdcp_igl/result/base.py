@@ -15,12 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints
-from ..certificate import (
-    Certificate,
-    OutlineCertificate,
-    SphereCertificate,
-    lost_in_single_precision,
-)
+from ..certificate import Certificate, OutlineCertificate, SphereCertificate
 from ..distortion import AngleDistortion, area_distortion
 from ..errors import counted, spell
 from ..io.given import FromFile
@@ -28,7 +23,7 @@ from ..plot.layout import Layout
 from ..plot.raster import sample
 from ..printing import Pairs, as_html, as_text
 from ..rescue.conformality import Conformality
-from ..surface.triangles import face_areas
+from ..surface.triangles import face_areas, lost_in_single_precision
 
 PICTURES = (".pdf", ".png", ".svg")
 

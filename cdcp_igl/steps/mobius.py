@@ -9,9 +9,9 @@ from typing import Literal, TypeVar
 import numpy as np
 
 from ..arrays import Complex, Floats, Ints
-from ..certificate import flipped_faces, is_around
+from ..certificate import is_around
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import vertex_areas
+from ..surface.triangles import flipped_faces, vertex_areas
 from .alignment import at_one
 from .least_distortion import (
     AngleErrors,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .. import libigl
-from ..arrays import Complex, Floats, Ints, blocks
+from ..arrays import Complex, Floats, Ints, as_complex, blocks
 
 EPS = np.finfo(float).eps / 2
 # Shewchuk's bound: beyond it, the rounded determinant of an orientation has the sign of the
@@ -68,6 +68,33 @@ def oriented_areas(z: Complex, F: Ints) -> tuple[Floats, Floats]:
     """(m,) twice the signed areas of plane triangles, and (m,) bounds of their rounding errors."""
     i, j, k = (z[corner] for corner in F.T)
     return spanned_areas(i - k, j - k)
+
+
+def flipped_faces(f: Complex, F: Ints) -> tuple[Ints, int]:
+    """Faces that are not positively oriented, exactly, and how many were in doubt."""
+    positive = np.empty(len(F), dtype=bool)
+    for part in blocks(len(F)):
+        area, error = oriented_areas(f, F[part])
+        np.greater(area, error, out=positive[part])
+    others = np.flatnonzero(~positive)
+    if len(others) == 0:
+        return others, 0
+    area, error = oriented_areas(f, F[others])
+    in_doubt = abs(area) <= error
+    corners = f[F[others[in_doubt]]]
+    flipped = np.ones(len(others), dtype=bool)
+    flipped[in_doubt] = ~libigl.is_counterclockwise(np.stack([corners.real, corners.imag], axis=-1))
+    return others[flipped], int(np.count_nonzero(in_doubt))
+
+
+def lost_in_single_precision(uv: Floats, F: Ints) -> Ints:
+    """Faces whose corners (n, 2), as float32, have no area, or are turned over.
+
+    Renderers, and files of type glb and ply, have single precision.
+    """
+    area, _ = oriented_areas(as_complex(uv), F)
+    upwards = np.where((area < 0)[:, None], F[:, ::-1], F)
+    return flipped_faces(as_complex(uv.astype(np.float32)), upwards)[0]
 
 
 def spanned_areas(u: Complex, v: Complex) -> tuple[Floats, Floats]:
