@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .arrays import Complex, Floats
+from .io.given import takes_meshes
 from .rescue.boundary import BoundaryMethod
 from .rescue.candidate import HarmonicMap, Provenance, judged
 from .result.disk_map import DiskMap
@@ -30,6 +31,7 @@ from .steps.zipper import geodesic_map
 from .surface.mesh import DiskMesh
 
 
+@takes_meshes
 def cdcp(
     V: ArrayLike,
     F: ArrayLike,
@@ -77,6 +79,7 @@ def cdcp(
     return _disk_map(V, F, options, progress).uv
 
 
+@takes_meshes
 def disk_map(
     V: ArrayLike,
     F: ArrayLike,
@@ -98,7 +101,8 @@ def disk_map(
     Parameters
     ----------
     V : (n, 3) or (n, 2) array_like of real numbers
-        Vertex positions, in any unit. Two columns are a planar mesh.
+        Vertex positions, in any unit. Two columns are a planar mesh. In place of V and F: the
+        path of a file, a tuple, or a mesh of trimesh, Open3D, PyVista or meshio.
     F : (m, 3) array_like of integers
         Corners of the faces, counterclockwise seen from outside: one component, one
         boundary loop, no handle.
@@ -192,7 +196,7 @@ def factored_surface(
     """Check the surface and the options, and factor the Laplacian."""
     with phase("check"):
         mesh = DiskMesh(V, F)
-        options.check_rows(mesh)
+        options.check_rows(len(mesh.F), mesh.loop)
     with phase("laplacian"):
         L = cotangent_laplacian(mesh)  # (8)
     with phase("factor"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from functools import partial
 from typing import Any, TypeVar
 
@@ -13,12 +13,14 @@ from . import libigl
 from .arrays import BLOCK, Complex, Floats, Ints, as_complex, blocks, coordinates
 from .errors import counted, spell
 from .surface.mesh import DiskMesh
-from .surface.triangles import oriented_areas
+from .surface.triangles import EPS, oriented_areas
 
 BOUNDARY_TOLERANCE = 1e-12
 # Neighbours on the boundary must be this far apart, in radians, to stay in order when rounding
 # has moved them.
 SMALLEST_ARC = 1e-14
+# As `ORIENTATION_BOUND`, of three points and the centre of the sphere; with some to spare.
+VOLUME_BOUND = 8 * EPS
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +98,97 @@ class Certificate:
             f"boundary {'monotone' if self.boundary_monotone else 'not monotone'}, "
             f"winding number {self.winding_number}"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class SphereCertificate:
+    """What was verified on a map onto the unit sphere, as it is returned.
+
+    If every spherical triangle, with great arcs as sides, is positively oriented, and they cover
+    the sphere once, the map is a bijection onto the sphere.
+
+    Attributes
+    ----------
+    finite : bool
+        All coordinates are finite.
+    radius_error : float
+        Largest deviation of a vertex from the unit sphere.
+    degree : int
+        How many times the triangles cover the sphere.
+    flipped : (k,) ndarray of int64
+        Faces that are not positively oriented seen from outside, collapsed ones included.
+    n_exact : int
+        Faces whose sign was in doubt and decided in exact arithmetic.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    >>> F = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
+    >>> certificate = cdcp_igl.sphere_map(V, F).certificate
+    >>> certificate.valid, certificate.degree
+    (True, 1)
+    """
+
+    finite: bool
+    radius_error: float
+    degree: int
+    flipped: Ints
+    n_exact: int
+
+    @property
+    def valid(self) -> bool:
+        """True for a bijection onto the unit sphere."""
+        on_sphere = self.finite and self.radius_error <= BOUNDARY_TOLERANCE
+        return on_sphere and self.degree == 1 and len(self.flipped) == 0
+
+    def report(self) -> dict[str, Any]:
+        """Return it as JSON types."""
+        return asdict(self) | {"flipped": self.flipped.tolist()}
+
+    def __str__(self) -> str:
+        if not self.finite:
+            return "not finite"
+        flipped = counted(len(self.flipped), "flipped face", "flipped faces")
+        return (
+            f"{flipped} ({self.n_exact:,} decided exactly), radius error {self.radius_error:.1e}, "
+            f"degree {self.degree}"
+        )
+
+
+def certify_sphere(F: Ints, P: Floats) -> SphereCertificate:
+    """Verify a map (n, 3) of a closed surface with faces F onto the unit sphere."""
+    if not np.isfinite(P).all():
+        return SphereCertificate(False, np.inf, 0, np.arange(len(F)), 0)
+    flipped, n_exact = flipped_on_sphere(P, F)
+    radius_error = float(abs(np.linalg.norm(P, axis=1) - 1).max())
+    degree = round(solid_angles(P, F).sum() / (4 * np.pi))
+    return SphereCertificate(True, radius_error, degree, flipped, n_exact)
+
+
+def flipped_on_sphere(P: Floats, F: Ints) -> tuple[Ints, int]:
+    """Find what `flipped_faces` does, of spherical triangles seen from outside."""
+    x, y, z = P[F].T  # by coordinate, then by corner
+    products = [(z[k - 2] * x[k - 1] * y[k], z[k - 2] * x[k] * y[k - 1]) for k in range(3)]
+    volume = sum(left - right for left, right in products)
+    size = sum(abs(left) + abs(right) for left, right in products)
+    in_doubt = np.flatnonzero(abs(volume) <= VOLUME_BOUND * size)
+    flipped = volume < 0
+    flipped[in_doubt] = ~libigl.is_seen_from_outside(P[F[in_doubt]])
+    return np.flatnonzero(flipped), len(in_doubt)
+
+
+def solid_angles(P: Floats, F: Ints) -> Floats:
+    """(m,) signed solid angles of spherical triangles.
+
+    References
+    ----------
+    A. van Oosterom, J. Strackee. The solid angle of a plane triangle. IEEE Trans. Biomed. Eng.
+    30(2), 1983.
+    """
+    i, j, k = P[F].transpose(1, 0, 2)
+    cosines = (i * j).sum(axis=1) + (j * k).sum(axis=1) + (k * i).sum(axis=1)
+    return 2 * np.arctan2((i * np.cross(j, k)).sum(axis=1), 1 + cosines)
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,9 +338,12 @@ def certify(mesh: DiskMesh, uv: Floats) -> Certificate:
     if not np.isfinite(uv).all():
         return not_finite(mesh)
     f = as_complex(uv)
-    boundary = f[mesh.loop]
-    turns, monotone = _around(boundary)
-    flipped, n_exact = flipped_faces(f, mesh.F)
+    return certificate_of(f[mesh.loop], *flipped_faces(f, mesh.F))
+
+
+def certificate_of(boundary: Complex, flipped: Ints, n_exact: int) -> Certificate:
+    """Verify the boundary (nB,) of a finite map whose faces are verified."""
+    turns, monotone = around(boundary)
     return Certificate(
         finite=True,
         boundary_error=float(abs(abs(boundary) - 1).max()),
@@ -263,7 +359,7 @@ def not_finite(mesh: DiskMesh) -> Certificate:
     return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)
 
 
-def _around(boundary: Complex) -> tuple[int, bool]:
+def around(boundary: Complex) -> tuple[int, bool]:
     """Winding number about 0, and whether it is 1 with every arc forward."""
     arcs = increments(boundary)
     turns = round(arcs.sum() / (2 * np.pi))

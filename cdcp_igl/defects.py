@@ -16,6 +16,9 @@ IN_PYTHON = {
     "with_path": "with cdcp_igl.cut(V, F, path)",
     "surface_map": "cdcp_igl.surface_map",
     "disk_map": "cdcp_igl.disk_map",
+    "sphere_map": "cdcp_igl.sphere_map",
+    "annulus_map": "cdcp_igl.annulus_map",
+    "clean_and_cut": "cdcp_igl.clean and cdcp_igl.surface_map",
     "batch": "cdcp_igl.batch",
 }
 IN_SHELL = {
@@ -24,8 +27,18 @@ IN_SHELL = {
     "with_path": "in a program for meshes",
     "surface_map": "cdcp-igl map --cut",
     "disk_map": "cdcp-igl map",
+    "sphere_map": "cdcp-igl map --sphere",
+    "annulus_map": "cdcp-igl map --annulus",
+    "clean_and_cut": "cdcp-igl map --clean --cut",
     "batch": "cdcp-igl batch",
 }
+
+
+def as_commands(text: str) -> str:
+    """Name commands in a text in the place of functions."""
+    for call, name in sorted(IN_PYTHON.items(), key=lambda item: -len(item[1])):
+        text = text.replace(name, IN_SHELL[call])
+    return text
 
 
 class Row(NamedTuple):
@@ -87,6 +100,28 @@ DEFECTS = {
         "Restore the coordinates.",
         subject=("vertex has", "vertices have"),
         kind="vertices",
+    ),
+    "shape of V, transposed": Row(
+        "V has shape {shape}", "Its columns are vertices: transpose it, V.T, and F if it is alike."
+    ),
+    "shape of F, empty": Row(
+        "There are no faces", "A cloud of points is no surface: give the mesh with its faces."
+    ),
+    "shape of F, flat": Row(
+        "F has shape {shape}, a list in which the number of corners comes before them",
+        "Pass the mesh itself, not mesh.faces.",
+    ),
+    "not numeric, cells": Row(
+        "F is a list of cells by their type", "Pass the mesh itself, not mesh.cells."
+    ),
+    "no surface": Row(
+        "{type} is no surface: it has no vertices, points or V, or no faces, triangles, cells or F",
+        "Pass V and F; or in their place a tuple (V, F), the path of a file, or a mesh of trimesh, "
+        "Open3D, PyVista or meshio.",
+    ),
+    "no surface, but another": Row(
+        "{type} has no triangles or polygons of its own, but mesh.{method}() has",
+        "Pass that in its place.",
     ),
     "index out of range": Row(
         "an index outside 0..{last}",
@@ -179,8 +214,17 @@ DEFECTS = {
     ),
     "closed surface": Row(
         "The surface has no boundary",
+        "{sphere_map} maps it onto a sphere; {surface_map} cuts it open, and maps it.",
+        cut=True,
+    ),
+    "closed surface, with handles": Row(
+        "The surface has no boundary",
         "{surface_map} cuts it open, and maps it.",
         cut=True,
+    ),
+    "boundary": Row(
+        "The boundary loops of the surface are {loops:,}, a sphere has none",
+        "{disk_map} maps a surface with one, {annulus_map} with two or more.",
     ),
     "several boundary loops": Row(
         "{loops:,} boundary loops, the outer one with {outer:,} vertices",
@@ -188,6 +232,9 @@ DEFECTS = {
         kind="vertices",
         cleaned=True,
         cut=True,
+    ),
+    "one boundary loop": Row(
+        "The surface has one boundary loop, an annulus has two", "{disk_map} maps it."
     ),
     "handle": Row(
         "The surface has genus {genus}, a disk has 0",
@@ -210,6 +257,9 @@ DEFECTS = {
     "unreadable file": Row("{reason}", "Name a file that may be read."),
     "unreadable file, a folder": Row(
         "{path!r} is a folder", "Name a file in it; {batch} maps all of them."
+    ),
+    "unreadable file, empty": Row(
+        "no vertices were found in {name!r}", "Export it again, or in another format."
     ),
     "unreadable file, damaged": Row(
         "{name!r} is not a readable {type} file: {reason}",

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import libigl
 from .arrays import Complex, Floats, Ints, as_complex, blocks, coordinates
+from .io.given import takes_meshes
 from .surface.mesh import DiskMesh
 from .surface.triangles import face_areas, hat_gradients, opposite_edges, oriented_areas
 from .surface.validation import checked_surface, checked_vertices, size_exponent
@@ -44,6 +46,7 @@ class AngleDistortion:
         return f"mean {self.mean:.4f}, SD {self.sd:.4f}, max {self.max:.2f} degrees"
 
 
+@takes_meshes
 def angle_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     """Absolute change of every corner angle, eq. (7).
 
@@ -91,6 +94,7 @@ def disk_map_distortion(mesh: DiskMesh, uv: Floats) -> Floats:
     return _change_in_degrees(uv, mesh.F, mesh.angles)
 
 
+@takes_meshes
 def quasi_conformal_dilatation(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     """Ratio of the singular values of the map on every face, the larger by the smaller.
 
@@ -128,6 +132,7 @@ def quasi_conformal_dilatation(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Flo
     return face_dilatation(positions, faces, z)
 
 
+@takes_meshes
 def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     """Logarithm of the scale of the map at every vertex.
 
@@ -185,6 +190,7 @@ def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     return mean + exponent * np.log(2)
 
 
+@takes_meshes
 def area_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     """Logarithm of the area in the plane by the area on the surface, for every face.
 
@@ -221,7 +227,11 @@ def area_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     """
     positions, faces, z = _surface_and_image(V, F, uv)
     image = np.maximum(oriented_areas(z, faces)[0], 0)
-    surface = face_areas(positions, faces)
+    return log_of_ratio(image, face_areas(positions, faces))
+
+
+def log_of_ratio(image: Floats, surface: Floats) -> Floats:
+    """(m,) logarithm of areas by others, as fractions of their totals."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = (image / image.sum()) / (surface / surface.sum())
         return np.where(ratio > 0, np.log(ratio), -np.inf)
@@ -254,6 +264,13 @@ def _angles(V: Floats, F: Ints) -> Floats:
     if np.isnan(angles.sum()):
         angles[np.isnan(angles)] = 0
     return angles
+
+
+def sphere_angle_errors(mesh: DiskMesh, P: Floats, flipped: Ints) -> Floats:
+    """(m, 3) as `angle_errors`, of a map (n, 3) onto the sphere whose faces are straight."""
+    angles = _angles(P, mesh.F)
+    angles[flipped] *= -1
+    return angles - mesh.angles
 
 
 def angle_errors(mesh: DiskMesh, f: Complex) -> Floats:
@@ -294,7 +311,7 @@ def wirtinger_derivative(V: Floats, F: Ints) -> Complex:
     return hat_gradients(opposite_edges(corner), twice_area).conj() / 2
 
 
-def _plane_triangles(V: Floats, F: Ints) -> tuple[Floats, Complex]:
+def _plane_triangles(V: Any, F: Ints) -> tuple[Floats, Complex]:
     """Second and third corner of each face laid into the plane with its first corner at 0."""
     i, j, k = F.T
     e, g = V[j] - V[i], V[k] - V[i]
@@ -302,15 +319,16 @@ def _plane_triangles(V: Floats, F: Ints) -> tuple[Floats, Complex]:
     return length, ((e * g).sum(axis=1) + 1j * libigl.double_areas(V, F)) / length
 
 
-def face_dilatation(V: Floats, F: Ints, z: Complex) -> Floats:
-    """(m,) `quasi_conformal_dilatation` of a map z (n,), without checks."""
+def face_dilatation(V: Floats, F: Ints, z: Complex | Floats) -> Floats:
+    """(m,) `quasi_conformal_dilatation` of a map z (n,), or into space (n, 3), without checks."""
     K = np.full(len(F), np.inf)
     i, j, k = F.T
     with np.errstate(divide="ignore", invalid="ignore"):  # of faces without area on the surface
         length, third = _plane_triangles(V, F)
         # The derivatives from differences, which are accurate on tiny faces too.
-        f_x = (z[j] - z[i]) / length
-        f_y = (z[k] - z[i] - third.real * f_x) / third.imag
+        e, g = (z[j] - z[i], z[k] - z[i]) if np.iscomplexobj(z) else _plane_triangles(z, F)
+        f_x = e / length
+        f_y = (g - third.real * f_x) / third.imag
         p, q = abs(f_x - 1j * f_y), abs(f_x + 1j * f_y)
     np.divide(p + q, p - q, out=K, where=p > q)
     return K

@@ -16,6 +16,7 @@ from .arrays import Complex, Floats, Ints, as_complex, coordinates, places
 from .certificate import OutlineCertificate, certify_outline
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, spell
+from .io.given import takes_meshes
 from .rescue.candidate import PATIENT, steps_due
 from .rescue.conformality import NOT_VALID, Conformality, judge
 from .rescue.line_search import HALVINGS
@@ -134,6 +135,7 @@ class FreeMap(PlaneMap):
         }
 
 
+@takes_meshes
 def free_map(
     V: ArrayLike,
     F: ArrayLike,

@@ -68,6 +68,12 @@ def is_counterclockwise(triangles: Floats) -> Bools:
     return np.array([igl.predicates.orient2d(*t) == positive for t in triangles], dtype=bool)
 
 
+def is_seen_from_outside(triangles: Floats) -> Bools:
+    """(k,) exact orientation of (k, 3, 3) triangles in space, seen from across the origin."""
+    i, j, k = np.ascontiguousarray(triangles.transpose(1, 0, 2))
+    return igl.predicates.orient3d(i, j, k, np.zeros(i.shape)) > 0
+
+
 def lscm(V: Floats, F: Ints, S: Ints, c: Floats) -> Floats:
     """(n, 2) least squares conformal map with the vertices S pinned at c (k, 2)."""
     return igl.lscm(V, F, S, c)[0]
@@ -91,6 +97,12 @@ def squared_edge_lengths(V: Floats, F: Ints) -> Floats:
         part = slice(start, start + SERIAL)
         squared[part] = igl.squared_edge_lengths(V, F[part])
     return squared
+
+
+def upsample(V: Floats, F: Ints) -> tuple[Floats, Ints]:
+    """Split each face into four at the middles of its edges."""
+    V, F = igl.upsample(V, F)
+    return V, F.astype(np.int64)
 
 
 def vector_area_matrix(F: Ints) -> csc_matrix:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from .algorithm import map_of
 from .free import FreeMap, free_map_of
+from .io.given import takes_meshes
 from .rescue.candidate import HarmonicMap
 from .result.disk_map import DiskMap
 from .solve.factored import FactoredSurface
@@ -69,6 +70,7 @@ class DiskMapper:
     True
     """
 
+    @takes_meshes
     def __init__(self, V: ArrayLike, F: ArrayLike, *, solver: SolverName | None = None) -> None:
         mesh = DiskMesh(V, F)
         self._solver = solver
@@ -111,7 +113,7 @@ class DiskMapper:
             As `disk_map`.
         """
         options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
-        options.check_rows(self.mesh)
+        options.check_rows(len(self.mesh.F), self.mesh.loop)
         skipped = ["check", "laplacian", "factor"]
         if options.first_steps in self._known:
             skipped += ["center", "trace", "circle", "extension"]
@@ -149,7 +151,7 @@ class DiskMapper:
         options = Options(
             align=align, refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds
         )
-        options.check_rows(self.mesh)
+        options.check_rows(len(self.mesh.F), self.mesh.loop)
         phase = Phases(progress, refine or 0, skipped=("check", "laplacian", "factor"))
         with using(self._solver):
             return free_map_of(

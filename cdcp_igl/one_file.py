@@ -5,7 +5,7 @@ The command ``map`` and the workers of a batch both go this way.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,21 +14,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .algorithm import disk_map
+from .annulus import AnnulusMap, annulus_map
 from .arrays import Ints
+from .atlas.charts import Outline
 from .atlas.surface import SurfaceMap, surface_map
 from .free import FreeMap, free_map
 from .io import write_map
 from .io.output import whole_file
 from .io.polygons import naming_polygons
 from .result.disk_map import DiskMap
+from .sphere import SphereMap, sphere_map
 from .steps.options import Options
 from .steps.phases import Progress
 from .surface.cleaning import clean
 
 Array = NDArray[Any]
 
-ONLY_OF_CUT = ("fill", "spread")  # options that `surface_map` has and `disk_map` has not
-ONLY_OF_DISKS = ("center", "mobius", "preset")  # that `free_map` has not
+# Options that `surface_map` has and `disk_map` has not, and those that `free_map` has not.
+ONLY_OF_CUT = ("fill", "spread", "max_charts")
+ONLY_OF_DISKS = ("center", "mobius", "preset")
+# What a surface may be mapped onto, besides disks, and the options of that.
+TARGETS: dict[str, tuple[Callable[..., SphereMap | AnnulusMap], set[str]]] = {
+    "annulus": (annulus_map, {"solver"}),
+    "sphere": (sphere_map, {"mobius", "solver"}),
+}
 
 
 @dataclass(frozen=True)
@@ -36,19 +45,24 @@ class Settings:
     """What decides how a surface is mapped and written; ValueError if something is not allowed.
 
     With `disk`, texture coordinates lie in the unit disk, not in the unit square. The `options`
-    are those of `disk_map`; with `cut`, of `surface_map`, which maps surfaces that are no disks; or
-    with `free`, of `free_map`.
+    are those of `disk_map`; with `cut`, of `surface_map`, which maps surfaces that are no disks;
+    with `free`, of `free_map`, and with both the charts have free outlines; or those of what maps
+    `onto` something else, one of `TARGETS`.
     """
 
     disk: bool = False
     clean: bool = False
     cut: bool = False
     free: bool = False
+    onto: str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.free and (self.cut or self.disk):
-            raise ValueError("with a free outline there is no disk; leave out disk and cut")
+        if self.onto is not None:
+            self._check_target(self.onto)
+            return
+        if self.free and self.disk:
+            raise ValueError("with a free outline there is no disk; leave out disk")
         if self.free and (of_disks := [name for name in ONLY_OF_DISKS if name in self.options]):
             raise ValueError(f"a map with a free outline has no {' and no '.join(of_disks)}")
         of_map = {name: value for name, value in self.options.items() if name not in ONLY_OF_CUT}
@@ -60,6 +74,14 @@ class Settings:
         if not self.cut and len(of_map) < len(self.options):
             raise ValueError(f"{' and '.join(ONLY_OF_CUT)} are for surfaces that are cut")
 
+    def _check_target(self, onto: str) -> None:
+        if onto not in TARGETS:
+            raise ValueError(f"onto must be one of {', '.join(TARGETS)}, not {onto!r}")
+        cleaned = ("clean",) if onto == "annulus" else ()  # which would fill the holes
+        others = [name for name in ("disk", "cut", "free", *cleaned) if getattr(self, name)]
+        if others := others + sorted(set(self.options) - TARGETS[onto][1]):
+            raise ValueError(f"{', '.join(others)}: no option of a map onto the {onto}")
+
 
 @dataclass(frozen=True, eq=False)
 class Mapped:
@@ -70,7 +92,7 @@ class Mapped:
     V : (n, 3) ndarray
     F : (m, 3) ndarray
         The surface that was mapped: as it was given, or cleaned.
-    result : DiskMap, FreeMap or SurfaceMap
+    result : DiskMap, FreeMap, SurfaceMap, SphereMap or AnnulusMap
     changes : tuple of str
         What was changed before, a sentence each.
     n_written : int
@@ -86,7 +108,7 @@ class Mapped:
 
     V: Array
     F: Array
-    result: DiskMap | FreeMap | SurfaceMap
+    result: DiskMap | FreeMap | SurfaceMap | SphereMap | AnnulusMap
     changes: tuple[str, ...]
     n_written: int
     written: Ints
@@ -96,7 +118,9 @@ class Mapped:
     @property
     def maps(self) -> tuple[DiskMap | FreeMap, ...]:
         """The maps, that of the part with most faces first."""
-        return self.result.disks if isinstance(self.result, SurfaceMap) else (self.result,)
+        if isinstance(self.result, SurfaceMap):
+            return self.result.charts
+        return (self.result,) if isinstance(self.result, DiskMap | FreeMap) else ()
 
     def write(self, target: Path, source: Path, settings: Settings) -> None:
         """Write the map in the format of its suffix; OSError if the file cannot be written.
@@ -109,10 +133,13 @@ class Mapped:
             write_map(target, V, F, result, disk=settings.disk, like=source)
             return
         V, F = V[: self.n_written], F[self.written]
-        rows = self.written if isinstance(result, SurfaceMap) else slice(self.n_written)
+        rows = slice(self.n_written) if result.uv.ndim == 2 else self.written
         if suffix == ".npz":
+            arrays = dict(self.indices)
+            if isinstance(result, SphereMap):
+                arrays["points"] = result.points[: self.n_written]
             with whole_file(target) as unfinished, unfinished.open("wb") as file:
-                np.savez(file, V=V, F=F, uv=result.uv[rows], **self.indices)
+                np.savez(file, V=V, F=F, uv=result.uv[rows], **arrays)
         else:
             uv = result.uv if settings.disk else result.packed()
             write_map(target, V, F, uv[rows], disk=True)  # as it is
@@ -127,6 +154,7 @@ class Mapped:
             "sd": result.distortion.sd,
             "area": float(np.abs(result.area_distortion()).mean()),
             "conformal": result.conformal,
+            "reasons": "; ".join(result.conformality.reasons),
             "boundary": ", ".join(dict.fromkeys(_boundary(map_) for map_ in self.maps)),
         }
 
@@ -197,12 +225,18 @@ def _map(
     progress: Progress | None,
 ) -> Mapped:
     if not settings.cut:
-        map_disk = free_map if settings.free else disk_map
-        result: DiskMap | FreeMap = map_disk(V, F, progress=progress, **options)
+        function: Callable[..., DiskMap | FreeMap | SphereMap | AnnulusMap]
+        function = free_map if settings.free else disk_map
+        if settings.onto:
+            function = TARGETS[settings.onto][0]
+        result = function(V, F, progress=progress, **options)
         return Mapped(V, F, result, (), len(V), np.arange(len(F)), {})
-    cut = surface_map(V, F, polygon_of_face=polygon_of_face, progress=progress, **options)
-    rows = np.flatnonzero(cut.face_disk >= 0)
+    outline: Outline = "free" if settings.free else "disk"
+    cut = surface_map(
+        V, F, polygon_of_face=polygon_of_face, outline=outline, progress=progress, **options
+    )
+    rows = np.flatnonzero(cut.face_chart >= 0)
     left_out = len(F) - len(rows)
-    note = (f"faces on no disk: {left_out:,}",) if left_out else ()
-    indices = {"face_index": rows, "face_disk": cut.face_disk[rows]}
+    note = (f"faces in no chart: {left_out:,}",) if left_out else ()
+    indices = {"face_index": rows, "face_chart": cut.face_chart[rows]}
     return Mapped(V, F, cut, (*cut.changes, *note), len(V), rows, indices)

@@ -17,11 +17,12 @@ from .arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from .certificate import Certificate, flipped_faces, not_finite
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, counted, spell
+from .io.given import takes_meshes
 from .rescue.conformality import NOT_VALID, Conformality, judge
 from .rescue.repair import Repair, repaired
 from .result.plane_map import PlaneMap
 from .solve.factored import FactoredSurface
-from .solve.laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
+from .solve.laplacian import LAPLACIANS, Laplacian
 from .solve.solvers import SolverName, using
 from .steps.extension import harmonic_extension
 from .steps.options import Options
@@ -30,10 +31,6 @@ from .surface.mesh import DiskMesh
 
 log = logging.getLogger("cdcp_igl")
 
-LAPLACIANS: dict[str, Callable[[DiskMesh], Laplacian]] = {
-    "cotangent": cotangent_laplacian,
-    "intrinsic Delaunay": intrinsic_delaunay_laplacian,
-}
 # Phases of a map onto the disk, which a map onto a rectangle has only where its sides cannot slide.
 OF_THE_DISK = ("center", "trace", "circle", "extension", "mobius", "refine")
 REMEDY = "choose corners where the boundary has corners, or refine the faces there"
@@ -133,6 +130,7 @@ class RectangleMap(PlaneMap):
         }
 
 
+@takes_meshes
 def rectangle_map(
     V: ArrayLike,
     F: ArrayLike,

@@ -26,6 +26,7 @@ extensions = [
     "error_tables",
     "flow",
     "gallery_style",
+    "names",
     "places",
     "viewcode_anchors",
 ]

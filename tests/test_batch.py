@@ -194,9 +194,10 @@ def test_files_of_others_are_not_overwritten(scans, out, when):
 
 def test_results_of_other_options_or_surfaces_are_not_overwritten(scans, out):
     batch([scans], out)
-    before = contents(out)
+    before, summary = contents(out), (out / "summary.csv").read_bytes()
     made = batch([scans], out, mobius="area")
     assert {record.status for record in made.records} == {"refused"}
+    assert (out / "summary.csv").read_bytes() == summary
     np.savez(scans / "surface_000.npz", **dict(zip("VF", meshes.grid(9, 9), strict=True)))
     assert [record.name for record in batch([scans], out).failed] == ["surface_000"]
     assert contents(out) == before

@@ -1,8 +1,12 @@
 """What a batch says while it runs, and at the end."""
 
+import os
+
+import numpy as np
 import pytest
 from batches import invoke, write_surfaces
 from commands import Terminal, app
+from surfaces import sphere
 
 from cdcp_igl.command_line import batches, screen
 
@@ -28,6 +32,19 @@ def test_a_short_batch_says_nothing_meanwhile(scans, tmp_path):
     assert invoke(scans, tmp_path / "maps", "--quiet").output == ""
 
 
+def test_a_quiet_batch_still_says_what_failed_and_which_command_maps_it(scans, tmp_path):
+    np.savez(scans / "closed.npz", **dict(zip("VF", sphere(), strict=True)))
+    result = invoke(scans, tmp_path / "maps", "--quiet")
+    assert (result.exit_code, result.stdout) == (4, "")
+    assert "cdcp-igl batch --cut cuts it open" in result.stderr
+
+
+def test_a_folder_that_is_not_there_makes_nothing(tmp_path):
+    result = invoke(tmp_path / "scans", tmp_path / "maps")
+    assert (result.exit_code, os.listdir(tmp_path)) == (2, [])
+    assert "no such folder" in result.stderr
+
+
 def test_long_tables_have_the_worst_and_the_failures(scans, tmp_path, monkeypatch):
     for i in range(3):
         (scans / f"text_{i}.obj").write_text("no surface")
@@ -37,7 +54,7 @@ def test_long_tables_have_the_worst_and_the_failures(scans, tmp_path, monkeypatc
     assert result.exit_code == 4
     assert "the 1 with the largest mean" in result.stdout
     assert result.stdout.count("surface_") == 1
-    assert result.stdout.count("text_") == 2
+    assert result.stdout.count(": MeshError: ") == 2
     assert "and 1 more" in result.stdout
     assert "3 of 6 surfaces mapped" in result.stdout
 

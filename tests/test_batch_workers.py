@@ -15,7 +15,7 @@ from batches import batch as in_this_process
 from commands import ROOT
 
 from cdcp_igl.batching import batch, pool
-from cdcp_igl.batching.pool import memory_needed
+from cdcp_igl.batching.work import memory_needed
 from cdcp_igl.reference.case import run_case
 
 

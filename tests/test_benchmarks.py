@@ -253,16 +253,16 @@ def test_the_exponents_of_growth_are_in_the_table():
 
 
 def test_the_table_of_the_readme_is_that_of_the_results(tmp_path):
-    numbers = {"mean": 1.25, "sd": 2.5, "max": 87.0, "flips": 0.0, "n": 99}
+    numbers = {"mean": 1.25, "n": 99}
     records = [
-        record(model, method, section, seconds=time, **numbers)
-        for model in front_page.MODELS
-        for section, method, time in (
-            *(("tables", "factor", 0.25), ("tables", "cdcp", 0.5), ("tables", "lscm", 2.0)),
-            *(("peers", "cdcp", 1.0), ("peers", "SLIM", 100.0)),
-        )
+        record(model, method, "peers", seconds=time, flips=flips, **numbers)
+        for model in front_page.SHOWN
+        for method, time, flips in (("cdcp", 0.5, 0), ("lscm", 2.0, 0), ("BFF free", 50.0, 3))
     ]
-    records.append(record("chinese_lion", "BFF free", "peers", outcome="not to be had: no BFF"))
+    records[5] = record("chinese_lion", "BFF free", "peers", outcome="crashed: of itself", n=99)
+    records.append(
+        record("chinese_lion", "BFF disk", "peers", outcome="not to be had: no BFF", n=99)
+    )
     write_results(tmp_path / "here.json", MACHINE, records)
     readme = tmp_path / "README.md"
     markers = f"before\n{front_page.BEGIN}\noutdated\n{front_page.END}\nafter\n"
@@ -270,10 +270,10 @@ def test_the_table_of_the_readme_is_that_of_the_results(tmp_path):
     front_page.rewrite(readme, tmp_path / "here.json")
     lines = readme.read_text(encoding="utf-8").splitlines()
     assert (lines[0], lines[-1]) == ("before", "after")
-    assert lines[2].startswith("| method | boundary | Chinese Lion 99 | human face 99 |")
-    rows = {line.split(" | ")[0]: line for line in lines[4:7]}
-    assert rows["| CDCP"].startswith("| CDCP | disk | 1.250 / 2.500 / 87 (1 T) |")
-    assert rows["| LSCM"].startswith("| LSCM | free | 1.250 / 2.500 / 87 (4 T) |")
-    assert rows["| SLIM"].startswith("| SLIM | free | 1.250 / 2.500 / 87 (100 T) |")
-    assert not any("BFF" in line or "outdated" in line for line in lines)
+    assert lines[2].startswith("| method | human face | Chinese Lion | Human Brain | left hand |")
+    rows = {line.split(" | ")[0]: line.split(" | ")[1:] for line in lines[4:]}
+    assert rows["| CDCP"] == [*["1.25"] * 5, "0", "1 × |"]
+    assert rows["| LSCM"] == [*["1.25"] * 5, "0", "4 × |"]
+    assert rows["| BFF free"] == ["1.25", "no map", *["1.25"] * 3, "12", "100 × |"]
+    assert not any("outdated" in line for line in lines)
     assert "first run: make bench" in refused("readme", "--machine", "nowhere")

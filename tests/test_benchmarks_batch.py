@@ -21,11 +21,6 @@ from benchmarks.records.results import Measured, NotMeasured
 from benchmarks.records.store import Work, read_results
 from cdcp_igl.reference import harmonic
 
-TETRAHEDRON = (
-    np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]),
-    np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]),
-)
-
 
 def test_parts_and_jobs_measure_what_one_run_measures(tmp_path):
     grids = [Model(f"grid {k}", lambda k=k: meshes.grid(6 + k, 7)) for k in range(3)]
@@ -99,8 +94,7 @@ def test_parts_by_command(tmp_path):
 
 
 def test_a_surface_that_is_no_disk_is_opened_once(tmp_path):
-    loaded = []
-    closed = Model("closed", lambda: loaded.append(1) or TETRAHEDRON)
+    closed = Model("closed", lambda: meshes.NASTY["closed"][1:3])
     (record,) = measure(tmp_path, ["harmonic"], [closed])
     assert record.ok
     assert record.mesh.endswith(OPENED)

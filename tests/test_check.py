@@ -2,10 +2,12 @@
 
 import re
 from contextlib import suppress
+from types import SimpleNamespace
 
 import meshes
 import numpy as np
 import pytest
+from surfaces import torus
 from typer.main import get_command
 
 import cdcp_igl
@@ -49,6 +51,13 @@ def raised_outside_of_check(folder):
     yield lambda: cdcp_igl.cut(V, F, path=[0, 2])
     yield lambda: cdcp_igl.angle_distortion(V, F, np.full((len(V), 2), np.nan))
     yield lambda: DiskMesh(V, F).moved(V[:-1])
+    yield lambda: cdcp_igl.sphere_map(V, F)
+    yield lambda: cdcp_igl.annulus_map(V, F)
+    yield lambda: cdcp_igl.disk_map(*torus())
+    yield lambda: cdcp_igl.check(V)
+    yield lambda: cdcp_igl.check(SimpleNamespace(to_mesh=None))
+    yield lambda: cdcp_igl.cdcp(V, F.ravel())
+    yield lambda: cdcp_igl.cdcp(V, [SimpleNamespace(type="triangle", data=F)])
     np.savez(folder / "columns.npz", V=V.T, F=F.T)
     files = {"mesh.txt": "", "mesh.off": "3 1 0\n", "mesh.obj": "v 0 0 0\nv 1 0 0\nf 1 2\n"}
     for name, text in files.items():
@@ -213,6 +222,9 @@ def test_the_next_step_and_the_remedies_are_what_works(case):
     elif report.next_step.startswith("cdcp_igl.surface_map"):
         assert cdcp_igl.surface_map(V, F).valid
         assert "Next: cdcp-igl map --cut" in report.in_shell
+    elif report.next_step.startswith("cdcp_igl.sphere_map"):
+        assert cdcp_igl.sphere_map(V, F).valid
+        assert "Next: cdcp-igl map --sphere" in report.in_shell
     else:
         [defect] = [found for found in report.defects if found.remedy == report.next_step]
         assert f"Next: {defect.remedy_in_shell}" in report.in_shell

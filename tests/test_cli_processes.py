@@ -184,7 +184,8 @@ def test_the_demo_takes_any_file_name_and_says_which_is_missing(folder):
     program.chmod(0o755)
     name = 'Käppchen\'s "first" $HOME.npz'
     os.rename("in.npz", name)
-    for mesh, code in ((name, 0), ("it's not there.obj", 2)):
+    np.savez("closed.npz", V=np.eye(4)[:, :3], F=[[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    for mesh, code in ((name, 0), ("closed.npz", 0), ("it's not there.obj", 2)):
         done = subprocess.run(
             ["sh", ROOT / ".ci" / "demo"],
             env={**os.environ, "PYTHONPATH": str(ROOT), "MESH": mesh},
@@ -194,4 +195,5 @@ def test_the_demo_takes_any_file_name_and_says_which_is_missing(folder):
         assert done.returncode == code, done.stderr
     assert done.stderr == "demo: there is no file it's not there.obj\n"
     stem = name.removesuffix(".npz")
-    assert sorted(os.listdir("demo")) == [f"{stem}_disk.obj", f"{stem}_disk.png"]
+    made = {f"{stem}_disk.obj", f"{stem}_disk.png", "closed_disk.obj", "closed_disk.png"}
+    assert set(os.listdir("demo")) == made

@@ -127,7 +127,8 @@ def test_every_row_is_there(tmp_path, mesh):
     assert f"{name}: {len(V)} vertices".replace(" ", "") in "".join(done.stdout.split())
     for method in METHODS:
         assert method in done.stdout
-    assert done.stdout.count(" *") == 4  # lscm, spectral and both of bff
+    free = [name for name, method in METHODS.items() if method.boundary == "free"]
+    assert done.stdout.count(" *") == len(free) > 0
     assert "* no disk: a map with free boundary" in done.stdout
     rows = json.loads(files[0].read_text())
     assert [row["method"] for row in rows] == list(METHODS)

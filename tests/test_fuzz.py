@@ -8,13 +8,10 @@ import pytest
 from benchmark_commands import benchmarks
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from meshes import cells
 
 import cdcp_igl
 from benchmarks.measure import fuzzing as fuzz
 from benchmarks.measure.worker import Lost, Worker
-from cdcp_igl.certificate import certify
-from cdcp_igl.surface.mesh import DiskMesh
 
 REFINED = 3  # a case that is refined
 
@@ -69,29 +66,6 @@ def test_clean_mends_any_damage_but_that_of_the_arrays(seed):
     V, F = cdcp_igl.clean(V, F)[:2]
     report = cdcp_igl.check(V, F)
     assert report.is_disk or damage.endswith("merged"), (damage, report)
-
-
-@settings(max_examples=60)
-@given(
-    st.integers(3, 40),
-    st.integers(2, 6),
-    st.floats(0, 0.45),
-    st.floats(0.05, 20),
-    st.integers(0, 2**31),
-)
-def test_rectangles(columns, rows, jitter, aspect, seed):
-    """Of any length, from square to crowded."""
-    rng = np.random.default_rng(seed)
-    x, y, F = cells(rows, columns)
-    V = np.column_stack([x * aspect, y])
-    V += jitter * rng.uniform(-1, 1, V.shape) * min(aspect, 1)
-    if not cdcp_igl.check(V, F).is_disk:
-        return
-    try:
-        uv, error = cdcp_igl.cdcp(V, F), ""
-    except cdcp_igl.MapError as raised:
-        uv, error = None, str(raised)
-    assert "crowding" in error if uv is None else certify(DiskMesh(V, F), uv).valid
 
 
 def test_cases_are_reproducible():

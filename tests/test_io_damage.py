@@ -58,7 +58,7 @@ def unreadable(path):
         ("before.obj", OBJ + "f -5 1 2\n", "before the first"),
         ("goes on.obj", OBJ + "f 1 2 \\\n", "goes on"),
         ("utf-16.obj", OBJ.encode("utf-16"), "no text in UTF-8"),
-        ("empty.off", "", "first line"),
+        ("empty.off", "", "no vertices were found in"),
         ("garbage.off", bytes(range(256)), "no text in UTF-8"),
         ("binary.off", "OFF BINARY\n", "first line"),
         ("word.off", "OFF\n1 0 0\n0 0 zero\n", "line 3: 'zero' is no number"),
@@ -69,7 +69,7 @@ def unreadable(path):
         ("cut vertices.off", "OFF\n5 1 0\n0 0 0\n", "1 vertices and 0 faces of 5 and 1"),
         ("cut faces.off", f"OFF\n4 2 0\n{ROWS}3 0 1 2\n", "4 vertices and 1 faces of 4 and 2"),
         ("cut line.off", f"OFF\n4 1 0\n{ROWS}3 0 1", "line 7: a corner is missing"),
-        ("empty.ply", "", "no ply header"),
+        ("empty.ply", "", "no vertices were found in"),
         ("header.ply", "ply\nformat ascii 1.0\nelement vertex 3\n", "no end of it"),
         ("type.ply", PLY.format(1, "uchar", "half"), "its header says 'property list uchar half"),
         ("half.ply", PLY.format(1, "float", "int"), "its header says 'property list float"),
@@ -87,15 +87,15 @@ def unreadable(path):
         ("cut faces.ply", BINARY + V.tobytes() + b"\3\0\0\0\0", "0 rows of 1 in face"),
         ("huge.ply", BINARY.replace(b"ex 4", b"ex 4000000000000") + V.tobytes(), "4 rows of 4,000"),
         ("long binary.ply", BINARY + V.tobytes() + b"\0\0\0\x7f", "2,130,706,432 entries"),
-        ("empty.stl", "", "cut off, or no stl"),
+        ("empty.stl", "", "no vertices were found in"),
         ("garbage.stl", bytes(range(256)) * 2, "cut off, or no stl"),
         ("cut.stl", BINARY_STL[:-20], "cut off, or no stl"),
         ("facet.stl", SOLID.replace("vertex 0.0 1.0 0.0\n", ""), "three"),
         ("end.stl", SOLID.replace("endsolid a", ""), "has no end"),
-        ("empty.npz", "", "no zip archive"),
+        ("empty.npz", "", "no vertices were found in"),
         ("garbage.npz", bytes(range(256)), "no zip archive"),
         ("cut.npz", b"PK\3\4", "no zip archive"),
-        ("empty.mat", "", "no MATLAB header"),
+        ("empty.mat", "", "no vertices were found in"),
         ("garbage.mat", bytes(range(256)), "cut off, or damaged"),
         ("unknown.mat", bytes(range(1, 200)), "no MATLAB header"),
         ("v73.mat", b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM", "version 7.3"),
@@ -278,7 +278,7 @@ counts = {}
 for path in sorted(Path(sys.argv[1]).iterdir()):
     data = path.read_bytes()
     refused = 0
-    for at in range(len(data)):
+    for at in range(min(len(data), 2000)):
         wrong = [data[at] ^ 1 << random.integers(8), 0x3F, random.integers(256)]
         for byte in wrong if path.name == "a.mat" else wrong[:1]:
             path.write_bytes(data[:at] + bytes([byte]) + data[at + 1:])
@@ -307,6 +307,7 @@ def test_any_wrong_byte_is_a_mesh_or_a_mesh_error(tmp_path):
     }
     for name, data in files.items():
         (tmp_path / name).write_bytes(data)
+    write_map(tmp_path / "a.glb", V, F, V[:, :2])
     np.savez(tmp_path / "a.npz", V=V, F=F)
     np.savez_compressed(tmp_path / "packed.npz", V=V, F=F)
     for name, form, packed in (("a", "5", False), ("packed", "5", True), ("old", "4", False)):
@@ -316,5 +317,5 @@ def test_any_wrong_byte_is_a_mesh_or_a_mesh_error(tmp_path):
     )
     assert (run.returncode, run.stderr) == (0, "")
     counts = json.loads(run.stdout)
-    assert len(counts) == 11
+    assert len(counts) == 12
     assert all(refused > 0 for refused, _ in counts.values())

@@ -5,6 +5,7 @@ import pytest
 
 import cdcp_igl
 from cdcp_igl import datasets
+from cdcp_igl.reference import METHODS
 from cdcp_igl.surface.mesh import DiskMesh
 
 SURFACES = [datasets.square, datasets.ellipse, datasets.spherical_cap, datasets.paraboloid]
@@ -20,14 +21,18 @@ def through_three_points(z, w, at):
     return (a * z + b) / (c * z + d)
 
 
-def error(surface, resolution):
+def cdcp_at_the_center(V, F, w):
+    # On symmetric meshes several faces are equally central, and rounding chooses one of them.
+    center = int(abs(w[F].mean(axis=1) - (1e-3 + 5e-4j)).argmin())
+    return cdcp_igl.cdcp(V, F, center=center)
+
+
+def error(surface, resolution, method=cdcp_at_the_center):
     """Root mean square error against the exact map, three boundary points made to agree."""
     V, F, exact = surface(resolution)
     loop = DiskMesh(V, F).loop
     w = exact @ [1, 1j]
-    # On symmetric meshes several faces are equally central, and rounding chooses one of them.
-    center = int(abs(w[F].mean(axis=1) - (1e-3 + 5e-4j)).argmin())
-    z = cdcp_igl.cdcp(V, F, center=center) @ [1, 1j]
+    z = method(V, F, w) @ [1, 1j]
     thirds = loop[[0, len(loop) // 3, 2 * len(loop) // 3]]
     return np.sqrt((abs(through_three_points(z, w, thirds) - w) ** 2).mean())
 
@@ -38,6 +43,26 @@ def test_error_falls_with_the_square_of_the_mesh_size(surface):
     rate = np.log2(errors[0] / errors[-1]) / 2
     assert rate > 1.8
     assert errors[-1] < 3e-4
+
+
+@pytest.mark.parametrize(
+    ("name", "surface", "order"),
+    [
+        ("cem", datasets.ellipse, 1.8),
+        ("cem", datasets.spherical_cap, 1.9),
+        ("heat_flow", datasets.ellipse, 1.4),
+        ("heat_flow", datasets.spherical_cap, 1.9),
+        ("ricci", datasets.ellipse, 1.9),
+        ("ricci", datasets.paraboloid, 1.9),
+    ],
+)
+def test_methods_to_compare_with_converge(name, surface, order):
+    def method(V, F, w):
+        return METHODS[name].function(V, F)
+
+    coarse, fine = (error(surface, resolution, method) for resolution in (12, 24))
+    assert np.log2(coarse / fine) > order
+    assert fine < 5e-3
 
 
 @pytest.mark.parametrize("surface", SURFACES)

@@ -77,7 +77,7 @@ def test_too_little_memory_is_an_error_before_the_work(limit_address_space):
         if phase == "factor":
             limit_address_space(2**26)
 
-    expected = r"103,041 vertices takes at least 0\.1 GiB more, .* Decimate the mesh"
+    expected = r"103,041 vertices takes at least 0\.1 GiB more, .* in parts"
     with pytest.raises(cdcp_igl.SolverError, match=expected):
         cdcp_igl.disk_map(V, F, progress=progress)
 

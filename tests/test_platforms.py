@@ -27,9 +27,12 @@ MAP = """
 from cdcp_igl import datasets, disk_map
 from cdcp_igl.io import read_mesh, write_map
 V, F, _ = datasets.spherical_cap(6)
+from concurrent.futures import ThreadPoolExecutor
+from cdcp_igl import batch
 for name in ("a.npz", "a.obj", "a.glb", "a.obj"):
     write_map(name, V, F, disk_map(V, F))
 assert (read_mesh("a.npz")[0] == V).all()
+assert len(batch("a.npz", "maps", executor=ThreadPoolExecutor(1)).done) == 1
 print(sorted(os.listdir()))
 """
 
@@ -39,4 +42,4 @@ def test_every_module_is_imported_and_maps_are_made_and_written(tmp_path):
     assert done.returncode == 0, done.stderr
     names, files = done.stdout.splitlines()
     assert "cdcp_igl.solve.with_cvxopt" in json.loads(names)
-    assert files == "['a.glb', 'a.npz', 'a.obj']"
+    assert files == "['a.glb', 'a.npz', 'a.obj', 'maps']"

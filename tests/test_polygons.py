@@ -107,16 +107,10 @@ def test_any_numbers_make_disks(seed, most):
 
 @pytest.mark.parametrize("whole", [[0, 1], [[0], [0]], "quads", [0.0] * 4, 3])
 def test_there_is_a_number_for_each_face(whole):
-    V, F = np.vstack([np.zeros(3), np.eye(3)]), [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
+    _, V, F, _ = meshes.NASTY["closed"]
     for function in (cdcp_igl.cut, cdcp_igl.surface_map):
         with pytest.raises(ValueError, match="polygon_of_face must say"):
             function(V, F, polygon_of_face=whole)
-
-
-def test_a_path_says_enough():
-    V, F = surfaces.torus()
-    with pytest.raises(ValueError, match="leave out polygon_of_face"):
-        cdcp_igl.cut(V, F, [0, 1], polygon_of_face=np.arange(len(F)))
 
 
 # -- there and back --------------------------------------------------------------------

@@ -180,20 +180,6 @@ def test_the_certificate_is_of_the_coordinates():
     assert certificate(inside).winding_number == 1
 
 
-def test_progress_and_timings_and_solver():
-    V, F = scattered(1)
-    corners, seen = quarters(V, F), []
-    result = cdcp_igl.rectangle_map(
-        V, F, corners, solver="scipy", progress=lambda *step: seen.append(step)
-    )
-    assert result.solver.startswith("SuperLU")
-    assert set(result.timings) == {phase for phase, _ in seen} - {"done"}
-    assert seen[-1] == ("done", 1.0)
-    assert all(0 <= done <= 1 for _, done in seen)
-    with pytest.raises(ValueError, match="solver must be one of"):
-        cdcp_igl.rectangle_map(V, F, corners, solver="abacus")
-
-
 # -- where the sides cannot slide ------------------------------------------------------
 
 

@@ -7,11 +7,15 @@ import pytest
 from cdcp_igl import angle_distortion
 from cdcp_igl.certificate import certify
 from cdcp_igl.reference import (
+    abf,
     bff,
+    cem,
     fdcp,
     harmonic,
+    heat_flow,
     ldcp,
     lscm,
+    ricci,
     spectral,
 )
 from cdcp_igl.surface.mesh import DiskMesh
@@ -47,6 +51,10 @@ def mapped(real_mesh):
         (partial(bff, disk=True), LION, 1.593, 2.088, 0.001),
         (partial(bff, disk=True), FACE, 1.215, 1.833, 0.001),
         (partial(bff, disk=True), BRAIN, 1.564, 1.617, 0.001),
+        (abf, LION, 1.211, 1.066, 0.001),  # as Blender's angle-based unwrapping
+        (cem, "camelhead_11381", 1.482, 1.548, 0.005),
+        (heat_flow, LION, 1.420, 2.044, 0.005),
+        (ricci, LION, 1.389, 1.954, 0.005),
     ],
 )
 def test_angular_distortion(method, name, mean, sd, tolerance, real_mesh, mapped):

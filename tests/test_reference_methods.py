@@ -2,21 +2,30 @@
 
 import pickle
 
+import meshes
 import numpy as np
 import pytest
 
 from cdcp_igl import MapError, MeshError, angle_distortion
 from cdcp_igl.certificate import certify
-from cdcp_igl.datasets import square
-from cdcp_igl.reference import METHODS, fdcp, harmonic, ldcp
+from cdcp_igl.datasets import paraboloid, spherical_cap, square
+from cdcp_igl.reference import METHODS, abf, cem, fdcp, harmonic, ldcp, ricci
 from cdcp_igl.reference.certified import certified_disk_map, checked_free_map
 from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.surface.topology import Topology
 
 
 def saddle():
     """A bent square."""
     V, F, _ = square(4)
     V[:, 2] = V[:, 0] * V[:, 1] / 2
+    return V, F
+
+
+def rough():
+    """A square with random heights."""
+    V, F, _ = square(4)
+    V[:, 2] = 3 * np.random.default_rng(0).random(len(V))
     return V, F
 
 
@@ -71,11 +80,56 @@ def test_input_that_is_no_disk(name):
     assert error.value.defect == "several boundary loops"
 
 
-@methods
+TRIANGLE = [[0, 0], [1, 0], [0.4, 0.8]], [[0, 1, 2]]
+
+
+@pytest.mark.parametrize("name", sorted(set(METHODS) - {"cem", "ricci"}))
 def test_a_single_triangle(name):
-    V, F = [[0, 0], [1, 0], [0.4, 0.8]], [[0, 1, 2]]
+    V, F = TRIANGLE
     uv = METHODS[name].function(V, F)
     assert len(certify(DiskMesh(V, F), uv).flipped) == 0
+
+
+@pytest.mark.parametrize(
+    ("method", "surface", "message"),
+    [
+        (cem, TRIANGLE, "no interior vertex"),
+        (ricci, TRIANGLE, "no boundary vertex can go to infinity"),
+        (ricci, meshes.grid(5, 6), "2 faces break the triangle inequality"),  # the ears
+        (ricci, rough(), "not flat after"),
+        (abf, rough(), "2 angles are not positive"),
+    ],
+)
+def test_surfaces_that_a_method_cannot_map(method, surface, message):
+    with pytest.raises(MapError, match=message):
+        method(*surface)
+
+
+def test_discrete_conformal_equivalence_keeps_length_cross_ratios():
+    V, F, _ = paraboloid(6)
+    uv = ricci(V, F)
+    twins = Topology(F, len(V)).twins
+    m = len(F)
+
+    def log_cross_ratios(points):
+        length = np.linalg.norm(points[np.roll(F, -1, axis=1)] - points[F], axis=2).T.ravel()
+        return sum(
+            np.log(length[(side + m) % (3 * m)] / length[(side + 2 * m) % (3 * m)])
+            for side in twins
+        )
+
+    assert log_cross_ratios(uv) == pytest.approx(log_cross_ratios(V), abs=1e-6)
+    V, F, exact = spherical_cap(8)  # the stereographic projection is an inversion
+    turn = np.vdot(exact @ [1, 1j], ricci(V, F) @ [1, 1j])
+    assert ricci(V, F) @ [1, 1j] == pytest.approx(exact @ [1, 1j] * turn / abs(turn), abs=1e-4)
+
+
+@pytest.mark.parametrize("linear", [False, True])
+def test_angle_based_flattening_comes_as_near_as_the_exact_map(linear):
+    for resolution in (6, 12, 24):
+        V, F, exact = spherical_cap(resolution)
+        distortion = angle_distortion(V, F, abf(V, F, linear=linear))
+        assert distortion.mean() < 1.001 * angle_distortion(V, F, exact).mean()
 
 
 @pytest.mark.parametrize("name", ["fdcp", "ldcp"])
@@ -95,7 +149,7 @@ def test_cotangents_flip_faces_of_slivers(real_mesh):
     assert len(error.value.result.certificate.flipped) > 1000
 
 
-@pytest.mark.parametrize("name", ["lscm", "spectral", "bff"])
+@pytest.mark.parametrize("name", ["abf", "lscm", "spectral", "bff"])
 def test_free_boundary_maps_leave_a_plane_mesh_as_it_is(name):
     V, F = saddle()
     plane = V[:, :2] * [1, 3]

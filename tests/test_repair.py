@@ -8,7 +8,7 @@ from cdcp_igl.arrays import coordinates
 from cdcp_igl.certificate import certify, flipped_faces, is_around
 from cdcp_igl.rescue.relaxation import Relaxation
 from cdcp_igl.rescue.repair import (
-    _Neighbourhood,
+    Neighbourhood,
     mean_value_weights,
     repair_locally,
     repaired,
@@ -103,7 +103,7 @@ def test_repair_of_one_face_stays_near_it():
 @pytest.mark.parametrize(("size", "relaxed"), [(1e-10, True), (1e-15, False)])
 def test_a_relaxation_that_flips_faces_is_undone(size, relaxed):
     """In a spot as small as the distance between doubles, every displacement is rounded."""
-    near, f = _Neighbourhood(MESH, np.ones(len(V), dtype=bool)), 0.7 + 0.1j + size * Z
+    near, f = Neighbourhood(MESH, np.ones(len(V), dtype=bool)), 0.7 + 0.1j + size * Z
     near.moved = near.free.copy()
     assert (near.relaxed(f) is not f) == relaxed
 

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from browser import SOFTWARE_WEBGL, chromium
+from matplotlib.image import imread
 from meshes import grid
 
 import cdcp_igl
@@ -59,7 +60,7 @@ def test_the_data_are_the_map_to_16_bits(bumps, page):
     given = vertices[arrays["faces"].reshape(-1, 3)]
     first = np.argmax(given == F[faces][:, :1], axis=1)[:, None]
     assert (np.take_along_axis(given, (first + np.arange(3)) % 3, 1) == F[faces]).all()
-    uv = np.column_stack([arrays["u"], arrays["v"]]) / 32767.5 - 1
+    uv = np.column_stack([arrays["u0"], arrays["v0"]]) / 32767.5 - 1
     assert abs(uv - result.uv[vertices]).max() <= 0.5001 / 32767.5
     size = np.ptp(V, axis=0).max()
     P = np.column_stack([arrays[c] for c in "xyz"]) / 65535 * size + V.min(axis=0)
@@ -114,6 +115,9 @@ def test_texture_and_fields_are_judged(bumps, tmp_path):
     for fields in ({"f": V}, {"f": V[1:, 0]}, {"f": np.full(len(V), np.nan)}):
         with pytest.raises(ValueError, match="field 'f'"):
             result.view_html(fields=fields)
+    for uv in (V, result.uv[1:]):
+        with pytest.raises(ValueError, match="map 'LSCM' has shape"):
+            result.view_html(beside={"LSCM": uv})
     for texture in (np.zeros((4, 4)), np.full((4, 4, 3), 2), np.full((4, 4, 3), np.nan)):
         with pytest.raises(ValueError, match="texture"):
             result.view_html(texture=texture)
@@ -126,7 +130,7 @@ def test_texture_and_fields_are_judged(bumps, tmp_path):
 
 def drawn(about, arrays):
     """Of the vertices that the page has: which they are, and where the map is drawn."""
-    uv = np.column_stack([arrays["u"], arrays["v"]]) / 32767.5 - 1
+    uv = np.column_stack([arrays["u0"], arrays["v0"]]) / 32767.5 - 1
     return arrays["vertexOrder"], about["middle"] + about["scale"] * uv
 
 
@@ -137,24 +141,25 @@ def test_several_disks_are_laid_out():
     V, F = np.vstack([V, V + 20]), np.vstack([[[0, 0, 1], F[7]], F])  # two are left out
     result = cdcp_igl.surface_map(V, F)
     about, arrays = contents(result.view_html())
-    rows = np.flatnonzero(result.face_disk >= 0)
+    rows = np.flatnonzero(result.face_chart >= 0)
     assert len(rows) == len(F) - 2
     assert sorted(arrays["faceOrder"]) == list(rows)
-    assert about["spin"] == 0
+    assert about["spins"] == [0]
     order, uv = drawn(about, arrays)
     given = order[arrays["faces"].reshape(-1, 3)]
     assert (np.sort(given) == np.sort(F[arrays["faceOrder"]])).all()
     expected = np.empty((len(V), 2))
     expected[F[rows]] = result.packed()[rows]
     assert abs(uv - expected[order]).max() < 1e-4
-    assert about["colorings"][2]["high"] < result.distortion.max  # no face counts as flipped
+    error = next(c for c in about["colorings"] if c["name"] == "angle error")
+    assert error["high"] < result.distortion.max  # no face counts as flipped
 
 
 def test_a_rectangle_is_laid_out():
     V, F = grid(9, 12)
     rectangle = cdcp_igl.rectangle_map(V, F, [0, 11, 107, 96])
     about, arrays = contents(rectangle.view_html())
-    assert about["spin"] == 0
+    assert about["spins"] == [0]
     order, uv = drawn(about, arrays)
     assert abs(uv - rectangle.uv[order]).max() < 1e-4
 
@@ -252,7 +257,7 @@ def drag(browser, panel, dx, dy):
 def test_hovering_marks_the_face_that_invert_finds(opened, bumps, page):
     V, F, result = bumps
     about, _ = contents(page.read_text())
-    turn = np.exp(1j * about["spin"])
+    turn = np.exp(1j * about["spins"][0])
     middle = (V.min(axis=0) + V.max(axis=0)) / 2
     radius = np.linalg.norm(V - middle, axis=1).max()
     home = np.reshape(about["home"], (3, 3))
@@ -302,8 +307,8 @@ def test_the_wheel_zooms_at_the_pointer(opened):
 def test_every_colouring_differs_and_says_its_scale(opened):
     names = [button.text for button in opened.find_elements("css selector", "#colorings button")]
     assert names == [
-        *("normals", "checkerboard", "angle error", "conformal factor", "height", "x < y"),
-        "texture",
+        *("texture", "height", "x < y"),  # what was given comes first
+        *("checkerboard", "normals", "angle error", "conformal factor"),
     ]
     seen = []
     for number, name in enumerate(names, 1):
@@ -317,7 +322,7 @@ def test_every_colouring_differs_and_says_its_scale(opened):
         assert len(set(pictures)) == len(names)
 
     # And a checkerboard gets finer.
-    find(opened, "body").send_keys("2")
+    find(opened, "body").send_keys("4")
     coarse = shown(opened, "#surface")
     opened.execute_script(
         "arguments[0].value = 7; arguments[0].dispatchEvent(new Event('input'))",
@@ -336,6 +341,42 @@ def test_the_keyboard_turns_zooms_and_resets(opened):
         pictures.append(shown(opened, "#surface"))
     assert all(one != other for one, other in pairwise(pictures))
     assert pictures[-1] == pictures[0]
+
+
+def test_wireframe_reset_and_picture(opened, tmp_path):
+    before = shown(opened, "#surface")
+    find(opened, "#wireframe").click()
+    assert (wires := shown(opened, "#surface")) != before
+    drag(opened, "surface", 80, 20)
+    find(opened, "#reset").click()
+    assert shown(opened, "#surface") == wires
+    where = {"behavior": "allow", "downloadPath": str(tmp_path)}
+    opened.execute_cdp_cmd("Browser.setDownloadBehavior", where)
+    find(opened, "#picture").click()
+    (path,) = ui.WebDriverWait(opened, 30).until(lambda _: list(tmp_path.glob("*.png")))
+    picture = imread(path)
+    stage = find(opened, "#stage").rect
+    assert picture.shape[:2] == (int(stage["height"]), int(stage["width"]))
+    assert picture.std() > 0.1
+
+
+def test_a_face_is_marked_on_maps_side_by_side(browser, bumps, tmp_path):
+    V, F, result = bumps
+    other = 3 * cdcp_igl.reference.lscm(V, F) + 7
+    path = result.view(tmp_path / "two.html", beside={"LSCM": other})
+    browser.get(path.as_uri())
+    wait(browser)
+    face = int(point_at(browser, "plane", 20, 30)[1])
+    low, high = other.min(axis=0), other.max(axis=0)
+    z = complex(*(2 * other[F[face]].mean(axis=0) - low - high) / (high - low).max())
+    z *= scale(browser, "plane2", 0.92) * np.exp(1j * contents(path.read_text())[0]["spins"][1])
+    assert abs(mark(browser, "plane2") - [z.real, z.imag]).max() < 8
+    seen = set()
+    for key in "1245":
+        find(browser, "body").send_keys(key)
+        seen.add(shown(browser, "#plane2"))
+    assert len(seen) == 4
+    assert browser.get_log("browser") == []
 
 
 def test_a_touch_marks_and_two_zoom(opened):

@@ -15,13 +15,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import breadth_first_order, dijkstra
+from scipy.sparse.csgraph import breadth_first_order
 
 from cdcp_igl import MapError, MeshError, SolverError, check, clean, datasets, disk_map, libigl
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.certificate import certify
 from cdcp_igl.surface.mesh import DiskMesh
-from cdcp_igl.surface.triangles import face_areas
 
 from ..records.store import WORK, code
 from .worker import Jobs, WorkFolder, kept_answers
@@ -177,9 +176,8 @@ def surface(seed: int, case: int) -> Case:
     V, F = _patch(rng, *_surface(name))
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     stretch = float(np.exp(rng.uniform(0, np.log(20))))
-    elongation = _elongation(V, F)
     V = V @ turn * [stretch, 1, 1]
-    made = [f"{name} with {len(V):,} vertices, elongated {elongation:.1f}, stretched {stretch:.1f}"]
+    made = [f"{name} with {len(V):,} vertices, stretched {stretch:.1f}"]
     if rng.random() < 0.3:
         edges = np.linalg.norm(V[F[:, 0]] - V[F[:, 1]], axis=1)
         V = V + rng.choice([0.03, 0.1, 0.3]) * np.median(edges) * rng.normal(size=V.shape)
@@ -234,15 +232,6 @@ def _patch(rng: np.random.Generator, V: Floats, F: Ints, graph: csr_matrix) -> t
     patch = F[inside.all(axis=1)] if rng.random() < 0.5 else F[inside.any(axis=1)]
     V, F = clean(V, patch if len(patch) else F[inside.any(axis=1)])[:2]
     return V, F
-
-
-def _elongation(V: Floats, F: Ints) -> float:
-    """Geodesic diameter squared by area: 1 for a round disk, about n for a corridor 1 x n."""
-    tail, head = F.T.ravel(), np.roll(F, -1, axis=1).T.ravel()
-    lengths = csr_matrix((np.linalg.norm(V[tail] - V[head], axis=1), (tail, head)), (len(V),) * 2)
-    far = dijkstra(lengths, directed=False, indices=0).argmax()
-    diameter = dijkstra(lengths, directed=False, indices=far).max()
-    return float(np.pi / 4 * diameter**2 / face_areas(V, F).sum())
 
 
 def _slivers(rng: np.random.Generator, V: Floats, F: Ints) -> tuple[Floats, Ints]:

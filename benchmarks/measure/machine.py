@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
-import ctypes.util
 import os
 import platform
 import subprocess
@@ -54,7 +52,6 @@ def describe(threads: int) -> dict[str, Any]:
         "python": platform.python_version(),
         "cdcp_igl": cdcp_igl.__version__,
         "versions": {name: version(name) for name in PACKAGES} | versions(),
-        "suitesparse": _suitesparse(),
         "blas": blas,
         "blas_threads": threads,
         "date": datetime.now(UTC).date().isoformat(),
@@ -70,16 +67,6 @@ def _cpu() -> str:
             if line.startswith("model name"):
                 return line.partition(":")[2].strip()
     return platform.processor() or "unknown"
-
-
-def _suitesparse() -> str:
-    """Version of the system's SuiteSparse, which scikit-sparse is built against."""
-    found = ctypes.util.find_library("suitesparseconfig")
-    if not found:
-        return "unknown"
-    numbers = (ctypes.c_int * 3)()
-    ctypes.CDLL(found).SuiteSparse_version(numbers)
-    return ".".join(map(str, numbers))
 
 
 def _commit() -> str:

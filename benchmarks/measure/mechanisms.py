@@ -22,7 +22,7 @@ from cdcp_igl.rescue.candidate import Candidate as Judged
 from cdcp_igl.rescue.collapsed_faces import open_collapsed_faces
 from cdcp_igl.rescue.recentering import recentered
 from cdcp_igl.rescue.relaxation import Relaxation
-from cdcp_igl.rescue.repair import Repair, _Neighbourhood, repair_locally, replace_interior
+from cdcp_igl.rescue.repair import Neighbourhood, Repair, repair_locally, replace_interior
 from cdcp_igl.rescue.straightening import Straightening, straighten
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -63,7 +63,7 @@ def _not_swept(self: Relaxation, f: Complex, times: int, softness: float = 0.0) 
     return f
 
 
-def _not_relaxed(self: _Neighbourhood, g: Complex, rings: int) -> Complex:
+def _not_relaxed(self: Neighbourhood, g: Complex, rings: int) -> Complex:
     return g
 
 
@@ -82,7 +82,7 @@ MECHANISMS: Mapping[str, Without] = {
     "local repair": partial(_replaced, repair_locally, _not_repaired),
     "relaxation of what is repaired": partial(mock.patch.object, Relaxation, "sweep", _not_swept),
     "relaxation of flipped faces": partial(
-        mock.patch.object, _Neighbourhood, "relax_flipped", _not_relaxed
+        mock.patch.object, Neighbourhood, "relax_flipped", _not_relaxed
     ),
     "replacement of the interior": partial(_replaced, replace_interior, _not_repaired),
     "straightening": partial(_replaced, straighten, _not_straightened),

@@ -105,6 +105,7 @@ METHODS: Mapping[str, Candidate] = Methods(
 # Rough time by that of CDCP, for the time that is left.
 COST = {
     **{"double_cover": 4, "fdcp": 9, "ldcp": 3, "harmonic": 0.6, "lscm": 1.5, "spectral": 4},
+    **{"cem": 40, "heat_flow": 8, "ricci": 12, "abf": 14},
     **{"cdcp paper": 2.5, "cdcp refine=1": 1.6, "cdcp refine=5": 3.6},
     **{"cdcp refine=10 p=1.2": 6, "factor": 0.8},
     **{"SLIM": 150, "SLIM conformal": 150, "ARAP": 30, "xatlas": 300, "Blender conformal": 20},

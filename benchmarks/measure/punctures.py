@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
@@ -31,7 +31,6 @@ SECONDS = 600.0  # after which a map hangs
 RINGS = {"face": 0, "vertex": 1, "2-ring": 2}  # of faces around a vertex that are taken out
 REFINE = (None, 5)  # as needed, and five steps
 NOT_WORSE = 1.2  # than the best of the others
-HIGH = 12.0  # degrees
 MAPPED = "map"
 TYPED = ("MapError", "SolverError")
 QUANTILES = (0.5, 0.9, 1)
@@ -40,20 +39,17 @@ WIDE = 160  # columns of a table that is printed to a file
 
 
 @dataclass(frozen=True)
-class Hole:
-    """Where a surface is opened: `row` of F, or of V. `mesh` is the digest of V and F."""
+class Row:
+    """What a method made of a surface with a hole.
+
+    It is opened at `row` of F, or of V; `mesh` is the digest of the two.
+    """
 
     surface: str
     mesh: str
     kind: str
     place: int
     row: int
-
-
-@dataclass(frozen=True)
-class Row(Hole):
-    """What a method made of a surface with a hole."""
-
     method: str
     outcome: str = ""
     mean: float = np.nan  # angular distortion, degrees
@@ -61,20 +57,6 @@ class Row(Hole):
     vertices: int = 0
     boundary_vertices: int = 0
     seconds: float = np.nan  # of CPU
-
-
-@dataclass(frozen=True)
-class Task:
-    """A hole and a method."""
-
-    path: Path
-    hole: Hole
-    method: str
-
-    @property
-    def row(self) -> Row:
-        """Its row, before anything is mapped."""
-        return Row(**asdict(self.hole), method=self.method)
 
 
 @dataclass(frozen=True)
@@ -104,11 +86,6 @@ class Comparison:
     def is_worse(self) -> bool:
         """Whether another method is much better; there may be no map of ours."""
         return self.best is not None and not self.ratio <= NOT_WORSE
-
-    @property
-    def is_high(self) -> bool:
-        """Whether the map is far from conformal."""
-        return self.ours.mean > HIGH
 
     def __str__(self) -> str:
         ours, best = self.ours, self.best
@@ -149,19 +126,20 @@ def punctures(
     something crashes, hangs or goes wrong without saying so. What has been mapped is kept in
     build/benchmarks, and not mapped again.
     """
-    paths = [path for path in files_of(folder, READABLE) if _is_closed(path, most)]
-    requests = {task: task.row for task in _tasks(paths, places, seed)}
+    files = files_of(folder, READABLE)
+    paths = {path.stem: path for path in files if _is_closed(path, most)}
+    requests = {row: row for row in _requests(paths, places, seed)}
     console = Console()
     if not console.is_terminal:
         console.width = WIDE
     kept = (work or WORK / code()) / f"punctures-{seed}"
-    rows = kept_answers(examine, requests, KNOWN_BY, kept, SECONDS, jobs, console)
+    rows = kept_answers(partial(examine, paths), requests, KNOWN_BY, kept, SECONDS, jobs, console)
     wrong = False
     for methods in COMPARED.values():
         comparisons = list(_comparisons(rows, methods))
         console.print(_summary(methods[0], comparisons))
         for one in comparisons:
-            if one.is_fault or one.is_worse or one.is_high:
+            if one.is_fault or one.is_worse:
                 console.print(str(one), soft_wrap=True)
             wrong |= one.is_fault or one.is_worse
     console.print(f"All rows: {kept}", soft_wrap=True)
@@ -207,18 +185,17 @@ def opened(V: Floats, F: Ints, kind: str, row: int) -> tuple[Floats, Ints]:
     return V[used], np.searchsorted(used, left)
 
 
-def _tasks(paths: Iterable[Path], places: int, seed: int) -> Iterator[Task]:
+def _requests(paths: Mapping[str, Path], places: int, seed: int) -> Iterator[Row]:
     """Choose random places at which a hole leaves a disk."""
-    for path in paths:
+    for name, path in paths.items():
         V, F = _surface(path)
         for kind in RINGS:
             for place in range(places):
                 rng = np.random.default_rng([seed, RINGS[kind], place])
                 row = row_to_open(rng, V, F, kind)
                 if row is not None:
-                    hole = Hole(path.stem, digest(V, F), kind, place, row)
                     for method in METHODS:
-                        yield Task(path, hole, method)
+                        yield Row(name, digest(V, F), kind, place, row, method)
 
 
 def row_to_open(rng: np.random.Generator, V: Floats, F: Ints, kind: str) -> int | None:
@@ -227,14 +204,14 @@ def row_to_open(rng: np.random.Generator, V: Floats, F: Ints, kind: str) -> int 
     return next((row for row in rows if check(*opened(V, F, kind, row)).is_disk), None)
 
 
-def examine(task: Task) -> Row:
+def examine(paths: Mapping[str, Path], request: Row) -> Row:
     """Map a surface with a hole by one method, and judge the map."""
-    V, F = opened(*_surface(task.path), task.hole.kind, task.hole.row)
+    V, F = opened(*_surface(paths[request.surface]), request.kind, request.row)
     mesh = DiskMesh(V, F)
     start = process_time()
     mean, message = np.nan, ""
     try:
-        uv = _map(task.method, V, F)
+        uv = _map(request.method, V, F)
     except (MapError, MeshError, SolverError) as error:
         outcome, message = type(error).__name__, str(error)
     except Exception as error:
@@ -243,7 +220,7 @@ def examine(task: Task) -> Row:
         outcome = MAPPED if certify(mesh, uv).valid else "not certified"
         mean = float(angle_distortion(V, F, uv).mean())
     return replace(
-        task.row,
+        request,
         outcome=outcome,
         mean=mean,
         message=message,
@@ -276,7 +253,7 @@ def _summary(title: str, comparisons: Sequence[Comparison]) -> Table:
     """Show quantiles of the distortion and count what is wrong, surface by surface."""
     table = Table(title=f"Mean angular distortion in degrees, {title}")
     table.add_column("surface", no_wrap=True)
-    names = ("holes", "median", "90 %", "worst", f"above {HIGH:g}", "worst by the best")
+    names = ("holes", "median", "90 %", "worst", "worst by the best")
     for name in (*names, f"above {NOT_WORSE:g} times", "typed errors", "faults"):
         table.add_column(name, justify="right")
     for surface, group in groupby(comparisons, lambda one: one.ours.surface):
@@ -293,7 +270,6 @@ def _cells(comparisons: Sequence[Comparison]) -> list[str]:
     return [
         f"{len(comparisons):,}",
         *(f"{mean:.2f}" for mean in quantiles),
-        f"{sum(one.is_high for one in comparisons)}",
         f"{max(ratios, default=np.nan):.3f}",
         f"{sum(one.is_worse for one in comparisons)}",
         f"{sum(one.ours.outcome in TYPED for one in comparisons)}",

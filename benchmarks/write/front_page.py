@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
+from statistics import median
 
 from cdcp_igl.io.output import whole_file
 
@@ -11,7 +11,7 @@ from ..records.results import Measured, Section
 from ..records.store import ROOT, read_results
 from .figures.style import style
 from .sections import model_cells
-from .table import NOTHING, Cell, Table, markdown
+from .table import NOTHING, Cell, Table, markdown, number
 
 README = ROOT / "README.md"
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
@@ -20,42 +20,31 @@ MODELS = (
     *("chinese_lion", "human_face", "human_brain", "left_hand", "camelhead_11381", "femur_2411"),
     "gcanyon_216196",
 )
-METHODS = {
-    **{"cdcp": "disk", "cdcp refine=5": "disk", "fdcp": "disk", "ldcp": "disk"},
-    **{"harmonic": "disk", "BFF disk": "disk", "lscm": "free", "BFF free": "free"},
-    **{"Blender angle-based": "free", "Blender conformal": "free", "MeshLab LSCM": "free"},
-    **{"SLIM conformal": "free", "SLIM": "free"},
-}
+SHOWN = ("human_face", "chinese_lion", "human_brain", "left_hand", "gcanyon_216196")
+METHODS = (
+    *("cdcp", "cdcp refine=5", "BFF disk", "lscm", "BFF free"),
+    *("Blender angle-based", "Blender conformal"),
+)
 
 
-def rewrite(page: Path, results: Path) -> None:
+def rewrite(page: Path, file: Path) -> None:
     """Rewrite the table between the two markers of a page."""
-    about, records = read_results(results)
+    about, records = read_results(file)
     head, rest = page.read_text(encoding="utf-8").split(BEGIN)
     _, tail = rest.split(END)
     sections = Measured(records).sections
-    shown = [sections[name] for name in ("tables", "peers") if name in sections]
-    rows = [
-        [
-            Cell(style(method).label.removesuffix(", free boundary"), kind="text name"),
-            Cell(boundary, kind="text"),
-            *(_cell(shown, model, method) for model in MODELS),
-        ]
-        for method, boundary in METHODS.items()
-    ]
-    measured = [row for row in rows if any(cell.value is not None for cell in row)]
-    names = [_name(shown[0], model) for model in MODELS]
-    table = Table("readme", "", "", ["method", "boundary", *names], measured)
-    versions = ", ".join(f"{name} {number}" for name, number in about["versions"].items())
+    # Other programs were measured beside CDCP, so that their times compare.
+    results = sections.get("peers") or sections["tables"]
+    names = [_name(results, model) for model in SHOWN]
+    headings = ["method", *names, "flips", "time"]
+    rows = [_row(results, method) for method in METHODS if _mapped(results, method)]
+    table = Table("readme", "", "", headings, rows)
     note = (
-        "Mean / SD / greatest angular distortion in degrees, flipped faces if there are any, and "
-        "time as a multiple of T, the time of CDCP in the same run: a hint, as `make bench` runs "
-        "two cases side by side; times measured alone are in the results. A free boundary has less "
-        "to keep, so less distortion, but its image is no disk; the harmonic map is onto the disk "
-        "but not conformal; SLIM keeps lengths rather than angles unless told so. "
-        f"{about['cores']} cores, {about['cpu']}; {versions}. Written by "
-        "`python -m benchmarks readme`; all surfaces, the paper's own numbers and the figures: "
-        f"[benchmarks/results](benchmarks/results/{results.stem}.md)."
+        "Mean angular distortion in degrees; flipped faces on all five; median time as a multiple "
+        "of CDCP's. CDCP and BFF disk fill the disk; the others have a free boundary, which has "
+        f"less to keep. Measured on {about['cpu']}, "
+        f"{about['cores']} cores, commit {about['commit']}, two cases side by side, by "
+        f"`make bench`; [all numbers](benchmarks/results/{file.stem}.md)."
     )
     with whole_file(page) as unfinished:
         text = f"{head}{BEGIN}\n{markdown(table)}\n\n{note}\n{END}{tail}"
@@ -63,21 +52,26 @@ def rewrite(page: Path, results: Path) -> None:
 
 
 def _name(results: Section, model: str) -> str:
-    """Name a surface and its size, without what it stands for."""
-    name, size = (cell.text for cell in model_cells(results, model))
-    return f"{name.partition(', for ')[0].partition(' (')[0]} {size}"
+    """Name a surface, without what it stands for."""
+    name, _ = (cell.text for cell in model_cells(results, model))
+    return name.partition(", for ")[0].partition(" (")[0]
 
 
-def _cell(sections: Sequence[Section], model: str, method: str) -> Cell:
-    """Take the numbers of the first section in which the method was run."""
-    results = next((s for s in sections if s.of(model, method)), None)
-    if results is None:
-        return Cell(NOTHING)
-    if results.failure(model, method):
-        return Cell("no map")
-    mean, sd, most, flips, seconds = (
-        results.median(model, method, of) for of in ("mean", "sd", "max", "flips", "seconds")
-    )
-    folded = f", {flips:,.0f} flips" if flips else ""
-    times = seconds / results.median(model, "cdcp")
-    return Cell(f"{mean:.3f} / {sd:.3f} / {most:.0f}{folded} ({times:.3g} T)", mean)
+def _mapped(results: Section, method: str) -> list[str]:
+    return [model for model in SHOWN if not results.failure(model, method)]
+
+
+def _row(results: Section, method: str) -> list[Cell]:
+    """Make the row of a method: its name, means, flipped faces, time."""
+    label = style(method).label.removesuffix(", free boundary")
+    done = _mapped(results, method)
+    means = {model: results.median(model, method, "mean") for model in done}
+    flips = sum(results.median(model, method, "flips") for model in done)
+    times = [results.median(model, method) / results.median(model, "cdcp") for model in done]
+    none = {m: Cell("no map" if results.of(m, method) else NOTHING) for m in SHOWN}
+    return [
+        Cell(label, kind="text name"),
+        *(number(means[m], ".2f") if m in means else none[m] for m in SHOWN),
+        Cell(f"{flips:,.0f}"),
+        Cell(f"{float(f'{median(times):.2g}'):,g} ×"),
+    ]

@@ -34,10 +34,7 @@ CHANGED = 0.05  # of the mean angular distortion, from which on a map is another
 
 def about(machine: Mapping[str, Any]) -> list[tuple[str, str]]:
     """List what the numbers were measured on, with what, and how to do it again."""
-    versions = machine["versions"] | {
-        "Python": machine["python"],
-        "SuiteSparse": machine["suitesparse"],
-    }
+    versions = machine["versions"] | {"Python": machine["python"]}
     return [
         ("Hardware", f"{machine['cpu']}, {machine['cores']} cores, {machine['memory_gib']} GiB"),
         ("System", machine["system"]),

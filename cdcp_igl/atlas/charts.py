@@ -37,8 +37,8 @@ TINY = 0.01
 MOST_BRANCHES = 8
 # The options of `disk_map` that `free_map` has, too.
 OF_FREE_MAPS = ("align", "refine", "refine_norm", "refine_seconds", "solver")
+# A component of fewer faces is not parted; others where each side has this share of the area.
 LEAST_FACES = 200
-# A component is parted where each side has this share of its area.
 LEAST_SHARE = 0.1
 # Where an edge has collapsed the conformal factor is minus infinity: counted as this.
 LEAST_FACTOR = -50.0
@@ -80,9 +80,9 @@ class Chart:
         return np.degrees(abs(plane_angles(as_complex(self.map.uv), self.F) - angles))
 
     @property
-    def unevenness(self) -> tuple[bool, float]:
-        """What is to be lowered by more charts: no map is worse than an uneven one."""
-        return bool(self.failure), self.spread
+    def unevenness(self) -> tuple[bool, bool, float]:
+        """What more charts are to lower: no valid map is worse than one that is not conformal."""
+        return bool(self.failure), not self.map.conformal, self.spread
 
     def gains_on(self, other: Chart) -> bool:
         """Whether the scale is more even; or the angles are better where they were not good."""
@@ -102,19 +102,21 @@ def charts_of(
     """
     # Steps that were asked for are taken at the end, by the charts as they are then.
     in_between = replace(options, refine=None) if options.refine else options
-    waiting, charts = [_grown(component, in_between, limits, progress)], list[Chart]()
+    whole = _grown(component, in_between, limits, progress)
+    waiting, charts = [whole], list[Chart]()
     while waiting:
         waiting.sort(key=lambda chart: chart.unevenness)
         worst = waiting.pop()
-        many = len(waiting) + len(charts) + 1 >= limits.max_charts
-        if many or worst.unevenness <= (False, limits.spread):
-            charts.append(worst)
-            continue
-        parts = parted_across(worst.opened.component)
-        if len(parts) == 1:
-            charts.append(worst)
-        else:
+        parts = [worst.opened.component]
+        more = len(waiting) + len(charts) + 1 < limits.max_charts
+        if more and worst.unevenness > (False, False, limits.spread):
+            parts = parted_across(worst.opened.component)
+        if len(parts) > 1:
             waiting += [_grown(part, in_between, limits, progress) for part in parts]
+        else:
+            charts.append(worst)
+    if max(chart.unevenness for chart in charts) >= whole.unevenness:
+        charts = [whole]  # parted in vain
     charts.sort(key=lambda chart: -len(chart.F))
     if options.refine:
         charts = [_chart(chart.opened, options, limits.outline, progress) for chart in charts]

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints, distinct_rows, places
 from ..errors import Defect, MeshError
+from ..io.given import takes_meshes
 from ..surface.topology import Topology, duplicate_faces
 from ..surface.validation import repeated_corners, usable_arrays
 from .cut_graph import split_components
@@ -50,6 +51,7 @@ class Cut(NamedTuple):
     length: float
 
 
+@takes_meshes
 def cut(
     V: ArrayLike,
     F: ArrayLike,
@@ -88,7 +90,7 @@ def cut(
         If V and F are no triangle mesh; if faces are flipped or the surface is one-sided,
         and no path is given; if a step of the path is no edge between two faces.
     ValueError
-        If path or polygon_of_face are no arrays as above, or both are given.
+        If path or polygon_of_face are no arrays as above.
 
     References
     ----------
@@ -114,8 +116,6 @@ def cut(
     given = given.astype(np.float64)
     polygon = polygon_numbers(polygon_of_face, len(faces))
     if path is not None:
-        if polygon_of_face is not None:
-            raise ValueError("path says where to cut already: leave out polygon_of_face")
         return cut_along(given, faces, _corners_cut_at(faces, len(given), path))
     if len(duplicates := duplicate_faces(faces)):
         raise MeshError(Defect.of("duplicate face", duplicates))

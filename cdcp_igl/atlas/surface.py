@@ -16,6 +16,7 @@ from ..certificate import Certificate, OutlineCertificate, together
 from ..distortion import AngleDistortion
 from ..errors import counted
 from ..free import FreeMap
+from ..io.given import takes_meshes
 from ..plot.layout import Layout
 from ..rescue.conformality import Conformality
 from ..result.base import Result
@@ -187,6 +188,7 @@ class SurfaceMap(Result):
         )
 
 
+@takes_meshes
 def surface_map(
     V: ArrayLike,
     F: ArrayLike,
@@ -217,7 +219,8 @@ def surface_map(
     Parameters
     ----------
     V : (n, 3) or (n, 2) array_like of real numbers
-        Vertex positions, in any unit. Those that no face uses are ignored.
+        Vertex positions, in any unit. Those that no face uses are ignored. In place of V and F,
+        one object as in `disk_map`.
     F : (m, 3) array_like of integers
         Corners of the faces.
     polygon_of_face : (m,) array_like of integers, optional

@@ -7,21 +7,20 @@ from collections.abc import Generator, Sequence
 from concurrent.futures import BrokenExecutor, Future, as_completed
 from typing import Any
 
-from .journal import Record
-from .pool import ATTEMPTS
-from .work import Task, Unwritten
+from .pool import ATTEMPTS, Answer, Job
+from .work import Unwritten
 
 SUSPECTED = "a worker of the executor died while it mapped this surface, or another beside it"
 
 
-def run_on(executor: Any, tasks: Sequence[Task]) -> Generator[Record]:
-    """Yield the record of each task as it is done; Unwritten if a result cannot be written.
+def run_on(executor: Any, tasks: Sequence[Job[Answer]]) -> Generator[Answer]:
+    """Yield the answer of each job as it is done; Unwritten if a result cannot be written.
 
     BrokenExecutor if the executor, or Dask's Client, takes no more tasks because a worker of it
     has died. What was being mapped then has got a record, of failure.
     """
     pool = executor.get_executor(pure=False) if hasattr(executor, "get_executor") else executor
-    futures: dict[Future[Record], Task] = {}
+    futures: dict[Future[Answer], Job[Answer]] = {}
     left, broken = len(tasks), False
     try:
         try:
@@ -56,7 +55,7 @@ def run_on(executor: Any, tasks: Sequence[Task]) -> Generator[Record]:
             future.cancel()
 
 
-def _attempt(task: Task) -> Record:
+def _attempt(task: Job[Answer]) -> Answer:
     """Map a surface, unless it has cost too many workers already.
 
     A file counts the attempts: Dask tries again by itself where a worker has died, as often as it
@@ -72,5 +71,5 @@ def _attempt(task: Task) -> Record:
     return record
 
 
-def _count_of_attempts(task: Task) -> str:
+def _count_of_attempts(task: Job[Any]) -> str:
     return f"{task.draft}.attempts"

@@ -68,6 +68,8 @@ class Record:
         Area distortion, mean of |log of the ratio of areas|.
     conformal : bool
         Whether it is what a conformal map should be, see `DiskMap`.
+    reasons : str
+        Why it is not.
     boundary : str
         How the boundary got onto the circle.
     seconds : float
@@ -104,6 +106,7 @@ class Record:
     sd: float = math.nan
     area: float = math.nan
     conformal: bool = False
+    reasons: str = ""
     boundary: str = ""
     seconds: float = math.nan
     memory: float = math.nan

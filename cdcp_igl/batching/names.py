@@ -26,7 +26,7 @@ def surface_files(
 
     They are absolute, each once, in their order; those of a folder, with what is below it, or of
     a pattern sorted. What is in `out`, the folder of the results, is passed over. ValueError if a
-    folder or a pattern has no surface, or a folder is that of the results.
+    folder is not there, a folder or a pattern has no surface, or a folder is that of the results.
     """
     out = _resolved(out)
     if isinstance(inputs, str | os.PathLike):
@@ -39,8 +39,10 @@ def _expand(given: Path, out: Path) -> Iterable[Path]:
         found = _surfaces_below(_resolved(given), out)
     elif glob.has_magic(str(given)) and not os.path.exists(given):
         found = _surfaces_like(given, out)
-    else:
+    elif _readable(given) or os.path.exists(given):
         return [located(given)]
+    else:
+        raise ValueError(f"{printable(given)}: there is no such folder or surface")
     if not found:
         raise ValueError(f"{printable(given)}: no surface there ({' '.join(READABLE)})")
     return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
+from math import isfinite
 from string import Template
 
 import numpy as np
@@ -94,11 +95,12 @@ def _table(records: Sequence[Record]) -> str:
 
 def _row(record: Record) -> str:
     name = escape(printable(record.name))
+    values = [(getattr(record, column), form) for _, column, form in COLUMNS]
     cells = "".join(
-        f'<td data-key="{getattr(record, column)}">{getattr(record, column):{form}}</td>'
-        for _, column, form in COLUMNS
+        f'<td data-key="{x}">{x:{form}}</td>' if isfinite(x) else "<td data-key>–</td>"
+        for x, form in values
     )
-    doubt = f'<span class="warning">no: {escape(record.boundary)}</span>'
+    doubt = f'<span class="warning">no: {escape(record.reasons)}</span>'
     verdict = "yes" if record.conformal else doubt
     return (
         f'<tr><td data-key="{name}" title="{escape(printable(record.input))}">{name}</td>{cells}'

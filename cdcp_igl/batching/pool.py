@@ -13,20 +13,18 @@ import sys
 from collections.abc import Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
-from pathlib import Path
 from queue import Empty, SimpleQueue
 from tempfile import TemporaryFile
 from threading import Lock
 from time import monotonic
-from typing import Any
-from zipfile import ZipFile
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from ..processes import cause_of_death, resident
 from ..solve.memory import available_memory
-from .journal import Record
-from .work import Task
+
+Answer = TypeVar("Answer", covariant=True)
 
 POLL = 0.05  # seconds between two looks at time and memory
 SECONDS_TO_END = 10.0  # for a process that has closed its stream of answers
@@ -35,37 +33,51 @@ ATTEMPTS = 3  # with a surface that kills its worker
 # One thread for each worker: the map uses no more, and numbers must not depend on the machine.
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
-# Peak memory of a map; a batch writes it down for every surface, and on those from 100,000 to a
-# million vertices it is less than this, cut open or not.
-MIB_PER_VERTEX = 2.5e-3
-MIB_OF_PYTHON = 150.0
 
-# The fewest bytes that a vertex and its two faces take in each kind of file.
-BYTES_PER_VERTEX = {".npz": 36, ".obj": 40, ".off": 40, ".ply": 36, ".stl": 100}
+class Job(Protocol[Answer]):
+    """What a worker does: a surface of a batch, or a step with a part of a surface."""
+
+    @property
+    def name(self) -> str:
+        """What tells it from others."""
+
+    @property
+    def draft(self) -> str:
+        """A path beside which attempts may be counted."""
+
+    @property
+    def memory(self) -> float:
+        """MiB that it may need."""
+
+    def run(self) -> Answer:
+        """Do it."""
+
+    def failed(self, error: str, message: str) -> Answer:
+        """Answer for it, if it does not."""
 
 
 class Pool:
-    """Workers that live on, and are replaced when a surface has cost one its life.
+    """Workers that live on, and are replaced when a job has cost one its life.
 
-    `jobs` surfaces are mapped at the same time, fewer where memory would not do. The limits are
-    seconds and resident MiB, after which a surface is given up.
+    `jobs` are done at the same time, fewer where memory would not do. The limits are seconds and
+    resident MiB, after which a job is given up.
     """
 
-    def __init__(self, jobs: int, time_limit: float, memory_limit: float) -> None:
+    def __init__(self, jobs: int, time_limit: float = np.inf, memory_limit: float = np.inf) -> None:
         self.jobs, self.time_limit, self.memory_limit = jobs, time_limit, memory_limit
         self._workers: list[_Worker] = []
         self._idle: SimpleQueue[_Worker] = SimpleQueue()
         self._closed = False
 
-    def run(self, tasks: Sequence[Task]) -> Generator[Record]:
-        """Yield the record of each task as it is done, the largest surfaces first.
+    def run(self, tasks: Sequence[Job[Answer]]) -> Generator[Answer]:
+        """Yield the answer of each job as it is done, the largest first.
 
-        Unwritten if a result cannot be written; BrokenExecutor if no process can be started.
+        What a worker could not answer is raised; BrokenExecutor if no process can be started.
         """
-        need = {task.name: memory_needed(Path(task.source)) for task in tasks}
+        need = {task.name: task.memory for task in tasks}
         waiting = sorted(tasks, key=lambda task: need[task.name], reverse=True)
         memory = available_memory() / 2**20
-        running: dict[Future[Record], Task] = {}
+        running: dict[Future[Answer], Job[Answer]] = {}
         threads = ThreadPoolExecutor(self.jobs)  # each waits for what one process answers
         try:
             while waiting or running:
@@ -83,15 +95,23 @@ class Pool:
                 for worker in tuple(self._workers):
                     worker.enforce(self.time_limit, self.memory_limit)
         finally:
-            self._closed = True
-            for worker in tuple(self._workers):
-                worker.kill()
+            if running:  # given up
+                self._kill()
             threads.shutdown()
-            for worker in self._workers:
-                worker.close()
 
-    def _map(self, task: Task) -> Record:
-        """Let a process map a surface, and another one if it dies."""
+    def close(self) -> None:
+        """End all workers."""
+        self._kill()
+        for worker in self._workers:
+            worker.close()
+
+    def _kill(self) -> None:
+        self._closed = True
+        for worker in tuple(self._workers):
+            worker.kill()
+
+    def _map(self, task: Job[Answer]) -> Answer:
+        """Let a process do a job, and another one if it dies."""
         cause = ""
         for _ in range(ATTEMPTS):
             worker = self._take_worker()
@@ -140,7 +160,7 @@ class _Worker:
             start_new_session=True,  # Ctrl-C is for the one who started this
         )
 
-    def ask(self, task: Task) -> Any:
+    def ask(self, task: Job[Any]) -> Any:
         """Hand over a surface, wait, and return the answer; None if the process has died."""
         assert self._process.stdin
         assert self._process.stdout
@@ -194,15 +214,3 @@ class _Worker:
         with self._errors:
             self._errors.seek(0)
             return cause_of_death(returncode, self._errors.read().decode(errors="replace"))
-
-
-def memory_needed(path: Path) -> float:
-    """Guess from the file of a surface how many MiB it will need, rather too many."""
-    try:
-        size, suffix = path.stat().st_size, path.suffix.lower()
-        if suffix == ".npz":  # before they were packed
-            with ZipFile(path) as archive:
-                size = sum(array.file_size for array in archive.infolist())
-        return MIB_OF_PYTHON + MIB_PER_VERTEX * size / BYTES_PER_VERTEX.get(suffix, 12)
-    except Exception:  # whatever is wrong with the file, its worker will find out and say
-        return MIB_OF_PYTHON

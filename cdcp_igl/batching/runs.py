@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from ..one_file import Settings
 from .executors import run_on
 from .journal import (
     DONE,
+    REFUSED,
     SUMMARY_BEGINS,
     Journal,
     Record,
@@ -101,6 +102,7 @@ def batch(
     clean: bool = False,
     cut: bool = False,
     free: bool = False,
+    onto: Literal["sphere", "annulus"] | None = None,
     retry: bool = False,
     time_limit: float = np.inf,
     memory_limit: float = np.inf,
@@ -144,6 +146,9 @@ def batch(
         Map surfaces that are no disks as well, see `cdcp_igl.surface_map`.
     free : bool
         Map with free outlines, see `cdcp_igl.free_map`.
+    onto : {"sphere", "annulus"} or None
+        Map closed surfaces onto the sphere, see `cdcp_igl.sphere_map`, or those with two boundary
+        loops onto rings, see `cdcp_igl.annulus_map`.
     retry : bool
         Try again what failed in a former run.
     time_limit, memory_limit : float
@@ -187,7 +192,7 @@ def batch(
     >>> [(record.name, record.status, record.error) for record in made.records]
     [('cap', 'done', ''), ('torn', 'failed', 'MeshError')]
     """
-    settings = Settings(disk, clean, cut, free, options)
+    settings = Settings(disk, clean, cut, free, onto, options)
     _check_format(format)
     limits = {"time_limit": time_limit, "memory_limit": memory_limit}
     if executor is not None and (jobs, *limits.values()) != (1, np.inf, np.inf):
@@ -243,12 +248,13 @@ def batch(
             to_map = list(left.values())
             pool = Pool(jobs, **limits)
             made = pool.run(to_map) if executor is None else run_on(executor, to_map)
-            with closing(made):
+            with closing(pool), closing(made):
                 for record in made:
                     _finish(left[record.name], record, history.get(record.name, ()), write_down)
         finally:
             latest = read_journals(folder, digest)  # with those of other shards
-            write_summary(summary_file, (latest[name][-1] for name in sorted(latest)))
+            if not summary_file.exists() or count.total() > count[REFUSED]:
+                write_summary(summary_file, (latest[name][-1] for name in sorted(latest)))
     done = Batch(folder, tuple(records[task.name] for task in tasks))
     if report is not None:
         page = report_page(f"Maps in {printable(folder.name)}", str(done), done.records)

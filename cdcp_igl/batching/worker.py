@@ -1,7 +1,7 @@
-"""The process that maps one surface after the other, for `pool`.
+"""The process that does one job after the other, for `pool`.
 
-Run as ``python -m cdcp_igl.batching.worker`` it takes pickled tasks from its standard input and
-gives pickled records on its standard output, and before all True, once it is ready.
+Run as ``python -m cdcp_igl.batching.worker`` it takes pickled jobs from its standard input and
+gives pickled answers on its standard output, and before all True, once it is ready.
 """
 
 from __future__ import annotations
@@ -12,14 +12,15 @@ import sys
 from queue import SimpleQueue
 from threading import Thread
 
-from .work import Task, Unwritten
+from .pool import Job
+from .work import Unwritten
 
 
 def _main() -> None:
     # Libraries print on what is called standard output; they are not to print into the answers.
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    tasks: SimpleQueue[Task] = SimpleQueue()
+    tasks: SimpleQueue[Job[object]] = SimpleQueue()
     Thread(target=_receive, args=(tasks,), daemon=True).start()
     answer: object = True
     while True:
@@ -32,7 +33,7 @@ def _main() -> None:
             answer = error
 
 
-def _receive(tasks: SimpleQueue[Task]) -> None:
+def _receive(tasks: SimpleQueue[Job[object]]) -> None:
     """End the process as soon as the one that started it has ended or closed the pipe."""
     try:
         while True:

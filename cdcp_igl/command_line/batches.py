@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 LONG = 100  # rows of a table that can still be read
 WORST = 20  # of a longer one: the maps with the largest distortion
 NUMBERS = ("vertices", "mean", "sd", "area", "flips", "seconds", "memory")
-KEPT = ". What is done is kept: correct this, and run the batch again."
+SCHEDULER = typer.Option(
+    None, metavar="tcp://...", help="Address of a Dask scheduler: map on its workers."
+)
+KEPT = ". What is done is kept: correct this, and run it again."
 NOW_AND_THEN = 10.0  # seconds between two lines where there is no terminal
 
 
@@ -49,9 +52,7 @@ def batch_command(
     report: Path | None = file_option(
         "--report", "R.html", (".html",), "One page with a histogram and a table."
     ),
-    scheduler: str | None = typer.Option(
-        None, metavar="tcp://...", help="Address of a Dask scheduler: map on its workers."
-    ),
+    scheduler: str | None = SCHEDULER,
     quiet: bool = QUIET,
 ) -> None:
     """Map many surfaces, each to a file in OUT; run again, it goes on where it was.
@@ -64,7 +65,7 @@ def batch_command(
     """
     from ..batching.names import read_shard
 
-    with exit_codes(), _executor(scheduler) as executor:
+    with exit_codes(), executor_at(scheduler) as executor:
         run_batch(
             inputs,
             out,
@@ -84,17 +85,27 @@ def batch_command(
 def run_batch(inputs: Sequence[str | Path], out: Path, *, quiet: bool, **options: Any) -> None:
     """Run `batch` and show what it has done; typer.Exit, with its code, if not all are mapped."""
     from ..batching import batch
+    from ..defects import as_commands
+    from ..errors import printable
 
     with exit_codes(), writing(KEPT), _progress(quiet) as progress:
         made = batch(inputs, out, progress=progress, **options)
     if not quiet:
-        _show(made, out)
+        _show_done(made)
+    for record in made.failed[:LONG]:
+        message = as_commands(record.message).replace("cdcp-igl map", "cdcp-igl batch")
+        typer.echo(f"{printable(record.name)}: {record.error}: {message}", err=quiet)
+    if len(made.failed) > LONG:
+        typer.echo(f"and {len(made.failed) - LONG:,} more", err=quiet)
+    if not quiet:
+        typer.echo(f"{made}\nOf each surface: {printable(out / 'summary.csv')}")
     if made.failed:
         raise typer.Exit(SOME_FAILED)
 
 
 @contextmanager
-def _executor(scheduler: str | None) -> Iterator[Any]:
+def executor_at(scheduler: str | None) -> Iterator[Any]:
+    """Let the body use the workers of a Dask scheduler; None without an address."""
     if scheduler is None:
         yield None
         return
@@ -132,7 +143,7 @@ def _progress(quiet: bool) -> Iterator[Callable[[int, int, int], None] | None]:
         yield say
 
 
-def _show(made: Batch, out: Path) -> None:
+def _show_done(made: Batch) -> None:
     from ..errors import printable
 
     done, title = made.done, ""
@@ -145,9 +156,4 @@ def _show(made: Batch, out: Path) -> None:
         )
     for record in done:
         if not record.conformal:
-            typer.echo(f"{printable(record.name)}: not conformal: {record.boundary}")
-    for record in made.failed[:LONG]:
-        typer.echo(f"{printable(record.name)}: {record.error}: {record.message}")
-    if len(made.failed) > LONG:
-        typer.echo(f"and {len(made.failed) - LONG:,} more")
-    typer.echo(f"{made}\nOf each surface: {printable(out / 'summary.csv')}")
+            typer.echo(f"{printable(record.name)}: not conformal: {record.reasons}")

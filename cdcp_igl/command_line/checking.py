@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 import typer
@@ -27,7 +27,6 @@ def check_command(
     """
     from ..errors import MeshError, printable
     from ..io import read_polygons
-    from ..io.polygons import in_polygons
     from ..printing import as_text
     from ..surface.checking import MeshReport, check
 
@@ -38,8 +37,7 @@ def check_command(
             with exit_codes(mesh if len(meshes) > 1 else None):
                 try:
                     V, F, polygon_of_face = read_polygons(mesh, notes.append)
-                    report = check(V, F)
-                    report = replace(report, defects=in_polygons(report.defects, polygon_of_face))
+                    report = check(V, F, polygon_of_face=polygon_of_face)
                 except (MeshError, OSError) as error:
                     if not as_json:
                         raise
@@ -50,7 +48,9 @@ def check_command(
         rows.append({"file": printable(mesh), **report.report(), "notes": notes})
         if not as_json:
             name = f"{printable(mesh)}: " if len(meshes) > 1 else ""
-            text = as_text(f"{name}{report.in_shell}", [("note", note) for note in notes])
+            files = f"{quote(printable(mesh))} {quote(printable(mesh.stem) + '_map.obj')}"
+            said = report.in_shell.replace("IN OUT", files)
+            text = as_text(f"{name}{said}", [("note", note) for note in notes])
             show_text(text, "green" if report.is_disk else "red")
     if as_json:
         typer.echo(json.dumps(rows, indent=2))

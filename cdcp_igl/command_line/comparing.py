@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 # Those of `reference`, spelled out: `--help` shows them, and must not wait for NumPy.
 METHODS = (
-    *("cdcp", "double_cover", "fdcp", "ldcp", "harmonic", "lscm", "spectral", "bff", "bff_disk"),
+    *("cdcp", "double_cover", "fdcp", "ldcp", "cem", "heat_flow", "ricci", "harmonic"),
+    *("abf", "lscm", "spectral", "bff", "bff_disk"),
 )
 NUMBERS = ("mean", "sd", "max", "area", "flips", "boundary_error", "seconds", "memory")
 
@@ -58,7 +59,7 @@ def compare_command(
     from ..reference.case import run_case
     from ..surface.mesh import DiskMesh
 
-    chosen = methods.split(",") if methods else METHODS
+    chosen = [name.strip() for name in methods.split(",")] if methods else METHODS
     if unknown := [name for name in chosen if name not in METHODS]:
         raise typer.BadParameter(f"{unknown[0]!r} is not one of {', '.join(METHODS)}.")
     meshes = list(dict.fromkeys(meshes))

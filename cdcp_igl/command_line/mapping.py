@@ -9,7 +9,7 @@ from typing import Any
 import typer
 
 from ..extras import from_extra
-from .batches import run_batch
+from .batches import SCHEDULER, run_batch
 from .messages import check_targets, exit_codes, writing
 from .options import (
     FORCE,
@@ -21,6 +21,7 @@ from .options import (
     takes_map_options,
     verify_target,
 )
+from .parts import is_parted, map_parts
 from .screen import progress_bar, show_pairs
 
 MAPPED = 0.8  # of the progress, when the map is computed
@@ -51,9 +52,16 @@ def map_command(
     view: Path | None = file_option(
         "--view", "V.html", (".html",), "A page in which the surface turns beside the disk."
     ),
+    jobs: int | None = typer.Option(
+        None, "--jobs", "-j", metavar="N", min=1, help="Processes for a surface in parts."
+    ),
+    scheduler: str | None = SCHEDULER,
     quiet: bool = QUIET,
 ) -> None:
     """Map a triangulated disk conformally onto the unit disk.
+
+    A folder that `partition` has made is mapped in parts, to OUT.npy: u and v of each vertex. Run
+    again, it goes on where it was.
 
     Files appear whole or not at all, and only if the map is valid. A file that is there already
     is replaced only with --force, the surface itself never.
@@ -69,6 +77,13 @@ def map_command(
     if len(files) != 2:
         raise typer.BadParameter("give IN and OUT; several surfaces need --out-dir DIR.")
     source, out = files
+    if is_parted(source):
+        targets = report, picture, view
+        where = jobs, scheduler
+        map_parts(source, out, targets, options, where, force=force, quiet=quiet)
+        return
+    if jobs or scheduler:
+        raise typer.BadParameter("--jobs and --scheduler are for a surface in parts.")
     verify_target(out, WRITABLE)
     from ..errors import printable
     from ..io import read_polygons
@@ -76,9 +91,10 @@ def map_command(
     from ..one_file import Settings, map_one
 
     name, notes = printable(source.name), list[str]()
-    with exit_codes():
-        flags = {flag: options.pop(flag) for flag in ("disk", "clean", "cut", "free")}
-        settings = Settings(**flags, options=options)
+    tried = [f"--{flag}" for flag in ("clean", "cut") if options[flag]]
+    with exit_codes(files=files, tried=tried):
+        flags = ("disk", "clean", "cut", "free", "onto")
+        settings = Settings(**{flag: options.pop(flag) for flag in flags}, options=options)
         if picture or view:
             with from_extra("plot"):
                 import matplotlib  # noqa: F401

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING
 
 import typer
 
 from ..extras import MissingExtra
+
+if TYPE_CHECKING:
+    from ..errors import Defect
 
 FAILED, BAD_INPUT, NO_MAP, SOME_FAILED = 1, 2, 3, 4  # exit codes
 
@@ -26,14 +31,22 @@ def writing(remedy: str = "") -> Iterator[None]:
 
 
 @contextmanager
-def exit_codes(file: Path | None = None) -> Iterator[None]:
-    """Turn the errors that users can correct into a message, of this file, and an exit code."""
+def exit_codes(
+    file: Path | None = None, *, files: Sequence[Path] = (), tried: Sequence[str] = ()
+) -> Iterator[None]:
+    """Turn the errors that users can correct into a message, of this file, and an exit code.
+
+    Where `map` was to map `files`, IN and OUT, with some options, it says which ones do it.
+    """
     from ..errors import MapError, MeshError, SolverError, printable
 
     try:
         yield
     except MeshError as error:
         found = [f"{defect.name}: {defect.in_shell}" for defect in error.defects]
+        if files and (options := _options_that_map(error.defects, tried)):
+            named = " ".join(quote(printable(path)) for path in files)
+            found.append(f"Next: cdcp-igl map {options} {named}")
         message, code = "\n".join(found), BAD_INPUT
     except OSError as error:
         message, code = reason(error), BAD_INPUT
@@ -49,6 +62,17 @@ def exit_codes(file: Path | None = None) -> Iterator[None]:
         message = "\n".join(f"{printable(file)}: {line}" for line in message.splitlines())
     typer.echo(message, err=True)
     raise typer.Exit(code)
+
+
+def _options_that_map(defects: Iterable[Defect], tried: Sequence[str]) -> str:
+    from ..defects import DEFECTS
+
+    rows = [DEFECTS[defect.name] for defect in defects]
+    if not all(row.cut or row.cleaned for row in rows):
+        return ""
+    cleans = "--clean" in tried or not all(row.cut for row in rows)
+    options = ["--clean", "--cut"] if cleans else ["--cut"]
+    return "" if options == list(tried) else " ".join(options)
 
 
 def reason(error: OSError) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 # Those of `io`, spelled out: `--help` shows them, and must not wait for NumPy.
-READABLE = (".mat", ".npz", ".obj", ".off", ".ply", ".stl")
+READABLE = (".glb", ".gltf", ".mat", ".npz", ".obj", ".off", ".ply", ".stl", ".vtk", ".vtu")
 WRITABLE = (".glb", ".npz", ".obj", ".ply")
 PICTURES = (".png", ".svg", ".pdf")
 SURFACES = " ".join(READABLE)
@@ -58,12 +58,33 @@ def _map_options(
         "--cut",
         help="Map a surface that is no disk: closed, with handles, holes or several parts. Equal "
         "vertices are merged along seams, it is cut open, and each part mapped; texture "
-        "coordinates show the disks side by side.",
+        "coordinates show the disks side by side. With --free, the charts have free outlines.",
     ),
     free: bool = typer.Option(
         False,
         "--free",
         help="Map with a free outline, the boundary as long as it is: the least distortion.",
+    ),
+    sphere: bool = typer.Option(
+        False,
+        "--sphere",
+        help="Map a closed surface without handles onto the sphere; texture coordinates show two "
+        "hemispheres side by side, and an .npz file has its points, too.",
+    ),
+    annulus: bool = typer.Option(
+        False,
+        "--annulus",
+        help="Map a surface with two boundary loops onto a ring; more loops are filled meanwhile.",
+    ),
+    spread: float | None = typer.Option(
+        None,
+        metavar="S",
+        min=0,
+        help="With --cut, part a component whose scale varies more than this (the standard "
+        "deviation of its logarithm). [default: 1]",
+    ),
+    max_charts: int | None = typer.Option(
+        None, metavar="N", min=1, help="With --cut, so many charts a component at most."
     ),
     center: str | None = typer.Option(
         None,
@@ -101,8 +122,10 @@ def _map_options(
         None, metavar="paper", help="Follow the paper; sets --center and --mobius itself."
     ),
 ) -> dict[str, Any]:
-    """Return `disk`, `clean`, `cut` and `free`, and those options of `disk_map` that were given."""
+    """Return the flags, `onto`, and those options of the map that were given."""
     options = {
+        "spread": spread,
+        "max_charts": max_charts,
         "center": int(center) if center and center.isdecimal() else center,
         "mobius": mobius,
         "align": align and _row_or_direction(align),
@@ -114,7 +137,10 @@ def _map_options(
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     if mobius == "none":
         given["mobius"] = None
-    return {"disk": disk, "clean": clean, "cut": cut, "free": free, **given}
+    if sphere and annulus:
+        raise typer.BadParameter("--sphere and --annulus: give one of them.")
+    onto = "sphere" if sphere else "annulus" if annulus else None
+    return {"disk": disk, "clean": clean, "cut": cut, "free": free, "onto": onto, **given}
 
 
 def _row_or_direction(text: str) -> int | list[float] | str:

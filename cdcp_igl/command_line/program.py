@@ -11,6 +11,7 @@ from .batches import batch_command
 from .checking import check_command
 from .comparing import compare_command
 from .mapping import map_command
+from .parts import partition_command
 
 app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -40,3 +41,4 @@ app.command("check")(check_command)
 app.command("map")(map_command)
 app.command("compare")(compare_command)
 app.command("batch")(batch_command)
+app.command("partition")(partition_command)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from math import isnan
+from math import isfinite
 from threading import Timer
 from typing import TYPE_CHECKING
 
@@ -67,7 +67,7 @@ def _show(text: str, content: RenderableType, color: str, title: str = "") -> No
 def print_table(
     title: str, heading: str, columns: Sequence[str], rows: Sequence[tuple[str, object]]
 ) -> None:
-    """Print names, and beside each the numbers that its object has as attributes; NaN is a dash.
+    """Print names, and beside each the numbers that its object has as attributes, or a dash.
 
     Where the terminal is too narrow for it, names fold, and no number is cut.
     """
@@ -89,7 +89,7 @@ def print_table(
         table.add_column(COLUMNS[column][0], justify="right", no_wrap=True)
     for name, row in rows:
         values = [(getattr(row, column), COLUMNS[column][1]) for column in columns]
-        table.add_row(Text(name), *("–" if isnan(x) else format(x, form) for x, form in values))
+        table.add_row(Text(name), *(format(x, form) if isfinite(x) else "–" for x, form in values))
     console = Console(width=None if sys.stdout.isatty() else PIPE)
     unbounded = console.options.update(max_width=sys.maxsize)
     longest = max(Text(name).cell_len for name, _ in rows)

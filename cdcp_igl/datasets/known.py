@@ -1,9 +1,12 @@
-"""Generated surfaces whose conformal map onto the disk is known in closed form."""
+"""Generated surfaces whose conformal map is known in closed form."""
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 
+from .. import libigl
 from ..arrays import Complex, Floats, Ints, coordinates
 
 
@@ -183,6 +186,72 @@ def paraboloid(resolution: int, steepness: float = 1.0) -> tuple[Floats, Ints, F
         return np.exp(root) * r / (1 + root)
 
     return V, F, coordinates(isothermal(r) / isothermal(1.0) * _unit(np.angle(z)))
+
+
+def spheroid(levels: int, height: float = 1.5) -> tuple[Floats, Ints, Floats]:
+    """Triangulate a spheroid, with its map onto the sphere by its conformal latitude.
+
+    Parameters
+    ----------
+    levels : int
+        How often the faces of an icosahedron are split into four.
+    height : float
+        Half-axis along z, positive; the others are 1.
+
+    Returns
+    -------
+    V : (n, 3) float64
+    F : (m, 3) int64
+        Counterclockwise seen from outside.
+    points : (n, 3) float64
+        Exact conformal map of the vertices onto the unit sphere, with the conformal barycentre
+        at 0.
+
+    Raises
+    ------
+    ValueError
+        If `levels` is negative or `height` not positive.
+
+    References
+    ----------
+    J. P. Snyder. Map Projections: A Working Manual. U.S. Geological Survey, 1987. Eq. (3-1).
+
+    Examples
+    --------
+    >>> from cdcp_igl.datasets import spheroid
+    >>> V, F, points = spheroid(2, height=2)
+    >>> V.max(axis=0).round(6), len(V)
+    (array([1., 1., 2.]), 162)
+    """
+    if not levels >= 0:
+        raise ValueError(f"levels must be 0 or more, not {levels!r}")
+    if not 0 < height < np.inf:
+        raise ValueError(f"height must be positive, not {height!r}")
+    golden = (1 + np.sqrt(5)) / 2
+    V = np.array([[0, s, t * golden] for s in (-1.0, 1) for t in (-1, 1)])
+    V = np.vstack([V, V[:, [2, 0, 1]], V[:, [1, 2, 0]]])
+    F = np.array(list(combinations(range(12), 3)))
+    F = F[(np.linalg.norm(V[F] - V[np.roll(F, 1, axis=1)], axis=2) < 3).all(axis=1)]
+    outwards = np.linalg.det(V[F]) > 0
+    F = np.where(outwards[:, None], F, F[:, ::-1])
+    for _ in range(levels):
+        V, F = libigl.upsample(V, F)
+    V /= np.linalg.norm(V, axis=1)[:, None]
+    r, z = np.hypot(V[:, 0], V[:, 1]), V[:, 2]
+    # The sine of the geographic latitude, of which z is that of the reduced one.
+    sine = z / np.hypot(z, height * r)
+    if height > 1:
+        eccentricity = np.sqrt(height**2 - 1)
+        shift = eccentricity * np.arctan(eccentricity * sine)
+    else:
+        eccentricity = np.sqrt(1 - height**2)
+        shift = -eccentricity * np.arctanh(eccentricity * sine)
+    # r exp(-q) etc. of the isometric latitude q, without dividing by r at the poles.
+    up, down = (1 + sine) * np.exp(shift), (1 - sine) * np.exp(-shift)
+    equatorial = 2 * np.sqrt((1 - sine) * (1 + sine)) / (up + down)
+    around = V[:, :2] / np.maximum(r, np.finfo(float).tiny)[:, None]
+    points = np.column_stack([equatorial[:, None] * around, (up - down) / (up + down)])
+    return V * [1, 1, height], F, points
 
 
 def _rings(resolution: int) -> tuple[Complex, Ints]:

@@ -53,7 +53,7 @@ def _vertices_and_faces(found: Found) -> tuple[Array, Array]:
             if array.ndim != 2:
                 raise Damage(f"{name} is no table, but has shape {array.shape}")
         if V.shape[0] in (2, 3) and V.shape[1] > 3:
-            raise MeshError(Defect.of("shape of V", shape=V.shape))
+            raise MeshError(Defect.of("shape of V, transposed", shape=V.shape))
         return V, F
     raise Damage(f"it must hold V and F (or v and f), not {', '.join(found) or 'nothing'}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from itertools import islice, pairwise
@@ -60,7 +61,8 @@ def _write_rows(file: TextIO, template: str, rows: NDArray[np.generic]) -> None:
 def write_like(path: Path, given: Path, texture: Floats, FT: Ints) -> None:
     """Write a given obj file again, with other texture coordinates.
 
-    Vertices, normals, groups, materials, comments and polygons stay as they are. Only a
+    Vertices, normals, groups, materials, comments and polygons stay as they are; in another
+    folder, files of materials are named with theirs. Only a
     polygon that was cut open within is written as triangles, with its texture coordinates
     on either side of the cut. ``texture[FT]`` are those of the corners of the triangles that
     `read_obj` makes of `given`.
@@ -75,6 +77,10 @@ def write_like(path: Path, given: Path, texture: Floats, FT: Ints) -> None:
             keyword, *words = [word for parts in split for word in parts[1::2]] or [""]
             name = keyword.removeprefix(BYTE_ORDER_MARK)
             if name == "vt":
+                continue
+            if name == "mtllib" and not path.parent.samefile(given.parent):
+                words = _elsewhere(words, given.parent)
+                file.write(_joined(split, [keyword, *words]))
                 continue
             if name == "f":
                 if triangles is None:
@@ -113,6 +119,18 @@ def _joined(split: list[list[str]], words: list[str]) -> str:
     for parts in split:
         parts[1::2] = islice(following, len(parts) // 2)
     return "".join("".join(parts) for parts in split)
+
+
+def _elsewhere(words: list[str], folder: Path) -> list[str]:
+    """Name files of a folder so that they are found from everywhere; all words may be one name."""
+
+    def is_there(name: str) -> bool:
+        return (folder / os.fsdecode(name.encode("latin-1"))).is_file()
+
+    above = os.fsencode(folder.resolve()).decode("latin-1")
+    if is_there(" ".join(words)):
+        return [f"{above}/{words[0]}", *words[1:]]
+    return [f"{above}/{word}" if is_there(word) else word for word in words]
 
 
 def _line_end(line: str) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints
 from .damage import Damage
-from .polygons import fans
+from .polygons import fans, strips
 from .text import culprit
 
 TYPES = {
@@ -22,6 +22,7 @@ TYPES = {
 }
 BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 INDICES = ("vertex_indices", "vertex_index")
+HEADER = 1 << 16  # bytes in which that of a file of triangles ends
 END_OF_LINE = re.compile(rb"\r\n|\n|\r")
 
 
@@ -65,9 +66,43 @@ def read_ply(path: Path) -> tuple[Floats, Ints, Ints]:
     polygons = _lists_of_vertices(tables.get("face", {}), "faces")
     if polygons is not None:
         return V, *fans(*polygons)
-    strips = _lists_of_vertices(tables.get("tristrips", {}), "strips")
-    F = np.empty((0, 3), np.int64) if strips is None else _triangles_of_strips(*strips)
+    rows = _lists_of_vertices(tables.get("tristrips", {}), "strips")
+    F = np.empty((0, 3), np.int64) if rows is None else strips(*rows)
     return V, F, np.arange(len(F))
+
+
+def triangles_of_ply(path: Path) -> tuple[NDArray[Any], NDArray[Any]] | None:
+    """(n, 3) vertices and (m, 3) faces of a binary file of triangles, mapped into memory.
+
+    None of any other file, which `read_ply` reads, or says what is wrong with it.
+    """
+    data = np.memmap(path, np.uint8, "r")
+    head = data[:HEADER].tobytes()
+    try:
+        encoding, elements, body = _parse_header(head)
+        if encoding == "ascii" or [element.name for element in elements[:2]] != ["vertex", "face"]:
+            return None
+        types = {name: BYTE_ORDERS[encoding] + kind for name, kind in TYPES.items()}
+        start, tables = len(head) - len(body), list[NDArray[Any]]()
+        for element in elements[:2]:
+            kind = _type_of_row(data, start, element, types)
+            tables.append(np.frombuffer(data, kind, element.rows, start))
+            start += tables[-1].nbytes
+    except (Damage, ValueError):
+        return None
+    names = [[column.name for column in element.properties] for element in elements[:2]]
+    x = names[0].index("x") if "x" in names[0] else 0
+    kinds = {column.type for column in elements[0].properties[x : x + 3]}
+    corners = next((k for k, name in enumerate(names[1]) if name in INDICES), None)
+    if corners is None or names[0][x : x + 3] != [*"xyz"] or len(kinds) > 1:
+        return None
+    if elements[1].properties[corners].length_type is None:
+        return None
+    if (tables[1][f"length {corners}"] != 3).any():
+        return None
+    first = tables[0][f"entries {x}"]
+    V = np.lib.stride_tricks.as_strided(first, (len(first), 3), (first.strides[0], first.itemsize))
+    return V, tables[1][f"entries {corners}"]
 
 
 def _lists_of_vertices(table: Table, what: str) -> tuple[Ints, Ints] | None:
@@ -81,24 +116,6 @@ def _lists_of_vertices(table: Table, what: str) -> tuple[Ints, Ints] | None:
     if (vertices != found.entries).any():
         raise Damage(f"its {what} have indices that are no integers")
     return vertices, found.lengths.astype(np.int64)
-
-
-def _triangles_of_strips(vertices: Ints, lengths: Ints) -> Ints:
-    """(m, 3) triangles of rows that are strips: each vertex makes one with the two before it.
-
-    A row has several strips if -1 stands between them. Every other triangle of a strip is
-    flipped, so that all have one orientation; and those that name a vertex twice, by which a
-    strip turns, are left out.
-    """
-    vertices = np.insert(vertices, np.cumsum(lengths), -1)
-    vertices = np.append(vertices, [-1, -1])  # so that a triangle begins with each
-    place = np.arange(len(vertices))
-    start = np.maximum.accumulate(np.where(vertices == -1, place + 1, 0))
-    F = np.lib.stride_tricks.sliding_window_view(vertices, 3).copy()
-    odd = (place - start)[:-2] % 2 == 1
-    F[odd] = F[odd][:, [1, 0, 2]]
-    i, j, k = F.T
-    return F[(F >= 0).all(axis=1) & (i != j) & (j != k) & (k != i)]
 
 
 def _read_tables(data: bytes) -> dict[str, Table]:
@@ -192,7 +209,7 @@ def _read_table(
     return table, start
 
 
-def _type_of_row(body: bytes, start: int, element: Element, types: dict[str, str]) -> np.dtype[Any]:
+def _type_of_row(body: Any, start: int, element: Element, types: dict[str, str]) -> np.dtype[Any]:
     """Return the type of rows whose lists are as long as in the row that begins at a byte."""
     fields: list[tuple[Any, ...]] = []
     for k, column in enumerate(element.properties):

@@ -17,22 +17,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Defect, MeshError
+from ..extras import from_extra
 from .archives import read_mat, read_npz
 from .damage import Damage
+from .glb import read_gltf
 from .ply import read_ply
+from .polygons import triangulated
 from .stl import read_stl
 from .text import read_obj, read_off
 
 Array = NDArray[Any]
 
+
+def read_vtk(path: Path) -> tuple[Array, Array, Array]:
+    """Read vertices, triangles and their polygons, as meshio finds them."""
+    with from_extra("vtk"):
+        import meshio
+    try:
+        mesh = (meshio.vtk if path.suffix.lower() == ".vtk" else meshio.vtu).read(path)
+    except meshio.ReadError as error:
+        raise Damage(str(error).rstrip(".") or "meshio does not understand it") from None
+    return mesh.points, *triangulated(mesh.cells)
+
+
 # V and F, and where faces may be polygons, which of these each triangle is a part of.
 READERS: dict[str, Callable[[Path], tuple[Array, ...]]] = {
+    ".glb": read_gltf,
+    ".gltf": read_gltf,
     ".mat": read_mat,
     ".npz": read_npz,
     ".obj": read_obj,
     ".off": read_off,
     ".ply": read_ply,
     ".stl": read_stl,
+    ".vtk": read_vtk,
+    ".vtu": read_vtk,
 }
 READABLE = tuple(READERS)
 
@@ -41,6 +60,7 @@ DAMAGE = (
     *(OSError, EOFError, ValueError, LookupError, ArithmeticError, RuntimeError),
     *(BadZipFile, LZMAError, struct.error, zlib.error),
     *(SyntaxError, TypeError, TokenError),  # a header of NumPy is an expression of Python
+    AttributeError,  # in gltf files, of what is no object
 )
 
 
@@ -52,7 +72,8 @@ def read_mesh(
     Parameters
     ----------
     path : path-like
-        A file named .obj, .off, .ply or .stl; or .npz or .mat with V and F (or v and f).
+        A file named .obj, .off, .ply, .stl, .glb or .gltf; .npz or .mat with V and F (or v and
+        f); or .vtk or .vtu, for which meshio must be installed.
     note : callable, optional
         Told, in a sentence, what was changed on reading.
 
@@ -138,7 +159,9 @@ def read_polygons(
         raise _unreadable(f"{path.name!r} is no name of a file, as it holds a zero")
     if not stat.S_ISREG(path.stat().st_mode):  # to open a FIFO may take for ever
         raise _unreadable(f"{path.name!r} is a device, a FIFO or a socket")
-    path.open("rb").close()  # OSError if it is forbidden; later ones mean damage
+    with path.open("rb") as file:  # OSError if it is forbidden; later ones mean damage
+        if not file.read(1):
+            raise _empty(path)
     try:
         V, F, *polygons = reader(path)
     except Damage as error:
@@ -149,6 +172,8 @@ def read_polygons(
         raise
     except DAMAGE as error:
         raise _damaged(path, "it is cut off, or damaged") from error
+    if len(V) == 0:
+        raise _empty(path)
     if path.suffix.lower() in (".npz", ".mat") and _counts_from_one(V, F):
         F = F - 1
         if (np.rint(F) == F).all():  # fractions stay, and are refused as those of any mesh
@@ -160,6 +185,10 @@ def read_polygons(
 
 def _unreadable(reason: str) -> MeshError:
     return MeshError(Defect.of("unreadable file", reason=reason))
+
+
+def _empty(path: Path) -> MeshError:
+    return MeshError(Defect.of("unreadable file, empty", name=path.name))
 
 
 def _damaged(path: Path, reason: str) -> MeshError:

@@ -17,6 +17,8 @@ from .polygons import fans
 # keywords are the same in both.
 BYTE_ORDER_MARK = "\xef\xbb\xbf"
 
+Lines = Iterator[tuple[int, list[str]]]  # number and words of each
+
 
 def read_obj(path: Path) -> tuple[Floats, Ints, Ints]:
     """(n, 3) vertices, (m, 3) faces and (m,) their polygons; all else is skipped."""
@@ -47,8 +49,35 @@ def _corner(word: str) -> int:
 
 def read_off(path: Path) -> tuple[Floats, Ints, Ints]:
     """(n, 3) vertices, (m, 3) faces and (m,) their polygons; normals and colours are skipped."""
+    try:
+        return _read_off(_words_of_lines(path))
+    except Damage as damage:  # or the lines mean nothing, as some programs write it
+        try:
+            return _read_off(_rows_of_words(_words_of_lines(path)))
+        except (Damage, ValueError):
+            raise damage from None
+
+
+def _rows_of_words(lines: Lines) -> Lines:
+    """Yield the rows of an off file whose lines end anywhere; faces have no colours."""
+    words = ((number, word) for number, line in lines for word in line)
+
+    def row(length: int) -> tuple[int, list[str]]:
+        numbered = list(islice(words, length))
+        return numbered[-1][0] if numbered else 0, [word for _, word in numbered]
+
+    yield (magic := row(1))
+    yield (counts := row(3))
+    columns = 3 + 4 * ("C" in magic[1][0]) + 3 * ("N" in magic[1][0])
+    for _ in range(int(counts[1][0])):
+        yield row(columns)
+    while size := row(1)[1]:
+        number, face = row(int(size[0]))
+        yield number, size + face
+
+
+def _read_off(lines: Lines) -> tuple[Floats, Ints, Ints]:
     vertices, corners, sizes = array("d"), array("q"), array("q")
-    lines = _words_of_lines(path)
     _, magic = next(lines, (1, [""]))
     if magic[0] not in ("OFF", "COFF", "NOFF", "CNOFF") or "BINARY" in magic:
         raise Damage("the first line must be OFF, COFF, NOFF or CNOFF, followed by text")
@@ -79,7 +108,7 @@ def read_off(path: Path) -> tuple[Floats, Ints, Ints]:
     return np.array(vertices).reshape(-1, 3), *fans(corners, sizes)
 
 
-def _words_of_lines(path: Path, *, continued: bool = False) -> Iterator[tuple[int, list[str]]]:
+def _words_of_lines(path: Path, *, continued: bool = False) -> Lines:
     r"""Yield number and words of each line that is not empty, comments taken off.
 
     With `continued`, a line that ends with a backslash goes on in the next; it has the number

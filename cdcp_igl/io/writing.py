@@ -13,6 +13,7 @@ from ..arrays import Floats, Ints, distinct_rows
 from ..errors import counted
 from ..surface.validation import checked_vertices, usable_arrays
 from .archives import write_npz
+from .given import takes_meshes
 from .glb import write_glb
 from .images import Image, checkerboard, read_image, write_material
 from .obj import write_like, write_obj
@@ -35,6 +36,7 @@ class MapResult(Protocol):
         """Scale it into the unit square."""
 
 
+@takes_meshes
 def write_map(
     path: str | PathLike[str],
     V: ArrayLike,
@@ -60,7 +62,7 @@ def write_map(
     uv : (n, 2) array_like, (m, 3, 2) array_like, DiskMap, FreeMap, SurfaceMap or RectangleMap
         Map onto the unit disk, for each vertex or for each corner of the faces. Faces with NaN
         at all corners are on no disk: in an obj file they have no texture coordinates, else
-        zeros. Of a SurfaceMap, its disks side by side become texture coordinates, of a
+        zeros. Of a SurfaceMap, its charts side by side become texture coordinates, of a
         RectangleMap or FreeMap, the image scaled (``packed()``).
     disk : bool
         Leave texture coordinates as they are, in the unit disk, rather than in the unit

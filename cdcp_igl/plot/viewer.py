@@ -6,7 +6,7 @@ import gzip
 import json
 import webbrowser
 from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from io import BytesIO
@@ -55,30 +55,40 @@ def page(
     layout: Layout,
     fields: Mapping[str, ArrayLike],
     texture: str | PathLike[str] | ArrayLike | None,
+    beside: Mapping[str, ArrayLike],
     title: str,
 ) -> str:
-    """Return the page of a map; fields, texture and title as in `Result.view`."""
+    """Return the page of a map; fields, texture, beside and title as in `Result.view`."""
     V, F, uv = layout.V, layout.F, layout.uv
-    given = _given(fields, layout.vertices)
-    image = None if texture is None else _image(texture)
-    about, arrays = _geometry(V, F, uv, turned=layout.turns)
+    # In words, of which map: nothing for that of the result.
+    maps = {"": uv}
+    for name, given in beside.items():
+        maps[f" of {name}"] = _fitted(_at_vertices(f"map {name!r}", given, layout.vertices, (2,)))
+    about, arrays = _geometry(V, F, list(maps.values()), turned=layout.turns)
     arrays |= {"vertexOrder": layout.vertices, "faceOrder": layout.faces}
-    colorings: list[dict[str, Any]] = [
-        {"name": "normals", "kind": "normals"},
-        {"name": "checkerboard", "kind": "checkerboard"},
-    ]
-    for coloring, values in _measured(V, F, uv) + given:
-        name = f"value {len(colorings)}"
-        arrays[name] = _quantized(values, coloring["low"], coloring["high"], VALUE_STEPS)
-        colorings.append(coloring | {"array": name})
-    if image:
-        about["image"] = image
+
+    def coloring(description: dict[str, Any], values: Floats) -> dict[str, Any]:
+        name = f"value {len(arrays)}"
+        arrays[name] = _quantized(values, description["low"], description["high"], VALUE_STEPS)
+        return description | {"array": name}
+
+    # The page opens on the first.
+    colorings: list[dict[str, Any]] = []
+    if texture is not None:
+        about["image"] = _image(texture)
         colorings.append({"name": "texture", "kind": "image"})
+    colorings += [coloring(*field) for field in _given(fields, layout.vertices)]
+    colorings += [
+        {"name": f"checkerboard{of}", "kind": "checkerboard", "map": k} for k, of in enumerate(maps)
+    ]
+    colorings.append({"name": "normals", "kind": "normals"})
+    colorings += [coloring(*measure) for measure in _measured(V, F, maps)]
 
     arrays = _reordered(arrays, uv, F)
     about |= {
         "arrays": [(name, len(array)) for name, array in arrays.items()],
         "colorings": colorings,
+        "planes": [layout.plane, *beside],
         "origin": layout.origin,
         "middle": layout.middle,
         "scale": layout.scale,
@@ -87,7 +97,6 @@ def page(
     return Template((source / "viewer.html").read_text("utf-8")).substitute(
         title=escape(title or "Conformal map"),
         facts=escape(" · ".join(layout.facts)),
-        plane=layout.plane,
         style=(source / "viewer.css").read_text("utf-8"),
         script=(source / "viewer.js").read_text("utf-8"),
         poster=poster(layout),
@@ -98,24 +107,26 @@ def page(
 
 
 def _geometry(
-    V: Floats, F: Ints, uv: Floats, *, turned: bool
+    V: Floats, F: Ints, maps: Sequence[Floats], *, turned: bool
 ) -> tuple[dict[str, Any], dict[str, Ints]]:
-    """Describe the surface, its image and its boundary."""
+    """Describe the surface, its images and its boundary."""
     low, high = V.min(axis=0), V.max(axis=0)
     size = float((high - low).max())
     arrays = {
         name: _quantized(x, x.min(), x.min() + size) for name, x in zip("xyz", V.T, strict=True)
     }
-    arrays |= {name: _quantized(x, -1, 1) for name, x in zip("uv", uv.T, strict=True)}
+    for k, uv in enumerate(maps):
+        arrays |= {f"{c}{k}": _quantized(x, -1, 1) for c, x in zip("uv", uv.T, strict=True)}
     arrays["faces"] = F.ravel()
     rim, cut = _rim_and_cut(V, F)
     arrays |= {"rim": rim.ravel(), "cut": cut.ravel()}
     home = choose_viewpoint(V, F)
     seen = V @ home.T
+    normals = vertex_normals(seen, F)
     about = {
         "extent": ((high - low) / size).tolist(),
         "home": home.ravel().tolist(),
-        "spin": angle_to_view(seen, vertex_normals(seen, F), uv) if turned else 0.0,
+        "spins": [angle_to_view(seen, normals, uv) if turned else 0.0 for uv in maps],
     }
     return about, arrays
 
@@ -154,35 +165,40 @@ def _reordered(arrays: Mapping[str, Ints], uv: Floats, F: Ints) -> dict[str, Int
     return new | {"faceOrder": arrays["faceOrder"][faces]}
 
 
-def _measured(V: Floats, F: Ints, uv: Floats) -> list[tuple[dict[str, Any], Floats]]:
-    """Angular distortion and conformal factor at the vertices."""
-    degrees = angle_distortion(V, F, uv)
+def _measured(
+    V: Floats, F: Ints, maps: Mapping[str, Floats]
+) -> list[tuple[dict[str, Any], Floats]]:
+    """Angular distortion of each map at the vertices, on one scale, and conformal factors."""
     corners = np.maximum(np.bincount(F.ravel(), minlength=len(V)), 1)  # 0 of unused vertices
-    error = np.bincount(F.ravel(), degrees.ravel(), len(V)) / corners
-    high = max(float(np.quantile(error, 1 - BEYOND)), 1e-6)
-    angle = _coloring("angle error", "magma_r", 0.0, high, ends=("0°", f"≥ {high:.3g}°"))
-    angle |= {"legend": "mean angular distortion at the corners of a vertex", "unit": "°"}
+    errors = [
+        np.bincount(F.ravel(), angle_distortion(V, F, uv).ravel(), len(V)) / corners
+        for uv in maps.values()
+    ]
+    high = max(1e-6, *(float(np.quantile(error, 1 - BEYOND)) for error in errors))
+    found = []
+    for of, error in zip(maps, errors, strict=True):
+        angle = _coloring(f"angle error{of}", "magma_r", 0.0, high, ends=("0°", f"≥ {high:.3g}°"))
+        angle |= {"legend": "mean angular distortion at the corners of a vertex", "unit": "°"}
+        found.append((angle, error))
 
-    factor = conformal_factor(V, F, uv)
     mass = vertex_areas(V, F)
-    finite = np.isfinite(factor)
-    factor = factor - np.average(factor[finite], weights=mass[finite])
-    reach = max(float(np.quantile(abs(factor[finite]), 1 - 4 * BEYOND)), 1e-6)
-    ends = f"{-reach:.3g}", f"+{reach:.3g}"
-    scale = _coloring("conformal factor", "RdBu_r", -reach, reach, ends)
-    scale |= {"legend": "log of the scale of the map, 0 on the average over the area"}
-    return [(angle, error), (scale, factor)]
+    for of, uv in maps.items():
+        factor = conformal_factor(V, F, uv)
+        finite = np.isfinite(factor)
+        factor = factor - np.average(factor[finite], weights=mass[finite])
+        reach = max(float(np.quantile(abs(factor[finite]), 1 - 4 * BEYOND)), 1e-6)
+        ends = f"{-reach:.3g}", f"+{reach:.3g}"
+        scale = _coloring(f"conformal factor{of}", "RdBu_r", -reach, reach, ends)
+        scale |= {"legend": "log of the scale of the map, 0 on the average over the area"}
+        found.append((scale, factor))
+    return found
 
 
 def _given(fields: Mapping[str, ArrayLike], vertices: Ints) -> list[tuple[dict[str, Any], Floats]]:
     """Fields at the vertices that are drawn; ValueError if one has no value for some."""
-    found, n = [], int(vertices.max()) + 1
+    found = []
     for name, given in fields.items():
-        values = np.asarray(given, dtype=np.float64)
-        # Of vertices that no face uses, the last ones may be there or not.
-        if values.ndim != 1 or len(values) < n:
-            raise ValueError(f"field {name!r} has shape {values.shape}; it must be ({n},)")
-        values = values[vertices]
+        values = _at_vertices(f"field {name!r}", given, vertices, ())
         finite = values[np.isfinite(values)]
         if len(finite) == 0:
             raise ValueError(f"field {name!r} has no finite value")
@@ -190,6 +206,21 @@ def _given(fields: Mapping[str, ArrayLike], vertices: Ints) -> list[tuple[dict[s
         ends = f"{low:.3g}", f"{high:.3g}"
         found.append((_coloring(name, "viridis", low, high, ends), values))
     return found
+
+
+def _at_vertices(name: str, given: ArrayLike, vertices: Ints, shape: tuple[int, ...]) -> Floats:
+    """Return what was given at the vertices that are drawn; ValueError if it has another shape."""
+    values, n = np.asarray(given, dtype=np.float64), int(vertices.max()) + 1
+    # Of vertices that no face uses, the last ones may be there or not.
+    if values.ndim != 1 + len(shape) or values.shape[1:] != shape or len(values) < n:
+        raise ValueError(f"{name} has shape {values.shape}; it must be {(n, *shape)}")
+    return values[vertices]
+
+
+def _fitted(uv: Floats) -> Floats:
+    """Return a map moved and scaled into the square from -1 to 1."""
+    low, high = uv.min(axis=0), uv.max(axis=0)
+    return (2 * uv - low - high) / (high - low).max()
 
 
 def _coloring(

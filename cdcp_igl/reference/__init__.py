@@ -9,13 +9,17 @@ Examples
 >>> uv.shape
 (5, 2)
 >>> [name for name, method in METHODS.items() if method.boundary == "free"]
-['lscm', 'spectral', 'bff', 'bff_disk']
+['abf', 'lscm', 'spectral', 'bff', 'bff_disk']
 """
 
+from .angle_based import abf
 from .arc_length import harmonic
 from .beltrami import beltrami_coefficient
 from .certified import ReferenceMap
+from .conformal_equivalence import ricci
+from .diffusion import heat_flow
 from .doubled import double_cover
+from .energy_minimization import cem
 from .fast import fdcp
 from .free_boundary import bff, lscm, spectral
 from .linear import ldcp
@@ -25,12 +29,16 @@ __all__ = [
     "METHODS",
     "Method",
     "ReferenceMap",
+    "abf",
     "beltrami_coefficient",
     "bff",
+    "cem",
     "double_cover",
     "fdcp",
     "harmonic",
+    "heat_flow",
     "ldcp",
     "lscm",
+    "ricci",
     "spectral",
 ]

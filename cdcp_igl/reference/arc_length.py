@@ -6,11 +6,13 @@ from numpy.typing import ArrayLike
 
 from .. import libigl
 from ..arrays import Floats, as_complex, coordinates
+from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
 from ..surface.mesh import DiskMesh
 from .certified import certified_disk_map
 
 
+@takes_meshes
 def harmonic(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk harmonically onto the unit disk, the boundary by arc length.
 

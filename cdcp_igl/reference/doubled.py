@@ -14,6 +14,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from ..algorithm import Steps, algorithm_1
 from ..arrays import Complex, Floats, Ints
 from ..errors import MapError
+from ..io.given import takes_meshes
 from ..rescue.repair import repaired
 from ..solve.factored import FactoredSurface
 from ..steps.circle import Rejected
@@ -23,6 +24,7 @@ from .certified import certified_disk_map
 from .dirichlet import Dirichlet
 
 
+@takes_meshes
 def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk as `cdcp` does, with the trace of eq. (17) instead of (18).
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import block_diag, diags
+from scipy.sparse import block_diag, csr_matrix, diags
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from .. import libigl
-from ..arrays import Floats, Ints, as_complex
+from ..arrays import Complex, Floats, Ints, as_complex
 from ..errors import SolverError
+from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
 from ..solve.factored import FactoredSurface
 from ..solve.laplacian import cotangent_laplacian
@@ -25,11 +26,13 @@ from ..steps.extension import harmonic_extension
 from ..steps.trace import edge_lengths
 from ..surface.mesh import DiskMesh
 from .certified import checked_free_map
+from .dirichlet import Dirichlet
 
 ROUNDS = 10  # of `bff` towards a disk
 SHIFT = 1e-9  # makes the energy definite; its own eigenvalues have no unit
 
 
+@takes_meshes
 def lscm(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk to the plane, conformally in the least squares sense, by libigl.
 
@@ -83,6 +86,7 @@ def _two_far_vertices(mesh: DiskMesh) -> Ints:
     return np.array([first, farthest(first)])
 
 
+@takes_meshes
 def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk to the plane by the eigenvector of least conformal energy.
 
@@ -129,8 +133,7 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     """
     mesh = DiskMesh(V, F)
     n, nB = len(mesh.V), len(mesh.loop)
-    L = cotangent_laplacian(mesh).matrix()
-    energy = block_diag([L, L]) - 2 * libigl.vector_area_matrix(mesh.F)
+    energy = conformal_energy(mesh, mesh.cotangents)
     on_boundary = np.zeros(2 * n)
     boundary = np.concatenate([mesh.loop, mesh.loop + n])  # of the vector [u; v]
     on_boundary[boundary] = 1
@@ -163,6 +166,7 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     return checked_free_map(mesh, f)
 
 
+@takes_meshes
 def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
     """Map a triangulated disk to the plane, boundary first.
 
@@ -223,3 +227,24 @@ def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
         angles = 2 * np.pi * dual / dual.sum()
         u_B = scale_of_angles(but_one, angles)
     return checked_free_map(mesh, harmonic_extension(surface, closed_curve(mesh, u_B, angles)))
+
+
+def least_squares_layout(mesh: DiskMesh, angles: Floats) -> Complex:
+    """Lay faces with other angles (m, 3) out in the plane (n,), as nearly as they fit together.
+
+    As `lscm`, two far boundary vertices lie at 0 and 1.
+    """
+    a, b = _two_far_vertices(mesh)
+    n = len(mesh.V)
+    pinned = Dirichlet(conformal_energy(mesh, 1 / np.tan(angles)), np.array([a, b, a + n, b + n]))
+    u, v = pinned.solve(np.array([0, 1, 0, 0])).real.reshape(2, n)
+    return u + 1j * v
+
+
+def conformal_energy(mesh: DiskMesh, cotangents: Floats) -> csr_matrix:
+    """(2n, 2n) matrix of twice the Dirichlet energy minus the area, of vectors [u; v].
+
+    The cotangents (m, 3) of the corners may be those of another metric.
+    """
+    L = cotangent_laplacian(mesh, cotangents).matrix()
+    return (block_diag([L, L]) - 2 * libigl.vector_area_matrix(mesh.F)).tocsr()

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Complex, Floats, Ints
+from ..io.given import takes_meshes
 from ..solve.laplacian import cotangent_laplacian
 from ..surface.mesh import DiskMesh
 from .certified import certified_disk_map
@@ -15,6 +16,7 @@ from .dirichlet import Dirichlet
 from .doubled import doubled_laplacian
 
 
+@takes_meshes
 def ldcp(V: ArrayLike, F: ArrayLike, *, pinned: int = 50) -> Floats:
     """Map a triangulated disk conformally onto the unit disk, Choi and Lui 2018.
 
@@ -64,18 +66,18 @@ def ldcp(V: ArrayLike, F: ArrayLike, *, pinned: int = 50) -> Floats:
     L = cotangent_laplacian(mesh).matrix()
     L2 = doubled_laplacian(mesh, L)
 
-    corners, triangle = _most_regular_face(mesh)
+    corners, triangle = most_regular_face(mesh)
     z = Dirichlet(L2, corners).solve(triangle)
     z = 1 / (z - z.mean())  # what the first solve has crowded together is now far out
     far = np.argsort(-abs(z), kind="stable")[:pinned]
     z = Dirichlet(L2, far).solve(z[far])
     # Which side of the boundary the surface lies on does not matter: the other choice
     # would give 1/conj(f_B), with the same projection.
-    f_B = _to_cube_roots_of_unity(z[mesh.loop])
+    f_B = to_cube_roots_of_unity(z[mesh.loop])
     return certified_disk_map(mesh, Dirichlet(L, mesh.loop).solve(f_B / abs(f_B)))
 
 
-def _most_regular_face(mesh: DiskMesh) -> tuple[Ints, Complex]:
+def most_regular_face(mesh: DiskMesh) -> tuple[Ints, Complex]:
     """Corners of the face nearest to equilateral, and a similar triangle in the plane."""
     p = mesh.V[mesh.F]
     lengths = np.linalg.norm(np.roll(p, -1, axis=1) - p, axis=2)
@@ -87,7 +89,7 @@ def _most_regular_face(mesh: DiskMesh) -> tuple[Ints, Complex]:
     return mesh.F[face], np.array([0, 1, apex])
 
 
-def _to_cube_roots_of_unity(z: Complex) -> Complex:
+def to_cube_roots_of_unity(z: Complex) -> Complex:
     """Apply the Möbius transformation that takes three thirds of a loop to 1, w and w^2."""
     a, b, c = z[[0, len(z) // 3, 2 * len(z) // 3]]
     w = np.exp(2j * np.pi / 3)

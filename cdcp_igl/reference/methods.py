@@ -12,8 +12,12 @@ from numpy.typing import ArrayLike
 
 from ..algorithm import cdcp
 from ..arrays import Floats
+from .angle_based import abf
 from .arc_length import harmonic
+from .conformal_equivalence import ricci
+from .diffusion import heat_flow
 from .doubled import double_cover
+from .energy_minimization import cem
 from .fast import fdcp
 from .free_boundary import bff, lscm, spectral
 from .linear import ldcp
@@ -52,7 +56,11 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         "double_cover": Method(double_cover, "disk", "Yueh et al., CDCP, eq. (17)"),
         "fdcp": Method(fdcp, "disk", "Choi and Lui 2015"),
         "ldcp": Method(ldcp, "disk", "Choi and Lui 2018"),
+        "cem": Method(cem, "disk", "Yueh, Lin, Wu and Yau 2017"),
+        "heat_flow": Method(heat_flow, "disk", "Gu and Yau 2002"),
+        "ricci": Method(ricci, "disk", "Springborn et al. 2008"),
         "harmonic": Method(harmonic, "disk", "Eck et al. 1995"),
+        "abf": Method(abf, "free", "Sheffer et al. 2005"),
         "lscm": Method(lscm, "free", "Lévy et al. 2002"),
         "spectral": Method(spectral, "free", "Mullen et al. 2008"),
         "bff": Method(bff, "free", "Sawhney and Crane 2018"),

@@ -148,7 +148,7 @@ def harmonic_shares(surface: FactoredSurface, face: int) -> Floats:
     flux = np.maximum(-boundary_flux(surface, source), 0)
     if not flux.any():
         return np.full(len(flux), np.nan)
-    shares = _filled(shared_by_edges(surface.mesh, flux))
+    shares = _filled(shared_by_edges(surface.mesh, surface.mesh.loop, flux))
     return shares / shares.sum()
 
 

@@ -20,7 +20,7 @@ from ..steps.phases import Phases
 from ..surface.mesh import DiskMesh
 from .boundary import BoundaryMethod
 from .collapsed_faces import open_collapsed_faces
-from .conformality import LARGEST_STRETCH, NOT_VALID, Conformality, judge
+from .conformality import NOT_VALID, Conformality, judge
 from .line_search import HALVINGS, THIN
 from .recentering import deep_vertex, recentered
 from .refine import STEPS_DUE, Refinement, lower_angle_distortion
@@ -40,9 +40,6 @@ EXCESS = 1.05
 MUCH_REPAIRED = 0.1
 MOST_STEPS = 60
 PATIENT = 12
-# Where the scale explains errors so much larger than they are, it is not smooth, so the map is not
-# near a conformal one.
-LEAST_EXCESS = 0.6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,10 +134,9 @@ class Candidate:
         the central face lies at the boundary, where a dipole has no room. Errors that the size of
         the faces explains are no reason.
         """
-        verdict = self.conformality
-        if verdict.sheared or verdict.stretch > LARGEST_STRETCH or verdict.excess < LEAST_EXCESS:
-            return True
-        return bool(mesh.on_boundary[mesh.F[self.done.center.face]].any())
+        return self.conformality.is_doubtful or bool(
+            mesh.on_boundary[mesh.F[self.done.center.face]].any()
+        )
 
     def objection(self) -> str:
         """Why another map was sought after this one, or taken instead."""

@@ -17,6 +17,7 @@ NEGLIGIBLE_DEGREES = 1.0  # mean error that no one sees, whatever its cause
 LARGEST_DEGREES = 12.0  # mean error that any use of a conformal map can bear
 LARGEST_STRETCH = 3.0  # times as long one way as the other: no use can bear more
 LARGEST_EXCESS = 1.2  # errors by those that the scale explains; 0.9 to 1.06 in conformal maps
+LEAST_EXCESS = 0.6
 SAMPLE, RUN = 4_096, 128  # faces in the sample, and how many of them in succession
 
 
@@ -64,6 +65,15 @@ class Conformality:
     stretch: float = 1.0
     wanted: float = 1.0
 
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether another map of this mesh may be nearer to the conformal one.
+
+        It may if the faces are sheared or needles are stretched, or if the scale is not smooth:
+        then it explains errors so much larger than they are.
+        """
+        return self.sheared or self.stretch > LARGEST_STRETCH or self.excess < LEAST_EXCESS
+
     def __bool__(self) -> bool:
         return not self.reasons
 
@@ -85,22 +95,40 @@ class Conformality:
 NOT_VALID = Conformality(True, ("it is not valid",))
 
 
-def judge(mesh: DiskMesh, f: Complex, degrees: Floats, *, closely: bool = False) -> Conformality:
-    """Judge a valid map f (n,) with angular distortion `degrees` (m, 3).
+def judge(
+    mesh: DiskMesh, f: Complex | Floats, degrees: Floats, *, closely: bool = False
+) -> Conformality:
+    """Judge a valid map f, (n,) or into space (n, 3), with angular distortion `degrees` (m, 3).
 
     `closely` judges all faces, for a map that may be sheared in few places only, rather than a
     sample of some 4,000.
     """
     mean = mean_free = float(degrees.mean())
-    faces = np.arange(len(degrees)) if closely else _sample(len(degrees))
+    if 0 < len(mesh.inscribed) < len(mesh.F):
+        mean_free = float(np.delete(degrees, mesh.inscribed, axis=0).mean())
+    faces = np.arange(len(degrees)) if closely else sampled_faces(len(degrees))
+    return judge_by(mesh, f, degrees[faces], faces, mean, mean_free)
+
+
+def judge_by(
+    mesh: DiskMesh,
+    f: Complex | Floats,
+    degrees: Floats,
+    faces: Ints,
+    mean: float,
+    mean_free: float,
+) -> Conformality:
+    """Judge a valid map by some faces, with their angular distortion (k, 3).
+
+    `mean` is that of all faces, `mean_free` that of those not inscribed in the circle. Of `mesh`,
+    the faces at the vertices of these are needed.
+    """
     free = faces[~mesh.on_boundary[mesh.F[faces]].all(axis=1)]
     stretch = dilatation(mesh, f, free if len(free) else faces)
     if mean <= NEGLIGIBLE_DEGREES and stretch <= LARGEST_STRETCH:
         return Conformality(sheared=False, stretch=stretch)
     explained_there = np.degrees(abs(explained_errors(mesh, f, faces))).mean()
-    explained = float(mean * explained_there / degrees[faces].mean())
-    if 0 < len(mesh.inscribed) < len(mesh.F):
-        mean_free = float(np.delete(degrees, mesh.inscribed, axis=0).mean())
+    explained = float(mean * explained_there / degrees.mean())
 
     reasons, remedies = [], []
     bearable = max(LARGEST_EXCESS * explained, NEGLIGIBLE_DEGREES)
@@ -126,7 +154,7 @@ def judge(mesh: DiskMesh, f: Complex, degrees: Floats, *, closely: bool = False)
     return Conformality(sheared, tuple(reasons), tuple(remedies), excess, stretch, wanted)
 
 
-def dilatation(mesh: DiskMesh, f: Complex, faces: Ints) -> float:
+def dilatation(mesh: DiskMesh, f: Complex | Floats, faces: Ints) -> float:
     """Geometric mean, by area, of the dilatation K of some faces: 1 where no angle changes."""
     F = mesh.F[faces]
     log_K = np.log(face_dilatation(mesh.V, F, f))
@@ -135,7 +163,7 @@ def dilatation(mesh: DiskMesh, f: Complex, faces: Ints) -> float:
     return float(np.exp(np.average(log_K[known], weights=area))) if known.any() else 1.0
 
 
-def explained_errors(mesh: DiskMesh, f: Complex, faces: Ints) -> Floats:
+def explained_errors(mesh: DiskMesh, f: Complex | Floats, faces: Ints) -> Floats:
     """Find the changes (k, 3) of the angles of some faces, in radians, that the scale explains.
 
     On every face, three factors u at the corners take the lengths of the surface to those of
@@ -167,16 +195,18 @@ def explained_errors(mesh: DiskMesh, f: Complex, faces: Ints) -> Floats:
     return np.arccos(np.clip(cosine, -1, 1)).T - mesh.angles[faces]
 
 
-def _edge_scales(mesh: DiskMesh, f: Complex, F: Ints) -> Floats:
+def _edge_scales(mesh: DiskMesh, f: Complex | Floats, F: Ints) -> Floats:
     """(3, k) logarithms of the length on the disk by that on the surface, opposite corners."""
     i, j, k = f[F.T]
     edges = np.array([j - k, k - i, i - j])
     with np.errstate(divide="ignore", invalid="ignore"):  # of edges that have collapsed
         squared = edges.real**2 + edges.imag**2
+        if f.ndim == 2:
+            squared = squared.sum(axis=2)
         return np.log(squared / libigl.squared_edge_lengths(mesh.V, F).T) / 2
 
 
-def _sample(m: int) -> Ints:
+def sampled_faces(m: int) -> Ints:
     """(k,) some of m faces: runs of neighbours in F, spread evenly, as these share vertices."""
     rows = np.arange(m)
     return rows[(rows // RUN) % -(-m // SAMPLE) == 0]

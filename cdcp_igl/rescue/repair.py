@@ -89,7 +89,7 @@ def replace_interior(mesh: DiskMesh, f: Complex, *, on_disk: bool = True) -> tup
     """
     flipped, rounds = flipped_faces(f, mesh.F)[0], 0
     for power in POWERS:
-        whole = _Neighbourhood(mesh, np.ones(len(f), dtype=bool), power)
+        whole = Neighbourhood(mesh, np.ones(len(f), dtype=bool), power)
         g = whole.combine(f, whole.free)
         if on_disk:
             g, _ = recentered(mesh, g, partial(whole.combine, patch=whole.free))
@@ -115,7 +115,7 @@ def repair_locally(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Co
     if len(flipped) == 0 or len(flipped) > most:
         return f, Repair(len(flipped))
     at_flipped = marked(len(f), mesh.F[flipped])
-    near = _Neighbourhood(mesh, _grow(mesh.F, at_flipped, RINGS + RELAXED + 1))
+    near = Neighbourhood(mesh, grow(mesh.F, at_flipped, RINGS + RELAXED + 1))
     g = f[near.vertices]
     rounds = failed = 0
     for attempt in range(1, ATTEMPTS + 1):
@@ -143,7 +143,7 @@ def mean_value_weights(V: Floats, F: Ints, angles: Floats) -> csr_matrix:
     return csr_matrix((weights.ravel(), (i.ravel(), j.ravel())), (len(V), len(V)))
 
 
-class _Neighbourhood:
+class Neighbourhood:
     """A part of a surface, in which vertices move; nothing here costs more than its size.
 
     Attributes
@@ -154,6 +154,8 @@ class _Neighbourhood:
         Which may move: interior vertices with all their faces inside.
     moved : (k,) bool
         Which have been moved.
+    weights : (k, k) sparse matrix
+        The mean-value weights.
     """
 
     def __init__(self, mesh: DiskMesh, inside: Bools, power: float = 1.0) -> None:
@@ -165,8 +167,8 @@ class _Neighbourhood:
         whole = np.bincount(self.F.ravel(), minlength=len(self.vertices)) == degree
         self.free: Bools = whole & ~mesh.on_boundary[self.vertices]
         self.moved: Bools = np.zeros(len(self.vertices), dtype=bool)
-        self._weights = mean_value_weights(self.V, self.F, mesh.angles[faces])
-        self._weights.data **= power
+        self.weights = mean_value_weights(self.V, self.F, mesh.angles[faces])
+        self.weights.data **= power
 
     def flipped(self, g: Complex) -> Ints:
         """Rows of F that are not positively oriented."""
@@ -187,7 +189,7 @@ class _Neighbourhood:
             part = _connected(self.F, patch)
             trial = self.combine(g, patch)
             if rounds:  # mean values have left faces flipped, or flipped others
-                around = self.free & _grow(self.F, patch, 2)
+                around = self.free & grow(self.F, patch, 2)
                 trial = Relaxation(self.V, self.F, around).sweep(trial, SWEEPS)
             # Flipped faces by patch; the first count is that of faces without one.
             counts = [
@@ -210,7 +212,7 @@ class _Neighbourhood:
         if len(flipped) == 0:
             return g
         at_flipped = marked(len(g), self.F[flipped])
-        moving = self.free & _grow(self.F, at_flipped, rings)
+        moving = self.free & grow(self.F, at_flipped, rings)
         relaxation, trial = Relaxation(self.V, self.F, moving), g
         for softness in SOFTNESSES:
             trial = relaxation.sweep(trial, SWEEPS, softness)
@@ -228,7 +230,7 @@ class _Neighbourhood:
         differences are more accurate than positions.
         """
         inside = np.flatnonzero(patch)
-        rows = self._weights[inside]
+        rows = self.weights[inside]
         rows = diags(1 / np.asarray(rows.sum(axis=1)).ravel()) @ rows
         system = splu((identity(len(inside)) - rows[:, inside]).tocsc())
         owner = np.repeat(np.arange(len(inside)), np.diff(rows.indptr))
@@ -241,7 +243,7 @@ class _Neighbourhood:
 
     def relaxed(self, g: Complex) -> Complex:
         """Relax what has been moved towards conformality, unless rounding flips a face then."""
-        moving = self.free & _grow(self.F, self.moved, RELAXED)
+        moving = self.free & grow(self.F, self.moved, RELAXED)
         sweeps = min(MOST_SWEEPS, 1 + MOST_MOVES // (1 + int(moving.sum())))
         trial = Relaxation(self.V, self.F, moving).sweep(g, sweeps)
         if len(self.flipped(trial)) > len(self.flipped(g)):
@@ -260,7 +262,8 @@ class _Neighbourhood:
         return level >= 0
 
 
-def _grow(F: Ints, vertices: Bools, rings: int) -> Bools:
+def grow(F: Ints, vertices: Bools, rings: int) -> Bools:
+    """(n,) marked vertices, and those within so many rings of them."""
     for _ in range(rings):
         grown = vertices.copy()
         grown[F[vertices[F].any(axis=1)]] = True

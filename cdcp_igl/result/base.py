@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints
-from ..certificate import Certificate, OutlineCertificate
+from ..certificate import Certificate, OutlineCertificate, SphereCertificate
 from ..distortion import AngleDistortion, area_distortion
 from ..errors import spell
+from ..io.given import FromFile
 from ..plot.layout import Layout
 from ..plot.raster import sample
 from ..printing import Pairs, as_html, as_text
@@ -29,16 +30,16 @@ PICTURES = (".pdf", ".png", ".svg")
 MOST_VERTICES_OF_PAGES = 20_000
 
 
-class Result(ABC):
-    """A map with its certificate: a DiskMap, FreeMap, RectangleMap or SurfaceMap.
+class Result(FromFile, ABC):
+    """A map with its certificate, such as a DiskMap or a SphereMap.
 
     Printing it gives a summary.
 
     Attributes
     ----------
     uv : ndarray of float64
-        (n, 2) images of the vertices; of a SurfaceMap (m, 3, 2), those of the corners.
-    certificate : Certificate or OutlineCertificate
+        (n, 2) images of the vertices; of a SurfaceMap or SphereMap (m, 3, 2), those of the corners.
+    certificate : Certificate, OutlineCertificate or SphereCertificate
         What was verified about `uv`.
     conformality : Conformality
         Whether the map is what a conformal map of this mesh should be; if not, the reasons
@@ -50,7 +51,7 @@ class Result(ABC):
     """
 
     uv: Floats
-    certificate: Certificate | OutlineCertificate
+    certificate: Certificate | OutlineCertificate | SphereCertificate
     conformality: Conformality
     distortion: AngleDistortion
     timings: dict[str, float]
@@ -135,7 +136,7 @@ class Result(ABC):
         Returns
         -------
         (k,) float64
-            Of each face, or of those on a disk; see `cdcp_igl.area_distortion`. The disks of a
+            Of each face, or of those in a chart; see `cdcp_igl.area_distortion`. The charts of a
             SurfaceMap lie as in `packed`.
         """
         layout = self._layout()
@@ -167,10 +168,10 @@ class Result(ABC):
         >>> result.report(flat=True)["center_method"]
         'torsion'
         """
-        V, F = self._surface()
+        vertices, faces = self._size()
         report = {
-            "vertices": len(V),
-            "faces": len(F),
+            "vertices": vertices,
+            "faces": faces,
             "valid": self.valid,
             **self.conformality.report(),
             "angular_distortion_degrees": asdict(self.distortion),
@@ -188,21 +189,29 @@ class Result(ABC):
         path : path-like
             The surface with its map for the types of `cdcp_igl.io.write_map`; a picture for
             .png, .svg and .pdf; the page of `view` for .html; the report for .json. An
-            existing file is replaced once the new one is complete.
+            existing file is replaced once the new one is complete. An obj file keeps polygons,
+            groups and materials of the obj file that was given in place of V and F.
 
         Raises
         ------
         ValueError
-            If the file is not of a known type.
+            If the file is not of a known type, or the obj file that was given has changed.
         OSError
             If it cannot be written; nothing is left behind.
         """
-        from ..io import WRITABLE, write_map
+        from ..io import WRITABLE, read_mesh, write_map
         from ..io.output import whole_file, write_text
 
         suffix = Path(path).suffix.lower()
         if suffix in WRITABLE:
-            write_map(path, *self._surface(), self)
+            (V, F), like = self._surface(), self.source
+            if like is not None and suffix == like.suffix.lower() == ".obj":
+                corners, (V, F) = V[F], read_mesh(like)
+                if F.shape != corners.shape[:2] or not np.array_equal(V[F], corners):
+                    raise ValueError(f"{like.name!r} has changed since the surface was read.")
+            else:
+                like = None
+            write_map(path, V, F, self, like=like)
         elif suffix in PICTURES:
             figure = self.plot()[0].figure
             with whole_file(path) as unfinished:
@@ -256,13 +265,15 @@ class Result(ABC):
         *,
         fields: Mapping[str, ArrayLike] | None = None,
         texture: str | PathLike[str] | ArrayLike | None = None,
+        beside: Mapping[str, ArrayLike] | None = None,
         title: str = "",
     ) -> Path:
         """Write a page that shows the map, or open it in the browser.
 
         A single file that needs no network and no library: the surface turns beside its image;
-        the face under the pointer is marked on both. Colours by normals, a checkerboard, the
-        angular distortion, the conformal factor, and what is given here.
+        the face under the pointer is marked on both. It opens on what is given here, a texture
+        or a field, and on a checkerboard otherwise; normals, the angular distortion and the
+        conformal factor, each with its histogram, are a button away.
 
         Parameters
         ----------
@@ -274,6 +285,9 @@ class Result(ABC):
         texture : path-like or (height, width, 3 or 4) array_like, optional
             Image of the unit square that `packed` fills, the top row at v = 1: a png, jpeg or
             webp file, or colours from 0 to 1, such as `bake` makes.
+        beside : mapping of str to (n, 2) array_like, optional
+            Other maps of the vertices of the given mesh, each drawn beside this one under its
+            name, such as ``{"LSCM": uv}``; angular distortion is on one scale of colours.
         title : str
             The heading, such as the name of the surface.
 
@@ -285,7 +299,7 @@ class Result(ABC):
         Raises
         ------
         ValueError
-            If a field has not a value for each vertex, or the texture is no such image.
+            If a field or a map has not a row for each vertex, or the texture is no such image.
         OSError
             If the file cannot be written, or the texture not be read.
         ImportError
@@ -306,20 +320,23 @@ class Result(ABC):
         """
         from ..plot.viewer import show
 
-        return show(self.view_html(fields=fields, texture=texture, title=title), path)
+        return show(
+            self.view_html(fields=fields, texture=texture, beside=beside, title=title), path
+        )
 
     def view_html(
         self,
         *,
         fields: Mapping[str, ArrayLike] | None = None,
         texture: str | PathLike[str] | ArrayLike | None = None,
+        beside: Mapping[str, ArrayLike] | None = None,
         title: str = "",
     ) -> str:
         """Return the page that `view` writes, a whole HTML document.
 
         Parameters
         ----------
-        fields, texture, title
+        fields, texture, beside, title
             As in `view`.
 
         Returns
@@ -340,7 +357,7 @@ class Result(ABC):
         """
         from ..plot.viewer import page
 
-        return page(self._layout(), fields or {}, texture, title)
+        return page(self._layout(), fields or {}, texture, beside or {}, title)
 
     def summary(self) -> tuple[str, Pairs]:
         """Return what printing shows: a title, and pairs of a name and what is said of it.
@@ -381,7 +398,8 @@ class Result(ABC):
         frame = (
             f'<iframe srcdoc="{escape(self.view_html(), quote=True)}" '
             'title="The surface beside its image" loading="lazy" '
-            'sandbox="allow-scripts" style="width: 100%; height: 560px; border: 0"></iframe>'
+            'sandbox="allow-scripts allow-downloads" '
+            'style="width: 100%; height: 560px; border: 0"></iframe>'
         )
         return table + frame
 
@@ -423,6 +441,11 @@ class Result(ABC):
     @abstractmethod
     def _surface(self) -> tuple[Floats, Ints]:
         """Return V and F as they are saved, in the unit in which they were given."""
+
+    def _size(self) -> tuple[int, int]:
+        """Return the numbers of vertices and faces."""
+        V, F = self._surface()
+        return len(V), len(F)
 
     @abstractmethod
     def _layout(self) -> Layout:

@@ -22,8 +22,78 @@ from .bijection import Bijection
 from .landmarks import landmark_automorphism
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class DiskMap(Bijection, Result, Provenance):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class OntoDisk(Result, Provenance):
+    """A map onto the disk with how it came about: a DiskMap or a PartsMap.
+
+    Attributes
+    ----------
+    distortion_of_free_faces : AngleDistortion
+        That of faces without those inscribed in the circle.
+    solver : str
+        Sparse solver, version, ordering and mode.
+    """
+
+    certificate: Certificate
+    conformality: Conformality
+    distortion: AngleDistortion
+    distortion_of_free_faces: AngleDistortion
+    solver: str
+    timings: dict[str, float]
+
+    _kind = "disk"
+
+    def packed(self) -> Floats:
+        """Return the square around the disk, scaled to the unit square: texture coordinates."""
+        return (self.uv + 1) / 2
+
+    def _summary(self) -> list[tuple[str, str]]:
+        pairs = super()._summary()
+        if (free := self.distortion_of_free_faces) != self.distortion:
+            text = f"{free}, without those with all corners on the circle"
+            pairs.insert(1, ("of free faces", text))
+        return pairs
+
+    def _steps(self) -> list[tuple[str, str]]:
+        straightening = [("straightening", str(self.straightening))]
+        return [
+            ("center", str(self.center)),
+            ("boundary", str(self.boundary)),
+            *(straightening if self.straightening.before else []),
+            ("repair", str(self.repair)),
+            ("Möbius", str(self.mobius)),
+            ("refinement", str(self.refinement or "not asked for")),
+            ("solver", self.solver),
+        ]
+
+    def _details(self) -> dict[str, Any]:
+        return {
+            "angular_distortion_of_free_faces_degrees": asdict(self.distortion_of_free_faces),
+            "center": {"method": self.center.method, "face": self.center.face},
+            "boundary": {
+                "method": self.boundary.name,
+                "laplacian": self.boundary.laplacian,
+                "rejected": list(self.boundary.rejected),
+                "opened_faces": self.boundary.n_opened,
+            },
+            "straightening": asdict(self.straightening),
+            "repair": {
+                "flipped_faces": self.repair.n_flipped,
+                "moved_vertices": self.repair.n_moved,
+                "rounds": self.repair.rounds,
+            },
+            "mobius": {
+                "method": self.mobius.method,
+                "w": [self.mobius.w.real, self.mobius.w.imag],
+                "rejected": self.mobius.rejected,
+            },
+            "refinement": self.refinement and asdict(self.refinement),
+            "solver": self.solver,
+        }
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class DiskMap(Bijection, OntoDisk):
     """A disk conformal map. Printing it gives a summary.
 
     Attributes
@@ -60,19 +130,6 @@ class DiskMap(Bijection, Result, Provenance):
     >>> float(abs(result.uv - exact).max()) < 0.01
     True
     """
-
-    certificate: Certificate
-    conformality: Conformality
-    distortion: AngleDistortion
-    distortion_of_free_faces: AngleDistortion
-    solver: str
-    timings: dict[str, float]
-
-    _kind = "disk"
-
-    def packed(self) -> Floats:
-        """Return the square around the disk, scaled to the unit square: texture coordinates."""
-        return (self.uv + 1) / 2
 
     def register(self, to: DiskMap, landmarks: ArrayLike) -> Floats:
         """Lay the map over that of another surface, by landmarks.
@@ -147,50 +204,6 @@ class DiskMap(Bijection, Result, Provenance):
 
     def _subject(self) -> str:
         return f"{len(self.uv):,} vertices"
-
-    def _summary(self) -> list[tuple[str, str]]:
-        pairs = super()._summary()
-        if (free := self.distortion_of_free_faces) != self.distortion:
-            text = f"{free}, without those with all corners on the circle"
-            pairs.insert(1, ("of free faces", text))
-        return pairs
-
-    def _steps(self) -> list[tuple[str, str]]:
-        straightening = [("straightening", str(self.straightening))]
-        return [
-            ("center", str(self.center)),
-            ("boundary", str(self.boundary)),
-            *(straightening if self.straightening.before else []),
-            ("repair", str(self.repair)),
-            ("Möbius", str(self.mobius)),
-            ("refinement", str(self.refinement or "not asked for")),
-            ("solver", self.solver),
-        ]
-
-    def _details(self) -> dict[str, Any]:
-        return {
-            "angular_distortion_of_free_faces_degrees": asdict(self.distortion_of_free_faces),
-            "center": {"method": self.center.method, "face": self.center.face},
-            "boundary": {
-                "method": self.boundary.name,
-                "laplacian": self.boundary.laplacian,
-                "rejected": list(self.boundary.rejected),
-                "opened_faces": self.boundary.n_opened,
-            },
-            "straightening": asdict(self.straightening),
-            "repair": {
-                "flipped_faces": self.repair.n_flipped,
-                "moved_vertices": self.repair.n_moved,
-                "rounds": self.repair.rounds,
-            },
-            "mobius": {
-                "method": self.mobius.method,
-                "w": [self.mobius.w.real, self.mobius.w.imag],
-                "rejected": self.mobius.rejected,
-            },
-            "refinement": self.refinement and asdict(self.refinement),
-            "solver": self.solver,
-        }
 
     def _surface(self) -> tuple[Floats, Ints]:
         return self.mesh.positions, self.mesh.F

@@ -11,12 +11,13 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from scipy.sparse import csc_matrix, spmatrix
 
-from ..arrays import Indices, Numbers, as_complex
+from ..arrays import Floats, Indices, Numbers, as_complex
 from ..errors import SolverError
 from .memory import require_buffers
 from .threads import one_thread
 
 Ordering = Literal["amd", "natural"]
+COLUMNS = 128  # solved for at the same time
 
 
 class Cholesky(ABC):
@@ -77,6 +78,21 @@ class Cholesky(ABC):
                 return x
             return self._solve(b)
 
+    def schur_complement(self, A: csc_matrix, k: int) -> Floats:
+        """(k, k) what is left of the last k rows of A, which was factored, without the others.
+
+        Where nothing gives the factor itself, from solutions: it is the inverse of the last block
+        of the inverse.
+        """
+        n = len(self.permutation)
+        inverse = np.empty((k, k))
+        for start in range(0, k, COLUMNS):
+            some = np.arange(start, min(start + COLUMNS, k))
+            unit = np.zeros((n, len(some)))
+            unit[n - k + some, some - start] = 1
+            inverse[:, some] = self.solve(unit)[n - k :]
+        return np.asarray(np.linalg.inv((inverse + inverse.T) / 2), np.float64)
+
     @classmethod
     def fill_reducing_order(cls, A: spmatrix) -> Indices:
         """(k,) order of the rows of A in which its factor stays sparse.
@@ -123,6 +139,19 @@ class Cholesky(ABC):
                 f"{str(error) or type(error).__name__}. If the mesh has slivers, remesh it; if "
                 "memory ran out, decimate it."
             ) from error
+
+
+def trailing_block(L: csc_matrix, permutation: Indices, k: int) -> Floats:
+    """(k, k) L22 of a factor L = [L11 0; L21 L22], k the last rows of the matrix before Q.
+
+    They are joined with one another, so that in no order do others that they are joined with come
+    after them.
+    """
+    last = np.flatnonzero(permutation >= len(permutation) - k)
+    block = np.zeros((k, k))
+    rows = permutation[last] - (len(permutation) - k)
+    block[np.ix_(rows, rows)] = L[:, last][last].toarray()
+    return block
 
 
 def _writeable(A: spmatrix) -> csc_matrix:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_matrix
 
-from ..arrays import Bools, Numbers
+from ..arrays import Bools, Indices, Numbers
 from ..cached import cached_property
 from ..surface.mesh import DiskMesh
 from .laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
@@ -19,7 +19,7 @@ class FactoredSurface:
     """A surface, its Laplacian, eq. (8), and the Cholesky factor of L_II.
 
     I are the `free` vertices, the unknowns; those inside, if not told. On the others values are
-    given.
+    given. If an `order` of them is known, it is taken.
 
     Attributes
     ----------
@@ -36,10 +36,19 @@ class FactoredSurface:
         If the block is numerically not positive definite, or cannot fit into memory.
     """
 
-    def __init__(self, mesh: DiskMesh, laplacian: Laplacian, free: Bools | None = None) -> None:
+    def __init__(
+        self,
+        mesh: DiskMesh,
+        laplacian: Laplacian,
+        free: Bools | None = None,
+        order: Indices | None = None,
+    ) -> None:
         require_memory(len(mesh.V))
-        free = ~mesh.on_boundary if free is None else free
-        rows, ordering, name = elimination_order(laplacian, mesh.V, free)
+        if order is None:
+            free = ~mesh.on_boundary if free is None else free
+            rows, ordering, name = elimination_order(laplacian, mesh.V, free)
+        else:
+            rows, ordering, name = order, "natural", "given"
         cholesky = factorize(laplacian.block(rows), ordering)
         self.mesh, self.laplacian = mesh, laplacian
         self._rows, self._cholesky = rows, cholesky

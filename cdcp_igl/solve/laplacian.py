@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,14 +86,15 @@ def _without_duplicates(entries: Floats, rows: Indices, columns: Indices, n: int
     return matrix
 
 
-def cotangent_laplacian(mesh: DiskMesh) -> Laplacian:
+def cotangent_laplacian(mesh: DiskMesh, cotangents: Floats | None = None) -> Laplacian:
     """Compute the positive semidefinite cotangent Laplacian, eq. (8).
 
     L_ij = -(cot a_ij + cot b_ij) / 2 on edges, rows sum to zero; the negative of
-    ``igl.cotmatrix(V, F)``, by the edges that the check has found.
+    ``igl.cotmatrix(V, F)``, by the edges that the check has found. The `cotangents` (m, 3) may be
+    those of another metric.
     """
     edges = mesh.edges
-    weights = edges.sum_opposite(mesh.cotangents) / 2
+    weights = edges.sum_opposite(mesh.cotangents if cotangents is None else cotangents) / 2
     return Laplacian.of(edges.low, edges.high, weights, len(mesh.V))
 
 
@@ -129,3 +131,9 @@ def _half_cotangents(mesh: DiskMesh, faces: Bools) -> csr_matrix:
     tails, heads = F[:, [1, 2, 0]].ravel(), F[:, [2, 0, 1]].ravel()
     ends = np.minimum(tails, heads), np.maximum(tails, heads)
     return coo_matrix((mesh.cotangents[faces].ravel() / 2, ends), (n, n)).tocsr()
+
+
+LAPLACIANS: dict[str, Callable[[DiskMesh], Laplacian]] = {
+    "cotangent": cotangent_laplacian,
+    "intrinsic Delaunay": intrinsic_delaunay_laplacian,
+}

@@ -53,8 +53,8 @@ def require_memory(n: int) -> None:
     if needed > available:
         raise SolverError(
             f"the map of {n:,} vertices takes at least {needed / GIB:.1f} GiB more, and "
-            f"{available / GIB:.1f} GiB are available. Decimate the mesh, or take a machine with "
-            "more memory."
+            f"{available / GIB:.1f} GiB are available. Map it in parts (cdcp_igl.partition, "
+            "cdcp_igl.parts_map), decimate it, or take a machine with more memory."
         )
 
 

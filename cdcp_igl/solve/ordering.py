@@ -48,41 +48,51 @@ def dissected(low: Indices, high: Indices, V: Floats, levels: int = LEVELS) -> I
     what they separate. No edge joins two parts of which neither is a separator that comes after
     the other.
     """
-    sides = _sides(V, levels)
-    apart = np.flatnonzero(sides[low] != sides[high])
+    side = sides(V, cuts(V[evenly_spaced_rows(len(V), SAMPLE)], levels))
+    apart = np.flatnonzero(side[low] != side[high])
     one, other = low[apart], high[apart]
     # The level at which an edge is cut is that of the first bit in which its ends differ.
-    level = levels - np.frexp(sides[one] ^ sides[other])[1]
-    from_0 = (sides[one] >> (levels - 1 - level)) & 1 == 0
+    level = levels - np.frexp(side[one] ^ side[other])[1]
+    from_0 = (side[one] >> (levels - 1 - level)) & 1 == 0
     cut_at = np.full(len(V), levels)
     np.minimum.at(cut_at, np.where(from_0, one, other), level)
     part = np.zeros(len(V), dtype=np.int16)  # NumPy sorts 16 bits in linear time
     for k in range(levels):
-        digit = ((sides >> (levels - 1 - k)) & 1).astype(part.dtype)
+        digit = ((side >> (levels - 1 - k)) & 1).astype(part.dtype)
         digit[cut_at == k] = 2
         digit[cut_at < k] = 0
         part = 3 * part + digit
     return part
 
 
-def _sides(V: Floats, levels: int) -> Ints:
-    """(n,) on which side of each cut the vertices lie, a bit for each, the first is the highest.
+def cuts(seen: Floats, levels: int) -> list[tuple[Ints, Floats]]:
+    """Cut points (k, 3) in two again and again: for each level, axis and place of its cuts.
 
     Each part is cut at its centre, across the axis along which it is longest.
     """
-    seen = V[evenly_spaced_rows(len(V), SAMPLE)]
+    found = list[tuple[Ints, Floats]]()
     at = np.zeros(len(seen), dtype=np.int64)
-    sides = np.zeros(len(V), dtype=np.int64)
     for level in range(levels):
         k = 1 << level
         size = np.maximum(np.bincount(at, minlength=k), 1)
         mean = np.array([np.bincount(at, x, k) for x in seen.T]) / size
         variance = np.array([np.bincount(at, x * x, k) for x in seen.T]) / size - mean**2
         axis = variance.argmax(axis=0)
-        middle = mean[axis, np.arange(k)]
-        at = 2 * at + (seen[np.arange(len(at)), axis[at]] > middle[at])
-        sides = 2 * sides + (V[np.arange(len(V)), axis[sides]] > middle[sides])
-    return sides
+        found.append((axis, mean[axis, np.arange(k)]))
+        at = _cut(seen, at, *found[-1])
+    return found
+
+
+def sides(V: Floats, found: list[tuple[Ints, Floats]]) -> Ints:
+    """(n,) on which side of each cut points lie, a bit for each level, the first is the highest."""
+    at = np.zeros(len(V), dtype=np.int64)
+    for axis, middle in found:
+        at = _cut(V, at, axis, middle)
+    return at
+
+
+def _cut(V: Floats, at: Ints, axis: Ints, middle: Floats) -> Ints:
+    return 2 * at + (V[np.arange(len(V)), axis[at]] > middle[at])
 
 
 def _order_by_parts(part: Indices, low: Indices, high: Indices) -> Indices:

@@ -12,7 +12,7 @@ from cvxopt import amd, cholmod, matrix, spmatrix
 from scipy.sparse import csc_matrix
 
 from ..arrays import Floats, Indices
-from .cholesky import Cholesky
+from .cholesky import Cholesky, trailing_block
 from .threads import held_while_forking
 
 # CVXOPT keeps CHOLMOD's options for the whole process, where the caller may have set his own.
@@ -59,6 +59,16 @@ class Factorization(Cholesky):
         with _our_options():
             cholmod.solve(self._factor, x)
         return np.array(x).reshape(b.shape)
+
+    def schur_complement(self, A: csc_matrix, k: int) -> Floats:
+        """See `Cholesky`."""
+        with self._errors(len(self.permutation)):
+            with _our_options():
+                L = cholmod.getfactor(self._factor)  # which is symbolic then
+            self._factorize(self._converted(A))
+            starts, rows, entries = (np.array(x).ravel() for x in (*L.CCS[:2], L.CCS[2]))
+            block = trailing_block(csc_matrix((entries, rows, starts), L.size), self.permutation, k)
+            return block @ block.T
 
     @staticmethod
     def _order(A: spmatrix) -> Indices:

@@ -16,7 +16,7 @@ from scipy.sparse import csc_matrix
 from sksparse import cholmod
 
 from ..arrays import Floats, Indices
-from .cholesky import Cholesky, Ordering
+from .cholesky import Cholesky, Ordering, trailing_block
 from .memory import factor_entries
 
 # CHOLMOD's own indices are those of the matrix. With 32 bits it ends at 2^31 entries of the factor;
@@ -61,6 +61,14 @@ class Factorization(Cholesky):
 
     def _solve(self, b: Floats) -> Floats:
         return self._factor.solve(b) if _MODERN else self._factor(b)
+
+    def schur_complement(self, A: csc_matrix, k: int) -> Floats:
+        """See `Cholesky`."""
+        if _MODERN:
+            return super().schur_complement(A, k)
+        with self._errors(len(self.permutation)):
+            block = trailing_block(self._factor.L(), self.permutation, k)
+            return block @ block.T
 
     @staticmethod
     def _order(A: csc_matrix) -> Indices:

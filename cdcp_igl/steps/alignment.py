@@ -30,12 +30,17 @@ def rotate(
     mass = vertex_areas(mesh.V, mesh.F)
     height = mesh.V @ direction
     moment = complex((mass * (height - np.average(height, weights=mass)) * f).sum())
-    if not abs(moment) > 1e-12 * mass.sum() * np.ptp(height):
-        raise ValueError(f"align={align!r}: the surface has no slope in this direction")
+    check_slope(align, moment, mass.sum() * np.ptp(height))
     f = f * (abs(moment) / moment)
     if on_circle:
         f[mesh.loop] /= abs(f[mesh.loop])
     return f
+
+
+def check_slope(align: ArrayLike, moment: complex, most: float) -> None:
+    """Raise ValueError if the moment of the height is negligible beside what it may be."""
+    if not abs(moment) > 1e-12 * most:
+        raise ValueError(f"align={align!r}: the surface has no slope in this direction")
 
 
 def at_one(mesh: DiskMesh, f: Complex, vertex: int) -> Complex:

@@ -8,10 +8,9 @@ from typing import Literal, get_args
 import numpy as np
 from scipy.sparse import identity
 
-from ..arrays import Floats
+from ..arrays import Floats, Ints
 from ..solve.factored import FactoredSurface
 from ..solve.solvers import factorize
-from ..surface.mesh import DiskMesh
 from ..surface.triangles import face_areas
 
 CenterMethod = Literal["torsion", "heat", "centroid"]
@@ -52,8 +51,11 @@ def central_face(
     if not isinstance(center, str):
         return Center("given", int(center))
     central = centrality(surface, center)
-    face = _well_shaped(surface.mesh, central) if well_shaped else int(central.argmax())
-    return Center(center, face)
+    if not well_shaped:
+        return Center(center, int(central.argmax()))
+    faces = most_central(central)
+    smallest = surface.mesh.angles[faces].min(axis=1)
+    return Center(center, first_well_shaped(central[faces], faces, smallest))
 
 
 def centrality(surface: FactoredSurface, method: CenterMethod) -> Floats:
@@ -80,10 +82,15 @@ def centrality(surface: FactoredSurface, method: CenterMethod) -> Floats:
     return -np.linalg.norm(barycenters - centroid, axis=1)
 
 
-def _well_shaped(mesh: DiskMesh, central: Floats) -> int:
-    k = min(CANDIDATES, len(mesh.F))
-    faces = np.argpartition(-central, k - 1)[:k]
-    faces = faces[np.lexsort((faces, -central[faces]))]
-    smallest = mesh.angles[faces].min(axis=1)
+def most_central(central: Floats) -> Ints:
+    """Find the faces among which `first_well_shaped` chooses, in any order."""
+    k = min(CANDIDATES, len(central))
+    return np.argpartition(-central, k - 1)[:k]
+
+
+def first_well_shaped(central: Floats, faces: Ints, smallest: Floats) -> int:
+    """Choose the most central of some faces, given their rows, that has no small angle."""
+    order = np.lexsort((faces, -central))[:CANDIDATES]
+    faces, smallest = faces[order], smallest[order]
     good = smallest > SMALLEST_ANGLE
     return int(faces[good.argmax() if good.any() else smallest.argmax()])

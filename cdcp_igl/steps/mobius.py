@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from .least_distortion import (
     least_angle_distortion_nelder_mead,
 )
 
+Moved = TypeVar("Moved")
 MobiusMethod = Literal["angle", "area", "nelder-mead"]
 
 MAX_STEPS = 30  # towards the conformal barycentre
@@ -77,24 +78,49 @@ def normalize(
     else:
         w = conformal_barycenter(f, vertex_areas(mesh.V, mesh.F))
 
-    allowed: Ints | None = None  # faces that are flipped without it, too
+    def attempt(w: complex) -> tuple[Complex, Ints] | None:
+        moved = at_one(mesh, mobius_transformation(f, w), mesh.loop[0])
+        if not is_around(moved[mesh.loop]):
+            return None
+        moved = finished(moved)
+        return moved, flipped_faces(moved, mesh.F)[0]
+
+    w, moved, reason = harmless(
+        w,
+        lambda w: method == "area" or errors.mean(w) < before,
+        attempt,
+        lambda: flipped_faces(finished(f), mesh.F)[0],
+    )
+    return finished(f) if moved is None else moved, Normalization(method, w, reason)
+
+
+def harmless(
+    w: complex,
+    improves: Callable[[complex], bool],
+    attempt: Callable[[complex], tuple[Moved, Ints] | None],
+    flipped_without: Callable[[], Ints],
+) -> tuple[complex, Moved | None, str]:
+    """Halve w until psi_w does no harm: the point, the moved map, and why it was not found.
+
+    An attempt gives the moved map and its flipped faces, None where the boundary is crowded. Those
+    faces are allowed that are flipped without psi_w, too.
+    """
+    allowed: Ints | None = None
     reason = "no improvement"
     for _ in range(HALVINGS):
-        if method != "area" and not errors.mean(w) < before:
+        if not improves(w):
             break
-        moved = at_one(mesh, mobius_transformation(f, w), mesh.loop[0])
-        if is_around(moved[mesh.loop]):
-            moved = finished(moved)
-            flipped, _ = flipped_faces(moved, mesh.F)
-            if len(flipped) and allowed is None:
-                allowed, _ = flipped_faces(finished(f), mesh.F)
-            if allowed is None or np.isin(flipped, allowed).all():
-                return moved, Normalization(method, w)
-            reason = "flipped faces"
-        else:
+        if (tried := attempt(w)) is None:
             reason = "crowding"
+        else:
+            moved, flipped = tried
+            if len(flipped) and allowed is None:
+                allowed = flipped_without()
+            if allowed is None or np.isin(flipped, allowed).all():
+                return w, moved, ""
+            reason = "flipped faces"
         w /= 2
-    return finished(f), Normalization(method, 0j, reason)
+    return 0j, None, reason
 
 
 def mobius_transformation(z: Complex, w: complex) -> Complex:
@@ -119,10 +145,19 @@ def conformal_barycenter(z: Complex, mass: Floats) -> complex:
     Algebra Geometry 6(3), 2022.
     """
     mass = mass / mass.sum()
+
+    def moments(w: complex) -> tuple[complex, complex]:
+        moved = mobius_transformation(z, w)
+        return complex(mass @ moved), complex(mass @ (moved * moved))
+
+    return barycenter_by_moments(moments)
+
+
+def barycenter_by_moments(moments: Callable[[complex], tuple[complex, complex]]) -> complex:
+    """Do what `conformal_barycenter` does, by the means of psi_w o f and of its square, for w."""
     w = 0j
     for _ in range(MAX_STEPS):
-        moved = mobius_transformation(z, w)
-        c, q = complex(mass @ moved), complex(mass @ (moved * moved))
+        c, q = moments(w)
         # To first order psi_d moves the centre of mass by -d + q conj(d).
         d = (c + q * c.conjugate()) / max(1 - abs(q) ** 2, np.finfo(float).eps)
         d /= max(1, 2 * abs(d))  # stay well inside the disk

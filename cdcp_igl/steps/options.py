@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arrays import Ints
 from ..solve.solvers import SolverName, checked
-from ..surface.mesh import DiskMesh
 from .center import METHODS, CenterMethod
 from .mobius import MobiusMethod
 
@@ -57,12 +57,11 @@ class Options:
             if not (np.isfinite(direction).all() and direction.any()):
                 raise ValueError(f"align={self.align!r} is no direction")
 
-    def check_rows(self, mesh: DiskMesh) -> None:
-        """Raise ValueError if `center` or `align` is no such row of this mesh."""
-        m = len(mesh.F)
+    def check_rows(self, m: int, loop: Ints) -> None:
+        """Raise ValueError if `center` or `align` is none of m faces or of the boundary loop."""
         if not isinstance(self.center, str) and not 0 <= self.center < m:
             raise ValueError(f"center is face {self.center}; the mesh has faces 0..{m - 1}")
-        if _whole(self.align) and self.align not in mesh.loop:
+        if _whole(self.align) and self.align not in loop:
             raise ValueError(f"align={self.align} is not a boundary vertex")
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Numbers
+from ..arrays import Complex, Floats, Ints, Numbers
 from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
 
@@ -20,7 +20,12 @@ def conjugate_trace(surface: FactoredSurface, face: int) -> Complex:
     interior corner the trace is a single point.
     """
     flux = boundary_flux(surface, face_dipole(surface.mesh, face))
-    increments = 1j * shared_by_edges(surface.mesh, flux)
+    return trace_of_shares(shared_by_edges(surface.mesh, surface.mesh.loop, flux))
+
+
+def trace_of_shares(shares: Complex) -> Complex:
+    """(nB,) `conjugate_trace` by the flux through the edges."""
+    increments = 1j * shares
     trace: Complex = np.cumsum(increments) - increments
     return trace
 
@@ -70,8 +75,8 @@ def boundary_flux(surface: FactoredSurface, r: Numbers) -> Numbers:
     return surface.coupling.T @ g - r[surface.mesh.loop]
 
 
-def shared_by_edges(mesh: DiskMesh, flux: Numbers) -> Numbers:
-    """Flux through each boundary edge (nB,), by that of the vertices.
+def shared_by_edges(mesh: DiskMesh, loop: Ints, flux: Numbers) -> Numbers:
+    """Flux through each edge (k,) of a boundary loop (k,), by that of the vertices.
 
     What leaves at a vertex belongs to both its edges. Next to a corner of angle a, where the
     conformal map is like z^(pi/a), they get their parts in proportion to their lengths to the
@@ -79,8 +84,12 @@ def shared_by_edges(mesh: DiskMesh, flux: Numbers) -> Numbers:
     """
     corners = np.flatnonzero(mesh.on_boundary.take(mesh.F.T))
     around = np.bincount(mesh.F.T.flat[corners], mesh.angles.T.flat[corners])
-    exponent = np.pi / around[mesh.loop]
-    length = edge_lengths(mesh)
+    return shares_of_edges(flux, edge_lengths(mesh, loop), np.asarray(around[loop], np.float64))
+
+
+def shares_of_edges(flux: Numbers, length: Floats, around: Floats) -> Numbers:
+    """Do what `shared_by_edges` does, by lengths of edges and the angles around vertices (nB,)."""
+    exponent = np.pi / around
     # The part of the edge that follows, at most 1 / (1 + 0): a power of a ratio may overflow.
     with np.errstate(over="ignore"):
         following = 1 / (1 + (np.roll(length, 1) / length) ** exponent)
@@ -88,8 +97,12 @@ def shared_by_edges(mesh: DiskMesh, flux: Numbers) -> Numbers:
     return shares
 
 
-def edge_lengths(mesh: DiskMesh) -> Floats:
-    """(nB,) lengths of the boundary edges, from each vertex of ``mesh.loop`` to the next."""
-    points = mesh.V[mesh.loop]
+def edge_lengths(mesh: DiskMesh, loop: Ints | None = None) -> Floats:
+    """(k,) lengths of the edges of a boundary loop (k,), if not of all, to the next vertex."""
+    return lengths_along(mesh.V[mesh.loop if loop is None else loop])
+
+
+def lengths_along(points: Floats) -> Floats:
+    """(k,) distances from each of some points (k, 3) to the next, in a ring."""
     lengths: Floats = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     return lengths

@@ -16,6 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Floats, Ints, distinct_rows
 from ..defects import DEFECTS, IN_PYTHON, IN_SHELL
 from ..errors import Defect, counted, spell
+from ..io.given import takes_meshes
+from ..io.polygons import in_polygons
 from ..printing import as_html
 from .topology import Topology, duplicate_faces, outer_loop, sewn
 from .triangles import corner_cotangents, degenerate_faces
@@ -97,26 +99,27 @@ class MeshReport:
 
     def _next_step(self, in_shell: bool) -> str:
 
-        def step(call: str, does: str) -> str:
-            command = IN_SHELL[call]
-            return f"{command} {does}" if in_shell else f"{IN_PYTHON[call]} {does} ({command})"
-
         if self.is_disk:
-            return step("disk_map", "maps it") + "."
+            return _step(in_shell, disk_map="maps it")
         for defect in self.defects:
             row = DEFECTS[defect.name]
             flat = defect.name == "degenerate face" and len(defect.indices) == self.n_faces
             if flat or not (row.cleaned or row.cut):
                 return defect.remedy_in_shell if in_shell else defect.remedy
-        rows = [DEFECTS[defect.name] for defect in self.defects]
-        clean, cut = step("clean", "mends it"), step("surface_map", "cuts it open and maps it")
+        names = [defect.name for defect in self.defects]
+        rows = [DEFECTS[name] for name in names]
+        mends, cuts = {"clean": "mends it"}, {"surface_map": "cuts it open and maps it"}
+        if self.kind == "genus 0, closed" and names == ["closed surface"]:
+            return _step(in_shell, sphere_map="maps it onto a sphere", **cuts)
+        if self.kind == "genus 0, 2 boundary loops" and names == ["several boundary loops"]:
+            mends["annulus_map"] = "maps it onto a ring"
         # Elsewhere what is left after cleaning may be closed, or have handles.
         sure = self.genus is not None and self.n_components == 1 and not self._seams
         if sure and all(row.cleaned for row in rows):
-            return clean + (f"; or: {cut}." if self.kind != "disk" else ".")
+            return _step(in_shell, **mends, **(cuts if self.kind != "disk" else {}))
         if all(row.cut for row in rows):
-            return cut + "."
-        return f"{IN_SHELL['clean']} --cut mends and maps it." if in_shell else f"{clean}, {cut}."
+            return _step(in_shell, **cuts)
+        return _step(in_shell, clean_and_cut="mend it, and map what is left")
 
     def report(self) -> dict[str, Any]:
         """Return all of it.
@@ -181,7 +184,7 @@ class MeshReport:
 
     @property
     def in_shell(self) -> str:
-        """What `str` gives, with the remedies on the command line."""
+        """What `str` gives, with the remedies on the command line, of a file IN."""
         return self._text(in_shell=True)
 
     def _text(self, in_shell: bool) -> str:
@@ -202,7 +205,16 @@ class MeshReport:
         return "\n".join([counts, verdict, *found, f"Next: {self._next_step(in_shell)}"])
 
 
-def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
+def _step(in_shell: bool, **what: str) -> str:
+    """Say which function goes on and what it does; in the shell the whole command."""
+    if in_shell:
+        return "; or: ".join(f"{IN_SHELL[call]} IN OUT" for call in what)
+    said = [f"{IN_PYTHON[call]} {does} ({IN_SHELL[call]})" for call, does in what.items()]
+    return "; or: ".join(said) + "."
+
+
+@takes_meshes
+def check(V: ArrayLike, F: ArrayLike, *, polygon_of_face: Ints | None = None) -> MeshReport:
     """Examine a mesh and report every defect; raise nothing.
 
     Parameters
@@ -211,6 +223,8 @@ def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
         Vertex positions.
     F : (m, 3) array_like
         Corners of the faces, rows of V.
+    polygon_of_face : (m,) ndarray of integers, optional
+        Which polygon each face is a part of, as in `cut`; then defects name polygons.
 
     Returns
     -------
@@ -230,7 +244,10 @@ def check(V: ArrayLike, F: ArrayLike) -> MeshReport:
     """
     found = examine(V, F)
     surface = found.surface
-    report = MeshReport(found.n_vertices, found.n_faces, defects=found.defects)
+    defects = found.defects
+    if polygon_of_face is not None:
+        defects = in_polygons(defects, polygon_of_face)
+    report = MeshReport(found.n_vertices, found.n_faces, defects=defects)
     if surface is None:
         return report
     in_sheets = not surface.singular.any()
@@ -297,7 +314,8 @@ def _defects_of_edges(surface: Topology) -> Iterator[Defect]:
     if not surface.used.all():
         yield Defect.of("unreferenced vertex", np.flatnonzero(~surface.used))
     singular = surface.singular
-    if singular.any() or len(surface.border) == 0:  # the copy of a face leaves no edge with one
+    # A face and its copy close each other: without a third one at an edge they are all there is.
+    if singular.any() or np.bincount(surface.components[1]).min() == 2:
         duplicates = duplicate_faces(surface.F)
         if len(duplicates):
             yield Defect.of("duplicate face", duplicates)
@@ -327,7 +345,7 @@ def _defects_of_a_surface(surface: Topology, V: NDArray[Any]) -> Iterator[Defect
         yield Defect.of("non-manifold vertex", surface.pinched)
         return
     if len(surface.border) == 0:
-        yield Defect.of("closed surface")
+        yield Defect.of("closed surface" + (", with handles" if surface.genus else ""))
     if len(surface.loops) > n_parts:
         outer = outer_loop(V, surface.loops)
         holes = np.concatenate([loop for loop in surface.loops if loop is not outer])

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Bools, Floats, Ints, marked
 from ..errors import Defect, MeshError, counted
+from ..io.given import takes_meshes
 from .checking import check
 from .filling import fill_hole
 from .topology import Topology, duplicate_faces, outer_loop, sewn
@@ -51,6 +52,7 @@ class Cleaned(NamedTuple):
     changes: tuple[str, ...]
 
 
+@takes_meshes
 def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
     """Mend what can be mended without guessing, so that the surface may become a disk.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Bools, Floats, Ints, marked, places
 from ..cached import cached_property
 from ..errors import Defect, MeshError, counted
-from .checking import examine
-from .topology import Edges
+from .checking import Examined, examine
+from .topology import Edges, group_by_edge, outer_loop, tails
 from .triangles import corner_angles, corner_cotangents, degenerate_faces
 from .validation import checked_vertices, size_exponent
 
@@ -24,7 +24,8 @@ class DiskMesh:
 
     The only way into the algorithm. One component, every edge on one or two faces,
     consistently oriented, every vertex a manifold vertex, one boundary loop, Euler
-    characteristic 1, every vertex used, coordinates finite, no degenerate face.
+    characteristic 1, every vertex used, coordinates finite, no degenerate face. Subclasses, which
+    the same solvers take, differ from that in the number of loops.
 
     Parameters
     ----------
@@ -40,8 +41,11 @@ class DiskMesh:
         coordinate lies between 1/2 and 1.
     F : (m, 3) int64, read-only
         The faces.
+    loops : tuple of int64 arrays, read-only
+        Boundary vertices of each loop in order, the surface on their left, from the smallest
+        index; the loop that reaches farthest comes first.
     loop : (nB,) int64, read-only
-        Boundary vertices in order, the surface on their left, from the smallest index.
+        The boundary vertices, one loop after the other.
     interior : (nI,) int64, read-only
         The other vertices, ascending.
     on_boundary : (n,) bool, read-only
@@ -54,12 +58,13 @@ class DiskMesh:
     Raises
     ------
     MeshError
-        If the input is no disk. It names the defect, the offending rows and the
+        If the input is no such surface. It names the defect, the offending rows and the
         remedy, and lists the other defects.
     """
 
     V: Floats
     F: Ints
+    loops: tuple[Ints, ...]
     loop: Ints
     interior: Ints
     on_boundary: Bools
@@ -69,10 +74,16 @@ class DiskMesh:
 
     def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
         examined = examine(V, F)
-        if examined.surface is None or examined.defects:
-            raise MeshError(*examined.defects)
+        defects = self._defects(examined)
+        if examined.surface is None or defects:
+            raise MeshError(*defects)
         surface = examined.surface
-        [loop] = surface.loops
+        outer = outer_loop(examined.V, surface.loops) if surface.loops else None
+        loops = sorted(surface.loops, key=lambda loop: loop is not outer)
+        for loop in loops:
+            loop.flags.writeable = False
+        object.__setattr__(self, "loops", tuple(loops))
+        loop = np.concatenate([np.empty(0, np.int64), *loops])
         on_boundary = marked(surface.n, loop)
         edges = surface.edges
         for indices in (edges.low, edges.high, edges.sides, edges.start):
@@ -88,9 +99,14 @@ class DiskMesh:
         object.__setattr__(self, "edges", edges)
         object.__setattr__(self, "_exponent", size_exponent(np.asarray(V)))
 
+    @staticmethod
+    def _defects(examined: Examined) -> tuple[Defect, ...]:
+        """Return what keeps the surface from being of this kind."""
+        return examined.defects
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         # Arrays that were pickled come back writeable.
-        for value in (*state.values(), *vars(state["edges"]).values()):
+        for value in (*state.values(), *state["loops"], *vars(state["edges"]).values()):
             if isinstance(value, np.ndarray):
                 value.flags.writeable = False
         self.__dict__.update(state)
@@ -134,7 +150,7 @@ class DiskMesh:
         index.flags.writeable = False
         return index
 
-    def moved(self, V: ArrayLike) -> DiskMesh:
+    def moved(self, V: ArrayLike) -> Self:
         """Return the mesh with its vertices elsewhere; what is known of its faces is kept.
 
         MeshError if V has another number of rows, is not finite, or makes a face degenerate.
@@ -152,8 +168,53 @@ class DiskMesh:
         object.__setattr__(mesh, "_exponent", size_exponent(np.asarray(V)))
         return mesh
 
+    def part(self, faces: Ints) -> tuple[DiskMesh, Ints]:
+        """Return some of the faces as a mesh, of any topology, and the rows of its vertices here.
+
+        Vertices with other faces, too, count as its boundary, in no order.
+        """
+        vertices, corners = np.unique(self.F[faces], return_inverse=True)
+        F, n = corners.reshape(-1, 3), len(vertices)
+        whole = np.bincount(self.F.ravel(), minlength=len(self.V))[vertices]
+        rim = (np.bincount(F.ravel(), minlength=n) < whole) | self.on_boundary[vertices]
+        mesh = object.__new__(DiskMesh)
+        mesh._set(
+            V=self.V[vertices],
+            F=F,
+            loop=np.flatnonzero(rim),
+            interior=np.flatnonzero(~rim),
+            on_boundary=rim,
+            cotangents=self.cotangents[faces],
+        )
+        object.__setattr__(mesh, "edges", group_by_edge(tails(F, n), n))
+        return mesh, vertices
+
     def __repr__(self) -> str:
         return (
-            f"DiskMesh({len(self.V):,} vertices, {counted(len(self.F), 'face', 'faces')}, "
-            f"{len(self.loop):,} boundary vertices)"
+            f"{type(self).__name__}({len(self.V):,} vertices, "
+            f"{counted(len(self.F), 'face', 'faces')}, {len(self.loop):,} boundary vertices)"
         )
+
+
+class SphereMesh(DiskMesh):
+    """A triangulated sphere: no boundary loop, and no handle."""
+
+    @staticmethod
+    def _defects(examined: Examined) -> tuple[Defect, ...]:
+        defects = _without(examined, "closed surface", "several boundary loops")
+        loops = examined.surface.loops if examined.surface else []
+        return (Defect.of("boundary", loops=len(loops)), *defects) if loops else defects
+
+
+class AnnulusMesh(DiskMesh):
+    """A triangulated annulus: two boundary loops, and no handle."""
+
+    @staticmethod
+    def _defects(examined: Examined) -> tuple[Defect, ...]:
+        loops = examined.surface.loops if examined.surface else []
+        defects = _without(examined, *["several boundary loops"] * (len(loops) == 2))
+        return (Defect.of("one boundary loop"), *defects) if len(loops) == 1 else defects
+
+
+def _without(examined: Examined, *names: str) -> tuple[Defect, ...]:
+    return tuple(defect for defect in examined.defects if defect.name not in names)

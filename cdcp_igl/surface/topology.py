@@ -178,7 +178,7 @@ class Topology:
     @cached_property
     def pinched(self) -> Ints:
         """Vertices whose corners form more than one fan across twins."""
-        if self._is_plainly_a_disk:
+        if self._is_plainly_a_disk or self._is_plainly_a_sphere:
             return np.empty(0, np.int64)
         n_fans, fan = self.fans
         vertex_of_fan = np.empty(n_fans, np.int64)
@@ -203,6 +203,17 @@ class Topology:
             return False
         ends = self._border_ends.ravel()
         return self.euler_characteristic == 1 and bool(np.bincount(ends).max() == 2)
+
+    @cached_property
+    def _is_plainly_a_sphere(self) -> bool:
+        """Whether counting alone shows that the faces, once oriented, form a sphere.
+
+        As for a disk: with p pinched vertices undone, a closed surface has characteristic 2 + p,
+        but at most 2.
+        """
+        if self.singular.any() or len(self.border) > 0 or self.components[0] > 1:
+            return False
+        return self.euler_characteristic == 2
 
     # -- boundary and genus ------------------------------------------------------------
 

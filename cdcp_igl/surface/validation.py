@@ -104,7 +104,9 @@ def _are_swapped(V: ArrayLike, F: ArrayLike) -> bool:
 def _vertices(V: ArrayLike, name: str = "V") -> NDArray[Any]:
     given = _numeric(name, V)
     if given.ndim != 2 or given.shape[1] not in (2, 3) or len(given) < 3:
-        raise MeshError(Defect.of("shape of V", shape=given.shape))
+        turned = given.ndim == 2 and given.shape[0] in (2, 3) and given.shape[1] > 3
+        row = "shape of V, transposed" if turned else "shape of V"
+        raise MeshError(Defect.of(row, shape=given.shape))
     if given.dtype == np.longdouble:
         with np.errstate(over="ignore"):  # what is too large for float64 is infinite here
             given = given.astype(np.float64)
@@ -124,7 +126,9 @@ def _faces(F: ArrayLike, n: int) -> Ints:
     """(m, 3) int64 copy of F in C order."""
     given = _numeric("F", F)
     if given.ndim != 2 or given.shape[1] != 3 or len(given) == 0:
-        raise MeshError(Defect.of("shape of F", shape=given.shape))
+        row = "shape of F" + (", flat" if given.ndim == 1 else "")
+        row = row if given.size else "shape of F, empty"
+        raise MeshError(Defect.of(row, shape=given.shape))
     # Judged as given: a cast would wrap large unsigned numbers and truncate fractions.
     if not (given.min() >= 0 and given.max() < n):
         outside = np.flatnonzero(~((given >= 0) & (given < n)).all(axis=1))
@@ -143,5 +147,6 @@ def _numeric(name: str, array: ArrayLike) -> NDArray[Any]:
     except ValueError:  # ragged
         numeric = np.empty(0, dtype=object)
     if numeric.dtype.kind not in "iuf":
-        raise MeshError(Defect.of("not numeric", array=name))
+        cells = isinstance(array, list) and array and hasattr(array[0], "type")
+        raise MeshError(Defect.of("not numeric, cells" if cells else "not numeric", array=name))
     return numeric

@@ -15,7 +15,7 @@ from cdcp_igl.plot.viewpoint import choose_viewpoint
 try:
     V, F = cdcp_igl.datasets.load("human_face")
 except OSError:  # it is downloaded once, and there is no network
-    V, F, _ = cdcp_igl.datasets.spherical_cap(60)
+    V, F = cdcp_igl.datasets.load("jacksboro_fault")
 
 view = choose_viewpoint(V, F)  # rows point right, up and towards us
 uv = cdcp_igl.cdcp(V, F, mobius="area", align=view[0])

@@ -1,29 +1,42 @@
-"""Gather the reports of the benchmarks, one a machine, for the page that includes them."""
+"""Gather the reports of the benchmarks: a page for each of their sections."""
 
 import re
 from pathlib import Path
 
 NONE_YET = "This checkout has no measured results. `python -m benchmarks` writes them.\n"
-# Without the first line, which is the title.
-REPORT = (
-    "## {name}\n\n```{{include}} /../benchmarks/results/{name}.md\n"
-    ":start-line: 1\n:heading-offset: 1\n```\n"
-)
+
+
+def _sections(text):
+    """Title and text of each, the first without a title of its own."""
+    first, *others = re.split(r"^## ", text, flags=re.MULTILINE)
+    yield "What was measured on", first.partition("\n")[2]
+    for section in others:
+        title, _, body = section.partition("\n")
+        yield title, body
 
 
 def _gather(app):
     results = Path(app.srcdir).parent / "benchmarks" / "results"
-    page = []
+    generated = Path(app.srcdir, "generated", "benchmarks")
+    generated.mkdir(parents=True, exist_ok=True)
+    index = []
     for report in sorted(results.glob("*.md")):
-        page.append(REPORT.format(name=report.stem))
+        texts = [report.read_text(encoding="utf-8")]
         figures = results / report.stem / "README.md"
         if figures.exists():
-            text = figures.read_text(encoding="utf-8").replace("\n## ", "\n#### ")
             there = f"](/../benchmarks/results/{report.stem}/"
-            page.append("##" + re.sub(r"(!\[[^]]*)\]\(", rf"\1{there}", text))
+            text = figures.read_text(encoding="utf-8")
+            texts.append(re.sub(r"(!\[[^]]*)\]\(", rf"\1{there}", text))
+        index.append(f"## {report.stem}\n\n```{{toctree}}\n:maxdepth: 1\n")
+        for k, (title, body) in enumerate(s for text in texts for s in _sections(text)):
+            if body.strip():
+                page = generated / f"{report.stem}-{k:02}.md"
+                page.write_text(f"# {title}\n{body}", encoding="utf-8")
+                index.append(f"/generated/benchmarks/{page.stem}")
+        index.append("```\n")
     parts = Path(app.srcdir, "generated", "parts")
     parts.mkdir(parents=True, exist_ok=True)
-    (parts / "benchmarks.md").write_text("\n".join(page) or NONE_YET, encoding="utf-8")
+    (parts / "benchmarks.md").write_text("\n".join(index) or NONE_YET, encoding="utf-8")
 
 
 def setup(app):

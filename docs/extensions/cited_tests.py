@@ -14,6 +14,8 @@ from sphinx.errors import ExtensionError
 from sphinx.util.docutils import SphinxRole
 
 CITATION = re.compile(r"\{test\}`([\w.]+(?:::\w+)+)`")
+# In brackets of their own they are notes beside the sentence, which the style makes small.
+NOTES = re.compile(r"\s*\(((?:\{test\}`[^`]+`[,\s]*)+)\)")
 LABEL = re.compile(r"^\(([\w-]+)\)=$")
 
 HEAD = """# The tests that the pages cite
@@ -93,7 +95,14 @@ def _write_page(app):
     target.write_text("\n".join(page), encoding="utf-8")
 
 
+def _as_notes(app, name, source):
+    source[0] = NOTES.sub(
+        lambda found: "".join(re.findall(r"\{test\}`[^`]+`", found[1])), source[0]
+    )
+
+
 def setup(app):
     app.add_role("test", TestRole())
+    app.connect("source-read", _as_notes)
     app.connect("builder-inited", _write_page)
     return {"parallel_read_safe": False}

@@ -121,13 +121,6 @@ PLOTS = (
         cost.phases,
     ),
     Plot(
-        "memory.png",
-        "Peak memory against the number of vertices",
-        f"Peak resident memory of the process, Python and the mesh included. {TABLES}. Lines and "
-        "exponents: least-squares fits.",
-        cost.memory_growth,
-    ),
-    Plot(
         "profiles.png",
         "Performance profiles",
         "Share of the surfaces on which a method onto the disk is within a factor of the best of "

@@ -1,4 +1,4 @@
-"""Figures 8 and 12, and what the paper lacks: time in factorizations, by phase; memory."""
+"""Figures 8 and 12, and what the paper lacks: time in factorizations, by phase."""
 
 from __future__ import annotations
 
@@ -61,19 +61,10 @@ def _seconds(measured: Measured, section: str, wanted: Sequence[str]) -> Figure:
 
 def seconds_growth(measured: Measured) -> Figure:
     """Figure 8, right: time against n."""
-    return _growth(measured, "seconds", "seconds")
-
-
-def memory_growth(measured: Measured) -> Figure:
-    """Peak memory against n."""
-    return _growth(measured, "memory", "peak memory of the process in MiB")
-
-
-def _growth(measured: Measured, name: str, label: str) -> Figure:
     results, methods = measured.require("tables", COMPARED)
     figure, panels = new(7.2, 5)
-    trend(panels[0, 0], results.mapped, series(results, methods, name))
-    panels[0, 0].set_ylabel(label, fontsize=10, color=INK)
+    trend(panels[0, 0], results.mapped, series(results, methods, "seconds"))
+    panels[0, 0].set_ylabel("seconds", fontsize=10, color=INK)
     return figure
 
 

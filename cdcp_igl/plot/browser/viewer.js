@@ -1,6 +1,8 @@
 "use strict";
-// The surface beside its image in the plane. Data in, one canvas with two viewports out; what
-// is under the pointer is found by looking at every face, which is fast enough for a million.
+// The surface beside its images in the plane. WebGL draws one view after the other out of sight,
+// at less resolution and with fewer faces while a view moves on a slow machine; each panel has a
+// canvas to show it. What is under the pointer is found by looking at every face, which is fast
+// enough for a million.
 
 const about = JSON.parse(document.getElementById("about").textContent);
 const byId = (id) => document.getElementById(id);
@@ -26,14 +28,14 @@ async function unpack() {
 
 function makeScene(arrays) {
   const n = arrays.x.length, m = arrays.faces.length / 3, F = arrays.faces;
-  const P = new Float32Array(3 * n), UV = new Float32Array(2 * n), N = new Float32Array(3 * n);
+  const P = new Float32Array(3 * n), N = new Float32Array(3 * n);
   for (let i = 0; i < n; i++) {
     P[3 * i] = arrays.x[i] / 32767.5 - about.extent[0];
     P[3 * i + 1] = arrays.y[i] / 32767.5 - about.extent[1];
     P[3 * i + 2] = arrays.z[i] / 32767.5 - about.extent[2];
-    UV[2 * i] = arrays.u[i] / 32767.5 - 1;
-    UV[2 * i + 1] = arrays.v[i] / 32767.5 - 1;
   }
+  const maps = about.spins.map((_, k) =>
+    Float32Array.from({ length: 2 * n }, (_, c) => arrays["uv"[c % 2] + k][c >> 1] / 32767.5 - 1));
   for (let f = 0; f < m; f++) {
     const [i, j, k] = [3 * F[3 * f], 3 * F[3 * f + 1], 3 * F[3 * f + 2]];
     const ax = P[j] - P[i], ay = P[j + 1] - P[i + 1], az = P[j + 2] - P[i + 2];
@@ -44,15 +46,34 @@ function makeScene(arrays) {
   let radius = 0;
   for (let i = 0; i < 3 * n; i += 3) radius = Math.max(radius, Math.hypot(P[i], P[i + 1], P[i + 2]));
   for (let i = 0; i < 3 * n; i++) P[i] /= radius;
-  return { n, m, F, P, UV, N, rim: arrays.rim, cut: arrays.cut, arrays };
+  return { n, F, P, N, maps, arrays };
+}
+
+// Faces between the first vertices in the cells of a grid. What was cut apart stays apart, as the
+// cells are of the surface and of its image.
+function fewerFaces({ n, F, P, maps: [UV] }, cells) {
+  const cell = (x, count) => Math.min(Math.floor((count * (x + 1)) / 2), count - 1);
+  const first = new Map(), standIn = new Uint32Array(n);
+  for (let i = 0; i < n; i++) {
+    let name = 16 * cell(UV[2 * i], 16) + cell(UV[2 * i + 1], 16);
+    for (let c = 0; c < 3; c++) name = cells * name + cell(P[3 * i + c], cells);
+    if (!first.has(name)) first.set(name, i);
+    standIn[i] = first.get(name);
+  }
+  const kept = [];
+  for (let c = 0; c < F.length; c += 3) {
+    const [i, j, k] = [standIn[F[c]], standIn[F[c + 1]], standIn[F[c + 2]]];
+    if (i !== j && j !== k && k !== i) kept.push(i, j, k);
+  }
+  return kept;
 }
 
 const VERTEX = `#version 300 es
 in vec3 position, normal; in vec2 uv; in float value;
-uniform mat3 turn; uniform vec2 shift, aspect; uniform float zoom; uniform bool plane;
+uniform mat3 turn; uniform vec2 shift, aspect; uniform float zoom;
 out vec3 n; out vec2 at; out float x;
 void main() {
-  vec3 p = turn * (plane ? vec3(uv, 0) : position);
+  vec3 p = turn * position;
   gl_Position = vec4((p.xy * zoom + shift) * aspect, -0.9 * p.z, 1);
   n = normal; at = uv; x = value;
 }`;
@@ -67,6 +88,7 @@ out vec4 color;
 float integral(float t) { return abs(mod(t, 2.0) - 1.0); }
 float wave(float t, float w) { return (integral(t + w / 2.0) - integral(t - w / 2.0)) / w; }
 void main() {
+  if (kind < 0) { color = vec4(0, 0, 0, 0.4); return; }
   vec3 unit = normalize(n);
   vec3 base;
   if (kind == 0) base = 0.5 + 0.5 * (home * unit);
@@ -90,16 +112,16 @@ void main() {
 
 // An edge is a rectangle as wide as a pen, a little in front of the surface.
 const PEN = `#version 300 es
-in vec3 startPoint, endPoint; in vec2 startUv, endUv;
-uniform mat3 turn; uniform vec2 shift, aspect, pixel; uniform float zoom, width; uniform bool plane;
+in vec3 start, end;
+uniform mat3 turn; uniform vec2 shift, aspect, pixel; uniform float zoom, width;
 void main() {
-  vec3 a = turn * (plane ? vec3(startUv, 0) : startPoint), b = turn * (plane ? vec3(endUv, 0) : endPoint);
+  vec3 a = turn * start, b = turn * end;
   vec2 A = (a.xy * zoom + shift) * aspect, B = (b.xy * zoom + shift) * aspect;
   vec2 along = (B - A) / pixel; float length_ = length(along);
   along = length_ > 0.0 ? along / length_ : vec2(1, 0);
-  bool end = gl_VertexID > 1; float side = gl_VertexID % 2 == 0 ? -1.0 : 1.0;
-  vec2 moved = (vec2(-along.y, along.x) * side + along * (end ? 1.0 : -1.0) * 0.5) * width / 2.0 * pixel;
-  gl_Position = vec4((end ? B : A) + moved, -0.9 * (end ? b.z : a.z) - 0.004, 1);
+  bool last = gl_VertexID > 1; float side = gl_VertexID % 2 == 0 ? -1.0 : 1.0;
+  vec2 moved = (vec2(-along.y, along.x) * side + along * (last ? 1.0 : -1.0) * 0.5) * width / 2.0 * pixel;
+  gl_Position = vec4((last ? B : A) + moved, -0.9 * (last ? b.z : a.z) - 0.004, 1);
 }`;
 const INK = `#version 300 es
 precision mediump float; uniform vec4 ink; out vec4 color; void main() { color = ink; }`;
@@ -122,30 +144,39 @@ function program(gl, vertex, fragment) {
   return { made, uniforms, attribute: (name) => gl.getAttribLocation(made, name) };
 }
 
-function attach(gl, location, size, data, divisor = 0, stride = 0, offset = 0) {
+const buffer = (gl, data, target = gl.ARRAY_BUFFER) => {
+  const made = gl.createBuffer();
+  gl.bindBuffer(target, made);
+  gl.bufferData(target, data, gl.STATIC_DRAW);
+  return made;
+};
+
+function attach(gl, location, size, from, divisor = 0, stride = 0, offset = 0) {
   if (location < 0) return;
-  if (data) {
-    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
-  }
+  gl.bindBuffer(gl.ARRAY_BUFFER, from);
   gl.enableVertexAttribArray(location);
   gl.vertexAttribPointer(location, size, gl.FLOAT, false, stride, offset);
   gl.vertexAttribDivisor(location, divisor);
 }
 
-function strokes(gl, pen, scene, ends) { // pairs of vertices as instances of a rectangle
-  const data = new Float32Array(5 * ends.length);
-  ends.forEach((i, k) => data.set([...scene.P.subarray(3 * i, 3 * i + 3), ...scene.UV.subarray(2 * i, 2 * i + 2)], 5 * k));
-  const array = gl.createVertexArray(), buffer = gl.createBuffer();
+function strokes(gl, pen, points, size, ends) { // pairs of vertices as instances of a rectangle
+  const array = gl.createVertexArray();
+  const at = buffer(gl, Float32Array.from({ length: size * ends.length }, (_, c) => points[size * ends[Math.floor(c / size)] + (c % size)]));
   gl.bindVertexArray(array);
-  gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-  gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
-  attach(gl, pen.attribute("startPoint"), 3, null, 1, 40, 0);
-  attach(gl, pen.attribute("startUv"), 2, null, 1, 40, 12);
-  attach(gl, pen.attribute("endPoint"), 3, null, 1, 40, 20);
-  attach(gl, pen.attribute("endUv"), 2, null, 1, 40, 32);
-  const free = () => { gl.deleteVertexArray(array); gl.deleteBuffer(buffer); };
-  return { array, count: ends.length / 2, free };
+  attach(gl, pen.attribute("start"), size, at, 1, 8 * size, 0);
+  attach(gl, pen.attribute("end"), size, at, 1, 8 * size, 4 * size);
+  return { array, count: ends.length / 2 };
+}
+
+// Triangles and the edges between them; an edge that is passed one way only lies at a border.
+function elements(gl, faces) {
+  const edges = [];
+  for (let c = 0; c < faces.length; c++) {
+    const i = faces[c], j = faces[c % 3 < 2 ? c + 1 : c - 2];
+    if (i < j) edges.push(i, j);
+  }
+  return [faces, edges].map((indices) => ({ count: indices.length,
+    indices: buffer(gl, Uint32Array.from(indices), gl.ELEMENT_ARRAY_BUFFER) }));
 }
 
 // -- geometry --------------------------------------------------------------------------
@@ -158,7 +189,15 @@ const product = (a, b) => { // 3 x 3, by rows
 const aboutZ = (t) => [Math.cos(t), -Math.sin(t), 0, Math.sin(t), Math.cos(t), 0, 0, 0, 1];
 const aboutY = (t) => [Math.cos(t), 0, Math.sin(t), 0, 1, 0, -Math.sin(t), 0, Math.cos(t)];
 const aboutX = (t) => [1, 0, 0, 0, Math.cos(t), -Math.sin(t), 0, Math.sin(t), Math.cos(t)];
-const times = (turn, P, i) => [0, 3, 6].map((r) => turn[r] * P[i] + turn[r + 1] * P[i + 1] + turn[r + 2] * P[i + 2]);
+
+// The outline of a histogram of whole numbers to 255, above a strip.
+function histogram(values) {
+  const counts = new Array(64).fill(0);
+  for (const x of values) counts[x >> 2]++;
+  const most = Math.max(...counts);
+  const steps = counts.flatMap((count, k) => [k, k + 1].map((x) => `${(100 * x) / 64}% ${75 * (1 - count / most)}%`));
+  return `polygon(0% 100%, ${steps.join()}, 100% 100%)`;
+}
 
 // The nearest face at (x, y) among vertices (X, Y, Z), with barycentric coordinates.
 function faceAt(F, X, Y, Z, x, y) {
@@ -176,20 +215,18 @@ function faceAt(F, X, Y, Z, x, y) {
 
 // -- the page --------------------------------------------------------------------------
 
+const SMOOTH = 45; // milliseconds between frames; a slower machine draws less while a view moves
+// From much to little: pixels that are drawn to one of the page, a side, and cells of the grid
+// that thins out the faces.
+const EFFORTS = [[2, null], [1, null], [0.6, 80], [0.5, 40]];
+const REST = 400; // milliseconds without a movement, after which a view is drawn in full
+
 function start(scene, gl, image) {
-  const canvas = byId("canvas");
   const paint = program(gl, VERTEX, FRAGMENT), pen = program(gl, PEN, INK);
-  const surface = gl.createVertexArray();
-  gl.bindVertexArray(surface);
-  attach(gl, paint.attribute("position"), 3, scene.P);
-  attach(gl, paint.attribute("normal"), 3, scene.N);
-  attach(gl, paint.attribute("uv"), 2, scene.UV);
-  const values = gl.createBuffer();
-  gl.bindBuffer(gl.ARRAY_BUFFER, values);
-  gl.bufferData(gl.ARRAY_BUFFER, 4 * scene.n, gl.DYNAMIC_DRAW);
-  attach(gl, paint.attribute("value"), 1, null);
-  gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-  gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint32Array(scene.F), gl.STATIC_DRAW);
+  const points = buffer(gl, scene.P), normals = buffer(gl, scene.N);
+  const values = buffer(gl, new Float32Array(scene.n)); // of the colouring
+  const maps = scene.maps.map((UV) => buffer(gl, UV));
+  const drawn = new Map([[null, elements(gl, scene.F)]]); // by cells, the others when needed
   if (image) {
     gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, image);
@@ -199,25 +236,40 @@ function start(scene, gl, image) {
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
   }
   gl.enable(gl.DEPTH_TEST);
-  gl.enable(gl.SCISSOR_TEST);
+  gl.depthFunc(gl.LEQUAL);
+  gl.polygonOffset(1, 1);
+  gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
 
-  const home = new Float32Array(about.home), spin = new Float32Array(aboutZ(about.spin));
-  const views = {};
-  for (const name of ["surface", "plane"]) {
-    const panel = byId(name);
-    views[name] = { name, panel, mark: panel.querySelector(".mark"), plane: name === "plane", X: null };
+  const home = new Float32Array(about.home);
+  const state = { coloring: null, squares: 32, wire: false, marked: null, effort: 0, last: 0 };
+  const views = ["Surface", ...about.planes].map((name, k) => {
+    const plane = k > 0, size = plane ? 2 : 3, at = plane ? scene.maps[k - 1] : scene.P;
+    const panel = byId("panel").content.firstElementChild.cloneNode(true);
+    panel.id = ["surface", "plane"][k] || `plane${k}`;
+    panel.ariaLabel = `${name}. Arrow keys ${plane ? "move" : "turn"} it, plus and minus zoom, 0 resets.`;
+    panel.querySelector("h2").textContent = name;
+    byId("stage").append(panel);
+    const array = gl.createVertexArray();
+    gl.bindVertexArray(array);
+    attach(gl, paint.attribute("position"), size, plane ? maps[k - 1] : points);
+    attach(gl, paint.attribute("normal"), 3, normals);
+    attach(gl, paint.attribute("value"), 1, values);
+    const lines = ["rim", "cut"].map((name) => strokes(gl, pen, at, size, scene.arrays[name]));
+    return { panel, plane, size, at, array, lines, canvas: panel.querySelector("canvas"),
+      ring: panel.querySelector(".mark"), outline: panel.querySelector("polygon"),
+      home: plane ? new Float32Array(aboutZ(about.spins[k - 1])) : home };
+  });
+
+  function reset(view) { // where it was at first, at rest
+    clearTimeout(view.rest);
+    Object.assign(view, { turn: view.home, shift: [0, 0], zoom: view.plane ? 0.92 : 0.95, X: null, rest: null });
   }
-  const lines = { rim: strokes(gl, pen, scene, scene.rim), cut: strokes(gl, pen, scene, scene.cut), mark: null };
-  const state = { coloring: null, squares: 32, marked: null };
+  views.forEach(reset);
 
-  const reset = (view) => Object.assign(view, { turn: view.plane ? spin : home, shift: [0, 0], zoom: view.plane ? 0.92 : 0.95, X: null });
-  Object.values(views).forEach(reset);
-
-  function frame(view) { // where the panel lies on the canvas, and what is one unit in it
-    const box = view.panel.getBoundingClientRect(), all = canvas.getBoundingClientRect();
-    const side = Math.min(box.width, box.height);
-    return { x: box.left - all.left, y: all.bottom - box.bottom, width: box.width, height: box.height, box,
-      aspect: [side / box.width, side / box.height] };
+  function frame(view) { // the panel, and what is one unit in it
+    const box = view.panel.getBoundingClientRect(), { width, height } = box;
+    const side = Math.min(width, height);
+    return { box, width, height, aspect: [side / width, side / height] };
   }
   const toPanel = (view, p) => { // pixels in the panel of a point in view coordinates
     const { width, height, aspect } = frame(view);
@@ -227,95 +279,123 @@ function start(scene, gl, image) {
     const { width, height, aspect } = frame(view);
     return [((2 * x) / width - 1) / aspect[0], (1 - (2 * y) / height) / aspect[1]].map((s, c) => (s - view.shift[c]) / view.zoom);
   };
+  const vertex = (view, i) => { // in view coordinates
+    const { turn, at, size } = view, [x, y] = [at[size * i], at[size * i + 1]], z = view.plane ? 0 : at[3 * i + 2];
+    return [0, 3, 6].map((r) => turn[r] * x + turn[r + 1] * y + turn[r + 2] * z);
+  };
 
   // Coordinates of all vertices as a view has them, until it turns.
   function seen(view) {
     if (view.X) return view;
-    const { n, P, UV } = scene;
+    const { n } = scene;
     view.X = new Float32Array(n); view.Y = new Float32Array(n); view.Z = view.plane ? null : new Float32Array(n);
-    for (let i = 0; i < n; i++)
-      if (view.plane) [view.X[i], view.Y[i]] = times(view.turn, [UV[2 * i], UV[2 * i + 1], 0], 0);
-      else [view.X[i], view.Y[i], view.Z[i]] = times(view.turn, P, 3 * i);
+    for (let i = 0; i < n; i++) {
+      const p = vertex(view, i);
+      view.X[i] = p[0]; view.Y[i] = p[1];
+      if (view.Z) view.Z[i] = p[2];
+    }
     return view;
   }
   const hit = (view, x, y) => { const s = seen(view); return faceAt(scene.F, s.X, s.Y, s.Z, x, y); };
 
-  let pending = false;
-  const redraw = () => { if (!pending) { pending = true; requestAnimationFrame(draw); } };
-  function draw() {
-    pending = false;
-    const ratio = Math.min(window.devicePixelRatio || 1, 2), all = canvas.getBoundingClientRect();
-    const [width, height] = [Math.round(all.width * ratio), Math.round(all.height * ratio)];
-    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-    const css = getComputedStyle(document.documentElement);
-    const ink = (name) => [1, 3, 5].map((i) => parseInt(css.getPropertyValue(name).trim().slice(i, i + 2), 16) / 255);
-    for (const view of Object.values(views)) {
-      const f = frame(view), area = [f.x, f.y, f.width, f.height].map((s) => Math.round(s * ratio));
-      gl.viewport(...area);
-      gl.scissor(...area);
-      gl.clearColor(...ink("--panel"), 1);
-      gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-      for (const { made, uniforms } of [paint, pen]) {
-        gl.useProgram(made);
-        gl.uniformMatrix3fv(uniforms.turn, true, view.turn);
-        gl.uniform2f(uniforms.shift, ...view.shift);
-        gl.uniform2f(uniforms.aspect, ...f.aspect);
-        gl.uniform1f(uniforms.zoom, view.zoom);
-        gl.uniform1i(uniforms.plane, view.plane);
-      }
-      gl.useProgram(paint.made);
-      gl.uniformMatrix3fv(paint.uniforms.home, true, home);
-      gl.uniform1i(paint.uniforms.kind, ["normals", "checkerboard", "values", "image"].indexOf(state.coloring.kind));
-      gl.uniform1f(paint.uniforms.squares, state.squares);
-      gl.uniform2f(paint.uniforms.origin, ...about.origin);
-      gl.uniform3fv(paint.uniforms.ramp, (state.coloring.ramp || Array(9).fill("#000000")).flatMap(
-        (c) => [1, 3, 5].map((i) => parseInt(c.slice(i, i + 2), 16) / 255)));
-      gl.bindVertexArray(surface);
-      gl.drawElements(gl.TRIANGLES, 3 * scene.m, gl.UNSIGNED_INT, 0);
-      gl.useProgram(pen.made);
-      gl.uniform2f(pen.uniforms.pixel, 2 / area[2], 2 / area[3]);
-      for (const [stroke, name, wide] of [[lines.rim, "--rim", 1.5], [lines.cut, "--cut", 2], [lines.mark, "--accent", 2]]) {
-        if (!stroke || !stroke.count) continue;
-        gl.uniform1f(pen.uniforms.width, wide * ratio);
-        gl.uniform4f(pen.uniforms.ink, ...ink(name), 1);
-        gl.bindVertexArray(stroke.array);
-        gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, stroke.count);
-      }
-    }
+  const sharpness = () => Math.min(window.devicePixelRatio, 2);
+  const stale = new Set();
+  function redraw(...some) {
+    if (!stale.size) requestAnimationFrame(drawAll);
+    for (const view of some.length ? some : views) stale.add(view);
+  }
+  function moved(view) {
+    clearTimeout(view.rest);
+    view.rest = setTimeout(() => { view.rest = null; state.last = 0; redraw(view); }, REST);
+    redraw(view);
+  }
+  function drawAll(now) {
+    const moving = [...stale].some((view) => view.rest), late = (now - state.last) / SMOOTH;
+    if (moving && state.last && late > 1) state.effort = Math.min(state.effort + Math.ceil(Math.log2(late)), EFFORTS.length - 1);
+    state.last = moving ? now : 0;
+    for (const view of stale) draw(view);
+    stale.clear();
     placeMarks();
   }
 
-  function placeMarks() {
-    for (const view of Object.values(views)) {
-      view.mark.hidden = !state.marked;
-      if (!state.marked) continue;
-      const p = place(view, state.marked), front = view.plane ? null : hit(view, p[0], p[1]);
-      const [x, y] = toPanel(view, p);
-      Object.assign(view.mark.style, { left: `${x}px`, top: `${y}px` });
-      view.mark.classList.toggle("behind", front !== null && front.depth > p[2] + 0.01);
+  function draw(view) {
+    const f = frame(view), [ratio, cells] = EFFORTS[view.rest ? state.effort : 0];
+    const pixels = (ratio) => ({ width: Math.max(Math.round(f.width * ratio), 1), height: Math.max(Math.round(f.height * ratio), 1) });
+    const { width, height } = pixels(ratio), shown = pixels(sharpness());
+    if (gl.canvas.width !== width || gl.canvas.height !== height) Object.assign(gl.canvas, { width, height });
+    if (!drawn.has(cells)) drawn.set(cells, elements(gl, fewerFaces(scene, cells)));
+    const [faces, edges] = drawn.get(cells);
+    const css = getComputedStyle(document.documentElement);
+    const ink = (name) => [1, 3, 5].map((i) => parseInt(css.getPropertyValue(name).trim().slice(i, i + 2), 16) / 255);
+    gl.viewport(0, 0, width, height);
+    gl.clearColor(...ink("--panel"), 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    for (const { made, uniforms } of [paint, pen]) {
+      gl.useProgram(made);
+      gl.uniformMatrix3fv(uniforms.turn, true, view.turn);
+      gl.uniform2f(uniforms.shift, ...view.shift);
+      gl.uniform2f(uniforms.aspect, ...f.aspect);
+      gl.uniform1f(uniforms.zoom, view.zoom);
     }
+    gl.useProgram(paint.made);
+    gl.uniformMatrix3fv(paint.uniforms.home, true, home);
+    gl.uniform1i(paint.uniforms.plane, view.plane);
+    gl.uniform1i(paint.uniforms.kind, ["normals", "checkerboard", "values", "image"].indexOf(state.coloring.kind));
+    gl.uniform1f(paint.uniforms.squares, state.squares);
+    gl.uniform2f(paint.uniforms.origin, ...about.origin);
+    gl.uniform3fv(paint.uniforms.ramp, (state.coloring.ramp || Array(9).fill("#000000")).flatMap(
+      (c) => [1, 3, 5].map((i) => parseInt(c.slice(i, i + 2), 16) / 255)));
+    gl.bindVertexArray(view.array);
+    gl.enable(gl.POLYGON_OFFSET_FILL);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, faces.indices);
+    gl.drawElements(gl.TRIANGLES, faces.count, gl.UNSIGNED_INT, 0);
+    gl.disable(gl.POLYGON_OFFSET_FILL);
+    if (state.wire) {
+      gl.enable(gl.BLEND);
+      gl.uniform1i(paint.uniforms.kind, -1);
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, edges.indices);
+      gl.drawElements(gl.LINES, edges.count, gl.UNSIGNED_INT, 0);
+      gl.disable(gl.BLEND);
+    }
+    gl.useProgram(pen.made);
+    gl.uniform2f(pen.uniforms.pixel, 2 / width, 2 / height);
+    for (const [k, name, wide] of cells ? [] : [[0, "--rim", 1.5], [1, "--cut", 2]]) {
+      const { array, count } = view.lines[k];
+      gl.uniform1f(pen.uniforms.width, wide * ratio);
+      gl.uniform4f(pen.uniforms.ink, ...ink(name), 1);
+      gl.bindVertexArray(array);
+      if (count) gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, count);
+    }
+    if (view.canvas.width !== shown.width || view.canvas.height !== shown.height) Object.assign(view.canvas, shown);
+    view.canvas.getContext("2d").drawImage(gl.canvas, 0, 0, shown.width, shown.height);
   }
-  function place(view, { face, weights }) { // in view coordinates
-    const p = [0, 0, 0], s = seen(view);
-    weights.forEach((w, c) => {
-      const i = scene.F[3 * face + c];
-      p[0] += w * s.X[i]; p[1] += w * s.Y[i]; p[2] += s.Z ? w * s.Z[i] : 0;
-    });
-    return p;
+
+  function placeMarks() {
+    for (const view of views) {
+      view.ring.hidden = !state.marked;
+      view.outline.setAttribute("points", "");
+      if (!state.marked) continue;
+      const { face, weights } = state.marked;
+      const corners = [0, 1, 2].map((c) => vertex(view, scene.F[3 * face + c]));
+      const p = [0, 1, 2].map((r) => weights.reduce((sum, w, c) => sum + w * corners[c][r], 0));
+      const [x, y] = toPanel(view, p);
+      Object.assign(view.ring.style, { left: `${x}px`, top: `${y}px` });
+      view.outline.setAttribute("points", corners.map((corner) => toPanel(view, corner).join()).join(" "));
+      if (view.plane || view.rest) continue;
+      const front = hit(view, p[0], p[1]), behind = front !== null && front.depth > p[2] + 0.01;
+      for (const element of [view.ring, view.outline]) element.classList.toggle("behind", behind);
+    }
   }
 
   function mark(found) {
     state.marked = found;
-    if (lines.mark) lines.mark.free();
-    lines.mark = null;
     const readout = byId("readout");
     if (found) {
       const [i, j, k] = scene.F.slice(3 * found.face, 3 * found.face + 3);
-      lines.mark = strokes(gl, pen, scene, [i, j, j, k, k, i]);
       const nearest = [i, j, k][found.weights.indexOf(Math.max(...found.weights))];
       const { faceOrder, vertexOrder } = scene.arrays;
       const face = faceOrder[found.face];
-      const [u, v] = [0, 1].map((c) => [i, j, k].reduce((sum, at, n) => sum + about.scale * found.weights[n] * scene.UV[2 * at + c], about.middle[c]));
+      const [u, v] = [0, 1].map((c) => [i, j, k].reduce((sum, at, n) => sum + about.scale * found.weights[n] * scene.maps[0][2 * at + c], about.middle[c]));
       const values = about.colorings.filter((c) => c.kind === "values").map((c) => {
         const x = c.low + ((c.high - c.low) * scene.arrays[c.array][nearest]) / 255;
         return `${c.name} ${x.toPrecision(3)}${c.unit}`;
@@ -325,10 +405,10 @@ function start(scene, gl, image) {
         `(${u.toFixed(4)}, ${v.toFixed(4)})`, ...values].join("  ·  ");
       readout.dataset.face = face;
     } else {
-      readout.textContent = "Hover to mark a face on both sides";
+      readout.textContent = "Point at a face to mark it everywhere";
       delete readout.dataset.face;
     }
-    redraw();
+    placeMarks();
   }
 
   function choose(index) {
@@ -339,15 +419,23 @@ function start(scene, gl, image) {
       b.setAttribute("aria-checked", i === index);
       b.tabIndex = i === index ? 0 : -1;
     });
+    const valued = coloring.kind === "values";
+    for (const { array } of views) {
+      gl.bindVertexArray(array);
+      attach(gl, paint.attribute("uv"), 2, maps[coloring.map || 0]);
+    }
     byId("squares-label").hidden = coloring.kind !== "checkerboard";
     const legend = byId("legend");
-    legend.hidden = coloring.kind !== "values";
-    if (coloring.kind === "values") {
+    legend.hidden = !valued;
+    if (valued) {
       gl.bindBuffer(gl.ARRAY_BUFFER, values);
       gl.bufferSubData(gl.ARRAY_BUFFER, 0, Float32Array.from(scene.arrays[coloring.array], (x) => x / 255));
       legend.replaceChildren(...[["b", coloring.legend], ["span", coloring.ends[0]], ["i", ""], ["span", coloring.ends[1]]].map(
         ([tag, text]) => Object.assign(document.createElement(tag), { textContent: text })));
-      legend.querySelector("i").style.background = `linear-gradient(90deg, ${coloring.ramp.join()})`;
+      const scale = legend.querySelector("i");
+      scale.style.background = `linear-gradient(90deg, ${coloring.ramp.join()})`;
+      scale.style.clipPath = histogram(scene.arrays[coloring.array]);
+      scale.title = "how many vertices have which value";
     }
     redraw();
   }
@@ -356,20 +444,33 @@ function start(scene, gl, image) {
     const before = fromPanel(view, x, y), zoom = Math.min(Math.max(view.zoom * factor, 0.2), 5000);
     view.shift = view.shift.map((s, c) => s + before[c] * (view.zoom - zoom));
     view.zoom = zoom;
-    redraw();
+    moved(view);
   }
   function move(view, dx, dy) {
     const { width, height, aspect } = frame(view);
     view.shift = [view.shift[0] + (2 * dx) / width / aspect[0], view.shift[1] - (2 * dy) / height / aspect[1]];
-    redraw();
+    moved(view);
   }
   function turn(view, dx, dy) {
     view.turn = product(product(aboutX(dy * 0.008), aboutY(dx * 0.008)), view.turn);
     view.X = null;
-    redraw();
+    moved(view);
   }
 
-  for (const view of Object.values(views)) listen(view);
+  function save() { // what the panels show, as a picture
+    const stage = byId("stage").getBoundingClientRect(), ratio = sharpness();
+    const all = Object.assign(document.createElement("canvas"), { width: Math.floor(stage.width * ratio), height: Math.floor(stage.height * ratio) });
+    const paper = all.getContext("2d");
+    paper.fillStyle = getComputedStyle(document.body).backgroundColor;
+    paper.fillRect(0, 0, all.width, all.height);
+    for (const view of views) {
+      const { box } = frame(view);
+      paper.drawImage(view.canvas, (box.left - stage.left) * ratio, (box.top - stage.top) * ratio);
+    }
+    Object.assign(document.createElement("a"), { href: all.toDataURL(), download: `${document.title}.png` }).click();
+  }
+
+  views.forEach(listen);
   function listen(view) {
     const { panel } = view, down = new Map();
     const position = (event) => { const { box } = frame(view); return [event.clientX - box.left, event.clientY - box.top]; };
@@ -395,7 +496,7 @@ function start(scene, gl, image) {
     for (const name of ["pointerup", "pointercancel"]) panel.addEventListener(name, (event) => down.delete(event.pointerId));
     panel.addEventListener("pointerleave", (event) => { if (event.pointerType === "mouse" && !down.size) mark(null); });
     panel.addEventListener("contextmenu", (event) => event.preventDefault());
-    panel.addEventListener("dblclick", () => { reset(view); redraw(); });
+    panel.addEventListener("dblclick", () => { reset(view); redraw(view); });
     panel.addEventListener("wheel", (event) => {
       event.preventDefault();
       zoomAt(view, ...position(event), Math.exp(-event.deltaY * 0.0015));
@@ -406,7 +507,7 @@ function start(scene, gl, image) {
       if (step) (view.plane || event.shiftKey ? move : turn)(view, ...step);
       else if (event.key === "+" || event.key === "=") zoomAt(view, width / 2, height / 2, 1.2);
       else if (event.key === "-") zoomAt(view, width / 2, height / 2, 1 / 1.2);
-      else if (event.key === "0") { reset(view); redraw(); }
+      else if (event.key === "0") { reset(view); redraw(view); }
       else return;
       event.preventDefault();
     });
@@ -425,19 +526,25 @@ function start(scene, gl, image) {
     byId("colorings").append(button);
   });
   document.addEventListener("keydown", (event) => { if (/^[1-9]$/.test(event.key)) choose(Number(event.key) - 1); });
+  byId("wireframe").addEventListener("click", (event) => {
+    state.wire = !state.wire;
+    event.target.setAttribute("aria-pressed", state.wire);
+    redraw();
+  });
+  byId("reset").addEventListener("click", () => { views.forEach(reset); redraw(); });
+  byId("picture").addEventListener("click", save);
   byId("squares").addEventListener("input", (event) => {
     state.squares = 2 ** event.target.value;
     event.target.nextElementSibling.textContent = state.squares;
     redraw();
   });
-  new ResizeObserver(redraw).observe(byId("stage"));
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+  new ResizeObserver(() => redraw()).observe(byId("stage"));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => redraw());
   choose(0);
 }
 
 async function main() {
-  const canvas = byId("canvas");
-  const gl = canvas.getContext("webgl2", { antialias: true });
+  const gl = document.createElement("canvas").getContext("webgl2", { alpha: false, antialias: false });
   if (!gl || !window.DecompressionStream) {
     byId("readout").textContent = "This browser has no WebGL 2: the picture is all there is.";
     document.body.dataset.state = "poster";
@@ -449,7 +556,6 @@ async function main() {
     await image.decode();
   }
   const scene = makeScene(await unpack());
-  canvas.hidden = false;
   byId("poster").hidden = true;
   start(scene, gl, image);
   document.body.dataset.state = "ready";

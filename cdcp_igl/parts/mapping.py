@@ -1,0 +1,648 @@
+"""Algorithm 1 over parts: what the steps of the parts leave to be done for the whole."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import logging
+import shutil
+from collections.abc import Callable, Iterable
+from contextlib import closing
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any, Literal, NoReturn
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import solve_triangular
+
+from .. import __version__, libigl
+from ..arrays import (
+    Complex,
+    Floats,
+    Ints,
+    as_complex,
+    coordinates,
+    distinct_rows,
+    evenly_spaced_rows,
+)
+from ..certificate import Certificate, certificate_of, is_around
+from ..distortion import AngleDistortion, disk_map_distortion
+from ..errors import MapError, counted
+from ..io.output import write_text
+from ..rescue.boundary import BoundaryMethod
+from ..rescue.conformality import NOT_VALID, judge_by, sampled_faces
+from ..rescue.recentering import FACES, deep_vertex
+from ..rescue.repair import Repair, repair_locally
+from ..rescue.straightening import FEW_FACES, WORTH, common_shear
+from ..selection import MANY_FLIPPED
+from ..solve.solvers import SolverName, solver, using
+from ..solve.threads import one_thread
+from ..steps.alignment import check_slope
+from ..steps.center import CANDIDATES, Center, first_well_shaped
+from ..steps.circle import Rejected, onto_circle
+from ..steps.least_distortion import MANY_FACES, AngleErrors, least_angle_distortion
+from ..steps.mobius import Normalization, barycenter_by_moments, harmless, mobius_transformation
+from ..steps.options import Options
+from ..steps.phases import Phases, Progress
+from ..steps.trace import lengths_along, shares_of_edges, trace_of_shares
+from ..surface.topology import Topology, components_of_pairs, heads
+from . import steps
+from .part import Arrays, Folder, Piece, named
+from .parting import refuse
+from .result import PartsMap
+from .running import Engine
+
+log = logging.getLogger("cdcp_igl")
+
+RESULT = "map.json"
+
+Finished = tuple[list[str], Arrays]  # names of the results of the parts, and their values on seams
+
+
+def parts_map(
+    folder: str | PathLike[str],
+    *,
+    executor: Any = None,
+    center: Literal["torsion"] | int = "torsion",
+    mobius: Literal["angle", "area"] | None = "angle",
+    align: int | ArrayLike | None = None,
+    solver: SolverName | None = None,
+    progress: Progress | None = None,
+) -> PartsMap:
+    """Map a surface in parts onto the disk: the map of `disk_map`, in a fraction of its memory.
+
+    Everything that is computed is a file in a folder beside the parts, and what is there is not
+    computed again: a run that was stopped goes on. These files are removed at the end; the map
+    stays there, and is found when it is asked for again.
+
+    Parameters
+    ----------
+    folder : path-like
+        What `partition` has made.
+    executor : int, concurrent.futures.Executor or dask.distributed.Client, optional
+        Computes the parts side by side: so many processes of this machine, or an executor whose
+        workers, perhaps on many machines, share the file system. None computes them one after the
+        other, here. The results are the same bit by bit.
+    center : "torsion" or int
+        The face that carries the dipole: by the torsion function, or a row of F.
+    mobius, align, solver
+        As in `disk_map`.
+    progress : callable, optional
+        Called as ``progress(phase, fraction)``.
+
+    Returns
+    -------
+    PartsMap
+        Its `certificate` is that of the whole.
+
+    Raises
+    ------
+    MeshError
+        If the surface is no disk: as `check` says, which then reads the whole surface.
+    SolverError
+        If a part cannot be factored, or does not fit into memory.
+    MapError
+        If the map would have to be rescued otherwise than by moving some vertices near a few
+        flipped faces: there, `disk_map` tries other maps.
+    ValueError
+        If an option is none of those above.
+    OSError
+        If something cannot be read or written. What is done is kept.
+    BrokenExecutor
+        If workers die again and again. What is done is kept.
+    ImportError
+        If the solver that was asked for is not installed.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.ellipse(20)
+    >>> with TemporaryDirectory() as folder:
+    ...     parts = cdcp_igl.partition((V, F), Path(folder, "ellipse"), parts=4)
+    ...     uv = cdcp_igl.parts_map(parts).uv
+    >>> bool(abs(uv - cdcp_igl.disk_map(V, F).uv).max() < 1e-9)
+    True
+    """
+    options = Options(center, mobius, align, solver=solver)
+    if isinstance(center, str) and center != "torsion":
+        raise ValueError(f'in parts, center must be "torsion" or a row of F, not {center!r}')
+    parts = Path(folder)
+    with using(solver):
+        engine_of = _solver_name()
+        chosen = [__version__, engine_of, center, mobius, np.asarray(align).tolist()]
+    digest = hashlib.sha256(repr(chosen).encode()).hexdigest()[:8]
+    files = Folder(parts, parts / f"map-{digest}")
+    if (files.work / RESULT).exists():
+        return PartsMap.read(files, json.loads((files.work / RESULT).read_text()))
+    files.work.mkdir(exist_ok=True)
+    for attempts in files.work.glob("*.attempts"):  # of a run that was stopped
+        attempts.unlink()
+    with closing(Engine(files, executor, solver)) as engine, one_thread():
+        result = _Mapping(files, engine, options, Phases(progress), engine_of).run()
+    return result
+
+
+def _solver_name() -> str:
+    chosen = solver()
+    order = "AMD" if chosen.ORDERS else "minimum degree"
+    return f"{chosen.LIBRARY} ({chosen.PACKAGE}, {order} ordering in parts, {chosen.MODE} mode)"
+
+
+@dataclass(frozen=True, eq=False)
+class _Sample:
+    """Some faces of the whole, by their rows, as a mesh of its own; and its map f (n,)."""
+
+    rows: Ints
+    vertices: Ints
+    mesh: Piece
+    f: Complex
+
+    @classmethod
+    def of(cls, folder: Folder, names: Iterable[str]) -> _Sample:
+        """Gather what steps have chosen."""
+        keys = "faces", "corners", "V", "images", "on_boundary"
+        read = [folder.read(name, *keys) for name in names]
+        rows, corners, V, images, border = (np.concatenate([x[key] for x in read]) for key in keys)
+        order = np.argsort(rows)
+        vertices, F = np.unique(corners, return_inverse=True)
+        F = F.reshape(-1, 3)
+        positions, f = np.empty((len(vertices), 3)), np.empty(len(vertices), complex)
+        positions[F], f[F] = V, images
+        mesh = Piece(positions, F[order], np.unique(F[border]))
+        return cls(rows[order], vertices, mesh, f)
+
+    def of_faces(self, rows: Ints) -> Piece:
+        """Take some of the faces, by their rows in the whole, as a mesh."""
+        return Piece(self.mesh.V, self.mesh.F[self.places(rows)], self.mesh.loop)
+
+    def places(self, rows: Ints) -> Ints:
+        """Find faces of the whole in the sample."""
+        return np.searchsorted(self.rows, rows)
+
+
+class _Mapping:
+    """One map: the steps of Algorithm 1, each of the parts first and then of the whole."""
+
+    def __init__(
+        self, folder: Folder, engine: Engine, options: Options, phase: Phases, solver: str
+    ) -> None:
+        self.folder, self.engine, self.options, self.phase = folder, engine, options, phase
+        self.solver, self.leaves = solver, folder.leaves
+        self.m = folder.manifest["faces"]
+        # A part takes some 20 times its file while it is condensed.
+        sizes = [(folder.parts / f"part-{p}.npz").stat().st_size for p in self.leaves]
+        self.memory = 20 * max(sizes) / 2**20
+
+    def run(self) -> PartsMap:
+        """Map the surface and write the result."""
+        phase = self.phase
+        with phase("check") as advance:
+            self.check(advance)
+        with phase("factor") as advance:
+            self.factor(advance)
+        bound: Floats | None = None
+        while True:
+            with phase("center"):
+                center = self.center(bound)
+            with phase("trace"):
+                trace, on_boundary = self.trace(center.face)
+            with phase("circle"):
+                try:
+                    f_B = onto_circle(trace)
+                except Rejected as reason:
+                    self.give_up(str(reason))
+            with phase("extension") as advance:
+                highest = self.extend(center, f_B, advance)
+            # Where weights are negative, the torsion may be larger than its bound.
+            if bound is not None or not (highest[self.unvisited] > self.threshold).any():
+                break
+            bound = highest
+        sample = _Sample.of(self.folder, self.extended)
+        self.refuse_rescue(sample, on_boundary)
+        judged = sample.mesh.F[sample.places(sampled_faces(self.m))]
+        self.folder.write("near", {"rows": np.unique(sample.vertices[judged])})
+        with phase("mobius"):
+            mobius = self.normalize(sample)
+        with phase("repair"):
+            repair = self.repair(mobius.w)
+        with phase("certificate"):
+            found = self.judge()
+        phase.done()
+        result = PartsMap(
+            folder=self.folder,
+            names=tuple(self.names),
+            center=center,
+            boundary=BoundaryMethod("geodesic"),
+            mobius=mobius,
+            repair=repair,
+            solver=self.solver,
+            timings=phase.seconds,
+            moved_bytes=self.folder.total_size(),
+            **found,
+        )
+        if not result.valid:
+            self.give_up(f"it would not be a bijection: {result.certificate}", result)
+        if result.conformality.is_doubtful:
+            self.give_up(f"it may not be conformal: {result.conformality}", result)
+        write_text(self.folder.work / RESULT, json.dumps(result.told(), indent=1) + "\n")
+        self.folder.keep_only({*self.names})
+        return result
+
+    def parts(
+        self,
+        what: Callable[..., dict[str, Any]],
+        *given: Any,
+        of: Iterable[int] | None = None,
+        advance: Callable[[float], None] = lambda done: None,
+    ) -> list[str]:
+        """Run a step for all parts, or for some: the names of the results."""
+        of = self.leaves if of is None else of
+        return self.engine.run(what, of, *given, memory=self.memory, advance=advance)
+
+    # -- is it a disk? -----------------------------------------------------------------
+
+    def check(self, advance: Callable[[float], None]) -> None:
+        """Find the boundary loop; MeshError if the surface is no disk."""
+        names = self.parts(steps.examine, advance=advance)
+        if not self.folder.has("loop"):
+            loop = self.loop(names)
+            if loop is None:
+                self.refuse_surface()
+            self.folder.write("loop", {"loop": loop})
+        self.options.check_rows(self.m, self.folder.read("loop")["loop"])
+
+    def loop(self, names: list[str]) -> Ints | None:
+        """(nB,) the boundary from the smallest vertex; None if the whole is no disk.
+
+        Edges with both ends on seams, and those with one face in a part, come from all parts that
+        have them. No edge with more than two faces, one component, Euler characteristic 1, and a
+        boundary that does not touch itself: then there is no pinched vertex either.
+        """
+        examined = [self.folder.read(name) for name in names]
+        half_edges = np.concatenate([x["half_edges"] for x in examined])
+        first, edge = distinct_rows(np.sort(half_edges, axis=1))
+        valence = np.bincount(edge)
+        forward = np.where(half_edges[:, 0] < half_edges[:, 1], 1, -1)
+        border = half_edges[valence[edge] == 1]
+        sound = all(x["sound"] for x in examined) and len(border) > 0
+        if not sound or valence.max() > 2 or np.bincount(edge, forward)[valence == 2].any():
+            return None
+        offsets = np.cumsum([0, *(int(x["n_components"]) for x in examined)])
+        component = np.concatenate(
+            [x["component"] + offset for x, offset in zip(examined, offsets, strict=False)]
+        )
+        joined = np.empty(len(first), np.int64)
+        joined[edge] = component  # of one of the two sides
+        if components_of_pairs(component, joined[edge], offsets[-1])[0] > 1:
+            return None
+        n_edges = len(first) + sum(int(x["n_inner"]) for x in examined)
+        vertices, ends = np.unique(border, return_inverse=True)
+        if self.folder.manifest["vertices"] - n_edges + self.m != 1:
+            return None
+        if np.bincount(ends.ravel()).max() > 2:
+            return None
+        loop = libigl.path(ends.reshape(-1, 2))
+        return vertices[np.roll(loop, -int(loop.argmin()))]
+
+    def refuse_surface(self) -> NoReturn:
+        """Raise the MeshError of `check`, for which the whole is read."""
+        manifest = self.folder.manifest
+        V, F = np.empty((manifest["vertices"], 3)), np.empty((self.m, 3), np.int64)
+        for p in self.leaves:
+            part = self.folder.part(p)
+            V[part.vertices], F[part.faces] = part.V, part.vertices[part.F]
+        refuse([np.ldexp(V, manifest["exponent"], out=V)], [F])
+
+    # -- the factor --------------------------------------------------------------------
+
+    def factor(self, advance: Callable[[float], None]) -> None:
+        """Condense the parts, and eliminate the seams, level by level from the leaves."""
+        memory = self.require_room()
+        self.parts(steps.eliminate, advance=advance)
+        for level in range(self.folder.manifest["levels"] - 1, -1, -1):
+            cuts = [node for node in self.cuts if node.bit_length() == level + 1]
+            largest = max((memory[node] for node in cuts), default=0)
+            self.engine.run(steps.merge, cuts, memory=largest / 2**20)
+            for node in cuts:
+                for side in (2 * node, 2 * node + 1):
+                    self.folder.remove(f"schur-{side}")
+
+    def require_room(self) -> dict[int, float]:
+        """Find how many bytes each front takes to be made; OSError if the disk is too small."""
+        node_of_row, rows, written = self.folder.seams["node"], dict[int, Ints](), 0
+        memory = dict[int, float]()
+        for p in self.leaves:
+            seam = self.folder.part_arrays(p, "seam")["seam"]
+            rows[self.folder.n_leaves + p] = np.sort(seam[seam >= 0])
+            written += 8 * len(rows[self.folder.n_leaves + p]) ** 2
+        for node in reversed(self.cuts):
+            sides = [rows.pop(k) for k in (2 * node, 2 * node + 1) if k in rows]
+            together = np.unique(np.concatenate(sides))
+            rows[node] = together[node_of_row[together] != node]
+            size, rest = len(together), len(rows[node])
+            written += 8 * (size * (size - rest) + rest**2)
+            # The front, the larger of its sides, and what is taken from it.
+            memory[node] = 8.0 * (size**2 + max(len(side) for side in sides) ** 2 + 2 * rest**2)
+        most, left = max(memory.values(), default=0), shutil.disk_usage(self.folder.work).free
+        log.info(
+            "the seams take up to %s MiB on disk and %s MiB of memory, a part some %s MiB",
+            *(f"{x:,.0f}" for x in (written / 2**20, most / 2**20, self.memory)),
+        )
+        if written > left and not self.folder.has(named(steps.merge, 1)):
+            reason = f"{written / 2**30:,.1f} GiB are needed and {left / 2**30:,.1f} GiB are free"
+            raise OSError(errno.ENOSPC, reason, str(self.folder.work))
+        return memory
+
+    @property
+    def cuts(self) -> list[int]:
+        """The nodes of the heap that have others below, from the root."""
+        return sorted(node for node in self.folder.nodes if node < self.folder.n_leaves)
+
+    def solve(self, g: Floats) -> Floats:
+        """Solve for the values (s, k) on seams, by right-hand sides (s, k) condensed to them."""
+        x = g.copy()
+        for node in reversed(self.cuts):
+            front = self.folder.read(named(steps.merge, node))
+            here = front["here"]
+            y = solve_triangular(front["L11"], x[here], lower=True, check_finite=False)
+            x[here] = y
+            x[front["rest"]] -= front["L21"] @ y
+        for node in self.cuts:
+            front = self.folder.read(named(steps.merge, node))
+            here, y = front["here"], front["L21"].T @ x[front["rest"]]
+            x[here] = solve_triangular(
+                front["L11"], x[here] - y, lower=True, trans="T", check_finite=False
+            )
+        return x
+
+    @property
+    def n_seams(self) -> int:
+        """Rows of the table of seams."""
+        return len(self.folder.seams["node"])
+
+    # -- Algorithm 1 -------------------------------------------------------------------
+
+    def center(self, bound: Floats | None) -> Center:
+        """Find the central face, (13)-(15), in the few parts that may have it.
+
+        In a part, the torsion function is at most what it is with 0 on the seams, and the most that
+        it is there. Nothing is looked for in the parts `unvisited`, whose bound is below the
+        `threshold`.
+        """
+        self.unvisited, self.threshold = np.empty(0, np.int64), -np.inf
+        if not isinstance(self.options.center, str):
+            return Center("given", int(self.options.center))
+        condensed = [self.folder.read(named(steps.eliminate, p)) for p in self.leaves]
+        if not self.folder.has("torsion"):
+            g = np.zeros((self.n_seams, 1))
+            for x in condensed:
+                g[x["rows"], 0] += x["torsion"]
+            self.folder.write("torsion", {"torsion": self.solve(g)[:, 0]})
+        if bound is None:
+            torsion = self.folder.read("torsion")["torsion"]
+            most = [torsion[x["rows"]].max(initial=0) for x in condensed]
+            bound = np.array([x["most"] + 3 * u for x, u in zip(condensed, most, strict=True)])
+        found: list[dict[str, Any]] = []
+        order = np.argsort(-bound, kind="stable")
+        for k in order:
+            if bound[k] < self.threshold:
+                break
+            found.append(self.folder.read(*self.parts(steps.central, of=[self.leaves[k]])))
+            centrality = np.concatenate([x["centrality"] for x in found])
+            if len(centrality) >= CANDIDATES:
+                self.threshold = float(np.sort(centrality)[-CANDIDATES])
+        self.unvisited = order[len(found) :]
+        faces, smallest = (np.concatenate([x[key] for x in found]) for key in ("faces", "smallest"))
+        return Center("torsion", first_well_shaped(centrality, faces, smallest))
+
+    def trace(self, face: int) -> tuple[Complex, bool]:
+        """Boundary values (nB,), Theorem 1; and whether the face has a vertex on the boundary."""
+        [home] = [p for p in self.leaves if self.folder.has_face(p, face)]
+        [name] = self.parts(steps.dipole, face, of=[home])
+        sources = self.folder.read(name)
+        g = np.zeros((self.n_seams, 2))
+        g[sources["rows"]] = -coordinates(sources["seams"])
+        g = self.solve(g)
+        n = len(self.folder.read("loop")["loop"])
+        flux, around, points = np.zeros((n, 2)), np.zeros(n), np.empty((n, 3))
+        flux[sources["places"]] = coordinates(sources["boundary"])
+        for p in self.leaves:
+            side = self.folder.read(f"side-{p}")
+            flux[side["places"]] += side["side"].T @ g[side["rows"]]
+            x = self.folder.read(named(steps.eliminate, p), "places", "positions", "around")
+            points[x["places"]] = x["positions"]
+            around[x["places"]] += x["around"]
+        shares = shares_of_edges(as_complex(flux), lengths_along(points), around)
+        return trace_of_shares(shares), bool(sources["on_boundary"])
+
+    def extend(self, center: Center, f_B: Complex, advance: Callable[[float], None]) -> Floats:
+        """Extend boundary values harmonically, eq. (10); (parts,) highest torsion of a face."""
+        values, sample = f"values-{center.face}", "sample"
+        if not self.folder.has(values):
+            g = np.zeros((self.n_seams, 2))
+            for p in self.leaves:
+                side = self.folder.read(f"side-{p}")
+                g[side["rows"]] -= side["side"] @ coordinates(f_B[side["places"]])
+            on_seams = as_complex(self.solve(g))
+            self.folder.write(values, {"seams": on_seams, "boundary": f_B})
+        rows = [evenly_spaced_rows(self.m, k) for k in (FEW_FACES, FACES, MANY_FACES)]
+        self.folder.write(
+            sample, {"rows": np.unique(np.concatenate([*rows, sampled_faces(self.m)]))}
+        )
+        self.extension = values, sample, center.method == "torsion"
+        self.extended = self.parts(steps.extend, *self.extension, advance=advance)
+        self.values = self.folder.read(values)
+        return np.array([self.folder.read(name, "highest")["highest"] for name in self.extended])
+
+    def refuse_rescue(self, sample: _Sample, on_boundary: bool) -> None:
+        """Give up where `disk_map` would correct the harmonic map, or doubt it."""
+        few = sample.of_faces(evenly_spaced_rows(self.m, FEW_FACES))
+        if common_shear(few, sample.f, FEW_FACES)[1] >= WORTH:
+            self.give_up("the faces have a shear in common")
+        if deep_vertex(sample.of_faces(evenly_spaced_rows(self.m, FACES)), sample.f) is not None:
+            self.give_up("a part of the surface is too small for double precision where it lies")
+        if on_boundary:
+            self.give_up("the central face lies at the boundary")
+
+    def normalize(self, sample: _Sample) -> Normalization:
+        """Find the best Möbius transformation that does no harm, (19) and (20); finish the parts.
+
+        Sets `self.names` of the results and `self.final`, the values on seams and boundary.
+        """
+        method = self.options.mobius
+        if method is None:
+            (self.names, self.final), _ = self.unmoved()
+            return Normalization()
+        rows = evenly_spaced_rows(self.m, MANY_FACES)
+        some = sample.of_faces(rows)
+        errors = AngleErrors.of(some.F, sample.f, some.angles)
+        before = errors.mean(0j)
+        w = least_angle_distortion(errors) if method == "angle" else self.barycenter()
+        w, finished, reason = harmless(
+            w,
+            lambda w: method == "area" or errors.mean(w) < before,
+            self.finish,
+            lambda: self.unmoved()[1],
+        )
+        self.names, self.final = finished or self.unmoved()[0]
+        return Normalization(method, w, reason)
+
+    def barycenter(self) -> complex:
+        """Find the point that goes to 0 for even area."""
+
+        def means(w: complex) -> tuple[complex, complex]:
+            mass, z, square, *_ = self.moments(w)[0]
+            return complex(z / mass.real), complex(square / mass.real)
+
+        return barycenter_by_moments(means)
+
+    def moments(self, w: complex, *direction: float) -> tuple[Complex, Floats]:
+        """Sum the moments of the parts, and take the extremes of their heights."""
+        names = self.parts(steps.moments, self.extension, w, *direction)
+        found = [self.folder.read(name) for name in names]
+        for name in names:
+            self.folder.remove(name)
+        heights = np.concatenate([x["heights"] for x in found])
+        return np.sum([x["moments"] for x in found], axis=0), heights
+
+    def turn(self, w: complex, f_B: Complex) -> complex:
+        """Find what f is divided by so that what `align` names lies at angle 0."""
+        align = self.options.align
+        if align is None:
+            return complex(f_B[0])
+        if isinstance(align, int | np.integer):
+            loop = self.folder.read("loop")["loop"]
+            return complex(f_B[int(np.flatnonzero(loop == align)[0])])
+        (mass, z, _, h, hz), heights = self.moments(w, *np.asarray(align, float).tolist())
+        moment = complex(hz - h / mass * z)
+        check_slope(align, moment, mass.real * float(np.ptp(heights)))
+        return moment / abs(moment)
+
+    def finish(self, w: complex) -> tuple[Finished, Ints] | None:
+        """Apply psi_w and certify the parts: names of the results, values; flipped faces.
+
+        None where the boundary is crowded.
+        """
+        f_B = mobius_transformation(self.values["boundary"], w)
+        turn = self.turn(w, f_B)
+        f_B = f_B / turn
+        f_B /= abs(f_B)
+        if not is_around(f_B):
+            return None
+        final = {
+            "seams": mobius_transformation(self.values["seams"], w) / turn,
+            "boundary": f_B,
+            "turn": turn,
+            "vertices": np.empty(0, np.int64),
+            "moved": np.empty(0, complex),
+        }
+        names = self.certified(w, final, self.leaves)
+        flipped = [self.folder.read(name, "flipped")["flipped"] for name in names]
+        return (names, final), np.concatenate(flipped)
+
+    def unmoved(self) -> tuple[Finished, Ints]:
+        """Do what `finish` does, without a Möbius transformation: the boundary is not crowded."""
+        finished = self.finish(0j)
+        assert finished is not None
+        return finished
+
+    def certified(self, w: complex, final: Arrays, of: list[int]) -> list[str]:
+        """Finish some parts with the values of seams, boundary and vertices that have moved."""
+        digest = crc32(b"".join(np.asarray(x).tobytes() for x in final.values()))
+        values = f"final-{digest:08x}"
+        self.folder.write(values, final)
+        return self.parts(steps.finish, self.extension, values, w, "near", of=of)
+
+    def repair(self, w: complex) -> Repair:
+        """Repair flipped faces, if they are few, in their parts and those beside them."""
+        flipped = [self.folder.read(name, "flipped")["flipped"] for name in self.names]
+        n_flipped = sum(map(len, flipped))
+        if n_flipped == 0:
+            return Repair()
+        if n_flipped > MANY_FLIPPED * self.m:
+            self.give_up(counted(n_flipped, "face is flipped", "faces are flipped"))
+        rows = [self.folder.read(named(steps.eliminate, p), "rows")["rows"] for p in self.leaves]
+        rounds, touched, moved = 0, set[int](), dict[int, complex]()
+        for k in np.flatnonzero([len(faces) for faces in flipped]).tolist():
+            near = [j for j, other in enumerate(rows) if j == k or np.isin(other, rows[k]).any()]
+            vertices, piece, f = self.gathered(near, moved)
+            g, repair = repair_locally(piece, f)
+            changed = np.flatnonzero(g != f)
+            moved |= dict(zip(vertices[changed].tolist(), g[changed].tolist(), strict=True))
+            rounds += repair.rounds
+            touched.update(near)
+        self.final["vertices"] = np.array(sorted(moved), np.int64)
+        self.final["moved"] = np.array([moved[vertex] for vertex in sorted(moved)], complex)
+        order = sorted(touched)
+        names = self.certified(w, self.final, [self.leaves[k] for k in order])
+        for k, name in zip(order, names, strict=True):
+            self.names[k] = name
+        return Repair(n_flipped, len(moved), rounds)
+
+    def gathered(self, some: list[int], moved: dict[int, complex]) -> tuple[Ints, Piece, Complex]:
+        """Make a mesh of some parts, whose border stays; its vertices in the whole, and f."""
+        parts = [self.folder.part(self.leaves[k]) for k in some]
+        uv = [self.folder.read(self.names[k], "uv")["uv"] for k in some]
+        vertices = np.unique(np.concatenate([part.vertices for part in parts]))
+        V, f = np.empty((len(vertices), 3)), np.empty(len(vertices), complex)
+        F = []
+        for part, points in zip(parts, uv, strict=True):
+            at = np.searchsorted(vertices, part.vertices)
+            V[at], f[at] = part.V, as_complex(points)
+            F.append(at[part.F])
+        for row, vertex in enumerate(vertices.tolist()):
+            f[row] = moved.get(vertex, f[row])
+        surface = Topology(np.concatenate(F), len(vertices))
+        border = surface.F.T.ravel()[surface.border], heads(surface.F.T.ravel())[surface.border]
+        return vertices, Piece(V, surface.F, np.unique(np.concatenate(border))), f
+
+    def judge(self) -> dict[str, Any]:
+        """Certify and measure the whole; judge it by the faces that `disk_map` judges it by."""
+        keys = "flipped", "n_exact", "finite", "degrees"
+        found = [self.folder.read(name, *keys) for name in self.names]
+        flipped = np.sort(np.concatenate([x["flipped"] for x in found]))
+        certificate = Certificate(False, np.inf, False, 0, flipped, 0)
+        if all(x["finite"] for x in found):
+            n_exact = sum(int(x["n_exact"]) for x in found)
+            certificate = certificate_of(self.final["boundary"], flipped, n_exact)
+        free, inscribed = np.moveaxis(np.array([x["degrees"] for x in found]), 1, 0)
+        distortion = of_free = _distortion(np.concatenate([free, inscribed]))
+        if inscribed[:, 0].any() and free[:, 0].any():
+            of_free = _distortion(free)
+        conformality = NOT_VALID
+        if certificate.valid:
+            near = _Sample.of(self.folder, self.names)
+            faces = near.places(sampled_faces(self.m))
+            degrees = disk_map_distortion(near.mesh, coordinates(near.f))[faces]
+            conformality = judge_by(
+                near.mesh, near.f, degrees, faces, distortion.mean, of_free.mean
+            )
+        return {
+            "certificate": certificate,
+            "conformality": conformality,
+            "distortion": distortion,
+            "distortion_of_free_faces": of_free,
+        }
+
+    def give_up(self, reason: str, result: Any = None) -> NoReturn:
+        """Raise MapError: what is left to do is done on one machine only."""
+        raise MapError(
+            f"In parts, there is no map of this surface: {reason}. Where memory suffices, "
+            "cdcp_igl.disk_map tries other boundaries, moves what is too small, straightens, "
+            "repairs the whole interior, and refines.",
+            result,
+        )
+
+
+def _distortion(sums: Floats) -> AngleDistortion:
+    """Mean, SD and maximum by the sums of parts: number, sum, sum of squares and maximum."""
+    number, total, squares, _ = sums.sum(axis=0)
+    mean = total / number
+    sd = np.sqrt(max(squares / number - mean**2, 0))
+    return AngleDistortion(float(mean), float(sd), float(sums[:, 3].max()))

@@ -1,0 +1,300 @@
+"""Parting the faces of a surface by planes, from files that are larger than memory."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from math import log2
+from os import PathLike
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import Floats, Ints, evenly_spaced_rows
+from ..errors import MeshError
+from ..io import read_mesh
+from ..io.ply import triangles_of_ply
+from ..solve.memory import BYTES, available_memory
+from ..solve.ordering import SAMPLE, cuts, sides
+from ..surface.checking import examine
+from ..surface.validation import repeated_corners, size_exponent
+
+Array = NDArray[Any]
+Source = str | PathLike[str] | tuple[ArrayLike | str | PathLike[str], ...]
+
+ROWS = 1 << 20  # of V or F that are looked at together
+MANIFEST = "parts.json"
+# Parts of this size take less than a core has of the memory of most machines; larger ones have
+# shorter seams in all, and smaller ones cheaper factors.
+LARGE_PART = 50_000  # vertices
+MOST_PARTS = 1 << 15
+SHARE = 8  # of the memory that there is, a part may take one
+
+
+def partition(
+    source: Source,
+    folder: str | PathLike[str],
+    parts: int | None = None,
+    *,
+    progress: Callable[[str, float], None] | None = None,
+) -> Path:
+    """Part the faces of a surface by planes, for `parts_map`.
+
+    The surface is read in blocks and need not fit into memory; 2 bytes for each vertex do, twice.
+
+    Parameters
+    ----------
+    source : path-like, or (V, F) of array_like or path-like
+        Arrays as `disk_map` takes them, or npy files of them, which are mapped into memory; a
+        folder with ``V*.npy`` and ``F*.npy``, each perhaps in several files that follow one another
+        in the order of their names; a binary ply file of triangles. Any other file that
+        `cdcp_igl.io.read_mesh` takes is read as a whole.
+    folder : path-like
+        Where the parts go. It appears once it is complete; nothing may be there but an empty
+        folder.
+    parts : int or None
+        How many, a power of 2. None is as many as give parts of at most some 50,000 vertices, and
+        fewer ones where the memory is small.
+    progress : callable, optional
+        Called as ``progress(phase, fraction)``.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    MeshError
+        If the arrays are no mesh, or a vertex is not used; otherwise, `parts_map` examines the
+        surface.
+    ValueError
+        If `parts` is no power of 2, or too large.
+    OSError
+        If a file cannot be read or written, or something is there already.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+    >>> with TemporaryDirectory() as folder:
+    ...     cap = cdcp_igl.partition((V, F), Path(folder, "cap"), parts=4)
+    ...     result = cdcp_igl.parts_map(cap)
+    ...     result.certificate.valid, result.uv.shape
+    (True, (331, 2))
+    """
+    V, F = _arrays(source)
+    if parts is not None and not (1 <= parts <= MOST_PARTS and parts & (parts - 1) == 0):
+        raise ValueError(f"parts must be a power of 2 up to {MOST_PARTS:,}, not {parts!r}")
+    for arrays, columns in ((V, (2, 3)), (F, (3,))):
+        for array in arrays:
+            if array.ndim != 2 or array.shape[1] not in columns or array.dtype.kind not in "iuf":
+                refuse(V, F)
+    n, m = sum(map(len, V)), sum(map(len, F))
+    if n < 3 or m == 0:
+        refuse(V, F)
+    levels = number_of_parts(n).bit_length() - 1 if parts is None else parts.bit_length() - 1
+    target = Path(folder).absolute()
+    if target.exists() and not (target.is_dir() and not any(target.iterdir())):
+        reason = "is there, and not empty; name another folder"
+        raise FileExistsError(errno.EEXIST, reason, os.fspath(folder))
+    unfinished = target.with_name(f".{target.name}.unfinished")
+    shutil.rmtree(unfinished, ignore_errors=True)  # of a run that was killed
+    unfinished.mkdir(parents=True)
+    try:
+        _Parting(V, F, n, m, levels, unfinished, progress or (lambda phase, done: None)).run()
+        if target.exists():
+            target.rmdir()
+        unfinished.rename(target)
+    finally:
+        shutil.rmtree(unfinished, ignore_errors=True)
+    return Path(folder)
+
+
+def number_of_parts(n: int) -> int:
+    """Choose how many parts n vertices are to have: a power of 2."""
+    parts = 1
+    while n / parts > LARGE_PART or (
+        SHARE * BYTES * (n / parts) * log2(n) > available_memory() and parts < MOST_PARTS
+    ):
+        parts *= 2
+    return min(parts, MOST_PARTS)
+
+
+def refuse(V: Sequence[Array], F: Sequence[Array]) -> NoReturn:
+    """Raise the MeshError of a whole surface, which is read into memory for that."""
+    examined = examine(_whole(V), _whole(F))
+    raise MeshError(*examined.defects)
+
+
+class _Parting:
+    """The work of `partition`; `levels` cuts make 2^levels parts."""
+
+    def __init__(
+        self,
+        V: Sequence[Array],
+        F: Sequence[Array],
+        n: int,
+        m: int,
+        levels: int,
+        folder: Path,
+        progress: Callable[[str, float], None],
+    ) -> None:
+        self.V, self.F, self.n, self.m = V, F, n, m
+        self.levels, self.folder, self.progress = levels, folder, progress
+
+    def run(self) -> None:
+        """Write the parts, the seams, and what there is."""
+        side, exponent = self._sides()
+        least, most = self._part_faces(side)
+        del side
+        seams = np.flatnonzero(least != most)
+        # In the order in which they are eliminated: at the last cut that all parts of a vertex
+        # have in common, as the number of a heap whose leaves are the parts.
+        depth = self.levels - np.frexp((least[seams] ^ most[seams]).astype(float))[1]
+        node = (least[seams].astype(np.int64) + (1 << self.levels)) >> (self.levels - depth)
+        order = np.lexsort((seams, -node))
+        np.savez(self.folder / "seams.npz", vertices=seams[order], node=node[order])
+        place = np.empty(len(seams), np.int64)
+        place[order] = np.arange(len(seams))
+        parts = [p for p in range(1 << self.levels) if self._raw(p).exists()]
+        for number, part in enumerate(parts):
+            self.progress("write", number / len(parts))
+            self._write(part, exponent, seams, place, least)
+        manifest = {
+            "vertices": self.n,
+            "faces": self.m,
+            "levels": self.levels,
+            "parts": parts,
+            "exponent": exponent,
+        }
+        (self.folder / MANIFEST).write_text(json.dumps(manifest) + "\n")
+
+    def _sides(self) -> tuple[NDArray[np.uint16], int]:
+        """(n,) the part in which each vertex lies, and the exponent of the unit."""
+        exponent = -(2**20)
+        for _, block in _blocks(self.V):
+            if not np.isfinite(block).all():
+                refuse(self.V, self.F)
+            exponent = max(exponent, size_exponent(block))
+        seen = _take(self.V, evenly_spaced_rows(self.n, SAMPLE))
+        found = cuts(_scaled(seen, exponent), self.levels)
+        side = np.empty(self.n, np.uint16)
+        for start, block in _blocks(self.V):
+            self.progress("cut", start / self.n)
+            side[start : start + len(block)] = sides(_scaled(block, exponent), found)
+        return side, exponent
+
+    def _part_faces(
+        self, side: NDArray[np.uint16]
+    ) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+        """Write each face to its part; (n,) the smallest and the largest part of each vertex."""
+        least = np.full(self.n, np.iinfo(np.uint16).max, np.uint16)
+        most = np.zeros(self.n, np.uint16)
+        for start, block in _blocks(self.F):
+            self.progress("part", start / self.m)
+            if not (block.min() >= 0 and block.max() < self.n):
+                refuse(self.V, self.F)
+            faces = block.astype(np.int64)
+            if (faces != block).any() or len(repeated_corners(faces)):
+                refuse(self.V, self.F)
+            part = side[faces].min(axis=1)
+            for corner in faces.T:
+                np.minimum.at(least, corner, part)
+                np.maximum.at(most, corner, part)
+            order = np.argsort(part, kind="stable")
+            ends = np.searchsorted(part[order], np.arange((1 << self.levels) + 1))
+            rows = np.column_stack([order + start, faces[order]])
+            for p in np.unique(part):
+                with self._raw(p).open("ab") as file:
+                    rows[ends[p] : ends[p + 1]].tofile(file)
+        if (least > most).any():  # in no face
+            refuse(self.V, self.F)
+        return least, most
+
+    def _write(
+        self, part: int, exponent: int, seams: Ints, place: Ints, least: NDArray[np.uint16]
+    ) -> None:
+        """Write a part with vertices of its own, and remove its raw faces."""
+        faces, *corners = np.fromfile(self._raw(part), np.int64).reshape(-1, 4).T
+        vertices, F = np.unique(np.column_stack(corners), return_inverse=True)
+        seam = np.full(len(vertices), -1)
+        _, at, rows = np.intersect1d(vertices, seams, assume_unique=True, return_indices=True)
+        seam[at] = place[rows]
+        np.savez(
+            self.folder / f"part-{part}.npz",
+            vertices=vertices,
+            faces=faces,
+            V=_scaled(_take(self.V, vertices), exponent),
+            F=F.reshape(-1, 3),
+            seam=seam,
+            own=least[vertices] == part,
+        )
+        self._raw(part).unlink()
+
+    def _raw(self, part: int) -> Path:
+        return self.folder / f"{part}.raw"
+
+
+def _arrays(source: Source) -> tuple[list[Array], list[Array]]:
+    """V and F, each as arrays that follow one another; files are mapped into memory."""
+    if isinstance(source, str | os.PathLike):
+        path = Path(source)
+        if path.is_dir():
+            files = [sorted(path.glob(f"{name}*.npy")) for name in "VF"]
+            if not all(files):
+                reason = "has no V*.npy and F*.npy"
+                raise FileNotFoundError(errno.ENOENT, reason, os.fspath(path))
+            return [_mapped(file) for file in files[0]], [_mapped(file) for file in files[1]]
+        found = triangles_of_ply(path) if path.suffix.lower() == ".ply" else None
+        source = read_mesh(path) if found is None else found
+    V, F = source
+    return [_mapped(V)], [_mapped(F)]
+
+
+def _mapped(array: Any) -> Array:
+    if isinstance(array, str | os.PathLike):
+        mapped: Array = np.load(array, mmap_mode="r")
+        return mapped
+    try:
+        return np.asarray(array)
+    except ValueError:  # ragged
+        return np.empty(0, dtype=object)
+
+
+def _whole(arrays: Sequence[Array]) -> Array:
+    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
+
+
+def _blocks(arrays: Sequence[Array]) -> Iterator[tuple[int, Array]]:
+    """Yield blocks of rows, each with the number of its first row."""
+    start = 0
+    for array in arrays:
+        for first in range(0, len(array), ROWS):
+            block = np.asarray(array[first : first + ROWS])
+            yield start + first, block
+        start += len(array)
+
+
+def _take(arrays: Sequence[Array], rows: Ints) -> Array:
+    """Rows, ascending, of arrays that follow one another."""
+    ends = np.cumsum([len(array) for array in arrays])
+    parts = np.split(rows, np.searchsorted(rows, ends[:-1]))
+    starts = ends - [len(array) for array in arrays]
+    return np.concatenate(
+        [array[part - start] for array, part, start in zip(arrays, parts, starts, strict=True)]
+    )
+
+
+def _scaled(block: Array, exponent: int) -> Floats:
+    """(k, 3) positions in the unit of `DiskMesh`."""
+    positions = np.zeros((len(block), 3))
+    positions[:, : block.shape[1]] = block
+    return np.ldexp(positions, -exponent, out=positions)

@@ -1,0 +1,213 @@
+"""What `parts_map` returns: a map that lies in files, and everything one has to know about it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.lib.format import open_memmap
+
+from ..arrays import Floats, Ints
+from ..cached import cached_property
+from ..certificate import Certificate
+from ..distortion import AngleDistortion
+from ..io.output import whole_file
+from ..plot.layout import Layout
+from ..rescue.boundary import BoundaryMethod
+from ..rescue.conformality import Conformality
+from ..rescue.repair import Repair
+from ..result.disk_map import OntoDisk
+from ..steps.center import Center
+from ..steps.mobius import Normalization
+from .part import Folder
+
+SQUARES, CUBES = 128, 64  # across the disk and the surface: each vertex of a view stands for one
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class PartsMap(OntoDisk):
+    """A disk conformal map of a surface in parts, which lies in files. Printing it gives a summary.
+
+    Pictures and pages show a coarser surface: of the vertices in one small square of the disk, and
+    in one small cube of space, one.
+
+    Attributes
+    ----------
+    folder : Folder
+        Of the parts, and of the map.
+    names : tuple of str
+        The files of the map, one for each part: ``uv`` (k, 2) belongs to ``vertices`` (k,) in the
+        file of the part, rows of V.
+    certificate, conformality, distortion, distortion_of_free_faces, solver, timings
+        As of a DiskMap; of the whole.
+    moved_bytes : int
+        What has been written on the way.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+    >>> with TemporaryDirectory() as folder:
+    ...     result = cdcp_igl.parts_map(cdcp_igl.partition((V, F), Path(folder, "cap"), parts=2))
+    ...     result
+    PartsMap(331 vertices in 2 parts: valid, mean distortion 2.34°)
+    """
+
+    folder: Folder
+    names: tuple[str, ...]
+    moved_bytes: int = 0
+
+    @classmethod
+    def read(cls, folder: Folder, told: dict[str, Any]) -> PartsMap:
+        """Read what `told` has written."""
+        certificate = told["certificate"]
+        flipped = np.array(certificate["flipped"], np.int64)
+        verdict: dict[str, Any] = {
+            key: tuple(value) if isinstance(value, list) else value
+            for key, value in told["conformality"].items()
+        }
+        w = complex(*told["mobius"]["w"])
+        return cls(
+            folder=folder,
+            names=tuple(told["names"]),
+            certificate=Certificate(**{**certificate, "flipped": flipped}),
+            conformality=Conformality(**verdict),
+            distortion=AngleDistortion(**told["distortion"]),
+            distortion_of_free_faces=AngleDistortion(**told["distortion_of_free_faces"]),
+            center=Center(**told["center"]),
+            boundary=BoundaryMethod("geodesic"),
+            mobius=Normalization(**{**told["mobius"], "w": w}),
+            repair=Repair(**told["repair"]),
+            solver=told["solver"],
+            timings=told["timings"],
+            moved_bytes=told["moved_bytes"],
+        )
+
+    def told(self) -> dict[str, Any]:
+        """Return everything but the coordinates, as JSON types, for `read`."""
+        certificate = {**asdict(self.certificate), "flipped": self.certificate.flipped.tolist()}
+        w = [self.mobius.w.real, self.mobius.w.imag]
+        return {
+            "names": self.names,
+            "certificate": certificate,
+            "conformality": asdict(self.conformality),
+            "distortion": asdict(self.distortion),
+            "distortion_of_free_faces": asdict(self.distortion_of_free_faces),
+            "center": asdict(self.center),
+            "mobius": {**asdict(self.mobius), "w": w},
+            "repair": asdict(self.repair),
+            "solver": self.solver,
+            "timings": self.timings,
+            "moved_bytes": self.moved_bytes,
+        }
+
+    @cached_property
+    def uv(self) -> Floats:  # type: ignore[override]
+        """(n, 2) the map in memory: row i is the image of row i of V."""
+        uv = np.empty((self.folder.manifest["vertices"], 2))
+        self._put(uv)
+        return uv
+
+    def assemble(self, path: str | PathLike[str]) -> None:
+        """Write the map to one npy file, part by part: (n, 2), row i the image of row i of V.
+
+        Parameters
+        ----------
+        path : path-like
+            Replaced once the new one is complete.
+
+        Raises
+        ------
+        OSError
+            If it cannot be written.
+        """
+        with whole_file(path) as unfinished:
+            shape = self.folder.manifest["vertices"], 2
+            uv = open_memmap(unfinished, "w+", np.float64, shape)
+            self._put(uv)
+            uv.flush()
+
+    def _put(self, uv: Floats) -> None:
+        for p, name in zip(self.folder.leaves, self.names, strict=True):
+            part = self.folder.part(p)
+            uv[part.vertices[part.own]] = self.folder.read(name, "uv")["uv"][part.own]
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the map to an npy file, as `assemble`; or what `DiskMap.save` says, but no surface.
+
+        Parameters
+        ----------
+        path : path-like
+            Named .npy; or a picture, a page or a report.
+
+        Raises
+        ------
+        ValueError, OSError
+            As `DiskMap.save`.
+        """
+        if Path(path).suffix.lower() == ".npy":
+            self.assemble(path)
+        else:
+            super().save(path)
+
+    def _subject(self) -> str:
+        return f"{self.folder.manifest['vertices']:,} vertices in {len(self.names)} parts"
+
+    def _steps(self) -> list[tuple[str, str]]:
+        written = f"{self.moved_bytes / 2**20:,.0f} MiB written on the way"
+        return [*super()._steps(), ("files", f"{self.folder.work}; {written}")]
+
+    def _details(self) -> dict[str, Any]:
+        return {**super()._details(), "parts": len(self.names), "moved_bytes": self.moved_bytes}
+
+    def _size(self) -> tuple[int, int]:
+        return self.folder.manifest["vertices"], self.folder.manifest["faces"]
+
+    def _surface(self) -> tuple[Floats, Ints]:
+        raise ValueError("a map in parts is written as .npy; its surface is where it came from")
+
+    @cached_property
+    def _coarse(self) -> Layout:
+        """One vertex for each cell of the disk and of space, and the faces between three cells."""
+        cells, positions, images, vertices, triples, faces = [], [], [], [], [], []
+        for p, name in zip(self.folder.leaves, self.names, strict=True):
+            part, uv = self.folder.part(p), self.folder.read(name, "uv")["uv"]
+            at = np.column_stack([(uv + 1) * (SQUARES / 2), (part.V + 1) * (CUBES / 2)])
+            cell = np.floor(at).astype(np.int64) @ (2 * SQUARES) ** np.arange(5)
+            found, first = np.unique(cell, return_index=True)
+            cells.append(found)
+            vertices.append(part.vertices[first])
+            positions.append(part.V[first])
+            images.append(uv[first])
+            i, j, k = corners = cell[part.F].T
+            apart = (i != j) & (j != k) & (k != i)
+            turned = corners.T[apart]
+            start = turned.argmin(axis=1)[:, None]
+            turned = np.take_along_axis(turned, (start + np.arange(3)) % 3, axis=1)
+            once, first = np.unique(turned, axis=0, return_index=True)
+            triples.append(once)
+            faces.append(part.faces[apart][first])
+        found, first = np.unique(np.concatenate(cells), return_index=True)
+        once, one = np.unique(np.concatenate(triples), axis=0, return_index=True)
+        return Layout(
+            V=np.concatenate(positions)[first],
+            F=np.searchsorted(found, once),
+            uv=np.concatenate(images)[first],
+            vertices=np.concatenate(vertices)[first],
+            faces=np.concatenate(faces)[one],
+            plane="Disk",
+            middle=(0.0, 0.0),
+            scale=1.0,
+            origin=(0.5, 0.5),
+            distortion=self.distortion,
+            flipped=len(self.certificate.flipped),
+            facts=self._facts(self._subject(), f"drawn by {len(found):,} of them"),
+        )
+
+    def _layout(self) -> Layout:
+        return self._coarse

@@ -1,0 +1,116 @@
+"""Steps of a map in parts, run here, by processes, or by an executor: the same files by each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import BrokenExecutor
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Any
+
+from ..batching.executors import run_on
+from ..batching.pool import Pool
+from ..batching.work import MIB_OF_PYTHON
+from ..errors import SolverError
+from ..solve.memory import available_memory
+from ..solve.solvers import SolverName, using
+from ..solve.threads import one_thread
+from .part import Arrays, Folder, named
+
+
+@dataclass(frozen=True)
+class Step:
+    """Something to compute of a part or of a cut, and to write: a pure function of files.
+
+    Attributes
+    ----------
+    what : callable
+        Takes the folder, the number of the part or the cut, and what is `given`; returns arrays.
+    of : int
+    given : tuple
+        Numbers and names.
+    folder : Folder
+    solver : str
+    memory : float
+        MiB that it may need.
+    """
+
+    what: Callable[..., Arrays]
+    of: int
+    given: tuple[Any, ...]
+    folder: Folder
+    solver: SolverName | None
+    memory: float
+
+    @property
+    def name(self) -> str:
+        """Of the result, in the folder."""
+        return named(self.what, self.of, self.given)
+
+    @property
+    def draft(self) -> str:
+        """Beside this, attempts are counted."""
+        return str(self.folder.work / self.name)
+
+    def run(self) -> str | Exception:
+        """Compute and write it, unless it is there; return its name, or what went wrong."""
+        try:
+            if not self.folder.has(self.name):
+                if self.memory * 2**20 > available_memory():
+                    return SolverError(
+                        f"{self.name} takes some {self.memory:,.0f} MiB, which are not available. "
+                        "Part the surface into more parts, or take a machine with more memory."
+                    )
+                with using(self.solver), one_thread():
+                    self.folder.write(self.name, self.what(self.folder, self.of, *self.given))
+        except Exception as error:
+            return error
+        return self.name
+
+    def failed(self, error: str, message: str) -> Exception:
+        """Return what went wrong where nothing was returned."""
+        return BrokenExecutor(f"{self.name}: {error}: {message}")
+
+
+class Engine:
+    """What runs steps: this process, so many others, or an executor."""
+
+    def __init__(self, folder: Folder, executor: Any, solver: SolverName | None) -> None:
+        self.folder, self._solver = folder, solver
+        self._pool = Pool(executor) if isinstance(executor, int) else None
+        self._executor = executor
+
+    def run(
+        self,
+        what: Callable[..., Arrays],
+        of: Iterable[int],
+        *given: Any,
+        memory: float = 0.0,
+        advance: Callable[[float], None] = lambda done: None,
+    ) -> list[str]:
+        """Run a step for each of some parts or cuts: the names of the results, in this order.
+
+        The first thing that goes wrong is raised. What is there already is not computed again.
+        """
+        steps = [
+            Step(what, k, given, self.folder, self._solver, MIB_OF_PYTHON + memory) for k in of
+        ]
+        left = [step for step in steps if not self.folder.has(step.name)]
+        with closing(self._answers(left)) as answers:
+            for done, answer in enumerate(answers, 1):
+                if isinstance(answer, Exception):
+                    raise answer
+                advance(done / len(left))
+        return [step.name for step in steps]
+
+    def _answers(self, steps: Sequence[Step]) -> Any:
+        if self._pool is not None:
+            return self._pool.run(steps)
+        if self._executor is not None:
+            return run_on(self._executor, steps)
+        return (step.run() for step in steps)
+
+    def close(self) -> None:
+        """End the processes."""
+        if self._pool is not None:
+            self._pool.close()

@@ -1,0 +1,100 @@
+"""Harmonic map of the doubly covered surface to the sphere, by diffusion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import diags
+
+from ..arrays import Complex, Floats
+from ..errors import MapError
+from ..io.given import takes_meshes
+from ..solve.laplacian import cotangent_laplacian
+from ..steps.mobius import conformal_barycenter, mobius_transformation
+from ..surface.mesh import DiskMesh
+from ..surface.triangles import vertex_areas
+from .certified import certified_disk_map
+from .dirichlet import Dirichlet
+from .doubled import doubled_laplacian
+from .linear import most_regular_face, to_cube_roots_of_unity
+
+TIME_STEP = 1.0  # the sheet has the area of the hemisphere
+TOLERANCE = 1e-8  # of what a step takes from the harmonic energy, which is near that area, 2 pi
+MAX_STEPS = 200  # the Chinese Lion takes 5
+
+
+@takes_meshes
+def heat_flow(V: ArrayLike, F: ArrayLike) -> Floats:
+    """Map a triangulated disk conformally onto the unit disk, by the heat flow of Gu and Yau 2002.
+
+    The doubly covered surface is mapped to the sphere, at first by a linear problem with one face
+    around the point at infinity (Haker et al. 2000), then by the flow that lowers the harmonic
+    energy: dh/dt is the part of -L h that is tangential to the sphere. A harmonic map of the sphere
+    to the sphere is conformal. Steps are implicit; after each one a Möbius transformation brings
+    back the centre of mass, here that of the disk in the equator's plane.
+
+    The start and so all that follows is symmetric at the equator, on which the boundary lies. One
+    sheet is enough: nothing of x and y flows through the boundary, and z is 0 there.
+
+    Parameters
+    ----------
+    V, F
+        As in `harmonic`.
+
+    Returns
+    -------
+    (n, 2) float64
+        As of `harmonic`.
+
+    Raises
+    ------
+    MeshError, SolverError, MapError
+        As `harmonic`; MapError, too, if the energy still falls after 200 steps.
+
+    References
+    ----------
+    X. Gu, S.-T. Yau. Computing conformal structures of surfaces. Commun. Inf. Syst. 2(2), 2002.
+
+    S. Haker, S. Angenent, A. Tannenbaum, R. Kikinis, G. Sapiro, M. Halle. Conformal surface
+    parameterization for texture mapping. IEEE Trans. Vis. Comput. Graph. 6(2), 2000.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
+    >>> cdcp_igl.reference.heat_flow(V, F).shape
+    (217, 2)
+    """
+    mesh = DiskMesh(V, F)
+    B = mesh.loop
+    L = cotangent_laplacian(mesh).matrix()
+    mass = vertex_areas(mesh.V, mesh.F)
+    mass *= 2 * np.pi / mass.sum()
+    diffusion = diags(mass / TIME_STEP, format="csr") + L
+    even, odd = Dirichlet(diffusion, B[:0]), Dirichlet(diffusion, B)
+    nothing = np.zeros(len(B))
+
+    corners, triangle = most_regular_face(mesh)
+    f_B = to_cube_roots_of_unity(Dirichlet(doubled_laplacian(mesh, L), corners).solve(triangle)[B])
+    f = Dirichlet(L, B).solve(f_B / abs(f_B))
+    energy = np.inf
+    for _ in range(MAX_STEPS):
+        f = mobius_transformation(f, conformal_barycenter(f, mass))
+        f[B] /= abs(f[B])
+        w, z = _to_hemisphere(f)
+        flow_w, flow_z = -L @ w, -L @ z
+        flow_z[B] = 0
+        outwards = (flow_w * w.conj()).real + flow_z * z
+        before, energy = energy, -outwards.sum() / 2
+        if not before - energy > TOLERANCE:
+            return certified_disk_map(mesh, f / f[B[0]])
+        w += even.solve(nothing[:0], flow_w - outwards * w)
+        z += odd.solve(nothing, flow_z - outwards * z).real
+        f = w / (np.hypot(abs(w), z) + z)  # from the south pole, once |w|^2 + z^2 is 1 again
+    raise MapError(f"The harmonic energy still falls after {MAX_STEPS} steps")
+
+
+def _to_hemisphere(f: Complex) -> tuple[Complex, Floats]:
+    """Project the disk from the south pole: x + iy and z of points on the sphere."""
+    squared = abs(f) ** 2
+    return 2 * f / (1 + squared), (1 - squared) / (1 + squared)

@@ -1,0 +1,380 @@
+"""A surface in parts: the same map as in one, whatever the planes cut, and the same refusals."""
+
+import os
+import re
+import signal
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import meshes
+import numpy as np
+import pytest
+from commands import invoke, start
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cdcp_igl import MapError, MeshError, check, disk_map, partition, parts_map
+from cdcp_igl.datasets import spherical_cap
+from cdcp_igl.io import write_map
+from cdcp_igl.solve.solvers import SOLVERS
+
+
+def bumpy(V):
+    """The surface without symmetry, so that one face is the most central."""
+    return V + 0.05 * np.sin(3 * V[:, [1, 2, 0]] + [1, 2, 3])
+
+
+def bulb():
+    """Nearly a whole sphere: all of the boundary is near the south pole."""
+    V, F, _ = spherical_cap(10, angle=165)
+    return bumpy(V), F
+
+
+def scroll():
+    """A sheet rolled up: planes cut it into parts of many pieces."""
+    x, y, F = meshes.cells(18, 36)
+    t = x / 4
+    V = np.column_stack([(1 + t / 9) * np.cos(t), (1 + t / 9) * np.sin(t), y / 3])
+    return bumpy(V), F
+
+
+SURFACES = {
+    "grid": meshes.grid(14, 18),
+    "cap": (bumpy(spherical_cap(12)[0]), spherical_cap(12)[1]),
+    "bulb": bulb(),
+    "scroll": scroll(),
+    "plane": (meshes.grid(14, 18)[0][:, :2], meshes.grid(14, 18)[1]),
+}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return tmp_path / "parts"
+
+
+@pytest.mark.parametrize(
+    ("name", "parts"),
+    [
+        *[("grid", 1), ("cap", 2), ("plane", 8)],
+        *(pytest.param(name, 32, marks=pytest.mark.slow) for name in ("scroll", "bulb", "grid")),
+    ],
+)
+def test_the_same_map(name, parts, folder):
+    """Also of parts that are empty, of one face, or without inside, or all in pieces."""
+    V, F = SURFACES[name]
+    expected = disk_map(V, F, refine=0)
+    result = parts_map(partition((V, F), folder, parts))
+    np.testing.assert_allclose(result.uv, expected.uv, atol=1e-10)
+    assert result.valid
+    assert result.center == expected.center
+    assert result.distortion.mean == pytest.approx(expected.distortion.mean, rel=1e-9)
+    assert result.distortion.sd == pytest.approx(expected.distortion.sd, rel=1e-8)
+    assert result.distortion.max == pytest.approx(expected.distortion.max, rel=1e-8)
+    free = expected.distortion_of_free_faces.mean
+    assert result.distortion_of_free_faces.mean == pytest.approx(free, rel=1e-9)
+    assert result.conformality.excess == pytest.approx(expected.conformality.excess, rel=1e-8)
+    assert result.conformality.stretch == pytest.approx(expected.conformality.stretch, rel=1e-8)
+
+
+@pytest.mark.slow
+@settings(max_examples=20)
+@given(
+    st.sampled_from([2, 4, 16]),
+    st.integers(0, 150),
+    st.sampled_from(["angle", "area", None]),
+    st.sampled_from([None, 3, [0.2, 1, 0.3]]),
+    st.integers(-40, 40),
+)
+def test_the_same_options(tmp_path_factory, parts, center, mobius, align, unit):
+    """The central face on a seam, too."""
+    V, F = meshes.grid(14, 18)
+    V = np.ldexp(V, unit)
+    center += 200
+    options = {"center": center, "mobius": mobius, "align": align}
+    folder = tmp_path_factory.mktemp("options") / "parts"
+    try:
+        expected = disk_map(V, F, refine=0, **options)
+    except (MapError, ValueError):
+        return
+    if expected.boundary.rejected or expected.straightening.before:
+        return
+    result = parts_map(partition((V, F), folder, parts), **options)
+    np.testing.assert_allclose(result.uv, expected.uv, atol=1e-10)
+    assert result.mobius.w == pytest.approx(expected.mobius.w, abs=1e-9)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_the_same_map_by_each_solver(solver, folder):
+    V, F = SURFACES["cap"]
+    result = parts_map(partition((V, F), folder, 4), solver=solver)
+    np.testing.assert_allclose(result.uv, disk_map(V, F, refine=0).uv, atol=1e-10)
+    assert solver in result.solver
+
+
+@pytest.mark.parametrize("name", meshes.NASTY)
+def test_what_is_no_disk_is_refused_as_by_check(name, folder):
+    """Also a non-manifold edge, a face twice or a pinch on a seam, two loops and a handle."""
+    _, V, F, _ = meshes.NASTY[name]
+    with pytest.raises(MeshError) as refused:
+        parts_map(partition((V, F), folder, 8))
+    expected = check(V, F).defects
+    assert [d.name for d in refused.value.defects] == [d.name for d in expected]
+    for mine, theirs in zip(refused.value.defects, expected, strict=True):
+        np.testing.assert_array_equal(mine.indices, theirs.indices)
+
+
+@pytest.mark.parametrize("row", range(0, 100, 9))
+def test_a_third_face_at_an_edge_wherever_it_is(row, folder):
+    V, F = meshes.grid()
+    F = np.vstack([F, [*F[row % len(F), :2], (F[row % len(F), 2] + 20) % len(V)]])
+    with pytest.raises(MeshError) as refused:
+        parts_map(partition((V, F), folder, 16))
+    np.testing.assert_array_equal(refused.value.indices, check(V, F).defects[0].indices)
+
+
+def test_what_disk_map_rescues_is_refused_with_the_reason(folder):
+    with pytest.raises(MapError, match="lies at the boundary"):
+        parts_map(partition(meshes.TWO_TRIANGLES, folder, 2))
+    with pytest.raises(ValueError, match="center must be"):
+        parts_map(folder, center="heat")
+    with pytest.raises(ValueError, match="align=37 is not a boundary vertex"):
+        parts_map(partition(meshes.grid(), folder.with_name("grid"), 2), align=37)
+
+
+class Stopped(Exception):
+    pass
+
+
+def test_a_run_that_was_stopped_goes_on_with_the_same_bits(folder):
+    V, F = SURFACES["scroll"]
+    parts = partition((V, F), folder, 8)
+    expected = parts_map(parts).uv
+    [work] = parts.glob("map-*")
+    for stop in ("factor", "trace", "extension", "certificate"):
+        work.rename(folder.with_name(stop))  # begin anew
+
+        def progress(phase, done, stop=stop):
+            if phase == stop:
+                raise Stopped
+
+        with pytest.raises(Stopped):
+            parts_map(parts, progress=progress)
+        before = {file: file.stat().st_mtime_ns for file in work.glob("e*.npz")}
+        np.testing.assert_array_equal(parts_map(parts).uv, expected)
+        after = {file: file.stat().st_mtime_ns for file in work.glob("e*.npz")}
+        assert all(before.get(file, time) == time for file, time in after.items())
+    again = parts_map(parts)
+    np.testing.assert_array_equal(again.uv, expected)
+    assert not list(work.glob("merge*"))
+
+
+def test_executors_give_the_same_bits(folder):
+    V, F = SURFACES["scroll"]
+    expected = parts_map(partition((V, F), folder, 8)).uv
+    with ThreadPoolExecutor(2) as executor:
+        other = partition((V, F), folder.with_name("other"), 8)
+        np.testing.assert_array_equal(parts_map(other, executor=executor).uv, expected)
+
+
+def rough_patch(seed):
+    """A sheet with a small patch of needles, across which its harmonic map flips faces."""
+    rng = np.random.default_rng(seed)
+    x, y, F = meshes.cells(40, 50)
+    V = np.column_stack([x, y, 0.3 * np.sin(x / 3)])
+    V[:, :2] += rng.uniform(-0.2, 0.2, (len(V), 2))
+    inside = np.maximum(0, 1 - ((x - 25) / 4) ** 2) * np.maximum(0, 1 - ((y - 20) / 4) ** 2)
+    V[:, 2] += 3 * inside * rng.normal(size=len(V))
+    V[:, 0] += 1.5 * inside * (y - 20)
+    return V, F
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_few_flipped_faces_are_repaired_across_seams(seed, folder):
+    V, F = rough_patch(seed)
+    expected = disk_map(V, F, refine=0)
+    assert expected.repair.n_flipped > 0
+    result = parts_map(partition((V, F), folder, 8))
+    assert result.repair == expected.repair
+    np.testing.assert_allclose(result.uv, expected.uv, atol=1e-10)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="no such limit")
+@pytest.mark.parametrize("most", [400, 3_000, 12_000, 40_000])
+def test_a_full_disk_is_an_error_after_which_it_goes_on(most, folder):
+    import resource
+
+    V, F = SURFACES["grid"]
+    parts = partition((V, F), folder, 2)
+    hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, hard))
+    try:
+        with pytest.raises(OSError, match=r"map-.*npz"):
+            parts_map(parts)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+    other = partition((V, F), folder.with_name("other"), 2)
+    np.testing.assert_array_equal(parts_map(parts).uv, parts_map(other).uv)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("phase", ["check", "factor", "extension", "certificate"])
+def test_a_killed_run_goes_on_with_the_same_bits(phase, folder):
+    V, F = SURFACES["scroll"]
+    expected = parts_map(partition((V, F), folder.with_name("other"), 8)).uv
+    parts = partition((V, F), folder, 8)
+    killed = start(
+        "-c",
+        "import os, cdcp_igl\n"
+        "def kill(phase, done):\n"
+        f"    if phase == {phase!r}: os.kill(os.getpid(), 9)\n"
+        f"cdcp_igl.parts_map({str(parts)!r}, executor=2, progress=kill)",
+    )
+    assert killed.returncode == -signal.SIGKILL
+    np.testing.assert_array_equal(parts_map(parts).uv, expected)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="who the workers are")
+def test_killed_workers_are_replaced(folder):
+    V, F = SURFACES["scroll"]
+    expected = parts_map(partition((V, F), folder.with_name("other"), 8)).uv
+    victims = []
+
+    def kill(phase, done):
+        children = Path("/proc/self/task").glob("*/children")
+        pids = [int(pid) for file in children for pid in file.read_text().split()]
+        if pids and phase in ("factor", "extension", "mobius"):
+            victims.append(phase)
+            if victims.count(phase) == 1:
+                os.kill(pids[0], signal.SIGKILL)
+
+    uv = parts_map(partition((V, F), folder, 8), executor=2, progress=kill).uv
+    assert {"factor", "extension"} <= {*victims}
+    np.testing.assert_array_equal(uv, expected)
+
+
+@pytest.mark.slow
+def test_processes_give_the_same_bits(folder):
+    V, F = SURFACES["scroll"]
+    expected = parts_map(partition((V, F), folder, 8)).uv
+    other = partition((V, F), folder.with_name("other"), 8)
+    np.testing.assert_array_equal(parts_map(other, executor=2).uv, expected)
+
+
+@pytest.mark.slow
+def test_dask_gives_the_same_bits(folder):
+    distributed = pytest.importorskip("distributed")
+    V, F = SURFACES["scroll"]
+    expected = parts_map(partition((V, F), folder, 8)).uv
+    other = partition((V, F), folder.with_name("other"), 8)
+    cluster = distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    )
+    with cluster, distributed.Client(cluster) as client:
+        np.testing.assert_array_equal(parts_map(other, executor=client).uv, expected)
+
+
+@pytest.mark.slow
+def test_sources(tmp_path):
+    """Arrays, npy files, chunks, a ply file and others are the same surface."""
+    V, F = SURFACES["cap"]
+    expected = parts_map(partition((V, F), tmp_path / "arrays", 4)).uv
+    np.save(tmp_path / "V.npy", V)
+    np.save(tmp_path / "F.npy", F.astype(np.int32))
+    chunks = tmp_path / "chunks"
+    chunks.mkdir()
+    for k, (v, f) in enumerate(zip(np.array_split(V, 3), np.array_split(F, 3), strict=True)):
+        np.save(chunks / f"V{k}.npy", v)
+        np.save(chunks / f"F{k}.npy", f)
+    result = disk_map(V, F)
+    for suffix in (".ply", ".obj"):
+        write_map(tmp_path / f"cap{suffix}", V, F, result)
+    sources = [
+        (tmp_path / "V.npy", tmp_path / "F.npy"),
+        chunks,
+        tmp_path / "cap.ply",
+        tmp_path / "cap.obj",
+    ]
+    for k, source in enumerate(sources):
+        uv = parts_map(partition(source, tmp_path / f"parts {k}", 4)).uv
+        np.testing.assert_array_equal(uv, expected)
+
+
+def test_a_folder_is_never_replaced(tmp_path):
+    source = SURFACES["cap"]
+    (tmp_path / "mine").touch()
+    with pytest.raises(FileExistsError, match="not empty"):
+        partition(source, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+    with pytest.raises(ValueError, match="power of 2"):
+        partition(source, tmp_path / "parts", 3)
+    with pytest.raises(FileNotFoundError, match="no V"):
+        partition(tmp_path, tmp_path / "parts")
+    with pytest.raises(MeshError):
+        partition((source[0], source[1] + 1), tmp_path / "parts")
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
+@pytest.mark.slow
+def test_the_result_is_one_like_others(folder, tmp_path):
+    V, F = SURFACES["cap"]
+    result = parts_map(partition((V, F), folder, 4))
+    result.assemble(tmp_path / "uv.npy")
+    np.testing.assert_array_equal(np.load(tmp_path / "uv.npy"), result.uv)
+    assert result.report()["vertices"] == len(V)
+    assert result.report()["parts"] == 4
+    assert re.search(r"469 vertices in 4 parts: valid", str(result))
+    expected = {*disk_map(V, F, refine=0).report(flat=True)}
+    missing = expected.difference(result.report(flat=True))
+    assert {name for name in missing if not name.startswith("seconds")} == set()
+    for name in ("map.html", "map.png", "map.json"):
+        result.save(tmp_path / name)
+        assert Path(tmp_path, name).stat().st_size > 1000
+    with pytest.raises(ValueError, match=r"written as \.npy"):
+        result.save(tmp_path / "map.obj")
+
+
+@pytest.mark.slow
+def test_what_is_drawn_is_the_surface(folder):
+    """By some of its vertices, which cover the disk."""
+    V, F, _ = spherical_cap(70)
+    image = parts_map(partition((V, F), folder, 2), align=[0, 1, 0]).bake(V, size=64)
+    expected = disk_map(V, F, refine=0, align=[0, 1, 0]).bake(V, size=64)
+    assert abs(image - expected).mean() < 0.03
+
+
+def test_a_fraction_of_the_memory(real_mesh, tmp_path):
+    V, F = real_mesh("gcanyon_996999")
+    np.save(tmp_path / "V.npy", V)
+    np.save(tmp_path / "F.npy", F)
+    partition((tmp_path / "V.npy", tmp_path / "F.npy"), tmp_path / "parts")
+    calls = (
+        "disk_map(np.load('V.npy'), np.load('F.npy'), refine=0).center.face",
+        "parts_map('parts').center.face",
+    )
+    code = "import numpy as np; from cdcp_igl import *; from cdcp_igl.processes import peak_memory"
+    one, parts = (
+        start("-c", f"{code}; print({call}, peak_memory())", cwd=tmp_path).stdout.split()
+        for call in calls
+    )
+    assert one[0] == parts[0]
+    assert float(parts[1]) < 0.2 * float(one[1])
+
+
+@pytest.mark.slow
+def test_the_command_line(tmp_path):
+    V, F = SURFACES["cap"]
+    write_map(tmp_path / "cap.ply", V, F, disk_map(V, F))
+    parts, out = tmp_path / "cap", tmp_path / "cap.npy"
+    assert invoke("partition", tmp_path / "cap.ply", parts, "--parts", 4).exit_code == 0
+    said = invoke("map", parts, out, "--mobius", "area", "--report", tmp_path / "cap.json")
+    assert said.exit_code == 0
+    assert "469 vertices in 4 parts: valid" in said.output
+    np.testing.assert_array_equal(np.load(out), parts_map(parts, mobius="area").uv)
+    assert (tmp_path / "cap.json").stat().st_size > 1000
+    assert "--force" in invoke("map", parts, out).output
+    refused = invoke("map", parts, tmp_path / "other.npy", "--clean", "--refine", 2)
+    assert refused.exit_code == 2
+    assert "--clean, --refine" in refused.output
+    surface = tmp_path / "cap.ply", tmp_path / "cap.obj"
+    assert invoke("map", *surface, "--jobs", 2).exit_code == 2

@@ -1,0 +1,156 @@
+"""Maps onto the sphere: exact ones, what they obey, certificates, and what is refused."""
+
+import numpy as np
+import pytest
+from commands import invoke
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+from surfaces import skin, sphere, torus
+
+import cdcp_igl
+from cdcp_igl.certificate import certify_sphere
+
+CLOSED = ["closed_arm_8311", "closed_belt_8194", "closed_man_6890", "closed_spot_2930"]
+
+
+def star(seed):
+    """A random closed surface: a triangulated sphere whose radius varies, stretched."""
+    rng = np.random.default_rng(seed)
+    V = rng.normal(size=(int(rng.integers(5, 150)), 3))
+    V /= np.linalg.norm(V, axis=1)[:, None]
+    hull = ConvexHull(V)
+    F = hull.simplices.astype(np.int64)
+    normal = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]])
+    outwards = (normal * hull.equations[:, :3]).sum(axis=1) > 0
+    F = np.where(outwards[:, None], F, F[:, ::-1])
+    radius = np.exp(np.sin(V @ rng.normal(size=(3, 4))).sum(axis=1) + rng.normal(size=len(V)) / 8)
+    return V * radius[:, None] * np.exp(rng.normal(size=3)), F
+
+
+@pytest.mark.parametrize("height", [0.5, 1, 2])
+def test_maps_of_spheroids_converge_at_second_order(height):
+    errors = []
+    for levels in (2, 3, 4):
+        V, F, exact = cdcp_igl.datasets.spheroid(levels, height)
+        result = cdcp_igl.sphere_map(V, F)
+        assert result.conformal
+        assert result.laplacian == "cotangent"
+        errors.append(np.linalg.norm(result.points - exact, axis=1).max())
+    assert errors[0] / errors[2] > 2.5**2
+    assert errors[2] < 0.002
+
+
+def test_a_dipole_anywhere_gives_the_same_map():
+    V, F, exact = cdcp_igl.datasets.spheroid(3, 1.5)
+    turned = cdcp_igl.sphere_map(V @ Rotation.from_rotvec([1, 2, 3]).as_matrix(), F[::-1])
+    assert np.linalg.norm(cdcp_igl.sphere_map(V, F).points - exact, axis=1).max() < 0.005
+    back = turned.points @ Rotation.from_rotvec([1, 2, 3]).as_matrix().T
+    assert np.linalg.norm(back - exact, axis=1).max() < 0.005
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=12)
+def test_random_stars_are_mapped_one_to_one(seed):
+    V, F = star(seed)
+    result = cdcp_igl.sphere_map(V, F)
+    signs = np.linalg.det(result.points[F])
+    assert result.valid
+    assert result.certificate.degree == 1
+    assert (signs > -1e-15).all()
+    in_another_unit = cdcp_igl.sphere_map(2.0**40 * V, F)
+    np.testing.assert_array_equal(in_another_unit.points, result.points)
+
+
+@pytest.mark.parametrize("stretch", [1, 8, 40])
+def test_long_tubes_are_mapped_one_to_one(stretch):
+    """At 40 the ends are smaller than double precision can hold, and the verdict says so."""
+    V, F = sphere(30, 12, stretch)
+    result = cdcp_igl.sphere_map(V, F)
+    assert result.valid
+    assert result.conformal == (stretch < 40)
+
+
+def test_arms_of_cubes_are_mapped_one_to_one():
+    solid = np.zeros((7, 5, 1), dtype=bool)
+    solid[:, 0] = solid[3] = True
+    assert cdcp_igl.sphere_map(*skin(solid)).valid
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_real_surfaces(real_mesh, name):
+    result = cdcp_igl.sphere_map(*real_mesh(f"any/{name}"))
+    assert result.valid
+    assert result.conformal
+
+
+def test_the_conformal_barycentre_is_at_0_and_landmarks_are_turned_to():
+    V, F, _ = cdcp_igl.datasets.spheroid(2, 0.7)
+    V[:, 0] *= 1 + V[:, 1] / 3
+    result = cdcp_igl.sphere_map(V, F, align={0: [0, 0, 5]})
+    np.testing.assert_allclose(result.points[0], [0, 0, 1], atol=1e-9)
+    area = np.linalg.norm(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]), axis=1)
+    weight = np.bincount(F.ravel(), np.repeat(area, 3))
+    assert np.linalg.norm(weight @ result.points) < 1e-9 * weight.sum()
+
+
+def test_a_certificate_sees_what_is_wrong():
+    _, F, P = cdcp_igl.datasets.spheroid(1, 1)
+    assert certify_sphere(F, P).valid
+    mirrored = certify_sphere(F, P * [1, 1, -1])
+    assert (mirrored.degree, len(mirrored.flipped), mirrored.valid) == (-1, len(F), False)
+    assert not certify_sphere(F, 1.1 * P).valid
+    assert not certify_sphere(F, np.full(P.shape, np.nan)).valid
+    flat = P.copy()
+    flat[F[0, 0]] = (P[F[0, 1]] + P[F[0, 2]]) / np.linalg.norm(P[F[0, 1]] + P[F[0, 2]])
+    assert 0 in certify_sphere(F, flat).flipped
+
+
+def test_what_is_shown_and_saved(tmp_path):
+    V, F, _ = cdcp_igl.datasets.spheroid(2, 1.5)
+    result = cdcp_igl.sphere_map(V, F)
+    packed = result.packed()
+    assert packed.shape == (len(F), 3, 2)
+    assert packed.min() >= 0
+    assert packed.max() <= 1
+    # Charts of both hemispheres keep the orientation.
+    edges = packed[:, 1:] - packed[:, :1]
+    assert (np.linalg.det(edges) > 0).all()
+    assert result.report()["certificate"]["degree"] == 1
+    assert "sphere map of 162 vertices: valid" in str(result)
+    assert len(result.area_distortion()) == len(F)
+    assert result.bake(V, size=32).shape == (32, 32, 3)
+    for name in ("map.obj", "map.glb", "map.npz", "map.json"):
+        result.save(tmp_path / name)
+
+
+def test_other_surfaces_are_refused_by_name():
+    with pytest.raises(cdcp_igl.MeshError, match="genus 1"):
+        cdcp_igl.sphere_map(*torus())
+    V, F, _ = cdcp_igl.datasets.spheroid(1)
+    with pytest.raises(cdcp_igl.MeshError, match="disk_map maps a surface with one"):
+        cdcp_igl.sphere_map(V, F[1:])
+    with pytest.raises(cdcp_igl.MeshError, match="sphere_map maps it onto a sphere"):
+        cdcp_igl.disk_map(V, F)
+    with pytest.raises(ValueError, match="mobius must be"):
+        cdcp_igl.sphere_map(V, F, mobius="angle")
+    for align in ({99: [1, 0, 0]}, {0: [0, 0, 0]}, {0: [1, 2]}, {}, 3):
+        with pytest.raises(ValueError, match="align must give"):
+            cdcp_igl.sphere_map(V, F, align=align)
+
+
+def test_on_the_command_line_and_in_a_batch(tmp_path):
+    V, F, _ = cdcp_igl.datasets.spheroid(1)
+    source = tmp_path / "egg.obj"
+    cdcp_igl.io.write_map(source, V, F, V[:, :2])
+    assert "cdcp-igl map --sphere" in invoke("check", source).stdout
+    done = invoke("map", "--sphere", source, tmp_path / "map.npz")
+    assert "sphere map of 42 vertices: valid" in done.stdout
+    with np.load(tmp_path / "map.npz") as saved:
+        np.testing.assert_allclose(np.linalg.norm(saved["points"], axis=1), 1)
+        assert saved["uv"].shape == (len(F), 3, 2)
+    made = cdcp_igl.batch(source, tmp_path / "out", onto="sphere")
+    assert [record.status for record in made.records] == ["done"]
+    for wrong in (["--cut"], ["--disk"], ["--center", "heat"]):
+        assert invoke("map", "--sphere", *wrong, source, tmp_path / "x.npz").exit_code == 2
