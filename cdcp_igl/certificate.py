@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -251,6 +253,25 @@ class OutlineCertificate:
             f"{flipped} ({self.n_exact:,} decided exactly), outline {overlap}, "
             f"winding number {self.winding_number}"
         )
+
+
+Kind = TypeVar("Kind", bound=Certificate | OutlineCertificate)
+# How what was verified of several maps makes one certificate of them all.
+TOGETHER: dict[str, Callable[[list[Any]], Any]] = {
+    "finite": all,
+    "boundary_error": max,
+    "boundary_monotone": all,
+    "winding_number": partial(max, key=lambda turns: abs(turns - 1)),
+    "meeting": np.concatenate,
+    "flipped": np.concatenate,
+    "n_exact": sum,
+}
+
+
+def together(each: Sequence[Kind]) -> Kind:
+    """Make one certificate of those of several maps, valid if each of them is."""
+    names = [field.name for field in fields(each[0])]
+    return type(each[0])(**{n: TOGETHER[n]([getattr(one, n) for one in each]) for n in names})
 
 
 def certify_outline(mesh: DiskMesh, uv: Floats) -> OutlineCertificate:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from .algorithm import disk_map
 from .annulus import AnnulusMap, annulus_map
 from .arrays import Ints
+from .atlas.charts import Outline
 from .atlas.surface import SurfaceMap, surface_map
 from .free import FreeMap, free_map
 from .io import write_map
@@ -29,8 +30,9 @@ from .surface.cleaning import clean
 
 Array = NDArray[Any]
 
-ONLY_OF_CUT = ("fill", "spread")  # options that `surface_map` has and `disk_map` has not
-ONLY_OF_DISKS = ("center", "mobius", "preset")  # that `free_map` has not
+# Options that `surface_map` has and `disk_map` has not, and those that `free_map` has not.
+ONLY_OF_CUT = ("fill", "spread", "max_charts")
+ONLY_OF_DISKS = ("center", "mobius", "preset")
 # What a surface may be mapped onto, besides disks, and the options of that.
 TARGETS: dict[str, tuple[Callable[..., SphereMap | AnnulusMap], set[str]]] = {
     "annulus": (annulus_map, {"solver"}),
@@ -44,7 +46,8 @@ class Settings:
 
     With `disk`, texture coordinates lie in the unit disk, not in the unit square. The `options`
     are those of `disk_map`; with `cut`, of `surface_map`, which maps surfaces that are no disks;
-    with `free`, of `free_map`; or those of what maps `onto` something else, one of `TARGETS`.
+    with `free`, of `free_map`, and with both the charts have free outlines; or those of what maps
+    `onto` something else, one of `TARGETS`.
     """
 
     disk: bool = False
@@ -58,8 +61,8 @@ class Settings:
         if self.onto is not None:
             self._check_target(self.onto)
             return
-        if self.free and (self.cut or self.disk):
-            raise ValueError("with a free outline there is no disk; leave out disk and cut")
+        if self.free and self.disk:
+            raise ValueError("with a free outline there is no disk; leave out disk")
         if self.free and (of_disks := [name for name in ONLY_OF_DISKS if name in self.options]):
             raise ValueError(f"a map with a free outline has no {' and no '.join(of_disks)}")
         of_map = {name: value for name, value in self.options.items() if name not in ONLY_OF_CUT}
@@ -116,7 +119,7 @@ class Mapped:
     def maps(self) -> tuple[DiskMap | FreeMap, ...]:
         """The maps, that of the part with most faces first."""
         if isinstance(self.result, SurfaceMap):
-            return self.result.disks
+            return self.result.charts
         return (self.result,) if isinstance(self.result, DiskMap | FreeMap) else ()
 
     def write(self, target: Path, source: Path, settings: Settings) -> None:
@@ -228,9 +231,12 @@ def _map(
             function = TARGETS[settings.onto][0]
         result = function(V, F, progress=progress, **options)
         return Mapped(V, F, result, (), len(V), np.arange(len(F)), {})
-    cut = surface_map(V, F, polygon_of_face=polygon_of_face, progress=progress, **options)
-    rows = np.flatnonzero(cut.face_disk >= 0)
+    outline: Outline = "free" if settings.free else "disk"
+    cut = surface_map(
+        V, F, polygon_of_face=polygon_of_face, outline=outline, progress=progress, **options
+    )
+    rows = np.flatnonzero(cut.face_chart >= 0)
     left_out = len(F) - len(rows)
-    note = (f"faces on no disk: {left_out:,}",) if left_out else ()
-    indices = {"face_index": rows, "face_disk": cut.face_disk[rows]}
+    note = (f"faces in no chart: {left_out:,}",) if left_out else ()
+    indices = {"face_index": rows, "face_chart": cut.face_chart[rows]}
     return Mapped(V, F, cut, (*cut.changes, *note), len(V), rows, indices)

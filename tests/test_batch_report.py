@@ -36,7 +36,7 @@ def test_surfaces_that_are_no_disks(scans, tmp_path):
         result = cdcp_igl.surface_map(V, F, refine=1, solver="scipy")
         with np.load(tmp_path / "maps" / f"{name}.npz") as saved:
             np.testing.assert_array_equal(saved["uv"], result.uv)
-            np.testing.assert_array_equal(saved["face_disk"], result.face_disk)
+            np.testing.assert_array_equal(saved["face_chart"], result.face_chart)
             np.testing.assert_array_equal(saved["F"][saved["face_index"]], F)
 
 

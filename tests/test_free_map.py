@@ -298,6 +298,10 @@ def test_in_batches(tmp_path):
     assert (record.status, record.boundary) == ("done", "own lengths")
     with np.load(tmp_path / "maps" / "surface.npz") as saved:
         np.testing.assert_array_equal(saved["uv"], cdcp_igl.free_map(V, F, refine=1).uv)
-    for options in ({"cut": True}, {"disk": True}, {"center": 3}):
+    cdcp_igl.batch([tmp_path / "surface.npz"], tmp_path / "charts", free=True, cut=True)
+    with np.load(tmp_path / "charts" / "surface.npz") as saved:
+        expected = cdcp_igl.surface_map(V, F, outline="free")
+        np.testing.assert_array_equal(saved["uv"], expected.uv)
+    for options in ({"disk": True}, {"center": 3}):
         with pytest.raises(ValueError, match=r"leave out|has no center"):
             cdcp_igl.batch([tmp_path], tmp_path / "others", free=True, **options)

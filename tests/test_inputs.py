@@ -153,7 +153,7 @@ def test_loose_triangles_and_seams_are_one_surface(tmp_path, name):
     mesh = put(tmp_path, name, what)
     assert "surface_map" in cdcp_igl.check(mesh).next_step or name == "seams"
     result = cdcp_igl.surface_map(mesh)
-    assert (result.valid, len(result.disks)) == (True, 1)
+    assert (result.valid, len(result.charts)) == (True, 1)
     assert "merged" in result.changes[0]
 
 
@@ -232,4 +232,4 @@ def test_what_is_written_as_glb_is_read_again(tmp_path):
     result.save(tmp_path / "a.glb")
     V, F = read_mesh(tmp_path / "a.glb")
     np.testing.assert_array_equal(V[F], W.astype("f4")[G])
-    assert len(cdcp_igl.surface_map(tmp_path / "a.glb").disks) == 1
+    assert len(cdcp_igl.surface_map(tmp_path / "a.glb").charts) == 1

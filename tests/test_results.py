@@ -83,7 +83,7 @@ def test_a_map_that_is_not_conformal_says_which_disk_and_why():
         spread=np.inf,
         refine=0,
     )
-    worst = np.argmax([disk.distortion.mean for disk in several.disks])
+    worst = np.argmax([disk.distortion.mean for disk in several.charts])
     for result in (single, several):
         assert not result.conformal
         assert result.verdict == "valid, NOT CONFORMAL"
@@ -91,7 +91,7 @@ def test_a_map_that_is_not_conformal_says_which_disk_and_why():
         assert result.report()["not_conformal_because"] == list(result.conformality.reasons)
     assert "certified bijection, NOT CONFORMAL" in several._repr_html_()
     assert several.conformality.reasons == tuple(
-        f"disks[{worst}]: {reason}" for reason in several.disks[worst].conformality.reasons
+        f"charts[{worst}]: {reason}" for reason in several.charts[worst].conformality.reasons
     )
 
 
@@ -135,7 +135,7 @@ def test_a_flat_row_spells_lists_out(mapped):
     assert rectangle.report(flat=True)["corners"] == "0, 14, 179, 165"
     row = replace(surface, changes=("one", "two")).report(flat=True)
     assert row["changes"] == "one; two"
-    assert row["disks"] == 2
+    assert row["charts"] == 2
 
 
 @pytest.mark.parametrize("kind", KINDS)

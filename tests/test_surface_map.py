@@ -1,6 +1,4 @@
-"""Any surface onto disks."""
-
-from fractions import Fraction
+"""Any surface onto charts."""
 
 import meshes
 import numpy as np
@@ -10,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cdcp_igl
-from cdcp_igl.atlas.packing import packed_circles
+from cdcp_igl.atlas.packing import laid_flat, packed_boxes
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas
 
@@ -31,11 +29,12 @@ def assert_consistent(result, V, F):
     np.testing.assert_array_equal(np.asarray(V, float)[cut.vertex_index], cut.V)
     np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
     np.testing.assert_array_equal(result.uv_cut[cut.F], result.uv)
-    mapped = result.face_disk >= 0
+    mapped = result.face_chart >= 0
     elsewhere = np.isin(F, np.asarray(F)[mapped])  # a face that is left out has its corners there
     np.testing.assert_array_equal(np.isfinite(result.uv).all(axis=2), elsewhere)
-    assert np.hypot(*result.uv[mapped].reshape(-1, 2).T).max() <= 1 + 1e-12
-    assert set(result.face_disk[mapped]) == set(range(len(result.disks)))
+    if isinstance(result.charts[0], cdcp_igl.DiskMap):
+        assert np.hypot(*result.uv[mapped].reshape(-1, 2).T).max() <= 1 + 1e-12
+    assert set(result.face_chart[mapped]) == set(range(len(result.charts)))
     assert result.shares.sum() == pytest.approx(1)
 
 
@@ -47,10 +46,10 @@ def test_flipped_faces_are_mapped_as_the_others(mesh, seed, share):
     given = np.where(flipped[:, None], F[:, ::-1], F)
     result = cdcp_igl.surface_map(V, given)
     assert_consistent(result, V, given)
-    assert (result.face_disk >= 0).all()
+    assert (result.face_chart >= 0).all()
     (a, b), (c, d) = ((result.uv[:, k] - result.uv[:, 0]).T for k in (1, 2))
     up = (a * d > b * c) ^ flipped
-    assert len(np.unique([result.face_disk, up], axis=1).T) == len(result.disks)
+    assert len(np.unique([result.face_chart, up], axis=1).T) == len(result.charts)
     assert share or up.all()
 
 
@@ -59,7 +58,7 @@ def test_duplicates_have_the_images_of_their_twins():
     V, F = surfaces.sphere()
     result = cdcp_igl.surface_map(V, np.vstack([F, np.roll(F, 1, axis=1)]))
     one, other = np.split(result.uv, 2)
-    left_out = result.face_disk.reshape(2, -1).argmin(axis=0)
+    left_out = result.face_chart.reshape(2, -1).argmin(axis=0)
     assert set(left_out) <= {0, 1}
     np.testing.assert_array_equal(np.roll(one, 1, axis=1), other)
     single = cdcp_igl.surface_map(V, F)
@@ -88,12 +87,23 @@ def test_a_disk_is_mapped_as_by_disk_map(options):
     ("name", "value"),
     [
         *(("solver", "pardiso"), ("mobius", "length"), ("refine", 0.5), ("center", 3)),
-        *(("spread", -1), ("spread", np.nan), ("align", 3)),
+        *(
+            ("spread", -1),
+            ("spread", np.nan),
+            ("align", 3),
+            ("outline", "round"),
+            ("max_charts", 0),
+        ),
     ],
 )
 def test_bad_options_are_refused(name, value):
     with pytest.raises(ValueError, match=name):
         cdcp_igl.surface_map(*surfaces.torus(), **{name: value})
+
+
+def test_free_outlines_have_no_options_of_disks():
+    with pytest.raises(ValueError, match="for disks"):
+        cdcp_igl.surface_map(*surfaces.torus(), outline="free", mobius="area")
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +118,7 @@ def test_refinement_comes_after_growth(long_tube):
     refined = cdcp_igl.surface_map(V, F, refine=6)
     np.testing.assert_array_equal(refined.cut.edges, plain.cut.edges)
     assert refined.distortion.mean < plain.distortion.mean
-    assert refined.disks[0].refinement.steps == 6
+    assert refined.charts[0].refinement.steps == 6
 
 
 # -- what is repaired ------------------------------------------------------------------
@@ -161,7 +171,7 @@ CUBES = surfaces.skin(np.eye(2, dtype=bool)[None])  # which touch in an edge
 def test_seams_are_sewn(mesh, disks, n_cut):
     """Vertices of equal coordinates are one, but where sheets only touch."""
     result = cdcp_igl.surface_map(*mesh)
-    assert (result.valid, len(result.disks), len(result.cut.edges)) == (True, disks, n_cut)
+    assert (result.valid, len(result.charts), len(result.cut.edges)) == (True, disks, n_cut)
     assert result.changes[0].startswith("merged")
     np.testing.assert_array_equal(result.cut.V[result.cut.F], mesh[0][mesh[1]])
     np.testing.assert_array_equal(result.uv_cut[result.cut.F], result.uv)
@@ -169,7 +179,7 @@ def test_seams_are_sewn(mesh, disks, n_cut):
 
 def test_seams_stay_if_that_is_asked_for():
     V, F = soup(*CUBES)
-    assert len(cdcp_igl.surface_map(V, F, merge=False).disks) == len(F)
+    assert len(cdcp_igl.surface_map(V, F, merge=False).charts) == len(F)
 
 
 def test_everything_at_once_is_said():
@@ -187,7 +197,7 @@ def test_everything_at_once_is_said():
         "filled 1 hole",
         f"cut open along {len(result.cut.edges)} edges",
     )
-    np.testing.assert_array_equal(np.flatnonzero(result.face_disk < 0), len(F) - 3 + np.arange(3))
+    np.testing.assert_array_equal(np.flatnonzero(result.face_chart < 0), len(F) - 3 + np.arange(3))
     assert "surface map of 363 faces onto 2 disks: valid" in str(result)
 
 
@@ -266,38 +276,85 @@ def test_spread_does_not_depend_on_the_moebius_transformation():
 # -- packing ---------------------------------------------------------------------------
 
 
-@given(st.lists(st.floats(1e-6, 1e3), min_size=1, max_size=60))
-def test_packed_circles_are_apart_exactly(sizes):
-    centers, radii = packed_circles(np.array(sizes))
-    np.testing.assert_allclose(radii / radii.max(), np.array(sizes) / max(sizes))
-    x, y = ([Fraction(c) for c in column] for column in centers.T.tolist())
-    r = [Fraction(radius) for radius in radii.tolist()]
-    for i in range(len(r)):
-        assert r[i] <= x[i] <= 1 - r[i]
-        assert r[i] <= y[i] <= 1 - r[i]
-        for j in range(i):
-            assert (x[i] - x[j]) ** 2 + (y[i] - y[j]) ** 2 > (r[i] + r[j]) ** 2
+@given(st.lists(st.tuples(*[st.floats(1e-3, 1e3)] * 2), min_size=1, max_size=60))
+def test_packed_boxes_are_apart(sizes):
+    corners, scale = packed_boxes(np.array(sizes))
+    ends = corners + scale * np.array(sizes)
+    assert corners.min() >= 0
+    assert ends.max() <= 1 + 1e-12
+    over = (corners[:, None] < ends).all(axis=2)
+    assert np.count_nonzero(over & over.T) == len(sizes)  # each overlaps itself alone
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5, 10, 100])
 def test_packing_is_not_wasteful(count):
-    _, radii = packed_circles(np.ones(count))
-    assert np.pi * (radii**2).sum() > 0.35
+    _, scale = packed_boxes(np.ones((count, 2)))
+    assert count * scale**2 > 0.44
+
+
+@given(st.floats(0, 7), st.floats(1, 50))
+def test_a_turned_rectangle_is_laid_flat(angle, width):
+    z = np.exp(1j * angle) * np.array([0, width, width + 1j, 1j])
+    flat = laid_flat(z) * z
+    np.testing.assert_allclose([np.ptp(flat.real), np.ptp(flat.imag)], [width, 1], rtol=1e-6)
 
 
 def test_packed_corners_lie_in_the_square_by_area():
     V, F = surfaces.voxels(0, size=4, share=0.15)
     result = cdcp_igl.surface_map(V, F)
-    assert len(result.disks) > 3
+    assert len(result.charts) > 3
     packed = result.packed()
     assert packed.shape == result.uv.shape
     assert packed.min() >= 0
     assert packed.max() <= 1
     # A similarity of each disk, and the scale of its area is its share on the surface.
     sides = [np.linalg.norm(np.diff(uv, axis=1), axis=2).sum(axis=1) for uv in (packed, result.uv)]
-    disks = range(len(result.disks))
-    scale = np.array([np.divide(*(s[result.face_disk == k].sum() for s in sides)) for k in disks])
+    disks = range(len(result.charts))
+    scale = np.array([np.divide(*(s[result.face_chart == k].sum() for s in sides)) for k in disks])
     np.testing.assert_allclose(scale**2 / (scale**2).sum(), result.shares)
+
+
+# -- charts ----------------------------------------------------------------------------
+
+
+def test_free_outlines_keep_the_scale_and_the_size():
+    V, F = surfaces.torus()
+    free, disk = (cdcp_igl.surface_map(V, F, outline=outline) for outline in ("free", "disk"))
+    assert_consistent(free, V, F)
+    assert (len(free.charts), free.conformal) == (1, True)
+    assert free.spread < disk.spread / 2
+    assert free.distortion.mean < disk.distortion.mean
+    packed = free.packed()
+    assert -1e-12 < packed.min() < packed.max() < 1 + 1e-12
+    sides = [np.linalg.norm(np.diff(uv, axis=1), axis=2) for uv in (packed, free.uv)]
+    np.testing.assert_allclose(sides[0] / sides[1], (sides[0] / sides[1])[0, 0], rtol=1e-9)
+
+
+def long_strip():
+    """Eight times as long as wide, a rectangle of squares."""
+    i, j = np.divmod(np.arange(81 * 11), 11)
+    return np.column_stack([i, j, 0 * i]), surfaces.sheet(80, 10, lambda i, j: 11 * i + j)
+
+
+def test_a_strip_is_parted_until_its_scale_is_even():
+    V, F = long_strip()
+    charts = {most: cdcp_igl.surface_map(V, F, max_charts=most) for most in (1, 2, None)}
+    assert [len(result.charts) for result in charts.values()][:2] == [1, 2]
+    assert charts[1].spread > charts[2].spread > 1 >= charts[None].spread
+    for result in charts.values():
+        assert_consistent(result, V, F)
+        assert result.valid
+        assert result.face_chart.min() == 0
+    assert "asked for: 1" in str(charts[1])
+    assert len(cdcp_igl.surface_map(V, F, outline="free").charts) == 1
+
+
+def test_polygons_are_not_parted():
+    V, F = long_strip()
+    polygon = np.tile(np.arange(len(F) // 2), 2)  # the two triangles of a cell
+    chart = cdcp_igl.surface_map(V, F, polygon_of_face=polygon).face_chart
+    assert chart.max() > 0
+    np.testing.assert_array_equal(*np.split(chart, 2))
 
 
 # -- real surfaces ---------------------------------------------------------------------

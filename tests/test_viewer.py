@@ -141,7 +141,7 @@ def test_several_disks_are_laid_out():
     V, F = np.vstack([V, V + 20]), np.vstack([[[0, 0, 1], F[7]], F])  # two are left out
     result = cdcp_igl.surface_map(V, F)
     about, arrays = contents(result.view_html())
-    rows = np.flatnonzero(result.face_disk >= 0)
+    rows = np.flatnonzero(result.face_chart >= 0)
     assert len(rows) == len(F) - 2
     assert sorted(arrays["faceOrder"]) == list(rows)
     assert about["spins"] == [0]

@@ -60,16 +60,16 @@ def _row(file: Path) -> Row:
     except MeshError as error:
         return [*names, Cell(f"refused: {error}"), *[Cell("")] * (len(COLUMNS) - 3)]
     seconds = perf_counter() - start
-    alone = sum(sum(disk.timings.values()) for disk in result.disks)
-    mapped = result.face_disk >= 0
+    alone = sum(sum(disk.timings.values()) for disk in result.charts)
+    mapped = result.face_chart >= 0
     area = face_areas(V, F)
     change = result.area_distortion()
     weights = area[mapped] / area[mapped].sum()
     area_sd = np.sqrt(weights @ (change - weights @ change) ** 2)
-    worst = max(result.disks, key=lambda disk: (not disk.conformal, len(disk.uv)))
+    worst = max(result.charts, key=lambda disk: (not disk.conformal, len(disk.uv)))
     return [
         *names,
-        Cell(f"{len(result.disks)}"),
+        Cell(f"{len(result.charts)}"),
         Cell("yes" if result.valid else "NO"),
         Cell("yes") if result.conformal else Cell("no", note=str(worst.conformality)),
         Cell(f"{len(result.cut.edges):,}"),
@@ -90,7 +90,7 @@ def least_distortion(result: SurfaceMap) -> float:
     In the plane they are 2 pi around an interior vertex, and less than pi at a vertex of a
     convex polygon. What they are on the surface beyond that, some corner has to change.
     """
-    mapped = result.face_disk >= 0
+    mapped = result.face_chart >= 0
     F, uv = result.cut.F[mapped], result.uv_cut
     V = np.zeros((len(result.cut.V), 3))
     V[:, : result.cut.V.shape[1]] = result.cut.V

@@ -1,1 +1,1 @@
-"""Any surface onto disks: sheets, cuts, and a map of each component."""
+"""Any surface onto charts: sheets, cuts, and a map of each component."""

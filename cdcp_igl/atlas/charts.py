@@ -1,24 +1,28 @@
-"""A component mapped onto a disk: its holes filled, opened, and the cut grown."""
+"""A component mapped: its holes filled, opened, the cut grown, and parted if that is not enough."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal
 
 import numpy as np
+from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from ..algorithm import disk_map
-from ..arrays import Floats, Ints, as_complex
+from ..arrays import Floats, Ints, as_complex, places
 from ..distortion import conformal_factor, plane_angles
 from ..errors import MapError
+from ..free import FreeMap, free_map
 from ..result.disk_map import DiskMap
 from ..steps.mobius import conformal_barycenter
 from ..steps.options import Options
 from ..steps.phases import Progress
 from ..surface.filling import fill_hole
-from ..surface.topology import outer_loop
+from ..surface.topology import components_of_pairs, outer_loop
 from ..surface.triangles import face_areas, vertex_areas
-from .cut_graph import Component, OpenedComponent
+from .cut_graph import Component, OpenedComponent, split_components
 from .cut_paths import branch_to, open_to_disk, straighten
 
 # A round of growth is kept if it lowers the scale variation, or the angle error, by more than this
@@ -31,8 +35,26 @@ SHRUNK = 1.0
 TINY = 0.01
 # Branches in one round of growth.
 MOST_BRANCHES = 8
+# The options of `disk_map` that `free_map` has, too.
+OF_FREE_MAPS = ("align", "refine", "refine_norm", "refine_seconds", "solver")
+# A component of fewer faces is not parted; others where each side has this share of the area.
+LEAST_FACES = 200
+LEAST_SHARE = 0.1
 # Where an edge has collapsed the conformal factor is minus infinity: counted as this.
 LEAST_FACTOR = -50.0
+
+
+Outline = Literal["disk", "free"]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What kind of charts is asked for, and where there are to be more of them."""
+
+    outline: Outline
+    fill: bool
+    spread: float
+    max_charts: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,70 +62,114 @@ class Chart:
     """A component opened to a disk, and its map."""
 
     opened: OpenedComponent
-    disk: DiskMap
+    map: DiskMap | FreeMap
     failure: str  # why the map is not valid, or nothing
-    factor: Floats  # (n,) conformal factor with the conformal barycentre at 0
+    factor: Floats  # (n,) conformal factor, on a disk with the conformal barycentre at 0
     # Its mean and standard deviation over the area, without what fills holes.
     average: float
     spread: float
 
     @property
     def F(self) -> Ints:
-        """(k, 3) the faces that do not fill holes, rows of ``disk.uv``."""
+        """(k, 3) the faces that do not fill holes, rows of ``map.uv``."""
         return self.opened.F[: len(self.opened.component.rows)]
 
     def angle_errors(self) -> Floats:
         """(k, 3) at the corners of these faces, in degrees."""
         angles = self.opened.component.angle.reshape(3, -1).T[: len(self.F)]
-        return np.degrees(abs(plane_angles(as_complex(self.disk.uv), self.F) - angles))
+        return np.degrees(abs(plane_angles(as_complex(self.map.uv), self.F) - angles))
+
+    @property
+    def unevenness(self) -> tuple[bool, bool, float]:
+        """What more charts are to lower: no valid map is worse than one that is not conformal."""
+        return bool(self.failure), not self.map.conformal, self.spread
 
     def gains_on(self, other: Chart) -> bool:
         """Whether the scale is more even; or the angles are better where they were not good."""
-        if other.disk.conformal:
-            return self.disk.conformal and self.spread < (1 - GAIN) * other.spread
-        return self.disk.distortion.mean < (1 - GAIN) * other.disk.distortion.mean
+        if other.failure:
+            return not self.failure
+        if other.map.conformal:
+            return self.map.conformal and self.spread < (1 - GAIN) * other.spread
+        return self.map.distortion.mean < (1 - GAIN) * other.map.distortion.mean
 
 
-def map_component(
-    component: Component, options: Options, fill: bool, spread: float, progress: Progress | None
+def charts_of(
+    component: Component, options: Options, limits: Limits, progress: Progress | None
+) -> list[Chart]:
+    """Open a component to a disk and map it; part it where the scale is too uneven even so.
+
+    MapError if there is a chart without a valid map.
+    """
+    # Steps that were asked for are taken at the end, by the charts as they are then.
+    in_between = replace(options, refine=None) if options.refine else options
+    whole = _grown(component, in_between, limits, progress)
+    waiting, charts = [whole], list[Chart]()
+    while waiting:
+        waiting.sort(key=lambda chart: chart.unevenness)
+        worst = waiting.pop()
+        parts = [worst.opened.component]
+        more = len(waiting) + len(charts) + 1 < limits.max_charts
+        if more and worst.unevenness > (False, False, limits.spread):
+            parts = parted_across(worst.opened.component)
+        if len(parts) > 1:
+            waiting += [_grown(part, in_between, limits, progress) for part in parts]
+        else:
+            charts.append(worst)
+    if max(chart.unevenness for chart in charts) >= whole.unevenness:
+        charts = [whole]  # parted in vain
+    charts.sort(key=lambda chart: -len(chart.F))
+    if options.refine:
+        charts = [_chart(chart.opened, options, limits.outline, progress) for chart in charts]
+    for chart in charts:
+        if chart.failure:
+            raise MapError(chart.failure, chart.map)
+    return charts
+
+
+def _grown(
+    component: Component, options: Options, limits: Limits, progress: Progress | None
 ) -> Chart:
     """Open a component to a disk and map it; grow the cut while that evens out the scale."""
-    opened = open_to_disk(fill_holes(component) if fill else component)
-    if spread < np.inf:
+    opened = open_to_disk(fill_holes(component) if limits.fill else component)
+    if limits.spread < np.inf:
         opened = lead_away(opened)
-    best = _chart(opened, options, progress)
-    # Steps that were asked for are taken by the first map, and by the last if the cut has grown.
-    in_between = replace(options, refine=None) if options.refine else options
-    while best.spread > spread or not (best.disk.conformal or spread == np.inf):
+    best = _chart(opened, options, limits.outline, progress)
+    while best.spread > limits.spread or not (best.map.conformal or limits.spread == np.inf):
         longer = grow(best)
         if longer is best.opened:
             break
-        grown = _chart(longer, in_between, progress)
+        grown = _chart(longer, options, limits.outline, progress)
         if not grown.gains_on(best):
             break
         best = grown
-    if options.refine and best.opened is not opened:
-        best = _chart(best.opened, options, progress)
-    if best.failure:
-        raise MapError(best.failure, best.disk)
     return best
 
 
-def _chart(opened: OpenedComponent, options: Options, progress: Progress | None) -> Chart:
+def _chart(
+    opened: OpenedComponent, options: Options, outline: Outline, progress: Progress | None
+) -> Chart:
     """Map a component that is cut to a disk once, and measure how its scale varies."""
     V, F, failure = opened.positions, opened.F, ""
+    made: object
     try:
-        disk = disk_map(V, F, progress=progress, **vars(options))
+        if outline == "free":
+            free = {name: getattr(options, name) for name in OF_FREE_MAPS}
+            made = free_map(V, F, progress=progress, **free)
+        else:
+            made = disk_map(V, F, progress=progress, **vars(options))
     except MapError as error:
-        if not isinstance(error.result, DiskMap) or not np.isfinite(error.result.uv).all():
+        made, failure = error.result, str(error)
+        if not isinstance(made, DiskMap | FreeMap) or not np.isfinite(made.uv).all():
             raise
-        disk, failure = error.result, str(error)
     given = F[: len(opened.component.rows)]
     area = vertex_areas(V, given)
-    factor = _centered_factor(V, F, disk.uv, area)
+    if outline == "free":
+        factor = np.maximum(conformal_factor(V, F, made.uv), LEAST_FACTOR)
+    else:
+        factor = _centered_factor(V, F, made.uv, area)
     average = float(np.average(factor, weights=area))
     spread = float(np.sqrt(np.average((factor - average) ** 2, weights=area)))
-    return Chart(opened, disk, failure, factor, average, spread)
+    return Chart(opened, made, failure, factor, average, spread)
 
 
 def _centered_factor(V: Floats, F: Ints, uv: Floats, area: Floats) -> Floats:
@@ -167,3 +233,43 @@ def grow(chart: Chart) -> OpenedComponent:
     for tip in tips[np.argsort(factor[tips])][:MOST_BRANCHES]:
         grown = branch_to(grown, int(tip))
     return opened if grown is opened else straighten(grown)
+
+
+def parted_across(component: Component) -> list[Component]:
+    """Part a component where it is narrow between two far ends; one that cannot be stays whole.
+
+    Of the level lines of the difference of the distances from the ends, along the one that is
+    shortest for the smaller of the areas on either side.
+    """
+    m = len(component.rows)
+    F, polygon = component.F[:m], component.polygon[:m]
+    given = Component(component.V[: F.max() + 1], F, polygon, component.rows)
+    n, area = len(given.V), face_areas(given.V, F)
+    graph = csr_matrix((given.length, (given.tail, given.head)), (n, n))
+    distances = partial(dijkstra, graph, directed=False)  # at the boundary, edges go one way
+    from_end = distances(indices=distances(indices=0).argmax())
+    way = from_end - distances(indices=from_end.argmax())
+    _, number = np.unique(polygon, return_inverse=True)
+    level = (np.bincount(number, way[F].mean(axis=1)) / np.bincount(number))[number]
+    order = np.argsort(level, kind="stable")
+    left, right = given.edges % m, given.twin[given.edges] % m
+    first, last = np.sort(places(order, m)[[left, right]], axis=0)
+    length = given.length[given.edges]
+    # The edges between the faces up to each rank and those after it.
+    line = np.cumsum(np.bincount(first, length, m) - np.bincount(last, length, m))[:-1]
+    below = np.cumsum(area[order])[:-1]
+    smaller = np.minimum(below, area.sum() - below)
+    possible = (np.diff(level[order]) > 0) & (smaller > LEAST_SHARE * area.sum())
+    if m < LEAST_FACES or not possible.any():
+        return [component]
+    low = level <= level[order[np.where(possible, line / smaller, np.inf).argmin()]]
+    for side in (True, False):  # what is not joined to the rest of its side goes to the other one
+        within = (low[left] == side) & (low[right] == side)
+        count, part = components_of_pairs(left[within], right[within], m)
+        largest = np.bincount(part[low == side], area[low == side], count).argmax()
+        low[part != largest] = not side
+    opened = given.uncut.cut(given.edges[low[left] != low[right]])
+    return [
+        replace(part, rows=component.rows[part.rows])
+        for part in split_components(opened.positions, opened.F, opened.F, polygon)
+    ]

@@ -1,44 +1,71 @@
-"""Disks laid side by side into the unit square."""
+"""Charts laid side by side into the unit square."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
-from ..arrays import Floats, evenly_spaced_rows
+from ..arrays import Complex, Floats, coordinates, evenly_spaced_rows
 
-# Circles are this share smaller than those that would touch, lest rounding make them overlap.
-GAP = 1e-6
+# Several boxes are apart by this share of the side of the square: two texels of 1,024.
+GAP = 2 / 1024
 # So many widths of the rows are tried at most.
 MOST_WIDTHS = 200
 
 
-def packed_circles(radii: Floats) -> tuple[Floats, Floats]:
-    """Centres (k, 2) and radii (k,) of disjoint circles in the unit square, in proportion.
+def packed_boxes(sizes: Floats) -> tuple[Floats, float]:
+    """Lower left corners (k, 2) of disjoint boxes in the unit square, and their common scale.
 
-    In rows, the largest first; as large as the width of the rows lets them be.
+    `sizes` (k, 2) are widths and heights. In rows, the highest first; as large as the width of the
+    rows lets them be.
     """
-    order = np.argsort(-radii, kind="stable")
-    sides = 2 * radii[order]
-    widths = np.unique(
-        np.clip(np.cumsum(sides), sides[0], 2 * np.sqrt((sides**2).sum()) + sides[0])
-    )
+    if len(sizes) == 1:
+        return np.zeros((1, 2)), 1 / sizes.max()
+    gap = GAP * _best_rows(sizes)[1]
+    corners, side = _best_rows(sizes + gap)
+    return (corners + gap / 2) / side, 1 / side
+
+
+def _best_rows(sizes: Floats) -> tuple[Floats, float]:
+    """Lower left corners (k, 2) of boxes in rows, and the side of the square that they need."""
+    order = np.argsort(-sizes[:, 1], kind="stable")
+    width, height = sizes[order].T
+    most = 2 * np.sqrt((width * height).sum()) + width.max()
+    widths = np.unique(np.clip(np.cumsum(width), width.max(), most))
     widths = widths[evenly_spaced_rows(len(widths), MOST_WIDTHS)]
-    best = min(widths, key=lambda width: max(width, _rows(sides, width)[-1].max()))
-    x, y, height = _rows(sides, best)
-    scale = 1 / max(best, height.max())
-    centers = np.empty((len(radii), 2))
-    centers[order] = np.column_stack([x, y]) * scale
-    return centers, radii * scale * (1 - GAP)
+    rows = (_rows(width, height, limit) for limit in widths)
+    placed, side = min(rows, key=lambda row: row[1])
+    corners = np.empty_like(sizes)
+    corners[order] = placed
+    return corners, side
 
 
-def _rows(sides: Floats, width: float) -> tuple[Floats, Floats, Floats]:
-    """Centres of squares laid in rows of at most a given width, and the upper edges."""
-    x, y = np.empty(len(sides)), np.empty(len(sides))
-    left = bottom = 0.0
-    height = sides[0]
-    for k, side in enumerate(sides.tolist()):
-        if left and left + side > width * (1 + 1e-12):
-            left, bottom, height = 0.0, bottom + height, side
-        x[k], y[k] = left + side / 2, bottom + side / 2
+def _rows(width: Floats, height: Floats, limit: float) -> tuple[Floats, float]:
+    """Lower left corners of boxes laid in rows of at most a given width, and the larger side."""
+    corners = np.empty((len(width), 2))
+    left = bottom = right = 0.0
+    top = height[0]
+    for k, side in enumerate(width.tolist()):
+        if left and left + side > limit * (1 + 1e-12):
+            left, bottom, top = 0.0, top, top + height[k]
+        corners[k] = left, bottom
         left += side
-    return x, y, y + sides / 2
+        right = max(right, left)
+    return corners, float(max(right, top))
+
+
+def laid_flat(z: Complex) -> complex:
+    """Return the number of modulus 1 that turns points so that their smallest box lies flat.
+
+    One side of the smallest rectangle around points lies along their convex hull.
+    """
+    try:
+        hull = z[ConvexHull(coordinates(z)).vertices]
+    except QhullError:  # they lie on a line
+        return 1
+    edges = np.roll(hull, -1) - hull
+    turns = abs(edges) / edges
+    turned = turns[:, None] * hull
+    width, height = np.ptp(turned.real, axis=1), np.ptp(turned.imag, axis=1)
+    best = int((width * height).argmin())
+    return complex(turns[best] * (1 if width[best] >= height[best] else 1j))

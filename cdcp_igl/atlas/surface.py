@@ -1,7 +1,8 @@
-"""Any surface onto disks: cleaned, cut open, and each component mapped."""
+"""Any surface onto charts: cleaned, cut open, and each component mapped."""
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, Literal
@@ -9,11 +10,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Ints, as_complex
+from ..arrays import Floats, Ints, as_complex, coordinates
 from ..cached import cached_property
-from ..certificate import Certificate
+from ..certificate import Certificate, OutlineCertificate, together
 from ..distortion import AngleDistortion
 from ..errors import counted
+from ..free import FreeMap
 from ..io.given import takes_meshes
 from ..plot.layout import Layout
 from ..rescue.conformality import Conformality
@@ -25,50 +27,55 @@ from ..steps.options import Options
 from ..steps.phases import Progress
 from ..surface.triangles import face_areas, oriented_areas
 from ..surface.validation import unit_size, usable_arrays
-from .charts import Chart, map_component
+from .charts import Chart, Limits, Outline, charts_of
 from .cut_graph import split_components
 from .cutting import Cut, cut_along
-from .packing import packed_circles
+from .packing import laid_flat, packed_boxes
 from .sheets import Sheets, fill_left_out, oriented_sheets
+
+log = logging.getLogger("cdcp_igl")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SurfaceMap(Result):
-    """A map of a surface onto disks, one for each component; printing it gives a summary.
+    """A map of a surface onto charts, disks or with free outlines; printing it gives a summary.
 
     Attributes
     ----------
     uv : (m, 3, 2) float64
-        Image of corner k of face f of the given F, in the unit disk of its component.
+        Image of corner k of face f of the given F in its chart: in the unit disk or, with free
+        outlines, in the unit of V.
         Corners of the same vertex have the same image, unless the surface was cut between them.
-    disks : tuple of DiskMap
-        The maps, that of the component with most faces first. Their rows are vertices of the
-        opened component.
-    face_disk : (m,) int64
-        Which disk each face is in; -1 if it was left out, because it has no area or is there
+    charts : tuple of DiskMap, or of FreeMap
+        The maps, those of the component with most faces first. Their rows are vertices of the
+        opened chart.
+    face_chart : (m,) int64
+        Which chart each face is in; -1 if it was left out, because it has no area or is there
         already. Its corners lie where other faces have them, or are NaN.
     cut : Cut
         The opened surface, with the edges that were cut and their length. Flipped faces still
         are flipped; of vertices that were merged, it names the first.
     changes : tuple of str
         What was done to make disks, a sentence each; empty if the surface was a disk.
-    certificate : Certificate
-        Those of all disks in one, valid if each of them is: the largest error, the winding number
-        farthest from 1, all flipped faces (rows of ``disks[k].mesh.F``), and how many were decided
-        exactly. It does not compare one disk with another.
+    certificate : Certificate or OutlineCertificate
+        Those of all charts in one, valid if each of them is: the largest error, the winding number
+        farthest from 1, all flipped faces (rows of ``charts[k].mesh.F``), and how many were decided
+        exactly. It does not compare one chart with another.
     conformality : Conformality
-        That of the worst disk: of those that are not conformal, if any, the one of the largest
-        mean distortion. Of several disks, the reasons name it.
+        That of the worst chart: of those that are not conformal, if any, the one of the largest
+        mean distortion. Of several charts, the reasons name it.
     distortion : AngleDistortion
-        Of the given faces, all disks together.
+        Of the given faces, all charts together.
     spread : float
         Standard deviation over the area of the conformal factor, the logarithm of the scale,
-        with the conformal barycentre at 0; the largest of all disks.
+        on a disk with the conformal barycentre at 0; the largest of all charts.
+    spread_asked : float
+        What it was to be at most.
     shares : (k,) float64
-        Share of each disk in the area of the surface.
+        Share of each chart in the area of the surface.
     timings : dict of str to float
-        Seconds per phase of the maps that were kept, all disks together; "cut" is the rest: what
-        was cleaned and cut, and the maps with cuts that grew on.
+        Seconds per phase of the maps that were kept, all charts together; "cut" is the rest: what
+        was cleaned and cut, and the maps with cuts that grew on or that were parted.
 
     Examples
     --------
@@ -84,14 +91,15 @@ class SurfaceMap(Result):
     """
 
     uv: Floats
-    disks: tuple[DiskMap, ...]
-    face_disk: Ints
+    charts: tuple[DiskMap | FreeMap, ...]
+    face_chart: Ints
     cut: Cut
     changes: tuple[str, ...]
-    certificate: Certificate
+    certificate: Certificate | OutlineCertificate
     conformality: Conformality
     distortion: AngleDistortion
     spread: float
+    spread_asked: float
     shares: Floats
     timings: dict[str, float]
 
@@ -105,36 +113,51 @@ class SurfaceMap(Result):
         return uv_cut
 
     def packed(self) -> Floats:
-        """Lay the disks into the unit square, side by side, by area.
+        """Lay the charts into the unit square, side by side, by area.
 
         Returns
         -------
         (m, 3, 2) float64
-            Texture coordinates of each corner. The disks have areas as on the surface.
+            Texture coordinates of each corner. Charts have areas as on the surface; free outlines
+            are turned so that they need little room.
         """
-        centers, radii = packed_circles(np.sqrt(self.shares))
-        mapped = self.face_disk >= 0
-        disk = np.zeros(len(self.cut.V), np.int64)
-        disk[self.cut.F[mapped]] = self.face_disk[mapped][:, None]
-        return (centers[disk] + radii[disk][:, None] * self.uv_cut)[self.cut.F]
+        mapped = np.flatnonzero(self.face_chart >= 0)
+        chart = np.zeros(len(self.cut.V), np.int64)
+        chart[self.cut.F[mapped]] = self.face_chart[mapped][:, None]
+        frames = [_frame(*each) for each in zip(self.charts, self.shares, strict=True)]
+        factor, low, size = np.array(frames).T
+        corner, scale = packed_boxes(coordinates(size))
+        move = as_complex(corner) - scale * low
+        z = (scale * factor)[chart] * as_complex(self.uv_cut) + move[chart]
+        return coordinates(z)[self.cut.F]
+
+    @property
+    def _plural(self) -> str:
+        name = "chart" if isinstance(self.charts[0], FreeMap) else "disk"
+        return counted(len(self.charts), name, f"{name}s")
 
     def _subject(self) -> str:
-        faces = counted(len(self.uv), "face", "faces")
-        return f"{faces} onto {counted(len(self.disks), 'disk', 'disks')}"
+        return f"{counted(len(self.uv), 'face', 'faces')} onto {self._plural}"
 
     def _steps(self) -> list[tuple[str, str]]:
         return [
-            ("scale variation", f"{self.spread:.2f}"),
+            ("scale variation", self._scale_variation),
             ("length of the cut", f"{self.cut.length:.4g}"),
             *(("change", change) for change in self.changes),
         ]
 
+    @property
+    def _scale_variation(self) -> str:
+        within = self.spread <= self.spread_asked
+        return f"{self.spread:.2f}" + ("" if within else f", asked for: {self.spread_asked:g}")
+
     def _details(self) -> dict[str, Any]:
         return {
             "spread": self.spread,
+            "spread_asked": self.spread_asked,
             "cut_length": self.cut.length,
             "changes": list(self.changes),
-            "disks": [disk.report() for disk in self.disks],
+            "charts": [chart.report() for chart in self.charts],
         }
 
     def _surface(self) -> tuple[Floats, Ints]:
@@ -143,8 +166,8 @@ class SurfaceMap(Result):
         return self.cut.V[: len(used)], row[self.cut.F]  # copies along the cut come last
 
     def _layout(self) -> Layout:
-        cut, count = self.cut, len(self.disks)
-        faces = np.flatnonzero(self.face_disk >= 0)  # the others have no area, or are there twice
+        cut = self.cut
+        faces = np.flatnonzero(self.face_chart >= 0)  # the others have no area, or are there twice
         F, uv = cut.F[faces], np.zeros((len(cut.V), 2))
         uv[F] = 2 * self.packed()[faces] - 1
         area, _ = oriented_areas(as_complex(uv), F)
@@ -155,7 +178,7 @@ class SurfaceMap(Result):
             uv=uv,
             vertices=cut.vertex_index,
             faces=faces,
-            plane=f"{count:,} disks" if count > 1 else "Disk",
+            plane=self._plural if len(self.charts) > 1 else self._plural.split()[1].capitalize(),
             middle=(0.5, 0.5),
             scale=0.5,
             origin=(0.5, 0.5),
@@ -172,8 +195,10 @@ def surface_map(
     *,
     polygon_of_face: ArrayLike | None = None,
     merge: bool = True,
+    outline: Outline = "disk",
     fill: bool = True,
     spread: float = 1.0,
+    max_charts: int | None = None,
     center: CenterMethod = "torsion",
     mobius: Literal["angle", "area"] | None = "angle",
     align: ArrayLike | None = None,
@@ -184,12 +209,12 @@ def surface_map(
     solver: SolverName | None = None,
     progress: Progress | None = None,
 ) -> SurfaceMap:
-    """Map any surface conformally onto disks: clean it, cut it open, map each component.
+    """Map any surface conformally onto charts: clean it, cut it open, map each component.
 
     What can be repaired without changing the shape is: vertices of equal coordinates are merged
     along seams, flipped faces oriented, vertices where fans of faces meet split, sheets that meet
     in an edge of three or more faces parted. Where a disk would shrink a part of the surface, the
-    cut is led to its tip.
+    cut is led to its tip; where that is not enough, the component is parted.
 
     Parameters
     ----------
@@ -203,15 +228,21 @@ def surface_map(
     merge : bool
         Merge vertices of equal coordinates along seams, where two edges lie in the same place,
         each with a face of its own. Sheets that only touch stay apart.
+    outline : {"disk", "free"}
+        Each chart onto the unit disk, or by `free_map`: with an outline of its own, which distorts
+        less and has nearly the same scale everywhere. Most components are one chart then.
     fill : bool
         Fill all boundary loops but the outermost of each component while mapping; those faces
         are not returned. It distorts less than a cut to them. False cuts.
     spread : float
         Grow the cut until the standard deviation of the conformal factor is at most this and
-        the map is conformal, or nothing is gained: see ``SurfaceMap.spread``. With infinity, no
-        cut grows.
+        the map is conformal, and then part the component, or until nothing is gained: see
+        ``SurfaceMap.spread``. With infinity, no cut grows and nothing is parted.
+    max_charts : int, optional
+        So many charts a component has at most; as many as are needed by default.
     center, mobius, refine, refine_norm, refine_seconds, preset, solver, progress
-        As in `disk_map`, for each disk; `refine_seconds` for each.
+        As in `disk_map`, for each chart; `refine_seconds` for each. A free outline has no `center`,
+        `mobius` and `preset`.
     align : (3,) array_like or None
         A direction in space that goes right, as in `disk_map`.
 
@@ -240,6 +271,12 @@ def surface_map(
     >>> result.valid, result.uv.shape, result.changes
     (True, (4, 3, 2), ('cut open along 2 edges',))
     """
+    if outline not in ("disk", "free"):
+        raise ValueError(f'outline must be "disk" or "free", not {outline!r}')
+    if outline == "free" and (center, mobius, preset) != ("torsion", "angle", None):
+        raise ValueError("center, mobius and preset are for disks, not for free outlines")
+    if max_charts is not None and not max_charts >= 1:
+        raise ValueError(f"max_charts must be 1 or more, or None, not {max_charts!r}")
     if not spread >= 0:
         raise ValueError(f"spread must be 0 or more, not {spread!r}")
     if not isinstance(center, str):
@@ -250,15 +287,18 @@ def surface_map(
     start = perf_counter()
     given, faces = usable_arrays(V, F)
     sheets = oriented_sheets(given, faces, polygon_of_face, merge)
+    limits = Limits(outline, fill, spread, max_charts or np.inf)
     charts, done = [], 0.0
     for component in split_components(sheets.V, sheets.F, sheets.vertices, sheets.polygon):
         share = len(component.rows) / len(sheets.F)
         part = _part_of(progress, done, share)
-        charts.append(map_component(component, options, fill, spread, part))
+        charts += charts_of(component, options, limits, part)
         done += share
     if progress:
         progress("done", 1.0)
-    made = _together(given.astype(np.float64), sheets, charts)
+    made = _together(given.astype(np.float64), sheets, charts, spread)
+    if made.spread > spread:
+        log.warning("scale variation %s", made._scale_variation)
     mapping = sum(made.timings.values())
     return replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
 
@@ -278,22 +318,36 @@ def _part_of(progress: Progress | None, done: float, share: float) -> Progress |
     return advance
 
 
-def _together(V: Floats, sheets: Sheets, charts: list[Chart]) -> SurfaceMap:
+def _frame(chart: DiskMap | FreeMap, share: float) -> tuple[complex, complex, complex]:
+    """Return a factor for an image, and the lower left corner and the size of its box then."""
+    if isinstance(chart, DiskMap):
+        radius = np.sqrt(share)
+        return radius, -radius * (1 + 1j), 2 * radius * (1 + 1j)
+    outline = as_complex(chart.uv)[chart.mesh.loop]
+    factor = laid_flat(outline) / np.sqrt(chart.area_ratio)
+    low, high = (
+        complex(end((factor * outline).real), end((factor * outline).imag))
+        for end in (np.min, np.max)
+    )
+    return factor, low, high - low
+
+
+def _together(V: Floats, sheets: Sheets, charts: list[Chart], spread: float) -> SurfaceMap:
     """Put the maps of all components back into the rows of the given faces."""
     F = sheets.given
-    uv, face_disk = np.full((len(F), 3, 2), np.nan), np.full(len(F), -1)
+    uv, face_chart = np.full((len(F), 3, 2), np.nan), np.full(len(F), -1)
     corners = -1 - np.arange(F.size).reshape(F.shape)
     count, areas = 0, []
     for k, chart in enumerate(charts):
         rows = sheets.rows[chart.opened.component.rows]
-        uv[rows], face_disk[rows], corners[rows] = chart.disk.uv[chart.F], k, count + chart.F
+        uv[rows], face_chart[rows], corners[rows] = chart.map.uv[chart.F], k, count + chart.F
         count += chart.opened.n
         areas.append(float(face_areas(sheets.V, F[rows]).sum()))
     flipped = sheets.rows[sheets.flipped]
     for array in (corners, uv):
         array[flipped] = array[flipped, ::-1]
-    fill_left_out(F, face_disk >= 0, corners, uv)
-    disks = [chart.disk for chart in charts]
+    fill_left_out(F, face_chart >= 0, corners, uv)
+    maps = [chart.map for chart in charts]
     opened, changes = cut_along(V, F, corners), list(sheets.changes)
     if filled := sum(chart.opened.component.n_filled for chart in charts):
         changes.append(f"filled {counted(filled, 'hole', 'holes')}")
@@ -301,51 +355,38 @@ def _together(V: Floats, sheets: Sheets, charts: list[Chart]) -> SurfaceMap:
         changes.append(f"cut open along {counted(len(opened.edges), 'edge', 'edges')}")
     return SurfaceMap(
         uv=uv,
-        disks=tuple(disks),
-        face_disk=face_disk,
+        charts=tuple(maps),
+        face_chart=face_chart,
         cut=opened,
         changes=tuple(changes),
-        certificate=_common_certificate(disks),
-        conformality=_worst_conformality(disks),
+        certificate=together([made.certificate for made in maps]),
+        conformality=_worst_conformality(maps),
         distortion=AngleDistortion.of(np.concatenate([chart.angle_errors() for chart in charts])),
         spread=max(chart.spread for chart in charts),
+        spread_asked=spread,
         shares=np.array(areas) / sum(areas),
-        timings=_sum_of_seconds(disks),
+        timings=_sum_of_seconds(maps),
     )
 
 
-def _common_certificate(disks: list[DiskMap]) -> Certificate:
-    """Sum up the certificates of all disks, as `SurfaceMap` says."""
-    each = [disk.certificate for disk in disks]
-    return Certificate(
-        finite=all(certificate.finite for certificate in each),
-        boundary_error=max(certificate.boundary_error for certificate in each),
-        boundary_monotone=all(certificate.boundary_monotone for certificate in each),
-        # 1, or one that is not: the farthest from it.
-        winding_number=max((c.winding_number for c in each), key=lambda turns: abs(turns - 1)),
-        flipped=np.concatenate([certificate.flipped for certificate in each]),
-        n_exact=sum(certificate.n_exact for certificate in each),
-    )
-
-
-def _worst_conformality(disks: list[DiskMap]) -> Conformality:
-    """Find the verdict on the worst disk, with the number of the disk."""
-    bad = [k for k, disk in enumerate(disks) if not disk.conformal]
-    worst = max(bad or range(len(disks)), key=lambda k: disks[k].distortion.mean)
-    verdict = disks[worst].conformality
-    if not bad or len(disks) == 1:
+def _worst_conformality(maps: list[DiskMap | FreeMap]) -> Conformality:
+    """Find the verdict on the worst chart, with its number."""
+    bad = [k for k, made in enumerate(maps) if not made.conformal]
+    worst = max(bad or range(len(maps)), key=lambda k: maps[k].distortion.mean)
+    verdict = maps[worst].conformality
+    if not bad or len(maps) == 1:
         return verdict
-    reasons = tuple(f"disks[{worst}]: {reason}" for reason in verdict.reasons)
+    reasons = tuple(f"charts[{worst}]: {reason}" for reason in verdict.reasons)
     if len(bad) > 1:
-        others = counted(len(bad) - 1, "other disk is", "other disks are")
+        others = counted(len(bad) - 1, "other chart is", "other charts are")
         reasons += (f"{others} not conformal either",)
     return replace(verdict, reasons=reasons)
 
 
-def _sum_of_seconds(disks: list[DiskMap]) -> dict[str, float]:
-    """Seconds per phase, all disks together."""
+def _sum_of_seconds(maps: list[DiskMap | FreeMap]) -> dict[str, float]:
+    """Seconds per phase, all charts together."""
     total: dict[str, float] = {}
-    for disk in disks:
-        for phase, seconds in disk.timings.items():
+    for made in maps:
+        for phase, seconds in made.timings.items():
             total[phase] = total.get(phase, 0.0) + seconds
     return total

@@ -58,7 +58,7 @@ def _map_options(
         "--cut",
         help="Map a surface that is no disk: closed, with handles, holes or several parts. Equal "
         "vertices are merged along seams, it is cut open, and each part mapped; texture "
-        "coordinates show the disks side by side.",
+        "coordinates show the disks side by side. With --free, the charts have free outlines.",
     ),
     free: bool = typer.Option(
         False,
@@ -75,6 +75,16 @@ def _map_options(
         False,
         "--annulus",
         help="Map a surface with two boundary loops onto a ring; more loops are filled meanwhile.",
+    ),
+    spread: float | None = typer.Option(
+        None,
+        metavar="S",
+        min=0,
+        help="With --cut, part a component whose scale varies more than this (the standard "
+        "deviation of its logarithm). [default: 1]",
+    ),
+    max_charts: int | None = typer.Option(
+        None, metavar="N", min=1, help="With --cut, so many charts a component at most."
     ),
     center: str | None = typer.Option(
         None,
@@ -114,6 +124,8 @@ def _map_options(
 ) -> dict[str, Any]:
     """Return the flags, `onto`, and those options of the map that were given."""
     options = {
+        "spread": spread,
+        "max_charts": max_charts,
         "center": int(center) if center and center.isdecimal() else center,
         "mobius": mobius,
         "align": align and _row_or_direction(align),

@@ -62,7 +62,7 @@ def write_map(
     uv : (n, 2) array_like, (m, 3, 2) array_like, DiskMap, FreeMap, SurfaceMap or RectangleMap
         Map onto the unit disk, for each vertex or for each corner of the faces. Faces with NaN
         at all corners are on no disk: in an obj file they have no texture coordinates, else
-        zeros. Of a SurfaceMap, its disks side by side become texture coordinates, of a
+        zeros. Of a SurfaceMap, its charts side by side become texture coordinates, of a
         RectangleMap or FreeMap, the image scaled (``packed()``).
     disk : bool
         Leave texture coordinates as they are, in the unit disk, rather than in the unit

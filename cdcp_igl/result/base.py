@@ -136,7 +136,7 @@ class Result(FromFile, ABC):
         Returns
         -------
         (k,) float64
-            Of each face, or of those on a disk; see `cdcp_igl.area_distortion`. The disks of a
+            Of each face, or of those in a chart; see `cdcp_igl.area_distortion`. The charts of a
             SurfaceMap lie as in `packed`.
         """
         layout = self._layout()
