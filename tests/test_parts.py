@@ -163,6 +163,9 @@ def test_a_run_that_was_stopped_goes_on_with_the_same_bits(folder):
         np.testing.assert_array_equal(parts_map(parts).uv, expected)
         after = {file: file.stat().st_mtime_ns for file in work.glob("e*.npz")}
         assert all(before.get(file, time) == time for file, time in after.items())
+    result, again = parts_map(parts, center=900), parts_map(parts, center=900)
+    assert result.report() == again.report()
+    assert (result.mobius, result.names) == (again.mobius, again.names)
     again = parts_map(parts)
     np.testing.assert_array_equal(again.uv, expected)
     assert not list(work.glob("merge*"))

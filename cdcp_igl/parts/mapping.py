@@ -250,7 +250,7 @@ class _Mapping:
             self.give_up(f"it would not be a bijection: {result.certificate}", result)
         if result.conformality.is_doubtful:
             self.give_up(f"it may not be conformal: {result.conformality}", result)
-        write_text(self.folder.work / RESULT, json.dumps(result.told(), indent=1) + "\n")
+        write_text(self.folder.work / RESULT, result.told())
         self.folder.keep_only({*self.names})
         return result
 

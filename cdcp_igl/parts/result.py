@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+import json
+from dataclasses import asdict, dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,19 @@ from ..steps.center import Center
 from ..steps.mobius import Normalization
 from ..surface.triangles import face_areas, lost_in_single_precision
 from .part import Folder
+
+# What is written of a map: results of a kind of their own, and numbers and texts.
+KINDS: dict[str, Any] = {
+    "certificate": Certificate,
+    "conformality": Conformality,
+    "distortion": AngleDistortion,
+    "distortion_of_free_faces": AngleDistortion,
+    "center": Center,
+    "boundary": BoundaryMethod,
+    "mobius": Normalization,
+    "repair": Repair,
+}
+PLAIN = ("names", "solver", "timings", "moved_bytes")
 
 SQUARES, CUBES = 128, 64  # across the disk and the surface: each vertex of a view stands for one
 
@@ -66,46 +80,20 @@ class PartsMap(OntoDisk):
     @classmethod
     def read(cls, folder: Folder, told: dict[str, Any]) -> PartsMap:
         """Read what `told` has written."""
-        certificate = told["certificate"]
-        flipped = np.array(certificate["flipped"], np.int64)
-        verdict: dict[str, Any] = {
-            key: tuple(value) if isinstance(value, list) else value
-            for key, value in told["conformality"].items()
-        }
-        w = complex(*told["mobius"]["w"])
-        return cls(
-            folder=folder,
-            names=tuple(told["names"]),
-            certificate=Certificate(**{**certificate, "flipped": flipped}),
-            conformality=Conformality(**verdict),
-            distortion=AngleDistortion(**told["distortion"]),
-            distortion_of_free_faces=AngleDistortion(**told["distortion_of_free_faces"]),
-            center=Center(**told["center"]),
-            boundary=BoundaryMethod("geodesic"),
-            mobius=Normalization(**{**told["mobius"], "w": w}),
-            repair=Repair(**told["repair"]),
-            solver=told["solver"],
-            timings=told["timings"],
-            moved_bytes=told["moved_bytes"],
-        )
+        given = {name: kind(**_tuples(told[name])) for name, kind in KINDS.items()}
+        given |= _tuples({name: told[name] for name in PLAIN})
+        mobius, certificate = given["mobius"], given["certificate"]
+        given["mobius"] = replace(mobius, w=complex(*mobius.w))
+        given["certificate"] = replace(certificate, flipped=np.array(certificate.flipped, np.int64))
+        return cls(folder=folder, **given)
 
-    def told(self) -> dict[str, Any]:
-        """Return everything but the coordinates, as JSON types, for `read`."""
-        certificate = {**asdict(self.certificate), "flipped": self.certificate.flipped.tolist()}
-        w = [self.mobius.w.real, self.mobius.w.imag]
-        return {
-            "names": self.names,
-            "certificate": certificate,
-            "conformality": asdict(self.conformality),
-            "distortion": asdict(self.distortion),
-            "distortion_of_free_faces": asdict(self.distortion_of_free_faces),
-            "center": asdict(self.center),
-            "mobius": {**asdict(self.mobius), "w": w},
-            "repair": asdict(self.repair),
-            "solver": self.solver,
-            "timings": self.timings,
-            "moved_bytes": self.moved_bytes,
-        }
+    def told(self) -> str:
+        """Write everything but the coordinates as JSON, for `read`."""
+        told = {name: asdict(getattr(self, name)) for name in KINDS}
+        told |= {name: getattr(self, name) for name in PLAIN}
+        told["mobius"]["w"] = [self.mobius.w.real, self.mobius.w.imag]
+        told["certificate"]["flipped"] = self.certificate.flipped.tolist()
+        return json.dumps(told, indent=1) + "\n"
 
     @cached_property
     def uv(self) -> Floats:  # type: ignore[override]
@@ -227,3 +215,8 @@ class PartsMap(OntoDisk):
 
     def _layout(self) -> Layout:
         return self._coarse
+
+
+def _tuples(told: dict[str, Any]) -> dict[str, Any]:
+    """Make tuples of lists, as JSON does the other way round."""
+    return {key: tuple(x) if isinstance(x, list) else x for key, x in told.items()}
