@@ -44,7 +44,7 @@ from ..solve.threads import one_thread
 from ..steps.alignment import check_slope
 from ..steps.center import CANDIDATES, Center, first_well_shaped
 from ..steps.circle import Rejected, onto_circle
-from ..steps.least_distortion import MANY_FACES, AngleErrors, least_angle_distortion
+from ..steps.least_distortion import AngleErrors, faces_to_judge_by, least_angle_distortion
 from ..steps.mobius import Normalization, barycenter_by_moments, harmless, mobius_transformation
 from ..steps.options import Options
 from ..steps.phases import Phases, Progress
@@ -451,10 +451,9 @@ class _Mapping:
                 g[side["rows"]] -= side["side"] @ coordinates(f_B[side["places"]])
             on_seams = as_complex(self.solve(g))
             self.folder.write(values, {"seams": on_seams, "boundary": f_B})
-        rows = [evenly_spaced_rows(self.m, k) for k in (FEW_FACES, FACES, MANY_FACES)]
-        self.folder.write(
-            sample, {"rows": np.unique(np.concatenate([*rows, sampled_faces(self.m)]))}
-        )
+        rows = [evenly_spaced_rows(self.m, k) for k in (FEW_FACES, FACES)]
+        rows += [faces_to_judge_by(self.m), sampled_faces(self.m)]
+        self.folder.write(sample, {"rows": np.unique(np.concatenate(rows))})
         self.extension = values, sample, center.method == "torsion"
         self.extended = self.parts(steps.extend, *self.extension, advance=advance)
         self.values = self.folder.read(values)
@@ -479,8 +478,7 @@ class _Mapping:
         if method is None:
             (self.names, self.final), _ = self.unmoved()
             return Normalization()
-        rows = evenly_spaced_rows(self.m, MANY_FACES)
-        some = sample.of_faces(rows)
+        some = sample.of_faces(faces_to_judge_by(self.m))
         errors = AngleErrors.of(some.F, sample.f, some.angles)
         before = errors.mean(0j)
         w = least_angle_distortion(errors) if method == "angle" else self.barycenter()
