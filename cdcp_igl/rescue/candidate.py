@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from time import perf_counter
 
+import numpy as np
+
 from ..arrays import Complex, Floats, Ints, coordinates
 from ..certificate import Certificate, certify
 from ..distortion import disk_map_distortion
@@ -191,11 +193,24 @@ def refined(
 ) -> Candidate:
     """Lower the angular distortion beyond that of the harmonic map.
 
-    Where rounding flips faces at the end, refine again, and let no face become thinner than `THIN`.
+    No step takes a map that is conformal to one that is not. Where rounding flips faces at the end,
+    refine again, and let no face become thinner than `THIN`.
     """
     deadline = perf_counter() + options.refine_seconds
-    done = candidate.done
+    done, verdict, known = candidate.done, candidate.conformality, 0.0
+    closely = done.repair.n_flipped > 0
+
+    def no_less_conformal(f: Complex, r: Floats) -> bool:
+        nonlocal verdict, known
+        degrees = np.degrees(abs(r))
+        before, verdict = verdict, judge(mesh, f, degrees, closely=closely, known=known)
+        if not verdict.sheared:
+            known = max(known, float(degrees.mean()))
+        return bool(verdict) or not before
+
     for thin in (0.0, THIN):
+        verdict = candidate.conformality
+        known = 0.0 if verdict.sheared else candidate.mean
         with phase("refine") as advance:
             f, refinement = lower_angle_distortion(
                 mesh,
@@ -208,6 +223,7 @@ def refined(
                 thin=thin,
                 least=options.refine or STEPS_DUE,
                 wanted=candidate.conformality.wanted,
+                accepted=no_less_conformal,
                 advance=advance,
             )
         if refinement.stopped:
@@ -220,8 +236,6 @@ def refined(
             f, repair = repair_locally(mesh, f)
         n_moved = max(done.repair.n_moved, repair.n_moved)
         lowered = replace(done, refinement=refinement, repair=replace(done.repair, n_moved=n_moved))
-        known = 0.0 if candidate.conformality.sheared else candidate.mean
-        closely = done.repair.n_flipped > 0
         better = judged(mesh, f, lowered, phase, closely=closely, known=known)
         if better.rank[:2] <= candidate.rank[:2]:
             return better
