@@ -22,7 +22,7 @@ from ..steps.phases import Phases
 from ..surface.mesh import DiskMesh
 from .boundary import BoundaryMethod
 from .collapsed_faces import open_collapsed_faces
-from .conformality import NOT_VALID, Conformality, judge
+from .conformality import LARGEST_DEGREES, NOT_VALID, Conformality, judge
 from .line_search import HALVINGS, THIN
 from .recentering import deep_vertex, recentered
 from .refine import STEPS_DUE, Refinement, lower_angle_distortion
@@ -197,20 +197,23 @@ def refined(
     refine again, and let no face become thinner than `THIN`.
     """
     deadline = perf_counter() + options.refine_seconds
-    done, verdict, known = candidate.done, candidate.conformality, 0.0
+    done, conformal, known = candidate.done, False, 0.0
     closely = done.repair.n_flipped > 0
 
     def no_less_conformal(f: Complex, r: Floats) -> bool:
-        nonlocal verdict, known
-        degrees = np.degrees(abs(r))
-        before, verdict = verdict, judge(mesh, f, degrees, closely=closely, known=known)
-        if not verdict.sheared:
-            known = max(known, float(degrees.mean()))
-        return bool(verdict) or not before
+        nonlocal conformal, known
+        degrees, before = np.degrees(abs(r)), conformal
+        mean = float(degrees.mean())
+        conformal = mean <= LARGEST_DEGREES and bool(
+            judge(mesh, f, degrees, closely=closely, known=known)
+        )
+        if conformal:
+            known = max(known, mean)
+        return conformal or not before
 
     for thin in (0.0, THIN):
-        verdict = candidate.conformality
-        known = 0.0 if verdict.sheared else candidate.mean
+        conformal = bool(candidate.conformality)
+        known = 0.0 if candidate.conformality.sheared else candidate.mean
         with phase("refine") as advance:
             f, refinement = lower_angle_distortion(
                 mesh,

@@ -24,7 +24,7 @@ from .line_search import HALVINGS, search_along
 # A map that is measurably not near the conformal one has so many steps even if none are asked for.
 STEPS_DUE = 2
 # Further steps are taken while one of the last three lowers the objective by this share.
-PATIENCE, WORTH = 3, 0.001
+PATIENCE, WORTH = 3, 0.003
 # After so many steps one can tell, to within this factor, whether they will make a map conformal.
 FEW_STEPS, HOPE = 10, 3
 ROUNDING = np.radians(0.1)  # below this angle |r|^p is rounded off to a parabola
