@@ -46,7 +46,8 @@ docs: .venv/docs
 	$(PYTHON) -m pip install --quiet --editable '.[docs]'
 	@touch $@
 
-# What is released: built, checked, and the wheel tried in an empty environment.
+# What is released: built, checked, and the wheel tried in an empty environment, with the first
+# lines of README on two files, one of them with seams.
 dist: .venv/docs
 	rm -rf dist build/empty
 	$(PYTHON) -m build
@@ -54,7 +55,10 @@ dist: .venv/docs
 	$(PYTHON) -m venv build/empty
 	build/empty/bin/python -m pip install --quiet --only-binary :all: dist/*.whl
 	cd build/empty && bin/python -c 'import cdcp_igl; \
-	    print(cdcp_igl.disk_map(*cdcp_igl.datasets.spherical_cap(60)[:2]))'
+	    cdcp_igl.disk_map(*cdcp_igl.datasets.spherical_cap(60)[:2]).save("face.obj"); \
+	    cdcp_igl.surface_map(*cdcp_igl.datasets.spheroid(4)[:2]).save("statue.glb")'
+	cd build/empty && (sed -n '/^```python/,/^```/ { /^>>>/q; /^```/!p }' ../../README.md; \
+	    echo 'print(cdcp_igl.disk_map("face.obj"), atlas)') | bin/python -
 
 clean:
 	rm -rf .venv demo build dist docs/build docs/gallery docs/generated

@@ -170,7 +170,7 @@ def _counterclockwise(V: Floats, F: Ints, *, map: Callable[[Floats, Ints], Any])
 
 
 def _without(package: str) -> str:
-    return "" if find_spec(package) else f"not to be had: needs pip install {package}"
+    return "" if find_spec(package) else f"not to be had: needs pip install --no-deps {package}"
 
 
 def _without_bff() -> str:
