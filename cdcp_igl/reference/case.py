@@ -113,8 +113,8 @@ def run_case(
         that they never use.)
     table : str
         ``"module:name"`` of a mapping from names to `reference.Method`. A function in it may
-        also return a result such as a `DiskMap`, or a `Timed` with boundary ``"none"``. If the method has a
-        ``prepare``, that is called first and does not count.
+        also return a result such as a `DiskMap`, or a `Timed` with boundary ``"none"``. If the
+        method has a ``prepare``, that is called first and does not count.
 
     Raises
     ------
