@@ -2,6 +2,7 @@
 
 import os
 import re
+import signal
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -15,6 +16,12 @@ from cdcp_igl import DiskMap, datasets, disk_map
 # Deterministic: a failure in CI is a failure everywhere.
 hypothesis.settings.register_profile("cdcp_igl", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("cdcp_igl")
+
+# Signals ignored here, as in a job in the background, would be in the programs that tests start.
+for name, handler in {"SIGINT": signal.default_int_handler, "SIGHUP": signal.SIG_DFL}.items():
+    number = getattr(signal, name, None)
+    if number is not None and signal.getsignal(number) == signal.SIG_IGN:
+        signal.signal(number, handler)
 
 # It is run by the interpreters of workers, and Debian has one of this name.
 collect_ignore = ["workers/sitecustomize.py"]

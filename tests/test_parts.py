@@ -346,6 +346,7 @@ def test_what_is_drawn_is_the_surface(folder):
     assert abs(image - expected).mean() < 0.03
 
 
+@pytest.mark.slow
 def test_a_fraction_of_the_memory(real_mesh, tmp_path):
     V, F = real_mesh("gcanyon_996999")
     np.save(tmp_path / "V.npy", V)

@@ -11,6 +11,8 @@ for name in ("resource", "fcntl", "termios", "tty", "pwd", "grp", "pty"):
 import os
 for name in ("chown", "getuid", "geteuid", "mkfifo", "fork", "O_NONBLOCK", "killpg", "getpgid"):
     delattr(os, name)
+import shutil
+shutil._use_fd_functions = False  # as there; else rmtree asks for O_NONBLOCK
 """
 
 IMPORT_ALL = """

@@ -15,6 +15,7 @@ from ..surface.triangles import flipped_faces, vertex_areas
 from .alignment import at_one
 from .least_distortion import (
     AngleErrors,
+    faces_to_judge_by,
     least_angle_distortion,
     least_angle_distortion_nelder_mead,
 )
@@ -69,7 +70,8 @@ def normalize(
     """
     if method is None:
         return finished(f), Normalization("none", 0j)
-    errors = AngleErrors.of(mesh.F, f, mesh.angles)
+    faces = faces_to_judge_by(len(mesh.F))
+    errors = AngleErrors.of(mesh.F[faces], f, mesh.angles[faces])
     before = errors.mean(0j)
     if method == "angle":
         w = least_angle_distortion(errors)
