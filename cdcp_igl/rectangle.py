@@ -18,7 +18,7 @@ from .certificate import Certificate, not_finite
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, counted, spell
 from .io.given import takes_meshes
-from .rescue.conformality import NOT_VALID, Conformality, judge
+from .rescue.conformality import NOT_VALID, judge
 from .rescue.repair import Repair, repaired
 from .result.plane_map import PlaneMap
 from .solve.factored import FactoredSurface
@@ -57,11 +57,9 @@ class RectangleMap(PlaneMap):
         The vertices at (0, 0), (modulus, 0), (modulus, 1) and (0, 1).
     certificate : Certificate
         As of a `DiskMap`, with the sides of the rectangle in place of the circle.
-    distortion : AngleDistortion
-        Mean, SD and maximum of the angular distortion in degrees.
-    conformality : Conformality
-        Whether the map is what a conformal map of this mesh should be; if not, the reasons
-        and what would help.
+    conformality, distortion, timings
+        As of every `Result`; the seconds include those of maps that were not taken, "circle" is
+        the map onto the disk.
     boundary : str
         ``"sliding"``: there is no flux across the sides along which a coordinate varies. Or,
         where that does not lead to a conformal map and this distorts less, ``"disk map"``: the
@@ -74,9 +72,6 @@ class RectangleMap(PlaneMap):
         What was done about flipped faces.
     solver : str
         Sparse solver, version, ordering and mode.
-    timings : dict of str to float
-        Seconds per phase, those of maps that were not taken included; "circle" is the map onto
-        the disk.
 
     Examples
     --------
@@ -90,19 +85,10 @@ class RectangleMap(PlaneMap):
     RectangleMap(121 vertices: valid, modulus 1)
     """
 
-    uv: Floats
-    mesh: DiskMesh
+    certificate: Certificate
     modulus: float
     modulus_bounds: tuple[float, float]
     corners: tuple[int, ...]
-    certificate: Certificate
-    distortion: AngleDistortion
-    conformality: Conformality
-    boundary: str
-    laplacian: str
-    repair: Repair
-    solver: str
-    timings: dict[str, float]
 
     _kind = "rectangle"
     _plane = "Rectangle"

@@ -15,7 +15,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from ..arrays import Ints
+from ..arrays import Floats, Ints
 from ..errors import Defect, MeshError
 from .polygons import naming_polygons, triangulated
 from .reading import Array, read_polygons
@@ -33,8 +33,9 @@ POLYGONS_OF_VTK = (5, 7, 9)  # triangles, polygons, quads
 
 
 class FromFile:
-    """What is made of a surface, and knows the file that was given in its place."""
+    """A map of a surface, which knows the file that was given in its place."""
 
+    uv: Floats
     source: Path | None = None
 
 

@@ -10,7 +10,7 @@ from ..arrays import Bools, Complex, Floats, Ints, coordinates
 from ..certificate import certify, certify_outline
 from ..distortion import angle_errors
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import twice_areas
+from ..surface.triangles import flipped_faces, twice_areas
 from .collapsed_faces import open_collapsed_faces
 from .recentering import extents
 
@@ -49,9 +49,8 @@ def search_along(
         trial = f + scale * step
         if not free:
             trial = open_collapsed_faces(mesh, _slide(mesh, f, scale * step))[0]
-        certificate = certified(mesh, coordinates(trial))
         flipped = _lower(mesh.F, trial, thin) & ~low
-        flipped[certificate.flipped] = True
+        flipped[flipped_faces(trial, mesh.F)[0]] = True
         if flipped.any():
             faces = mesh.F[flipped]
             corners = np.unique(faces)
@@ -61,7 +60,7 @@ def search_along(
             continue
         r = angle_errors(mesh, trial)
         value = measure(r)
-        if value < objective and certificate.valid:
+        if value < objective and certified(mesh, coordinates(trial)).valid:
             return trial, r, value
         scale /= 2
     return None

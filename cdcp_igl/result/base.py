@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from html import escape
 from os import PathLike
 from pathlib import Path
@@ -31,6 +31,7 @@ PICTURES = (".pdf", ".png", ".svg")
 MOST_VERTICES_OF_PAGES = 20_000
 
 
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Result(FromFile, ABC):
     """A map with its certificate, such as a DiskMap or a SphereMap.
 
@@ -51,7 +52,6 @@ class Result(FromFile, ABC):
         Seconds per phase.
     """
 
-    uv: Floats
     certificate: Certificate | OutlineCertificate | SphereCertificate
     conformality: Conformality
     distortion: AngleDistortion

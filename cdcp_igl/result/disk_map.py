@@ -15,7 +15,6 @@ from ..errors import MapError
 from ..plot.layout import Layout
 from ..rescue.candidate import Provenance
 from ..rescue.collapsed_faces import open_collapsed_faces
-from ..rescue.conformality import Conformality
 from ..rescue.repair import repair_locally
 from .base import Result
 from .bijection import Bijection
@@ -35,11 +34,8 @@ class OntoDisk(Result, Provenance):
     """
 
     certificate: Certificate
-    conformality: Conformality
-    distortion: AngleDistortion
     distortion_of_free_faces: AngleDistortion
     solver: str
-    timings: dict[str, float]
 
     _kind = "disk"
 
@@ -104,21 +100,14 @@ class DiskMap(Bijection, OntoDisk):
         index at (1, 0), lies at angle 0.
     mesh : DiskMesh
         The surface.
-    certificate : Certificate
-        What was verified about `uv`.
-    conformality : Conformality
-        Whether the map is what a conformal map of this mesh should be; if not, the reasons
-        and what would help.
-    distortion : AngleDistortion
-        Mean, SD and maximum of the angular distortion (7) in degrees.
+    certificate, conformality, distortion, timings
+        As of every `Result`.
     distortion_of_free_faces : AngleDistortion
-        The same without the faces that have all three corners on the boundary: the circle
+        `distortion` without the faces that have all three corners on the boundary: the circle
         fixes their angles, whatever the method. Equal to `distortion` where there are
         none, or no others.
     solver : str
         Sparse solver, version, ordering and mode.
-    timings : dict of str to float
-        Seconds per phase.
     center, boundary, straightening, mobius, repair, refinement
         What was done, as in `Provenance`.
 

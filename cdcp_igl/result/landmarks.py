@@ -9,15 +9,11 @@ import numpy as np
 from ..arrays import Complex, Floats
 from ..steps.mobius import conformal_barycenter
 
-MAX_STEPS = 100
 EPS = np.finfo(float).eps
+MAX_STEPS = 3_000  # where landmarks ask for all and nothing; a few dozen elsewhere
 INSIDE = 0.99  # factor on points whose barycentre is sought
-# With less damping, the system of two points on the circle, which leave one degree of freedom, is
-# singular; with more, steps no longer move a point.
-LEAST_DAMPING, LARGEST_DAMPING = 1e-12, 1e12
-LONGEST = 0.5  # step, from the middle of the disk
-# The point that goes to 0 is no nearer to the circle: |a|^2 - |b|^2 would be rounding errors.
-NEAREST = 1e-10
+# 0 moves to d, and |d| / sqrt(1 - |d|^2) is no larger: |a|^2 - |b|^2 would be rounding errors.
+FARTHEST = 1e5
 
 
 @dataclass(frozen=True)
@@ -46,11 +42,6 @@ class Automorphism:
         return Automorphism(complex(a / scale), complex(b / scale))
 
     @property
-    def w(self) -> complex:
-        """The point that goes to 0."""
-        return -self.b / self.a
-
-    @property
     def inverse(self) -> Automorphism:
         """The transformation back."""
         return Automorphism(self.a.conjugate(), -self.b)
@@ -74,37 +65,24 @@ def landmark_automorphism(z: Complex, target: Complex) -> Automorphism:
     here, there = (
         Automorphism.of(0, -conformal_barycenter(INSIDE * points, even)) for points in (z, target)
     )
-    between = _descend(here(z), there(target))
+    between = _nearest(here(z), there(target))
     return there.inverse.after(between.after(here))
 
 
-def _misfit(moved: Complex, target: Complex) -> float:
-    return float((abs(moved - target) ** 2).sum())
+def _nearest(z: Complex, target: Complex) -> Automorphism:
+    """Minimise the sum of |T(z) - target|^2, from the best rotation on, by least squares."""
+    from scipy.optimize import least_squares  # slow to import, and used here alone
 
+    def transformation(x: Floats) -> Automorphism:
+        turn, far = np.exp(0.5j * x[0]), complex(*x[1:])
+        return Automorphism(complex(turn * np.hypot(1, abs(far))), complex(turn * far))
 
-def _descend(z: Complex, target: Complex) -> Automorphism:
-    """Minimise the misfit, from the best rotation on, by Levenberg's and Marquardt's method."""
-    T = Automorphism.of(float(np.angle(np.vdot(z, target))), 0)
-    damping, least = 1e-3, _misfit(T(z), target)
-    for _ in range(MAX_STEPS):
-        y = T(z)
-        # To first order, an automorphism moves y by i angle y + d - conj(d) y^2.
-        J = _real(np.stack([1j * y, 1 - y**2, 1j * (1 + y**2)], axis=1))
-        while True:
-            system, scale = J.T @ J, np.diag(np.maximum((J**2).sum(axis=0), EPS))
-            angle, *d = np.linalg.solve(system + damping * scale, J.T @ _real(target - y))
-            if abs(complex(*d)) < LONGEST:
-                trial = Automorphism.of(angle, complex(*d)).after(T)
-                misfit = _misfit(trial(z), target)
-                if misfit < least and abs(trial.w) < 1 - NEAREST:
-                    break
-            damping *= 4
-            if damping > LARGEST_DAMPING:
-                return T
-        T, least, damping = trial, misfit, max(damping / 10, LEAST_DAMPING)
-    return T
+    def misfit(x: Floats) -> Floats:
+        return (transformation(x)(z) - target).view(np.float64)
 
-
-def _real(x: Complex) -> Floats:
-    """Real parts above the imaginary parts."""
-    return np.concatenate([x.real, x.imag])
+    start = [np.angle(np.vdot(z, target)), 0, 0]
+    most = [np.inf, FARTHEST, FARTHEST]
+    until = dict.fromkeys(("ftol", "xtol", "gtol"), EPS) | {"max_nfev": MAX_STEPS}
+    bounds = np.negative(most), most
+    found = least_squares(misfit, start, "3-point", bounds, x_scale="jac", **until)
+    return transformation(found.x)

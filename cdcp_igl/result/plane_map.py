@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import ClassVar
+
 import numpy as np
 
 from ..arrays import Floats, Ints
 from ..plot.layout import Layout
+from ..rescue.repair import Repair
 from ..surface.mesh import DiskMesh
 from .base import Result
 
 
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class PlaneMap(Result):
     """A map (n, 2) of a disk, scaled into the unit square by its larger side where it is packed."""
 
+    uv: Floats
     mesh: DiskMesh
+    boundary: str
+    laplacian: str
+    repair: Repair
+    solver: str
 
-    _plane: str  # what the image is called
+    _plane: ClassVar[str]  # what the image is called
 
     def packed(self) -> Floats:
         """Return the image scaled into the unit square, (n, 2): texture coordinates."""
