@@ -50,7 +50,7 @@ from ..steps.phases import Phases, Progress
 from ..steps.trace import lengths_along, shares_of_edges, trace_of_shares
 from ..surface.topology import Topology, components_of_pairs, heads
 from . import steps
-from .part import Arrays, Folder, Piece, named
+from .part import Arrays, Folder, Part, Piece, named
 from .parting import refuse
 from .result import RESULT, PartsMap
 from .running import Engine
@@ -293,8 +293,8 @@ class _Mapping:
         manifest = self.folder.manifest
         V, F = np.empty((manifest["vertices"], 3)), np.empty((self.m, 3), np.int64)
         for p in self.leaves:
-            part = self.folder.part(p)
-            V[part["vertices"]], F[part["faces"]] = part["V"], part["vertices"][part["F"]]
+            part = Part(self.folder, p)
+            V[part.vertices], F[part.faces] = part.V, part.vertices[part.F]
         refuse([np.ldexp(V, manifest["exponent"], out=V)], [F])
 
     # -- the factor --------------------------------------------------------------------
@@ -552,14 +552,14 @@ class _Mapping:
 
     def gathered(self, some: list[int], moved: dict[int, complex]) -> tuple[Ints, Piece, Complex]:
         """Make a mesh of some parts, whose border stays; its vertices in the whole, and f."""
-        parts = [self.folder.part(self.leaves[k]) for k in some]
+        parts = [Part(self.folder, self.leaves[k]) for k in some]
         [uv] = self.folder.each([self.names[k] for k in some], "uv")
-        vertices = np.unique(np.concatenate([part["vertices"] for part in parts]))
+        vertices = np.unique(np.concatenate([part.vertices for part in parts]))
         V, f, F = np.empty((len(vertices), 3)), np.empty(len(vertices), complex), []
         for part, points in zip(parts, uv, strict=True):
-            at: Ints = np.searchsorted(vertices, part["vertices"])
-            V[at], f[at] = part["V"], as_complex(points)
-            F.append(at[part["F"]])
+            at = np.searchsorted(vertices, part.vertices)
+            V[at], f[at] = part.V, as_complex(points)
+            F.append(at[part.F])
         for row, vertex in enumerate(vertices.tolist()):
             f[row] = moved.get(vertex, f[row])
         surface = Topology(np.concatenate(F), len(vertices))
