@@ -15,6 +15,7 @@ release = version = cdcp_igl.__version__
 
 extensions = [
     "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
     "sphinx.ext.viewcode",
     "numpydoc",
     "myst_parser",
@@ -26,10 +27,10 @@ extensions = [
     "error_tables",
     "flow",
     "gallery_style",
-    "names",
     "places",
     "viewcode_anchors",
 ]
+templates_path = ["_templates"]
 exclude_patterns = ["examples", "generated/parts", "build"]
 nitpicky = True
 

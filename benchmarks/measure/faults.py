@@ -166,7 +166,7 @@ def _damaged(rng: np.random.Generator, folder: Path) -> str:
 
 def _address_space(rng: np.random.Generator, folder: Path) -> str:
     """Map with little memory left."""
-    _undisturbed(1, "scipy")
+    solver = str(rng.choice(list(SOLVERS)))
     V, F, _ = datasets.spherical_cap(100)
     child = os.fork()
     if child == 0:
@@ -175,7 +175,7 @@ def _address_space(rng: np.random.Generator, folder: Path) -> str:
         size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         most = size + int(2 ** rng.uniform(16, 30))
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
-        _exit_with(lambda: len(cdcp(V, F)) > 0)
+        _exit_with(lambda: len(cdcp(V, F, solver=solver)) > 0)  # type: ignore[arg-type]
     ended = _waited(child)
     typed = {0: "mapped", TYPED: "SolverError or MapError", NO_MEMORY: "MemoryError"}
     return typed.get(ended, f"{FAULT}child ended with {ended}")

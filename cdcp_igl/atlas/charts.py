@@ -287,7 +287,9 @@ def grow(chart: Chart) -> OpenedComponent:
     grown = opened
     for tip in tips[np.argsort(factor[tips])][:MOST_BRANCHES]:
         grown = branch_to(grown, int(tip))
-    return opened if grown is opened else straighten(grown)
+    if grown is opened or isinstance(chart.map, FreeMap):  # whose outline bends with the cut
+        return grown
+    return straighten(grown)
 
 
 def parted_across(component: Component) -> list[Component]:

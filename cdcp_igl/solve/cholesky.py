@@ -13,7 +13,6 @@ from scipy.sparse import csc_matrix, spmatrix
 
 from ..arrays import Floats, Indices, Numbers, as_complex
 from ..errors import SolverError
-from .memory import require_buffers
 from .threads import one_thread
 
 Ordering = Literal["amd", "natural"]
@@ -130,7 +129,6 @@ class Cholesky(ABC):
     def _errors(cls, size: int) -> Iterator[None]:
         """Run the solver on one thread and translate its errors."""
         try:
-            require_buffers()
             with one_thread():
                 yield
         except cls.ERRORS as error:

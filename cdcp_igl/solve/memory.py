@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from math import inf, log2
 from mmap import mmap
 from pathlib import Path
@@ -18,9 +17,9 @@ ENTRIES = 4.0
 BYTES = 45.0
 SMALLEST_CHECKED = 100_000  # vertices; fewer take less than 100 MB
 
-# OpenBLAS takes its buffer with the first call that needs one, 128 MB below CHOLMOD and 32 MB
-# below NumPy. Where there is no address space for it, it tries for ever, or ends the process.
-BUFFERS = 192 << 20  # bytes
+# What OpenBLAS takes with each of its threads below CHOLMOD, and a quarter of that below NumPy.
+# Where there is no address space for it, it tries for ever, or ends the process.
+BUFFER = 128 << 20  # bytes
 
 GIB = 2**30
 # The files of control groups, of version 2 and of version 1: the limit, what is in use, and the
@@ -58,14 +57,16 @@ def require_memory(n: int) -> None:
         )
 
 
-@cache
-def require_buffers() -> None:
-    """Refuse a first factorization where there is no room for the buffers of BLAS: MemoryError."""
+def require_buffers(threads: int) -> None:
+    """Refuse a solver where there is no room for BLAS with so many threads: SolverError."""
+    needed = (threads + 1) * BUFFER  # the main thread has one for each of the libraries
     try:
-        mmap(-1, BUFFERS).close()
+        mmap(-1, needed).close()
     except OSError as error:
-        needed = f"{BUFFERS >> 20} MB of address space for the buffers of BLAS are not to be had"
-        raise MemoryError(needed) from error
+        raise SolverError(
+            f"BLAS takes {needed >> 20:,} MB of address space, which are not to be had "
+            f"(OPENBLAS_NUM_THREADS is {threads}). Raise the limit (ulimit -v)."
+        ) from error
 
 
 def available_memory(root: Path = Path("/")) -> float:

@@ -10,15 +10,19 @@ from functools import cache
 from importlib import import_module
 from typing import Literal, get_args
 
-from scipy.sparse import spmatrix
+import numpy
+import scipy.linalg
+from scipy.sparse import csc_matrix, spmatrix
 
 from ..extras import MissingExtra
 from .cholesky import Cholesky, Ordering
-from .threads import held_while_forking, libraries_were_loaded
+from .memory import require_buffers
+from .threads import THREADS, held_while_forking, libraries_were_loaded
 
 SolverName = Literal["scikit-sparse", "cvxopt", "scipy"]  # from the fastest to the slowest
 SOLVERS: tuple[SolverName, ...] = get_args(SolverName)
 VARIABLE = "CDCP_IGL_SOLVER"
+UNIT = numpy.eye(2)
 
 _importing = held_while_forking()  # as are Python's own locks of modules then
 _asked_for: ContextVar[str | None] = ContextVar("solver", default=None)
@@ -61,6 +65,8 @@ def checked(name: str) -> str:
 
 @cache
 def _load(name: str) -> type[Cholesky]:
+    """Import a solver, and let BLAS take its buffers while there certainly is room for them."""
+    require_buffers(THREADS)
     try:
         with _importing:
             module = import_module(f".with_{name.replace('-', '_')}", __package__)
@@ -71,6 +77,9 @@ def _load(name: str) -> type[Cholesky]:
         ) from error
     libraries_were_loaded()
     loaded: type[Cholesky] = module.Factorization
+    loaded(csc_matrix(UNIT))
+    numpy.linalg.cholesky(UNIT)
+    scipy.linalg.cholesky(UNIT)
     return loaded
 
 

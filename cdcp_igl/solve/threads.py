@@ -130,5 +130,7 @@ def _only_this_thread() -> None:
 
 
 libraries_were_loaded()
+# Of which a library starts so many when it is loaded, as the environment says or there are cores.
+THREADS = max((pool.num_threads for _, pool in _BLAS), default=1)
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_only_this_thread)

@@ -1,4 +1,4 @@
-"""The role ``{test}`` and the page that shows the tests it cites.
+"""The role ``{test}`` and the pages that show the tests it cites, one for each file of tests.
 
 ``{test}`test_cdcp.py::test_table_1``` links to the code of that test, and the code links
 back to where it is cited. A citation of a test that does not exist stops the build.
@@ -23,6 +23,10 @@ HEAD = """# The tests that the pages cite
 Written from the test files when these pages were built. Run one with
 `python -m pytest tests/FILE::NAME`. Those that take `real_mesh` need the meshes in
 `CDCP_IGL_DATA`, see [](/reference/environment.md).
+
+```{toctree}
+:maxdepth: 1
+
 """
 
 
@@ -76,23 +80,23 @@ def code_of(tests, citation):
     return "\n".join(text.splitlines()[first - 1 : found[0].end_lineno])
 
 
-def _write_page(app):
+def _write_pages(app):
     tests = Path(app.srcdir).parent / "tests"
-    page = [HEAD]
-    file = ""
+    pages = {}
     for citation, places in sorted(citations(app.srcdir).items()):
-        if citation.partition("::")[0] != file:
-            file = citation.partition("::")[0]
-            page.append(f"## {file}\n")
-        page += [
-            f"({label_of(citation)})=",
-            f"### {citation.split('::')[-1]}\n",
-            f"Cited in {', '.join(places)}.\n",
-            f"```python\n{code_of(tests, citation)}\n```\n",
-        ]
-    target = Path(app.srcdir, "generated", "tests.md")
-    target.parent.mkdir(exist_ok=True)
-    target.write_text("\n".join(page), encoding="utf-8")
+        file, _, name = citation.partition("::")
+        pages.setdefault(file.removesuffix(".py"), [f"# {file}\n"]).append(
+            f"({label_of(citation)})=\n"
+            f"## {name.split('::')[-1]}\n\n"
+            f"Cited in {', '.join(places)}.\n\n"
+            f"```python\n{code_of(tests, citation)}\n```\n"
+        )
+    folder = Path(app.srcdir, "generated", "tests")
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, sections in pages.items():
+        (folder / f"{name}.md").write_text("\n".join(sections), encoding="utf-8")
+    names = "".join(f"tests/{name}\n" for name in pages)
+    folder.with_suffix(".md").write_text(f"{HEAD}{names}```\n", encoding="utf-8")
 
 
 def _as_notes(app, name, source):
@@ -104,5 +108,5 @@ def _as_notes(app, name, source):
 def setup(app):
     app.add_role("test", TestRole())
     app.connect("source-read", _as_notes)
-    app.connect("builder-inited", _write_page)
+    app.connect("builder-inited", _write_pages)
     return {"parallel_read_safe": False}
