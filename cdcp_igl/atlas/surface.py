@@ -96,12 +96,9 @@ class SurfaceMap(Result):
     cut: Cut
     changes: tuple[str, ...]
     certificate: Certificate | OutlineCertificate
-    conformality: Conformality
-    distortion: AngleDistortion
     spread: float
     spread_asked: float
     shares: Floats
-    timings: dict[str, float]
 
     _kind = "surface"
 
@@ -181,7 +178,6 @@ class SurfaceMap(Result):
             plane=self._plural if len(self.charts) > 1 else self._plural.split()[1].capitalize(),
             middle=(0.5, 0.5),
             scale=0.5,
-            origin=(0.5, 0.5),
             distortion=self.distortion,
             flipped=len(self.certificate.flipped),
             facts=self._facts(f"{len(np.unique(cut.vertex_index)):,} vertices"),
