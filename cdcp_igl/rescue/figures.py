@@ -18,7 +18,7 @@ from ..certificate import (
 )
 from ..distortion import angle_errors, sphere_angle_errors
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import twice_areas
+from ..surface.triangles import flipped_faces, twice_areas
 from .collapsed_faces import open_collapsed_faces
 from .recentering import extents
 
@@ -37,6 +37,10 @@ class Figure(ABC):
     def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
         """(m, 3) signed angle errors in radians."""
         return angle_errors(mesh, f)
+
+    def flipped(self, F: Ints, f: Complex) -> Ints:
+        """Faces that are not positively oriented, exactly."""
+        return flipped_faces(f, F)[0]
 
     def moved(self, mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
         """Move a map by a displacement (n,)."""
@@ -125,6 +129,10 @@ class Sphere(Figure):
         square = abs(z) ** 2
         P = np.column_stack([square - 1, 2 * z.real, 2 * z.imag]) / (1 + square)[:, None]
         return P @ self._axes
+
+    def flipped(self, F: Ints, f: Complex) -> Ints:
+        """Faces that are not positively oriented, exactly."""
+        return flipped_on_sphere(self.points(f), F)[0]
 
     def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
         """(m, 3) signed angle errors in radians."""
