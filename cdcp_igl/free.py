@@ -21,7 +21,7 @@ from .rescue.conformality import NOT_VALID, judge
 from .rescue.figures import Outline
 from .rescue.line_search import HALVINGS
 from .rescue.refine import STEPS_DUE, Refinement, lower_angle_distortion
-from .rescue.repair import MANY, repair_locally
+from .rescue.repair import MANY, Repair, repair_locally
 from .result.base import valid_map
 from .result.plane_map import PlaneMap
 from .solve.factored import FactoredSurface

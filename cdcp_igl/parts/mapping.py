@@ -557,7 +557,7 @@ class _Mapping:
         vertices = np.unique(np.concatenate([part["vertices"] for part in parts]))
         V, f, F = np.empty((len(vertices), 3)), np.empty(len(vertices), complex), []
         for part, points in zip(parts, uv, strict=True):
-            at = np.searchsorted(vertices, part["vertices"])
+            at = np.asarray(np.searchsorted(vertices, part["vertices"]))
             V[at], f[at] = part["V"], as_complex(points)
             F.append(at[part["F"]])
         for row, vertex in enumerate(vertices.tolist()):

@@ -118,7 +118,7 @@ class FaceFinder:
         while len(on_way):
             seen = self._seen(self._corners[face[on_way]], points[on_way])
             areas, beyond = _orientations(seen)
-            blocked: Bools = beyond.any(axis=1)
+            blocked = np.asarray(beyond.any(axis=1))
             # Faces so small and far away that they seem to be one point hold no other.
             there = np.flatnonzero(~blocked)
             reach = abs(seen[there] - np.roll(seen[there], 1, axis=1)).max(axis=1)
