@@ -98,7 +98,7 @@ def test_the_shear_of_faces_on_the_sphere():
         dz = sphere.tangential(
             mesh, z, (rng.normal(size=(len(z), 2)) @ [1, 1j]) * (1 + abs(z) ** 2)
         )
-        corner, turn = sphere.corners(z, F)
+        corner, turn = (x.T for x in sphere.corners(z, F))
         edge, moved = (np.roll(x, -1, axis=1) - x for x in (corner, turn * dz[F]))
         step = 1e-7 * dz
         change = (sphere.errors(mesh, z + step) - sphere.errors(mesh, z - step)) / 2e-7

@@ -38,6 +38,10 @@ class Figure(ABC):
         """(m, 3) signed angle errors in radians."""
         return angle_errors(mesh, f)
 
+    def flipped(self, F: Ints, f: Complex) -> Ints:
+        """Faces that are not positively oriented, exactly."""
+        return flipped_faces(f, F)[0]
+
     def moved(self, mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
         """Move a map by a displacement (n,)."""
         return f + step
@@ -47,25 +51,24 @@ class Figure(ABC):
         return x
 
     def corners(self, f: Complex, F: Ints) -> tuple[Complex, Complex | float]:
-        """Corners (k, 3) of faces, each in a plane of its own, and what turns dz into that plane.
+        """Corners (3, k) of faces, each in a plane of its own, and what turns dz into that plane.
 
         That is one factor for each corner, or for all.
         """
-        return f[F], 1.0
+        return f.take(F.T), 1.0
 
     def flipped(self, F: Ints, f: Complex) -> Ints:
         """Faces that are not positively oriented, exactly."""
         return flipped_faces(f, F)[0]
 
     def lower(self, F: Ints, f: Complex, height: float) -> Bools:
-        """(m,) whether faces are flipped, or less high than that by their distance from 0."""
+        """(m,) whether faces are less high than that by their distance from 0; none if it is 0."""
+        if height == 0:
+            return np.zeros(len(F), dtype=bool)
         corner = f[F]
         e = corner - corner[:, [2, 0, 1]]
-        twice_area = twice_areas(e)
-        if height == 0:
-            return np.asarray(twice_area < 0)
         size, distance = extents(corner)
-        return np.asarray(twice_area < height * distance * size)
+        return np.asarray(twice_areas(e) < height * distance * size)
 
 
 class Disk(Figure):
@@ -130,6 +133,10 @@ class Sphere(Figure):
         P = np.column_stack([square - 1, 2 * z.real, 2 * z.imag]) / (1 + square)[:, None]
         return P @ self._axes
 
+    def flipped(self, F: Ints, f: Complex) -> Ints:
+        """Faces that are not positively oriented, exactly."""
+        return flipped_on_sphere(self.points(f), F)[0]
+
     def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
         """(m, 3) signed angle errors in radians."""
         return sphere_angle_errors(mesh, self.points(f), self.flipped(mesh.F, f))
@@ -148,7 +155,7 @@ class Sphere(Figure):
         return x
 
     def corners(self, f: Complex, F: Ints) -> tuple[Complex, Complex | float]:
-        """Corners (k, 3) of faces in their own planes, and what turns dz into these.
+        """Corners (3, k) of faces in their own planes, and what turns dz into these.
 
         A tangent plane is tilted against the plane of the face; what is linear in conj(dz), of the
         second order in the length of edges, is left out.
@@ -166,4 +173,4 @@ class Sphere(Figure):
         toward = scale * z.conj()
         tangents = np.stack([toward, 1 - toward * z.real, -1j - toward * z.imag], axis=2)
         turn = np.einsum("fkc,fc->fk", tangents, frame @ self._axes.T)
-        return corner, scale * turn / 2
+        return corner.T, (scale * turn / 2).T

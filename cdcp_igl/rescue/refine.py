@@ -16,7 +16,6 @@ from ..solve.cholesky import Cholesky
 from ..solve.laplacian import Laplacian
 from ..solve.solvers import factorize
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import hat_gradients, opposite_edges, twice_areas
 from .figures import Disk, Figure
 from .line_search import HALVINGS, search_along
 
@@ -204,8 +203,8 @@ def gauss_newton_step(
     beta, s = np.empty((m, 3), complex), np.empty(m)
     t, gradient = np.empty((2, m), complex)
     for part in blocks(m):
-        beta[part], s[part], t[part], gradient[part] = _linearize(
-            *figure.corners(f, mesh.F[part]), r[part], p
+        beta.T[:, part], s[part], t[part], gradient[part] = _linearize(
+            *figure.corners(f, mesh.F[part]), r[part].T, p
         )
     s += damping * (r * r).mean() ** (p / 2 - 1)
     B = _shear(mesh, beta)
@@ -225,16 +224,16 @@ def gauss_newton_step(
 def _linearize(
     corner: Complex, turn: Complex | float, r: Floats, p: float
 ) -> tuple[Complex, Floats, Complex, Complex]:
-    """Compute beta (k, 3), s, t and the gradient in b (k,) of k faces."""
-    e = opposite_edges(corner)
-    beta = turn * hat_gradients(e, twice_areas(e)) / 2
-    q = e.conj() / e
-    g = _next(q) - _last(q)
-    w = (r * r + ROUNDING**2) ** (p / 2 - 1)
-    wg = w * g
-    s = np.einsum("fc,fc->f", wg, g.conj()).real / 2
-    t = np.einsum("fc,fc->f", wg, g) / -2
-    return beta, s, t, 1j * np.einsum("fc,fc->f", r, wg.conj())
+    """Compute beta (3, k), s, t and the gradient in b (k,) of k faces, by corner."""
+    e = corner[[2, 0, 1]] - corner[[1, 2, 0]]  # opposite the corners
+    # Times reciprocals, as it takes long to divide complex numbers.
+    beta = turn * e * (0.5j * (1 / (e[0].conj() * e[1]).imag))
+    q = e.conj()
+    q *= q * (1 / (e.real * e.real + e.imag * e.imag))  # conj(e) / e
+    g = q[[1, 2, 0]] - q[[2, 0, 1]]
+    wg = (r * r + ROUNDING**2) ** (p / 2 - 1) * g
+    s = (wg.real * g.real + wg.imag * g.imag).sum(axis=0) / 2
+    return beta, s, (wg * g).sum(axis=0) / -2, 1j * (r * wg).sum(axis=0).conj()
 
 
 def _shear(mesh: DiskMesh, beta: Complex) -> csr_matrix:
