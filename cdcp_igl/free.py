@@ -19,6 +19,7 @@ from .errors import MapError, SolverError, spell
 from .io.given import takes_meshes
 from .rescue.candidate import PATIENT, steps_due
 from .rescue.conformality import NOT_VALID, Conformality, judge
+from .rescue.figures import Outline
 from .rescue.line_search import HALVINGS
 from .rescue.refine import STEPS_DUE, Refinement, lower_angle_distortion
 from .rescue.repair import MANY, Repair, repair_locally
@@ -359,7 +360,7 @@ def _eased_maps(
         f, _ = lower_angle_distortion(
             *(surface.mesh, f, _order_of_all(surface), EASING, options.refine_norm),
             halvings=PATIENT,
-            free=True,
+            figure=Outline(),
         )
     yield f, "eased from the disk", disk.boundary.laplacian
 
@@ -443,7 +444,7 @@ def _refined(
             halvings=HALVINGS if plain.conformal else PATIENT,
             least=options.refine or STEPS_DUE,
             wanted=plain.conformality.wanted,
-            free=True,
+            figure=Outline(),
             advance=advance,
         )
     made = _finished(surface, f, plain.boundary, plain.laplacian, length, options, phase)

@@ -96,7 +96,7 @@ class HarmonicMap:
     def needs_correction(self) -> bool:
         """Whether `corrected` has anything to do."""
         mesh = self.surface.mesh
-        return is_sheared(mesh, self.f) or deep_vertex(mesh, self.f) is not None
+        return is_sheared(mesh, self.f, self.f[mesh.loop]) or deep_vertex(mesh, self.f) is not None
 
     def corrected(self, *, straightened: bool) -> HarmonicMap:
         """Take the common shear out if asked to, and move a tiny region deep inside to 0."""
