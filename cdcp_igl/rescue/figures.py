@@ -57,10 +57,6 @@ class Figure(ABC):
         """
         return f.take(F.T), 1.0
 
-    def flipped(self, F: Ints, f: Complex) -> Ints:
-        """Faces that are not positively oriented, exactly."""
-        return flipped_faces(f, F)[0]
-
     def lower(self, F: Ints, f: Complex, height: float) -> Bools:
         """(m,) whether faces are less high than that by their distance from 0; none if it is 0."""
         if height == 0:
@@ -140,10 +136,6 @@ class Sphere(Figure):
     def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
         """(m, 3) signed angle errors in radians."""
         return sphere_angle_errors(mesh, self.points(f), self.flipped(mesh.F, f))
-
-    def flipped(self, F: Ints, f: Complex) -> Ints:
-        """Faces that are not positively oriented, exactly."""
-        return flipped_on_sphere(self.points(f), F)[0]
 
     def certificate(self, mesh: DiskMesh, f: Complex) -> SphereCertificate:
         """Verify a map f (n,)."""
