@@ -278,7 +278,7 @@ def test_after_a_full_disk_it_goes_on_in_each_phase(folder):
 
         def progress(phase, done, full=full):
             if phase == full:
-                resource.setrlimit(resource.RLIMIT_FSIZE, (60, hard))
+                resource.setrlimit(resource.RLIMIT_FSIZE, (700, hard))
 
         try:
             with pytest.raises(OSError, match=r"map-.*np[yz]"):

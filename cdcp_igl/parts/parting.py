@@ -211,7 +211,7 @@ class _Parting:
             rows = np.column_stack([order + start, faces[order]])
             for p in np.unique(part):
                 with self._raw(p).open("ab") as file:
-                    rows[ends[p] : ends[p + 1]].tofile(file)
+                    file.write(rows[ends[p] : ends[p + 1]].tobytes())
         if (least > most).any():  # in no face
             refuse(self.V, self.F)
         return least, most
