@@ -19,6 +19,7 @@ from ..certificate import Certificate
 from ..distortion import AngleDistortion
 from ..io.output import whole_file, write_text
 from ..plot.layout import Layout
+from ..printing import as_html
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.conformality import Conformality
 from ..rescue.repair import Repair
@@ -95,8 +96,8 @@ class PartsMap(OntoDisk):
         told = {name: asdict(getattr(self, name)) for name in KINDS}
         told |= {name: getattr(self, name) for name in PLAIN}
         told["mobius"]["w"] = [self.mobius.w.real, self.mobius.w.imag]
-        told["certificate"]["flipped"] = self.certificate.flipped.tolist()
-        write_text(self.folder.work / RESULT, json.dumps(told, indent=1) + "\n")
+        text = json.dumps(told, indent=1, default=np.ndarray.tolist)
+        write_text(self.folder.work / RESULT, text + "\n")
         for file in self.folder.computed():
             file.unlink()
 
@@ -228,6 +229,11 @@ class PartsMap(OntoDisk):
 
     def _layout(self) -> Layout:
         return self._coarse
+
+    def _repr_html_(self) -> str:
+        if not self.folder.work.exists():
+            return as_html(*self.summary())
+        return super()._repr_html_()
 
 
 def _tuples(told: dict[str, Any]) -> dict[str, Any]:
