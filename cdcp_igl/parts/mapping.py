@@ -31,7 +31,6 @@ from ..arrays import (
 from ..certificate import Certificate, certificate_of, is_around
 from ..distortion import AngleDistortion, disk_map_distortion
 from ..errors import MapError, counted
-from ..io.output import whole_file
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.conformality import NOT_VALID, judge_by, sampled_faces
 from ..rescue.recentering import FACES, deep_vertex
@@ -225,8 +224,7 @@ class _Mapping:
         with phase("certificate"):
             found = self.judge()
             for p, name in zip(self.leaves, self.names, strict=True):
-                with whole_file(self.folder.uv(p)) as unfinished:
-                    np.save(unfinished, self.folder.read(name, "uv")["uv"])
+                self.folder.write_uv(p, self.folder.read(name, "uv")["uv"])
         phase.done()
         result = PartsMap(
             folder=self.folder,

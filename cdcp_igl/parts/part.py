@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -133,9 +134,17 @@ class Folder:
         """List the files of what is computed, but for the map itself."""
         return list(self.work.glob("*.npz"))
 
-    def uv(self, p: int) -> Path:
-        """Where the map of a part is, once it is complete: an npy file."""
-        return self.work / f"uv-{p}.npy"
+    def uv(self, p: int) -> Floats:
+        """Read the map of a part."""
+        uv: Floats = np.load(self.work / f"uv-{p}.npy")
+        return uv
+
+    def write_uv(self, p: int, uv: Floats) -> None:
+        """Write the map of a part."""
+        file = BytesIO()  # to files, NumPy does not say why it cannot write
+        np.save(file, uv)
+        with whole_file(self.work / f"uv-{p}.npy") as unfinished:
+            unfinished.write_bytes(file.getbuffer())
 
     def _file(self, name: str) -> Path:
         return self.work / f"{name}.npz"

@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Floats, Ints, evenly_spaced_rows
+from ..arrays import Floats, Ints, evenly_spaced_rows, places
 from ..errors import MeshError
 from ..io import read_mesh
 from ..io.ply import triangles_of_ply
@@ -26,6 +26,7 @@ from ..surface.checking import examine
 from ..surface.validation import repeated_corners, size_exponent
 
 Array = NDArray[Any]
+Numbers = NDArray[np.uint16]  # of parts
 Source = str | PathLike[str] | tuple[ArrayLike | str | PathLike[str], ...]
 
 ROWS = 1 << 20  # of V or F that are looked at together
@@ -101,7 +102,7 @@ def partition(
     n, m = sum(map(len, V)), sum(map(len, F))
     if n < 3 or m == 0:
         refuse(V, F)
-    levels = number_of_parts(n).bit_length() - 1 if parts is None else parts.bit_length() - 1
+    levels = (parts or number_of_parts(n)).bit_length() - 1
     target = Path(folder).absolute()
     if target.exists() and not (target.is_dir() and not any(target.iterdir())):
         reason = "is there, and not empty; name another folder"
@@ -114,6 +115,9 @@ def partition(
         if target.exists():
             target.rmdir()
         unfinished.rename(target)
+    except OSError as error:
+        error.filename = error.filename or os.fspath(folder)
+        raise
     finally:
         shutil.rmtree(unfinished, ignore_errors=True)
     return Path(folder)
@@ -122,11 +126,10 @@ def partition(
 def number_of_parts(n: int) -> int:
     """Choose how many parts n vertices are to have: a power of 2."""
     parts = 1
-    while n / parts > LARGE_PART or (
-        SHARE * BYTES * (n / parts) * log2(n) > available_memory() and parts < MOST_PARTS
-    ):
+    most = available_memory() / SHARE
+    while parts < MOST_PARTS and (n > parts * LARGE_PART or BYTES * n * log2(n) > parts * most):
         parts *= 2
-    return min(parts, MOST_PARTS)
+    return parts
 
 
 def refuse(V: Sequence[Array], F: Sequence[Array]) -> NoReturn:
@@ -159,12 +162,11 @@ class _Parting:
         node = (least[seams].astype(np.int64) + (1 << self.levels)) >> (self.levels - depth)
         order = np.lexsort((seams, -node))
         np.savez(self.folder / "seams.npz", vertices=seams[order], node=node[order])
-        place = np.empty(len(seams), np.int64)
-        place[order] = np.arange(len(seams))
+        row = places(order, len(seams))
         parts = [p for p in range(1 << self.levels) if self._raw(p).exists()]
         for number, part in enumerate(parts):
             self.progress("write", number / len(parts))
-            self._write(part, exponent, seams, place, least)
+            self._write(part, exponent, seams, row, least)
         manifest = {
             "vertices": self.n,
             "faces": self.m,
@@ -174,7 +176,7 @@ class _Parting:
         }
         (self.folder / MANIFEST).write_text(json.dumps(manifest) + "\n")
 
-    def _sides(self) -> tuple[NDArray[np.uint16], int]:
+    def _sides(self) -> tuple[Numbers, int]:
         """(n,) the part in which each vertex lies, and the exponent of the unit."""
         exponent = -(2**20)
         for _, block in _blocks(self.V):
@@ -189,9 +191,7 @@ class _Parting:
             side[start : start + len(block)] = sides(_scaled(block, exponent), found)
         return side, exponent
 
-    def _part_faces(
-        self, side: NDArray[np.uint16]
-    ) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+    def _part_faces(self, side: Numbers) -> tuple[Numbers, Numbers]:
         """Write each face to its part; (n,) the smallest and the largest part of each vertex."""
         least = np.full(self.n, np.iinfo(np.uint16).max, np.uint16)
         most = np.zeros(self.n, np.uint16)
@@ -211,27 +211,25 @@ class _Parting:
             rows = np.column_stack([order + start, faces[order]])
             for p in np.unique(part):
                 with self._raw(p).open("ab") as file:
-                    rows[ends[p] : ends[p + 1]].tofile(file)
+                    file.write(rows[ends[p] : ends[p + 1]].tobytes())
         if (least > most).any():  # in no face
             refuse(self.V, self.F)
         return least, most
 
-    def _write(
-        self, part: int, exponent: int, seams: Ints, place: Ints, least: NDArray[np.uint16]
-    ) -> None:
+    def _write(self, part: int, exponent: int, seams: Ints, row: Ints, least: Numbers) -> None:
         """Write a part with vertices of its own, and remove its raw faces."""
         faces, *corners = np.fromfile(self._raw(part), np.int64).reshape(-1, 4).T
         vertices, F = np.unique(np.column_stack(corners), return_inverse=True)
-        seam = np.full(len(vertices), -1)
-        _, at, rows = np.intersect1d(vertices, seams, assume_unique=True, return_indices=True)
-        seam[at] = place[rows]
+        rows = np.full(len(vertices), -1)
+        _, here, there = np.intersect1d(vertices, seams, assume_unique=True, return_indices=True)
+        rows[here] = row[there]
         np.savez(
             self.folder / f"part-{part}.npz",
             vertices=vertices,
             faces=faces,
             V=_scaled(_take(self.V, vertices), exponent),
             F=F.reshape(-1, 3),
-            row=seam,
+            row=rows,
             own=least[vertices] == part,
         )
         self._raw(part).unlink()

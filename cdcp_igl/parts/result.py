@@ -19,6 +19,7 @@ from ..certificate import Certificate
 from ..distortion import AngleDistortion
 from ..io.output import whole_file, write_text
 from ..plot.layout import Layout
+from ..printing import as_html
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.conformality import Conformality
 from ..rescue.repair import Repair
@@ -26,6 +27,7 @@ from ..result.disk_map import OntoDisk
 from ..steps.center import Center
 from ..steps.mobius import Normalization
 from .part import Arrays, Folder
+from .parting import ROWS
 
 RESULT = "map.json"  # comes last: what there is to know of a complete map
 
@@ -94,8 +96,8 @@ class PartsMap(OntoDisk):
         told = {name: asdict(getattr(self, name)) for name in KINDS}
         told |= {name: getattr(self, name) for name in PLAIN}
         told["mobius"]["w"] = [self.mobius.w.real, self.mobius.w.imag]
-        told["certificate"]["flipped"] = self.certificate.flipped.tolist()
-        write_text(self.folder.work / RESULT, json.dumps(told, indent=1) + "\n")
+        text = json.dumps(told, indent=1, default=np.ndarray.tolist)
+        write_text(self.folder.work / RESULT, text + "\n")
         for file in self.folder.computed():
             file.unlink()
 
@@ -103,7 +105,7 @@ class PartsMap(OntoDisk):
         """Read each part, all or some of its arrays, and its map."""
         for p in self.folder.leaves:
             try:
-                part, uv = self.folder.part(p, *only), np.load(self.folder.uv(p))
+                part, uv = self.folder.part(p, *only), self.folder.uv(p)
             except FileNotFoundError as error:
                 reason = (
                     "The coordinates of a map in parts lie in its folder, and are gone. Part and "
@@ -136,8 +138,12 @@ class PartsMap(OntoDisk):
             If it cannot be written, or the folder of the map is gone.
         """
         with whole_file(path) as unfinished:
-            shape = self.folder.manifest["vertices"], 2
-            uv = open_memmap(unfinished, "w+", np.float64, shape)
+            n = self.folder.manifest["vertices"]
+            uv = open_memmap(unfinished, "w+", np.float64, (n, 2))
+            with unfinished.open("rb+") as file:  # on a full disk, mapped memory ends the process
+                file.seek(uv.offset)
+                for start in range(0, n, ROWS):
+                    file.write(bytes(16 * min(ROWS, n - start)))
             self._put(uv)
             uv.flush()
 
@@ -190,31 +196,28 @@ class PartsMap(OntoDisk):
     @cached_property
     def _coarse(self) -> Layout:
         """One vertex for each cell of the disk and of space, and the faces between three cells."""
-        cells, positions, images, vertices, triples, faces = [], [], [], [], [], []
+        gathered = []
         for part, uv in self._parts():
             at = np.column_stack([(uv + 1) * (SQUARES / 2), (part["V"] + 1) * (CUBES / 2)])
             cell = np.floor(at).astype(np.int64) @ (2 * SQUARES) ** np.arange(5)
             found, first = np.unique(cell, return_index=True)
-            cells.append(found)
-            vertices.append(part["vertices"][first])
-            positions.append(part["V"][first])
-            images.append(uv[first])
+            vertices = found, part["vertices"][first], part["V"][first], uv[first]
             i, j, k = corners = cell[part["F"]].T
             apart = (i != j) & (j != k) & (k != i)
             turned = corners.T[apart]
             start = turned.argmin(axis=1)[:, None]
             turned = np.take_along_axis(turned, (start + np.arange(3)) % 3, axis=1)
-            once, first = np.unique(turned, axis=0, return_index=True)
-            triples.append(once)
-            faces.append(part["faces"][apart][first])
-        found, first = np.unique(np.concatenate(cells), return_index=True)
-        once, one = np.unique(np.concatenate(triples), axis=0, return_index=True)
+            once, one = np.unique(turned, axis=0, return_index=True)
+            gathered.append((*vertices, once, part["faces"][apart][one]))
+        cells, rows, V, uv, triples, faces = map(np.concatenate, zip(*gathered, strict=True))
+        found, first = np.unique(cells, return_index=True)
+        once, one = np.unique(triples, axis=0, return_index=True)
         return Layout(
-            V=np.concatenate(positions)[first],
+            V=V[first],
             F=np.searchsorted(found, once),
-            uv=np.concatenate(images)[first],
-            vertices=np.concatenate(vertices)[first],
-            faces=np.concatenate(faces)[one],
+            uv=uv[first],
+            vertices=rows[first],
+            faces=faces[one],
             plane="Disk",
             distortion=self.distortion,
             flipped=len(self.certificate.flipped),
@@ -223,6 +226,11 @@ class PartsMap(OntoDisk):
 
     def _layout(self) -> Layout:
         return self._coarse
+
+    def _repr_html_(self) -> str:
+        if not self.folder.work.exists():
+            return as_html(*self.summary())
+        return super()._repr_html_()
 
 
 def _tuples(told: dict[str, Any]) -> dict[str, Any]:
