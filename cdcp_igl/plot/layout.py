@@ -36,6 +36,8 @@ class Layout:
         How many of them are not positively oriented.
     facts : tuple of str
         What there is to know of it.
+    ball : (n, 3) float64, optional
+        The image on the unit sphere, which is drawn; `uv` is then a chart for textures.
     """
 
     V: Floats
@@ -50,6 +52,12 @@ class Layout:
     distortion: AngleDistortion
     flipped: int
     facts: tuple[str, ...]
+    ball: Floats | None = None
+
+    @property
+    def image(self) -> Floats:
+        """(n, 2) or (n, 3) what is drawn of the map."""
+        return self.uv if self.ball is None else self.ball
 
     @property
     def turns(self) -> bool:
