@@ -129,6 +129,62 @@ class SphereMap(Bijection):
         straight = super().apply(face, barycentric)
         return straight / np.linalg.norm(straight, axis=-1)[..., None]
 
+    def register(self, to: SphereMap, landmarks: ArrayLike) -> Floats:
+        """Lay the map over that of another surface, by landmarks.
+
+        Both spheres are centred, so that the landmarks have their conformal barycentre at 0; then
+        this one is turned to bring them nearest. The result does not depend on the normalisation
+        of the two maps. Of two landmarks only the rotation is sought.
+
+        Parameters
+        ----------
+        to : SphereMap
+            Of the other surface.
+        landmarks : (k, 2) array_like of integers
+            In each row a vertex of this surface and the vertex of the other that corresponds to
+            it; at least two rows.
+
+        Returns
+        -------
+        (n, 3) float64
+            The vertices of this surface on the sphere of the other, still a certified map:
+            ``to.interpolate(values, points)`` carries what lives on the other surface to them.
+
+        Raises
+        ------
+        ValueError
+            If `landmarks` is none of that.
+        MapError
+            If the landmarks ask for so strong a transformation that faces are flipped. Its
+            ``result`` is this map with the points and the certificate that were refused.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spheroid(3, 2)
+        >>> one, other = cdcp_igl.sphere_map(V, F, mobius=None), cdcp_igl.sphere_map(V, F)
+        >>> points = one.register(other, [[5, 5], [70, 70], [200, 200]])
+        >>> bool(abs(points - other.points).max() < 1e-6)
+        True
+        """
+        here, there = self._landmarks(to, landmarks)
+        w, v = (
+            conformal_barycenter(P, np.ones(len(P))) if len(P) > 2 else np.zeros(3)
+            for P in (here, there)
+        )
+        turn = rotation(moved_to_center(here, w), moved_to_center(there, v))
+        P = moved_to_center(moved_to_center(self.points, w) @ turn, -v)
+        P, _ = repaired_on_sphere(self.mesh, P / np.linalg.norm(P, axis=1)[:, None])
+        certificate = certify_sphere(self.mesh.F, P)
+        if not certificate.valid:
+            refused = replace(self, points=P, certificate=certificate)
+            raise MapError(
+                "Moved to the landmarks, the map is not a bijection onto the sphere: "
+                f"{certificate}. Choose other landmarks",
+                refused,
+            )
+        return P
+
     def area_distortion(self) -> Floats:
         """Logarithm of the area on the sphere by that on the surface, as fractions of their totals.
 
@@ -199,13 +255,12 @@ class SphereMap(Bijection):
             uv=uv,
             vertices=name // 2,
             faces=np.arange(len(F)),
-            plane="Hemispheres",
-            middle=(0.0, 0.0),
+            plane="Sphere",
             scale=self._reach,
-            origin=(0.5, 0.5),
             distortion=self.distortion,
             flipped=len(self.certificate.flipped),
             facts=self._facts(self._subject()),
+            ball=self.points[name // 2],
         )
 
 

@@ -167,8 +167,32 @@ def test_what_is_shown_and_saved(tmp_path):
     assert "sphere map of 162 vertices: valid" in str(result)
     assert len(result.area_distortion()) == len(F)
     assert result.bake(V, size=32).shape == (32, 32, 3)
-    for name in ("map.obj", "map.glb", "map.npz", "map.json"):
+    for name in ("map.obj", "map.glb", "map.npz", "map.json", "map.html", "map.png"):
         result.save(tmp_path / name)
+    _, ball, board, _ = result.plot()
+    assert ball.get_title() == "sphere in the same colours"
+    seen = ball.get_images()[0].get_array()[..., 3] > 0
+    assert seen.mean() == pytest.approx(np.pi / 4 * 0.96**2, rel=0.02)  # a round picture
+    red, opaque = board.get_images()[0].get_array()[..., [0, 3]].transpose(2, 0, 1)
+    assert 0.3 < (red[opaque > 0] < 90).mean() < 0.7
+
+
+def test_two_spheres_are_registered_by_landmarks():
+    """Whatever the normalisation, a surface lies over itself; and a turned one with other faces."""
+    V, F, exact = cdcp_igl.datasets.spheroid(4, 1.5)
+    other = cdcp_igl.sphere_map(V, F)
+    landmarks = np.column_stack([[3, 500, 1200, 2000]] * 2)
+    for one in (other, cdcp_igl.sphere_map(V, F, mobius=None)):
+        points = one.register(other, landmarks)
+        assert abs(points - other.points).max() < 1e-3
+        assert abs(other.interpolate(V, points) - V).max() < 3e-3
+    coarse, G, image = cdcp_igl.datasets.spheroid(3, 1.5)
+    turned = cdcp_igl.sphere_map(coarse @ Rotation.from_rotvec([1, 2, 3]).as_matrix(), G)
+    pairs = [[k, np.linalg.norm(exact - image[k], axis=1).argmin()] for k in (3, 99, 200, 500)]
+    assert np.linalg.norm(turned.register(other, pairs) - image, axis=1).max() < 0.02
+    for wrong in ([[0, 0]], [[0, 1, 2]] * 2, [[0, len(V)], [1, 1]]):
+        with pytest.raises(ValueError, match="landmarks"):
+            other.register(other, wrong)
 
 
 def test_other_surfaces_are_refused_by_name():

@@ -52,6 +52,16 @@ def contents(html):
 # -- what is in it ---------------------------------------------------------------------
 
 
+def test_a_sphere_is_shown_as_one_without_the_seam_of_its_texture():
+    V, F, _ = cdcp_igl.datasets.spheroid(2, 2)
+    result = cdcp_igl.sphere_map(V, F)
+    about, arrays = contents(result.view_html())
+    ball = np.column_stack([arrays[f"ball {k}"] for k in range(3)]) / 32767.5 - 1
+    assert about["planes"] == ["Sphere"]
+    assert abs(ball - result.points[arrays["vertexOrder"]]).max() < 1e-4
+    assert len(arrays["cut"]) == 0
+
+
 def test_the_data_are_the_map_to_16_bits(bumps, page):
     V, F, result = bumps
     about, arrays = contents(page.read_text(encoding="utf-8"))

@@ -36,6 +36,8 @@ class Layout:
         The coordinates of the map are ``middle + scale * uv``.
     origin : (float, float)
         Texture coordinates are ``origin + uv / 2``.
+    ball : (n, 3) float64, optional
+        The image on the unit sphere, which is drawn; `uv` is then a chart for textures.
     """
 
     V: Floats
@@ -50,6 +52,12 @@ class Layout:
     middle: tuple[float, float] = (0.0, 0.0)
     scale: float = 1.0
     origin: tuple[float, float] = (0.5, 0.5)
+    ball: Floats | None = None
+
+    @property
+    def image(self) -> Floats:
+        """(n, 2) or (n, 3) what is drawn of the map."""
+        return self.uv if self.ball is None else self.ball
 
     @property
     def turns(self) -> bool:

@@ -19,6 +19,7 @@ with from_extra("plot"):
 Extent = tuple[float, float, float, float]
 
 LIGHT = np.array([-0.35, 0.5, 0.79])  # from above left, behind the viewer
+POLAR = 0.998  # sine of a latitude: beyond it, squares would be too small to see
 SQUARES = 24  # of the checkerboard, across the diameter of the disk
 DARK, BRIGHT = np.array([0.0, 0.447, 0.698]), np.array([0.97, 0.97, 0.95])  # its colours
 SCALE = "viridis"  # of the angular distortion: even steps, also without colour vision
@@ -32,7 +33,8 @@ class Scene:
 
     def __init__(self, V: ArrayLike, F: ArrayLike, pixels: int, *, turns: bool = True) -> None:
         (self._V, self._F), self._pixels, self._turns = checked_surface(V, F), pixels, turns
-        self.points = self._V @ choose_viewpoint(self._V, self._F).T
+        self._view = choose_viewpoint(self._V, self._F)
+        self.points = self._V @ self._view.T
         self.surface = rasterize(self.points, self._F, pixels)
         self._normals = vertex_normals(self.points, self._F)
         self._colors = normal_colors(self._normals)
@@ -48,7 +50,7 @@ class Scene:
         return self.surface.image(self._light * [0.92, 0.92, 0.92])
 
     def disk(self, uv: Floats) -> Bytes:
-        """Return a map in the colours of the surface."""
+        """Return a map, (n, 2) or onto the sphere (n, 3), in the colours of the surface."""
         image = rasterize(self._turned(uv), self._F, self._pixels)
         return image.image(image.at_vertices(self._colors))
 
@@ -57,11 +59,21 @@ class Scene:
         return frame(self._turned(uv))
 
     def checkerboard(self, uv: Floats) -> Bytes:
-        """Return the surface under the checkerboard of its image, as wide as the image."""
+        """Return the surface under the checkerboard of its image, as wide as the image.
+
+        That of a sphere lies between meridians and parallels, as on Mercator's map.
+        """
         image = self._turned(uv)
-        middle = (image.max(axis=0) + image.min(axis=0)) / 2
-        squares = SQUARES * (image - middle) / np.ptp(image, axis=0).max()
-        odd = np.floor(self.surface.at_vertices(squares)).sum(axis=1) % 2 == 1
+        if image.shape[1] == 3:
+            x, y, z = self.surface.at_vertices(image).T
+            height = np.clip(y / np.sqrt(x * x + y * y + z * z), -POLAR, POLAR)
+            mercator = np.column_stack([np.arctan2(x, z), np.arctanh(height)])
+            squares = SQUARES / (2 * np.pi) * mercator
+        else:
+            middle = (image.max(axis=0) + image.min(axis=0)) / 2
+            across = SQUARES * (image - middle) / np.ptp(image, axis=0).max()
+            squares = self.surface.at_vertices(across)
+        odd = np.floor(squares).sum(axis=1) % 2 == 1
         return self.surface.image(self._light * np.where(odd[:, None], DARK, BRIGHT))
 
     def distortion(self, uv: Floats, most: float) -> Bytes:
@@ -72,6 +84,8 @@ class Scene:
 
     def _turned(self, uv: Floats) -> Floats:
         """Turn a map so that what one sees of the surface keeps its direction."""
+        if uv.shape[1] == 3:
+            return uv @ self._view.T
         if not self._turns:
             return uv
         turn = np.exp(1j * angle_to_view(self.points, self._normals, uv))

@@ -66,6 +66,9 @@ def page(
         maps[f" of {name}"] = _fitted(_at_vertices(f"map {name!r}", given, layout.vertices, (2,)))
     about, arrays = _geometry(V, F, list(maps.values()), turned=layout.turns)
     arrays |= {"vertexOrder": layout.vertices, "faceOrder": layout.faces}
+    if layout.ball is not None:
+        arrays |= {f"ball {k}": _quantized(x, -1, 1) for k, x in enumerate(layout.ball.T)}
+        arrays["cut"] = arrays["cut"][:0]  # between the charts for textures
 
     def coloring(description: dict[str, Any], values: Floats) -> dict[str, Any]:
         name = f"value {len(arrays)}"
@@ -251,7 +254,7 @@ def _image(texture: str | PathLike[str] | ArrayLike) -> str:
 
 def poster(layout: Layout) -> str:
     """Return a picture of a map, for where a browser cannot draw, as a data URI."""
-    maps = [(layout.plane, layout.distortion.mean, layout.uv)]
+    maps = [(layout.plane, layout.distortion.mean, layout.image)]
     figure = side_by_side([(layout.V, layout.F, maps)], turns=layout.turns)
     file = BytesIO()
     figure.savefig(file, format="jpeg", dpi=120, pil_kwargs={"quality": 75})

@@ -179,6 +179,17 @@ class Bijection(Result):
         """Locate points (k, 2) or (k, 3)."""
         return self._finder.locate(as_complex(points))
 
+    def _landmarks(self, to: Bijection, landmarks: ArrayLike) -> tuple[Floats, Floats]:
+        """Images of landmarks in this map and in the other; ValueError if they are none."""
+        pairs = np.asarray(landmarks)
+        if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
+            raise ValueError(f"landmarks must be (k, 2) integers, not {pairs.dtype} {pairs.shape}")
+        if not ((pairs >= 0) & (pairs < [self._size()[0], to._size()[0]])).all():
+            raise ValueError("landmarks must be vertices of the two surfaces")
+        if min(len(np.unique(column)) for column in pairs.T) < 2:
+            raise ValueError("two landmarks or more are needed, at different vertices")
+        return self._images[pairs[:, 0]], to._images[pairs[:, 1]]
+
     def _field(self, values: ArrayLike) -> Floats:
         at_vertices, n = real_values(values), self._size()[0]
         if at_vertices.ndim == 0 or len(at_vertices) != n:

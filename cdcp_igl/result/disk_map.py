@@ -164,16 +164,7 @@ class DiskMap(OntoDisk, DiskBijection):
         >>> bool(abs(uv - other.uv).max() < 1e-6)
         True
         """
-        pairs = np.asarray(landmarks)
-        if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
-            raise ValueError(f"landmarks must be (k, 2) integers, not {pairs.dtype} {pairs.shape}")
-        if not ((pairs >= 0) & (pairs < [len(self.uv), len(to.uv)])).all():
-            raise ValueError("landmarks must be vertices of the two surfaces")
-        if min(len(np.unique(column)) for column in pairs.T) < 2:
-            raise ValueError("two landmarks or more are needed, at different vertices")
-        here, there = (
-            as_complex(map_.uv[column]) for map_, column in zip((self, to), pairs.T, strict=True)
-        )
+        here, there = map(as_complex, self._landmarks(to, landmarks))
         f = landmark_automorphism(here, there)(as_complex(self.uv))
         # Only what left the circle is normalised again, and faces that this flips are reopened.
         radius = abs(f[self.mesh.loop])

@@ -36,6 +36,7 @@ function makeScene(arrays) {
   }
   const maps = about.spins.map((_, k) =>
     Float32Array.from({ length: 2 * n }, (_, c) => arrays["uv"[c % 2] + k][c >> 1] / 32767.5 - 1));
+  const ball = arrays["ball 0"] && Float32Array.from({ length: 3 * n }, (_, c) => arrays[`ball ${c % 3}`][Math.floor(c / 3)] / 32767.5 - 1);
   for (let f = 0; f < m; f++) {
     const [i, j, k] = [3 * F[3 * f], 3 * F[3 * f + 1], 3 * F[3 * f + 2]];
     const ax = P[j] - P[i], ay = P[j + 1] - P[i + 1], az = P[j + 2] - P[i + 2];
@@ -46,7 +47,7 @@ function makeScene(arrays) {
   let radius = 0;
   for (let i = 0; i < 3 * n; i += 3) radius = Math.max(radius, Math.hypot(P[i], P[i + 1], P[i + 2]));
   for (let i = 0; i < 3 * n; i++) P[i] /= radius;
-  return { n, F, P, N, maps, arrays };
+  return { n, F, P, N, maps, ball, arrays };
 }
 
 // Faces between the first vertices in the cells of a grid. What was cut apart stays apart, as the
@@ -69,19 +70,19 @@ function fewerFaces({ n, F, P, maps: [UV] }, cells) {
 }
 
 const VERTEX = `#version 300 es
-in vec3 position, normal; in vec2 uv; in float value;
+in vec3 position, normal, ball; in vec2 uv; in float value;
 uniform mat3 turn; uniform vec2 shift, aspect; uniform float zoom;
-out vec3 n; out vec2 at; out float x;
+out vec3 n, place; out vec2 at; out float x;
 void main() {
   vec3 p = turn * position;
   gl_Position = vec4((p.xy * zoom + shift) * aspect, -0.9 * p.z, 1);
-  n = normal; at = uv; x = value;
+  n = normal; at = uv; x = value; place = ball;
 }`;
 
 const FRAGMENT = `#version 300 es
 precision highp float;
-in vec3 n; in vec2 at; in float x;
-uniform mat3 turn, home; uniform bool plane; uniform int kind; uniform float squares;
+in vec3 n, place; in vec2 at; in float x;
+uniform mat3 turn, home; uniform bool plane, onBall, round; uniform int kind; uniform float squares;
 uniform vec3 ramp[9]; uniform sampler2D image; uniform vec2 origin;
 out vec4 color;
 // Mean of a square wave of period 2 over a width w: the difference of its integral.
@@ -94,6 +95,12 @@ void main() {
   if (kind == 0) base = 0.5 + 0.5 * (home * unit);
   else if (kind == 1) {
     vec2 c = at * squares / 2.0, w = max(fwidth(c), 1e-6);
+    if (round) { // Mercator's map; its date line is on another side of the second one
+      vec3 p = normalize(home * place);
+      float scale = squares / 6.2831853, east = atan(p.x, p.z);
+      c = scale * vec2(east, atanh(clamp(p.y, -0.998, 0.998)));
+      w = max(min(fwidth(c), vec2(fwidth(scale * atan(-p.x, -p.z)), 1e6)), 1e-6);
+    }
     float light = 0.5 + 0.5 * wave(c.x, w.x) * wave(c.y, w.y);
     base = mix(vec3(0.16, 0.30, 0.47), vec3(0.96, 0.94, 0.89), light);
   } else if (kind == 2) {
@@ -101,7 +108,7 @@ void main() {
     base = mix(ramp[i], ramp[i + 1], t - float(i));
   } else base = texture(image, vec2(origin.x + 0.5 * at.x, 1.0 - origin.y - 0.5 * at.y)).rgb;
   if (!plane) {
-    vec3 seen = turn * unit;
+    vec3 seen = turn * (onBall ? normalize(place) : unit);
     float back = gl_FrontFacing ? 1.0 : 0.62;
     vec3 key = normalize(vec3(-0.35, 0.5, 0.79));
     float light = 0.52 + 0.55 * max(dot(gl_FrontFacing ? seen : -seen, key), 0.0);
@@ -225,6 +232,7 @@ function start(scene, gl, image) {
   const paint = program(gl, VERTEX, FRAGMENT), pen = program(gl, PEN, INK);
   const points = buffer(gl, scene.P), normals = buffer(gl, scene.N);
   const values = buffer(gl, new Float32Array(scene.n)); // of the colouring
+  const ball = scene.ball && buffer(gl, scene.ball);
   const maps = scene.maps.map((UV) => buffer(gl, UV));
   const drawn = new Map([[null, elements(gl, scene.F)]]); // by cells, the others when needed
   if (image) {
@@ -243,7 +251,8 @@ function start(scene, gl, image) {
   const home = new Float32Array(about.home);
   const state = { coloring: null, squares: 32, wire: false, marked: null, effort: 0, last: 0 };
   const views = ["Surface", ...about.planes].map((name, k) => {
-    const plane = k > 0, size = plane ? 2 : 3, at = plane ? scene.maps[k - 1] : scene.P;
+    const onBall = k === 1 && Boolean(ball), plane = k > 0 && !onBall, size = plane ? 2 : 3;
+    const at = onBall ? scene.ball : plane ? scene.maps[k - 1] : scene.P;
     const panel = byId("panel").content.firstElementChild.cloneNode(true);
     panel.id = ["surface", "plane"][k] || `plane${k}`;
     panel.ariaLabel = `${name}. Arrow keys ${plane ? "move" : "turn"} it, plus and minus zoom, 0 resets.`;
@@ -251,11 +260,12 @@ function start(scene, gl, image) {
     byId("stage").append(panel);
     const array = gl.createVertexArray();
     gl.bindVertexArray(array);
-    attach(gl, paint.attribute("position"), size, plane ? maps[k - 1] : points);
+    attach(gl, paint.attribute("position"), size, onBall ? ball : plane ? maps[k - 1] : points);
+    if (ball) attach(gl, paint.attribute("ball"), 3, ball);
     attach(gl, paint.attribute("normal"), 3, normals);
     attach(gl, paint.attribute("value"), 1, values);
     const lines = ["rim", "cut"].map((name) => strokes(gl, pen, at, size, scene.arrays[name]));
-    return { panel, plane, size, at, array, lines, canvas: panel.querySelector("canvas"),
+    return { panel, plane, onBall, size, at, array, lines, canvas: panel.querySelector("canvas"),
       ring: panel.querySelector(".mark"), outline: panel.querySelector("polygon"),
       home: plane ? new Float32Array(aboutZ(about.spins[k - 1])) : home };
   });
@@ -340,6 +350,8 @@ function start(scene, gl, image) {
     gl.useProgram(paint.made);
     gl.uniformMatrix3fv(paint.uniforms.home, true, home);
     gl.uniform1i(paint.uniforms.plane, view.plane);
+    gl.uniform1i(paint.uniforms.onBall, view.onBall);
+    gl.uniform1i(paint.uniforms.round, Boolean(ball) && !state.coloring.map);
     gl.uniform1i(paint.uniforms.kind, ["normals", "checkerboard", "values", "image"].indexOf(state.coloring.kind));
     gl.uniform1f(paint.uniforms.squares, state.squares);
     gl.uniform2f(paint.uniforms.origin, ...about.origin);
