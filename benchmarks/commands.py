@@ -11,6 +11,7 @@ from .measure import ablation as variants
 from .measure import mechanisms
 from .measure import methods as measured_methods
 from .measure.any_surface import surfaces
+from .measure.candidate import Methods
 from .measure.families import FAMILIES, disks
 from .measure.faults import faults
 from .measure.fuzzing import fuzz
@@ -31,7 +32,7 @@ from .write.report import draw
 from .write.sections import cases, in_order, rescue_tables, summary_table
 from .write.table import printed
 
-SPEED_METHODS = ("factor", "cdcp", "cdcp refine=1", "cdcp refine=5", "lscm", "harmonic")
+SPEED_METHODS = ("factor", "cdcp", "cdcp refine=5", "free", "lscm", "harmonic")
 SPEED_MODELS = (
     *("chinese_lion", "stanford_bunny_31593", "human_brain", "itokawa_93920", "gcanyon_216196"),
     *("nefertiti_750281", "gcanyon_996999"),
@@ -51,7 +52,8 @@ TOLD = ("surface", "method", "mean °", "SD °", "flips", "s", "s / F", "outcome
 LONG = 400  # rows of a table that can still be read; of a longer one its sums are printed
 WIDE = 160  # columns of a table that is printed to a file
 RESULTS = ROOT / "benchmarks" / "results"  # only `make bench` writes there
-OWN = ("cdcp", "cdcp refine=5", "lscm", "spectral")  # beside which peers are shown
+# Beside which other programs are shown.
+OWN = ("cdcp", "cdcp refine=5", "free", "free refine=5", "lscm", "bff", "bff_disk", "abf")
 
 Repeats = Annotated[int, typer.Option(min=1, help="Runs of each case.")]
 
@@ -81,7 +83,7 @@ def tables(session: Session, repeats: Repeats = 1) -> None:
 @app.command()
 @with_session
 def peers(session: Session) -> None:
-    """Measure other programs beside CDCP: Blender, MeshLab, xatlas, SLIM, ARAP, BFF.
+    """Measure other programs beside CDCP: Blender, MeshLab, xatlas, SLIM, ARAP.
 
     Those that are not installed are told. What is there already is not measured again.
     """
@@ -141,7 +143,7 @@ def ablation(
     The steps on scans; the rescue on families of disks, or on the models that are chosen. What is
     there already is not measured again. To start over, delete the work folder.
     """
-    known = {**variants.ABLATIONS, **RESCUES}
+    known = Methods({**variants.ABLATIONS, **RESCUES})
     wanted = session.wanted_methods(known, known)
     steps = {name: method for name, method in wanted.items() if name not in RESCUES}
     rescues = {name: method for name, method in wanted.items() if name in RESCUES}
@@ -179,7 +181,7 @@ def _finish(session: Session, section: str, records: list[Record]) -> None:
     elif len(every.rows) <= LONG:
         console.print(printed(every, TOLD))
     else:
-        over_all = summary_table(results, in_order(results.maps))
+        over_all = summary_table(results, in_order(results))
         console.print(printed(over_all, over_all.headings))
     if session.part is None:
         typer.echo(session.results.with_suffix(".md"))

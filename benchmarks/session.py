@@ -21,14 +21,14 @@ from cdcp_igl.io.output import whole_file
 from cdcp_igl.solve.solvers import solver
 
 from .measure import models as surfaces
-from .measure.candidate import Candidate, of_ones_own
+from .measure.candidate import Candidate, Methods
 from .measure.cases import Limits, run
 from .measure.machine import MACHINE, describe, memory_mib, pin_threads
-from .measure.models import Model
+from .measure.models import TIERS, Model
 from .measure.worker import WorkFolder
 from .records.record import Record
 from .records.results import Measured
-from .records.store import Work, code, read_results, write_results
+from .records.store import Work, code, read_results, write_results, write_rows
 from .write.report import as_markdown
 
 Models = Annotated[
@@ -46,11 +46,16 @@ class Session:
     """Options of a command that measures; where to work, and where the results go."""
 
     models: Models = ""
-    methods: Annotated[str, typer.Option(metavar="NAME,...", help="Of the methods.")] = ""
+    methods: Annotated[
+        str, typer.Option(metavar="NAME,...", help="Of the methods, or all; with options behind.")
+    ] = ""
     method: Annotated[
         list[str] | None,
-        typer.Option(metavar="MODULE:FUNCTION", help="One of your own, beside the others."),
+        typer.Option(metavar="MODULE:FUNCTION", help="One more, as in --methods."),
     ] = None
+    tier: Annotated[
+        str, typer.Option(metavar="|".join(TIERS), help="Of CDCP-bench: 8, 60 or 300 surfaces.")
+    ] = ""
     quick: Quick = False
     machine: Machine = MACHINE
     out: Out = None
@@ -75,14 +80,20 @@ class Session:
             self.part = read_shard(self.shard) if self.shard else None
         except ValueError as error:
             raise typer.BadParameter(str(error), param_hint="--shard") from error
+        if self.tier and (self.tier not in TIERS or self.models or self.quick):
+            text = f"one of {', '.join(TIERS)}, without --models and --quick"
+            raise typer.BadParameter(text, param_hint="--tier")
 
     @property
     def results(self) -> Path:
         """The file of results."""
-        return (self.out or self.kept.folder) / f"{self.machine}.json"
+        name = f"{self.machine}-{self.tier}" if self.tier else self.machine
+        return (self.out or self.kept.folder) / f"{name}.json"
 
     def wanted_models(self, default: Sequence[str] = ()) -> list[Model]:
-        """Find those wanted, or the default, or all; of a quick run, three small ones."""
+        """Find those wanted, a tier, the default, or all; of a quick run, three small ones."""
+        if self.tier:
+            return surfaces.tier(self.tier)
         if self.models:
             try:
                 return surfaces.find(_split(self.models))
@@ -92,20 +103,14 @@ class Session:
             return surfaces.quick()
         return surfaces.by_name(default) if default else surfaces.find()
 
-    def wanted_methods(
-        self, table: Mapping[str, Candidate], default: Iterable[str]
-    ) -> dict[str, Candidate]:
+    def wanted_methods(self, table: Methods, default: Iterable[str]) -> dict[str, Candidate]:
         """Choose from a table the methods wanted, or the default."""
-        names = _split(self.methods) or list(default)
-        for name in names:
-            if name not in table:
-                text = f"{name!r} is not one of {', '.join(table)}."
-                raise typer.BadParameter(text, param_hint="--methods")
+        names = list(default) if self.methods in ("", "all") else _split(self.methods)
         try:
-            own = {name: of_ones_own(name) for name in self.method or ()}
+            return {name: table[name] for name in [*names, *(self.method or ())]}
         except ValueError as error:
-            raise typer.BadParameter(str(error), param_hint="--method") from error
-        return {name: table[name] for name in names} | own
+            text = f"{error}. There are {', '.join(table)}, and MODULE:FUNCTION."
+            raise typer.BadParameter(text, param_hint="--methods") from error
 
     def run(
         self,
@@ -163,6 +168,7 @@ class Session:
             "commands": commands,
         }
         write_results(self.results, machine, [*others, *records])
+        write_rows(self.results.with_suffix(".csv"), [*others, *records])
         measured = Measured([*others, *records])
         with whole_file(self.results.with_suffix(".md")) as unfinished:
             unfinished.write_text(as_markdown(machine, measured), encoding="utf-8")

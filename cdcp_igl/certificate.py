@@ -231,8 +231,12 @@ class OutlineCertificate:
     @property
     def valid(self) -> bool:
         """True for a bijection onto a simple polygon."""
-        simple = self.finite and self.winding_number == 1 and len(self.meeting) == 0
-        return simple and len(self.flipped) == 0
+        return self.simple and len(self.flipped) == 0
+
+    @property
+    def simple(self) -> bool:
+        """True if the outline goes around once and meets itself nowhere."""
+        return self.finite and self.winding_number == 1 and len(self.meeting) == 0
 
     def report(self) -> dict[str, Any]:
         """Return it as JSON types."""

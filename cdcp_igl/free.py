@@ -395,9 +395,13 @@ def _finished(
     with phase("repair"):
         f = rotate(mesh, f, options.align, on_circle=False)
         f = f * (length / abs(np.roll(f[mesh.loop], -1) - f[mesh.loop]).sum())
-        f, repair = repair_locally(mesh, f, MANY * len(mesh.F))
+        certificate, repair = certify_outline(mesh, coordinates(f)), Repair()
+        if len(certificate.flipped):
+            # The outline stays where it is: one that overlaps itself is beyond repair.
+            most = MANY * len(mesh.F) if certificate.simple else 0
+            f, repair = repair_locally(mesh, f, most)
+            certificate = certify_outline(mesh, coordinates(f))
     with phase("certificate"):
-        certificate = certify_outline(mesh, coordinates(f))
         degrees = np.degrees(abs(angle_errors(mesh, f)))
         area = oriented_areas(f, mesh.F)[0].sum() / 2
         conformality = NOT_VALID

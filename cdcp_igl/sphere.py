@@ -24,12 +24,13 @@ from .rescue.figures import Sphere
 from .rescue.line_search import HALVINGS
 from .rescue.refine import STEPS_DUE, Refinement, lower_angle_distortion
 from .rescue.repair import MANY, POWERS, Neighbourhood, Repair, grow, repair_locally
-from .result.base import Result
+from .result.bijection import Bijection
 from .solve.factored import FactoredSurface
 from .solve.laplacian import LAPLACIANS
 from .solve.solvers import SolverName, using
 from .steps.options import Options
 from .steps.phases import Phases, Progress
+from .surface.location import SphereFinder
 from .surface.mesh import DiskMesh, SphereMesh
 from .surface.triangles import EPS, face_areas, vertex_areas
 
@@ -47,7 +48,7 @@ FEW, MOST_RINGS, MOST_MOVES, MOST_PLANES = 100, 6, 20_000, 20
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SphereMap(Result):
+class SphereMap(Bijection):
     """A conformal map onto the unit sphere. Printing it gives a summary.
 
     Attributes
@@ -123,6 +124,11 @@ class SphereMap(Result):
         """Return the chart `uv` scaled into the unit square, (m, 3, 2): texture coordinates."""
         return 0.5 + self.uv / (2 * self._reach)
 
+    def apply(self, face: ArrayLike, barycentric: ArrayLike) -> Floats:
+        """Map points of the surface to the unit sphere, as `Bijection.apply`: (..., 3)."""
+        straight = super().apply(face, barycentric)
+        return straight / np.linalg.norm(straight, axis=-1)[..., None]
+
     def area_distortion(self) -> Floats:
         """Logarithm of the area on the sphere by that on the surface, as fractions of their totals.
 
@@ -133,6 +139,22 @@ class SphereMap(Result):
         """
         F = self.mesh.F
         return log_of_ratio(face_areas(self.points, F), face_areas(self.mesh.V, F))
+
+    @property
+    def _images(self) -> Floats:
+        return self.points
+
+    @cached_property
+    def _finder(self) -> SphereFinder:
+        if not self.valid:
+            raise ValueError("the map is no bijection onto the sphere: points have no one place")
+        return SphereFinder(self.mesh.F, self.mesh.edges, self.points)
+
+    def _located(self, points: Floats) -> tuple[Ints, Floats]:
+        length = np.linalg.norm(points, axis=1)[:, None]
+        if not length.all():
+            raise ValueError("uv must not be 0, the middle of the sphere")
+        return self._finder.locate(points / length)
 
     @property
     def _reach(self) -> float:

@@ -145,7 +145,7 @@ def test_a_name_that_matches_nothing_is_an_error(tmp_path):
     told = refused("tables", "--models", "no_such/*.obj", "--work", tmp_path)
     assert "neither the name of a surface nor a file" in told
     assert list(tmp_path.iterdir()) == []
-    assert "'magic' is not one of" in refused("tables", "--methods", "magic")
+    assert "no method 'magic'" in refused("tables", "--methods", "magic")
 
 
 def test_a_run_goes_on_where_it_stopped_and_methods_take_turns(tmp_path):
@@ -258,12 +258,10 @@ def test_the_table_of_the_readme_is_that_of_the_results(tmp_path):
     records = [
         record(model, method, "peers", seconds=time, flips=flips, **numbers)
         for model in front_page.SHOWN
-        for method, time, flips in (("cdcp", 0.5, 0), ("lscm", 2.0, 0), ("BFF free", 50.0, 3))
+        for method, time, flips in (("cdcp", 0.5, 0), ("lscm", 2.0, 0), ("bff", 50.0, 3))
     ]
-    records[5] = record("chinese_lion", "BFF free", "peers", outcome="crashed: of itself", n=99)
-    records.append(
-        record("chinese_lion", "BFF disk", "peers", outcome="not to be had: no BFF", n=99)
-    )
+    records[5] = record("chinese_lion", "bff", "peers", outcome="crashed: of itself", n=99)
+    records.append(record("chinese_lion", "abf", "peers", outcome="not to be had: none", n=99))
     write_results(tmp_path / "here.json", MACHINE, records)
     readme = tmp_path / "README.md"
     markers = f"before\n{front_page.BEGIN}\noutdated\n{front_page.END}\nafter\n"
@@ -275,6 +273,6 @@ def test_the_table_of_the_readme_is_that_of_the_results(tmp_path):
     rows = {line.split(" | ")[0]: line.split(" | ")[1:] for line in lines[4:]}
     assert rows["| CDCP"] == [*["1.25"] * 5, "0", "1 × |"]
     assert rows["| LSCM"] == [*["1.25"] * 5, "0", "4 × |"]
-    assert rows["| BFF free"] == ["1.25", "no map", *["1.25"] * 3, "12", "100 × |"]
+    assert rows["| BFF"] == ["1.25", "no map", *["1.25"] * 3, "12", "100 × |"]
     assert not any("outdated" in line for line in lines)
     assert "first run: make bench" in refused("readme", "--machine", "nowhere")

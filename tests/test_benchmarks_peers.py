@@ -1,27 +1,26 @@
 """Other programs, methods of one's own, and statistics over many surfaces."""
 
 import re
-import sys
-from contextlib import suppress
+from dataclasses import replace
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
-from benchmark_commands import LIMITS, ROOT, benchmarks, measure, record, refused
+from benchmark_commands import ROOT, benchmarks, measure, record, refused
 
 from benchmarks.measure import models
-from benchmarks.measure.cases import Limits
 from benchmarks.measure.methods import METHODS, maps
 from benchmarks.measure.models import Model
 from benchmarks.measure.peers import PEERS
-from benchmarks.records.comparison import paired, profiles, summary
+from benchmarks.records.comparison import paired, profiles, ranking, summary
 from benchmarks.records.results import Section
 from benchmarks.records.store import Work, read_results
+from benchmarks.write.figures.style import style
 from benchmarks.write.sections import peer_tables
 from cdcp_igl import angle_distortion, check, datasets
 from cdcp_igl.certificate import certify
-from cdcp_igl.reference import harmonic
+from cdcp_igl.reference import bff, harmonic
 from cdcp_igl.surface.mesh import DiskMesh
 
 V, F, _ = datasets.ellipse(5)
@@ -29,69 +28,10 @@ PLANE = Model("plane", lambda: (V, F.astype(np.int32)))
 
 # -- other programs --------------------------------------------------------------------
 
-FAKE = """#!{python}
-import sys
-import numpy as np
-given, made, *options = sys.argv[1:]
-rows = [line.split() for line in open(given)]
-V = np.array([row[1:] for row in rows if row[0] == "v"], dtype=float)
-F = np.array([row[1:] for row in rows if row[0] == "f"], dtype=int) - 1
-order = np.random.default_rng(1).permutation(len(V))  # its own order of vertices
-new = np.argsort(order)
-uv = V[:, :2] / 1e12 * ([-1, 1] if "--flattenToDisk" in options else [1, 1])
-with open(made, "w") as out:
-    for x, y, z in V[order] * 1e-9 + 5:
-        print(f"v {{x:.6f}} {{y:.6f}} {{z:.6f}}", file=out)
-    for u, v in uv:
-        print(f"vt {{u:.6f}} {{v:.6f}}", file=out)
-    for face in F:
-        print("f", *(f"{{new[k] + 1}}/{{k + 1}}" for k in np.roll(face, 1)), file=out)
-{end}
-"""
 
-
-@pytest.fixture
-def bff(tmp_path, monkeypatch):
-    def install(end=""):
-        program = tmp_path / "bff-command-line"
-        program.write_text(FAKE.format(python=sys.executable, end=end))
-        program.chmod(0o755)
-        monkeypatch.setenv("BFF", str(program))
-
-    return install
-
-
-@pytest.mark.parametrize("name", ["BFF free", "BFF disk"])
-def test_bff_gives_the_vertices_back_in_their_order(bff, name):
-    bff()
-    uv = PEERS[name].function(V, F)
-    assert PEERS[name].missing() == ""
-    assert angle_distortion(V, F, uv).max() < 1e-2  # six decimals; a clockwise one is mirrored
-
-
-def peer(folder, name, limits=LIMITS):
-    (made,) = measure(folder, [name], [PLANE], "peers", limits)
+def peer(folder, name):
+    (made,) = measure(folder, [name], [PLANE], "peers")
     return made
-
-
-def test_bff_that_fails_is_a_row(bff, tmp_path):
-    bff("sys.exit('out of luck')")
-    outcome = peer(tmp_path, "BFF free").case.outcome
-    assert outcome == "MapError: bff-command-line gave no map: out of luck"
-
-
-def command_lines():
-    for path in Path("/proc").glob("[0-9]*/cmdline"):
-        with suppress(OSError):  # it has just ended
-            yield path.read_bytes()
-
-
-def test_bff_that_hangs_is_ended_with_its_row(bff, tmp_path):
-    bff("import os, time; open(given + '.pid', 'w').close(); time.sleep(600)")
-    assert peer(tmp_path, "BFF free", Limits(3, 4000)).case.outcome == "no result within 3 s"
-    if sys.platform == "linux":
-        program = str(tmp_path / "bff-command-line").encode()
-        assert not any(program in line for line in command_lines())
 
 
 @pytest.mark.parametrize("name", ["SLIM", "SLIM conformal", "ARAP"])
@@ -101,7 +41,7 @@ def test_libigl_peers_open_a_plane(name):
     assert angle_distortion(V, F, uv).mean() < 0.1 * start
 
 
-@pytest.mark.parametrize("name", [name for name in PEERS if "BFF" not in name])
+@pytest.mark.parametrize("name", PEERS)
 def test_an_installed_peer_gives_a_map(name, tmp_path):
     if reason := PEERS[name].missing():
         pytest.skip(reason)
@@ -109,13 +49,11 @@ def test_an_installed_peer_gives_a_map(name, tmp_path):
     assert made.ok or "charts" in made.case.outcome
 
 
-def test_what_is_not_installed_is_told_and_tried_again(tmp_path, monkeypatch, bff):
-    monkeypatch.delenv("BFF", raising=False)
-    monkeypatch.setenv("PATH", str(tmp_path))
-    outcome = peer(tmp_path, "BFF free").case.outcome
-    assert outcome == "not to be had: no bff-command-line on PATH, nor its path in BFF"
-    bff()
-    assert peer(tmp_path, "BFF free").ok
+def test_what_is_not_installed_is_told(tmp_path, monkeypatch):
+    missing = replace(PEERS["xatlas"], missing=lambda: "not to be had: needs pip install it")
+    monkeypatch.setitem(METHODS, "xatlas", missing)
+    assert peer(tmp_path, "xatlas").case.outcome == "not to be had: needs pip install it"
+    assert Work(tmp_path).records() == []  # it is tried again
 
 
 def test_peers_are_measured_only_when_asked_for():
@@ -124,8 +62,8 @@ def test_peers_are_measured_only_when_asked_for():
 
 
 def test_the_head_of_a_column_says_what_the_boundary_is():
-    made = section({name: [1] for name in ("cdcp", "lscm", "BFF disk", "BFF free")})
-    heads = ["CDCP", "LSCM, free boundary", "BFF disk, not certified", "BFF free, free boundary"]
+    made = section({name: [1] for name in ("cdcp", "lscm", "MeshLab harmonic")})
+    heads = ["CDCP", "LSCM, free boundary", "MeshLab harmonic, not certified, single precision"]
     assert next(peer_tables(made)).headings[2:] == heads
 
 
@@ -169,9 +107,16 @@ def test_the_method_of_the_documentation_maps():
     assert certify(DiskMesh(V, F), names["tutte"](V, F)).valid
 
 
-@pytest.mark.parametrize("name", ["no_such_module:map", "failing_methods:no_such", "cdcp"])
+@pytest.mark.parametrize("name", ["no_such_module:map", "failing_methods:no_such", "magic"])
 def test_a_method_that_is_not_there_is_an_error(name):
     assert "no method" in refused("tables", "--method", name)
+
+
+def test_a_method_with_other_options_is_one_more():
+    refined = METHODS["cdcp refine=2 refine_norm=1.2"].function(V, F)
+    assert refined.refinement.steps == 2
+    np.testing.assert_array_equal(METHODS["bff disk=True"].function(V, F), bff(V, F, disk=True))
+    assert style("cdcp refine=2").label == "CDCP, refine=2"
 
 
 # -- many surfaces ---------------------------------------------------------------------
@@ -209,6 +154,14 @@ def test_a_profile_is_the_share_within_a_factor_of_the_best():
     np.testing.assert_allclose(made["fdcp"], [2, np.inf])
 
 
+def test_the_best_has_the_least_median_ratio_and_no_flips():
+    made = section({"cdcp": [1, 4, 3], "fdcp": [2, 1, 3], "ldcp": [9, 9, None]})
+    ranked = ranking(made, "disk", "mean")
+    assert [method for method, *_ in ranked] == ["cdcp", "fdcp", "ldcp"]
+    assert ranked[0][1:] == (1, pytest.approx(2 / 3))
+    assert ranking(section({"cdcp": [1, 2]}, flips=1.0), "disk", "mean") == []
+
+
 def test_paired_tests_have_their_exact_values():
     better = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
     worse = [value + k for k, value in enumerate(better, 1)]
@@ -239,3 +192,30 @@ def test_patches_are_disks_and_the_same_each_time(monkeypatch):
     for one, other in zip(first, again, strict=True):
         assert check(*one.load()).is_disk
         np.testing.assert_array_equal(one.load()[0], other.load()[0])
+
+
+def test_the_tiers_are_parts_of_each_other_and_the_same_everywhere(monkeypatch, tmp_path):
+    monkeypatch.setenv("CDCP_IGL_DATA", str(tmp_path))
+    quick, standard, large = (models.tier(name) for name in models.TIERS)
+    assert [len(tier) for tier in (quick, standard, large)] == [8, 60, 300]
+    names = [model.name for model in large]
+    assert len(set(names)) == 300
+    assert names[:60] == [model.name for model in standard]
+    assert set(datasets.NAMES) < set(names[:60])
+    monkeypatch.delenv("CDCP_IGL_DATA")
+    for one, again in zip(quick, models.tier("quick"), strict=True):  # from the package alone
+        assert check(*one.load()).is_disk
+        np.testing.assert_array_equal(one.load()[0], again.load()[0])
+
+
+def test_a_tier_has_results_and_rows_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.setitem(models.TIERS, "quick", 1)
+    here = ("--out", tmp_path, "--work", tmp_path / "w", "--machine", "here")
+    done = benchmarks("tables", "--tier", "quick", "--methods", "cdcp,lscm", *here)
+    assert done.exit_code == 0, done.output
+    rows = pd.read_csv(tmp_path / "here-quick.csv").set_index("method")
+    assert rows.loc["lscm", "boundary"] == "free"
+    records = read_results(tmp_path / "here-quick.json")[1]
+    assert rows.loc["cdcp", "mean"] == records[0].case.mean
+    assert "## Which method for what" not in (tmp_path / "here-quick.md").read_text()
+    assert "without --models" in refused("tables", "--tier", "quick", "--quick")

@@ -1,9 +1,13 @@
 """A surface in parts: the same map as in one, whatever the planes cut, and the same refusals."""
 
+import json
 import os
 import re
+import shutil
 import signal
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import meshes
@@ -12,6 +16,8 @@ import pytest
 from commands import invoke, start
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from cdcp_igl import MapError, MeshError, check, disk_map, partition, parts_map
 from cdcp_igl.datasets import spherical_cap
@@ -43,8 +49,12 @@ SURFACES = {
     "cap": (bumpy(spherical_cap(12)[0]), spherical_cap(12)[1]),
     "bulb": bulb(),
     "scroll": scroll(),
+    "small": meshes.grid(),
     "plane": (meshes.grid(14, 18)[0][:, :2], meshes.grid(14, 18)[1]),
 }
+
+
+WRITING = ("check", "factor", "center", "trace", "extension", "mobius", "certificate")  # phases
 
 
 @pytest.fixture
@@ -74,6 +84,64 @@ def test_the_same_map(name, parts, folder):
     assert result.distortion_of_free_faces.mean == pytest.approx(free, rel=1e-9)
     assert result.conformality.excess == pytest.approx(expected.conformality.excess, rel=1e-8)
     assert result.conformality.stretch == pytest.approx(expected.conformality.stretch, rel=1e-8)
+
+
+def arrays_of(folder):
+    """Read the parts that have faces."""
+    numbers = json.loads((folder / "parts.json").read_text())["parts"]
+    return [dict(np.load(folder / f"part-{p}.npz")) for p in numbers]
+
+
+def pieces(F):
+    pairs = F.ravel(), np.roll(F, 1, axis=1).ravel()
+    return connected_components(coo_matrix((np.ones(F.size), pairs), shape=(F.max() + 1,) * 2))[0]
+
+
+# A surface, how many parts, and whether the trap is there: by its parts, their vertices on seams
+# and on the boundary, and the corners of the central face.
+TRAPS = {
+    "parts of one face": ("small", 32, lambda x: 1 in map(len, x["F"])),
+    "empty parts": ("small", 32, lambda x: len(x["F"]) < 32),
+    "parts without inside": (
+        "small",
+        32,
+        lambda x: any(np.isin(some, [*x["seams"], *x["loop"]]).all() for some in x["vertices"]),
+    ),
+    "seams through the boundary": ("small", 32, lambda x: np.isin(x["seams"], x["loop"]).any()),
+    "the boundary in one part": (
+        "bulb",
+        2,
+        lambda x: any(np.isin(x["loop"], some).all() for some in x["vertices"]),
+    ),
+    "the center on a seam": ("small", 32, lambda x: np.isin(x["center"], x["seams"]).all()),
+    "a fold cut in pieces": ("scroll", 4, lambda x: max(map(pieces, x["F"])) > 1),
+}
+
+
+@pytest.fixture(scope="module")
+def trapped(tmp_path_factory):
+    """Both maps of a surface, and the arrays of its parts."""
+
+    @cache
+    def trapped(name, number):
+        V, F = SURFACES[name]
+        folder = partition((V, F), tmp_path_factory.mktemp("trap") / "parts", number)
+        expected, parts = disk_map(V, F, refine=0), arrays_of(folder)
+        found = {name: [x[name] for x in parts] for name in ("F", "vertices")}
+        found["seams"] = np.concatenate([x["vertices"][x["row"] >= 0] for x in parts])
+        found |= {"loop": expected.mesh.loop, "center": F[expected.center.face]}
+        return parts_map(folder), expected, found
+
+    return trapped
+
+
+@pytest.mark.parametrize("trap", TRAPS)
+def test_traps_of_the_planes(trap, trapped):
+    name, number, is_there = TRAPS[trap]
+    result, expected, found = trapped(name, number)
+    assert is_there(found)
+    assert result.center == expected.center
+    np.testing.assert_allclose(result.uv, expected.uv, atol=1e-10)
 
 
 @pytest.mark.slow
@@ -146,12 +214,10 @@ class Stopped(Exception):
 
 
 def test_a_run_that_was_stopped_goes_on_with_the_same_bits(folder):
-    V, F = SURFACES["scroll"]
-    parts = partition((V, F), folder, 8)
-    expected = parts_map(parts).uv
-    [work] = parts.glob("map-*")
-    for stop in ("factor", "trace", "extension", "certificate"):
-        work.rename(folder.with_name(stop))  # begin anew
+    V, F = SURFACES["cap"]
+    expected = parts_map(partition((V, F), folder.with_name("other"), 4))
+    parts, times = partition((V, F), folder, 4), {}
+    for stop in (*WRITING, "repair"):
 
         def progress(phase, done, stop=stop):
             if phase == stop:
@@ -159,16 +225,16 @@ def test_a_run_that_was_stopped_goes_on_with_the_same_bits(folder):
 
         with pytest.raises(Stopped):
             parts_map(parts, progress=progress)
-        before = {file: file.stat().st_mtime_ns for file in work.glob("e*.npz")}
-        np.testing.assert_array_equal(parts_map(parts).uv, expected)
-        after = {file: file.stat().st_mtime_ns for file in work.glob("e*.npz")}
-        assert all(before.get(file, time) == time for file, time in after.items())
-    result, again = parts_map(parts, center=900), parts_map(parts, center=900)
+        found = {file: file.stat().st_mtime_ns for file in parts.glob("map-*/e*.npz")}
+        assert {**found, **times} == found  # nothing is computed twice
+        times = found
+    assert times
+    np.testing.assert_array_equal(parts_map(parts).uv, expected.uv)
+    result, again = parts_map(parts, center=300), parts_map(parts, center=300)
     assert result.report() == again.report()
-    assert (result.mobius, result.names) == (again.mobius, again.names)
-    again = parts_map(parts)
-    np.testing.assert_array_equal(again.uv, expected)
-    assert not list(work.glob("merge*"))
+    assert result.mobius == again.mobius
+    np.testing.assert_array_equal(parts_map(parts).uv, expected.uv)
+    assert not list(parts.glob("map-*/*.npz"))
 
 
 def test_executors_give_the_same_bits(folder):
@@ -202,19 +268,23 @@ def test_a_few_flipped_faces_are_repaired_across_seams(seed, folder):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="no such limit")
-@pytest.mark.parametrize("most", [400, 3_000, 12_000, 40_000])
-def test_a_full_disk_is_an_error_after_which_it_goes_on(most, folder):
+def test_after_a_full_disk_it_goes_on_in_each_phase(folder):
     import resource
 
     V, F = SURFACES["grid"]
     parts = partition((V, F), folder, 2)
     hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
-    resource.setrlimit(resource.RLIMIT_FSIZE, (most, hard))
-    try:
-        with pytest.raises(OSError, match=r"map-.*npz"):
-            parts_map(parts)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+    for full in WRITING:
+
+        def progress(phase, done, full=full):
+            if phase == full:
+                resource.setrlimit(resource.RLIMIT_FSIZE, (60, hard))
+
+        try:
+            with pytest.raises(OSError, match=r"map-.*np[yz]"):
+                parts_map(parts, progress=progress)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
     other = partition((V, F), folder.with_name("other"), 2)
     np.testing.assert_array_equal(parts_map(parts).uv, parts_map(other).uv)
 
@@ -322,6 +392,9 @@ def test_a_folder_is_never_replaced(tmp_path):
 def test_the_result_is_one_like_others(folder, tmp_path):
     V, F = SURFACES["cap"]
     result = parts_map(partition((V, F), folder, 4))
+    for p, part in enumerate(arrays_of(folder)):
+        [file] = folder.glob(f"map-*/uv-{p}.npy")
+        np.testing.assert_array_equal(np.load(file), result.uv[part["vertices"]])
     result.assemble(tmp_path / "uv.npy")
     np.testing.assert_array_equal(np.load(tmp_path / "uv.npy"), result.uv)
     assert result.report()["vertices"] == len(V)
@@ -335,6 +408,39 @@ def test_the_result_is_one_like_others(folder, tmp_path):
         assert Path(tmp_path, name).stat().st_size > 1000
     with pytest.raises(ValueError, match=r"written as \.npy"):
         result.save(tmp_path / "map.obj")
+
+
+def nested(V, F, face, times=8):
+    """The surface with triangles in one face, one in another, until they vanish in float32."""
+    for _ in range(times):
+        i, j, k = F[face]
+        middle = V[[i, j, k]].mean(axis=0)
+        a, b, c = len(V), len(V) + 1, len(V) + 2
+        V = np.vstack([V, middle + (V[[i, j, k]] - middle) / 10])
+        F[face] = a, b, c
+        ring = [(i, j, b), (i, b, a), (j, k, c), (j, c, b), (k, i, a), (k, a, c)]
+        F = np.vstack([F, ring])
+    return V, F
+
+
+def test_what_is_printed_needs_no_folder(folder):
+    """Only the coordinates do."""
+    V, F = nested(SURFACES["cap"][0], SURFACES["cap"][1].copy(), 100)
+    options = {"center": 0, "mobius": None}
+    made = parts_map(partition((V, F), folder, 2), **options)
+    uv = parts_map(folder, **options).uv
+    expected = replace(disk_map(V, F, refine=0, **options), uv=uv).lost_in_single_precision()
+    assert expected[0] > 0
+    read = parts_map(folder, **options)
+    shutil.rmtree(folder)
+    for result in (made, read):
+        assert result.lost_in_single_precision() == pytest.approx(expected)
+        assert f"{expected[0]} faces without area" in str(result)
+        assert result.report()["vertices"] == len(V)
+        with pytest.raises(FileNotFoundError, match="lie in its folder"):
+            np.asarray(result.uv)
+        with pytest.raises(FileNotFoundError, match="lie in its folder"):
+            result.assemble(folder.with_name("uv.npy"))
 
 
 @pytest.mark.slow

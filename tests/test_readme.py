@@ -32,6 +32,8 @@ def folder(tmp_path, monkeypatch):
     both, mirrored = np.vstack([V, V * [1, 1, -1]]), F[:, ::-1] + len(V)
     statue = cdcp_igl.clean(both, np.vstack([F, mirrored]))  # merged along the boundary: closed
     igl.writeOBJ(str(tmp_path / "statue.obj"), statue.V, statue.F)
+    chart = cdcp_igl.cut(statue.V, statue.F)
+    cdcp_igl.io.write_map(tmp_path / "statue.glb", chart.V, chart.F, chart.V[:, :2])  # with seams
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

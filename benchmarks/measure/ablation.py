@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from typing import Literal
 
@@ -86,7 +86,7 @@ _VARIANTS = {
     **{name: Steps(circle=partial(onto_circle, zipper=zipper)) for name, zipper in ZIPPERS.items()},
 }
 
-ABLATIONS: Mapping[str, Candidate] = Methods(
+ABLATIONS = Methods(
     {
         name: Candidate(partial(_map, steps=steps), "disk", "CDCP with a step changed")
         for name, steps in _VARIANTS.items()

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import sys
+from ast import literal_eval
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
@@ -47,10 +50,32 @@ class Candidate:
 
 
 class Methods(dict[str, Candidate]):
-    """Known by name, and found by ``package.module:function`` if they are somebody's own."""
+    """Known by name, or found by ``package.module:function`` if they are somebody's own.
+
+    ``"cdcp refine=3"``, with options of its function behind it, is one more method.
+    """
 
     def __missing__(self, name: str) -> Candidate:
-        return of_ones_own(name)
+        base, options = split(name)
+        if not options:
+            return of_ones_own(name)
+        of = self[base]
+        values = {key: _value(text) for key, text in options.items()}
+        return replace(of, function=partial(of.function, **values))
+
+
+def split(name: str) -> tuple[str, dict[str, str]]:
+    """Part the name of a method from the options behind it."""
+    words = name.split()
+    options = dict(word.split("=", 1) for word in words if "=" in word)
+    return " ".join(word for word in words if "=" not in word), options
+
+
+def _value(text: str) -> Any:
+    """Read an option as Python does, or as a word."""
+    with suppress(ValueError, SyntaxError):
+        return literal_eval(text)
+    return text
 
 
 def of_ones_own(name: str) -> Candidate:
@@ -71,7 +96,7 @@ def of_ones_own(name: str) -> Candidate:
     try:
         found = getattr(import_module(module), attribute)
     except (ImportError, AttributeError, ValueError) as error:
-        raise ValueError(f"no method {name!r}: {error}") from error
+        raise ValueError(f"There is no method {name!r}: {error}") from error
     own = found if hasattr(found, "boundary") else Candidate(found, "disk", name)
     source = hashlib.sha256(Path(sys.modules[module].__file__ or "").read_bytes()).hexdigest()[:12]
     return Candidate(own.function, own.boundary, own.citation, source=source)

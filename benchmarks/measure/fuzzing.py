@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from operator import attrgetter
@@ -169,10 +170,15 @@ def _judged(given: Case, disk: bool, refine: int | None) -> tuple[str, str, floa
 # -- surfaces --------------------------------------------------------------------------
 
 
-def surface(seed: int, case: int) -> Case:
-    """Make the surface of a case: a patch, deformed, renumbered, and perhaps damaged."""
+def surface(
+    seed: int, case: int, names: Sequence[str] | None = None, damage: float = DAMAGED
+) -> Case:
+    """Make the surface of a case: a patch, deformed, renumbered, and perhaps damaged.
+
+    It is one of the surfaces with these names, or of `sources`.
+    """
     rng = np.random.default_rng([seed, case])
-    name = rng.choice(sources())
+    name = rng.choice(names or sources())
     V, F = _patch(rng, *_surface(name))
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     stretch = float(np.exp(rng.uniform(0, np.log(20))))
@@ -185,9 +191,9 @@ def surface(seed: int, case: int) -> Case:
     if rng.random() < 0.3:
         V, F = _slivers(rng, V, F)
         made.append("slivers")
-    if rng.random() < DAMAGED:
-        V, F, damage = _damage(rng, V, F)
-        made.append(damage)
+    if rng.random() < damage:
+        V, F, done = _damage(rng, V, F)
+        made.append(done)
     size = np.ptp(V[np.isfinite(V).all(axis=1)], axis=0).max()
     if rng.random() < 0.3:
         offset = 10 ** rng.uniform(0, 8)

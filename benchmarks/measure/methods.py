@@ -5,18 +5,18 @@ from __future__ import annotations
 import statistics
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from cdcp_igl import DiskMapper, cdcp, disk_map, reference
+from cdcp_igl import DiskMapper, RectangleMap, cdcp, disk_map, free_map, rectangle_map, reference
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.reference.case import Timed
 from cdcp_igl.solve.laplacian import cotangent_laplacian
-from cdcp_igl.solve.solvers import SOLVERS, factorize
+from cdcp_igl.solve.solvers import factorize
 from cdcp_igl.surface.mesh import DiskMesh
 
 from .candidate import Candidate, Methods
@@ -73,31 +73,39 @@ def _import(V: Floats, F: Ints) -> Timed:
     return Timed(float(done.stdout))
 
 
-SOLVED = {
-    f"cdcp {name}": Candidate(partial(disk_map, solver=name), "disk", f'solver="{name}"')
-    for name in SOLVERS
-}
+def _rectangle(V: Floats, F: Ints) -> RectangleMap:
+    """Map with corners that part the boundary into four of the same length."""
+    loop = DiskMesh(V, F).loop
+    length = np.linalg.norm(np.diff(V[loop], axis=0), axis=1).cumsum()
+    quarters = np.searchsorted(length, length[-1] * np.array([0.25, 0.5, 0.75]))
+    return rectangle_map(V, F, loop[[0, *quarters]])
 
-METHODS: Mapping[str, Candidate] = Methods(
+
+_OWN = Methods(
     {
         **{
             name: Candidate(method.function, method.boundary, method.citation)
             for name, method in reference.METHODS.items()
         },
-        "cdcp": Candidate(
-            disk_map, "disk", "Yueh et al., CDCP, eq. (18)"
-        ),  # with seconds per phase
-        "cdcp paper": Candidate(partial(disk_map, preset="paper"), "disk", 'preset="paper"'),
-        "cdcp refine=1": Candidate(partial(disk_map, refine=1), "disk", "refine=1"),
-        "cdcp refine=5": Candidate(partial(disk_map, refine=5), "disk", "refine=5"),
-        "cdcp refine=10 p=1.2": Candidate(
-            partial(disk_map, refine=10, refine_norm=1.2), "disk", "refine=10, refine_norm=1.2"
-        ),
+        "cdcp": Candidate(disk_map, "disk", "Yueh et al., CDCP, eq. (18)"),  # seconds per phase
+        "free": Candidate(free_map, "free", "free_map"),
+        "rectangle": Candidate(_rectangle, "free", "rectangle_map, corners at quarters of length"),
+    }
+)
+# Options of the library that have rows of their own. Without one, CDCP is refined as needed.
+_SETTINGS = (
+    *("cdcp refine=0", "cdcp refine=5", "cdcp refine=10 refine_norm=1.2", "cdcp preset=paper"),
+    *("cdcp mobius=area", "free refine=5"),
+)
+
+METHODS = Methods(
+    {
+        **_OWN,
+        **{name: _OWN[name] for name in _SETTINGS},
         "factor": Candidate(_factor, "none", "CHOLMOD, AMD"),
         "cdcp warm": Candidate(partial(_warm, cdcp), "none", "median of many calls in one process"),
         "cdcp sequence": Candidate(_sequence, "none", "DiskMapper.moved, median of five frames"),
         "import": Candidate(_import, "none", "import cdcp_igl in a fresh process"),
-        **SOLVED,
         **PEERS,
     }
 )
@@ -106,15 +114,14 @@ METHODS: Mapping[str, Candidate] = Methods(
 COST = {
     **{"double_cover": 4, "fdcp": 9, "ldcp": 3, "harmonic": 0.6, "lscm": 1.5, "spectral": 4},
     **{"cem": 40, "heat_flow": 8, "ricci": 12, "abf": 14},
-    **{"cdcp paper": 2.5, "cdcp refine=1": 1.6, "cdcp refine=5": 3.6},
-    **{"cdcp refine=10 p=1.2": 6, "factor": 0.8},
+    **{"bff": 1.5, "bff_disk": 4, "rectangle": 2, "free": 1.3, "free refine=5": 4},
+    **{"cdcp preset=paper": 2.5, "cdcp refine=5": 3.6, "cdcp refine=10 refine_norm=1.2": 6},
+    **{"factor": 0.8},
     **{"SLIM": 150, "SLIM conformal": 150, "ARAP": 30, "xatlas": 300, "Blender conformal": 20},
     **{"Blender angle-based": 60, "Blender minimum stretch": 150, "MeshLab LSCM": 3},
 }
 
 
 def maps() -> list[str]:
-    """Names of the methods of the library that make maps, CDCP with one solver."""
-    others = {**SOLVED, **PEERS}
-    made = {name for name, method in METHODS.items() if method.boundary != "none"}
-    return [name for name in METHODS if name in made and name not in others]
+    """Names of the methods of the library that make maps."""
+    return [*_OWN, *_SETTINGS]

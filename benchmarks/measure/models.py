@@ -29,6 +29,7 @@ from .fuzzing import surface
 Surface = tuple[Floats, Ints]
 
 SEED = 1  # of the patches
+TIERS = {"quick": 8, "standard": 60, "large": 300}  # surfaces of CDCP-bench, each in the next
 
 
 @dataclass(frozen=True)
@@ -82,12 +83,17 @@ def _coarse_terrain(step: int = 8) -> Surface:
     return grid.reshape(-1, 3), F.reshape(-1, 3)
 
 
-GENERATED = (
+SMALL = (
     Model("spherical_cap_20", partial(_of_size, datasets.spherical_cap, 20)),
     Model("ellipse_20", partial(_of_size, datasets.ellipse, 20)),
+    Model("square_20", partial(_of_size, datasets.square, 20)),
+    Model("paraboloid_20", partial(_of_size, datasets.paraboloid, 20)),
+    Model("terrain_coarse", _coarse_terrain),
+)
+GENERATED = (
+    *SMALL,
     Model("square_80", partial(_of_size, datasets.square, 80)),
     Model("paraboloid_100", partial(_of_size, datasets.paraboloid, 100)),
-    Model("terrain_coarse", _coarse_terrain),
     Model("jacksboro_fault", partial(datasets.load, "jacksboro_fault")),
 )
 
@@ -186,6 +192,31 @@ def patches() -> Iterator[Model]:
         patch = surface(SEED, case)
         if check(patch.V, patch.F).is_disk:
             yield Model(f"patch {case:04}", partial(given, patch.V, patch.F))
+
+
+def tier(name: str) -> list[Model]:
+    """Return the first so many surfaces of CDCP-bench, the same on every machine.
+
+    Those that are generated and patches of the terrain, which need no network; the public ones,
+    by address and digest; patches of all of these.
+    """
+    return list(itertools.islice(_bench(), TIERS[name]))
+
+
+def _bench() -> Iterator[Model]:
+    near = range(TIERS["quick"] - len(SMALL))
+    yield from SMALL
+    yield from (_bench_patch(case, datasets.NAMES[-1:]) for case in near)
+    yield from by_name(datasets.NAMES)
+    yield from (_bench_patch(case, datasets.NAMES) for case in itertools.count(len(near)))
+
+
+def _bench_patch(case: int, sources: Sequence[str]) -> Model:
+    def load() -> Surface:
+        made = surface(SEED, case, sources, damage=0)
+        return made.V, made.F
+
+    return Model(f"patch {case:03}", load)
 
 
 def given(V: Floats, F: Ints) -> Surface:

@@ -2,19 +2,11 @@
 
 from __future__ import annotations
 
-import ctypes
-import os
-import shutil
-import signal
-import subprocess
-import sys
 from collections.abc import Callable, Mapping
 from functools import partial
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import igl
@@ -27,11 +19,8 @@ from cdcp_igl.reference import harmonic
 from .candidate import Candidate
 
 PACKAGES = ("bpy", "pymeshlab", "xatlas")
-BFF = "bff-command-line"
-PR_SET_PDEATHSIG = 1  # of prctl(2)
 SLIM_STEPS = 20
 ARAP_STEPS = 100
-BFF_SIZE = 1e12  # of the mesh that it is given: what it writes has six decimals
 
 
 def versions() -> dict[str, str]:
@@ -109,49 +98,6 @@ def _arap(V: Floats, F: Ints) -> Floats:
     return igl.arap_solve(start[first], data, start)
 
 
-def _bff(V: Floats, F: Ints, *, options: tuple[str, ...]) -> Floats:
-    """Run the program on files; its order of vertices is its own."""
-    # Imported here: the process of every case, whatever its method, would wait for it.
-    from scipy.spatial import cKDTree
-
-    scaled = (V - V.mean(axis=0)) * (BFF_SIZE / np.ptp(V, axis=0).max())
-    with TemporaryDirectory() as folder:
-        given, made = Path(folder, "surface.obj"), Path(folder, "map.obj")
-        lines = [f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in scaled]
-        lines += [f"f {i} {j} {k}" for i, j, k in F + 1]
-        given.write_text("\n".join(lines) + "\n", encoding="ascii")
-        command: list[str | Path] = [_bff_program() or BFF, given, made, *options]
-        done = subprocess.run(command, capture_output=True, text=True, preexec_fn=_end_with_parent)
-        if done.returncode or not made.exists():
-            last = (done.stderr or done.stdout).strip().splitlines()[-1:] or ["no message"]
-            raise MapError(f"{BFF} gave no map: {last[0]}")
-        rows = [line.split() for line in made.read_text(encoding="ascii").splitlines()]
-    written = np.array([row[1:4] for row in rows if row[:1] == ["v"]], dtype=float)
-    uv = np.array([row[1:3] for row in rows if row[:1] == ["vt"]], dtype=float)
-    corners = [part.split("/") for row in rows if row[:1] == ["f"] for part in row[1:]]
-    theirs, image = np.array([corner[:2] for corner in corners], dtype=np.int64).T - 1
-    ours = cKDTree(_centered(scaled)).query(_centered(written))[1]
-    if len(np.unique(ours)) != len(V):
-        raise MapError(f"{BFF} wrote {len(np.unique(ours)):,} of {len(V):,} vertices")
-    return _of_corners(uv[image], ours[theirs], len(V))
-
-
-def _end_with_parent() -> None:
-    """End this process when the one that started it is killed, as it is at the time limit."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
-def _centered(points: Floats) -> Floats:
-    """Between -1 and 1: the program may move and scale what it writes."""
-    middle = (points.max(axis=0) + points.min(axis=0)) / 2
-    return (points - middle) / np.ptp(points, axis=0).max()
-
-
-def _bff_program() -> str | None:
-    return os.environ.get("BFF") or shutil.which(BFF)
-
-
 def _of_corners(uv: Floats, vertices: Ints, n: int) -> Floats:
     """Find the image of each vertex from those of the corners, which must agree."""
     images = np.full((n, 2), np.nan)
@@ -170,11 +116,7 @@ def _counterclockwise(V: Floats, F: Ints, *, map: Callable[[Floats, Ints], Any])
 
 
 def _without(package: str) -> str:
-    return "" if find_spec(package) else f"not to be had: needs pip install {package}"
-
-
-def _without_bff() -> str:
-    return "" if _bff_program() else f"not to be had: no {BFF} on PATH, nor its path in BFF"
+    return "" if find_spec(package) else f"not to be had: needs pip install --no-deps {package}"
 
 
 def _of_package(
@@ -194,20 +136,10 @@ def _of_libigl(map: Callable[[Floats, Ints], Any], citation: str) -> Candidate:
     return Candidate(partial(_counterclockwise, map=map), "free", citation)
 
 
-def _of_bff(citation: str, *options: str) -> Candidate:
-    map = partial(_bff, options=options)
-    return Candidate(
-        partial(_counterclockwise, map=map),
-        *("free", citation),
-        missing=_without_bff,
-        onto_disk="--flattenToDisk" in options,
-    )
-
-
 LSCM, HARMONIC = "least_squares_conformal_maps", "harmonic"  # as MeshLab calls its filters
 
-# Six decimals or single precision are too few for a certificate: what is said to be onto the
-# disk is taken for a map with free boundary, too.
+# Single precision is too coarse for a certificate: what is said to be onto the disk is taken for
+# a map with free boundary, too.
 PEERS: Mapping[str, Candidate] = {
     "Blender angle-based": _of_package("bpy", partial(_blender, method="ANGLE_BASED"), "ABF++"),
     "Blender conformal": _of_package("bpy", partial(_blender, method="CONFORMAL"), "LSCM"),
@@ -222,6 +154,4 @@ PEERS: Mapping[str, Candidate] = {
     "SLIM": _of_libigl(partial(_slim, energy="SYMMETRIC_DIRICHLET"), "Rabinovich et al. 2017"),
     "SLIM conformal": _of_libigl(partial(_slim, energy="CONFORMAL"), "Rabinovich et al. 2017"),
     "ARAP": _of_libigl(_arap, "Liu et al. 2008"),
-    "BFF disk": _of_bff("Sawhney and Crane 2017, onto the disk", "--flattenToDisk"),
-    "BFF free": _of_bff("Sawhney and Crane 2017"),
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 import pandas as pd
@@ -56,7 +57,8 @@ def profiles(results: Section, methods: list[str], name: str) -> dict[str, Float
     Returns
     -------
     dict of str to (surfaces,) float64
-        For each method its ratio to the best, from small to large, infinite where it failed.
+        For each method its ratio to the best, from small to large, infinite where it failed or
+        has flipped faces.
         The k-th is the least factor within which it is on a share k / surfaces of them.
 
     References
@@ -65,12 +67,33 @@ def profiles(results: Section, methods: list[str], name: str) -> dict[str, Float
     Math. Program. 91, 2002.
     """
     values = np.array([results.values(method, name) for method in methods])
+    flips = np.array([results.values(method, "flips") for method in methods])
+    values[flips > 0] = np.nan  # no map to be compared with
     values = values[:, np.isfinite(values).any(axis=0)]
     least = np.nanmin(values, axis=0, initial=np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.where(values == least, 1, values / least)
     ratios[np.isnan(ratios)] = np.inf
     return dict(zip(methods, np.sort(ratios, axis=1), strict=True))
+
+
+def ranking(results: Section, family: str, name: str) -> list[tuple[str, float, float]]:
+    """Order the methods of a family that were run everywhere, the best first.
+
+    Returns
+    -------
+    list of (str, float, float)
+        Method, median over the surfaces of its ratio to the best of them, and the share of
+        surfaces on which it is that, see `profiles`.
+    """
+    methods = results.everywhere(family)
+    ratios = profiles(results, methods, name) if methods else {}
+    found = [
+        (m, float(np.quantile(r, 0.5, method="higher")), float((r <= 1 + TIE).mean()))
+        for m, r in ratios.items()
+        if len(r)
+    ]
+    return sorted(found, key=itemgetter(1))
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,10 @@ class Section:
         Of those that were mapped, or should have been.
     opened : set of str
         Of those that are no disks, see `Record.mesh`.
+    family : dict of str to str
+        "disk" or "free" of each method that makes maps.
     maps : list of str
-        The methods that make maps.
+        These methods.
     medians : DataFrame
         Over the repeats, by model and method; NaN if one of them failed.
     """
@@ -59,7 +61,8 @@ class Section:
         self.sizes = dict(sorted(known.items(), key=lambda model: model[1]))
         self.opened = {r.model for r in self.records if r.mesh.endswith(OPENED)}
         maps = frame[frame["boundary"] != "none"]
-        self.maps = list(dict.fromkeys(maps["method"]))
+        self.family = dict(zip(maps["method"], maps["boundary"], strict=True))
+        self.maps = list(self.family)
         there = set(maps["model"][maps["vertices"] > 0])
         self.mapped = {model: n for model, n in self.sizes.items() if model in there}
 
@@ -75,6 +78,11 @@ class Section:
     def median(self, model: str, method: str, name: str = "seconds") -> float:
         """Median over the repeats, NaN if one of them failed or there is none."""
         return float(self.medians[name].get((model, method), np.nan))
+
+    def everywhere(self, family: str) -> list[str]:
+        """Methods of a family that were run on all of `mapped`."""
+        of = [method for method in self.maps if self.family[method] == family]
+        return [method for method in of if all(self.of(model, method) for model in self.mapped)]
 
     def values(self, method: str, name: str) -> Floats:
         """Median over the repeats for each of `mapped`."""

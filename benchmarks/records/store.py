@@ -12,7 +12,7 @@ in one table, whatever the commit is called::
 The lines are the journals of a batch, `cdcp_igl.batching`. A run that was killed goes on where
 it stopped: what has a line is not measured again. To start over, delete the folder. The finished
 results, ``MACHINE.json``, hold the records of the last call of each command together with the
-machine they are from.
+machine they are from; ``MACHINE.csv`` has them as a table, without what is no number or word.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 import cdcp_igl
 from cdcp_igl.arrays import Floats, Ints
@@ -125,6 +126,13 @@ def write_results(path: Path, machine: Mapping[str, Any], records: Sequence[Reco
     with whole_file(path) as unfinished:
         text = f'{{"machine": {about},\n"records": [\n{rows}\n]}}\n'
         unfinished.write_text(text, encoding="utf-8")
+
+
+def write_rows(path: Path, records: Sequence[Record]) -> None:
+    """Write a table with a row for each record, for other programs."""
+    rows = pd.DataFrame([record.row() for record in records])
+    with whole_file(path) as unfinished:
+        rows.drop(columns=["details", "histogram"]).to_csv(unfinished, index=False)
 
 
 def read_results(path: Path) -> tuple[dict[str, Any], list[Record]]:

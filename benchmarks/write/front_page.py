@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from statistics import median
 
 from cdcp_igl.io.output import whole_file
 
+from ..records.comparison import ranking
 from ..records.results import Measured, Section
 from ..records.store import ROOT, read_results
 from .figures.style import style
-from .sections import model_cells
+from .sections import FAMILY_TITLES, PURPOSES, model_cells
 from .table import NOTHING, Cell, Table, markdown, number
 
 README = ROOT / "README.md"
@@ -22,9 +24,10 @@ MODELS = (
 )
 SHOWN = ("human_face", "chinese_lion", "human_brain", "left_hand", "gcanyon_216196")
 METHODS = (
-    *("cdcp", "cdcp refine=5", "BFF disk", "lscm", "BFF free"),
-    *("Blender angle-based", "Blender conformal"),
+    *("cdcp", "cdcp refine=5", "free refine=5", "lscm", "bff", "abf"),
+    "Blender angle-based",
 )
+NAMED = ("mean", "seconds")  # what the best method is named for
 
 
 def rewrite(page: Path, file: Path) -> None:
@@ -41,14 +44,32 @@ def rewrite(page: Path, file: Path) -> None:
     table = Table("readme", "", "", headings, rows)
     note = (
         "Mean angular distortion in degrees; flipped faces on all five; median time as a multiple "
-        "of CDCP's. CDCP and BFF disk fill the disk; the others have a free boundary, which has "
-        f"less to keep. Measured on {about['cpu']}, "
+        "of CDCP's. The first two fill the disk; the others have a free outline, which has less to "
+        f"keep. {_best(file, sections)} Measured on {about['cpu']}, "
         f"{about['cores']} cores, commit {about['commit']}, two cases side by side, by "
         f"`make bench`; [all numbers](benchmarks/results/{file.stem}.md)."
     )
     with whole_file(page) as unfinished:
         text = f"{head}{BEGIN}\n{markdown(table)}\n\n{note}\n{END}{tail}"
         unfinished.write_text(text, encoding="utf-8")
+
+
+def _best(file: Path, sections: Mapping[str, Section]) -> str:
+    """Say which method is best for what, on many surfaces if they were measured."""
+    tier = file.with_name(f"{file.stem}-standard.json")
+    if tier.exists():
+        sections = Measured(read_results(tier)[1]).sections
+    results = sections.get("tables")
+    if not results:
+        return ""
+    found = []
+    for family, title in FAMILY_TITLES.items():
+        for name in NAMED:
+            for method, _, share in ranking(results, family, name)[:1]:
+                label = style(method).label
+                found.append(f"{title}, {PURPOSES[name]}: {label} (on {share:.0%})")
+    of = "CDCP-bench standard" if tier.exists() else "the tables"
+    return f"Best on the {len(results.mapped)} surfaces of {of}: {'; '.join(found)}."
 
 
 def _name(results: Section, model: str) -> str:

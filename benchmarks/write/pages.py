@@ -102,7 +102,7 @@ def _write_model(folder: Path, measured: Measured, model: str) -> dict[str, str]
     except NotMeasured as error:
         return {"name": name, "link": "", "missing": str(error)}
     results = measured.sections.get("tables") or next(iter(measured.sections.values()))
-    methods = in_order(results.maps)
+    methods = in_order(results)
     scene = Scene(V, F, PIXELS)
     most = _most(results.of(model, "cdcp"))
     surface = _webp(scene.by_normal())

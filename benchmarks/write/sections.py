@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from statistics import median
 from typing import Any
 
@@ -12,7 +12,7 @@ from ..measure.ablation import ABLATIONS
 from ..measure.families import FAMILIES, GIVEN, family_of
 from ..measure.mechanisms import ALL, RESCUES
 from ..measure.methods import METHODS
-from ..records.comparison import QUANTITIES, paired, summary
+from ..records.comparison import QUANTITIES, paired, ranking, summary
 from ..records.paper import PUBLISHED, published, row_of
 from ..records.results import FROM, Measured, Section, growth
 from .figures.style import STYLES, in_words, style
@@ -29,6 +29,13 @@ FORMATS = {
 
 # Methods that are what others are measured by, or have tables of their own.
 UNITS = ("factor", "cdcp warm", "cdcp sequence", "import")
+PAIRED = ("cdcp", "cdcp refine=5")  # against which all others are tested
+FAMILY_TITLES = {"disk": "onto the disk", "free": "free outline"}
+PURPOSES = {
+    **{"mean": "least mean angular distortion", "sd": "least SD of it", "area": "evenest areas"},
+    **{"seconds": "least time", "memory": "least memory"},
+}
+RANKED = 3  # methods that are named for each purpose
 CHANGED = 0.05  # of the mean angular distortion, from which on a map is another one
 
 
@@ -68,7 +75,7 @@ def tables(measured: Measured) -> Iterator[Table]:
 
 def cases(results: Section) -> Table:
     """Make the table with a row for each method on each surface."""
-    methods = in_order(results.maps)
+    methods = in_order(results)
     return Table(
         "cases",
         "All cases",
@@ -96,31 +103,41 @@ def _accuracy(results: Section) -> Iterator[Table]:
         seconds = row.seconds if row else ()
         return _published(model, [f"{s:.2f}" for s in seconds], seconds)
 
-    methods = in_order(results.maps)
-    labels = [style(method).label for method in methods]
+    methods = in_order(results)
     if len(results.mapped) > 1:
+        yield best_table(results)
         yield summary_table(results, methods)
-        yield paired_table(results, methods)
-    headings = ["surface", "n", *labels, *(f"paper: {style(m).label}" for m in PUBLISHED)]
-    yield Table(
-        "distortion",
-        "Table 1: angular distortion",
-        "Mean / SD over all corners in degrees, and flipped faces if there are any. A free "
-        "boundary is conformal but no disk: compare it on angles only; the harmonic map is a disk "
-        "but not conformal. Numbers of the paper in brackets belong to its own surface, for which "
-        "another of similar size stands.",
-        headings,
-        grid(results, methods, distortion_cell(results, ".3f"), paper_distortion),
-    )
-    yield Table(
-        "time",
-        "Table 2: seconds",
-        "From arrays to map, in brackets as a multiple of F, one CHOLMOD analysis (AMD) and "
-        "factorization of the interior Laplacian in the same run. The paper's are of MATLAB on "
-        "another machine: compare ratios.",
-        headings,
-        grid(results, methods, seconds_cell(results, "factor", "F"), paper_seconds),
-    )
+        yield from (paired_table(results, base, methods) for base in PAIRED if base in methods)
+    for family, title in FAMILY_TITLES.items():
+        members = [method for method in methods if results.family[method] == family]
+        if not members:
+            continue
+        with_paper = family == "disk" and any(row_of(model) for model in results.sizes)
+        headings = ["surface", "n", *(style(method).label for method in members)]
+        headings += [f"paper: {style(m).label}" for m in PUBLISHED] * with_paper
+        yield Table(
+            f"distortion-{family}",
+            f"Table 1: angular distortion, {title}",
+            "Mean / SD over all corners in degrees, and flipped faces if there are any. A free "
+            "boundary has less to keep: compare it on angles only. Numbers of the paper in "
+            "brackets belong to its own surface, for which another of similar size stands.",
+            headings,
+            grid(
+                *(results, members, distortion_cell(results, ".3f")),
+                *([paper_distortion] * with_paper),
+            ),
+        )
+        yield Table(
+            f"time-{family}",
+            f"Table 2: seconds, {title}",
+            "From arrays to map, in brackets as a multiple of T, the time of CDCP in the same "
+            "run. The paper's are of MATLAB on another machine: compare ratios.",
+            headings,
+            grid(
+                *(results, members, seconds_cell(results, "cdcp", "T")),
+                *([paper_seconds] * with_paper),
+            ),
+        )
 
 
 def _published(model: str, texts: Sequence[str], values: Sequence[float]) -> Row:
@@ -308,12 +325,36 @@ def _rescued(results: Section, method: str, models: Sequence[str]) -> Cell:
 # -- many surfaces, other programs -------------------------------------------------------
 
 
+def best_table(results: Section) -> Table:
+    """Make the table of which method is best for what."""
+    rows = []
+    for family, title in FAMILY_TITLES.items():
+        for name, purpose in PURPOSES.items():
+            ranked = [
+                Cell(f"{style(method).label}: {median:.3g} ({share:.0%})", kind="text")
+                for method, median, share in ranking(results, family, name)[:RANKED]
+            ]
+            ranked += [Cell(NOTHING, kind="text")] * (RANKED - len(ranked))
+            rows.append([Cell(f"{purpose}, {title}", kind="text name"), *ranked])
+    return Table(
+        "best",
+        "Which method for what",
+        "Of the methods that were run on all surfaces: the median of the ratio to the best one, "
+        "and on which share of the surfaces it is that. No map, or one with flipped faces, is "
+        "infinitely worse.",
+        ["for", "first", "second", "third"],
+        rows,
+    )
+
+
 def summary_table(results: Section, methods: Sequence[str]) -> Table:
     """Make the table with a row for each method: how often, how good, how fast."""
     table, rows = summary(results), []
     for method in methods:
         of = table.loc[method]
-        row = [Cell(style(method).label, kind="text name"), number(of["surfaces"], ".0f")]
+        family = FAMILY_TITLES[results.family[method]]
+        row = [Cell(style(method).label, kind="text name"), Cell(family, kind="text")]
+        row.append(number(of["surfaces"], ".0f"))
         row += [number(100 * of[share], ".3g") for share in ("mapped", "unflipped")]
         for name in QUANTITIES:
             low, middle, high = (of[f"{name} {q}"] for q in (0.25, 0.5, 0.75))
@@ -327,28 +368,28 @@ def summary_table(results: Section, methods: Sequence[str]) -> Table:
         "flipped face; then median (quartiles) over those that it maps: who fails on the hard "
         "ones has the lower numbers. Seconds of cases that ran side by side are a hint.",
         [
-            *("method", "surfaces", "mapped, %", "no flips, %", "mean °", "SD °", "area"),
-            *("s", "MiB"),
+            *("method", "family", "surfaces", "mapped, %", "no flips, %", "mean °", "SD °"),
+            *("area", "s", "MiB"),
         ],
         rows,
     )
 
 
-def paired_table(results: Section, methods: Sequence[str]) -> Table:
-    """Make the table of CDCP against each other method, with tests."""
+def paired_table(results: Section, base: str, methods: Sequence[str]) -> Table:
+    """Make the table of one method against each other, with tests."""
     names = {"mean": "mean °", "sd": "SD °", "seconds": "s"}
     rows = []
-    for method in (m for m in methods if m != "cdcp" and "cdcp" in methods):
+    for method in (m for m in methods if m != base):
         for name, label in names.items():
-            made = paired(results, "cdcp", method, name)
+            made = paired(results, base, method, name)
             counts = [number(k, ".0f") for k in (made.lower, made.higher, made.ties)]
             tests = [number(p, ".2g") for p in (made.sign, made.signed_rank)]
             titles = [Cell(style(method).label, kind="text name"), Cell(label, kind="text")]
             rows.append([*titles, *counts, number(made.median, ".2g"), *tests])
     return Table(
-        "paired",
-        "CDCP against each other method",
-        "On the surfaces that both map: on how many CDCP has less, more, or as much (to a "
+        f"paired-{PAIRED.index(base)}",
+        f"{style(base).label} against each other method",
+        "On the surfaces that both map: on how many it has less, more, or as much (to a "
         "millionth), the median of the differences, and two-sided p-values of the sign test and "
         "of Wilcoxon's signed-rank test. A free boundary has less to keep, and less distortion.",
         ["against", "of", "less", "more", "equal", "difference", "p, sign", "p, signed rank"],
@@ -370,8 +411,8 @@ def peer_tables(results: Section) -> Iterator[Table]:
         "peers",
         "Other programs: angular distortion",
         "Mean / SD over all corners in degrees, and flipped faces if there are any. A map with "
-        "free boundary is onto no disk: compare it on angles only. MeshLab's harmonic map and BFF "
-        "disk are onto the disk, but in too few digits for a certificate. SLIM, ARAP and Blender's "
+        "free boundary is onto no disk: compare it on angles only. MeshLab's harmonic map is "
+        "onto the disk, but in too few digits for a certificate. SLIM, ARAP and Blender's "
         "minimum stretch keep lengths, which costs angles.",
         headings,
         grid(results, results.maps, distortion_cell(results, ".3f")),
@@ -393,19 +434,18 @@ def case(results: Section, model: str, method: str) -> Row:
     """Make the row of a method, under `COLUMNS`."""
     outcome = results.failure(model, method) or "ok"
     cells = [Cell(style(method).label, kind="text name")]
-    free = any(record.case.boundary == "free" for record in results.of(model, method))
     for name, form in FORMATS.items():
-        hidden = free and name == "boundary_error"
+        hidden = results.family[method] == "free" and name == "boundary_error"
         cells.append(number(np.nan if hidden else results.median(model, method, name), form))
     ratio = results.median(model, method) / results.median(model, "factor")
     cells += [number(ratio, ".2f"), number(results.median(model, method, "memory"), ",.0f")]
     return [*cells, Cell(outcome, kind="text" if outcome == "ok" else "text missing")]
 
 
-def in_order(methods: Iterable[str]) -> list[str]:
-    """Those of the paper first, then as in the legends."""
-    known = list(STYLES)
-    return sorted(methods, key=lambda m: known.index(m) if m in known else len(known))
+def in_order(results: Section) -> list[str]:
+    """Methods that map, onto the disk first, then as in the legends."""
+    known = [*STYLES, *results.maps]
+    return sorted(results.maps, key=lambda m: (results.family[m] == "free", known.index(m)))
 
 
 def model_cells(results: Section, model: str) -> Row:

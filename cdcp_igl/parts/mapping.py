@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import hashlib
-import json
 import logging
 import shutil
 from collections.abc import Callable, Iterable
@@ -32,12 +31,12 @@ from ..arrays import (
 from ..certificate import Certificate, certificate_of, is_around
 from ..distortion import AngleDistortion, disk_map_distortion
 from ..errors import MapError, counted
-from ..io.output import write_text
+from ..io.output import whole_file
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.conformality import NOT_VALID, judge_by, sampled_faces
 from ..rescue.recentering import FACES, deep_vertex
 from ..rescue.repair import Repair, repair_locally
-from ..rescue.straightening import FEW_FACES, WORTH, common_shear
+from ..rescue.straightening import FEW_FACES, is_sheared
 from ..selection import MANY_FLIPPED
 from ..solve.solvers import SolverName, solver, using
 from ..solve.threads import one_thread
@@ -51,14 +50,12 @@ from ..steps.phases import Phases, Progress
 from ..steps.trace import lengths_along, shares_of_edges, trace_of_shares
 from ..surface.topology import Topology, components_of_pairs, heads
 from . import steps
-from .part import Arrays, Folder, Piece, named
+from .part import Arrays, Folder, Part, Piece, named
 from .parting import refuse
-from .result import PartsMap
+from .result import RESULT, PartsMap
 from .running import Engine
 
 log = logging.getLogger("cdcp_igl")
-
-RESULT = "map.json"
 
 Finished = tuple[list[str], Arrays]  # names of the results of the parts, and their values on seams
 
@@ -133,20 +130,18 @@ def parts_map(
     options = Options(center, mobius, align, solver=solver)
     if isinstance(center, str) and center != "torsion":
         raise ValueError(f'in parts, center must be "torsion" or a row of F, not {center!r}')
-    parts = Path(folder)
     with using(solver):
         engine_of = _solver_name()
         chosen = [__version__, engine_of, center, mobius, np.asarray(align).tolist()]
     digest = hashlib.sha256(repr(chosen).encode()).hexdigest()[:8]
-    files = Folder(parts, parts / f"map-{digest}")
+    files = Folder.of(Path(folder), f"map-{digest}")
     if (files.work / RESULT).exists():
-        return PartsMap.read(files, json.loads((files.work / RESULT).read_text()))
+        return PartsMap.read(files)
     files.work.mkdir(exist_ok=True)
     for attempts in files.work.glob("*.attempts"):  # of a run that was stopped
         attempts.unlink()
     with closing(Engine(files, executor, solver)) as engine, one_thread():
-        result = _Mapping(files, engine, options, Phases(progress), engine_of).run()
-    return result
+        return _Mapping(files, engine, options, Phases(progress), engine_of).run()
 
 
 def _solver_name() -> str:
@@ -166,10 +161,9 @@ class _Sample:
 
     @classmethod
     def of(cls, folder: Folder, names: Iterable[str]) -> _Sample:
-        """Gather what steps have chosen."""
-        keys = "faces", "corners", "V", "images", "on_boundary"
-        read = [folder.read(name, *keys) for name in names]
-        rows, corners, V, images, border = (np.concatenate([x[key] for x in read]) for key in keys)
+        """Gather what steps have taken of their parts."""
+        found = folder.each(names, "faces", "corners", "V", "images", "on_boundary")
+        rows, corners, V, images, border = map(np.concatenate, found)
         order = np.argsort(rows)
         vertices, F = np.unique(corners, return_inverse=True)
         F = F.reshape(-1, 3)
@@ -194,11 +188,7 @@ class _Mapping:
         self, folder: Folder, engine: Engine, options: Options, phase: Phases, solver: str
     ) -> None:
         self.folder, self.engine, self.options, self.phase = folder, engine, options, phase
-        self.solver, self.leaves = solver, folder.leaves
-        self.m = folder.manifest["faces"]
-        # A part takes some 20 times its file while it is condensed.
-        sizes = [(folder.parts / f"part-{p}.npz").stat().st_size for p in self.leaves]
-        self.memory = 20 * max(sizes) / 2**20
+        self.solver, self.leaves, self.m = solver, folder.leaves, folder.manifest["faces"]
 
     def run(self) -> PartsMap:
         """Map the surface and write the result."""
@@ -219,7 +209,7 @@ class _Mapping:
                 except Rejected as reason:
                     self.give_up(str(reason))
             with phase("extension") as advance:
-                highest = self.extend(center, f_B, advance)
+                highest = self.extend(center.face, f_B, advance)
             # Where weights are negative, the torsion may be larger than its bound.
             if bound is not None or not (highest[self.unvisited] > self.threshold).any():
                 break
@@ -227,50 +217,39 @@ class _Mapping:
         sample = _Sample.of(self.folder, self.extended)
         self.refuse_rescue(sample, on_boundary)
         judged = sample.mesh.F[sample.places(sampled_faces(self.m))]
-        self.folder.write("near", {"rows": np.unique(sample.vertices[judged])})
+        self.folder.write("near", {"vertices": np.unique(sample.vertices[judged])})
         with phase("mobius"):
             mobius = self.normalize(sample)
         with phase("repair"):
             repair = self.repair(mobius.w)
         with phase("certificate"):
             found = self.judge()
+            for p, name in zip(self.leaves, self.names, strict=True):
+                with whole_file(self.folder.uv(p)) as unfinished:
+                    np.save(unfinished, self.folder.read(name, "uv")["uv"])
         phase.done()
         result = PartsMap(
             folder=self.folder,
-            names=tuple(self.names),
             center=center,
             boundary=BoundaryMethod("geodesic"),
             mobius=mobius,
             repair=repair,
             solver=self.solver,
             timings=phase.seconds,
-            moved_bytes=self.folder.total_size(),
             **found,
         )
         if not result.valid:
             self.give_up(f"it would not be a bijection: {result.certificate}", result)
         if result.conformality.is_doubtful:
             self.give_up(f"it may not be conformal: {result.conformality}", result)
-        write_text(self.folder.work / RESULT, result.told())
-        self.folder.keep_only({*self.names})
+        result.write()
         return result
-
-    def parts(
-        self,
-        what: Callable[..., dict[str, Any]],
-        *given: Any,
-        of: Iterable[int] | None = None,
-        advance: Callable[[float], None] = lambda done: None,
-    ) -> list[str]:
-        """Run a step for all parts, or for some: the names of the results."""
-        of = self.leaves if of is None else of
-        return self.engine.run(what, of, *given, memory=self.memory, advance=advance)
 
     # -- is it a disk? -----------------------------------------------------------------
 
     def check(self, advance: Callable[[float], None]) -> None:
         """Find the boundary loop; MeshError if the surface is no disk."""
-        names = self.parts(steps.examine, advance=advance)
+        names = self.engine.run(steps.examine, advance=advance)
         if not self.folder.has("loop"):
             loop = self.loop(names)
             if loop is None:
@@ -285,28 +264,26 @@ class _Mapping:
         have them. No edge with more than two faces, one component, Euler characteristic 1, and a
         boundary that does not touch itself: then there is no pinched vertex either.
         """
-        examined = [self.folder.read(name) for name in names]
-        half_edges = np.concatenate([x["half_edges"] for x in examined])
+        keys = "half_edges", "component", "n_components", "n_inner", "sound"
+        sides, components, n_components, n_inner, sound = self.folder.each(names, *keys)
+        half_edges, offsets = np.concatenate(sides), np.cumsum([0, *n_components])
         first, edge = distinct_rows(np.sort(half_edges, axis=1))
         valence = np.bincount(edge)
         forward = np.where(half_edges[:, 0] < half_edges[:, 1], 1, -1)
-        border = half_edges[valence[edge] == 1]
-        sound = all(x["sound"] for x in examined) and len(border) > 0
-        if not sound or valence.max() > 2 or np.bincount(edge, forward)[valence == 2].any():
-            return None
-        offsets = np.cumsum([0, *(int(x["n_components"]) for x in examined)])
-        component = np.concatenate(
-            [x["component"] + offset for x, offset in zip(examined, offsets, strict=False)]
-        )
+        vertices, ends = np.unique(half_edges[valence[edge] == 1], return_inverse=True)
+        component = np.concatenate([x + k for x, k in zip(components, offsets[:-1], strict=True)])
         joined = np.empty(len(first), np.int64)
         joined[edge] = component  # of one of the two sides
-        if components_of_pairs(component, joined[edge], offsets[-1])[0] > 1:
-            return None
-        n_edges = len(first) + sum(int(x["n_inner"]) for x in examined)
-        vertices, ends = np.unique(border, return_inverse=True)
-        if self.folder.manifest["vertices"] - n_edges + self.m != 1:
-            return None
-        if np.bincount(ends.ravel()).max() > 2:
+        is_disk = (
+            all(sound)
+            and len(vertices) > 0
+            and valence.max() <= 2
+            and not np.bincount(edge, forward)[valence == 2].any()
+            and components_of_pairs(component, joined[edge], offsets[-1])[0] == 1
+            and self.folder.manifest["vertices"] - len(first) - sum(n_inner) + self.m == 1
+            and np.bincount(ends.ravel()).max() <= 2
+        )
+        if not is_disk:
             return None
         loop = libigl.path(ends.reshape(-1, 2))
         return vertices[np.roll(loop, -int(loop.argmin()))]
@@ -316,7 +293,7 @@ class _Mapping:
         manifest = self.folder.manifest
         V, F = np.empty((manifest["vertices"], 3)), np.empty((self.m, 3), np.int64)
         for p in self.leaves:
-            part = self.folder.part(p)
+            part = Part(self.folder, p)
             V[part.vertices], F[part.faces] = part.V, part.vertices[part.F]
         refuse([np.ldexp(V, manifest["exponent"], out=V)], [F])
 
@@ -325,67 +302,59 @@ class _Mapping:
     def factor(self, advance: Callable[[float], None]) -> None:
         """Condense the parts, and eliminate the seams, level by level from the leaves."""
         memory = self.require_room()
-        self.parts(steps.eliminate, advance=advance)
+        self.engine.run(steps.eliminate, advance=advance)
         for level in range(self.folder.manifest["levels"] - 1, -1, -1):
-            cuts = [node for node in self.cuts if node.bit_length() == level + 1]
+            cuts = [node for node in self.folder.cuts if node.bit_length() == level + 1]
             largest = max((memory[node] for node in cuts), default=0)
-            self.engine.run(steps.merge, cuts, memory=largest / 2**20)
+            self.engine.run(steps.merge, of=cuts, memory=largest / 2**20)
             for node in cuts:
                 for side in (2 * node, 2 * node + 1):
                     self.folder.remove(f"schur-{side}")
 
     def require_room(self) -> dict[int, float]:
         """Find how many bytes each front takes to be made; OSError if the disk is too small."""
-        node_of_row, rows, written = self.folder.seams["node"], dict[int, Ints](), 0
-        memory = dict[int, float]()
+        rows, memory, written = dict[int, Ints](), dict[int, float](), 0
         for p in self.leaves:
-            seam = self.folder.part_arrays(p, "seam")["seam"]
-            rows[self.folder.n_leaves + p] = np.sort(seam[seam >= 0])
+            row = self.folder.part(p, "row")["row"]
+            rows[self.folder.n_leaves + p] = np.sort(row[row >= 0])
             written += 8 * len(rows[self.folder.n_leaves + p]) ** 2
-        for node in reversed(self.cuts):
+        for node in reversed(self.folder.cuts):
             sides = [rows.pop(k) for k in (2 * node, 2 * node + 1) if k in rows]
             together = np.unique(np.concatenate(sides))
-            rows[node] = together[node_of_row[together] != node]
+            rows[node] = together[self.folder.seams[together] != node]
             size, rest = len(together), len(rows[node])
             written += 8 * (size * (size - rest) + rest**2)
             # The front, the larger of its sides, and what is taken from it.
-            memory[node] = 8.0 * (size**2 + max(len(side) for side in sides) ** 2 + 2 * rest**2)
+            memory[node] = 8.0 * (size**2 + max(map(len, sides)) ** 2 + 2 * rest**2)
         most, left = max(memory.values(), default=0), shutil.disk_usage(self.folder.work).free
         log.info(
             "the seams take up to %s MiB on disk and %s MiB of memory, a part some %s MiB",
-            *(f"{x:,.0f}" for x in (written / 2**20, most / 2**20, self.memory)),
+            *(f"{x:,.0f}" for x in (written / 2**20, most / 2**20, self.engine.memory)),
         )
         if written > left and not self.folder.has(named(steps.merge, 1)):
             reason = f"{written / 2**30:,.1f} GiB are needed and {left / 2**30:,.1f} GiB are free"
             raise OSError(errno.ENOSPC, reason, str(self.folder.work))
         return memory
 
-    @property
-    def cuts(self) -> list[int]:
-        """The nodes of the heap that have others below, from the root."""
-        return sorted(node for node in self.folder.nodes if node < self.folder.n_leaves)
-
     def solve(self, g: Floats) -> Floats:
         """Solve for the values (s, k) on seams, by right-hand sides (s, k) condensed to them."""
         x = g.copy()
-        for node in reversed(self.cuts):
+        for node in reversed(self.folder.cuts):
             front = self.folder.read(named(steps.merge, node))
-            here = front["here"]
-            y = solve_triangular(front["L11"], x[here], lower=True, check_finite=False)
+            here, L11 = front["here"], front["L11"]
+            y = solve_triangular(L11, x[here], lower=True, check_finite=False)
             x[here] = y
             x[front["rest"]] -= front["L21"] @ y
-        for node in self.cuts:
+        for node in self.folder.cuts:
             front = self.folder.read(named(steps.merge, node))
-            here, y = front["here"], front["L21"].T @ x[front["rest"]]
-            x[here] = solve_triangular(
-                front["L11"], x[here] - y, lower=True, trans="T", check_finite=False
-            )
+            here, L11 = front["here"], front["L11"]
+            y = x[here] - front["L21"].T @ x[front["rest"]]
+            x[here] = solve_triangular(L11, y, lower=True, trans="T", check_finite=False)
         return x
 
-    @property
-    def n_seams(self) -> int:
-        """Rows of the table of seams."""
-        return len(self.folder.seams["node"])
+    def on_seams(self, columns: int) -> Floats:
+        """(s, k) zeros."""
+        return np.zeros((len(self.folder.seams), columns))
 
     # -- Algorithm 1 -------------------------------------------------------------------
 
@@ -399,35 +368,36 @@ class _Mapping:
         self.unvisited, self.threshold = np.empty(0, np.int64), -np.inf
         if not isinstance(self.options.center, str):
             return Center("given", int(self.options.center))
-        condensed = [self.folder.read(named(steps.eliminate, p)) for p in self.leaves]
+        names = [named(steps.eliminate, p) for p in self.leaves]
+        rows, condensed, most = self.folder.each(names, "rows", "torsion", "most")
         if not self.folder.has("torsion"):
-            g = np.zeros((self.n_seams, 1))
-            for x in condensed:
-                g[x["rows"], 0] += x["torsion"]
+            g = self.on_seams(1)
+            for some, values in zip(rows, condensed, strict=True):
+                g[some, 0] += values
             self.folder.write("torsion", {"torsion": self.solve(g)[:, 0]})
         if bound is None:
-            torsion = self.folder.read("torsion")["torsion"]
-            most = [torsion[x["rows"]].max(initial=0) for x in condensed]
-            bound = np.array([x["most"] + 3 * u for x, u in zip(condensed, most, strict=True)])
-        found: list[dict[str, Any]] = []
+            u = self.folder.read("torsion")["torsion"]
+            on_seams = np.array([u[some].max(initial=0) for some in rows])
+            bound = np.array(most) + 3 * on_seams
+        found: list[str] = []
         order = np.argsort(-bound, kind="stable")
         for k in order:
             if bound[k] < self.threshold:
                 break
-            found.append(self.folder.read(*self.parts(steps.central, of=[self.leaves[k]])))
-            centrality = np.concatenate([x["centrality"] for x in found])
-            if len(centrality) >= CANDIDATES:
-                self.threshold = float(np.sort(centrality)[-CANDIDATES])
+            found += self.engine.run(steps.central, of=[self.leaves[k]])
+            keys = "centrality", "faces", "smallest"
+            candidates = list(map(np.concatenate, self.folder.each(found, *keys)))
+            if len(candidates[0]) >= CANDIDATES:
+                self.threshold = float(np.sort(candidates[0])[-CANDIDATES])
         self.unvisited = order[len(found) :]
-        faces, smallest = (np.concatenate([x[key] for x in found]) for key in ("faces", "smallest"))
-        return Center("torsion", first_well_shaped(centrality, faces, smallest))
+        return Center("torsion", first_well_shaped(*candidates))
 
     def trace(self, face: int) -> tuple[Complex, bool]:
         """Boundary values (nB,), Theorem 1; and whether the face has a vertex on the boundary."""
-        [home] = [p for p in self.leaves if self.folder.has_face(p, face)]
-        [name] = self.parts(steps.dipole, face, of=[home])
+        home = [p for p in self.leaves if face in self.folder.part(p, "faces")["faces"]]
+        [name] = self.engine.run(steps.dipole, face, of=home)
         sources = self.folder.read(name)
-        g = np.zeros((self.n_seams, 2))
+        g = self.on_seams(2)
         g[sources["rows"]] = -coordinates(sources["seams"])
         g = self.solve(g)
         n = len(self.folder.read("loop")["loop"])
@@ -442,11 +412,11 @@ class _Mapping:
         shares = shares_of_edges(as_complex(flux), lengths_along(points), around)
         return trace_of_shares(shares), bool(sources["on_boundary"])
 
-    def extend(self, center: Center, f_B: Complex, advance: Callable[[float], None]) -> Floats:
+    def extend(self, face: int, f_B: Complex, advance: Callable[[float], None]) -> Floats:
         """Extend boundary values harmonically, eq. (10); (parts,) highest torsion of a face."""
-        values, sample = f"values-{center.face}", "sample"
+        self.face, values = face, f"values-{face}"
         if not self.folder.has(values):
-            g = np.zeros((self.n_seams, 2))
+            g = self.on_seams(2)
             for p in self.leaves:
                 side = self.folder.read(f"side-{p}")
                 g[side["rows"]] -= side["side"] @ coordinates(f_B[side["places"]])
@@ -454,16 +424,15 @@ class _Mapping:
             self.folder.write(values, {"seams": on_seams, "boundary": f_B})
         rows = [evenly_spaced_rows(self.m, k) for k in (FEW_FACES, FACES)]
         rows += [faces_to_judge_by(self.m), sampled_faces(self.m)]
-        self.folder.write(sample, {"rows": np.unique(np.concatenate(rows))})
-        self.extension = values, sample, center.method == "torsion"
-        self.extended = self.parts(steps.extend, *self.extension, advance=advance)
+        self.folder.write("sample", {"faces": np.unique(np.concatenate(rows))})
+        self.extended = self.engine.run(steps.extend, face, advance=advance)
         self.values = self.folder.read(values)
-        return np.array([self.folder.read(name, "highest")["highest"] for name in self.extended])
+        return np.array(self.folder.each(self.extended, "highest")[0])
 
     def refuse_rescue(self, sample: _Sample, on_boundary: bool) -> None:
         """Give up where `disk_map` would correct the harmonic map, or doubt it."""
         few = sample.of_faces(evenly_spaced_rows(self.m, FEW_FACES))
-        if common_shear(few, sample.f, FEW_FACES)[1] >= WORTH:
+        if is_sheared(few, sample.f, self.values["boundary"]):
             self.give_up("the faces have a shear in common")
         if deep_vertex(sample.of_faces(evenly_spaced_rows(self.m, FACES)), sample.f) is not None:
             self.give_up("a part of the surface is too small for double precision where it lies")
@@ -477,14 +446,13 @@ class _Mapping:
         """
         method = self.options.mobius
         if method is None:
-            (self.names, self.final), _ = self.unmoved()
+            self.names, self.final = self.unmoved()[0]
             return Normalization()
         some = sample.of_faces(faces_to_judge_by(self.m))
         errors = AngleErrors.of(some.F, sample.f, some.angles)
         before = errors.mean(0j)
-        w = least_angle_distortion(errors) if method == "angle" else self.barycenter()
         w, finished, reason = harmless(
-            w,
+            least_angle_distortion(errors) if method == "angle" else self.barycenter(),
             lambda w: method == "area" or errors.mean(w) < before,
             self.finish,
             lambda: self.unmoved()[1],
@@ -503,12 +471,11 @@ class _Mapping:
 
     def moments(self, w: complex, *direction: float) -> tuple[Complex, Floats]:
         """Sum the moments of the parts, and take the extremes of their heights."""
-        names = self.parts(steps.moments, self.extension, w, *direction)
-        found = [self.folder.read(name) for name in names]
+        names = self.engine.run(steps.moments, self.face, w, *direction)
+        moments, heights = self.folder.each(names, "moments", "heights")
         for name in names:
             self.folder.remove(name)
-        heights = np.concatenate([x["heights"] for x in found])
-        return np.sum([x["moments"] for x in found], axis=0), heights
+        return np.sum(moments, axis=0), np.concatenate(heights)
 
     def turn(self, w: complex, f_B: Complex) -> complex:
         """Find what f is divided by so that what `align` names lies at angle 0."""
@@ -517,7 +484,7 @@ class _Mapping:
             return complex(f_B[0])
         if isinstance(align, int | np.integer):
             loop = self.folder.read("loop")["loop"]
-            return complex(f_B[int(np.flatnonzero(loop == align)[0])])
+            return complex(f_B[loop == align][0])
         (mass, z, _, h, hz), heights = self.moments(w, *np.asarray(align, float).tolist())
         moment = complex(hz - h / mass * z)
         check_slope(align, moment, mass.real * float(np.ptp(heights)))
@@ -542,8 +509,7 @@ class _Mapping:
             "moved": np.empty(0, complex),
         }
         names = self.certified(w, final, self.leaves)
-        flipped = [self.folder.read(name, "flipped")["flipped"] for name in names]
-        return (names, final), np.concatenate(flipped)
+        return (names, final), np.concatenate(self.folder.each(names, "flipped")[0])
 
     def unmoved(self) -> tuple[Finished, Ints]:
         """Do what `finish` does, without a Möbius transformation: the boundary is not crowded."""
@@ -556,17 +522,17 @@ class _Mapping:
         digest = crc32(b"".join(np.asarray(x).tobytes() for x in final.values()))
         values = f"final-{digest:08x}"
         self.folder.write(values, final)
-        return self.parts(steps.finish, self.extension, values, w, "near", of=of)
+        return self.engine.run(steps.finish, self.face, w, values, of=of)
 
     def repair(self, w: complex) -> Repair:
         """Repair flipped faces, if they are few, in their parts and those beside them."""
-        flipped = [self.folder.read(name, "flipped")["flipped"] for name in self.names]
+        [flipped] = self.folder.each(self.names, "flipped")
         n_flipped = sum(map(len, flipped))
         if n_flipped == 0:
             return Repair()
         if n_flipped > MANY_FLIPPED * self.m:
             self.give_up(counted(n_flipped, "face is flipped", "faces are flipped"))
-        rows = [self.folder.read(named(steps.eliminate, p), "rows")["rows"] for p in self.leaves]
+        [rows] = self.folder.each([named(steps.eliminate, p) for p in self.leaves], "rows")
         rounds, touched, moved = 0, set[int](), dict[int, complex]()
         for k in np.flatnonzero([len(faces) for faces in flipped]).tolist():
             near = [j for j, other in enumerate(rows) if j == k or np.isin(other, rows[k]).any()]
@@ -586,11 +552,10 @@ class _Mapping:
 
     def gathered(self, some: list[int], moved: dict[int, complex]) -> tuple[Ints, Piece, Complex]:
         """Make a mesh of some parts, whose border stays; its vertices in the whole, and f."""
-        parts = [self.folder.part(self.leaves[k]) for k in some]
-        uv = [self.folder.read(self.names[k], "uv")["uv"] for k in some]
+        parts = [Part(self.folder, self.leaves[k]) for k in some]
+        [uv] = self.folder.each([self.names[k] for k in some], "uv")
         vertices = np.unique(np.concatenate([part.vertices for part in parts]))
-        V, f = np.empty((len(vertices), 3)), np.empty(len(vertices), complex)
-        F = []
+        V, f, F = np.empty((len(vertices), 3)), np.empty(len(vertices), complex), []
         for part, points in zip(parts, uv, strict=True):
             at = np.searchsorted(vertices, part.vertices)
             V[at], f[at] = part.V, as_complex(points)
@@ -603,28 +568,30 @@ class _Mapping:
 
     def judge(self) -> dict[str, Any]:
         """Certify and measure the whole; judge it by the faces that `disk_map` judges it by."""
-        keys = "flipped", "n_exact", "finite", "degrees"
-        found = [self.folder.read(name, *keys) for name in self.names]
-        flipped = np.sort(np.concatenate([x["flipped"] for x in found]))
-        certificate = Certificate(False, np.inf, False, 0, flipped, 0)
-        if all(x["finite"] for x in found):
-            n_exact = sum(int(x["n_exact"]) for x in found)
-            certificate = certificate_of(self.final["boundary"], flipped, n_exact)
-        free, inscribed = np.moveaxis(np.array([x["degrees"] for x in found]), 1, 0)
+        keys = "flipped", "n_exact", "finite", "degrees", "lost"
+        flipped, n_exact, finite, degrees, lost = self.folder.each(self.names, *keys)
+        rows = np.sort(np.concatenate(flipped))
+        certificate = Certificate(False, np.inf, False, 0, rows, 0)
+        if all(finite):
+            certificate = certificate_of(self.final["boundary"], rows, int(sum(n_exact)))
+        free, inscribed = np.moveaxis(np.array(degrees), 1, 0)
         distortion = of_free = _distortion(np.concatenate([free, inscribed]))
         if inscribed[:, 0].any() and free[:, 0].any():
             of_free = _distortion(free)
+        n_lost, area, whole = map(sum, zip(*lost, strict=True))
         conformality = NOT_VALID
         if certificate.valid:
             near = _Sample.of(self.folder, self.names)
             faces = near.places(sampled_faces(self.m))
-            degrees = disk_map_distortion(near.mesh, coordinates(near.f))[faces]
-            conformality = judge_by(near.mesh, near.f, degrees, faces, distortion.mean)
+            errors = disk_map_distortion(near.mesh, coordinates(near.f))[faces]
+            conformality = judge_by(near.mesh, near.f, errors, faces, distortion.mean)
         return {
             "certificate": certificate,
             "conformality": conformality,
             "distortion": distortion,
             "distortion_of_free_faces": of_free,
+            "lost": (int(n_lost), float(area / whole)),
+            "moved_bytes": sum(file.stat().st_size for file in self.folder.computed()),
         }
 
     def give_up(self, reason: str, result: Any = None) -> NoReturn:

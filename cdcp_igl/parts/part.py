@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,9 @@ import numpy as np
 from ..arrays import Bools, Floats, Ints, marked
 from ..cached import cached_property
 from ..io.output import whole_file
+from ..solve.factored import FactoredSurface
+from ..solve.laplacian import cotangent_laplacian
+from ..steps.extension import harmonic_extension
 from ..surface.mesh import DiskMesh
 from ..surface.topology import Edges, Topology
 from ..surface.triangles import corner_cotangents
@@ -52,83 +55,57 @@ class Piece(DiskMesh):
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
-    """A part as it lies in its folder.
-
-    Attributes
-    ----------
-    vertices : (n,) int64
-        Rows of V of the whole surface, ascending.
-    faces : (m,) int64
-        Rows of F of the whole surface, ascending.
-    V : (n, 3) float64
-    F : (m, 3) int64
-    seam : (n,) int64
-        Row of each vertex in the table of seams, -1 of those in no other part.
-    own : (n,) bool
-        Which vertices count here, of those that are in several parts.
-    """
-
-    vertices: Ints
-    faces: Ints
-    V: Floats
-    F: Ints
-    seam: Ints
-    own: Bools
-
-
-@dataclass(frozen=True)
 class Folder:
     """The parts of a surface, and beside them a folder of what is computed of them.
 
     Attributes
     ----------
-    parts : Path
-        Of the parts.
-    work : Path
-        Of what is computed.
+    parts, work : Path
+        Of the parts, and of what is computed.
+    manifest : dict
+        Numbers of vertices and faces, levels of cuts, parts with faces, exponent of the unit.
     """
 
     parts: Path
     work: Path
+    manifest: dict[str, Any]
 
-    @cached_property
-    def manifest(self) -> dict[str, Any]:
-        """Numbers of vertices and faces, levels of cuts, parts with faces, exponent of the unit."""
-        manifest: dict[str, Any] = json.loads((self.parts / MANIFEST).read_text())
-        return manifest
+    @classmethod
+    def of(cls, parts: Path, work: str) -> Folder:
+        """Open what `partition` has made."""
+        return cls(parts, parts / work, json.loads((parts / MANIFEST).read_text()))
 
     @property
     def n_leaves(self) -> int:
         """How many parts there may be: part p is node p + this of a heap, whose root is 1."""
         return 1 << self.manifest["levels"]
 
-    @cached_property
+    @property
     def leaves(self) -> list[int]:
         """The parts that have faces."""
-        return self.manifest["parts"]
+        leaves: list[int] = self.manifest["parts"]
+        return leaves
 
     @cached_property
     def nodes(self) -> set[int]:
         """The nodes of the heap with faces below."""
-        nodes, level = set[int](), {self.n_leaves + p for p in self.leaves}
-        while level != {0}:
-            nodes |= level
-            level = {node // 2 for node in level}
-        return nodes
+        ups = range(self.manifest["levels"] + 1)
+        return {(self.n_leaves + p) >> up for p in self.leaves for up in ups}
 
-    def part(self, p: int) -> Part:
-        """Read a part."""
-        return Part(**self.part_arrays(p))
+    @property
+    def cuts(self) -> list[int]:
+        """The nodes that have others below, from the root."""
+        return sorted(node for node in self.nodes if node < self.n_leaves)
 
-    def part_arrays(self, p: int, *only: str) -> Arrays:
+    def part(self, p: int, *only: str) -> Arrays:
         """Read the arrays of a part, all or some."""
         return _read(self.parts / f"part-{p}.npz", *only)
 
     @cached_property
-    def seams(self) -> Arrays:
-        """``vertices`` in several parts, and the ``node`` of the heap that eliminates each."""
-        return _read(self.parts / "seams.npz")
+    def seams(self) -> Ints:
+        """(s,) the node of the heap that eliminates each vertex that is in several parts."""
+        node: Ints = _read(self.parts / "seams.npz", "node")["node"]
+        return node
 
     def has(self, name: str) -> bool:
         """Whether something is computed."""
@@ -138,31 +115,120 @@ class Folder:
         """Read the arrays of something that is computed, all or some."""
         return _read(self._file(name), *only)
 
+    def each(self, names: Iterable[str], *only: str) -> tuple[list[Any], ...]:
+        """Read some arrays of several things: a list of each array."""
+        found = [self.read(name, *only) for name in names]
+        return tuple([arrays[key] for arrays in found] for key in only)
+
     def write(self, name: str, arrays: Arrays) -> None:
         """Write arrays, all or nothing."""
         with whole_file(self._file(name)) as unfinished:
             np.savez(unfinished, **arrays)
 
-    def has_face(self, p: int, face: int) -> bool:
-        """Whether a part has a face, by its row."""
-        return bool(among(np.array([face]), self.part_arrays(p, "faces")["faces"]).any())
-
     def remove(self, name: str) -> None:
         """Remove what is not needed any more."""
         self._file(name).unlink(missing_ok=True)
 
-    def total_size(self) -> int:
-        """How many bytes all that is computed has."""
-        return sum(file.stat().st_size for file in self.work.glob("*.npz"))
+    def computed(self) -> list[Path]:
+        """List the files of what is computed, but for the map itself."""
+        return list(self.work.glob("*.npz"))
 
-    def keep_only(self, names: set[str]) -> None:
-        """Remove the rest of what is computed."""
-        for file in self.work.glob("*.npz"):
-            if file.stem not in names:
-                file.unlink()
+    def uv(self, p: int) -> Path:
+        """Where the map of a part is, once it is complete: an npy file."""
+        return self.work / f"uv-{p}.npy"
 
     def _file(self, name: str) -> Path:
         return self.work / f"{name}.npz"
+
+
+class Part:
+    """A part with its seams and its boundary; inside are its other vertices.
+
+    Attributes
+    ----------
+    vertices, faces : (n,), (m,) int64
+        Rows of V and of F of the whole surface, ascending.
+    V : (n, 3) float64
+    F : (m, 3) int64
+    row : (n,) int64
+        Of each vertex in the table of seams, -1 of those in no other part.
+    own : (n,) bool
+        Which vertices count here, of those that are in several parts.
+    """
+
+    vertices: Ints
+    faces: Ints
+    V: Floats
+    F: Ints
+    row: Ints
+    own: Bools
+
+    def __init__(self, folder: Folder, p: int) -> None:
+        self._folder, self._p = folder, p
+        vars(self).update(folder.part(p))
+
+    @cached_property
+    def _place(self) -> Ints:
+        loop = self._folder.read("loop")["loop"]
+        order = np.argsort(loop)
+        place: Ints = np.full(len(self.vertices), -1)
+        place[among(loop[order], self.vertices)] = order[among(self.vertices, loop[order])]
+        return place
+
+    @property
+    def border(self) -> Ints:
+        """(b,) vertices on the boundary of the surface."""
+        return np.flatnonzero(self._place >= 0)
+
+    @property
+    def places(self) -> Ints:
+        """(b,) their places on its loop."""
+        return self._place[self.border]
+
+    @property
+    def seam(self) -> Ints:
+        """(s,) vertices on seams and not on the boundary."""
+        return np.flatnonzero((self.row >= 0) & (self._place < 0))
+
+    @property
+    def rows(self) -> Ints:
+        """(s,) their rows in the table of seams."""
+        return self.row[self.seam]
+
+    @cached_property
+    def piece(self) -> Piece:
+        """The part as a mesh, whose boundary are its seams and then the boundary."""
+        return Piece(self.V, self.F, np.concatenate([self.seam, self.border]))
+
+    @cached_property
+    def factored(self) -> FactoredSurface:
+        """What is inside, factored in the order that was found when the part was condensed."""
+        order = self._folder.read(f"eliminate-{self._p}", "order")["order"]
+        return FactoredSurface(self.piece, cotangent_laplacian(self.piece), order=order)
+
+    @property
+    def sources(self) -> Floats:
+        """(n,) right-hand side of the torsion function; of seams, in one part only."""
+        return ((self.row < 0) | self.own).astype(float)
+
+    def torsion(self) -> Floats:
+        """(m,) sums of the torsion function over the corners of the faces."""
+        on_seams = self._folder.read("torsion")["torsion"][self.rows]
+        on_given = np.concatenate([on_seams, np.zeros(len(self.border))])
+        u = self.factored.solve(self.sources) + harmonic_extension(self.factored, on_given)
+        i, j, k = u[self.F.T]
+        return i + j + k
+
+    def some(self, here: Bools, f: Any) -> Arrays:
+        """Return some faces: rows, corners, positions, images, and which are on the boundary."""
+        F = self.F[here]
+        return {
+            "faces": self.faces[here],
+            "corners": self.vertices[F],
+            "V": self.V[F],
+            "images": f[F],
+            "on_boundary": (self._place >= 0)[F],
+        }
 
 
 def _read(path: Path, *only: str) -> Arrays:
@@ -171,16 +237,12 @@ def _read(path: Path, *only: str) -> Arrays:
 
 
 def among(some: Ints, rows: Ints) -> Bools:
-    """(k,) which of k ascending rows are among some others."""
-    mask = np.zeros(len(rows), dtype=bool)
-    at = np.searchsorted(rows, some)
-    inside = at < len(rows)
-    at = at[inside]
-    mask[at[rows[at] == some[inside]]] = True
-    return mask
+    """(k,) which of k rows are among some others, which ascend."""
+    found: Bools = np.append(some, -1)[np.searchsorted(some, rows)] == rows
+    return found
 
 
-def named(what: Callable[..., Arrays], of: int, given: tuple[Any, ...] = ()) -> str:
+def named(what: Callable[..., Arrays], of: int, *given: Any) -> str:
     """Name the result of a step with a part or a cut, by all that it depends on."""
     name = f"{what.__name__}-{of}"
     return f"{name}-{crc32(repr(given).encode()):08x}" if given else name

@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from math import log2
 from os import PathLike
 from pathlib import Path
@@ -134,21 +135,17 @@ def refuse(V: Sequence[Array], F: Sequence[Array]) -> NoReturn:
     raise MeshError(*examined.defects)
 
 
+@dataclass
 class _Parting:
     """The work of `partition`; `levels` cuts make 2^levels parts."""
 
-    def __init__(
-        self,
-        V: Sequence[Array],
-        F: Sequence[Array],
-        n: int,
-        m: int,
-        levels: int,
-        folder: Path,
-        progress: Callable[[str, float], None],
-    ) -> None:
-        self.V, self.F, self.n, self.m = V, F, n, m
-        self.levels, self.folder, self.progress = levels, folder, progress
+    V: Sequence[Array]
+    F: Sequence[Array]
+    n: int
+    m: int
+    levels: int
+    folder: Path
+    progress: Callable[[str, float], None]
 
     def run(self) -> None:
         """Write the parts, the seams, and what there is."""
@@ -234,7 +231,7 @@ class _Parting:
             faces=faces,
             V=_scaled(_take(self.V, vertices), exponent),
             F=F.reshape(-1, 3),
-            seam=seam,
+            row=seam,
             own=least[vertices] == part,
         )
         self._raw(part).unlink()

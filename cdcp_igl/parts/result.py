@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -15,7 +17,7 @@ from ..arrays import Floats, Ints
 from ..cached import cached_property
 from ..certificate import Certificate
 from ..distortion import AngleDistortion
-from ..io.output import whole_file
+from ..io.output import whole_file, write_text
 from ..plot.layout import Layout
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.conformality import Conformality
@@ -23,8 +25,9 @@ from ..rescue.repair import Repair
 from ..result.disk_map import OntoDisk
 from ..steps.center import Center
 from ..steps.mobius import Normalization
-from ..surface.triangles import face_areas, lost_in_single_precision
-from .part import Folder
+from .part import Arrays, Folder
+
+RESULT = "map.json"  # comes last: what there is to know of a complete map
 
 # What is written of a map: results of a kind of their own, and numbers and texts.
 KINDS: dict[str, Any] = {
@@ -37,7 +40,7 @@ KINDS: dict[str, Any] = {
     "mobius": Normalization,
     "repair": Repair,
 }
-PLAIN = ("names", "solver", "timings", "moved_bytes")
+PLAIN = ("solver", "timings", "lost", "moved_bytes")
 
 SQUARES, CUBES = 128, 64  # across the disk and the surface: each vertex of a view stands for one
 
@@ -47,15 +50,13 @@ class PartsMap(OntoDisk):
     """A disk conformal map of a surface in parts, which lies in files. Printing it gives a summary.
 
     Pictures and pages show a coarser surface: of the vertices in one small square of the disk, and
-    in one small cube of space, one.
+    in one small cube of space, one. These and the coordinates are read from the folder.
 
     Attributes
     ----------
     folder : Folder
-        Of the parts, and of the map.
-    names : tuple of str
-        The files of the map, one for each part: ``uv`` (k, 2) belongs to ``vertices`` (k,) in the
-        file of the part, rows of V.
+        Of the parts, and of the map: ``uv-P.npy`` (k, 2) belongs to the ``vertices`` (k,) in
+        ``part-P.npz``, rows of V.
     certificate, conformality, distortion, distortion_of_free_faces, solver, timings
         As of a DiskMap; of the whole.
     moved_bytes : int
@@ -74,12 +75,13 @@ class PartsMap(OntoDisk):
     """
 
     folder: Folder
-    names: tuple[str, ...]
-    moved_bytes: int = 0
+    lost: tuple[int, float]
+    moved_bytes: int
 
     @classmethod
-    def read(cls, folder: Folder, told: dict[str, Any]) -> PartsMap:
-        """Read what `told` has written."""
+    def read(cls, folder: Folder) -> PartsMap:
+        """Read what `write` has written."""
+        told = json.loads((folder.work / RESULT).read_text())
         given = {name: kind(**_tuples(told[name])) for name, kind in KINDS.items()}
         given |= _tuples({name: told[name] for name in PLAIN})
         mobius, certificate = given["mobius"], given["certificate"]
@@ -87,17 +89,35 @@ class PartsMap(OntoDisk):
         given["certificate"] = replace(certificate, flipped=np.array(certificate.flipped, np.int64))
         return cls(folder=folder, **given)
 
-    def told(self) -> str:
-        """Write everything but the coordinates as JSON, for `read`."""
+    def write(self) -> None:
+        """Write everything but the coordinates as JSON, and remove what led to the map."""
         told = {name: asdict(getattr(self, name)) for name in KINDS}
         told |= {name: getattr(self, name) for name in PLAIN}
         told["mobius"]["w"] = [self.mobius.w.real, self.mobius.w.imag]
         told["certificate"]["flipped"] = self.certificate.flipped.tolist()
-        return json.dumps(told, indent=1) + "\n"
+        write_text(self.folder.work / RESULT, json.dumps(told, indent=1) + "\n")
+        for file in self.folder.computed():
+            file.unlink()
+
+    def _parts(self, *only: str) -> Iterator[tuple[Arrays, Floats]]:
+        """Read each part, all or some of its arrays, and its map."""
+        for p in self.folder.leaves:
+            try:
+                part, uv = self.folder.part(p, *only), np.load(self.folder.uv(p))
+            except FileNotFoundError as error:
+                reason = (
+                    "The coordinates of a map in parts lie in its folder, and are gone. Part and "
+                    "map the surface again, and assemble the map before its folder is removed"
+                )
+                raise FileNotFoundError(errno.ENOENT, reason, error.filename) from error
+            yield part, uv
 
     @cached_property
     def uv(self) -> Floats:  # type: ignore[override]
-        """(n, 2) the map in memory: row i is the image of row i of V."""
+        """(n, 2) the map in memory: row i is the image of row i of V.
+
+        FileNotFoundError if its folder is gone.
+        """
         uv = np.empty((self.folder.manifest["vertices"], 2))
         self._put(uv)
         return uv
@@ -113,7 +133,7 @@ class PartsMap(OntoDisk):
         Raises
         ------
         OSError
-            If it cannot be written.
+            If it cannot be written, or the folder of the map is gone.
         """
         with whole_file(path) as unfinished:
             shape = self.folder.manifest["vertices"], 2
@@ -122,9 +142,8 @@ class PartsMap(OntoDisk):
             uv.flush()
 
     def _put(self, uv: Floats) -> None:
-        for p, name in zip(self.folder.leaves, self.names, strict=True):
-            part = self.folder.part(p)
-            uv[part.vertices[part.own]] = self.folder.read(name, "uv")["uv"][part.own]
+        for part, points in self._parts("vertices", "own"):
+            uv[part["vertices"][part["own"]]] = points[part["own"]]
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the map to an npy file, as `assemble`; or what `DiskMap.save` says, but no surface.
@@ -145,29 +164,22 @@ class PartsMap(OntoDisk):
             super().save(path)
 
     def lost_in_single_precision(self) -> tuple[int, float]:
-        """As of a DiskMap; of the whole, which is read part by part."""
-        return self._lost
-
-    @cached_property
-    def _lost(self) -> tuple[int, float]:
-        number, lost_area, area = 0, 0.0, 0.0
-        for p, name in zip(self.folder.leaves, self.names, strict=True):
-            part, uv = self.folder.part(p), self.folder.read(name, "uv")["uv"]
-            lost, areas = lost_in_single_precision((uv + 1) / 2, part.F), face_areas(part.V, part.F)
-            number += len(lost)
-            lost_area += float(areas[lost].sum())
-            area += float(areas.sum())
-        return number, lost_area / area
+        """As of a DiskMap: measured when the map is certified."""
+        return self.lost
 
     def _subject(self) -> str:
-        return f"{self.folder.manifest['vertices']:,} vertices in {len(self.names)} parts"
+        return f"{self.folder.manifest['vertices']:,} vertices in {len(self.folder.leaves)} parts"
 
     def _steps(self) -> list[tuple[str, str]]:
         written = f"{self.moved_bytes / 2**20:,.0f} MiB written on the way"
         return [*super()._steps(), ("files", f"{self.folder.work}; {written}")]
 
     def _details(self) -> dict[str, Any]:
-        return {**super()._details(), "parts": len(self.names), "moved_bytes": self.moved_bytes}
+        return {
+            **super()._details(),
+            "parts": len(self.folder.leaves),
+            "moved_bytes": self.moved_bytes,
+        }
 
     def _size(self) -> tuple[int, int]:
         return self.folder.manifest["vertices"], self.folder.manifest["faces"]
@@ -179,23 +191,22 @@ class PartsMap(OntoDisk):
     def _coarse(self) -> Layout:
         """One vertex for each cell of the disk and of space, and the faces between three cells."""
         cells, positions, images, vertices, triples, faces = [], [], [], [], [], []
-        for p, name in zip(self.folder.leaves, self.names, strict=True):
-            part, uv = self.folder.part(p), self.folder.read(name, "uv")["uv"]
-            at = np.column_stack([(uv + 1) * (SQUARES / 2), (part.V + 1) * (CUBES / 2)])
+        for part, uv in self._parts():
+            at = np.column_stack([(uv + 1) * (SQUARES / 2), (part["V"] + 1) * (CUBES / 2)])
             cell = np.floor(at).astype(np.int64) @ (2 * SQUARES) ** np.arange(5)
             found, first = np.unique(cell, return_index=True)
             cells.append(found)
-            vertices.append(part.vertices[first])
-            positions.append(part.V[first])
+            vertices.append(part["vertices"][first])
+            positions.append(part["V"][first])
             images.append(uv[first])
-            i, j, k = corners = cell[part.F].T
+            i, j, k = corners = cell[part["F"]].T
             apart = (i != j) & (j != k) & (k != i)
             turned = corners.T[apart]
             start = turned.argmin(axis=1)[:, None]
             turned = np.take_along_axis(turned, (start + np.arange(3)) % 3, axis=1)
             once, first = np.unique(turned, axis=0, return_index=True)
             triples.append(once)
-            faces.append(part.faces[apart][first])
+            faces.append(part["faces"][apart][first])
         found, first = np.unique(np.concatenate(cells), return_index=True)
         once, one = np.unique(np.concatenate(triples), axis=0, return_index=True)
         return Layout(

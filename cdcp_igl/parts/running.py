@@ -17,6 +17,8 @@ from ..solve.solvers import SolverName, using
 from ..solve.threads import one_thread
 from .part import Arrays, Folder, named
 
+TIMES_ITS_FILE = 20  # the memory that a part takes while it is condensed
+
 
 @dataclass(frozen=True)
 class Step:
@@ -24,28 +26,28 @@ class Step:
 
     Attributes
     ----------
+    folder : Folder
+    solver : str
     what : callable
         Takes the folder, the number of the part or the cut, and what is `given`; returns arrays.
     of : int
     given : tuple
         Numbers and names.
-    folder : Folder
-    solver : str
     memory : float
         MiB that it may need.
     """
 
+    folder: Folder
+    solver: SolverName | None
     what: Callable[..., Arrays]
     of: int
     given: tuple[Any, ...]
-    folder: Folder
-    solver: SolverName | None
     memory: float
 
     @property
     def name(self) -> str:
         """Of the result, in the folder."""
-        return named(self.what, self.of, self.given)
+        return named(self.what, self.of, *self.given)
 
     @property
     def draft(self) -> str:
@@ -76,25 +78,26 @@ class Engine:
     """What runs steps: this process, so many others, or an executor."""
 
     def __init__(self, folder: Folder, executor: Any, solver: SolverName | None) -> None:
-        self.folder, self._solver = folder, solver
+        self.folder, self._solver, self._executor = folder, solver, executor
         self._pool = Pool(executor) if isinstance(executor, int) else None
-        self._executor = executor
+        largest = max((folder.parts / f"part-{p}.npz").stat().st_size for p in folder.leaves)
+        self.memory = TIMES_ITS_FILE * largest / 2**20
 
     def run(
         self,
         what: Callable[..., Arrays],
-        of: Iterable[int],
         *given: Any,
-        memory: float = 0.0,
+        of: Iterable[int] | None = None,
+        memory: float | None = None,
         advance: Callable[[float], None] = lambda done: None,
     ) -> list[str]:
-        """Run a step for each of some parts or cuts: the names of the results, in this order.
+        """Run a step for all parts, or for some parts or cuts: the names of the results.
 
         The first thing that goes wrong is raised. What is there already is not computed again.
         """
-        steps = [
-            Step(what, k, given, self.folder, self._solver, MIB_OF_PYTHON + memory) for k in of
-        ]
+        need = MIB_OF_PYTHON + (self.memory if memory is None else memory)
+        numbers = self.folder.leaves if of is None else of
+        steps = [Step(self.folder, self._solver, what, k, given, need) for k in numbers]
         left = [step for step in steps if not self.folder.has(step.name)]
         with closing(self._answers(left)) as answers:
             for done, answer in enumerate(answers, 1):

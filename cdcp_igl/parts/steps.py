@@ -7,72 +7,28 @@ are given. To what is inside, the other two are the boundary.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from ..arrays import Bools, Complex, Floats, Ints, coordinates, marked
-from ..cached import cached_property
+from ..arrays import Floats, coordinates, marked
 from ..distortion import disk_map_distortion
 from ..errors import SolverError
 from ..solve.condensed import Condensed
-from ..solve.factored import FactoredSurface
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.center import most_central
 from ..steps.extension import harmonic_extension
 from ..steps.mobius import mobius_transformation
 from ..steps.trace import boundary_flux, face_dipole
-from ..surface.topology import Topology
-from ..surface.triangles import corner_cotangents, degenerate_faces, flipped_faces, vertex_areas
-from .part import Arrays, Folder, Part, Piece, among, named
-
-
-class Placed:
-    """A part with its seams and its boundary.
-
-    Attributes
-    ----------
-    part : Part
-    seam, rows : (s,) int64
-        Vertices on seams and not on the boundary, and their rows in the table of seams.
-    border, places : (b,) int64
-        Vertices on the boundary, and their places on the loop of the surface.
-    """
-
-    def __init__(self, folder: Folder, p: int) -> None:
-        self.part: Part = folder.part(p)
-        loop = folder.read("loop", "loop")["loop"]
-        order = np.argsort(loop)
-        at = np.searchsorted(loop[order], self.part.vertices)
-        at[at == len(loop)] = 0
-        place = order[at]
-        on_boundary = loop[place] == self.part.vertices
-        self.border: Ints = np.flatnonzero(on_boundary)
-        self.places: Ints = place[self.border]
-        self.seam: Ints = np.flatnonzero((self.part.seam >= 0) & ~on_boundary)
-        self.rows: Ints = self.part.seam[self.seam]
-
-    @property
-    def given(self) -> Ints:
-        """What is the boundary of the part: seams first."""
-        return np.concatenate([self.seam, self.border])
-
-    @cached_property
-    def piece(self) -> Piece:
-        """The part with this boundary, as a mesh."""
-        return Piece(self.part.V, self.part.F, self.given)
-
-    def factored(self, folder: Folder, p: int) -> FactoredSurface:
-        """Factor what is inside, in the order that was found when the part was condensed."""
-        order = folder.read(named(eliminate, p), "order")["order"]
-        return FactoredSurface(self.piece, cotangent_laplacian(self.piece), order=order)
-
-    @property
-    def sources(self) -> Floats:
-        """(n,) right-hand side of the torsion function; of seams, in one part only."""
-        sources: Floats = ((self.part.seam < 0) | self.part.own).astype(float)
-        return sources
+from ..surface.topology import Topology, heads
+from ..surface.triangles import (
+    corner_cotangents,
+    degenerate_faces,
+    face_areas,
+    flipped_faces,
+    lost_in_single_precision,
+    vertex_areas,
+)
+from .part import Arrays, Folder, Part, among, named
 
 
 def examine(folder: Folder, p: int) -> Arrays:
@@ -81,22 +37,20 @@ def examine(folder: Folder, p: int) -> Arrays:
     ``sound``: nothing is wrong inside. ``half_edges`` (k, 2): those of edges that have one face
     here, or may have faces in other parts, by their ends, with the ``component`` of each.
     """
-    part = folder.part(p)
+    part = Part(folder, p)
     surface = Topology(part.F, len(part.vertices))
-    edges, tail = surface.edges, surface._tail
+    edges, tail = surface.edges, part.F.T.ravel()
     one, other = surface.twins
     flat = degenerate_faces(corner_cotangents(part.V, part.F))
     sound = not (surface.singular.any() or (tail[one] == tail[other]).any() or len(flat))
-    on_seam = part.seam >= 0
+    on_seam = part.row >= 0
     open_ = (edges.valence == 1) | (on_seam[edges.low] & on_seam[edges.high])
     sides = edges.sides[np.repeat(open_, edges.valence)]
-    m = len(part.F)
-    ends = np.column_stack([tail[sides], tail[(sides + m) % (3 * m)]])
     n_components, component = surface.components
     return {
         "sound": sound,
-        "half_edges": part.vertices[ends],
-        "component": component[sides % m],
+        "half_edges": part.vertices[np.column_stack([tail, heads(tail)])[sides]],
+        "component": component[sides % len(part.F)],
         "n_components": n_components,
         "n_inner": np.count_nonzero(~open_),
     }
@@ -110,24 +64,22 @@ def eliminate(folder: Folder, p: int) -> Arrays:
     with 0 on the seams; and of the boundary vertices ``places``, ``positions`` and the angles
     ``around`` them.
     """
-    placed = Placed(folder, p)
-    part, piece, k = placed.part, placed.piece, len(placed.seam)
-    condensed = Condensed(cotangent_laplacian(piece), piece.V, piece.loop)
-    u, torsion = condensed.solve(placed.sources)
+    part = Part(folder, p)
+    rows, places, k = part.rows, part.places, len(part.rows)
+    condensed = Condensed(cotangent_laplacian(part.piece), part.V, part.piece.loop)
+    u, torsion = condensed.solve(part.sources)
     schur = condensed.schur
-    node = folder.n_leaves + p
-    folder.write(f"schur-{node}", {"rows": placed.rows, "schur": schur[:k, :k]})
-    side = {"rows": placed.rows, "places": placed.places, "side": schur[:k, k:]}
-    folder.write(f"side-{p}", side)
-    around = np.bincount(part.F.ravel(), piece.angles.ravel(), len(part.vertices))
+    folder.write(f"schur-{folder.n_leaves + p}", {"rows": rows, "schur": schur[:k, :k]})
+    folder.write(f"side-{p}", {"rows": rows, "places": places, "side": schur[:k, k:]})
+    around = np.bincount(part.F.ravel(), part.piece.angles.ravel(), len(part.V))
     return {
-        "rows": placed.rows,
+        "rows": rows,
         "torsion": torsion[:k],
         "most": u[part.F].sum(axis=1).max(),
         "order": condensed.order,
-        "places": placed.places,
-        "positions": part.V[placed.border],
-        "around": around[placed.border],
+        "places": places,
+        "positions": part.V[part.border],
+        "around": around[part.border],
     }
 
 
@@ -138,12 +90,12 @@ def merge(folder: Folder, node: int) -> Arrays:
     """
     sides = [folder.read(f"schur-{k}") for k in (2 * node, 2 * node + 1) if k in folder.nodes]
     rows = np.unique(np.concatenate([side["rows"] for side in sides]))
-    is_here = folder.seams["node"][rows] == node
+    is_here = folder.seams[rows] == node
     here, rest = rows[is_here], rows[~is_here]
     rows, h = np.concatenate([here, rest]), len(here)
     order = np.argsort(rows)
     front = np.zeros((len(rows), len(rows)))
-    while sides:
+    while sides:  # one of them is gone before the next is added
         side = sides.pop()
         at = order[np.searchsorted(rows[order], side["rows"])]
         front[np.ix_(at, at)] += side["schur"]
@@ -162,119 +114,89 @@ def merge(folder: Folder, node: int) -> Arrays:
 
 def central(folder: Folder, p: int) -> Arrays:
     """Find the most central faces by torsion: how central, their rows, their smallest angles."""
-    placed = Placed(folder, p)
-    part, piece = placed.part, placed.piece
-    surface = placed.factored(folder, p)
-    centrality = _torsion(folder, placed, surface)
+    part = Part(folder, p)
+    centrality = part.torsion()
     best = most_central(centrality)
     return {
         "centrality": centrality[best],
         "faces": part.faces[best],
-        "smallest": piece.angles[best].min(axis=1),
+        "smallest": part.piece.angles[best].min(axis=1),
     }
 
 
 def dipole(folder: Folder, p: int, face: int) -> Arrays:
     """Condense the dipole on a face of a part: what flows into its seams and its boundary."""
-    placed = Placed(folder, p)
-    piece = placed.piece
-    surface = placed.factored(folder, p)
-    row = int(np.searchsorted(placed.part.faces, face))
-    flux = boundary_flux(surface, face_dipole(piece, row))
-    k = len(placed.seam)
+    part = Part(folder, p)
+    row = int(np.searchsorted(part.faces, face))
+    flux = boundary_flux(part.factored, face_dipole(part.piece, row))
+    k = len(part.rows)
     return {
-        "rows": placed.rows,
+        "rows": part.rows,
         "seams": flux[:k],
-        "places": placed.places,
+        "places": part.places,
         "boundary": flux[k:],
-        "on_boundary": marked(len(piece.V), placed.border)[piece.F[row]].any(),
+        "on_boundary": np.isin(part.F[row], part.border).any(),
     }
 
 
-def extend(folder: Folder, p: int, values: str, sample: str, with_torsion: bool) -> Arrays:
+def extend(folder: Folder, p: int, face: int) -> Arrays:
     """Extend the values of seams and boundary harmonically, eq. (10): ``f`` (n,).
 
-    And a sample of the faces, as `chosen`; and the highest torsion of a face.
+    They are those of a central face. Also some faces of the ``sample``; and if this face was found
+    by the torsion function, the highest torsion of a face.
     """
-    placed = Placed(folder, p)
-    given = folder.read(values)
-    surface = placed.factored(folder, p)
-    f = harmonic_extension(
-        surface, np.concatenate([given["seams"][placed.rows], given["boundary"][placed.places]])
-    )
-    highest = _torsion(folder, placed, surface).max() if with_torsion else -np.inf
-    here = among(folder.read(sample)["rows"], placed.part.faces)
-    return {"f": f, "highest": highest, **chosen(placed, here, f)}
+    part, given = Part(folder, p), folder.read(f"values-{face}")
+    on_given = np.concatenate([given["seams"][part.rows], given["boundary"][part.places]])
+    f = harmonic_extension(part.factored, on_given)
+    here = among(folder.read("sample")["faces"], part.faces)
+    highest = part.torsion().max() if folder.has("torsion") else -np.inf
+    return {"f": f, "highest": highest, **part.some(here, f)}
 
 
-def finish(
-    folder: Folder, p: int, extension: tuple[Any, ...], values: str, w: complex, near: str
-) -> Arrays:
+def finish(folder: Folder, p: int, face: int, w: complex, values: str) -> Arrays:
     """Apply a Möbius transformation to f, and certify the part on the coordinates as written.
 
     ``uv`` (n, 2) has the values of seams and boundary bit by bit as they are given: both sides of
     a seam certify the same. ``degrees`` are sums of the angular distortion: number, sum, sum of
     squares and maximum, and the same of faces inscribed in the circle, which are not among the
-    first. And the faces at some vertices, as `chosen`.
+    first. ``lost``: the number of faces without area as texture coordinates in single precision,
+    their area, and that of all. And the faces at the vertices of the judged ones.
     """
-    placed = Placed(folder, p)
-    part, given = placed.part, folder.read(values)
-    f = mobius_transformation(folder.read(named(extend, p, extension), "f")["f"], w) / given["turn"]
-    f[placed.seam] = given["seams"][placed.rows]
-    f[placed.border] = given["boundary"][placed.places]
-    f[among(given["vertices"], part.vertices)] = given["moved"][
-        among(part.vertices, given["vertices"])
-    ]
+    part, given = Part(folder, p), folder.read(values)
+    f = mobius_transformation(folder.read(named(extend, p, face), "f")["f"], w) / given["turn"]
+    f[part.seam] = given["seams"][part.rows]
+    f[part.border] = given["boundary"][part.places]
+    moved = given["vertices"]
+    f[among(moved, part.vertices)] = given["moved"][among(part.vertices, moved)]
     uv = coordinates(f)
     finite = bool(np.isfinite(uv).all())
     flipped, n_exact = flipped_faces(f, part.F) if finite else (np.arange(len(part.F)), 0)
-    degrees = disk_map_distortion(placed.piece, uv)
-    inscribed = marked(len(f), placed.border)[part.F].all(axis=1)
-    i, j, k = among(folder.read(near)["rows"], part.vertices)[part.F.T]
+    degrees = disk_map_distortion(part.piece, uv)
+    inscribed = marked(len(f), part.border)[part.F].all(axis=1)
+    i, j, k = among(folder.read("near")["vertices"], part.vertices)[part.F.T]
+    lost, areas = lost_in_single_precision((uv + 1) / 2, part.F), face_areas(part.V, part.F)
     return {
         "uv": uv,
         "finite": finite,
         "flipped": part.faces[flipped],
         "n_exact": n_exact,
         "degrees": np.array([_sums(degrees[~inscribed]), _sums(degrees[inscribed])]),
-        **chosen(placed, i | j | k, f),
+        "lost": np.array([len(lost), areas[lost].sum(), areas.sum()]),
+        **part.some(i | j | k, f),
     }
 
 
-def moments(
-    folder: Folder, p: int, extension: tuple[Any, ...], w: complex, *direction: float
-) -> Arrays:
+def moments(folder: Folder, p: int, face: int, w: complex, *direction: float) -> Arrays:
     """Moments of area, on the surface, of psi_w o f, and of the height in a direction.
 
     ``moments``: sums of the mass m, m z, m z^2, m h and m h z. ``heights``: least and largest.
     """
-    placed = Placed(folder, p)
-    z = mobius_transformation(folder.read(named(extend, p, extension), "f")["f"], w)
-    mass = vertex_areas(placed.part.V, placed.part.F)
-    h = placed.part.V @ np.array(direction or (0.0, 0.0, 0.0))
+    part = Part(folder, p)
+    z = mobius_transformation(folder.read(named(extend, p, face), "f")["f"], w)
+    mass = vertex_areas(part.V, part.F)
+    h = part.V @ np.array(direction or (0.0, 0.0, 0.0))
     sums = np.array([mass.sum(), mass @ z, mass @ (z * z), mass @ h, (mass * h) @ z])
     return {"moments": sums, "heights": np.array([h.min(), h.max()])}
-
-
-def chosen(placed: Placed, here: Bools, f: Complex) -> Arrays:
-    """Return some faces: rows, corners, their positions, images, and which are on the boundary."""
-    part, F = placed.part, placed.part.F[here]
-    return {
-        "faces": part.faces[here],
-        "corners": part.vertices[F],
-        "V": part.V[F],
-        "images": f[F],
-        "on_boundary": marked(len(f), placed.border)[F],
-    }
-
-
-def _torsion(folder: Folder, placed: Placed, surface: FactoredSurface) -> Floats:
-    """(m,) sums of the torsion function over the corners of the faces."""
-    on_seams = folder.read("torsion")["torsion"][placed.rows]
-    on_given = np.concatenate([on_seams, np.zeros(len(placed.border))])
-    u = surface.solve(placed.sources) + harmonic_extension(surface, on_given)
-    i, j, k = u[placed.part.F.T]
-    return i + j + k
 
 
 def _sums(degrees: Floats) -> Floats:

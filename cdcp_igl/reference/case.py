@@ -27,7 +27,7 @@ from ..errors import MapError, SolverError
 from ..io.output import whole_file
 from ..printing import finite
 from ..processes import cause_of_death, peak_memory, resident
-from ..result.disk_map import DiskMap
+from ..result.base import Result
 from ..surface.mesh import DiskMesh
 
 OK = "ok"
@@ -66,7 +66,7 @@ class Case:
     seconds, memory : float
         Wall time from arrays to map, and peak memory in MiB, of a fresh process.
     details : dict
-        `DiskMap.report` where the method returns a `DiskMap`, with the seconds per phase.
+        The report of a result such as a `DiskMap`, where one is returned: seconds per phase.
     """
 
     method: str
@@ -113,8 +113,8 @@ def run_case(
         that they never use.)
     table : str
         ``"module:name"`` of a mapping from names to `reference.Method`. A function in it may
-        also return a `DiskMap`, or a `Timed` with boundary ``"none"``. If the method has a
-        ``prepare``, that is called first and does not count.
+        also return a result such as a `DiskMap`, or a `Timed` with boundary ``"none"``. If the
+        method has a ``prepare``, that is called first and does not count.
 
     Raises
     ------
@@ -188,7 +188,7 @@ def measure(method: Any, mesh: str | Path) -> tuple[dict[str, Any], Floats | Non
     if isinstance(made, Timed):
         details = {"seconds": dict(made.phases)}
         return {"outcome": OK, **cost, "seconds": made.seconds, "details": details}, None
-    uv, details = (made.uv, made.report()) if isinstance(made, DiskMap) else (made, {})
+    uv, details = (made.uv, made.report()) if isinstance(made, Result) else (made, {})
     V, F = _surface(mesh)  # the method may have changed what it was given
     if returned := _other_than_map(uv, len(V)):
         return {"outcome": f"failed: must return (n, 2) numbers, and returned {returned}"}, None

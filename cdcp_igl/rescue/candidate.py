@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from time import perf_counter
 
+import numpy as np
+
 from ..arrays import Complex, Floats, Ints, coordinates
 from ..certificate import Certificate, certify
 from ..distortion import disk_map_distortion
@@ -20,7 +22,7 @@ from ..steps.phases import Phases
 from ..surface.mesh import DiskMesh
 from .boundary import BoundaryMethod
 from .collapsed_faces import open_collapsed_faces
-from .conformality import NOT_VALID, Conformality, judge
+from .conformality import LARGEST_DEGREES, NOT_VALID, Conformality, judge
 from .line_search import HALVINGS, THIN
 from .recentering import deep_vertex, recentered
 from .refine import STEPS_DUE, Refinement, lower_angle_distortion
@@ -94,7 +96,7 @@ class HarmonicMap:
     def needs_correction(self) -> bool:
         """Whether `corrected` has anything to do."""
         mesh = self.surface.mesh
-        return is_sheared(mesh, self.f) or deep_vertex(mesh, self.f) is not None
+        return is_sheared(mesh, self.f, self.f[mesh.loop]) or deep_vertex(mesh, self.f) is not None
 
     def corrected(self, *, straightened: bool) -> HarmonicMap:
         """Take the common shear out if asked to, and move a tiny region deep inside to 0."""
@@ -191,11 +193,27 @@ def refined(
 ) -> Candidate:
     """Lower the angular distortion beyond that of the harmonic map.
 
-    Where rounding flips faces at the end, refine again, and let no face become thinner than `THIN`.
+    No step takes a map that is conformal to one that is not. Where rounding flips faces at the end,
+    refine again, and let no face become thinner than `THIN`.
     """
     deadline = perf_counter() + options.refine_seconds
-    done = candidate.done
+    done, conformal, known = candidate.done, False, 0.0
+    closely = done.repair.n_flipped > 0
+
+    def no_less_conformal(f: Complex, r: Floats) -> bool:
+        nonlocal conformal, known
+        degrees, before = np.degrees(abs(r)), conformal
+        mean = float(degrees.mean())
+        conformal = mean <= LARGEST_DEGREES and bool(
+            judge(mesh, f, degrees, closely=closely, known=known)
+        )
+        if conformal:
+            known = max(known, mean)
+        return conformal or not before
+
     for thin in (0.0, THIN):
+        conformal = bool(candidate.conformality)
+        known = 0.0 if candidate.conformality.sheared else candidate.mean
         with phase("refine") as advance:
             f, refinement = lower_angle_distortion(
                 mesh,
@@ -208,6 +226,7 @@ def refined(
                 thin=thin,
                 least=options.refine or STEPS_DUE,
                 wanted=candidate.conformality.wanted,
+                accepted=no_less_conformal,
                 advance=advance,
             )
         if refinement.stopped:
@@ -220,8 +239,6 @@ def refined(
             f, repair = repair_locally(mesh, f)
         n_moved = max(done.repair.n_moved, repair.n_moved)
         lowered = replace(done, refinement=refinement, repair=replace(done.repair, n_moved=n_moved))
-        known = 0.0 if candidate.conformality.sheared else candidate.mean
-        closely = done.repair.n_flipped > 0
         better = judged(mesh, f, lowered, phase, closely=closely, known=known)
         if better.rank[:2] <= candidate.rank[:2]:
             return better

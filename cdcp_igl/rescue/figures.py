@@ -18,7 +18,7 @@ from ..certificate import (
 )
 from ..distortion import angle_errors, sphere_angle_errors
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import twice_areas
+from ..surface.triangles import flipped_faces, twice_areas
 from .collapsed_faces import open_collapsed_faces
 from .recentering import extents
 
@@ -52,6 +52,10 @@ class Figure(ABC):
         That is one factor for each corner, or for all.
         """
         return f.take(F.T), 1.0
+
+    def flipped(self, F: Ints, f: Complex) -> Ints:
+        """Faces that are not positively oriented, exactly."""
+        return flipped_faces(f, F)[0]
 
     def lower(self, F: Ints, f: Complex, height: float) -> Bools:
         """(m,) whether faces are less high than that by their distance from 0; none if it is 0."""
@@ -127,8 +131,11 @@ class Sphere(Figure):
 
     def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
         """(m, 3) signed angle errors in radians."""
-        P = self.points(f)
-        return sphere_angle_errors(mesh, P, flipped_on_sphere(P, mesh.F)[0])
+        return sphere_angle_errors(mesh, self.points(f), self.flipped(mesh.F, f))
+
+    def flipped(self, F: Ints, f: Complex) -> Ints:
+        """Faces that are not positively oriented, exactly."""
+        return flipped_on_sphere(self.points(f), F)[0]
 
     def certificate(self, mesh: DiskMesh, f: Complex) -> SphereCertificate:
         """Verify a map f (n,)."""

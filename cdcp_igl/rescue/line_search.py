@@ -42,9 +42,8 @@ def search_along(
     scale, low = np.ones(len(f)), figure.lower(mesh.F, f, thin)
     for _ in range(halvings):
         trial = figure.moved(mesh, f, scale * step)
-        certificate = figure.certificate(mesh, trial)
         flipped = figure.lower(mesh.F, trial, thin) & ~low
-        flipped[certificate.flipped] = True
+        flipped[figure.flipped(mesh.F, trial)] = True
         if flipped.any():
             faces = mesh.F[flipped]
             corners = np.unique(faces)
@@ -54,7 +53,7 @@ def search_along(
             continue
         r = figure.errors(mesh, trial)
         value = measure(r)
-        if value < objective and certificate.valid:
+        if value < objective and figure.certificate(mesh, trial).valid:
             return trial, r, value
         scale /= 2
     return None

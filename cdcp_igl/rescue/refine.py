@@ -22,7 +22,7 @@ from .line_search import HALVINGS, search_along
 # A map that is measurably not near the conformal one has so many steps even if none are asked for.
 STEPS_DUE = 2
 # Further steps are taken while one of the last three lowers the objective by this share.
-PATIENCE, WORTH = 3, 0.001
+PATIENCE, WORTH = 3, 0.003
 # After so many steps one can tell, to within this factor, whether they will make a map conformal.
 FEW_STEPS, HOPE = 10, 3
 ROUNDING = np.radians(0.1)  # below this angle |r|^p is rounded off to a parabola
@@ -50,8 +50,8 @@ class Refinement:
     stopped : str
         Why they are fewer: ``"no improvement"``; of steps that were not asked for,
         ``"little to gain"``, or ``"out of reach"`` if they cannot make the map conformal;
-        ``"no certificate"`` of the map that they led to, or ``"not conformal"`` if only that map is
-        not; or ``"time limit"``. Empty if they are not fewer.
+        ``"no certificate"`` of the map that they led to, or ``"not conformal"`` if the next step
+        would take this from the map; or ``"time limit"``. Empty if they are not fewer.
     norm : float
         The exponent p.
     before, after : float
@@ -90,6 +90,7 @@ def lower_angle_distortion(
     least: int | None = None,
     wanted: float = 0.0,
     figure: Figure = DISK,
+    accepted: Callable[[Complex, Floats], bool] = lambda f, r: True,
     advance: Callable[[float], None] = lambda done: None,
 ) -> tuple[Complex, Refinement]:
     """Lower the sum of |angle error|^p over all corners; the image stays the `figure` that it is.
@@ -107,9 +108,10 @@ def lower_angle_distortion(
     computed again with more damping; more of them are slower, and help where a map is bad. Faces
     at least as high as `thin` stay so, see `search_along`. After the `least` number of steps, if
     it is told, further ones end where there is little to gain, or where it is out of reach that
-    only the share `wanted` of the objective is left, which would make the map conformal. `advance`
-    is called after each step with the share that is done. Returns f itself if no step was an
-    improvement, or if it has flipped faces or overlaps itself.
+    only the share `wanted` of the objective is left, which would make the map conformal. They end
+    before a step to a map that is not `accepted`, with its angle errors (m, 3). `advance` is called
+    after each step with the share that is done. Returns f itself if no step was an improvement, or
+    if it has flipped faces or overlaps itself.
 
     References
     ----------
@@ -138,6 +140,8 @@ def lower_angle_distortion(
             found = search_along(mesh, f, step, measure, objective, halvings, thin, figure)
             if found is None:
                 attempt += 1
+            elif not accepted(*found[:2]):
+                stopped = "not conformal"
             else:
                 if attempt == 0:
                     p = max(norm, p - LOWERING)

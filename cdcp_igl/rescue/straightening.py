@@ -68,7 +68,7 @@ def straighten(
     boundary values harmonically; the map is returned as it is where less than 2 % of the errors
     can be gained.
     """
-    if not is_sheared(mesh, f):
+    if not is_sheared(mesh, f, f[mesh.loop]):
         return f, Straightening()
     shear, _ = common_shear(mesh, f, FEW_FACES)
     sample = evenly_spaced_rows(len(mesh.F), MANY_FACES)
@@ -114,12 +114,13 @@ def _straighter(
     return None
 
 
-def is_sheared(mesh: DiskMesh, f: Complex) -> bool:
+def is_sheared(mesh: DiskMesh, f: Complex, f_B: Complex) -> bool:
     """Whether so much shear is common to all faces that it is worth taking out.
 
-    False where arcs are too short for positions on the circle to describe them well.
+    False where arcs between boundary values are too short for positions on the circle to describe
+    them well.
     """
-    if increments(f[mesh.loop]).min() < RESOLVED:
+    if increments(f_B).min() < RESOLVED:
         return False
     return common_shear(mesh, f, FEW_FACES)[1] >= WORTH
 

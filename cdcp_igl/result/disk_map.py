@@ -17,7 +17,7 @@ from ..rescue.candidate import Provenance
 from ..rescue.collapsed_faces import open_collapsed_faces
 from ..rescue.repair import repair_locally
 from .base import Result
-from .bijection import Bijection
+from .bijection import DiskBijection
 from .landmarks import landmark_automorphism
 
 
@@ -89,7 +89,7 @@ class OntoDisk(Result, Provenance):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class DiskMap(Bijection, OntoDisk):
+class DiskMap(OntoDisk, DiskBijection):
     """A disk conformal map. Printing it gives a summary.
 
     Attributes

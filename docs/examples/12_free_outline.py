@@ -7,15 +7,13 @@ change less, and what is flat stays as it is.
 """
 
 import matplotlib.pyplot as plt
-import numpy as np
 
 import cdcp_igl
 
 try:
     V, F = cdcp_igl.datasets.load("human_face")
 except OSError:  # it is downloaded once, and there is no network
-    V, F, _ = cdcp_igl.datasets.square(30)
-    V[:, 2] = np.exp(-4 * (V[:, 0] ** 2 + V[:, 1] ** 2))
+    V, F = cdcp_igl.datasets.load("jacksboro_fault")
 
 mapper = cdcp_igl.DiskMapper(V, F)
 maps = {

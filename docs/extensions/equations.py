@@ -11,6 +11,7 @@ from pathlib import Path
 import ziamath
 from docutils import nodes
 from places import CITED
+from sphinx.ext import autosummary
 
 SIZE = 18  # pixels
 
@@ -79,6 +80,7 @@ def _find_equations(app):
 
 
 def setup(app):
+    autosummary.WELL_KNOWN_ABBREVIATIONS += ("eq.", "eqs.")  # do not end the line of a name
     app.add_html_math_renderer("svg", (_inline, None), (_display, None))
     app.config.html_math_renderer = "svg"
     app.connect("builder-inited", _find_equations)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -10,9 +12,12 @@ from cdcp_igl.arrays import Floats
 
 from ...records.record import EDGES
 from ...records.results import Measured, NotMeasured, Section
-from .style import INK, by_model, legend, model_name, new, require_few, series, style
+from .style import INK, STYLES, by_model, legend, model_name, new, require_few, series, style
 
-COMPARED = ("fdcp", "ldcp", "double_cover", "cdcp", "cdcp refine=5", "harmonic", "lscm")
+COMPARED = (
+    *("fdcp", "ldcp", "cem", "ricci", "cdcp", "cdcp refine=5", "harmonic", "lscm", "bff"),
+    "free refine=5",
+)
 CENTERS = ("center heat t=1e4 without Möbius", "center centroid without Möbius")
 MOBIUS = ("default", "without Möbius")
 
@@ -23,9 +28,18 @@ JOINED = (1, 2, 4)  # bins to a bar
 COLUMNS = 4
 
 
+def with_own(
+    measured: Measured, section: str = "tables", methods: Sequence[str] = COMPARED
+) -> tuple[str, ...]:
+    """Methods of a figure, and those that are somebody's own or have other options."""
+    results = measured.sections.get(section)
+    own = [method for method in results.maps if method not in STYLES] if results else []
+    return (*methods, *own)
+
+
 def histograms(measured: Measured) -> Figure:
     """Figure 6: share of the corners by angular distortion, a panel for each model."""
-    results, methods = measured.require("tables", tuple(LINES))
+    results, methods = measured.require("tables", with_own(measured, methods=tuple(LINES)))
     require_few(results)
     counted = {model: _histograms(results, model, methods) for model in results.mapped}
     counted = {model: of for model, of in counted.items() if of}
@@ -48,7 +62,7 @@ def histograms(measured: Measured) -> Figure:
 
 def histogram(measured: Measured, model: str) -> Figure:
     """Draw the panel of one model."""
-    results, methods = measured.require("tables", tuple(LINES))
+    results, methods = measured.require("tables", with_own(measured, methods=tuple(LINES)))
     counted = _histograms(results, model, methods)
     if not counted:
         raise NotMeasured("no method has a valid map")
@@ -71,7 +85,7 @@ def _draw_histogram(axes: Axes, counted: dict[str, Floats]) -> None:
             baseline=None,
             label=style(method).label,
             color=style(method).color,
-            linestyle=LINES[method],
+            linestyle=LINES.get(method, "-"),
             linewidth=1.3,
         )
     axes.set_xlim(0, EDGES[last])
@@ -95,7 +109,7 @@ def _most(shares: Floats) -> int:
 
 def table_1(measured: Measured) -> Figure:
     """Figure 7: mean and SD of the angular distortion."""
-    return _mean_and_sd(measured, "tables", COMPARED)
+    return _mean_and_sd(measured, "tables", with_own(measured))
 
 
 def centers(measured: Measured) -> Figure:
@@ -108,7 +122,7 @@ def mobius(measured: Measured) -> Figure:
     return _mean_and_sd(measured, "ablation", MOBIUS)
 
 
-def _mean_and_sd(measured: Measured, section: str, wanted: tuple[str, ...]) -> Figure:
+def _mean_and_sd(measured: Measured, section: str, wanted: Sequence[str]) -> Figure:
     results, methods = measured.require(section, wanted)
     labels = {"mean": "mean", "sd": "SD"}
     return by_model(

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ...records.results import Measured, NotMeasured
-from .accuracy import COMPARED, MOBIUS
+from .accuracy import MOBIUS, with_own
 from .style import (
     BLUE,
     GREEN,
@@ -29,7 +29,7 @@ from .style import (
     trend,
 )
 
-REPEATED = ("cdcp", "cdcp refine=1", "cdcp refine=5", "harmonic", "lscm")
+REPEATED = ("cdcp", "cdcp refine=5", "free", "harmonic", "lscm")
 UNIT = "one factorization of $L_{II}$"
 # Phases of CDCP that are drawn together, from first to last.
 STACK = {
@@ -46,7 +46,7 @@ STACK = {
 
 def seconds(measured: Measured) -> Figure:
     """Figure 8, left: time by method."""
-    return _seconds(measured, "tables", COMPARED)
+    return _seconds(measured, "tables", with_own(measured))
 
 
 def mobius(measured: Measured) -> Figure:
@@ -61,7 +61,7 @@ def _seconds(measured: Measured, section: str, wanted: Sequence[str]) -> Figure:
 
 def seconds_growth(measured: Measured) -> Figure:
     """Figure 8, right: time against n."""
-    results, methods = measured.require("tables", COMPARED)
+    results, methods = measured.require("tables", with_own(measured))
     figure, panels = new(7.2, 5)
     trend(panels[0, 0], results.mapped, series(results, methods, "seconds"))
     panels[0, 0].set_ylabel("seconds", fontsize=10, color=INK)
@@ -71,7 +71,7 @@ def seconds_growth(measured: Measured) -> Figure:
 def factorizations(measured: Measured) -> Figure:
     """Time as a multiple of one factorization of L_II, by repeated runs."""
     measured.require("speed", ("factor",))
-    results, methods = measured.require("speed", REPEATED)
+    results, methods = measured.require("speed", with_own(measured, "speed", REPEATED))
     unit = results.values("factor", "seconds")
     plotted = [
         replace(one, values=one.values / unit, spread=one.spread / unit)

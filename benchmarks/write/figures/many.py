@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from ...records.comparison import profiles
 from ...records.results import Measured, NotMeasured, Section
-from .accuracy import COMPARED
-from .style import INK, STYLES, legend, log_scale, new, style
+from .accuracy import with_own
+from .style import INK, legend, log_scale, new, style
 
 FEWEST = 3  # surfaces, below which a share says nothing
 FARTHEST = 20  # times the best, where a profile ends
@@ -48,18 +48,10 @@ def performance_profiles(measured: Measured) -> Figure:
 
 def _disk_methods(measured: Measured) -> tuple[Section, list[str]]:
     """Leave out free boundaries, which solve another problem, and what was not run everywhere."""
-    results, methods = measured.require("tables", _shown(measured))
+    results, methods = measured.require("tables", with_own(measured))
     _enough(results)
-    left_out = {r.case.method for r in results.records if r.case.boundary != "disk"}
-    left_out |= {m for m in methods for model in results.mapped if not results.of(model, m)}
-    return results, [method for method in methods if method not in left_out]
-
-
-def _shown(measured: Measured) -> list[str]:
-    """Those of the other figures, and those that are somebody's own."""
-    tables = measured.sections.get("tables")
-    own = [method for method in tables.maps if method not in STYLES] if tables else []
-    return [*COMPARED, *own]
+    everywhere = results.everywhere("disk")
+    return results, [method for method in methods if method in everywhere]
 
 
 def _enough(results: Section) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 from matplotlib import rc_context
@@ -17,6 +18,7 @@ from PIL import Image
 
 from cdcp_igl.arrays import Floats
 
+from ...measure.candidate import split
 from ...records.results import FROM, NotMeasured, Section, growth
 
 INK, FAINT, BAND = "#222222", "#8a8a8a", "#f3f3f3"
@@ -28,6 +30,7 @@ BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE = (
 LEAST = 100  # by which factor below the median a number may be to have its place on an axis
 DECADES = 1e3  # ratio of the ends of an axis from which on it has ticks at 1, 10, ... only
 MOST = 60  # surfaces that a figure with a row or a panel for each can show
+OWN = ("1", "2", "3", "4", "+", "|", "_")  # markers of methods that have no style
 HATCHES = ("", "///", "...", "\\\\\\", "xxx", "---", "ooo", "+++")
 
 
@@ -44,15 +47,21 @@ STYLES = {
     "fdcp": Style("FDCP", ORANGE, "s"),
     "ldcp": Style("LDCP", RED, "^"),
     "cdcp": Style("CDCP", BLUE, "o"),
-    "cdcp paper": Style('CDCP, preset="paper"', BLACK, "x"),
-    "cdcp refine=1": Style("CDCP, refine=1", SKY, "1"),
+    "cdcp refine=0": Style("CDCP, refine=0", BLUE, "1"),
     "cdcp refine=5": Style("CDCP, refine=5", SKY, "*"),
-    "cdcp refine=10 p=1.2": Style("CDCP, refine=10, p=1.2", SKY, "p"),
+    "cdcp refine=10 refine_norm=1.2": Style("CDCP, refine=10, p=1.2", SKY, "p"),
+    "cdcp preset=paper": Style("CDCP, preset=paper", BLACK, "x"),
+    "cdcp mobius=area": Style("CDCP, mobius=area", SKY, "2"),
     "double_cover": Style("double cover", GREEN, "D"),
     "cem": Style("CEM", GREEN, "h"),
     "heat_flow": Style("heat flow", RED, "d"),
     "ricci": Style("discrete Ricci flow", PURPLE, "H"),
     "harmonic": Style("harmonic, arc length", PURPLE, "v"),
+    "free": Style("CDCP, free outline", BLUE, ">"),
+    "free refine=5": Style("CDCP, free outline, refine=5", SKY, ">"),
+    "rectangle": Style("CDCP, rectangle", ORANGE, "8"),
+    "bff": Style("BFF, free boundary", BLACK, "<"),
+    "bff_disk": Style("BFF, near a disk", BLACK, "."),
     "abf": Style("ABF++, free boundary", FAINT, "<"),
     "lscm": Style("LSCM, free boundary", FAINT, "P"),
     "spectral": Style("spectral, free boundary", FAINT, "X"),
@@ -64,8 +73,11 @@ STYLES = {
 
 
 def style(method: str) -> Style:
-    """Return the style of a method; its own name in grey if it has none."""
-    return STYLES.get(method, Style(method, FAINT, "."))
+    """Return the style of a method; in black, with a marker of its name, if it has none."""
+    base, options = split(method)
+    changed = [f"{key}={value}" for key, value in options.items()]
+    label = ", ".join([STYLES[base].label if base in STYLES else base, *changed])
+    return STYLES.get(method) or Style(label, BLACK, OWN[crc32(method.encode()) % len(OWN)])
 
 
 def new(width: float, height: float, **grid: object) -> tuple[Figure, np.ndarray]:
