@@ -38,6 +38,10 @@ class Figure(ABC):
         """(m, 3) signed angle errors in radians."""
         return angle_errors(mesh, f)
 
+    def flipped(self, F: Ints, f: Complex) -> Ints:
+        """Faces that are not positively oriented, exactly."""
+        return flipped_faces(f, F)[0]
+
     def moved(self, mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
         """Move a map by a displacement (n,)."""
         return f + step
@@ -52,10 +56,6 @@ class Figure(ABC):
         That is one factor for each corner, or for all.
         """
         return f.take(F.T), 1.0
-
-    def flipped(self, F: Ints, f: Complex) -> Ints:
-        """Faces that are not positively oriented, exactly."""
-        return flipped_faces(f, F)[0]
 
     def lower(self, F: Ints, f: Complex, height: float) -> Bools:
         """(m,) whether faces are less high than that by their distance from 0; none if it is 0."""
@@ -129,13 +129,13 @@ class Sphere(Figure):
         P = np.column_stack([square - 1, 2 * z.real, 2 * z.imag]) / (1 + square)[:, None]
         return P @ self._axes
 
-    def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
-        """(m, 3) signed angle errors in radians."""
-        return sphere_angle_errors(mesh, self.points(f), self.flipped(mesh.F, f))
-
     def flipped(self, F: Ints, f: Complex) -> Ints:
         """Faces that are not positively oriented, exactly."""
         return flipped_on_sphere(self.points(f), F)[0]
+
+    def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
+        """(m, 3) signed angle errors in radians."""
+        return sphere_angle_errors(mesh, self.points(f), self.flipped(mesh.F, f))
 
     def certificate(self, mesh: DiskMesh, f: Complex) -> SphereCertificate:
         """Verify a map f (n,)."""
