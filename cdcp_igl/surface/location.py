@@ -121,6 +121,7 @@ class FaceFinder:
             blocked = np.asarray(beyond.any(axis=1))
             # Faces so small and far away that they seem to be one point hold no other.
             there = np.flatnonzero(~blocked)
+            there = there[areas[there].max(axis=1) < 4 * ONE_POINT]  # as all of these are
             reach = abs(seen[there] - np.roll(seen[there], 1, axis=1)).max(axis=1)
             strayed = there[reach < ONE_POINT * abs(seen[there]).max(axis=1)]
             blocked[strayed] = True
