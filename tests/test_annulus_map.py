@@ -80,9 +80,8 @@ def test_on_the_command_line_and_what_is_refused(tmp_path):
     source = tmp_path / "ring.obj"
     cdcp_igl.io.write_map(source, V, F, V[:, :2])
     assert "cdcp-igl map --annulus" in invoke("check", source).stdout
-    for suffix in (".obj", ".html", ".png"):
-        assert invoke("map", "--annulus", source, tmp_path / f"map{suffix}").exit_code == 0
-    done = invoke("map", "--annulus", source, tmp_path / "ring.glb")
+    views = "--picture", tmp_path / "ring.png", "--view", tmp_path / "ring.html"
+    done = invoke("map", "--annulus", source, tmp_path / "ring.glb", *views)
     assert "annulus map of 60 vertices: valid" in done.stdout
     for wrong in ("--clean", "--sphere"):
         assert invoke("map", "--annulus", wrong, source, tmp_path / "x.obj").exit_code == 2
