@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import dijkstra
 
 from . import libigl
-from .arrays import Complex, Floats, Ints, coordinates, marked
+from .arrays import Complex, Floats, Ints, as_complex, coordinates, marked
+from .cached import cached_property
 from .certificate import Certificate, around, not_finite
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, counted
@@ -19,14 +20,15 @@ from .io.given import takes_meshes
 from .plot.layout import Layout
 from .rescue.conformality import NOT_VALID, Conformality, judge
 from .rescue.repair import Repair, repair_locally
-from .result.base import Result
+from .result.bijection import Bijection
 from .solve.factored import FactoredSurface
 from .solve.solvers import SolverName, using
 from .steps.phases import Phases, Progress
 from .steps.trace import shared_by_edges
 from .surface.filling import fill_hole
+from .surface.location import FaceFinder
 from .surface.mesh import AnnulusMesh, DiskMesh
-from .surface.topology import Topology
+from .surface.topology import Topology, group_by_edge, tails
 from .surface.triangles import flipped_faces
 from .surface.validation import checked_surface
 
@@ -36,7 +38,7 @@ LEAST_SHARE = 1e-9  # of a turn, for each edge of a loop
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AnnulusMap(Result):
+class AnnulusMap(Bijection):
     """A conformal map onto a ring around 0. Printing it gives a summary.
 
     Attributes
@@ -91,6 +93,7 @@ class AnnulusMap(Result):
     repair: Repair
     solver: str
     timings: dict[str, float]
+    _whole: Floats  # with the images of vertices that fill holes
     _n_faces: int
 
     _kind = "annulus"
@@ -127,13 +130,30 @@ class AnnulusMap(Result):
         }
 
     def _surface(self) -> tuple[Floats, Ints]:
-        return self.mesh.positions[: len(self.uv)], self.mesh.F[: self._n_faces]
+        return self.mesh.positions[: len(self.uv)], self._faces
+
+    @property
+    def _images(self) -> Floats:
+        return self._whole
+
+    @property
+    def _faces(self) -> Ints:
+        return self.mesh.F[: self._n_faces]
+
+    @cached_property
+    def _finder(self) -> FaceFinder:
+        # Triangles around 0 make a disk of the ring.
+        clockwise, middle = self.mesh.loops[1], len(self.mesh.V)
+        around = [np.roll(clockwise, -1), clockwise, np.full(len(clockwise), middle)]
+        F = np.vstack([self.mesh.F, np.column_stack(around)])
+        edges = group_by_edge(tails(F, middle + 1), middle + 1)
+        return FaceFinder(F, edges, np.append(as_complex(self._images), 0), self._n_faces)
 
     def _layout(self) -> Layout:
         n, m = len(self.uv), self._n_faces
         return Layout(
             V=self.mesh.V[:n],
-            F=self.mesh.F[:m],
+            F=self._faces,
             uv=self.uv,
             vertices=np.arange(n),
             faces=np.arange(m),
@@ -220,7 +240,7 @@ def annulus_map(
             closely = repair.n_flipped > 0
             verdict = judge(mesh, f, degrees, closely=closely) if certificate.valid else NOT_VALID
     result = AnnulusMap(
-        uv=coordinates(f[:n]),
+        uv=coordinates(f)[:n],
         mesh=mesh,
         modulus=modulus,
         modulus_bounds=bounds,
@@ -232,6 +252,7 @@ def annulus_map(
         repair=repair,
         solver=surface.solver,
         timings=phase.seconds,
+        _whole=coordinates(f),
         _n_faces=m,
     )
     if not result.valid:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import sys
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING or sys.version_info >= (3, 12):
@@ -18,8 +19,6 @@ else:
         it, two threads may both compute the property, to the same value.
         """
 
-        def __get__(self, instance: Any, owner: Any = None) -> Any:
-            if instance is None:
-                return self
-            value = instance.__dict__[self.attrname] = self.func(instance)
-            return value
+        def __init__(self, function: Any) -> None:
+            super().__init__(function)
+            self.lock = nullcontext()

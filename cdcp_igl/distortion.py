@@ -275,7 +275,7 @@ def sphere_angle_errors(mesh: DiskMesh, P: Floats, flipped: Ints) -> Floats:
 
 def angle_errors(mesh: DiskMesh, f: Complex) -> Floats:
     """(m, 3) corner angles of a map f (n,) minus those of the surface, in radians."""
-    errors = np.empty(mesh.F.shape)
+    errors = np.empty_like(mesh.angles)
     for part in blocks(len(errors)):
         errors[part] = plane_angles(f, mesh.F[part]) - mesh.angles[part]
     return errors
@@ -286,7 +286,7 @@ def plane_angles(z: Complex, F: Ints) -> Floats:
 
     0 or pi, never NaN, in triangles that have collapsed.
     """
-    return angles_between(*(z[corner] for corner in F.T)).T
+    return angles_between(*z.take(F.T)).T
 
 
 def angles_between(i: Complex, j: Complex, k: Complex) -> Floats:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -15,13 +14,15 @@ from .algorithm import factored_surface, map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates, places
 from .certificate import OutlineCertificate, certify_outline
 from .distortion import AngleDistortion, angle_errors
-from .errors import MapError, SolverError, spell
+from .errors import SolverError, spell
 from .io.given import takes_meshes
 from .rescue.candidate import PATIENT, steps_due
-from .rescue.conformality import NOT_VALID, Conformality, judge
+from .rescue.conformality import NOT_VALID, judge
+from .rescue.figures import Outline
 from .rescue.line_search import HALVINGS
 from .rescue.refine import STEPS_DUE, Refinement, lower_angle_distortion
 from .rescue.repair import MANY, Repair, repair_locally
+from .result.base import valid_map
 from .result.plane_map import PlaneMap
 from .solve.factored import FactoredSurface
 from .solve.solvers import SolverName, using
@@ -39,8 +40,6 @@ from .steps.phases import Phases, Progress
 from .steps.trace import edge_lengths
 from .surface.mesh import DiskMesh
 from .surface.triangles import face_areas, oriented_areas, vertex_areas
-
-log = logging.getLogger("cdcp_igl")
 
 # Shares of the way from the boundary with its own lengths to that of the map onto the disk, in the
 # logarithms of lengths; tried in turn where the outline overlaps itself.
@@ -66,11 +65,8 @@ class FreeMap(PlaneMap):
         The surface.
     certificate : OutlineCertificate
         What was verified about `uv`: no face is flipped, the outline is simple.
-    distortion : AngleDistortion
-        Mean, SD and maximum of the angular distortion in degrees.
-    conformality : Conformality
-        Whether the map is what a conformal map of this mesh should be; if not, the reasons
-        and what would help.
+    conformality, distortion, timings
+        As of every `Result`; the seconds include those of maps that were not taken.
     area_ratio : float
         Area of the image by that of the surface.
     boundary : str
@@ -87,8 +83,6 @@ class FreeMap(PlaneMap):
         step was asked for and none was due.
     solver : str
         Sparse solver, version, ordering and mode.
-    timings : dict of str to float
-        Seconds per phase, those of maps that were not taken included.
 
     Examples
     --------
@@ -99,18 +93,9 @@ class FreeMap(PlaneMap):
     (True, 'own lengths')
     """
 
-    uv: Floats
-    mesh: DiskMesh
     certificate: OutlineCertificate
-    distortion: AngleDistortion
-    conformality: Conformality
     area_ratio: float
-    boundary: str
-    laplacian: str
-    repair: Repair
     refinement: Refinement | None
-    solver: str
-    timings: dict[str, float]
 
     _kind = "free"
     _plane = "Plane"
@@ -256,15 +241,10 @@ def free_map_of(
             surface.release()
         best = _refined(surface, best, order, steps, asked.length, options, phase)
     best = replace(best, uv=mesh.in_given_unit(best.uv))
-    if not best.valid:
-        remedy = "give other lengths or angles of the boundary"
-        if is_own:
-            remedy = "cut the surface where it is long or branches (cdcp_igl.cut)"
-        raise MapError(
-            f"The map is not a bijection: {best.certificate}. To have one, {remedy}", best
-        )
-    if not best.conformal:
-        log.warning("the map is not conformal: %s", "; ".join(best.conformality.reasons))
+    remedy = "give other lengths or angles of the boundary"
+    if is_own:
+        remedy = "cut the surface where it is long or branches (cdcp_igl.cut)"
+    best = valid_map(best, "", f"To have one, {remedy}")
     phase.done()
     return best
 
@@ -359,7 +339,7 @@ def _eased_maps(
         f, _ = lower_angle_distortion(
             *(surface.mesh, f, _order_of_all(surface), EASING, options.refine_norm),
             halvings=PATIENT,
-            free=True,
+            figure=Outline(),
         )
     yield f, "eased from the disk", disk.boundary.laplacian
 
@@ -443,7 +423,7 @@ def _refined(
             halvings=HALVINGS if plain.conformal else PATIENT,
             least=options.refine or STEPS_DUE,
             wanted=plain.conformality.wanted,
-            free=True,
+            figure=Outline(),
             advance=advance,
         )
     made = _finished(surface, f, plain.boundary, plain.laplacian, length, options, phase)

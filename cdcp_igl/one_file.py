@@ -36,7 +36,7 @@ ONLY_OF_DISKS = ("center", "mobius", "preset")
 # What a surface may be mapped onto, besides disks, and the options of that.
 TARGETS: dict[str, tuple[Callable[..., SphereMap | AnnulusMap], set[str]]] = {
     "annulus": (annulus_map, {"solver"}),
-    "sphere": (sphere_map, {"mobius", "solver"}),
+    "sphere": (sphere_map, {"mobius", "refine", "refine_norm", "refine_seconds", "solver"}),
 }
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,6 +19,7 @@ from .errors import MapError, SolverError, counted, spell
 from .io.given import takes_meshes
 from .rescue.conformality import NOT_VALID, judge
 from .rescue.repair import Repair, repaired
+from .result.base import valid_map
 from .result.plane_map import PlaneMap
 from .solve.factored import FactoredSurface
 from .solve.laplacian import LAPLACIANS, Laplacian
@@ -29,8 +29,6 @@ from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .surface.mesh import DiskMesh
 from .surface.triangles import flipped_faces
-
-log = logging.getLogger("cdcp_igl")
 
 # Phases of a map onto the disk, which a map onto a rectangle has only where its sides cannot slide.
 OF_THE_DISK = ("center", "trace", "circle", "extension", "mobius", "refine")
@@ -187,14 +185,8 @@ def rectangle_map(
             sides = _boundary_sides(mesh, corners)
             _refuse_chords(mesh, sides)
         best = _best_map(mesh, sides, phase)
-    if not best.valid:
-        raise MapError(
-            f"The map is not a bijection onto the rectangle: {best.certificate}. Parts of it may "
-            "be too small for double precision: choose corners farther apart",
-            best,
-        )
-    if not best.conformal:
-        log.warning("the map is not conformal: %s", "; ".join(best.conformality.reasons))
+    remedy = "Parts of it may be too small for double precision: choose corners farther apart"
+    best = valid_map(best, " onto the rectangle", remedy)
     phase.done()
     return best
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import combinations
 from typing import Any, Literal
 
@@ -18,13 +18,19 @@ from .distortion import AngleDistortion, log_of_ratio, sphere_angle_errors
 from .errors import MapError, SolverError
 from .io.given import takes_meshes
 from .plot.layout import Layout
+from .rescue.candidate import PATIENT, steps_due
 from .rescue.conformality import NOT_VALID, Conformality, judge
+from .rescue.figures import Sphere
+from .rescue.line_search import HALVINGS
+from .rescue.refine import STEPS_DUE, Refinement, lower_angle_distortion
 from .rescue.repair import MANY, POWERS, Neighbourhood, Repair, grow, repair_locally
-from .result.base import Result
+from .result.bijection import Bijection
 from .solve.factored import FactoredSurface
 from .solve.laplacian import LAPLACIANS
 from .solve.solvers import SolverName, using
+from .steps.options import Options
 from .steps.phases import Phases, Progress
+from .surface.location import SphereFinder
 from .surface.mesh import DiskMesh, SphereMesh
 from .surface.triangles import EPS, face_areas, vertex_areas
 
@@ -42,7 +48,7 @@ FEW, MOST_RINGS, MOST_MOVES, MOST_PLANES = 100, 6, 20_000, 20
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SphereMap(Result):
+class SphereMap(Bijection):
     """A conformal map onto the unit sphere. Printing it gives a summary.
 
     Attributes
@@ -73,6 +79,8 @@ class SphereMap(Result):
         too small on the sphere for double precision, and had to be enlarged.
     repair : Repair
         What was done about flipped faces.
+    refinement : Refinement or None
+        What was done to lower the angular distortion further; None if nothing was asked for or due.
     solver : str
         Sparse solver, version, ordering and mode.
     timings : dict of str to float
@@ -97,6 +105,7 @@ class SphereMap(Result):
     mobius: str
     laplacian: str
     repair: Repair
+    refinement: Refinement | None
     solver: str
     timings: dict[str, float]
 
@@ -115,6 +124,11 @@ class SphereMap(Result):
         """Return the chart `uv` scaled into the unit square, (m, 3, 2): texture coordinates."""
         return 0.5 + self.uv / (2 * self._reach)
 
+    def apply(self, face: ArrayLike, barycentric: ArrayLike) -> Floats:
+        """Map points of the surface to the unit sphere, as `Bijection.apply`: (..., 3)."""
+        straight = super().apply(face, barycentric)
+        return straight / np.linalg.norm(straight, axis=-1)[..., None]
+
     def area_distortion(self) -> Floats:
         """Logarithm of the area on the sphere by that on the surface, as fractions of their totals.
 
@@ -125,6 +139,22 @@ class SphereMap(Result):
         """
         F = self.mesh.F
         return log_of_ratio(face_areas(self.points, F), face_areas(self.mesh.V, F))
+
+    @property
+    def _images(self) -> Floats:
+        return self.points
+
+    @cached_property
+    def _finder(self) -> SphereFinder:
+        if not self.valid:
+            raise ValueError("the map is no bijection onto the sphere: points have no one place")
+        return SphereFinder(self.mesh.F, self.mesh.edges, self.points)
+
+    def _located(self, points: Floats) -> tuple[Ints, Floats]:
+        length = np.linalg.norm(points, axis=1)[:, None]
+        if not length.all():
+            raise ValueError("uv must not be 0, the middle of the sphere")
+        return self._finder.locate(points / length)
 
     @property
     def _reach(self) -> float:
@@ -139,6 +169,7 @@ class SphereMap(Result):
             ("Laplacian", self.laplacian),
             ("repair", str(self.repair)),
             ("Möbius", self.mobius),
+            ("refinement", str(self.refinement or "not asked for")),
             ("solver", self.solver),
         ]
 
@@ -148,6 +179,7 @@ class SphereMap(Result):
             "laplacian": self.laplacian,
             "repair": asdict(self.repair),
             "mobius": self.mobius,
+            "refinement": self.refinement and asdict(self.refinement),
             "solver": self.solver,
         }
 
@@ -184,6 +216,9 @@ def sphere_map(
     *,
     mobius: Literal["area"] | None = "area",
     align: Mapping[int, ArrayLike] | None = None,
+    refine: int | None = None,
+    refine_norm: float = 1.5,
+    refine_seconds: float = np.inf,
     solver: SolverName | None = None,
     progress: Progress | None = None,
 ) -> SphereMap:
@@ -203,13 +238,13 @@ def sphere_map(
     mobius : {"area"} or None
         ``"area"`` puts the centre of mass of the image at 0, masses being areas on the surface:
         the conformal barycentre, which evens out the area, and does not depend on the mesh. None
-        leaves the pole of the dipole at (0, 0, 1).
+        leaves the pole of the dipole at (0, 0, 1). Refinement comes later.
     align : mapping of int to (3,) array_like, optional
         Directions from the centre in which vertices shall lie: the sphere is turned to bring them
         near, after `mobius`. Without it, the sphere is turned to match the surface in space; not
         if `mobius` is None.
-    solver, progress
-        As in `disk_map`.
+    refine, refine_norm, refine_seconds, solver, progress
+        As in `disk_map`; of refinement, the vertex `SphereMap.pole` stays.
 
     Returns
     -------
@@ -250,12 +285,15 @@ def sphere_map(
     """
     if mobius not in ("area", None):
         raise ValueError(f'mobius must be "area" or None, not {mobius!r}')
-    phase = Phases(progress, skipped=("center", "circle", "extension", "refine"))
+    options = Options(
+        refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds, solver=solver
+    )
+    phase = Phases(progress, refine or 0, skipped=("center", "circle", "extension"))
     with using(solver):
         with phase("check"):
             mesh = SphereMesh(V, F)
             directions = None if align is None else _directions(align, len(mesh.V))
-        best = _best_map(mesh, mobius, directions, phase)
+        best = _best_map(mesh, mobius, directions, options, phase)
     if not best.valid:
         raise MapError(
             f"The map is not a bijection onto the sphere: {best.certificate}. Parts of it may be "
@@ -287,9 +325,10 @@ def _best_map(
     mesh: SphereMesh,
     mobius: Literal["area"] | None,
     align: tuple[Ints, Floats] | None,
+    options: Options,
     phase: Phases,
 ) -> SphereMap:
-    """Try one way after the other until a map is conformal; the best, valid or not."""
+    """Try one way after the other until a map is conformal; the best, refined, valid or not."""
     found = []
     for name, laplacian in LAPLACIANS.items():
         try:
@@ -312,7 +351,13 @@ def _best_map(
         with phase("repair"):
             P = _mean_value_map(mesh, last.pole)
         found.append(_finished(mesh, P, last.pole, "mean value", last.solver, None, align, phase))
-    return min(found, key=lambda result: (not result.valid, result.distortion.mean))
+    best = min(found, key=lambda result: (not result.valid, result.distortion.mean))
+    if not best.valid or options.refine == 0:
+        return best
+    due = steps_due(best.conformality, best.repair.n_moved / len(mesh.V))
+    steps = max(options.refine or 0, due)
+    order = np.append(surface.order, 0)
+    return _refined(best, order[order != best.pole], steps, options, phase) if steps else best
 
 
 def _finished(
@@ -352,9 +397,40 @@ def _finished(
         mobius=mobius or "none",
         laplacian=laplacian,
         repair=repair,
+        refinement=None,
         solver=solver,
         timings=phase.seconds,
     )
+
+
+def _refined(
+    plain: SphereMap, order: Ints, steps: int, options: Options, phase: Phases
+) -> SphereMap:
+    """Lower the angular distortion beyond that of the harmonic map."""
+    mesh, pole = plain.mesh, plain.pole
+    sphere = Sphere(plain.points, pole)
+    with phase("refine") as advance:
+        z, refinement = lower_angle_distortion(
+            mesh,
+            sphere.plane(plain.points),
+            order,
+            steps,
+            options.refine_norm,
+            seconds=options.refine_seconds,
+            halvings=HALVINGS if plain.conformal else PATIENT,
+            least=options.refine or STEPS_DUE,
+            wanted=plain.conformality.wanted,
+            figure=sphere,
+            advance=advance,
+        )
+    P = sphere.points(z)
+    made = _finished(mesh, P, pole, plain.laplacian, plain.solver, None, None, phase)
+    if refinement.steps and not made.valid:
+        refinement = replace(refinement, steps=0, stopped="no certificate", after=refinement.before)
+    if refinement.steps == 0:
+        return replace(plain, refinement=refinement)
+    repair = replace(plain.repair, n_moved=max(plain.repair.n_moved, made.repair.n_moved))
+    return replace(made, mobius=plain.mobius, refinement=refinement, repair=repair)
 
 
 # -- eq. (18) -------------------------------------------------------------------------------------

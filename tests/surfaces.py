@@ -141,3 +141,17 @@ def capped_tube(around=16, along=60):
     tip, end = np.full(around, len(V)), np.arange(around)
     cap = np.column_stack([np.roll(end, -1), end, tip])
     return np.vstack([V, [0, 0, -0.5]]), np.vstack([F, cap])
+
+
+def ring(rows, around, profile):
+    """A surface of revolution from ``profile(0)`` to ``profile(1)``, radius and height."""
+    i, j = (grid.ravel() for grid in np.indices((rows + 1, around)))
+    t = 2 * np.pi * (j + i % 2 / 2) / around
+    r, z = profile(i / rows)
+    V = np.column_stack([r * np.cos(t), r * np.sin(t), z])
+    at = np.arange(len(V)).reshape(rows + 1, around)
+    a, b, c, d = at[:-1], np.roll(at, -1, 1)[:-1], at[1:], np.roll(at, -1, 1)[1:]
+    odd = (np.arange(rows) % 2 == 1)[:, None, None]
+    first = np.where(odd, np.stack([a, b, d], 2), np.stack([a, b, c], 2))
+    second = np.where(odd, np.stack([a, d, c], 2), np.stack([b, d, c], 2))
+    return V, np.concatenate([first, second]).reshape(-1, 3), t

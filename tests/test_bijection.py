@@ -8,8 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from meshes import TRIANGLE, corridor, fan, grid, strip
+from surfaces import ring, sphere
 
 import cdcp_igl
+from cdcp_igl.certificate import certify_sphere
 from cdcp_igl.result.landmarks import Automorphism, landmark_automorphism
 
 SMALL = {"triangle": TRIANGLE, "fan": fan(), "strip": strip(), "grid": grid()}
@@ -65,6 +67,55 @@ def test_points_of_small_and_hostile_disks(name):
     for kind in ("faces", "edges", "vertices"):
         uv = result.apply(*points_of(kind, np.asarray(F), 1000, np.random.default_rng(1)))
         assert abs(result.apply(*result.invert(uv)) - uv).max() < 1e-12
+
+
+def pierced():
+    """A sphere with four holes, of which two are filled for the time of the map."""
+    V, F = sphere(12, 20)
+    used, faces = np.unique(F[~np.isin(F, [0, 105, 119, 200]).any(axis=1)], return_inverse=True)
+    return cdcp_igl.annulus_map(V[used], faces.reshape(-1, 3))
+
+
+WITHOUT_A_DISK = {
+    "spheroid": lambda: cdcp_igl.sphere_map(*cdcp_igl.datasets.spheroid(3, 2)[:2]),
+    "crowded sphere": lambda: cdcp_igl.sphere_map(*sphere(30, 12, 40)),
+    "ring": lambda: cdcp_igl.annulus_map(*ring(20, 40, lambda s: (0.3**s, 0 * s))[:2]),
+    "ring around 1e-43": lambda: cdcp_igl.annulus_map(
+        *ring(200, 12, lambda s: (1 + 0 * s, 100 * s))[:2]
+    ),
+    "filled": pierced,
+}
+
+
+@pytest.mark.parametrize("name", WITHOUT_A_DISK)
+def test_points_of_spheres_and_rings(name):
+    result = WITHOUT_A_DISK[name]()
+    V, F = result._surface()
+    for kind in ("faces", "edges", "vertices"):
+        face, barycentric = points_of(kind, F, 1000, np.random.default_rng(3))
+        image = result.apply(face, barycentric)
+        found, found_barycentric = result.invert(image)
+        assert abs(result.apply(found, found_barycentric) - image).max() < 1e-14
+        there = weights(F, len(V), face, barycentric)
+        assert abs(there - weights(F, len(V), found, found_barycentric)).max() < 1e-12
+        assert abs(result.interpolate(V, image) - there @ V).max() < 1e-10
+    if name == "filled":
+        filled = result._whole[result.mesh.F[len(F) :]].mean(axis=1)
+        assert (result.invert([*filled, [0, 0], [2, 0]])[0] == -1).all()
+
+
+def test_every_direction_has_a_place_on_a_sphere():
+    V, F, exact = cdcp_igl.datasets.spheroid(3, 2)
+    result = cdcp_igl.sphere_map(V, F)
+    directions = 7 * np.random.default_rng(4).normal(size=(50, 40, 3))
+    found = result.apply(*result.invert(directions))
+    lengths = np.linalg.norm(directions, axis=2)[..., None]
+    assert abs(found - directions / lengths).max() < 1e-15
+    for wrong in ([0, 0, 0], [1, 0]):
+        with pytest.raises(ValueError, match="uv"):
+            result.invert(wrong)
+    with pytest.raises(ValueError, match="bijection"):
+        replace(result, certificate=certify_sphere(F, -exact)).invert([1, 0, 0])
 
 
 @pytest.mark.parametrize("name", ["femur_2411", "maze_6120"])

@@ -13,6 +13,7 @@ import cdcp_igl
 from cdcp_igl.certificate import certify_outline, meeting_edges
 from cdcp_igl.datasets import ellipse, paraboloid, spherical_cap, square
 from cdcp_igl.distortion import plane_angles
+from cdcp_igl.rescue.figures import Outline
 from cdcp_igl.rescue.refine import WeightedLaplacian, gauss_newton_step
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -154,7 +155,7 @@ def test_a_step_with_a_free_outline_is_that_of_the_normal_equations():
     J = np.array([(angles(x) - angles(-x)) / (2 * h) for x in h * np.eye(2 * len(z))]).T
     direct = np.linalg.lstsq(J, -r.ravel(), rcond=1e-8)[0]
     laplacian = WeightedLaplacian(mesh, np.arange(len(z)))
-    step = gauss_newton_step(mesh, z, r, 2, 0, laplacian, 60, free=True).view(float)
+    step = gauss_newton_step(mesh, z, r, 2, 0, laplacian, 60, figure=Outline()).view(float)
     np.testing.assert_allclose(J @ step, J @ direct, atol=1e-7)
 
 

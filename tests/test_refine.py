@@ -8,6 +8,7 @@ import cdcp_igl
 from cdcp_igl.arrays import coordinates
 from cdcp_igl.certificate import certify
 from cdcp_igl.distortion import plane_angles
+from cdcp_igl.rescue.figures import Disk
 from cdcp_igl.rescue.line_search import HALVINGS, search_along
 from cdcp_igl.rescue.refine import (
     WeightedLaplacian,
@@ -187,7 +188,7 @@ def test_no_improvement_returns_the_map_itself(case):
 
 def searched(step):
     """The map that a step leads to if every map is better than the last one."""
-    found = search_along(MESH, Z, step, lambda r: -1, 0, HALVINGS, 0)
+    found = search_along(MESH, Z, step, lambda r: -1, 0, HALVINGS, 0, Disk())
     assert found is not None
     assert certify(MESH, coordinates(found[0])).valid
     return found[0]

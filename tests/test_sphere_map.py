@@ -11,6 +11,8 @@ from surfaces import skin, sphere, torus
 
 import cdcp_igl
 from cdcp_igl.certificate import certify_sphere
+from cdcp_igl.rescue.figures import Sphere
+from cdcp_igl.surface.mesh import SphereMesh
 
 CLOSED = ["closed_arm_8311", "closed_belt_8194", "closed_man_6890", "closed_spot_2930"]
 
@@ -61,6 +63,50 @@ def test_random_stars_are_mapped_one_to_one(seed):
     assert (signs > -1e-15).all()
     in_another_unit = cdcp_igl.sphere_map(2.0**40 * V, F)
     np.testing.assert_array_equal(in_another_unit.points, result.points)
+
+
+def test_refinement_finds_the_sphere_itself():
+    """Of a map of the sphere no angle need change; the harmonic one changes them."""
+    V, F, _ = cdcp_igl.datasets.spheroid(3, 1)
+    plain = cdcp_igl.sphere_map(V, F, refine=0)
+    refined = cdcp_igl.sphere_map(V, F, refine=5)
+    assert plain.refinement is None
+    assert plain.distortion.mean > 0.02
+    assert refined.distortion.mean < 1e-3
+    assert refined.refinement.steps == 5
+    assert "5 of 5 steps" in str(refined)
+    np.testing.assert_allclose(refined.points[refined.pole], plain.points[plain.pole], atol=1e-11)
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=8)
+def test_refined_maps_are_one_to_one_and_have_less_error(seed):
+    V, F = star(seed)
+    refined = cdcp_igl.sphere_map(V, F, refine=3)
+    assert refined.valid
+    assert refined.refinement.after <= refined.refinement.before
+
+
+def test_the_shear_of_faces_on_the_sphere():
+    """The derivative of the angles, but for what is of second order in the length of edges."""
+    off = []
+    for levels in (2, 3, 4):
+        V, F, P = cdcp_igl.datasets.spheroid(levels, 1.5)
+        mesh, sphere, rng = SphereMesh(V, F), Sphere(P, 0), np.random.default_rng(0)
+        z = sphere.plane(P)
+        np.testing.assert_allclose(np.delete(sphere.points(z) - P, 0, axis=0), 0, atol=4e-15)
+        dz = sphere.tangential(
+            mesh, z, (rng.normal(size=(len(z), 2)) @ [1, 1j]) * (1 + abs(z) ** 2)
+        )
+        corner, turn = (x.T for x in sphere.corners(z, F))
+        edge, moved = (np.roll(x, -1, axis=1) - x for x in (corner, turn * dz[F]))
+        step = 1e-7 * dz
+        change = (sphere.errors(mesh, z + step) - sphere.errors(mesh, z - step)) / 2e-7
+        turning = (moved / edge).imag
+        expected = np.roll(turning, 1, axis=1) - turning
+        away = (F != 0).all(axis=1)
+        off.append(abs(expected - change)[away].mean() / abs(change)[away].mean())
+    assert off[0] / off[2] > 3**2
 
 
 @pytest.mark.parametrize("stretch", [1, 8, 40])
@@ -150,7 +196,7 @@ def test_on_the_command_line_and_in_a_batch(tmp_path):
     with np.load(tmp_path / "map.npz") as saved:
         np.testing.assert_allclose(np.linalg.norm(saved["points"], axis=1), 1)
         assert saved["uv"].shape == (len(F), 3, 2)
-    made = cdcp_igl.batch(source, tmp_path / "out", onto="sphere")
+    made = cdcp_igl.batch(source, tmp_path / "out", onto="sphere", refine=1)
     assert [record.status for record in made.records] == ["done"]
     for wrong in (["--cut"], ["--disk"], ["--center", "heat"]):
         assert invoke("map", "--sphere", *wrong, source, tmp_path / "x.npz").exit_code == 2

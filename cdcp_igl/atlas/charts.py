@@ -30,6 +30,9 @@ from .cut_paths import branch_to, open_to_disk, straighten
 # A round of growth is kept if it lowers the scale variation, or the angle error, by more than this
 # share.
 GAIN = 0.03
+# Where a cut that has grown leaves the spread at more than this many times what is asked for, it
+# does not grow on, and the component is parted. No later round has made up for more than 1.33.
+HOPELESS = 1.4
 # The map has shrunk a part of the surface if lengths there are shorter than on the average by this
 # power of e.
 SHRUNK = 1.0
@@ -164,10 +167,10 @@ def _charts(
             parts = parted_across(worst.opened.component)
         if len(parts) > 1:
             waiting += [_grown(part, in_between, limits, progress) for part in parts]
-        else:
+        elif worst.unevenness < whole.unevenness:
             charts.append(worst)
-    if max(chart.unevenness for chart in charts) >= whole.unevenness:
-        charts = [whole]  # parted in vain
+        else:  # parted in vain
+            waiting, charts = [], [whole]
     charts.sort(key=lambda chart: -len(chart.F))
     if options.refine:
         charts = [_chart(chart.opened, options, limits.outline, progress) for chart in charts]
@@ -185,6 +188,7 @@ def _grown(
     if limits.spread < np.inf:
         opened = lead_away(opened)
     best = _chart(opened, options, limits.outline, progress)
+    can_be_parted = limits.max_charts > 1 and len(component.rows) >= LEAST_FACES
     while best.spread > limits.spread or not (best.map.conformal or limits.spread == np.inf):
         longer = grow(best)
         if longer is best.opened:
@@ -193,6 +197,8 @@ def _grown(
         if not grown.gains_on(best):
             break
         best = grown
+        if can_be_parted and best.spread > HOPELESS * limits.spread:
+            break
     return best
 
 

@@ -96,12 +96,9 @@ class SurfaceMap(Result):
     cut: Cut
     changes: tuple[str, ...]
     certificate: Certificate | OutlineCertificate
-    conformality: Conformality
-    distortion: AngleDistortion
     spread: float
     spread_asked: float
     shares: Floats
-    timings: dict[str, float]
 
     _kind = "surface"
 
@@ -181,7 +178,6 @@ class SurfaceMap(Result):
             plane=self._plural if len(self.charts) > 1 else self._plural.split()[1].capitalize(),
             middle=(0.5, 0.5),
             scale=0.5,
-            origin=(0.5, 0.5),
             distortion=self.distortion,
             flipped=len(self.certificate.flipped),
             facts=self._facts(f"{len(np.unique(cut.vertex_index)):,} vertices"),
@@ -237,7 +233,9 @@ def surface_map(
     spread : float
         Grow the cut until the standard deviation of the conformal factor is at most this and
         the map is conformal, and then part the component, or until nothing is gained: see
-        ``SurfaceMap.spread``. With infinity, no cut grows and nothing is parted.
+        ``SurfaceMap.spread``. Where the first growth leaves more than 1.4 times this, it is parted
+        at once; and parting ends with the first part that is no better than the whole and cannot
+        be parted. With infinity, no cut grows and nothing is parted.
     max_charts : int, optional
         So many charts a component has at most; as many as are needed by default.
     center, mobius, refine, refine_norm, refine_seconds, preset, solver, progress

@@ -26,16 +26,16 @@ class Layout:
         Those of the faces.
     plane : str
         What the image is called.
-    middle, scale : (float, float) and float
-        The coordinates of the map are ``middle + scale * uv``.
-    origin : (float, float)
-        Texture coordinates are ``origin + uv / 2``.
     distortion : AngleDistortion
         Of the faces that are drawn.
     flipped : int
         How many of them are not positively oriented.
     facts : tuple of str
         What there is to know of it.
+    middle, scale : (float, float) and float
+        The coordinates of the map are ``middle + scale * uv``.
+    origin : (float, float)
+        Texture coordinates are ``origin + uv / 2``.
     """
 
     V: Floats
@@ -44,12 +44,12 @@ class Layout:
     vertices: Ints
     faces: Ints
     plane: str
-    middle: tuple[float, float]
-    scale: float
-    origin: tuple[float, float]
     distortion: AngleDistortion
     flipped: int
     facts: tuple[str, ...]
+    middle: tuple[float, float] = (0.0, 0.0)
+    scale: float = 1.0
+    origin: tuple[float, float] = (0.5, 0.5)
 
     @property
     def turns(self) -> bool:

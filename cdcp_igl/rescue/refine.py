@@ -10,15 +10,13 @@ from time import perf_counter
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from ..arrays import Complex, Floats, Ints, blocks, coordinates
-from ..certificate import certify, certify_outline
-from ..distortion import angle_errors
+from ..arrays import Complex, Floats, Ints, blocks
 from ..errors import counted
 from ..solve.cholesky import Cholesky
 from ..solve.laplacian import Laplacian
 from ..solve.solvers import factorize
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import hat_gradients, opposite_edges, twice_areas
+from .figures import Disk, Figure
 from .line_search import HALVINGS, search_along
 
 # A map that is measurably not near the conformal one has so many steps even if none are asked for.
@@ -35,6 +33,8 @@ DAMPINGS = (0, 1, 10, 100)  # tried in turn
 SMALL_GAIN, STEADY = 0.02, 1.5
 LOWERING = 0.5  # of p from 2 to the norm, with each step that needs no damping
 SHIFT = 1e-10  # of the unit diagonal: keeps rounding from an indefinite matrix
+
+DISK = Disk()
 
 
 @dataclass(frozen=True)
@@ -89,13 +89,11 @@ def lower_angle_distortion(
     thin: float = 0.0,
     least: int | None = None,
     wanted: float = 0.0,
-    free: bool = False,
+    figure: Figure = DISK,
     accepted: Callable[[Complex, Floats], bool] = lambda f, r: True,
     advance: Callable[[float], None] = lambda done: None,
 ) -> tuple[Complex, Refinement]:
-    """Lower the sum of |angle error|^p over all corners; boundary vertices slide on the circle.
-
-    Where the outline is `free`, they go anywhere, as long as it is simple.
+    """Lower the sum of |angle error|^p over all corners; the image stays the `figure` that it is.
 
     Gauss-Newton with iteratively reweighted least squares. A step that flips a face or does
     not lower the objective is halved, where it flips or everywhere, and then computed again with
@@ -104,7 +102,8 @@ def lower_angle_distortion(
     errors down that a smaller p would take for outliers; each step without damping lowers p
     until it is the norm, from 1 to 2.
 
-    `order` are the interior vertices, or all if the outline is free, in a fill-reducing order.
+    `order` are the interior vertices, or all that move if there is no circle on which others slide,
+    in a fill-reducing order.
     After so many `seconds` no step is begun. A step is halved up to `halvings` times before it is
     computed again with more damping; more of them are slower, and help where a map is bad. Faces
     at least as high as `thin` stay so, see `search_along`. After the `least` number of steps, if
@@ -121,12 +120,11 @@ def lower_angle_distortion(
     """
     deadline = perf_counter() + seconds
     measure = partial(_power_mean, p=norm)
-    r = angle_errors(mesh, f)
+    r = figure.errors(mesh, f)
     before = objective = measure(r)
     taken, attempt, p, stopped = 0, 0, 2.0, ""
     gains: list[float] = []
-    certified = certify_outline if free else certify
-    if len(order) == 0 or not certified(mesh, coordinates(f)).valid:
+    if len(order) == 0 or not figure.certificate(mesh, f).valid:
         return f, Refinement(steps, taken, "no improvement", norm, before, objective)
     laplacian, stale = WeightedLaplacian(mesh, order), True
     while taken < steps and not stopped:
@@ -137,9 +135,9 @@ def lower_angle_distortion(
         else:
             used, last = (p, attempt), objective
             step = gauss_newton_step(
-                mesh, f, r, p, DAMPINGS[attempt], laplacian, anew=stale, free=free
+                mesh, f, r, p, DAMPINGS[attempt], laplacian, anew=stale, figure=figure
             )
-            found = search_along(mesh, f, step, measure, objective, halvings, thin, free=free)
+            found = search_along(mesh, f, step, measure, objective, halvings, thin, figure)
             if found is None:
                 attempt += 1
             elif not accepted(*found[:2]):
@@ -181,7 +179,7 @@ def gauss_newton_step(
     iterations: int = CG_ITERATIONS,
     *,
     anew: bool = True,
-    free: bool = False,
+    figure: Figure = DISK,
 ) -> Complex:
     """Find the displacement (n,) that lowers sum w (r + dr)^2, w = |r|^(p-2), by CG.
 
@@ -194,26 +192,25 @@ def gauss_newton_step(
     with e_j, e_k the edges at corner c. With the complex numbers b = B dz of all faces, the
     normal equations are B^H H B dz = -B^H sum_c w_c r_c i conj(g_c), where
     H(b) = (s + damping) b + conj(t b), s = sum_c w_c |g_c|^2 / 2, t = -sum_c w_c g_c^2 / 2.
-    On the boundary, unless it is `free`, dz is a real multiple of i z: it slides on the circle.
+    On the boundary of the disk dz is a real multiple of i z: it slides on the circle. On a
+    `figure` in space, beta also turns dz into the plane of the face.
 
     `damping` is the weight of |b|^2, times that of a corner with the root mean square error: a
     face flips only where |b| is not small, and the angles of a needle hardly feel b. `laplacian`
     preconditions; unless `anew` it stays as it is: to factor it takes half the time of a step.
     """
     m = len(mesh.F)
-    sliding = mesh.loop[:0] if free else mesh.loop
-    tangent = 1j * f[sliding]
     beta, s = np.empty((m, 3), complex), np.empty(m)
     t, gradient = np.empty((2, m), complex)
     for part in blocks(m):
-        beta[part], s[part], t[part], gradient[part] = _linearize(f[mesh.F[part]], r[part], p)
+        beta.T[:, part], s[part], t[part], gradient[part] = _linearize(
+            *figure.corners(f, mesh.F[part]), r[part].T, p
+        )
     s += damping * (r * r).mean() ** (p / 2 - 1)
     B = _shear(mesh, beta)
 
     def adjoint(b: Complex) -> Complex:
-        x = (B.T @ b.conj()).conj()
-        x[sliding] = (x[sliding] * tangent.conj()).real * tangent
-        return x
+        return figure.tangential(mesh, f, (B.T @ b.conj()).conj())
 
     def normal_matrix(x: Complex) -> Complex:
         b = B @ x
@@ -224,17 +221,19 @@ def gauss_newton_step(
     return _conjugate_gradients(normal_matrix, -adjoint(gradient), laplacian.solve, iterations)
 
 
-def _linearize(corner: Complex, r: Floats, p: float) -> tuple[Complex, Floats, Complex, Complex]:
-    """Compute beta (k, 3), s, t and the gradient in b (k,) of k faces."""
-    e = opposite_edges(corner)
-    beta = hat_gradients(e, twice_areas(e)) / 2
-    q = e.conj() / e
-    g = _next(q) - _last(q)
-    w = (r * r + ROUNDING**2) ** (p / 2 - 1)
-    wg = w * g
-    s = np.einsum("fc,fc->f", wg, g.conj()).real / 2
-    t = np.einsum("fc,fc->f", wg, g) / -2
-    return beta, s, t, 1j * np.einsum("fc,fc->f", r, wg.conj())
+def _linearize(
+    corner: Complex, turn: Complex | float, r: Floats, p: float
+) -> tuple[Complex, Floats, Complex, Complex]:
+    """Compute beta (3, k), s, t and the gradient in b (k,) of k faces, by corner."""
+    e = corner[[2, 0, 1]] - corner[[1, 2, 0]]  # opposite the corners
+    # Times reciprocals, as it takes long to divide complex numbers.
+    beta = turn * e * (0.5j * (1 / (e[0].conj() * e[1]).imag))
+    q = e.conj()
+    q *= q * (1 / (e.real * e.real + e.imag * e.imag))  # conj(e) / e
+    g = q[[1, 2, 0]] - q[[2, 0, 1]]
+    wg = (r * r + ROUNDING**2) ** (p / 2 - 1) * g
+    s = (wg.real * g.real + wg.imag * g.imag).sum(axis=0) / 2
+    return beta, s, (wg * g).sum(axis=0) / -2, 1j * (r * wg).sum(axis=0).conj()
 
 
 def _shear(mesh: DiskMesh, beta: Complex) -> csr_matrix:

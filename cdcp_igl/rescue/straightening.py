@@ -153,16 +153,15 @@ def _angle_response(corners: Complex, move: Complex) -> Complex:
 def _least_errors(errors: Floats, by_x: Floats, by_y: Floats) -> tuple[complex, float]:
     """Find x + iy with the least mean of |errors + x by_x + y by_y|, and that mean."""
     x = y = 0.0
-    r = errors
-    soft = pseudo_huber_corner(errors)
+    terms = np.array([by_x.ravel(), by_y.ravel(), errors.ravel()])
+    r = terms[2]
+    soft = pseudo_huber_corner(r)
     for _ in range(ROUNDS):
-        weights = 1 / np.sqrt(r * r + soft * soft)
-        wx, wy = weights * by_x, weights * by_y
-        xx, xy, yy = (wx * by_x).sum(), (wx * by_y).sum(), (wy * by_y).sum()
+        weighted = terms[:2] / np.sqrt(r * r + soft * soft)
+        (xx, xy, gx), (_, yy, gy) = np.einsum("ac,bc->ab", weighted, terms).tolist()
         determinant = xx * yy - xy * xy
         if not determinant > 0:
             break
-        gx, gy = (wx * errors).sum(), (wy * errors).sum()
         x, y = (xy * gy - yy * gx) / determinant, (xy * gx - xx * gy) / determinant
-        r = errors + x * by_x + y * by_y
+        r = np.einsum("a,ac->c", [x, y, 1], terms)
     return complex(x, y), float(abs(r).mean())

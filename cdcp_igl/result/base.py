@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import logging
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from html import escape
 from os import PathLike
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,13 +18,15 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Floats, Ints
 from ..certificate import Certificate, OutlineCertificate, SphereCertificate
 from ..distortion import AngleDistortion, area_distortion
-from ..errors import counted, spell
+from ..errors import MapError, counted, spell
 from ..io.given import FromFile
 from ..plot.layout import Layout
 from ..plot.raster import sample
 from ..printing import Pairs, as_html, as_text
 from ..rescue.conformality import Conformality
 from ..surface.triangles import face_areas, lost_in_single_precision
+
+log = logging.getLogger("cdcp_igl")
 
 PICTURES = (".pdf", ".png", ".svg")
 
@@ -480,6 +483,19 @@ class Result(FromFile, ABC):
     @abstractmethod
     def _layout(self) -> Layout:
         """Return what is drawn."""
+
+
+Kind = TypeVar("Kind", bound=Result)
+
+
+def valid_map(result: Kind, onto: str, remedy: str) -> Kind:
+    """Return a map that is valid, and log why it is not conformal; MapError if it is not valid."""
+    if not result.valid:
+        failure = f"The map is not a bijection{onto}: {result.certificate}. {remedy}"
+        raise MapError(failure, result)
+    if not result.conformal:
+        log.warning("the map is not conformal: %s", "; ".join(result.conformality.reasons))
+    return result
 
 
 def real_values(values: ArrayLike) -> Floats:

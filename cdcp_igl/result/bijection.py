@@ -1,8 +1,9 @@
-"""A bijection of a triangulated surface onto the disk, and what one can carry through it."""
+"""A bijection of a triangulated surface, and what one can carry through it."""
 
 from __future__ import annotations
 
 import logging
+from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ from ..surface.location import FaceFinder
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import corner_cotangents, degenerate_faces
 from ..surface.validation import unit_size
-from .base import real_values
+from .base import Result, real_values
 from .lattice import disk_lattice, even_ring, with_corners
 
 log = logging.getLogger("cdcp_igl")
@@ -24,25 +25,37 @@ SUM_TOLERANCE = 1e-6  # barycentric coordinates that add up to 1 no better are a
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Bijection:
-    """A map of a triangulated disk onto the polygon inscribed in the unit circle.
+class Bijection(Result):
+    """A map of a surface onto a polygon, a ring between two, or the sphere, there and back.
 
     A point of the surface is a face and barycentric coordinates in it; the map is linear on
-    every face.
+    every face. That onto the sphere is linear, and then goes along the ray from 0.
 
     Attributes
     ----------
-    uv : (n, 2) float64
-        The images of the vertices.
-    mesh : DiskMesh
+    mesh : DiskMesh, AnnulusMesh or SphereMesh
         The surface.
     """
 
-    uv: Floats
     mesh: DiskMesh
 
+    @property
+    @abstractmethod
+    def _images(self) -> Floats:
+        """The images (n, 2) or (n, 3) of the vertices."""
+
+    @property
+    @abstractmethod
+    def _finder(self) -> FaceFinder:
+        """Locates points among them."""
+
+    @property
+    def _faces(self) -> Ints:
+        """Those that were given."""
+        return self.mesh.F
+
     def apply(self, face: ArrayLike, barycentric: ArrayLike) -> Floats:
-        """Map points of the surface to the disk.
+        """Map points of the surface to the plane, or to the sphere.
 
         Parameters
         ----------
@@ -54,6 +67,7 @@ class Bijection:
         Returns
         -------
         (..., 2) float64
+            Of a SphereMap (..., 3), on the unit sphere.
 
         Raises
         ------
@@ -76,11 +90,11 @@ class Bijection:
                 f"face must be integers and barycentric have three columns for each; they are "
                 f"{rows.dtype} {rows.shape} and {weights.shape}"
             )
-        if rows.size and not (rows.min() >= 0 and rows.max() < len(self.mesh.F)):
-            raise ValueError(f"faces must lie in 0..{len(self.mesh.F) - 1}")
+        if rows.size and not (rows.min() >= 0 and rows.max() < len(self._faces)):
+            raise ValueError(f"faces must lie in 0..{len(self._faces) - 1}")
         if not (abs(weights.sum(axis=-1) - 1) <= SUM_TOLERANCE).all():
             raise ValueError("barycentric coordinates must add up to 1")
-        return np.einsum("...k,...kc->...c", weights, self.uv[self.mesh.F[rows]])
+        return np.einsum("...k,...kc->...c", weights, self._images[self._faces[rows]])
 
     def invert(self, uv: ArrayLike) -> tuple[Ints, Floats]:
         """Find the points of the surface whose images are given.
@@ -88,22 +102,23 @@ class Bijection:
         Parameters
         ----------
         uv : (..., 2) array_like
-            Points of the plane.
+            Points of the plane. Of a SphereMap (..., 3), directions from 0 of any length but 0.
 
         Returns
         -------
         face : (...) int64
-            -1 outside of the unit disk. Of a point on an edge or on a vertex, one of the
-            faces there.
+            -1 outside of the unit disk and in holes. Of a point on an edge or on a vertex, one of
+            the faces there.
         barycentric : (..., 3) float64
-            Not negative; NaN outside of the unit disk. The surface covers the polygon
+            Not negative; NaN where there is no face. The surface covers the polygon
             inscribed in the circle: points between an edge of it and its arc are taken to
             the nearest point of the edge, so that all of the disk has a place on the surface.
 
         Raises
         ------
         ValueError
-            If a coordinate is not finite, or there are not two.
+            If a coordinate is not finite, or there are not two, of a SphereMap three; or the map
+            is no bijection.
 
         Examples
         --------
@@ -116,28 +131,28 @@ class Bijection:
         >>> print(face[1])
         -1
         """
-        points = np.asarray(uv, dtype=np.float64)
-        if points.ndim == 0 or points.shape[-1] != 2:
-            raise ValueError(f"uv has shape {points.shape}; it must have two columns")
+        points, columns = np.asarray(uv, dtype=np.float64), self._images.shape[1]
+        if points.ndim == 0 or points.shape[-1] != columns:
+            raise ValueError(f"uv has shape {points.shape}; it must have {columns} columns")
         if not np.isfinite(points).all():
             raise ValueError("uv must be finite")
-        face, barycentric = self._finder.locate(as_complex(points.reshape(-1, 2)))
+        face, barycentric = self._located(points.reshape(-1, columns))
         return face.reshape(points.shape[:-1]), barycentric.reshape(*points.shape[:-1], 3)
 
     def interpolate(self, values: ArrayLike, uv: ArrayLike) -> Floats:
-        """Interpolate values at the vertices to points of the disk.
+        """Interpolate values at the vertices to points of the plane, or of the sphere.
 
         Parameters
         ----------
         values : (n, ...) array_like
             A row a vertex: positions, colours, a field.
         uv : (..., 2) array_like
-            Points of the plane, as in `invert`.
+            Points as in `invert`.
 
         Returns
         -------
         (..., ...) float64
-            NaN outside of the unit disk.
+            NaN where there is no face.
 
         Raises
         ------
@@ -156,9 +171,32 @@ class Bijection:
         at_vertices = self._field(values)
         face, barycentric = self.invert(uv)
         # Where there is no face, those of the last one, with weights that are NaN.
-        corners = at_vertices[self.mesh.F[face.ravel()]]
+        corners = at_vertices[self._faces[face.ravel()]]
         found = np.einsum("pk,pk...->p...", barycentric.reshape(-1, 3), corners)
         return found.reshape(face.shape + at_vertices.shape[1:])
+
+    def _located(self, points: Floats) -> tuple[Ints, Floats]:
+        """Locate points (k, 2) or (k, 3)."""
+        return self._finder.locate(as_complex(points))
+
+    def _field(self, values: ArrayLike) -> Floats:
+        at_vertices, n = real_values(values), self._size()[0]
+        if at_vertices.ndim == 0 or len(at_vertices) != n:
+            raise ValueError(f"values has shape {at_vertices.shape}; it must have {n} rows")
+        return at_vertices
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DiskBijection(Bijection):
+    """A map of a triangulated disk onto the polygon inscribed in the unit circle.
+
+    Attributes
+    ----------
+    uv : (n, 2) float64
+        The images of the vertices.
+    """
+
+    uv: Floats
 
     def pull_back(self, values: ArrayLike) -> Floats:
         """Pull an image of the disk back to the vertices of the surface.
@@ -248,21 +286,17 @@ class Bijection:
             log.warning("%s no area, between a boundary edge and its arc", faces)
         return W, F, uv
 
+    @property
+    def _images(self) -> Floats:
+        return self.uv
+
     @cached_property
     def _z(self) -> Complex:
         return as_complex(self.uv)
 
     @cached_property
     def _finder(self) -> FaceFinder:
-        return FaceFinder(self.mesh, self._z)
-
-    def _field(self, values: ArrayLike) -> Floats:
-        at_vertices = real_values(values)
-        if at_vertices.ndim == 0 or len(at_vertices) != len(self.uv):
-            raise ValueError(
-                f"values has shape {at_vertices.shape}; it must have {len(self.uv)} rows"
-            )
-        return at_vertices
+        return FaceFinder(self.mesh.F, self.mesh.edges, self._z, len(self.mesh.F))
 
 
 def _bilinear(image: Floats, z: Complex) -> Floats:

@@ -17,7 +17,7 @@ from ..rescue.candidate import Provenance
 from ..rescue.collapsed_faces import open_collapsed_faces
 from ..rescue.repair import repair_locally
 from .base import Result
-from .bijection import Bijection
+from .bijection import DiskBijection
 from .landmarks import landmark_automorphism
 
 
@@ -89,7 +89,7 @@ class OntoDisk(Result, Provenance):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class DiskMap(Bijection, OntoDisk):
+class DiskMap(OntoDisk, DiskBijection):
     """A disk conformal map. Printing it gives a summary.
 
     Attributes
@@ -206,9 +206,6 @@ class DiskMap(Bijection, OntoDisk):
             vertices=np.arange(len(mesh.V)),
             faces=np.arange(len(mesh.F)),
             plane="Disk",
-            middle=(0.0, 0.0),
-            scale=1.0,
-            origin=(0.5, 0.5),
             distortion=self.distortion,
             flipped=len(self.certificate.flipped),
             facts=self._facts(self._subject()),

@@ -157,12 +157,14 @@ def open_arcs(x: Complex, y: Floats, k: int) -> None:
     y (M,), on the real axis, those that are, with room for k more. Both are moved in place.
     """
     opened = len(y) - k
-    for j in range(k):
-        c = x[j]
+    points = np.concatenate([y[:opened], x])
+    for j in range(opened, len(y)):
+        c = complex(points[j])
         height = max(c.imag, PINCHED * abs(c.real))
-        for points in (x[j + 1 :], y[: opened + j]):
-            points -= c.real
-            root = points * points
-            root += height * height
-            points /= np.sqrt(root, out=root)
-        y[opened + j] = 1
+        points -= complex(c.real)
+        points[j] = 1  # any number that is not on the arc
+        root = points * points
+        root += complex(height * height)
+        points /= np.sqrt(root, out=root)
+        points[j] = 1
+    y[:], x[k:] = points[: len(y)].real, points[len(y) :]

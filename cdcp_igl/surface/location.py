@@ -1,17 +1,20 @@
-"""The face of the disk in which a point lies, and where in it."""
+"""The face of the disk, the ring or the sphere in which a point lies, and where in it."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Complex, Floats, Ints
-from .mesh import DiskMesh
-from .triangles import oriented_areas, spanned_areas
+from ..arrays import Bools, Complex, Floats, Ints, as_complex
+from .topology import Edges
+from .triangles import EPS, oriented_areas, spanned_areas
 
 Codes = NDArray[np.uint64]
 
 BITS = 31  # of each coordinate in a Morton code: a cell of 1e-9
+ONE_POINT = 1e-12  # size of a face by its distance
 ON_CIRCLE = 1e-12  # points this far outside the circle have left it by rounding
 RESOLUTION = 2.0**-52  # of coordinates in the disk
 BLOCK = 1 << 17  # points that walk at a time: their arrays stay in the cache
@@ -26,8 +29,9 @@ class FaceFinder:
     circles. A point counts as beyond an edge where the sign of the orientation is certain, so
     that each point on an edge or a vertex is in one of the faces there.
 
-    ValueError if the map z (n,) is no bijection onto the polygon inscribed in the unit circle: a
-    face is flipped, or the faces cover more than the disk.
+    Faces from row `shown` on fill holes, and no points are located in them but on the rim of the
+    others. ValueError if the map z (n,) is no bijection onto the polygon inscribed in the unit
+    circle: a face is flipped, or the faces cover more than the disk.
 
     References
     ----------
@@ -35,16 +39,32 @@ class FaceFinder:
     Sci. 13(2), 2002.
     """
 
-    def __init__(self, mesh: DiskMesh, z: Complex) -> None:
-        self._corners = z[mesh.F]
-        self._across = _faces_across(mesh)
-        self._angles, self._rim = _rim(mesh, z)
-        area, error = oriented_areas(z, mesh.F)
+    def __init__(self, F: Ints, edges: Edges, z: Complex, shown: int) -> None:
+        area, error = oriented_areas(z, F)
         if (area < -error).any() or area.sum() > 2 * np.pi * (1 + ON_CIRCLE):
             raise ValueError("the map is no bijection onto the disk: points have no one place")
-        codes = _morton(self._corners.mean(axis=1))
+        self._angles, self._rim = _rim(F, edges, z)
+        self._index(F, edges, z, shown)
+
+    def _index(self, F: Ints, edges: Edges, images: Floats | Complex, shown: int) -> None:
+        self._F, self._shown = F, shown
+        self._corners: Any = images[F]  # real ones of the sphere
+        self._across = _faces_across(F, edges)
+        codes = _morton(self._key(self._corners.mean(axis=1)))
         self._start = np.argsort(codes, kind="stable")
         self._codes = codes[self._start]
+
+    def _key(self, points: Complex) -> Complex:
+        """(k,) points of the disk by which those that are near are found."""
+        return points
+
+    def _seen(self, corners: Complex, points: Complex) -> Complex:
+        """(k, 3) corners of faces as seen from a point each: it is 0 in the plane."""
+        return corners - points[:, None]
+
+    def _outset(self, points: Complex) -> Ints:
+        """(k,) faces from which the way to points leads through no smaller ones: outer ones."""
+        return self._below(points) // 3
 
     def locate(self, points: Complex) -> tuple[Ints, Floats]:
         """Find the face (k,) of each point and its barycentric coordinates (k, 3) in it.
@@ -55,8 +75,9 @@ class FaceFinder:
         """
         face = np.full(len(points), -1)
         barycentric = np.full((len(points), 3), np.nan)
-        inside = np.flatnonzero(abs(points) <= 1 + ON_CIRCLE)
-        codes = _morton(points[inside])
+        keys = self._key(points)
+        inside = np.flatnonzero(abs(keys) <= 1 + ON_CIRCLE)
+        codes = _morton(keys[inside])
         # In this order, neighbours in the plane are neighbours in memory.
         order = np.argsort(codes, kind="stable")
         inside, codes = inside[order], codes[order]
@@ -69,27 +90,53 @@ class FaceFinder:
                 sent, _ = self._walk(points[rows[::AHEAD]], start[::AHEAD], lots)
                 start = np.repeat(sent, AHEAD)[: len(rows)]
             face[rows], barycentric[rows] = self._walk(points[rows], start, lots)
+        hidden = np.flatnonzero(face >= self._shown)
+        face[hidden], barycentric[hidden] = self._on_rim(face[hidden], barycentric[hidden])
         return face, barycentric
+
+    def _on_rim(self, hidden: Ints, barycentric: Floats) -> tuple[Ints, Floats]:
+        """Take points of faces that fill a hole to one beside it, if they lie on its rim."""
+        weights, F = np.where(barycentric > ON_CIRCLE, barycentric, 0), self._F
+        face_at = np.full(self._F.max() + 1, -1)
+        face_at[F[: self._shown]] = np.arange(self._shown)[:, None]
+        at_vertex = (weights > 0).sum(axis=1) == 1
+        beside = np.where(
+            at_vertex,
+            face_at[F[hidden, weights.argmax(axis=1)]],
+            self._across[hidden, weights.argmin(axis=1)],
+        )
+        on_rim = (weights.min(axis=1) == 0) & (beside >= 0) & (beside < self._shown)
+        same = F[beside][:, :, None] == F[hidden][:, None]
+        weights = (same * weights[:, None]).sum(axis=2)
+        weights /= np.where(on_rim, weights.sum(axis=1), np.nan)[:, None]
+        return np.where(on_rim, beside, -1), weights
 
     def _walk(self, points: Complex, face: Ints, lots: np.random.Generator) -> tuple[Ints, Floats]:
         """Walk from the given faces to those of the points."""
         barycentric = np.empty((len(points), 3))
         on_way = np.arange(len(points))
         while len(on_way):
-            seen = self._corners[face[on_way]] - points[on_way, None]  # from the point
+            seen = self._seen(self._corners[face[on_way]], points[on_way])
             areas, beyond = _orientations(seen)
-            blocked = beyond.any(axis=1)
+            blocked = np.asarray(beyond.any(axis=1))
+            # Faces so small and far away that they seem to be one point hold no other.
+            there = np.flatnonzero(~blocked)
+            reach = abs(seen[there] - np.roll(seen[there], 1, axis=1)).max(axis=1)
+            strayed = there[reach < ONE_POINT * abs(seen[there]).max(axis=1)]
+            blocked[strayed] = True
             arrived, ahead = np.flatnonzero(~blocked), np.flatnonzero(blocked)
             barycentric[on_way[arrived]] = _weights(seen[arrived], areas[arrived])
 
             edge = (beyond[ahead] * lots.random((len(ahead), 3))).argmax(axis=1)
             rows = on_way[ahead]
             following = self._across[face[rows], edge]
+            again = np.searchsorted(ahead, strayed)
+            following[again] = self._outset(points[rows[again]])
             out = np.flatnonzero(following < 0)
             nearest = _nearest_on_edge(seen[ahead[out]], edge[out])
             # Where the boundary is crowded, rounding turns its edges, and their lines cut through
             # the disk. Only the edge below the arc that the point is nearest to sends it out.
-            below = self._below(points[rows[out]])
+            below = self._below(self._key(points[rows[out]]))
             follows = below != 3 * face[rows[out]] + edge[out]
             follows &= nearest.max(axis=1) == 1  # not beside this edge
             following[out[follows]] = below[follows] // 3
@@ -103,19 +150,56 @@ class FaceFinder:
         return self._rim[np.searchsorted(self._angles, np.angle(points), side="right") - 1]
 
 
-def _faces_across(mesh: DiskMesh) -> Ints:
+class SphereFinder(FaceFinder):
+    """Locates points (k, 3) of the sphere in a certified map P (n, 3) onto it.
+
+    In the plane that touches the sphere at a point, the corners of a face lie around it if the
+    spherical triangle contains it; its barycentric coordinates there are those of the place where
+    the ray from 0 meets the straight triangle.
+    """
+
+    def __init__(self, F: Ints, edges: Edges, P: Floats) -> None:
+        self._angles, self._rim = np.empty(0), np.empty(0, np.int64)
+        self._index(F, edges, P, len(F))
+        self._largest = int(np.linalg.norm(P[F] - P[np.roll(F, 1, axis=1)], axis=2).max(1).argmax())
+
+    def _outset(self, points: Floats) -> Ints:  # type: ignore[override]
+        return np.full(len(points), self._largest)
+
+    def _key(self, points: Floats) -> Complex:  # type: ignore[override]
+        # Lambert's azimuthal projection, of equal area.
+        z = as_complex(points[:, :2])
+        height = points[:, 2] / np.linalg.norm(points, axis=1)
+        return z / np.maximum(abs(z), EPS) * np.sqrt(np.maximum(1 - height, 0) / 2)
+
+    def _seen(self, corners: Floats, points: Floats) -> Complex:  # type: ignore[override]
+        x, y, z = points.T
+        side = np.copysign(1, z)
+        a = -1 / (side + z)
+        right = np.column_stack([1 + side * x**2 * a, side * x * y * a, -side * x])
+        up = np.column_stack([x * y * a, side + y**2 * a, -y])
+        seen = corners - points[:, None]
+        return _dot(seen, right) + 1j * _dot(seen, up)
+
+
+def _dot(vectors: Floats, other: Floats) -> Floats:
+    """(k, 3) products of three vectors each with another one (k, 3)."""
+    return np.einsum("kic,kc->ki", vectors, other)
+
+
+def _faces_across(F: Ints, edges: Edges) -> Ints:
     """(m, 3) the face across the edge opposite corner k, or -1 at the boundary."""
-    (one, other), m = mesh.edges.twins, len(mesh.F)
+    (one, other), m = edges.twins, len(F)
     across = np.full(3 * m, -1)
     across[one], across[other] = other % m, one % m
     # Half-edge k m + f leaves corner k of face f, so it lies opposite corner k - 1.
     return np.roll(across.reshape(3, m), -1, axis=0).T.copy()
 
 
-def _rim(mesh: DiskMesh, z: Complex) -> tuple[Floats, Ints]:
+def _rim(F: Ints, edges: Edges, z: Complex) -> tuple[Floats, Ints]:
     """Where on the circle each boundary edge begins, ascending, and 3 face + opposite corner."""
-    corner, face = np.divmod(mesh.edges.border.astype(np.int64), len(mesh.F))
-    angles = np.angle(z[mesh.F[face, corner]])
+    corner, face = np.divmod(edges.border.astype(np.int64), len(F))
+    angles = np.angle(z[F[face, corner]])
     order = np.argsort(angles)
     return angles[order], (3 * face + (corner - 1) % 3)[order]
 

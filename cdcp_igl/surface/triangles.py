@@ -66,7 +66,7 @@ def degenerate_faces(cotangents: Floats) -> Ints:
 
 def oriented_areas(z: Complex, F: Ints) -> tuple[Floats, Floats]:
     """(m,) twice the signed areas of plane triangles, and (m,) bounds of their rounding errors."""
-    i, j, k = (z[corner] for corner in F.T)
+    i, j, k = z.take(F.T)
     return spanned_areas(i - k, j - k)
 
 
