@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import libigl
-from .arrays import Complex, Floats, Ints, as_complex, blocks, coordinates
+from .arrays import Complex, Floats, Ints, as_complex, blocks
 from .io.given import takes_meshes
 from .surface.mesh import DiskMesh
 from .surface.triangles import face_areas, hat_gradients, opposite_edges, oriented_areas
 from .surface.validation import checked_surface, checked_vertices, size_exponent
+
+ON_SPHERE = 1e-6  # points may be so far from the unit sphere, as in single precision
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,8 @@ def angle_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
         Vertex positions of the surface.
     F : (m, 3) array_like of integers
         Corners of the faces. The surface need not be a disk.
-    uv : (n, 2) array_like
-        Positions in the plane.
+    uv : (n, 2) or (n, 3) array_like
+        Positions in the plane, or on the unit sphere, whose faces are straight.
 
     Returns
     -------
@@ -70,7 +72,8 @@ def angle_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     MeshError
         If V and F are no triangle mesh, or a coordinate is not finite.
     ValueError
-        If `uv` does not have two columns and a row for each row of V.
+        If `uv` does not have two or three columns and a row for each row of V, or is
+        in space but not on the unit sphere.
 
     Examples
     --------
@@ -84,9 +87,8 @@ def angle_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     array([[18.43,  0.  , 18.43],
            [18.43, 18.43,  0.  ]])
     """
-    positions, faces, z = _surface_and_image(V, F, uv)
-    uv = coordinates(z)
-    return _change_in_degrees(uv, faces, _angles(positions, faces))
+    positions, faces, image = _surface_and_points(V, F, uv, (2, 3))
+    return _change_in_degrees(image, faces, _angles(positions, faces))
 
 
 def disk_map_distortion(mesh: DiskMesh, uv: Floats) -> Floats:
@@ -104,7 +106,7 @@ def quasi_conformal_dilatation(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Flo
     Parameters
     ----------
     V, F, uv
-        As in `angle_distortion`.
+        As in `angle_distortion`, in the plane.
 
     Returns
     -------
@@ -174,17 +176,17 @@ def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     >>> cdcp_igl.conformal_factor(V, F, uv).round(3)
     array([0.693, 0.693, 0.693, 0.693])
     """
-    positions, faces, z = _surface_and_image(V, F, uv)
+    positions, faces, image = _surface_and_points(V, F, uv, (2, 3))
     scale = np.empty(faces.shape)  # column k belongs to the edge opposite corner k
     with np.errstate(divide="ignore", invalid="ignore"):
         for k in range(3):
             i, j = faces[:, (k + 1) % 3], faces[:, (k + 2) % 3]
             length = np.linalg.norm(positions[i] - positions[j], axis=1)
-            scale[:, k] = np.log(abs(z[i] - z[j]) / length)
+            scale[:, k] = np.log(np.linalg.norm(image[i] - image[j], axis=1) / length)
         u = scale.sum(axis=1, keepdims=True) - 2 * scale
         u[~np.isfinite(u).all(axis=1)] = -np.inf
-        corners = np.bincount(faces.ravel(), minlength=len(z))
-        mean = np.bincount(faces.ravel(), u.ravel(), len(z)) / corners
+        corners = np.bincount(faces.ravel(), minlength=len(image))
+        mean = np.bincount(faces.ravel(), u.ravel(), len(image)) / corners
     # The coordinates have been scaled to unit size by powers of two: back to their units.
     exponent = size_exponent(np.asarray(uv)) - size_exponent(np.asarray(V))
     return mean + exponent * np.log(2)
@@ -200,7 +202,7 @@ def area_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     Parameters
     ----------
     V, F, uv
-        As in `angle_distortion`.
+        As in `angle_distortion`, in the plane.
 
     Returns
     -------
@@ -239,18 +241,32 @@ def log_of_ratio(image: Floats, surface: Floats) -> Floats:
 
 def _surface_and_image(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> tuple[Floats, Ints, Complex]:
     """Check the arguments of a measure of distortion; uv as complex numbers."""
+    positions, faces, image = _surface_and_points(V, F, uv, (2,))
+    return positions, faces, as_complex(image)
+
+
+def _surface_and_points(
+    V: ArrayLike, F: ArrayLike, uv: ArrayLike, columns: tuple[int, ...]
+) -> tuple[Floats, Ints, Floats]:
     positions, faces = checked_surface(V, F)
-    if np.shape(uv) != (len(positions), 2):
+    shapes = [(len(positions), k) for k in columns]
+    if np.shape(uv) not in shapes:
         raise ValueError(
-            f"uv has shape {np.shape(uv)}, V has {len(positions)} rows: uv must be (n, 2)"
+            f"uv has shape {np.shape(uv)}, V has {len(positions)} rows: uv must be "
+            + " or ".join(f"(n, {k})" for k in columns)
         )
-    return positions, faces, as_complex(checked_vertices(uv, "uv")[:, :2])
+    image = checked_vertices(uv, "uv")
+    if np.shape(uv)[1] == 2:
+        return positions, faces, image[:, :2]
+    if (abs(np.linalg.norm(uv, axis=1) - 1) > ON_SPHERE).any():
+        raise ValueError("uv (n, 3) must lie on the unit sphere, as the points of a SphereMap do")
+    return positions, faces, image
 
 
 def _change_in_degrees(uv: Floats, F: Ints, angles: Floats) -> Floats:
-    """(m, 3) abs(signed angle in the plane - angle), in degrees; clockwise angles are negative."""
+    """(m, 3) abs(signed angle of the image - angle), in degrees; clockwise angles are negative."""
     change = _angles(uv, F)
-    clockwise = libigl.double_areas(uv, F) < 0
+    clockwise = (libigl.double_areas(uv, F) if uv.shape[1] == 2 else np.linalg.det(uv[F])) < 0
     if clockwise.any():
         change[clockwise] *= -1
     change -= angles

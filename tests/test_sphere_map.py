@@ -170,6 +170,11 @@ def test_what_is_shown_and_saved(tmp_path):
     for name in ("map.obj", "map.glb", "map.npz", "map.json", "map.html", "map.png"):
         result.save(tmp_path / name)
     _, ball, board, _ = result.plot()
+    # What is drawn is what is printed.
+    degrees = cdcp_igl.angle_distortion(V, F, result.points)
+    assert degrees.mean() == pytest.approx(result.distortion.mean)
+    with pytest.raises(ValueError, match="unit sphere"):
+        cdcp_igl.angle_distortion(V, F, V + 3)
     assert ball.get_title() == "sphere in the same colours"
     seen = ball.get_images()[0].get_array()[..., 3] > 0
     assert seen.mean() == pytest.approx(np.pi / 4 * 0.96**2, rel=0.02)  # a round picture

@@ -43,7 +43,7 @@ def draw(layout: Layout, name: str = "") -> Figure:
     _show(board, scene.checkerboard(uv), title=f"checkerboard of the {plane} on the surface")
     if layout.plane == "Disk":
         image.add_patch(Circle((0, 0), 1, fill=False, edgecolor=INK, linewidth=0.6))
-    degrees = angle_distortion(layout.V, layout.F, layout.uv).ravel()
+    degrees = angle_distortion(layout.V, layout.F, layout.image).ravel()
     _draw_histogram(histogram, degrees, layout.distortion)
     figure.subplots_adjust(left=0.01, right=0.985, bottom=0.12, top=0.88)
 

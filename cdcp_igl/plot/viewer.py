@@ -85,7 +85,7 @@ def page(
         {"name": f"checkerboard{of}", "kind": "checkerboard", "map": k} for k, of in enumerate(maps)
     ]
     colorings.append({"name": "normals", "kind": "normals"})
-    colorings += [coloring(*measure) for measure in _measured(V, F, maps)]
+    colorings += [coloring(*measure) for measure in _measured(V, F, maps | {"": layout.image})]
 
     arrays = _reordered(arrays, uv, F)
     about |= {
