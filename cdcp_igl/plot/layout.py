@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..arrays import Floats, Ints
 from ..distortion import AngleDistortion
 
@@ -56,8 +58,16 @@ class Layout:
 
     @property
     def image(self) -> Floats:
-        """(n, 2) or (n, 3) what is drawn of the map."""
+        """(n, 2) or (n, 3) the map."""
         return self.uv if self.ball is None else self.ball
+
+    @property
+    def drawn(self) -> tuple[Floats, Ints, Floats]:
+        """V, F and the image; a sphere without the seam between its charts."""
+        if self.ball is None:
+            return self.V, self.F, self.uv
+        _, first, rows = np.unique(self.vertices, return_index=True, return_inverse=True)
+        return self.V[first], rows[self.F], self.ball[first]
 
     @property
     def turns(self) -> bool:

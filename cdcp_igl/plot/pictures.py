@@ -31,8 +31,8 @@ LINE = 26  # characters of a name: as many capitals are as wide as a surface
 
 def draw(layout: Layout, name: str = "") -> Figure:
     """Draw what `Result.plot` returns."""
-    uv, plane = layout.image, layout.plane.lower()
-    scene = Scene(layout.V, layout.F, PIXELS, turns=layout.turns)
+    (V, F, uv), plane = layout.drawn, layout.plane.lower()
+    scene = Scene(V, F, PIXELS, turns=layout.turns)
     figure = Figure(figsize=(20, 5.4), dpi=150, facecolor="white")
     FigureCanvasAgg(figure)
     surface, image, board, histogram = figure.subplots(
@@ -43,7 +43,7 @@ def draw(layout: Layout, name: str = "") -> Figure:
     _show(board, scene.checkerboard(uv), title=f"checkerboard of the {plane} on the surface")
     if layout.plane == "Disk":
         image.add_patch(Circle((0, 0), 1, fill=False, edgecolor=INK, linewidth=0.6))
-    degrees = angle_distortion(layout.V, layout.F, layout.image).ravel()
+    degrees = angle_distortion(V, F, uv).ravel()
     _draw_histogram(histogram, degrees, layout.distortion)
     figure.subplots_adjust(left=0.01, right=0.985, bottom=0.12, top=0.88)
 

@@ -254,8 +254,9 @@ def _image(texture: str | PathLike[str] | ArrayLike) -> str:
 
 def poster(layout: Layout) -> str:
     """Return a picture of a map, for where a browser cannot draw, as a data URI."""
-    maps = [(layout.plane, layout.distortion.mean, layout.image)]
-    figure = side_by_side([(layout.V, layout.F, maps)], turns=layout.turns)
+    V, F, image = layout.drawn
+    maps = [(layout.plane, layout.distortion.mean, image)]
+    figure = side_by_side([(V, F, maps)], turns=layout.turns)
     file = BytesIO()
     figure.savefig(file, format="jpeg", dpi=120, pil_kwargs={"quality": 75})
     return _uri(file.getvalue(), "jpeg")

@@ -44,6 +44,11 @@ function makeScene(arrays) {
     const x = ay * bz - az * by, y = az * bx - ax * bz, z = ax * by - ay * bx;
     for (const c of [i, j, k]) { N[c] += x; N[c + 1] += y; N[c + 2] += z; }
   }
+  if (ball) { // vertices that are there twice, for textures, have one normal
+    const sum = new Float32Array(3 * n), place = (c) => 3 * arrays.vertexOrder[Math.floor(c / 3)] + (c % 3);
+    N.forEach((x, c) => { sum[place(c)] += x; });
+    N.forEach((_, c) => { N[c] = sum[place(c)]; });
+  }
   let radius = 0;
   for (let i = 0; i < 3 * n; i += 3) radius = Math.max(radius, Math.hypot(P[i], P[i + 1], P[i + 2]));
   for (let i = 0; i < 3 * n; i++) P[i] /= radius;
