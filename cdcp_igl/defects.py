@@ -224,7 +224,8 @@ DEFECTS = {
     ),
     "boundary": Row(
         "The boundary loops of the surface are {loops:,}, a sphere has none",
-        "{disk_map} maps a surface with one, {annulus_map} with two or more.",
+        "{clean} merges vertices that are there twice, as at seams, and fills holes; {disk_map} "
+        "maps a surface with one loop, {annulus_map} with two or more.",
     ),
     "several boundary loops": Row(
         "{loops:,} boundary loops, the outer one with {outer:,} vertices",
