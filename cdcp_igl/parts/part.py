@@ -144,7 +144,7 @@ class Folder:
         file = BytesIO()  # to files, NumPy does not say why it cannot write
         np.save(file, uv)
         with whole_file(self.work / f"uv-{p}.npy") as unfinished:
-            unfinished.write_bytes(file.getbuffer())
+            unfinished.write_bytes(file.getvalue())
 
     def _file(self, name: str) -> Path:
         return self.work / f"{name}.npz"
