@@ -45,7 +45,7 @@ def rewrite(page: Path, file: Path) -> None:
     note = (
         "Mean angular distortion in degrees; flipped faces on all five; median time as a multiple "
         "of CDCP's. The first two fill the disk; the others have a free outline, which has less to "
-        f"keep. {_best(file, sections)} Measured on {about['cpu']}, "
+        f"keep. {_best(file, sections)}Measured on {about['cpu']}, "
         f"{about['cores']} cores, commit {about['commit']}, two cases side by side, by "
         f"`make bench`; [all numbers](benchmarks/results/{file.stem}.md)."
     )
@@ -69,7 +69,7 @@ def _best(file: Path, sections: Mapping[str, Section]) -> str:
                 label = style(method).label
                 found.append(f"{title}, {PURPOSES[name]}: {label} (on {share:.0%})")
     of = "CDCP-bench standard" if tier.exists() else "the tables"
-    return f"Best on the {len(results.mapped)} surfaces of {of}: {'; '.join(found)}."
+    return f"Best on the {len(results.mapped)} surfaces of {of}: {'; '.join(found)}. "
 
 
 def _name(results: Section, model: str) -> str:
