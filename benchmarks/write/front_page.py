@@ -12,7 +12,7 @@ from ..records.comparison import ranking
 from ..records.results import Measured, Section
 from ..records.store import ROOT, read_results
 from .figures.style import style
-from .sections import FAMILY_TITLES, PURPOSES, model_cells
+from .sections import FAMILY_TITLES, model_cells
 from .table import NOTHING, Cell, Table, markdown, number
 
 README = ROOT / "README.md"
@@ -27,7 +27,6 @@ METHODS = (
     *("cdcp", "cdcp refine=5", "free refine=5", "lscm", "bff", "abf"),
     "Blender angle-based",
 )
-NAMED = ("mean", "seconds")  # what the best method is named for
 
 
 def rewrite(page: Path, file: Path) -> None:
@@ -55,7 +54,7 @@ def rewrite(page: Path, file: Path) -> None:
 
 
 def _best(file: Path, sections: Mapping[str, Section]) -> str:
-    """Say which method is best for what, on many surfaces if they were measured."""
+    """Say which method has the least mean, on many surfaces if they were measured."""
     tier = file.with_name(f"{file.stem}-standard.json")
     if tier.exists():
         sections = Measured(read_results(tier)[1]).sections
@@ -64,12 +63,10 @@ def _best(file: Path, sections: Mapping[str, Section]) -> str:
         return ""
     found = []
     for family, title in FAMILY_TITLES.items():
-        for name in NAMED:
-            for method, _, share in ranking(results, family, name)[:1]:
-                label = style(method).label
-                found.append(f"{title}, {PURPOSES[name]}: {label} (on {share:.0%})")
+        for method, _, share in ranking(results, family, "mean")[:1]:
+            found.append(f"{title} {style(method).label} (on {share:.0%})")
     of = "CDCP-bench standard" if tier.exists() else "the tables"
-    return f"Best on the {len(results.mapped)} surfaces of {of}: {'; '.join(found)}. "
+    return f"Least mean on the {len(results.mapped)} surfaces of {of}: {'; '.join(found)}. "
 
 
 def _name(results: Section, model: str) -> str:

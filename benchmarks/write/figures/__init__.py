@@ -31,7 +31,7 @@ class Plot:
     draw: Callable[[Measured], Figure]
 
 
-TABLES = "Each method ran in a fresh process, one after the other on the same machine"
+TABLES = "Each method ran in a fresh process on the same machine"
 TIME = f"Wall time from arrays to map. {TABLES}, threads pinned."
 ABLATION = (
     "CDCP from its building blocks, the most central face whatever its shape, without fallbacks."
