@@ -16,11 +16,10 @@ from .certificate import OutlineCertificate, certify_outline
 from .distortion import AngleDistortion, angle_errors
 from .errors import SolverError, spell
 from .io.given import takes_meshes
-from .rescue.candidate import PATIENT, steps_due
+from .rescue.candidate import PATIENT, angles_lowered, steps_due
 from .rescue.conformality import NOT_VALID, judge
 from .rescue.figures import Outline
-from .rescue.line_search import HALVINGS
-from .rescue.refine import STEPS_DUE, Refinement, lower_angle_distortion
+from .rescue.refine import Refinement, lower_angle_distortion
 from .rescue.repair import MANY, Repair, repair_locally
 from .result.base import valid_map
 from .result.plane_map import PlaneMap
@@ -412,23 +411,19 @@ def _refined(
     phase: Phases,
 ) -> FreeMap:
     """Lower the angular distortion beyond that of the harmonic map, the outline free."""
-    with phase("refine") as advance:
-        f, refinement = lower_angle_distortion(
-            plain.mesh,
-            as_complex(plain.uv),
-            order,
-            steps,
-            options.refine_norm,
-            seconds=options.refine_seconds,
-            halvings=HALVINGS if plain.conformal else PATIENT,
-            least=options.refine or STEPS_DUE,
-            wanted=plain.conformality.wanted,
-            figure=Outline(),
-            advance=advance,
-        )
+    f, refinement = angles_lowered(
+        plain.mesh,
+        as_complex(plain.uv),
+        plain.conformality,
+        order,
+        steps,
+        options,
+        phase,
+        figure=Outline(),
+    )
     made = _finished(surface, f, plain.boundary, plain.laplacian, length, options, phase)
     if refinement.steps and not made.valid:
-        refinement = replace(refinement, steps=0, stopped="no certificate", after=refinement.before)
+        refinement = refinement.undone("no certificate")
     repair = replace(plain.repair, n_moved=max(plain.repair.n_moved, made.repair.n_moved))
     return replace(made if refinement.steps else plain, refinement=refinement, repair=repair)
 

@@ -11,11 +11,11 @@ import numpy as np
 
 from .arrays import Complex, coordinates
 from .distortion import AngleDistortion
-from .errors import MapError
 from .rescue.boundary import FALLBACKS, BoundaryMethod, by_inscribed_angles
 from .rescue.candidate import Candidate, HarmonicMap, Provenance, judged, refined
 from .rescue.collapsed_faces import open_collapsed_faces
 from .rescue.repair import Repair, repair_locally, repaired, replace_interior
+from .result.base import valid_map
 from .result.disk_map import DiskMap
 from .solve.factored import FactoredSurface
 from .steps.alignment import rotate
@@ -201,15 +201,11 @@ def finish(
             surface.release()
         best = refined(mesh, best, surface.order, steps, options, phase)
     result = _disk_map(surface, best, phase)
-    if not result.valid:
-        raise MapError(
-            f"The map is not a bijection onto the disk: {result.certificate}. "
-            f"Boundary: {result.boundary}. Parts of it may be too small on the disk for double "
-            "precision: cut the surface where it is long or branches (cdcp_igl.cut)",
-            result,
-        )
-    if not result.conformal:
-        log.warning("the map is not conformal: %s", "; ".join(result.conformality.reasons))
+    remedy = (
+        f"Boundary: {result.boundary}. Parts of it may be too small on the disk for double "
+        "precision: cut the surface where it is long or branches (cdcp_igl.cut)"
+    )
+    result = valid_map(result, " onto the disk", remedy)
     phase.done()
     return result
 

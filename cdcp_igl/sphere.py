@@ -18,12 +18,12 @@ from .distortion import AngleDistortion, log_of_ratio, sphere_angle_errors
 from .errors import MapError, SolverError
 from .io.given import takes_meshes
 from .plot.layout import Layout
-from .rescue.candidate import PATIENT, steps_due
+from .rescue.candidate import angles_lowered, steps_due
 from .rescue.conformality import NOT_VALID, Conformality, judge
 from .rescue.figures import Sphere
-from .rescue.line_search import HALVINGS
-from .rescue.refine import STEPS_DUE, Refinement, lower_angle_distortion
+from .rescue.refine import Refinement
 from .rescue.repair import MANY, POWERS, Neighbourhood, Repair, grow, repair_locally
+from .result.base import valid_map
 from .result.bijection import Bijection
 from .solve.factored import FactoredSurface
 from .solve.laplacian import LAPLACIANS
@@ -349,14 +349,10 @@ def sphere_map(
             mesh = SphereMesh(V, F)
             directions = None if align is None else _directions(align, len(mesh.V))
         best = _best_map(mesh, mobius, directions, options, phase)
-    if not best.valid:
-        raise MapError(
-            f"The map is not a bijection onto the sphere: {best.certificate}. Parts of it may be "
-            "too small for double precision: cut the surface (cdcp_igl.surface_map)",
-            best,
-        )
-    if not best.conformal:
-        log.warning("the map is not conformal: %s", "; ".join(best.conformality.reasons))
+    remedy = (
+        "Parts of it may be too small for double precision: cut the surface (cdcp_igl.surface_map)"
+    )
+    best = valid_map(best, " onto the sphere", remedy)
     phase.done()
     return best
 
@@ -464,24 +460,20 @@ def _refined(
     """Lower the angular distortion beyond that of the harmonic map."""
     mesh, pole = plain.mesh, plain.pole
     sphere = Sphere(plain.points, pole)
-    with phase("refine") as advance:
-        z, refinement = lower_angle_distortion(
-            mesh,
-            sphere.plane(plain.points),
-            order,
-            steps,
-            options.refine_norm,
-            seconds=options.refine_seconds,
-            halvings=HALVINGS if plain.conformal else PATIENT,
-            least=options.refine or STEPS_DUE,
-            wanted=plain.conformality.wanted,
-            figure=sphere,
-            advance=advance,
-        )
+    z, refinement = angles_lowered(
+        mesh,
+        sphere.plane(plain.points),
+        plain.conformality,
+        order,
+        steps,
+        options,
+        phase,
+        figure=sphere,
+    )
     P = sphere.points(z)
     made = _finished(mesh, P, pole, plain.laplacian, plain.solver, None, None, phase)
     if refinement.steps and not made.valid:
-        refinement = replace(refinement, steps=0, stopped="no certificate", after=refinement.before)
+        refinement = refinement.undone("no certificate")
     if refinement.steps == 0:
         return replace(plain, refinement=refinement)
     repair = replace(plain.repair, n_moved=max(plain.repair.n_moved, made.repair.n_moved))

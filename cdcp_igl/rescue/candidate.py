@@ -6,6 +6,7 @@ import logging
 from dataclasses import dataclass, field, replace
 from functools import partial
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -214,21 +215,18 @@ def refined(
     for thin in (0.0, THIN):
         conformal = bool(candidate.conformality)
         known = 0.0 if candidate.conformality.sheared else candidate.mean
-        with phase("refine") as advance:
-            f, refinement = lower_angle_distortion(
-                mesh,
-                candidate.f,
-                order,
-                steps,
-                options.refine_norm,
-                seconds=deadline - perf_counter(),
-                halvings=HALVINGS if candidate.conformality else PATIENT,
-                thin=thin,
-                least=options.refine or STEPS_DUE,
-                wanted=candidate.conformality.wanted,
-                accepted=no_less_conformal,
-                advance=advance,
-            )
+        f, refinement = angles_lowered(
+            mesh,
+            candidate.f,
+            candidate.conformality,
+            order,
+            steps,
+            options,
+            phase,
+            seconds=deadline - perf_counter(),
+            thin=thin,
+            accepted=no_less_conformal,
+        )
         if refinement.stopped:
             log.info("refinement: %s", refinement)
         if refinement.steps == 0:
@@ -243,5 +241,28 @@ def refined(
         if better.rank[:2] <= candidate.rank[:2]:
             return better
     stopped = "not conformal" if better.certificate.valid else "no certificate"
-    undone = replace(refinement, steps=0, stopped=stopped, after=refinement.before)
-    return replace(candidate, done=replace(done, refinement=undone))
+    return replace(candidate, done=replace(done, refinement=refinement.undone(stopped)))
+
+
+def angles_lowered(
+    mesh: DiskMesh,
+    f: Complex,
+    conformality: Conformality,
+    order: Ints,
+    steps: int,
+    options: Options,
+    phase: Phases,
+    **more: Any,
+) -> tuple[Complex, Refinement]:
+    """Call `lower_angle_distortion` by the options and the verdict on a map (n,), and as told."""
+    with phase("refine") as advance:
+        by_options: dict[str, Any] = {
+            "seconds": options.refine_seconds,
+            "halvings": HALVINGS if conformality else PATIENT,
+            "least": options.refine or STEPS_DUE,
+            "wanted": conformality.wanted,
+            "advance": advance,
+        }
+        return lower_angle_distortion(
+            mesh, f, order, steps, options.refine_norm, **(by_options | more)
+        )

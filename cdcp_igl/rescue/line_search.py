@@ -34,10 +34,9 @@ def search_along(
 ) -> tuple[Complex, Floats, float] | None:
     """Halve a step until the objective falls, and at faces that it flips until it does not.
 
-    The step (n,) is tangential to the `figure`; `measure`
-    takes angle errors (m, 3) to the objective. Faces that become less high than `thin`, by their
-    distance from 0, count as flipped. Returns the map, its angle errors and its objective; None if
-    nothing helps.
+    The step (n,) is tangential to the `figure`; `measure` takes angle errors (m, 3) to the
+    objective. Faces that become less high than `thin`, by their distance from 0, count as flipped.
+    Returns the map, its angle errors and its objective; None if nothing helps.
     """
     scale, low = np.ones(len(f)), figure.lower(mesh.F, f, thin)
     for _ in range(halvings):

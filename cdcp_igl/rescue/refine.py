@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
 
@@ -69,6 +69,10 @@ class Refinement:
     norm: float
     before: float
     after: float
+
+    def undone(self, why: str) -> Refinement:
+        """Account for steps that were taken back."""
+        return replace(self, steps=0, stopped=why, after=self.before)
 
     def __str__(self) -> str:
         if self.steps == 0:
