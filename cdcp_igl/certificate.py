@@ -10,10 +10,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from . import libigl
-from .arrays import BLOCK, Complex, Floats, Ints, as_complex, coordinates
+from .arrays import Complex, Floats, Ints, as_complex, coordinates
 from .errors import counted, spell
 from .surface.mesh import DiskMesh
-from .surface.triangles import EPS, flipped_faces
+from .surface.triangles import BLOCK, EPS, flipped_faces
 
 BOUNDARY_TOLERANCE = 1e-12
 # Neighbours on the boundary must be this far apart, in radians, to stay in order when rounding

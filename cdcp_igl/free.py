@@ -25,7 +25,6 @@ from .result.base import valid_map
 from .result.plane_map import PlaneMap
 from .solve.factored import FactoredSurface
 from .solve.solvers import SolverName, using
-from .steps.alignment import rotate
 from .steps.boundary_first import (
     angles_of_scale,
     closed_curve,
@@ -34,6 +33,7 @@ from .steps.boundary_first import (
     scale_of_angles,
 )
 from .steps.extension import harmonic_extension
+from .steps.mobius import rotate
 from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .steps.trace import edge_lengths

@@ -14,10 +14,9 @@ from ..arrays import Complex, Floats, Ints, coordinates
 from ..certificate import Certificate, certify
 from ..distortion import disk_map_distortion
 from ..solve.factored import FactoredSurface
-from ..steps.alignment import rotate
 from ..steps.center import Center
 from ..steps.extension import extended_again, harmonic_extension
-from ..steps.mobius import Normalization
+from ..steps.mobius import Normalization, rotate
 from ..steps.options import Options
 from ..steps.phases import Phases
 from ..surface.mesh import DiskMesh

@@ -11,7 +11,6 @@ from .. import libigl
 from ..arrays import Complex, Floats, Ints, marked
 from ..distortion import face_dilatation
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import face_areas
 
 NEGLIGIBLE_DEGREES = 1.0  # mean error that no one sees, whatever its cause
 LARGEST_DEGREES = 12.0  # mean error that any use of a conformal map can bear
@@ -163,7 +162,7 @@ def dilatation(mesh: DiskMesh, f: Complex | Floats, faces: Ints) -> float:
     F = mesh.F[faces]
     log_K = np.log(face_dilatation(mesh.V, F, f))
     known = np.isfinite(log_K)
-    area = face_areas(mesh.V, F[known])
+    area = libigl.double_areas(mesh.V, F[known])
     return float(np.exp(np.average(log_K[known], weights=area))) if known.any() else 1.0
 
 

@@ -10,12 +10,13 @@ from time import perf_counter
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from ..arrays import Complex, Floats, Ints, blocks
+from ..arrays import Complex, Floats, Ints
 from ..errors import counted
 from ..solve.cholesky import Cholesky
 from ..solve.laplacian import Laplacian
 from ..solve.solvers import factorize
 from ..surface.mesh import DiskMesh
+from ..surface.triangles import blocks
 from .figures import Disk, Figure
 from .line_search import HALVINGS, search_along
 
