@@ -156,11 +156,14 @@ class SphereCertificate:
         )
 
 
-def certify_sphere(F: Ints, P: Floats) -> SphereCertificate:
-    """Verify a map (n, 3) of a closed surface with faces F onto the unit sphere."""
+def certify_sphere(F: Ints, P: Floats, known: tuple[Ints, int] | None = None) -> SphereCertificate:
+    """Verify a map (n, 3) of a closed surface with faces F onto the unit sphere.
+
+    What `flipped_on_sphere` finds may be `known`.
+    """
     if not np.isfinite(P).all():
         return SphereCertificate(False, np.inf, 0, np.arange(len(F)), 0)
-    flipped, n_exact = flipped_on_sphere(P, F)
+    flipped, n_exact = known or flipped_on_sphere(P, F)
     radius_error = float(abs(np.linalg.norm(P, axis=1) - 1).max())
     degree = round(solid_angles(P, F).sum() / (4 * np.pi))
     return SphereCertificate(True, radius_error, degree, flipped, n_exact)
@@ -278,14 +281,16 @@ def together(each: Sequence[Kind]) -> Kind:
     return type(each[0])(**{n: TOGETHER[n]([getattr(one, n) for one in each]) for n in names})
 
 
-def certify_outline(mesh: DiskMesh, uv: Floats) -> OutlineCertificate:
-    """Verify a map (n, 2) of a mesh with a free outline."""
+def certify_outline(
+    mesh: DiskMesh, uv: Floats, known: tuple[Ints, int] | None = None
+) -> OutlineCertificate:
+    """Verify a map (n, 2) of a mesh with a free outline; `flipped_faces` of it may be `known`."""
     if not np.isfinite(uv).all():
         return OutlineCertificate(False, 0, np.empty((0, 2), int), np.arange(len(mesh.F)), 0)
     f = as_complex(uv)
     edges = np.roll(f[mesh.loop], -1) - f[mesh.loop]
     turns = np.angle(edges * np.roll(edges, 1).conj()).sum() / (2 * np.pi)
-    flipped, n_exact = flipped_faces(f, mesh.F)
+    flipped, n_exact = known or flipped_faces(f, mesh.F)
     meeting = mesh.loop[meeting_edges(f[mesh.loop])]
     return OutlineCertificate(True, round(turns), meeting, flipped, n_exact)
 

@@ -17,7 +17,7 @@ from .distortion import AngleDistortion, angle_errors
 from .errors import SolverError, spell
 from .io.given import takes_meshes
 from .rescue.candidate import PATIENT, angles_lowered, steps_due
-from .rescue.conformality import NOT_VALID, judge
+from .rescue.conformality import judge
 from .rescue.figures import Outline
 from .rescue.refine import Refinement, lower_angle_distortion
 from .rescue.repair import MANY, Repair, repair_locally
@@ -382,9 +382,8 @@ def _finished(
     with phase("certificate"):
         degrees = np.degrees(abs(angle_errors(mesh, f)))
         area = oriented_areas(f, mesh.F)[0].sum() / 2
-        conformality = NOT_VALID
-        if certificate.valid:
-            conformality = judge(mesh, f, degrees, closely=repair.n_flipped > 0)
+        closely = repair.n_flipped > 0
+        conformality = judge(mesh, f, degrees, valid=certificate.valid, closely=closely)
     return FreeMap(
         uv=coordinates(f),
         mesh=mesh,

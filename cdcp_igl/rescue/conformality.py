@@ -100,14 +100,18 @@ def judge(
     f: Complex | Floats,
     degrees: Floats,
     *,
+    valid: bool = True,
     closely: bool = False,
     known: float = 0.0,
 ) -> Conformality:
-    """Judge a valid map f, (n,) or into space (n, 3), with angular distortion `degrees` (m, 3).
+    """Judge a map f, (n,) or into space (n, 3), with angular distortion `degrees` (m, 3).
 
-    `closely` judges all faces, for a map that may be sheared in few places only, rather than a
-    sample of some 4,000. A mean error up to `known`, that of a map without shear, is none.
+    One that is not `valid` is not conformal. `closely` judges all faces, for a map that may be
+    sheared in few places only, rather than a sample of some 4,000. A mean error up to `known`, that
+    of a map without shear, is none.
     """
+    if not valid:
+        return NOT_VALID
     faces = np.arange(len(degrees)) if closely else sampled_faces(len(degrees))
     return judge_by(mesh, f, degrees[faces], faces, float(degrees.mean()), known)
 
