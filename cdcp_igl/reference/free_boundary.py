@@ -174,7 +174,7 @@ def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
     the other its harmonic conjugate. The map may overlap itself and flip faces. To be compared on
     angles only. `free_map` begins as this does, and has both coordinates harmonic.
 
-    The published program (version 1.6) adds 1e-8 to the diagonal of the Laplacian, which tells where
+    The published program (version 1.6) adds 1e-8 to the diagonal of the Laplacian. That tells where
     a boundary is short for its surface: a hand that ends at the wrist has 1.17 degrees, not 1.16.
 
     Parameters
