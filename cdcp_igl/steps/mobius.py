@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Complex, Floats, Ints
 from ..certificate import is_around
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import flipped_faces, vertex_areas
+from ..surface.triangles import flipped_faces
 from .least_distortion import (
     AngleErrors,
     faces_to_judge_by,
@@ -78,7 +78,7 @@ def normalize(
     elif method == "nelder-mead":
         w = least_angle_distortion_nelder_mead(mesh.F, f, mesh.angles)
     else:
-        w = conformal_barycenter(f, vertex_areas(mesh.V, mesh.F))
+        w = conformal_barycenter(f, mesh.vertex_areas)
 
     def attempt(w: complex) -> tuple[Complex, Ints] | None:
         moved = at_one(mesh, mobius_transformation(f, w), mesh.loop[0])
@@ -186,7 +186,7 @@ def rotate(
             return at_one(mesh, f, int(align))
         return f * (abs(f[align]) / f[align] if f[align] else 1)
     direction = np.asarray(align)
-    mass = vertex_areas(mesh.V, mesh.F)
+    mass = mesh.vertex_areas
     height = mesh.V @ direction
     moment = complex((mass * (height - np.average(height, weights=mass)) * f).sum())
     check_slope(align, moment, mass.sum() * np.ptp(height))
