@@ -216,9 +216,6 @@ class SphereMap(Bijection):
     def _reach(self) -> float:
         return float(abs(self.uv).max())
 
-    def _subject(self) -> str:
-        return f"{len(self.points):,} vertices"
-
     def _steps(self) -> list[tuple[str, str]]:
         return [
             ("pole", f"vertex {self.pole:,}"),
