@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from ..arrays import Bools, Complex, Floats, Ints, coordinates
+from ..arrays import Complex, Floats, Ints, coordinates
 from ..certificate import (
     Certificate,
     OutlineCertificate,
@@ -18,9 +18,8 @@ from ..certificate import (
 )
 from ..distortion import angle_errors, sphere_angle_errors
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import flipped_faces, twice_areas
+from ..surface.triangles import flipped_faces
 from .collapsed_faces import open_collapsed_faces
-from .recentering import extents
 
 AnyCertificate = Certificate | OutlineCertificate | SphereCertificate
 Flipped = tuple[Ints, int]
@@ -57,15 +56,6 @@ class Figure(ABC):
         That is one factor for each corner, or for all.
         """
         return f.take(F.T), 1.0
-
-    def lower(self, F: Ints, f: Complex, height: float) -> Bools:
-        """(m,) whether faces are less high than that by their distance from 0; none if it is 0."""
-        if height == 0:
-            return np.zeros(len(F), dtype=bool)
-        corner = f[F]
-        e = corner - corner[:, [2, 0, 1]]
-        size, distance = extents(corner)
-        return np.asarray(twice_areas(e) < height * distance * size)
 
 
 class Disk(Figure):
