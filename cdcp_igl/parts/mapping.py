@@ -92,7 +92,8 @@ def parts_map(
     MeshError
         If the surface is no disk: as `check` says, which then reads the whole surface.
     SolverError
-        If a part cannot be factored, or does not fit into memory.
+        If a part cannot be factored, or does not fit into memory; or the surface is no disk, and
+        memory is too small to say where.
     MapError
         If the map would have to be rescued otherwise than by moving some vertices near a few
         flipped faces: there, `disk_map` tries other maps.
@@ -180,18 +181,8 @@ class _Mapping:
         with phase("repair"):
             repair = self.repair(mobius.w)
         with phase("certificate"):
-            found = self.judge()
+            result = self.judge(center=center, mobius=mobius, repair=repair, solver=solver_name)
         phase.done()
-        result = PartsMap(
-            folder=self.folder,
-            center=center,
-            boundary=BoundaryMethod("geodesic"),
-            mobius=mobius,
-            repair=repair,
-            solver=solver_name,
-            timings=phase.seconds,
-            **found,
-        )
         if not result.valid:
             self.give_up(f"it would not be a bijection: {result.certificate}", result)
         if result.conformality.is_doubtful:
@@ -324,12 +315,9 @@ class _Mapping:
         if not isinstance(self.options.center, str):
             return Center("given", int(self.options.center))
         rows, condensed, most = self.folder.each(self.condensed, "rows", "torsion", "most")
-        if not self.folder.has("torsion"):
-            g = np.zeros(self.n_seams)
-            for some, values in zip(rows, condensed, strict=True):
-                g[some] += values
-            self.folder.write("torsion", seams=self.solve(g), boundary=np.zeros(self.n_border))
-        u = self.folder.read("torsion")["seams"]
+        u = np.zeros(self.n_seams)
+        np.add.at(u, np.concatenate(rows), np.concatenate(condensed))
+        self.folder.write("torsion", seams=self.solve(u), boundary=np.zeros(self.n_border))
         bound = most + 3 * np.array([u[some].max(initial=0) for some in rows])
         found, best = list[str](), -np.inf
         for k in np.argsort(-bound, kind="stable").tolist():
@@ -365,18 +353,16 @@ class _Mapping:
 
     def extend(self, face: int, f_B: Complex, advance: Callable[[float], None]) -> None:
         """Extend boundary values harmonically, eq. (10), and take a sample of the faces."""
-        self.face, values = face, f"values-{face}"
-        if not self.folder.has(values):
-            g = np.zeros(self.n_seams, complex)
-            for p in self.parts:
-                side = self.folder.read(f"side-{p}", "rows", "places", "side")
-                g[side["rows"]] -= side["side"] @ f_B[side["places"]]
-            self.folder.write(values, seams=self.solve(g), boundary=f_B)
+        g = np.zeros(self.n_seams, complex)
+        for p in self.parts:
+            side = self.folder.read(f"side-{p}", "rows", "places", "side")
+            g[side["rows"]] -= side["side"] @ f_B[side["places"]]
+        self.face, self.values = face, {"seams": self.solve(g), "boundary": f_B}
+        self.folder.write(f"values-{face}", **self.values)
         rows = [evenly_spaced_rows(self.m, k) for k in (FEW_FACES, FACES)]
         rows += [faces_to_judge_by(self.m), sampled_faces(self.m)]
         self.folder.write("sample", faces=np.unique(np.concatenate(rows)))
         self.extended = self.engine.run(steps.extend, face, advance=advance)
-        self.values = self.folder.read(values)
 
     def gathered(self, names: list[str]) -> Gathered:
         """Gather the faces that steps have taken of their parts."""
@@ -406,10 +392,10 @@ class _Mapping:
             w, finished, reason = harmless(
                 least_angle_distortion(errors) if method == "angle" else self.barycenter(),
                 lambda w: method == "area" or errors.mean(w) < before,
-                self.finish,
-                lambda: self.unmoved()[1],
+                lambda w: self.finish(w) if is_around(self.boundary(w)) else None,
+                lambda: self.finish(0j)[1],
             )
-        self.names, self.final = finished or self.unmoved()[0]
+        self.names, self.final = finished or self.finish(0j)[0]
         return Normalization(method or "none", w, reason)
 
     def barycenter(self) -> complex:
@@ -417,7 +403,7 @@ class _Mapping:
 
         def means(w: complex) -> tuple[complex, complex]:
             mass, z, square, *_ = self.moments(w)[0]
-            return complex(z / mass.real), complex(square / mass.real)
+            return complex(z / mass), complex(square / mass)
 
         return barycenter_by_moments(means)
 
@@ -427,45 +413,32 @@ class _Mapping:
         moments, heights = self.folder.each(names, "moments", "heights")
         return np.sum(moments, axis=0), np.concatenate(heights)
 
-    def turn(self, w: complex, f_B: Complex) -> complex:
+    def boundary(self, w: complex) -> Complex:
+        """(nB,) boundary values after psi_w."""
+        return mobius_transformation(self.values["boundary"], w)
+
+    def turn(self, w: complex) -> complex:
         """Find what f is divided by so that what `align` names lies at angle 0."""
         align = self.options.align
         if align is None:
-            return complex(f_B[0])
+            return complex(self.boundary(w)[0])
         if isinstance(align, int | np.integer):
             loop = self.folder.read("loop")["loop"]
-            return complex(f_B[loop == align][0])
+            return complex(self.boundary(w)[loop == align][0])
         (mass, z, _, h, hz), heights = self.moments(w, *np.asarray(align, float).tolist())
         moment = complex(hz - h / mass * z)
         check_slope(align, moment, mass.real * float(np.ptp(heights)))
         return moment / abs(moment)
 
-    def finish(self, w: complex) -> tuple[Finished, Ints] | None:
-        """Apply psi_w and certify the parts: names of the results, values; flipped faces.
-
-        None where the boundary is crowded.
-        """
-        f_B = mobius_transformation(self.values["boundary"], w)
-        turn = self.turn(w, f_B)
-        f_B = f_B / turn
+    def finish(self, w: complex) -> tuple[Finished, Ints]:
+        """Apply psi_w and certify the parts: names of the results, values; flipped faces."""
+        turn = self.turn(w)
+        f_B = self.boundary(w) / turn
         f_B /= abs(f_B)
-        if not is_around(f_B):
-            return None
-        final = {
-            "seams": mobius_transformation(self.values["seams"], w) / turn,
-            "boundary": f_B,
-            "turn": turn,
-            "vertices": np.empty(0, np.int64),
-            "moved": np.empty(0, complex),
-        }
+        seams = mobius_transformation(self.values["seams"], w) / turn
+        final = {"seams": seams, "boundary": f_B, "turn": turn, "vertices": [], "moved": []}
         names = self.certified(w, final, self.parts)
         return (names, final), np.concatenate(self.folder.each(names, "flipped")[0])
-
-    def unmoved(self) -> tuple[Finished, Ints]:
-        """Do what `finish` does, without a Möbius transformation: the boundary is not crowded."""
-        finished = self.finish(0j)
-        assert finished is not None
-        return finished
 
     def certified(self, w: complex, final: Arrays, of: list[int]) -> list[str]:
         """Finish some parts with the values of seams, boundary and vertices that have moved."""
@@ -488,8 +461,8 @@ class _Mapping:
             changed = np.flatnonzero(g != f)
             moved |= dict(zip(vertices[changed].tolist(), g[changed].tolist(), strict=True))
             rounds += repair.rounds
-            self.final["vertices"] = np.array(sorted(moved), np.int64)
-            self.final["moved"] = np.array([moved[v] for v in sorted(moved)], complex)
+            self.final["vertices"] = sorted(moved)
+            self.final["moved"] = [moved[vertex] for vertex in sorted(moved)]
             names = self.certified(w, self.final, [self.parts[j] for j in near])
             for j, name in zip(near, names, strict=True):
                 self.names[j] = name
@@ -503,7 +476,7 @@ class _Mapping:
         border = np.unique(edges.ends(edges.valence == 1))
         return found.vertices, DiskMesh.piece(V, F, border), found.f
 
-    def judge(self) -> dict[str, Any]:
+    def judge(self, **done: Any) -> PartsMap:
         """Certify and measure the whole; judge it by the faces that `disk_map` judges it by."""
         keys = "flipped", "n_exact", "finite", "degrees", "lost"
         flipped, n_exact, finite, degrees, lost = self.folder.each(self.names, *keys)
@@ -522,14 +495,18 @@ class _Mapping:
             faces = near.places(sampled_faces(self.m))
             errors = disk_map_distortion(near.mesh, coordinates(near.f))[faces]
             conformality = judge_by(near.mesh, near.f, errors, faces, distortion.mean)
-        return {
-            "certificate": certificate,
-            "conformality": conformality,
-            "distortion": distortion,
-            "distortion_of_free_faces": of_free,
-            "lost": (int(n_lost), float(area / whole)),
-            "moved_bytes": sum(file.stat().st_size for file in self.folder.work.glob("*.npz")),
-        }
+        return PartsMap(
+            folder=self.folder,
+            certificate=certificate,
+            conformality=conformality,
+            distortion=distortion,
+            distortion_of_free_faces=of_free,
+            lost=(int(n_lost), float(area / whole)),
+            moved_bytes=sum(file.stat().st_size for file in self.folder.work.glob("*.npz")),
+            boundary=BoundaryMethod("geodesic"),
+            timings=self.phase.seconds,
+            **done,
+        )
 
     def give_up(self, reason: str, result: Any = None) -> NoReturn:
         """Raise MapError: what is left to do is done on one machine only."""

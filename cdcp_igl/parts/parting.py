@@ -20,7 +20,7 @@ from ..arrays import Floats, Ints, evenly_spaced_rows, places
 from ..errors import MeshError
 from ..io import read_mesh
 from ..io.ply import triangles_of_ply
-from ..solve.memory import BYTES, available_memory
+from ..solve.memory import BYTES, available_memory, require
 from ..solve.ordering import SAMPLE, cuts, sides
 from ..surface.checking import examine
 from ..surface.validation import repeated_corners, size_exponent
@@ -36,6 +36,7 @@ MANIFEST = "parts.json"
 LARGE_PART = 50_000  # vertices
 MOST_PARTS = 1 << 15
 SHARE = 8  # of the memory that there is, a part may take one
+BYTES_TO_EXAMINE = 500.0  # a vertex, if the whole is examined at once
 
 
 def partition(
@@ -75,6 +76,8 @@ def partition(
     MeshError
         If the arrays are no mesh, or a vertex is not used; otherwise, `parts_map` examines the
         surface.
+    SolverError
+        If they are not, and memory is too small to say where.
     ValueError
         If `parts` is no power of 2, or too large.
     OSError
@@ -161,7 +164,12 @@ class Table:
 
 
 def refuse(V: Table, F: Table) -> NoReturn:
-    """Raise the MeshError of a whole surface, which is read into memory for that."""
+    """Raise the MeshError of a whole surface, which is read into memory for that.
+
+    SolverError if it does not fit.
+    """
+    what = "the surface is no triangulated disk; to say where, reading it"
+    require(BYTES_TO_EXAMINE * len(V), what, "Decimate it")
     raise MeshError(*examine(V.whole(), F.whole()).defects)
 
 

@@ -11,8 +11,7 @@ from typing import Any
 from ..batching.executors import run_on
 from ..batching.pool import Pool
 from ..batching.work import MIB_OF_PYTHON
-from ..errors import SolverError
-from ..solve.memory import available_memory
+from ..solve.memory import require
 from ..solve.solvers import SolverName, using
 from ..solve.threads import one_thread
 from .part import Arrays, Folder, named
@@ -58,11 +57,7 @@ class Step:
         """Compute and write it, unless it is there; return its name, or what went wrong."""
         try:
             if not self.folder.has(self.name):
-                if self.memory * 2**20 > available_memory():
-                    return SolverError(
-                        f"{self.name} takes some {self.memory:,.0f} MiB, which are not available. "
-                        "Part the surface into more parts, or take a machine with more memory."
-                    )
+                require(self.memory * 2**20, self.name, "Part the surface into more parts")
                 with using(self.solver), one_thread():
                     arrays = self.what(self.folder, self.of, *self.given)
                     self.folder.write(self.name, **arrays)

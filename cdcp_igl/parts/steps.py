@@ -156,7 +156,7 @@ def finish(folder: Folder, p: int, face: int, w: complex, values: str) -> Arrays
     part, given = Part(folder, p), folder.read(values, "turn", "vertices", "moved")
     f = mobius_transformation(folder.read(named(extend, p, face), "f")["f"], w) / given["turn"]
     f[part.piece.loop] = part.given(values)
-    moved = given["vertices"]
+    moved = given["vertices"].astype(int)
     f[among(moved, part.vertices)] = given["moved"][among(part.vertices, moved)]
     uv = coordinates(f)
     finite = bool(np.isfinite(uv).all())
