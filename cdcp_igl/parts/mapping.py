@@ -251,15 +251,17 @@ class _Mapping:
         self.condensed = self.engine.run(steps.eliminate, advance=advance)
         for level in range(self.folder.levels, 0, -1):
             cuts = [node for node in self.cuts if node.bit_length() == level]
-            largest = max((memory[node] for node in cuts), default=0)
-            self.engine.run(steps.merge, of=cuts, memory=largest / 2**20)
+            self.engine.run(steps.merge, of=cuts, memory=memory)
             for node in cuts:
                 for side in (2 * node, 2 * node + 1):
                     self.folder.remove(f"schur-{side}")
 
-    def require_room(self) -> dict[int, float]:
-        """Find how many bytes each front takes to be made; OSError if the disk is too small."""
-        rows, memory, written = dict[int, Ints](), dict[int, float](), 0
+    def require_room(self) -> float:
+        """Find how many MiB the largest front takes to be made; OSError if the disk is too small.
+
+        The smaller ones, which come first, are given as much: what does not fit is told at once.
+        """
+        rows, most, written = dict[int, Ints](), 0.0, 0
         node_of, self.n_seams = self.folder.seams(), len(self.folder.seams())
         for p in self.parts:
             row = self.folder.part(p, "row")["row"]
@@ -272,16 +274,16 @@ class _Mapping:
             size, rest = len(together), len(rows[node])
             written += 8 * (size * (size - rest) + rest**2)
             # The front, the larger of its sides, and what is taken from it.
-            memory[node] = 8.0 * (size**2 + max(map(len, sides)) ** 2 + 2 * rest**2)
-        most, left = max(memory.values(), default=0), shutil.disk_usage(self.folder.work).free
+            most = max(most, 8 * (size**2 + max(map(len, sides)) ** 2 + 2 * rest**2) / 2**20)
         log.info(
             "the seams take up to %s MiB on disk and %s MiB of memory, a part some %s MiB",
-            *(f"{x:,.0f}" for x in (written / 2**20, most / 2**20, self.engine.memory)),
+            *(f"{x:,.0f}" for x in (written / 2**20, most, self.engine.memory)),
         )
+        left = shutil.disk_usage(self.folder.work).free
         if written > left and not self.folder.has(named(steps.merge, 1)):
             reason = f"{written / 2**30:,.1f} GiB are needed and {left / 2**30:,.1f} GiB are free"
             raise OSError(errno.ENOSPC, reason, str(self.folder.work))
-        return memory
+        return most
 
     def solve(self, g: Numbers) -> Numbers:
         """Solve for the values (s,) on seams, by right-hand sides g condensed to them, in place.
@@ -478,10 +480,8 @@ class _Mapping:
 
     def judge(self, **done: Any) -> PartsMap:
         """Certify and measure the whole; judge it by the faces that `disk_map` judges it by."""
-        keys = "flipped", "n_exact", "finite", "degrees", "lost"
-        flipped, n_exact, finite, degrees, lost = self.folder.each(self.names, *keys)
-        if not all(finite):
-            self.give_up("it is not finite")
+        keys = "flipped", "n_exact", "degrees", "lost"
+        flipped, n_exact, degrees, lost = self.folder.each(self.names, *keys)
         rows = np.sort(np.concatenate(flipped))
         certificate = certificate_of(self.final["boundary"], rows, int(sum(n_exact)))
         free, inscribed = np.moveaxis(np.array(degrees), 1, 0)

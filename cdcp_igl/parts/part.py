@@ -19,6 +19,7 @@ from ..solve.laplacian import cotangent_laplacian
 from ..steps.center import most_central
 from ..steps.extension import harmonic_extension
 from ..surface.mesh import DiskMesh
+from ..surface.triangles import corner_angles
 from .parting import MANIFEST
 
 Arrays = dict[str, Any]
@@ -187,7 +188,7 @@ class Part:
         u = within + harmonic_extension(self.factored, self.given("torsion"))
         i, j, k = u[self.F.T]
         best = most_central(central := i + j + k)
-        smallest = self.piece.angles[best].min(axis=1)
+        smallest = corner_angles(self.piece.cotangents[best]).min(axis=1)
         return {"central": central[best], "candidates": self.faces[best], "smallest": smallest}
 
     def some(self, here: Bools | slice, f: Complex) -> Arrays:

@@ -12,7 +12,7 @@ from scipy.linalg import solve_triangular
 
 from ..arrays import Floats, coordinates, marked
 from ..distortion import disk_map_distortion
-from ..errors import SolverError
+from ..errors import MapError, SolverError
 from ..solve.condensed import Condensed
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.extension import harmonic_extension
@@ -159,15 +159,15 @@ def finish(folder: Folder, p: int, face: int, w: complex, values: str) -> Arrays
     moved = given["vertices"].astype(int)
     f[among(moved, part.vertices)] = given["moved"][among(part.vertices, moved)]
     uv = coordinates(f)
-    finite = bool(np.isfinite(uv).all())
-    flipped, n_exact = flipped_faces(f, part.F) if finite else (np.arange(len(part.F)), 0)
+    if not np.isfinite(uv).all():
+        raise MapError(f"The map of part {p} is not finite. If the mesh has slivers, remesh it.")
+    flipped, n_exact = flipped_faces(f, part.F)
     degrees = disk_map_distortion(part.piece, uv)
     inscribed = marked(len(f), part.border)[part.F].all(axis=1)
     i, j, k = among(folder.read("near")["vertices"], part.vertices)[part.F.T]
     lost, areas = lost_in_single_precision((uv + 1) / 2, part.F), face_areas(part.V, part.F)
     return {
         "f": f,
-        "finite": finite,
         "flipped": part.faces[flipped],
         "n_exact": n_exact,
         "degrees": np.array([_sums(degrees[~inscribed]), _sums(degrees[inscribed])]),
@@ -190,5 +190,5 @@ def moments(folder: Folder, p: int, face: int, w: complex, *direction: float) ->
 
 
 def _sums(degrees: Floats) -> Floats:
-    most = degrees.max() if degrees.size else 0.0
+    most = degrees.max(initial=0)
     return np.array([degrees.size, degrees.sum(), (degrees * degrees).sum(), most])
