@@ -120,8 +120,8 @@ def test_every_row_is_there(tmp_path, mesh):
     V, F, _ = cdcp_igl.datasets.spherical_cap(6)  # without ears, which not every method can map
     np.savez(mesh, V=V, F=F)
     name = mesh.name
-    files = [tmp_path / file for file in ("r.json", "r.csv", "p.svg")]
-    options = zip(("--json", "--csv", "--picture"), files, strict=True)
+    files = [tmp_path / file for file in ("r.json", "r.csv", "p.svg", "v.html")]
+    options = zip(("--json", "--csv", "--picture", "--view"), files, strict=True)
     with matplotlib.rc_context({"svg.fonttype": "none", "figure.dpi": 30}):  # text stays text
         done = invoke("compare", mesh, *(word for option in options for word in option))
     assert (done.exit_code, done.stderr) == (0, "")
@@ -141,6 +141,9 @@ def test_every_row_is_there(tmp_path, mesh):
     assert [row["method"] for row in table] == list(METHODS)
     assert table[0]["mesh"].endswith(name)
     assert name in files[2].read_text()
+    page = files[3].read_text()
+    assert all(f'"{method}"' in page for method in METHODS if method != "cdcp")
+    assert invoke("compare", mesh, "b.obj", "--view", files[3]).exit_code == 2  # for one mesh
 
 
 @pytest.mark.parametrize("width", [40, 80, 120])

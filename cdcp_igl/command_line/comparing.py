@@ -42,6 +42,10 @@ def compare_command(
     picture: Path | None = file_option(
         "--picture", "P.png", PICTURES, "The maps side by side, a row a mesh (.png .svg .pdf)."
     ),
+    view: Path | None = file_option(
+        *("--view", "V.html", (".html",)),
+        help="The maps of one mesh, each beside the disk map and the turning surface.",
+    ),
     force: bool = FORCE,
 ) -> None:
     """Compare methods on meshes: a table of distortion, flips, time and memory for each.
@@ -52,6 +56,7 @@ def compare_command(
     Exit codes: 0 all rows are there; 1 a file could not be written, or an extra is missing;
     2 bad input; 4 some meshes were left out.
     """
+    from ..algorithm import disk_map
     from ..errors import printable
     from ..io import read_polygons
     from ..io.output import whole_file, write_text
@@ -63,14 +68,16 @@ def compare_command(
     if unknown := [name for name in chosen if name not in METHODS]:
         raise typer.BadParameter(f"{unknown[0]!r} is not one of {', '.join(METHODS)}.")
     meshes = list(dict.fromkeys(meshes))
+    if view and len(meshes) > 1:
+        raise typer.BadParameter("--view is for one mesh.")
     cases: dict[Path, list[Case]] = {}
     rows: list[MapRow] = []
     unprinted: list[BaseException] = []
     with exit_codes():
-        if picture:
+        if picture or view:
             with from_extra("plot"):
                 from ..plot import side_by_side
-        check_targets((json_file, csv_file, picture), meshes, force)
+        check_targets((json_file, csv_file, picture, view), meshes, force)
     for mesh in meshes:
         try:
             with exit_codes(mesh):
@@ -89,7 +96,7 @@ def compare_command(
         try:
             print_cases(f"{printable(mesh)}: {len(V):,} vertices", cases[mesh])
         except (OSError, SystemExit) as error:  # Rich exits where nobody reads from a pipe
-            if not (json_file or csv_file or picture):
+            if not (json_file or csv_file or picture or view):
                 raise
             unprinted.append(error)  # the files are still to be written
     if not cases:
@@ -110,6 +117,11 @@ def compare_command(
             with whole_file(picture) as unfinished:
                 names = [printable(mesh.name) for mesh in cases]
                 side_by_side(rows, names=names).savefig(unfinished)
+    if view:
+        [(V, F, maps)] = rows
+        beside = {name: uv for name, _, uv in maps if name != "cdcp" and uv is not None}
+        with exit_codes(meshes[0]), writing():
+            disk_map(V, F).view(view, beside=beside, title=printable(meshes[0].name))
     if unprinted:
         raise unprinted[0]
     if len(cases) < len(meshes):
