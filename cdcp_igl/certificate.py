@@ -19,6 +19,7 @@ BOUNDARY_TOLERANCE = 1e-12
 # Neighbours on the boundary must be this far apart, in radians, to stay in order when rounding
 # has moved them.
 SMALLEST_ARC = 1e-14
+SMALLEST_RADIUS = 1e-140
 # As `ORIENTATION_BOUND`, of three points and the centre of the sphere; with some to spare.
 VOLUME_BOUND = 8 * EPS
 
@@ -353,6 +354,25 @@ def certificate_of(boundary: Complex, flipped: Ints, n_exact: int) -> Certificat
         boundary_error=float(abs(abs(boundary) - 1).max()),
         boundary_monotone=monotone,
         winding_number=turns,
+        flipped=flipped,
+        n_exact=n_exact,
+    )
+
+
+def certify_ring(mesh: DiskMesh, f: Complex) -> Certificate:
+    """Verify a map (n,) onto a ring; errors at its inner circle are relative to the radius."""
+    if not np.isfinite(f).all():
+        return not_finite(mesh)
+    outer, inner = f[mesh.loops[0]], f[mesh.loops[1]][::-1]
+    inner = inner / max(abs(inner).mean(), SMALLEST_RADIUS)
+    turns, monotone = zip(around(outer), around(inner), strict=True)
+    # Orientations are not exact where products of coordinates underflow.
+    flipped, n_exact = flipped_faces(np.where(abs(f) < SMALLEST_RADIUS, 0, f), mesh.F)
+    return Certificate(
+        finite=True,
+        boundary_error=float(abs(abs(np.append(outer, inner)) - 1).max()),
+        boundary_monotone=all(monotone),
+        winding_number=turns[0] if turns[0] != 1 else turns[1],
         flipped=flipped,
         n_exact=n_exact,
     )
