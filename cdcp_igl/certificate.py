@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from . import libigl
-from .arrays import BLOCK, Complex, Floats, Ints, as_complex, coordinates
+from .arrays import BLOCK, Bools, Complex, Floats, Ints, as_complex, coordinates
 from .errors import counted, spell
 from .surface.mesh import DiskMesh
 from .surface.triangles import EPS, flipped_faces
@@ -309,6 +309,7 @@ def meeting_edges(z: Complex) -> Ints:
     while stack:
         level, pairs = stack.pop()
         if level == 0:
+            pairs = pairs[_may_meet(z, *pairs.T)]
             if len(found := pairs[[_meet(z, i, j) for i, j in pairs.tolist()]]):
                 return found
             continue
@@ -324,6 +325,15 @@ def meeting_edges(z: Complex) -> Ints:
     return np.empty((0, 2), dtype=np.int64)
 
 
+def _may_meet(z: Complex, i: Ints, j: Ints) -> Bools:
+    """(k,) no for neighbours i < j that do not leave their common end for the same quadrant."""
+    n = len(z)
+    middle = np.where(j - i == 1, j, i)
+    back, on = z[middle - 1] - z[middle], z[(middle + 1) % n] - z[middle]
+    folded = (np.sign(back.real) == np.sign(on.real)) & (np.sign(back.imag) == np.sign(on.imag))
+    return np.asarray(folded | ((j - i > 1) & (j - i < n - 1)))
+
+
 def _meet(z: Complex, i: int, j: int) -> bool:
     """Whether edges i < j of a closed polygon meet elsewhere than at a common end, exactly."""
     n = len(z)
@@ -331,9 +341,6 @@ def _meet(z: Complex, i: int, j: int) -> bool:
         points = coordinates(z[[i, i + 1, j, (j + 1) % n]])
         return libigl.meet(*points)
     p, q, r = z[[i, j, (j + 1) % n] if j - i == 1 else [j, i, i + 1]]
-    back, on = p - q, r - q
-    if np.sign(back.real) != np.sign(on.real) or np.sign(back.imag) != np.sign(on.imag):
-        return False
     both = coordinates(np.array([[p, q, r], [r, q, p]]).ravel()).reshape(2, 3, 2)
     return not libigl.is_counterclockwise(both).any()  # they go back along one line
 

@@ -39,7 +39,6 @@ from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .steps.trace import edge_lengths
 from .surface.mesh import DiskMesh
-from .surface.triangles import face_areas, oriented_areas, vertex_areas
 
 # Shares of the way from the boundary with its own lengths to that of the map onto the disk, in the
 # logarithms of lengths; tried in turn where the outline overlaps itself.
@@ -351,7 +350,7 @@ def _laid_out(surface: FactoredSurface, boundary: _Boundary, phase: Phases) -> C
         else:
             u_B = scale_of_angles(pinned(surface), angles)
         f = harmonic_extension(surface, closed_curve(mesh, u_B, angles))
-        return f - np.average(f, weights=vertex_areas(mesh.V, mesh.F))
+        return f - np.average(f, weights=mesh.vertex_areas)
 
 
 def _finished(
@@ -370,7 +369,8 @@ def _finished(
     mesh = surface.mesh
     with phase("repair"):
         f = rotate(mesh, f, options.align, on_circle=False)
-        f = f * (length / abs(np.roll(f[mesh.loop], -1) - f[mesh.loop]).sum())
+        outline = f[mesh.loop]
+        f = f * (length / abs(np.roll(outline, -1) - outline).sum())
         certificate, repair = certify_outline(mesh, coordinates(f)), Repair()
         if len(certificate.flipped):
             # The outline stays where it is: one that overlaps itself is beyond repair.
@@ -379,7 +379,8 @@ def _finished(
             certificate = certify_outline(mesh, coordinates(f))
     with phase("certificate"):
         degrees = np.degrees(abs(angle_errors(mesh, f)))
-        area = oriented_areas(f, mesh.F)[0].sum() / 2
+        outline = f[mesh.loop]
+        area = (outline.conj() * np.roll(outline, -1)).imag.sum() / 2
         conformality = NOT_VALID
         if certificate.valid:
             conformality = judge(mesh, f, degrees, closely=repair.n_flipped > 0)
@@ -389,7 +390,7 @@ def _finished(
         certificate=certificate,
         distortion=AngleDistortion.of(degrees),
         conformality=conformality,
-        area_ratio=float(area / face_areas(mesh.V, mesh.F).sum()),
+        area_ratio=float(area / mesh.vertex_areas.sum()),
         boundary=boundary,
         laplacian=laplacian,
         repair=repair,

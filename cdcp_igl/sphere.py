@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from .arrays import Complex, Floats, Ints, coordinates, marked
 from .cached import cached_property
 from .certificate import SphereCertificate, certify_sphere, flipped_on_sphere
-from .distortion import AngleDistortion, log_of_ratio, sphere_angle_errors
+from .distortion import AngleDistortion, area_distortion, sphere_angle_errors
 from .errors import MapError, SolverError
 from .io.given import takes_meshes
 from .plot.layout import Layout
@@ -30,7 +30,7 @@ from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .surface.location import SphereFinder
 from .surface.mesh import DiskMesh, SphereMesh
-from .surface.triangles import EPS, face_areas, vertex_areas
+from .surface.triangles import EPS, vertex_areas
 
 WELL_SHAPED = np.radians(20)  # the smallest angle around the vertex of the dipole, if there is one
 NEAR = 2.0  # |h| in a cap around the dipole, 20 % of the sphere, which is solved again
@@ -183,8 +183,7 @@ class SphereMap(RefinedMap, Bijection):
         (m,) float64
             Of each face; the area is that of the straight triangle with its corners on the sphere.
         """
-        F = self.mesh.F
-        return log_of_ratio(face_areas(self.points, F), face_areas(self.mesh.V, F))
+        return area_distortion(self.mesh.V, self.mesh.F, self.points)
 
     @property
     def _images(self) -> Floats:
@@ -460,7 +459,7 @@ def dipole_map(surface: FactoredSurface) -> tuple[Floats, int]:
         np.minimum.at(smallest, corner, mesh.angles.min(axis=1))
     few = np.bincount(mesh.F.ravel()) < 5  # neighbours: the dipole would not be free of moments
     smallest[few] /= np.pi
-    P = _from_plane(_dipole_solution(surface, int(smallest.argmax())), -1)
+    P = from_plane(_dipole_solution(surface, int(smallest.argmax())), -1)
     P = moved_to_center(P, conformal_barycenter(P, mass))
     growth = vertex_areas(P, mesh.F) / mass
     growth[smallest < min(WELL_SHAPED, smallest.max())] = 0
@@ -471,8 +470,8 @@ def dipole_map(surface: FactoredSurface) -> tuple[Floats, int]:
     w = np.divide(1, h, out=np.zeros_like(h), where=~near & (h != 0))
     cap = FactoredSurface(mesh, surface.laplacian, near)
     w += cap.solve(-(surface.laplacian.matrix() @ w))
-    P = _from_plane(h, -1)
-    P[near] = _from_plane(w[near], 1)
+    P = from_plane(h, -1)
+    P[near] = from_plane(w[near], 1)
     return P, pole
 
 
@@ -527,7 +526,7 @@ def _star(mesh: DiskMesh, vertex: int) -> tuple[Ints, Complex]:
     return np.array(ring), (length / length.mean()) ** power * direction
 
 
-def _from_plane(z: Complex, side: int) -> Floats:
+def from_plane(z: Complex, side: int) -> Floats:
     """(n, 3) points of the sphere; 0 is at the pole (0, 0, side), 1 at (1, 0, 0)."""
     square = abs(z) ** 2
     P = np.column_stack([2 * z.real, 2 * side * z.imag, side * (1 - square)])

@@ -30,7 +30,7 @@ FORMATS = {
 # Methods that are what others are measured by, or have tables of their own.
 UNITS = ("factor", "cdcp warm", "cdcp sequence", "import")
 PAIRED = ("cdcp", "cdcp refine=5")  # against which all others are tested
-FAMILY_TITLES = {"disk": "onto the disk", "free": "free outline"}
+FAMILY_TITLES = {"disk": "onto the disk", "free": "free outline", "sphere": "onto the sphere"}
 PURPOSES = {
     **{"mean": "least mean angular distortion", "sd": "least SD of it", "area": "evenest areas"},
     **{"seconds": "least time", "memory": "least memory"},
@@ -444,8 +444,8 @@ def case(results: Section, model: str, method: str) -> Row:
 
 def in_order(results: Section) -> list[str]:
     """Methods that map, onto the disk first, then as in the legends."""
-    known = [*STYLES, *results.maps]
-    return sorted(results.maps, key=lambda m: (results.family[m] == "free", known.index(m)))
+    known, families = [*STYLES, *results.maps], list(FAMILY_TITLES)
+    return sorted(results.maps, key=lambda m: (families.index(results.family[m]), known.index(m)))
 
 
 def model_cells(results: Section, model: str) -> Row:

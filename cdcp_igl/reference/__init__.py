@@ -22,7 +22,7 @@ from .doubled import double_cover
 from .energy_minimization import cem
 from .fast import fdcp
 from .free_boundary import bff, lscm, spectral
-from .linear import ldcp
+from .linear import flash, ldcp
 from .methods import METHODS, Method
 
 __all__ = [
@@ -35,6 +35,7 @@ __all__ = [
     "cem",
     "double_cover",
     "fdcp",
+    "flash",
     "harmonic",
     "heat_flow",
     "ldcp",

@@ -174,8 +174,8 @@ def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
     the other its harmonic conjugate. The map may overlap itself and flip faces. To be compared on
     angles only. `free_map` begins as this does, and has both coordinates harmonic.
 
-    Where a boundary is short for its surface, the published program differs, as if 1e-8 were added
-    to the diagonal of the Laplacian: on a hand that ends at the wrist, 1.17 degrees against 1.16.
+    The published program (version 1.6) adds 1e-8 to the diagonal of the Laplacian. That tells where
+    a boundary is short for its surface: a hand that ends at the wrist has 1.17 degrees, not 1.16.
 
     Parameters
     ----------

@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Complex
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import vertex_areas
 
 
 def rotate(
@@ -27,7 +26,7 @@ def rotate(
             return at_one(mesh, f, int(align))
         return f * (abs(f[align]) / f[align] if f[align] else 1)
     direction = np.asarray(align)
-    mass = vertex_areas(mesh.V, mesh.F)
+    mass = mesh.vertex_areas
     height = mesh.V @ direction
     moment = complex((mass * (height - np.average(height, weights=mass)) * f).sum())
     check_slope(align, moment, mass.sum() * np.ptp(height))

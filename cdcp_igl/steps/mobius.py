@@ -11,7 +11,7 @@ import numpy as np
 from ..arrays import Complex, Floats, Ints
 from ..certificate import is_around
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import flipped_faces, vertex_areas
+from ..surface.triangles import flipped_faces
 from .alignment import at_one
 from .least_distortion import (
     AngleErrors,
@@ -78,7 +78,7 @@ def normalize(
     elif method == "nelder-mead":
         w = least_angle_distortion_nelder_mead(mesh.F, f, mesh.angles)
     else:
-        w = conformal_barycenter(f, vertex_areas(mesh.V, mesh.F))
+        w = conformal_barycenter(f, mesh.vertex_areas)
 
     def attempt(w: complex) -> tuple[Complex, Ints] | None:
         moved = at_one(mesh, mobius_transformation(f, w), mesh.loop[0])

@@ -14,7 +14,7 @@ from ..cached import cached_property
 from ..errors import Defect, MeshError, counted
 from .checking import Examined, examine
 from .topology import Edges, group_by_edge, outer_loop, tails
-from .triangles import corner_angles, corner_cotangents, degenerate_faces
+from .triangles import corner_angles, corner_cotangents, degenerate_faces, vertex_areas
 from .validation import checked_vertices, size_exponent
 
 
@@ -133,6 +133,13 @@ class DiskMesh:
         return angles
 
     @cached_property
+    def vertex_areas(self) -> Floats:
+        """(n,) a third of the sum of the areas of the faces at each vertex; read-only."""
+        areas = vertex_areas(self.V, self.F)
+        areas.flags.writeable = False
+        return areas
+
+    @cached_property
     def inscribed(self) -> Ints:
         """(k,) faces with all three corners on the boundary, read-only.
 
@@ -163,7 +170,8 @@ class DiskMesh:
         if len(flat := degenerate_faces(cotangents)):
             raise MeshError(Defect.of("degenerate face", flat))
         mesh = copy(self)
-        mesh.__dict__.pop("angles", None)
+        for of_positions in ("angles", "vertex_areas"):
+            mesh.__dict__.pop(of_positions, None)
         mesh._set(V=positions, cotangents=cotangents)
         object.__setattr__(mesh, "_exponent", size_exponent(np.asarray(V)))
         return mesh

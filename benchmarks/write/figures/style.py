@@ -60,6 +60,8 @@ STYLES = {
     "free": Style("CDCP, free outline", BLUE, ">"),
     "free refine=5": Style("CDCP, free outline, refine=5", SKY, ">"),
     "rectangle": Style("CDCP, rectangle", ORANGE, "8"),
+    "sphere": Style("sphere", BLUE, "3"),
+    "flash": Style("FLASH", RED, "4"),
     "bff": Style("BFF, free boundary", BLACK, "<"),
     "bff_disk": Style("BFF, near a disk", BLACK, "."),
     "abf": Style("ABF++, free boundary", FAINT, "<"),
