@@ -17,7 +17,7 @@ from .distortion import AngleDistortion, angle_errors
 from .errors import counted
 from .io.given import takes_meshes
 from .plot.layout import Layout
-from .rescue.conformality import NOT_VALID, judge
+from .rescue.conformality import judge
 from .rescue.figures import Ring
 from .rescue.repair import repair_locally
 from .result.base import valid_map
@@ -237,9 +237,8 @@ def annulus_map(
             with phase("certificate"):
                 certificate = certify_ring(mesh, f)
                 degrees = np.degrees(abs(angle_errors(mesh, f)))
-                verdict = NOT_VALID
-                if certificate.valid:
-                    verdict = judge(mesh, f, degrees, closely=repair.n_flipped > 0)
+                closely = repair.n_flipped > 0
+                verdict = judge(mesh, f, degrees, valid=certificate.valid, closely=closely)
             return AnnulusMap(
                 uv=coordinates(f)[:n],
                 mesh=mesh,

@@ -17,7 +17,7 @@ from .distortion import AngleDistortion, area_distortion, sphere_angle_errors
 from .errors import MapError, SolverError
 from .io.given import takes_meshes
 from .plot.layout import Layout
-from .rescue.conformality import NOT_VALID, judge
+from .rescue.conformality import judge
 from .rescue.figures import Sphere
 from .rescue.repair import MANY, POWERS, Neighbourhood, Repair, grow, repair_locally
 from .result.base import valid_map
@@ -425,7 +425,7 @@ def _finished(
         certificate = certify_sphere(mesh.F, P)
         degrees = np.degrees(abs(sphere_angle_errors(mesh, P, certificate.flipped)))
         closely = repair.n_flipped > 0
-        conformality = judge(mesh, P, degrees, closely=closely) if certificate.valid else NOT_VALID
+        conformality = judge(mesh, P, degrees, valid=certificate.valid, closely=closely)
     return SphereMap(
         points=P,
         mesh=mesh,
