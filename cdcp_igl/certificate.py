@@ -359,23 +359,19 @@ def certificate_of(boundary: Complex, flipped: Ints, n_exact: int) -> Certificat
     )
 
 
-def certify_ring(mesh: DiskMesh, f: Complex) -> Certificate:
-    """Verify a map (n,) onto a ring; errors at its inner circle are relative to the radius."""
+def certify_ring(mesh: DiskMesh, f: Complex, known: tuple[Ints, int] | None = None) -> Certificate:
+    """Verify a map (n,) onto a ring; errors at its inner circle are relative to the radius.
+
+    `flipped_faces` of it may be `known`.
+    """
     if not np.isfinite(f).all():
         return not_finite(mesh)
     outer, inner = f[mesh.loops[0]], f[mesh.loops[1]][::-1]
     inner = inner / max(abs(inner).mean(), SMALLEST_RADIUS)
-    turns, monotone = zip(around(outer), around(inner), strict=True)
     # Orientations are not exact where products of coordinates underflow.
-    flipped, n_exact = flipped_faces(np.where(abs(f) < SMALLEST_RADIUS, 0, f), mesh.F)
-    return Certificate(
-        finite=True,
-        boundary_error=float(abs(abs(np.append(outer, inner)) - 1).max()),
-        boundary_monotone=all(monotone),
-        winding_number=turns[0] if turns[0] != 1 else turns[1],
-        flipped=flipped,
-        n_exact=n_exact,
-    )
+    flipped = known or flipped_faces(np.where(abs(f) < SMALLEST_RADIUS, 0, f), mesh.F)
+    none = np.empty(0, dtype=np.int64)
+    return together([certificate_of(outer, *flipped), certificate_of(inner, none, 0)])
 
 
 def not_finite(mesh: DiskMesh) -> Certificate:

@@ -109,17 +109,17 @@ class Ring(Figure):
     strip is cut open does not matter.
     """
 
-    def certificate(self, mesh: DiskMesh, f: Complex) -> Certificate:
-        """Verify a map f (n,)."""
-        return certify_ring(mesh, np.exp(f))
+    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Certificate:
+        """Verify a map f (n,) whose `flipped` faces are known."""
+        return certify_ring(mesh, np.exp(f), flipped)
 
     def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
         """(m, 3) signed angle errors in radians."""
         return angle_errors(mesh, np.exp(f))
 
-    def flipped(self, F: Ints, f: Complex) -> Ints:
-        """Faces that are not positively oriented, exactly."""
-        return flipped_faces(np.exp(f), F)[0]
+    def flipped(self, F: Ints, f: Complex) -> Flipped:
+        """Faces that are not positively oriented, exactly, and how many were in doubt."""
+        return flipped_faces(np.exp(f), F)
 
     def moved(self, mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
         """Move a map by a displacement (n,), if all of the inner circle moves by the same."""
