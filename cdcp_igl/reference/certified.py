@@ -26,7 +26,7 @@ class ReferenceMap:
     --------
     >>> import numpy as np
     >>> from cdcp_igl.reference import ReferenceMap
-    >>> from cdcp_igl.surface.mesh import DiskMesh, SphereMesh
+    >>> from cdcp_igl.surface.mesh import DiskMesh
     >>> mesh = DiskMesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]])
     >>> ReferenceMap.of(mesh, np.array([0, 1j, 1])).certificate.flipped
     array([0])

@@ -68,7 +68,6 @@ def pgcp(V: ArrayLike, F: ArrayLike, *, parts: int = 4) -> Floats:
     if index(parts) < 2:
         raise ValueError(f"parts must be at least 2, not {parts!r}")
     mesh = DiskMesh(V, F)
-    B = mesh.loop
     B, z = mesh.loop, _flattened(mesh, parts)
     known = np.isfinite(z)
     seams = np.flatnonzero(known & ~mesh.on_boundary)
