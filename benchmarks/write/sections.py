@@ -131,8 +131,8 @@ def _accuracy(results: Section) -> Iterator[Table]:
             f"time-{family}",
             f"Table 2: seconds and memory, {title}",
             "From arrays to map, in brackets as a multiple of T, the time of CDCP in the same "
-            "run; peak memory of the process. The paper's are of MATLAB on another machine: compare "
-            "ratios.",
+            "run; peak memory of the process. The paper's are of MATLAB on another machine: "
+            "compare ratios.",
             headings,
             grid(
                 *(results, members, seconds_cell(results, "cdcp", "T")),
