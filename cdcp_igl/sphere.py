@@ -18,7 +18,7 @@ from .distortion import AngleDistortion, area_distortion, sphere_angle_errors
 from .errors import MapError, SolverError
 from .io.given import takes_meshes
 from .plot.layout import Layout
-from .rescue.candidate import angles_lowered, steps_due
+from .rescue.candidate import PATIENT, angles_lowered, steps_due
 from .rescue.conformality import NOT_VALID, Conformality, judge
 from .rescue.figures import Sphere
 from .rescue.refine import Refinement
@@ -468,6 +468,7 @@ def _refined(
         steps,
         options,
         phase,
+        halvings=PATIENT,  # needles across the sphere flip at once, however good the map is
         figure=sphere,
     )
     P = sphere.points(z)
