@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
 
 from . import libigl
-from .arrays import BLOCK, Bools, Complex, Floats, Ints, as_complex, coordinates
+from .arrays import Bools, Complex, Floats, Ints, as_complex, coordinates
 from .errors import counted, spell
 from .surface.mesh import DiskMesh
-from .surface.triangles import EPS, flipped_faces
+from .surface.triangles import BLOCK, EPS, flipped_faces
 
 BOUNDARY_TOLERANCE = 1e-12
 # Neighbours on the boundary must be this far apart, in radians, to stay in order when rounding
@@ -21,10 +22,38 @@ BOUNDARY_TOLERANCE = 1e-12
 SMALLEST_ARC = 1e-14
 # As `ORIENTATION_BOUND`, of three points and the centre of the sphere; with some to spare.
 VOLUME_BOUND = 8 * EPS
+# What a report calls what has another name here.
+KEYS = {"flipped": "flipped_faces", "meeting": "meeting_edges", "n_exact": "faces_decided_exactly"}
+
+
+class Verified(ABC):
+    """What all certificates have: the faces of a map, judged on its coordinates."""
+
+    finite: bool
+    flipped: Ints
+    n_exact: int
+
+    def report(self) -> dict[str, Any]:
+        """Return it as JSON types."""
+        return {KEYS.get(name, name): _plain(value) for name, value in vars(self).items()}
+
+    def __str__(self) -> str:
+        if not self.finite:
+            return "not finite"
+        flipped = counted(len(self.flipped), "flipped face", "flipped faces")
+        return f"{flipped} ({self.n_exact:,} decided exactly), {self._said()}"
+
+    @abstractmethod
+    def _said(self) -> str:
+        """Say what else was verified."""
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 @dataclass(frozen=True, eq=False)
-class Certificate:
+class Certificate(Verified):
     """What was verified on the coordinates as they are returned.
 
     If the boundary runs once around the circle, strictly monotone, and every face is
@@ -77,23 +106,8 @@ class Certificate:
             and self.winding_number == 1
         )
 
-    def report(self) -> dict[str, Any]:
-        """Return it as JSON types."""
-        return {
-            "finite": self.finite,
-            "boundary_error": self.boundary_error,
-            "boundary_monotone": self.boundary_monotone,
-            "winding_number": self.winding_number,
-            "flipped_faces": self.flipped.tolist(),
-            "faces_decided_exactly": self.n_exact,
-        }
-
-    def __str__(self) -> str:
-        if not self.finite:
-            return "not finite"
-        flipped = counted(len(self.flipped), "flipped face", "flipped faces")
+    def _said(self) -> str:
         return (
-            f"{flipped} ({self.n_exact:,} decided exactly), "
             f"boundary error {self.boundary_error:.1e}, "
             f"boundary {'monotone' if self.boundary_monotone else 'not monotone'}, "
             f"winding number {self.winding_number}"
@@ -101,7 +115,7 @@ class Certificate:
 
 
 @dataclass(frozen=True, eq=False)
-class SphereCertificate:
+class SphereCertificate(Verified):
     """What was verified on a map onto the unit sphere, as it is returned.
 
     If every spherical triangle, with great arcs as sides, is positively oriented, and they cover
@@ -142,25 +156,18 @@ class SphereCertificate:
         on_sphere = self.finite and self.radius_error <= BOUNDARY_TOLERANCE
         return on_sphere and self.degree == 1 and len(self.flipped) == 0
 
-    def report(self) -> dict[str, Any]:
-        """Return it as JSON types."""
-        return asdict(self) | {"flipped": self.flipped.tolist()}
-
-    def __str__(self) -> str:
-        if not self.finite:
-            return "not finite"
-        flipped = counted(len(self.flipped), "flipped face", "flipped faces")
-        return (
-            f"{flipped} ({self.n_exact:,} decided exactly), radius error {self.radius_error:.1e}, "
-            f"degree {self.degree}"
-        )
+    def _said(self) -> str:
+        return f"radius error {self.radius_error:.1e}, degree {self.degree}"
 
 
-def certify_sphere(F: Ints, P: Floats) -> SphereCertificate:
-    """Verify a map (n, 3) of a closed surface with faces F onto the unit sphere."""
+def certify_sphere(F: Ints, P: Floats, known: tuple[Ints, int] | None = None) -> SphereCertificate:
+    """Verify a map (n, 3) of a closed surface with faces F onto the unit sphere.
+
+    What `flipped_on_sphere` finds may be `known`.
+    """
     if not np.isfinite(P).all():
         return SphereCertificate(False, np.inf, 0, np.arange(len(F)), 0)
-    flipped, n_exact = flipped_on_sphere(P, F)
+    flipped, n_exact = known or flipped_on_sphere(P, F)
     radius_error = float(abs(np.linalg.norm(P, axis=1) - 1).max())
     degree = round(solid_angles(P, F).sum() / (4 * np.pi))
     return SphereCertificate(True, radius_error, degree, flipped, n_exact)
@@ -193,7 +200,7 @@ def solid_angles(P: Floats, F: Ints) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class OutlineCertificate:
+class OutlineCertificate(Verified):
     """What was verified on the coordinates of a map with a free outline.
 
     If the outline, the image of the boundary, is a simple polygon and every face is positively
@@ -239,25 +246,9 @@ class OutlineCertificate:
         """True if the outline goes around once and meets itself nowhere."""
         return self.finite and self.winding_number == 1 and len(self.meeting) == 0
 
-    def report(self) -> dict[str, Any]:
-        """Return it as JSON types."""
-        return {
-            "finite": self.finite,
-            "winding_number": self.winding_number,
-            "meeting_edges": self.meeting.tolist(),
-            "flipped_faces": self.flipped.tolist(),
-            "faces_decided_exactly": self.n_exact,
-        }
-
-    def __str__(self) -> str:
-        if not self.finite:
-            return "not finite"
-        flipped = counted(len(self.flipped), "flipped face", "flipped faces")
+    def _said(self) -> str:
         overlap = f"overlaps itself at {spell(self.meeting)}" if len(self.meeting) else "simple"
-        return (
-            f"{flipped} ({self.n_exact:,} decided exactly), outline {overlap}, "
-            f"winding number {self.winding_number}"
-        )
+        return f"outline {overlap}, winding number {self.winding_number}"
 
 
 Kind = TypeVar("Kind", bound=Certificate | OutlineCertificate)
@@ -279,14 +270,16 @@ def together(each: Sequence[Kind]) -> Kind:
     return type(each[0])(**{n: TOGETHER[n]([getattr(one, n) for one in each]) for n in names})
 
 
-def certify_outline(mesh: DiskMesh, uv: Floats) -> OutlineCertificate:
-    """Verify a map (n, 2) of a mesh with a free outline."""
+def certify_outline(
+    mesh: DiskMesh, uv: Floats, known: tuple[Ints, int] | None = None
+) -> OutlineCertificate:
+    """Verify a map (n, 2) of a mesh with a free outline; `flipped_faces` of it may be `known`."""
     if not np.isfinite(uv).all():
         return OutlineCertificate(False, 0, np.empty((0, 2), int), np.arange(len(mesh.F)), 0)
     f = as_complex(uv)
     edges = np.roll(f[mesh.loop], -1) - f[mesh.loop]
     turns = np.angle(edges * np.roll(edges, 1).conj()).sum() / (2 * np.pi)
-    flipped, n_exact = flipped_faces(f, mesh.F)
+    flipped, n_exact = known or flipped_faces(f, mesh.F)
     meeting = mesh.loop[meeting_edges(f[mesh.loop])]
     return OutlineCertificate(True, round(turns), meeting, flipped, n_exact)
 

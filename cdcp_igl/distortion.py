@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import libigl
-from .arrays import Complex, Floats, Ints, as_complex, blocks
+from .arrays import Complex, Floats, Ints, as_complex, size_exponent
 from .io.given import takes_meshes
 from .surface.mesh import DiskMesh
-from .surface.triangles import face_areas, hat_gradients, opposite_edges, oriented_areas
-from .surface.validation import checked_surface, checked_vertices, size_exponent
+from .surface.triangles import blocks, face_areas, hat_gradients, opposite_edges, oriented_areas
+from .surface.validation import checked_surface, checked_vertices
 
 ON_SPHERE = 1e-6  # points may be so far from the unit sphere, as in single precision
 

@@ -17,7 +17,7 @@ from .distortion import AngleDistortion, angle_errors
 from .errors import SolverError, spell
 from .io.given import takes_meshes
 from .rescue.candidate import PATIENT, angles_lowered, steps_due
-from .rescue.conformality import NOT_VALID, judge
+from .rescue.conformality import judge
 from .rescue.figures import Outline
 from .rescue.refine import Refinement, lower_angle_distortion
 from .rescue.repair import MANY, Repair, repair_locally
@@ -25,7 +25,6 @@ from .result.base import valid_map
 from .result.plane_map import PlaneMap
 from .solve.factored import FactoredSurface
 from .solve.solvers import SolverName, using
-from .steps.alignment import rotate
 from .steps.boundary_first import (
     angles_of_scale,
     closed_curve,
@@ -34,6 +33,7 @@ from .steps.boundary_first import (
     scale_of_angles,
 )
 from .steps.extension import harmonic_extension
+from .steps.mobius import rotate
 from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .steps.trace import edge_lengths
@@ -383,9 +383,8 @@ def _finished(
         degrees = np.degrees(abs(angle_errors(mesh, f)))
         outline = f[mesh.loop]
         area = (outline.conj() * np.roll(outline, -1)).imag.sum() / 2
-        conformality = NOT_VALID
-        if certificate.valid:
-            conformality = judge(mesh, f, degrees, closely=repair.n_flipped > 0)
+        closely = repair.n_flipped > 0
+        conformality = judge(mesh, f, degrees, valid=certificate.valid, closely=closely)
     return FreeMap(
         uv=coordinates(f),
         mesh=mesh,

@@ -19,7 +19,7 @@ from .errors import MapError, SolverError
 from .io.given import takes_meshes
 from .plot.layout import Layout
 from .rescue.candidate import PATIENT, angles_lowered, steps_due
-from .rescue.conformality import NOT_VALID, Conformality, judge
+from .rescue.conformality import Conformality, judge
 from .rescue.figures import Sphere
 from .rescue.refine import Refinement
 from .rescue.repair import MANY, POWERS, Neighbourhood, Repair, grow, repair_locally
@@ -437,7 +437,7 @@ def _finished(
         certificate = certify_sphere(mesh.F, P)
         degrees = np.degrees(abs(sphere_angle_errors(mesh, P, certificate.flipped)))
         closely = repair.n_flipped > 0
-        conformality = judge(mesh, P, degrees, closely=closely) if certificate.valid else NOT_VALID
+        conformality = judge(mesh, P, degrees, valid=certificate.valid, closely=closely)
     return SphereMap(
         points=P,
         mesh=mesh,

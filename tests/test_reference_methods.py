@@ -10,7 +10,7 @@ import pytest
 from cdcp_igl import MapError, MeshError, angle_distortion, sphere_map
 from cdcp_igl.certificate import certify, certify_sphere
 from cdcp_igl.datasets import paraboloid, spherical_cap, spheroid, square
-from cdcp_igl.reference import METHODS, abf, cem, fdcp, flash, harmonic, ldcp, ricci
+from cdcp_igl.reference import METHODS, abf, cem, fdcp, flash, harmonic, ldcp, pgcp, ricci
 from cdcp_igl.reference.certified import certified_disk_map, checked_free_map
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.topology import Topology
@@ -114,7 +114,7 @@ def test_flash_converges_to_the_conformal_map():
 TRIANGLE = [[0, 0], [1, 0], [0.4, 0.8]], [[0, 1, 2]]
 
 
-@pytest.mark.parametrize("name", sorted(set(DISK_METHODS) - {"cem", "ricci"}))
+@pytest.mark.parametrize("name", sorted(set(DISK_METHODS) - {"cem", "pgcp", "ricci"}))
 def test_a_single_triangle(name):
     V, F = TRIANGLE
     uv = METHODS[name].function(V, F)
@@ -125,6 +125,7 @@ def test_a_single_triangle(name):
     ("method", "surface", "message"),
     [
         (cem, TRIANGLE, "no interior vertex"),
+        (pgcp, TRIANGLE, "no interior vertex"),
         (ricci, TRIANGLE, "no boundary vertex can go to infinity"),
         (ricci, meshes.grid(5, 6), "2 faces break the triangle inequality"),  # the ears
         (ricci, rough(), "not flat after"),
@@ -211,6 +212,8 @@ def test_options_out_of_range():
             fdcp(*saddle(), mirror_factor=factor)
     with pytest.raises(ValueError, match="pinned"):
         ldcp(*saddle(), pinned=2)
+    with pytest.raises(ValueError, match="parts"):
+        pgcp(*saddle(), parts=1)
 
 
 def test_table_is_read_only():

@@ -9,12 +9,13 @@ from cdcp_igl.arrays import coordinates
 from cdcp_igl.certificate import certify
 from cdcp_igl.distortion import plane_angles
 from cdcp_igl.rescue.figures import Disk
-from cdcp_igl.rescue.line_search import HALVINGS, search_along
 from cdcp_igl.rescue.refine import (
+    HALVINGS,
     WeightedLaplacian,
     _reason_to_stop,
     gauss_newton_step,
     lower_angle_distortion,
+    search_along,
 )
 from cdcp_igl.surface.mesh import DiskMesh
 

@@ -123,7 +123,7 @@ METHODS = Methods(
 # Rough time by that of CDCP, for the time that is left.
 COST = {
     **{"double_cover": 4, "fdcp": 9, "ldcp": 3, "harmonic": 0.6, "lscm": 1.5, "spectral": 4},
-    **{"cem": 40, "heat_flow": 8, "ricci": 12, "abf": 14},
+    **{"cem": 40, "heat_flow": 8, "ricci": 12, "pgcp": 4, "abf": 14},
     **{"bff": 1.5, "bff_disk": 4, "rectangle": 2, "free": 1.3, "free refine=5": 4},
     **{"cdcp preset=paper": 2.5, "cdcp refine=5": 3.6, "cdcp refine=10 refine_norm=1.2": 6},
     **{"factor": 0.8, "sphere": 1.5, "sphere refine=5": 4, "flash": 2},

@@ -39,11 +39,16 @@ from ..rescue.straightening import FEW_FACES, is_sheared
 from ..selection import MANY_FLIPPED
 from ..solve.solvers import SolverName, solver, using
 from ..solve.threads import one_thread
-from ..steps.alignment import check_slope
 from ..steps.center import CANDIDATES, Center, first_well_shaped
 from ..steps.circle import Rejected, onto_circle
 from ..steps.least_distortion import AngleErrors, faces_to_judge_by, least_angle_distortion
-from ..steps.mobius import Normalization, barycenter_by_moments, harmless, mobius_transformation
+from ..steps.mobius import (
+    Normalization,
+    barycenter_by_moments,
+    check_slope,
+    harmless,
+    mobius_transformation,
+)
 from ..steps.options import Options
 from ..steps.phases import Phases, Progress
 from ..steps.trace import lengths_along, shares_of_edges, trace_of_shares

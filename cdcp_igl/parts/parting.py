@@ -16,14 +16,13 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Floats, Ints, evenly_spaced_rows, places
+from ..arrays import Floats, Ints, evenly_spaced_rows, places, size_exponent
 from ..errors import MeshError
 from ..io import read_mesh
 from ..io.ply import triangles_of_ply
 from ..solve.memory import BYTES, available_memory
 from ..solve.ordering import SAMPLE, cuts, sides
-from ..surface.checking import examine
-from ..surface.validation import repeated_corners, size_exponent
+from ..surface.validation import examine, repeated_corners
 
 Array = NDArray[Any]
 Numbers = NDArray[np.uint16]  # of parts

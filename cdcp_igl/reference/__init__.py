@@ -24,6 +24,7 @@ from .fast import fdcp
 from .free_boundary import bff, lscm, spectral
 from .linear import flash, ldcp
 from .methods import METHODS, Method
+from .welding import pgcp
 
 __all__ = [
     "METHODS",
@@ -40,6 +41,7 @@ __all__ = [
     "heat_flow",
     "ldcp",
     "lscm",
+    "pgcp",
     "ricci",
     "spectral",
 ]

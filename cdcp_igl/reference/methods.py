@@ -23,6 +23,7 @@ from .energy_minimization import cem
 from .fast import fdcp
 from .free_boundary import bff, lscm, spectral
 from .linear import flash, ldcp
+from .welding import pgcp
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,7 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         "cem": Method(cem, "disk", "Yueh, Lin, Wu and Yau 2017"),
         "heat_flow": Method(heat_flow, "disk", "Gu and Yau 2002"),
         "ricci": Method(ricci, "disk", "Springborn et al. 2008"),
+        "pgcp": Method(pgcp, "disk", "Choi, Leung-Liu, Gu and Lui 2020"),
         "harmonic": Method(harmonic, "disk", "Eck et al. 1995"),
         "abf": Method(abf, "free", "Sheffer et al. 2005"),
         "lscm": Method(lscm, "free", "Lévy et al. 2002"),

@@ -14,19 +14,17 @@ from ..arrays import Complex, Floats, Ints, coordinates
 from ..certificate import Certificate, certify
 from ..distortion import disk_map_distortion
 from ..solve.factored import FactoredSurface
-from ..steps.alignment import rotate
 from ..steps.center import Center
 from ..steps.extension import extended_again, harmonic_extension
-from ..steps.mobius import Normalization
+from ..steps.mobius import Normalization, rotate
 from ..steps.options import Options
 from ..steps.phases import Phases
 from ..surface.mesh import DiskMesh
 from .boundary import BoundaryMethod
 from .collapsed_faces import open_collapsed_faces
-from .conformality import LARGEST_DEGREES, NOT_VALID, Conformality, judge
-from .line_search import HALVINGS, THIN
+from .conformality import LARGEST_DEGREES, Conformality, judge
 from .recentering import deep_vertex, recentered
-from .refine import STEPS_DUE, Refinement, lower_angle_distortion
+from .refine import HALVINGS, STEPS_DUE, THIN, Refinement, lower_angle_distortion
 from .repair import Repair, repair_locally
 from .straightening import Straightening, is_sheared, straighten
 
@@ -175,12 +173,12 @@ def judged(
     closely: bool = False,
     known: float = 0.0,
 ) -> Candidate:
-    """Certify a map (n,), measure it, and judge it if it is valid; the options as in `judge`."""
-    uv, conformality = coordinates(f), NOT_VALID
+    """Certify a map (n,), measure it, and judge it; the options as in `judge`."""
+    uv = coordinates(f)
     with phase("certificate"):
         certificate, degrees = certify(mesh, uv), disk_map_distortion(mesh, uv)
-        if certificate.valid:
-            conformality = judge(mesh, f, degrees, closely=closely, known=known)
+        valid = certificate.valid
+        conformality = judge(mesh, f, degrees, valid=valid, closely=closely, known=known)
         return Candidate(f, done, certificate, degrees, conformality)
 
 

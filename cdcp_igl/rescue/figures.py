@@ -11,7 +11,7 @@ from ..certificate import (
     Certificate,
     OutlineCertificate,
     SphereCertificate,
-    certify,
+    certificate_of,
     certify_outline,
     certify_sphere,
     flipped_on_sphere,
@@ -23,6 +23,7 @@ from .collapsed_faces import open_collapsed_faces
 from .recentering import extents
 
 AnyCertificate = Certificate | OutlineCertificate | SphereCertificate
+Flipped = tuple[Ints, int]
 
 AT_INFINITY = 1e12  # the place of the pole of the sphere in the plane, 2e-12 from it
 
@@ -31,16 +32,16 @@ class Figure(ABC):
     """What a surface is mapped onto; here in the plane, and every vertex may go anywhere."""
 
     @abstractmethod
-    def certificate(self, mesh: DiskMesh, f: Complex) -> AnyCertificate:
-        """Verify a map f (n,)."""
+    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> AnyCertificate:
+        """Verify a map f (n,) whose `flipped` faces are known."""
 
     def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
         """(m, 3) signed angle errors in radians."""
         return angle_errors(mesh, f)
 
-    def flipped(self, F: Ints, f: Complex) -> Ints:
-        """Faces that are not positively oriented, exactly."""
-        return flipped_faces(f, F)[0]
+    def flipped(self, F: Ints, f: Complex) -> Flipped:
+        """Faces that are not positively oriented, exactly, and how many were in doubt."""
+        return flipped_faces(f, F)
 
     def moved(self, mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
         """Move a map by a displacement (n,)."""
@@ -70,9 +71,9 @@ class Figure(ABC):
 class Disk(Figure):
     """The unit disk: boundary vertices slide on the circle."""
 
-    def certificate(self, mesh: DiskMesh, f: Complex) -> Certificate:
-        """Verify a map f (n,)."""
-        return certify(mesh, coordinates(f))
+    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Certificate:
+        """Verify a map f (n,) whose `flipped` faces are known."""
+        return certificate_of(f[mesh.loop], *flipped)
 
     def moved(self, mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
         """Move a map by a displacement; the boundary by its angle, so that it stays on the circle.
@@ -95,9 +96,9 @@ class Disk(Figure):
 class Outline(Figure):
     """A free outline: every vertex moves, as long as the outline is simple."""
 
-    def certificate(self, mesh: DiskMesh, f: Complex) -> OutlineCertificate:
-        """Verify a map f (n,)."""
-        return certify_outline(mesh, coordinates(f))
+    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> OutlineCertificate:
+        """Verify a map f (n,) whose `flipped` faces are known."""
+        return certify_outline(mesh, coordinates(f), flipped)
 
 
 class Sphere(Figure):
@@ -129,17 +130,17 @@ class Sphere(Figure):
         P = np.column_stack([square - 1, 2 * z.real, 2 * z.imag]) / (1 + square)[:, None]
         return P @ self._axes
 
-    def flipped(self, F: Ints, f: Complex) -> Ints:
-        """Faces that are not positively oriented, exactly."""
-        return flipped_on_sphere(self.points(f), F)[0]
+    def flipped(self, F: Ints, f: Complex) -> Flipped:
+        """Faces that are not positively oriented, exactly, and how many were in doubt."""
+        return flipped_on_sphere(self.points(f), F)
 
     def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
         """(m, 3) signed angle errors in radians."""
-        return sphere_angle_errors(mesh, self.points(f), self.flipped(mesh.F, f))
+        return sphere_angle_errors(mesh, self.points(f), self.flipped(mesh.F, f)[0])
 
-    def certificate(self, mesh: DiskMesh, f: Complex) -> SphereCertificate:
-        """Verify a map f (n,)."""
-        return certify_sphere(mesh.F, self.points(f))
+    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> SphereCertificate:
+        """Verify a map f (n,) whose `flipped` faces are known."""
+        return certify_sphere(mesh.F, self.points(f), flipped)
 
     def tangential(self, mesh: DiskMesh, f: Complex, x: Complex) -> Complex:
         """Let the pole stay."""

@@ -10,14 +10,15 @@ from time import perf_counter
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from ..arrays import Complex, Floats, Ints, blocks
+from ..arrays import Complex, Floats, Ints
 from ..errors import counted
 from ..solve.cholesky import Cholesky
 from ..solve.laplacian import Laplacian
 from ..solve.solvers import factorize
 from ..surface.mesh import DiskMesh
+from ..surface.triangles import blocks
 from .figures import Disk, Figure
-from .line_search import HALVINGS, search_along
+from .recentering import extents
 
 # A map that is measurably not near the conformal one has so many steps even if none are asked for.
 STEPS_DUE = 2
@@ -37,6 +38,16 @@ DAMPINGS = (0, 1, 10, 100)  # tried in turn
 SMALL_GAIN, STEADY = 0.02, 1.5
 LOWERING = 0.5  # of p from 2 to the norm, with each step that needs no damping
 SHIFT = 1e-10  # of the unit diagonal: keeps rounding from an indefinite matrix
+
+HALVINGS = 6  # of a step, before it is computed again with more damping
+# Rounding may flip a face less high than this, by its distance from 0, as when the map is rotated.
+THIN = 1e-15
+# The corners of a face that a step flips go a shorter part of it; where this part is too long, too,
+# they stay where they are.
+SMALLEST_SCALE = 0.03
+# The corners of faces smaller than this, by their distance from 0, stay at once: rounding flips
+# these faces however short the step is.
+TINY = 1e-14
 
 DISK = Disk()
 
@@ -133,7 +144,7 @@ def lower_angle_distortion(
     taken, attempt, p, stopped = 0, 0, 2.0, ""
     moved: Complex | None = None
     gains: list[float] = []
-    if len(order) == 0 or not figure.certificate(mesh, f).valid:
+    if len(order) == 0 or not figure.certificate(mesh, f, figure.flipped(mesh.F, f)).valid:
         return f, Refinement(steps, taken, "no improvement", norm, before, objective)
     laplacian, stale = WeightedLaplacian(mesh, order), True
     while taken < steps and not stopped:
@@ -166,6 +177,43 @@ def lower_angle_distortion(
                 alike = objective >= (1 - GOOD_GAIN) * last
             stale = norm < STEADY or not alike
     return f, Refinement(steps, taken, stopped, norm, before, objective)
+
+
+def search_along(
+    mesh: DiskMesh,
+    f: Complex,
+    step: Complex,
+    measure: Callable[[Floats], float],
+    objective: float,
+    halvings: int,
+    thin: float,
+    figure: Figure,
+) -> tuple[Complex, Floats, float] | None:
+    """Halve a step until the objective falls, and at faces that it flips until it does not.
+
+    The step (n,) is tangential to the `figure`; `measure` takes angle errors (m, 3) to the
+    objective. Faces that become less high than `thin`, by their distance from 0, count as flipped.
+    Returns the map, its angle errors and its objective; None if nothing helps.
+    """
+    scale, low = np.ones(len(f)), figure.lower(mesh.F, f, thin)
+    for _ in range(halvings):
+        trial = figure.moved(mesh, f, scale * step)
+        flipped = figure.flipped(mesh.F, trial)
+        worse = figure.lower(mesh.F, trial, thin) & ~low
+        worse[flipped[0]] = True
+        if worse.any():
+            faces = mesh.F[worse]
+            corners = np.unique(faces)
+            scale[corners] = np.where(scale[corners] > SMALLEST_SCALE, scale[corners] / 2, 0)
+            size, distance = extents(f[faces])
+            scale[faces[size < TINY * distance]] = 0
+            continue
+        r = figure.errors(mesh, trial)
+        value = measure(r)
+        if value < objective and figure.certificate(mesh, trial, flipped).valid:
+            return trial, r, value
+        scale /= 2
+    return None
 
 
 def _reason_to_stop(gains: list[float], left: int, wanted: float) -> str:
@@ -280,8 +328,9 @@ class WeightedLaplacian:
         """Set the weights: beta is (m, 3), s is (m,) and positive."""
         opposite, corner = np.empty((3, len(s))).T, np.empty(beta.shape)
         for part in blocks(len(s)):
-            opposite[part] = s[part, None] * (_next(beta[part]) * _last(beta[part]).conj()).real
-            corner[part] = s[part, None] * abs(beta[part]) ** 2
+            b, weight = beta[part], s[part, None]
+            opposite[part] = weight * (b[:, [1, 2, 0]] * b[:, [2, 0, 1]].conj()).real
+            corner[part] = weight * abs(b) ** 2
         self._inverse = 1 / np.bincount(self._F.ravel(), corner.ravel(), self._n)
         # A unit diagonal: entries go with 1 / area, which may range over 20 digits.
         scale = np.sqrt(self._inverse)
@@ -333,16 +382,6 @@ def _conjugate_gradients(
 def _dot(x: Complex, y: Complex) -> float:
     """Re x^H y, in an order of summation that no number of threads changes, unlike BLAS's."""
     return float(np.einsum("i,i", x.view(float), y.view(float)))
-
-
-def _next(corners: Complex) -> Complex:
-    """(m, 3) values at the next corner of each face."""
-    return corners[:, [1, 2, 0]]
-
-
-def _last(corners: Complex) -> Complex:
-    """(m, 3) values at the last corner before each, the next but one."""
-    return corners[:, [2, 0, 1]]
 
 
 def _power_mean(r: Floats, p: float) -> float:

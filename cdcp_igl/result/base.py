@@ -489,9 +489,12 @@ Kind = TypeVar("Kind", bound=Result)
 
 
 def valid_map(result: Kind, onto: str, remedy: str) -> Kind:
-    """Return a map that is valid, and log why it is not conformal; MapError if it is not valid."""
+    """Return a map that is valid, and log why it is not conformal; MapError if it is not valid.
+
+    The `remedy` may name what the map has, as in ``"{0.boundary}"``.
+    """
     if not result.valid:
-        failure = f"The map is not a bijection{onto}: {result.certificate}. {remedy}"
+        failure = f"The map is not a bijection{onto}: {result.certificate}. {remedy.format(result)}"
         raise MapError(failure, result)
     if not result.conformal:
         log.warning("the map is not conformal: %s", "; ".join(result.conformality.reasons))

@@ -9,13 +9,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Bools, Floats, Ints, marked, places
+from ..arrays import Bools, Floats, Ints, marked, places, size_exponent
 from ..cached import cached_property
 from ..errors import Defect, MeshError, counted
-from .checking import Examined, examine
 from .topology import Edges, group_by_edge, outer_loop, tails
 from .triangles import corner_angles, corner_cotangents, degenerate_faces, vertex_areas
-from .validation import checked_vertices, size_exponent
+from .validation import Examined, checked_vertices, examine
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -97,7 +96,7 @@ class DiskMesh:
             cotangents=examined.cotangents,
         )
         object.__setattr__(self, "edges", edges)
-        object.__setattr__(self, "_exponent", size_exponent(np.asarray(V)))
+        object.__setattr__(self, "_exponent", examined.exponent)
 
     @staticmethod
     def _defects(examined: Examined) -> tuple[Defect, ...]:

@@ -56,6 +56,7 @@ STYLES = {
     "cem": Style("CEM", GREEN, "h"),
     "heat_flow": Style("heat flow", RED, "d"),
     "ricci": Style("discrete Ricci flow", PURPLE, "H"),
+    "pgcp": Style("PGCP", ORANGE, "P"),
     "harmonic": Style("harmonic, arc length", PURPLE, "v"),
     "free": Style("CDCP, free outline", BLUE, ">"),
     "free refine=5": Style("CDCP, free outline, refine=5", SKY, ">"),
