@@ -67,7 +67,6 @@ class DiskMesh:
     loop: Ints
     interior: Ints
     on_boundary: Bools
-    edges: Edges
     cotangents: Floats
     _exponent: int
 
@@ -123,6 +122,12 @@ class DiskMesh:
     def in_given_unit(self, lengths: Floats) -> Floats:
         """Take lengths in the unit of `V` to that in which the vertices were given, exactly."""
         return np.ldexp(lengths, self._exponent)
+
+    @cached_property
+    def edges(self) -> Edges:
+        """Its undirected edges, read-only."""
+        n = len(self.V)
+        return group_by_edge(tails(self.F, n), n)
 
     @cached_property
     def angles(self) -> Floats:
@@ -184,17 +189,24 @@ class DiskMesh:
         F, n = corners.reshape(-1, 3), len(vertices)
         whole = np.bincount(self.F.ravel(), minlength=len(self.V))[vertices]
         rim = (np.bincount(F.ravel(), minlength=n) < whole) | self.on_boundary[vertices]
-        mesh = object.__new__(DiskMesh)
+        return DiskMesh.piece(self.V[vertices], F, np.flatnonzero(rim)), vertices
+
+    @staticmethod
+    def piece(V: Floats, F: Ints, rim: Ints) -> DiskMesh:
+        """Take faces of any topology as a mesh, whose boundary is the `rim`, in any order.
+
+        V (n, 3) are positions in the unit of another mesh.
+        """
+        mesh, on_boundary = object.__new__(DiskMesh), marked(len(V), rim)
         mesh._set(
-            V=self.V[vertices],
+            V=V,
             F=F,
-            loop=np.flatnonzero(rim),
-            interior=np.flatnonzero(~rim),
-            on_boundary=rim,
-            cotangents=self.cotangents[faces],
+            loop=rim,
+            interior=np.flatnonzero(~on_boundary),
+            on_boundary=on_boundary,
+            cotangents=corner_cotangents(V, F),
         )
-        object.__setattr__(mesh, "edges", group_by_edge(tails(F, n), n))
-        return mesh, vertices
+        return mesh
 
     def __repr__(self) -> str:
         return (
