@@ -11,6 +11,7 @@ from surfaces import skin, sphere, torus
 
 import cdcp_igl
 from cdcp_igl.certificate import certify_sphere
+from cdcp_igl.reference import flash
 from cdcp_igl.rescue.figures import Sphere
 from cdcp_igl.surface.mesh import SphereMesh
 
@@ -35,12 +36,13 @@ def star(seed):
     return V * radius[:, None] * np.exp(rng.normal(size=3)), F
 
 
+@pytest.mark.parametrize("refine", [None, 5])
 @pytest.mark.parametrize("height", [0.5, 1, 2])
-def test_maps_of_spheroids_converge_at_second_order(height):
+def test_maps_of_spheroids_converge_at_second_order(height, refine):
     errors = []
     for levels in (2, 3, 4):
         V, F, exact = cdcp_igl.datasets.spheroid(levels, height)
-        result = cdcp_igl.sphere_map(V, F)
+        result = cdcp_igl.sphere_map(V, F, refine=refine)
         assert result.conformal
         assert result.laplacian == "cotangent"
         errors.append(np.linalg.norm(result.points - exact, axis=1).max())
@@ -134,6 +136,16 @@ def test_real_surfaces(real_mesh, name):
     assert result.valid
     assert result.conformal
     assert result.distortion.mean < CLOSED[name]
+
+
+@pytest.mark.parametrize(
+    ("name", "mean", "by_flash"),
+    [("arm_8311", 3.17, 3.43), ("fandisk_7229", 1.18, 1.27), ("hippocampus_6002", 1.46, 1.74)],
+)
+def test_beside_flash(real_mesh, name, mean, by_flash):
+    V, F = real_mesh(f"any/closed_{name}")
+    assert cdcp_igl.sphere_map(V, F, refine=5).distortion.mean < mean
+    assert cdcp_igl.angle_distortion(V, F, flash(V, F)).mean() > by_flash
 
 
 def test_the_conformal_barycentre_is_at_0_and_landmarks_are_turned_to():
