@@ -33,8 +33,8 @@ right = cdcp_igl.sphere_map(V_right, F_right, refine=5)
 left
 
 # %%
-# The landmarks are the vertices that lie farthest out in eight directions, those of the corners of a
-# cube. A Möbius transformation and a rotation bring those of the left cortex near those of the
+# The landmarks are the vertices that lie farthest out in eight directions, towards the corners of
+# a cube. A Möbius transformation and a rotation bring those of the left cortex near those of the
 # right: the map stays conformal, and so it cannot take all of them there.
 
 corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8)
