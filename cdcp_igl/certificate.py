@@ -20,6 +20,7 @@ BOUNDARY_TOLERANCE = 1e-12
 # Neighbours on the boundary must be this far apart, in radians, to stay in order when rounding
 # has moved them.
 SMALLEST_ARC = 1e-14
+SMALLEST_RADIUS = 1e-140
 # As `ORIENTATION_BOUND`, of three points and the centre of the sphere; with some to spare.
 VOLUME_BOUND = 8 * EPS
 # What a report calls what has another name here.
@@ -366,6 +367,21 @@ def certificate_of(boundary: Complex, flipped: Ints, n_exact: int) -> Certificat
         flipped=flipped,
         n_exact=n_exact,
     )
+
+
+def certify_ring(mesh: DiskMesh, f: Complex, known: tuple[Ints, int] | None = None) -> Certificate:
+    """Verify a map (n,) onto a ring; errors at its inner circle are relative to the radius.
+
+    `flipped_faces` of it may be `known`.
+    """
+    if not np.isfinite(f).all():
+        return not_finite(mesh)
+    outer, inner = f[mesh.loops[0]], f[mesh.loops[1]][::-1]
+    inner = inner / max(abs(inner).mean(), SMALLEST_RADIUS)
+    # Orientations are not exact where products of coordinates underflow.
+    flipped = known or flipped_faces(np.where(abs(f) < SMALLEST_RADIUS, 0, f), mesh.F)
+    none = np.empty(0, dtype=np.int64)
+    return together([certificate_of(outer, *flipped), certificate_of(inner, none, 0)])
 
 
 def not_finite(mesh: DiskMesh) -> Certificate:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, Literal
 
@@ -18,13 +17,12 @@ from .distortion import AngleDistortion, area_distortion, sphere_angle_errors
 from .errors import MapError, SolverError
 from .io.given import takes_meshes
 from .plot.layout import Layout
-from .rescue.candidate import angles_lowered, steps_due
-from .rescue.conformality import Conformality, judge
+from .rescue.conformality import judge
 from .rescue.figures import Sphere
-from .rescue.refine import Refinement
 from .rescue.repair import MANY, POWERS, Neighbourhood, Repair, grow, repair_locally
 from .result.base import valid_map
 from .result.bijection import Bijection
+from .result.harmonic import RefinedMap, refined, steps_of
 from .solve.factored import FactoredSurface
 from .solve.laplacian import LAPLACIANS
 from .solve.solvers import SolverName, using
@@ -33,8 +31,6 @@ from .steps.phases import Phases, Progress
 from .surface.location import SphereFinder
 from .surface.mesh import DiskMesh, SphereMesh
 from .surface.triangles import EPS, vertex_areas
-
-log = logging.getLogger("cdcp_igl")
 
 WELL_SHAPED = np.radians(20)  # the smallest angle around the vertex of the dipole, if there is one
 NEAR = 2.0  # |h| in a cap around the dipole, 20 % of the sphere, which is solved again
@@ -48,7 +44,7 @@ FEW, MOST_RINGS, MOST_MOVES, MOST_PLANES = 100, 6, 20_000, 20
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SphereMap(Bijection):
+class SphereMap(RefinedMap, Bijection):
     """A conformal map onto the unit sphere. Printing it gives a summary.
 
     Attributes
@@ -99,15 +95,9 @@ class SphereMap(Bijection):
     points: Floats
     mesh: SphereMesh
     certificate: SphereCertificate
-    distortion: AngleDistortion
-    conformality: Conformality
     pole: int
     mobius: str
     laplacian: str
-    repair: Repair
-    refinement: Refinement | None
-    solver: str
-    timings: dict[str, float]
 
     _kind = "sphere"
 
@@ -219,20 +209,16 @@ class SphereMap(Bijection):
         return [
             ("pole", f"vertex {self.pole:,}"),
             ("Laplacian", self.laplacian),
-            ("repair", str(self.repair)),
             ("Möbius", self.mobius),
-            ("refinement", str(self.refinement or "not asked for")),
-            ("solver", self.solver),
+            *super()._steps(),
         ]
 
     def _details(self) -> dict[str, Any]:
         return {
             "pole": self.pole,
             "laplacian": self.laplacian,
-            "repair": asdict(self.repair),
             "mobius": self.mobius,
-            "refinement": self.refinement and asdict(self.refinement),
-            "solver": self.solver,
+            **super()._details(),
         }
 
     def _surface(self) -> tuple[Floats, Ints]:
@@ -399,12 +385,18 @@ def _best_map(
             P = _mean_value_map(mesh, last.pole)
         found.append(_finished(mesh, P, last.pole, "mean value", last.solver, None, align, phase))
     best = min(found, key=lambda result: (not result.valid, result.distortion.mean))
-    if not best.valid or options.refine == 0:
+    steps, sphere = steps_of(best, options), Sphere(best.points, best.pole)
+    if steps == 0:
         return best
-    due = steps_due(best.conformality, best.repair.n_moved / len(mesh.V))
-    steps = max(options.refine or 0, due)
-    order = np.append(surface.order, 0)
-    return _refined(best, order[order != best.pole], steps, options, phase) if steps else best
+
+    def finished(z: Complex) -> SphereMap:
+        kind = best.pole, best.laplacian, best.solver
+        lowered = _finished(mesh, sphere.points(z), *kind, None, None, phase)
+        return replace(lowered, mobius=best.mobius)
+
+    z, order = sphere.plane(best.points), np.append(surface.order, 0)
+    order = order[order != best.pole]
+    return refined(best, z, sphere, order, steps, finished, options, phase)
 
 
 def _finished(
@@ -448,32 +440,6 @@ def _finished(
         solver=solver,
         timings=phase.seconds,
     )
-
-
-def _refined(
-    plain: SphereMap, order: Ints, steps: int, options: Options, phase: Phases
-) -> SphereMap:
-    """Lower the angular distortion beyond that of the harmonic map."""
-    mesh, pole = plain.mesh, plain.pole
-    sphere = Sphere(plain.points, pole)
-    z, refinement = angles_lowered(
-        mesh,
-        sphere.plane(plain.points),
-        plain.conformality,
-        order,
-        steps,
-        options,
-        phase,
-        figure=sphere,
-    )
-    P = sphere.points(z)
-    made = _finished(mesh, P, pole, plain.laplacian, plain.solver, None, None, phase)
-    if refinement.steps and not made.valid:
-        refinement = refinement.undone("no certificate")
-    if refinement.steps == 0:
-        return replace(plain, refinement=refinement)
-    repair = replace(plain.repair, n_moved=max(plain.repair.n_moved, made.repair.n_moved))
-    return replace(made, mobius=plain.mobius, refinement=refinement, repair=repair)
 
 
 # -- eq. (18) -------------------------------------------------------------------------------------

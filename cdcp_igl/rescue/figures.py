@@ -1,4 +1,4 @@
-"""What a surface is mapped onto, as refinement sees it: the disk, a free outline, the sphere."""
+"""What a surface is mapped onto, as refinement sees it: disk, free outline, ring, or sphere."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ..certificate import (
     SphereCertificate,
     certificate_of,
     certify_outline,
+    certify_ring,
     certify_sphere,
     flipped_on_sphere,
 )
@@ -89,6 +90,44 @@ class Outline(Figure):
     def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> OutlineCertificate:
         """Verify a map f (n,) whose `flipped` faces are known."""
         return certify_outline(mesh, coordinates(f), flipped)
+
+
+class Ring(Figure):
+    """A ring around 0, by the logarithm of the map: its circles are the edges of a strip.
+
+    Boundary vertices slide on both, and the inner one is as large as refinement makes it. Where the
+    strip is cut open does not matter.
+    """
+
+    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Certificate:
+        """Verify a map f (n,) whose `flipped` faces are known."""
+        return certify_ring(mesh, np.exp(f), flipped)
+
+    def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
+        """(m, 3) signed angle errors in radians."""
+        return angle_errors(mesh, np.exp(f))
+
+    def flipped(self, F: Ints, f: Complex) -> Flipped:
+        """Faces that are not positively oriented, exactly, and how many were in doubt."""
+        return flipped_faces(np.exp(f), F)
+
+    def moved(self, mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
+        """Move a map by a displacement (n,), if all of the inner circle moves by the same."""
+        moved, inner = f + step, mesh.loops[1]
+        moved.real[inner] = moved.real[inner].mean()
+        return moved
+
+    def tangential(self, mesh: DiskMesh, f: Complex, x: Complex) -> Complex:
+        """Project displacements x (n,), in place, to those that are possible."""
+        outer, inner = mesh.loops
+        x.real[outer], x.real[inner] = 0, x.real[inner].mean()
+        return x
+
+    def corners(self, f: Complex, F: Ints) -> tuple[Complex, Complex | float]:
+        """Corners (3, k) of faces in planes of their own size; these turn dz into them, too."""
+        log = f[F.T]
+        corner = np.exp(log - log.real.max(axis=0))
+        return corner, corner
 
 
 class Sphere(Figure):

@@ -265,8 +265,10 @@ def gauss_newton_step(
     rows = np.arange(0, 3 * m + 1, 3)  # b = sum beta_v dz_v
     B = csr_matrix((beta.ravel(), mesh.F.ravel(), rows), (m, len(mesh.V)))
 
+    project = partial(figure.tangential, mesh, f)
+
     def adjoint(b: Complex) -> Complex:
-        return figure.tangential(mesh, f, (B.T @ b.conj()).conj())
+        return project((B.T @ b.conj()).conj())
 
     def normal_matrix(x: Complex) -> Complex:
         b = B @ x
@@ -276,9 +278,8 @@ def gauss_newton_step(
         laplacian.factor(beta, s)
     towards: list[Callable[[Complex], Complex]] = [laplacian.solve] * iterations
     if along is not None:
-        first = figure.tangential(mesh, f, along.copy())
-        towards = [lambda residual: first, laplacian.solve] + [laplacian.divide] * SMOOTHING
-    return _conjugate_gradients(normal_matrix, -adjoint(gradient), towards)
+        towards = [lambda residual: along.copy(), laplacian.solve] + [laplacian.divide] * SMOOTHING
+    return _conjugate_gradients(normal_matrix, -adjoint(gradient), towards, project)
 
 
 def _linearize(
@@ -345,16 +346,19 @@ class WeightedLaplacian:
 
 
 def _conjugate_gradients(
-    A: Callable[[Complex], Complex], b: Complex, towards: Iterable[Callable[[Complex], Complex]]
+    A: Callable[[Complex], Complex],
+    b: Complex,
+    towards: Iterable[Callable[[Complex], Complex]],
+    project: Callable[[Complex], Complex],
 ) -> Complex:
     """Lower x^T A x / 2 - x^T b from x = 0, inner product Re x^H y (A is real-linear).
 
-    Each of `towards` makes the next direction of the residual.
+    Each of `towards` makes the next direction of the residual, and `project` a possible one of it.
     """
     x, residual = np.zeros_like(b), b
     direction, image, curvature = np.zeros_like(b), np.zeros_like(b), 1.0
     for next_direction in towards:
-        z = next_direction(residual)
+        z = project(next_direction(residual))
         direction = z - _dot(z, image) / curvature * direction
         image = A(direction)
         curvature = _dot(direction, image)
