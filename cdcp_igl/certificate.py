@@ -54,6 +54,11 @@ class Verified(ABC):
         flipped = counted(len(self.flipped), "flipped face", "flipped faces")
         return f"{flipped} ({self.n_exact:,} decided exactly), {self._said()}"
 
+    @property
+    @abstractmethod
+    def valid(self) -> bool:
+        """True for a bijection."""
+
     @abstractmethod
     def _said(self) -> str:
         """Say what else was verified."""

@@ -11,7 +11,7 @@ from surfaces import skin, sphere, torus
 
 import cdcp_igl
 from cdcp_igl.certificate import certify_sphere
-from cdcp_igl.rescue.figures import Sphere
+from cdcp_igl.sphere import Sphere
 from cdcp_igl.surface.mesh import SphereMesh
 
 CLOSED = ["closed_arm_8311", "closed_belt_8194", "closed_man_6890", "closed_spot_2930"]
