@@ -20,6 +20,7 @@ BOUNDARY_TOLERANCE = 1e-12
 # Neighbours on the boundary must be this far apart, in radians, to stay in order when rounding
 # has moved them.
 SMALLEST_ARC = 1e-14
+SMALLEST_RADIUS = 1e-140
 # As `ORIENTATION_BOUND`, of three points and the centre of the sphere; with some to spare.
 VOLUME_BOUND = 8 * EPS
 # What a report calls what has another name here.
@@ -175,7 +176,7 @@ def certify_sphere(F: Ints, P: Floats, known: tuple[Ints, int] | None = None) ->
 
 def flipped_on_sphere(P: Floats, F: Ints) -> tuple[Ints, int]:
     """Find what `flipped_faces` does, of spherical triangles seen from outside."""
-    x, y, z = P[F].T  # by coordinate, then by corner
+    x, y, z = P.T.take(F.T, axis=1)  # by coordinate, then by corner
     products = [(z[k - 2] * x[k - 1] * y[k], z[k - 2] * x[k] * y[k - 1]) for k in range(3)]
     volume = sum(left - right for left, right in products)
     size = sum(abs(left) + abs(right) for left, right in products)
@@ -193,9 +194,10 @@ def solid_angles(P: Floats, F: Ints) -> Floats:
     A. van Oosterom, J. Strackee. The solid angle of a plane triangle. IEEE Trans. Biomed. Eng.
     30(2), 1983.
     """
-    i, j, k = P[F].transpose(1, 0, 2)
-    cosines = (i * j).sum(axis=1) + (j * k).sum(axis=1) + (k * i).sum(axis=1)
-    return 2 * np.arctan2((i * np.cross(j, k)).sum(axis=1), 1 + cosines)
+    x, y, z = P.T.take(F.T, axis=1)
+    cosines = sum(x[k] * x[k - 1] + y[k] * y[k - 1] + z[k] * z[k - 1] for k in range(3))
+    volume = sum(z[k - 2] * (x[k - 1] * y[k] - x[k] * y[k - 1]) for k in range(3))
+    return 2 * np.arctan2(volume, 1 + cosines)
 
 
 @dataclass(frozen=True, eq=False)
@@ -356,6 +358,21 @@ def certificate_of(boundary: Complex, flipped: Ints, n_exact: int) -> Certificat
         flipped=flipped,
         n_exact=n_exact,
     )
+
+
+def certify_ring(mesh: DiskMesh, f: Complex, known: tuple[Ints, int] | None = None) -> Certificate:
+    """Verify a map (n,) onto a ring; errors at its inner circle are relative to the radius.
+
+    `flipped_faces` of it may be `known`.
+    """
+    if not np.isfinite(f).all():
+        return not_finite(mesh)
+    outer, inner = f[mesh.loops[0]], f[mesh.loops[1]][::-1]
+    inner = inner / max(abs(inner).mean(), SMALLEST_RADIUS)
+    # Orientations are not exact where products of coordinates underflow.
+    flipped = known or flipped_faces(np.where(abs(f) < SMALLEST_RADIUS, 0, f), mesh.F)
+    none = np.empty(0, dtype=np.int64)
+    return together([certificate_of(outer, *flipped), certificate_of(inner, none, 0)])
 
 
 def not_finite(mesh: DiskMesh) -> Certificate:

@@ -190,7 +190,7 @@ def test_no_improvement_returns_the_map_itself(case):
 
 def searched(step):
     """The map that a step leads to if every map is better than the last one."""
-    found = search_along(MESH, Z, step, lambda r: -1, 0, HALVINGS, 0, Disk())
+    found = search_along(MESH, Z, step, lambda r: -1, 0, HALVINGS, Disk())
     assert found is not None
     assert certify(MESH, coordinates(found[0])).valid
     return found[0]

@@ -1,4 +1,4 @@
-"""What a surface is mapped onto, as refinement sees it: the disk, a free outline, the sphere."""
+"""What a surface is mapped onto, as refinement sees it: disk, free outline, ring, or sphere."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from ..arrays import Bools, Complex, Floats, Ints, coordinates
+from ..arrays import Complex, Floats, Ints, coordinates
 from ..certificate import (
     Certificate,
     OutlineCertificate,
     SphereCertificate,
     certificate_of,
     certify_outline,
+    certify_ring,
     certify_sphere,
     flipped_on_sphere,
 )
 from ..distortion import angle_errors, sphere_angle_errors
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import flipped_faces, twice_areas
+from ..surface.triangles import flipped_faces
 from .collapsed_faces import open_collapsed_faces
-from .recentering import extents
 
 AnyCertificate = Certificate | OutlineCertificate | SphereCertificate
 Flipped = tuple[Ints, int]
@@ -58,15 +58,6 @@ class Figure(ABC):
         """
         return f.take(F.T), 1.0
 
-    def lower(self, F: Ints, f: Complex, height: float) -> Bools:
-        """(m,) whether faces are less high than that by their distance from 0; none if it is 0."""
-        if height == 0:
-            return np.zeros(len(F), dtype=bool)
-        corner = f[F]
-        e = corner - corner[:, [2, 0, 1]]
-        size, distance = extents(corner)
-        return np.asarray(twice_areas(e) < height * distance * size)
-
 
 class Disk(Figure):
     """The unit disk: boundary vertices slide on the circle."""
@@ -99,6 +90,44 @@ class Outline(Figure):
     def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> OutlineCertificate:
         """Verify a map f (n,) whose `flipped` faces are known."""
         return certify_outline(mesh, coordinates(f), flipped)
+
+
+class Ring(Figure):
+    """A ring around 0, by the logarithm of the map: its circles are the edges of a strip.
+
+    Boundary vertices slide on both, and the inner one is as large as refinement makes it. Where the
+    strip is cut open does not matter.
+    """
+
+    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Certificate:
+        """Verify a map f (n,) whose `flipped` faces are known."""
+        return certify_ring(mesh, np.exp(f), flipped)
+
+    def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
+        """(m, 3) signed angle errors in radians."""
+        return angle_errors(mesh, np.exp(f))
+
+    def flipped(self, F: Ints, f: Complex) -> Flipped:
+        """Faces that are not positively oriented, exactly, and how many were in doubt."""
+        return flipped_faces(np.exp(f), F)
+
+    def moved(self, mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
+        """Move a map by a displacement (n,), if all of the inner circle moves by the same."""
+        moved, inner = f + step, mesh.loops[1]
+        moved.real[inner] = moved.real[inner].mean()
+        return moved
+
+    def tangential(self, mesh: DiskMesh, f: Complex, x: Complex) -> Complex:
+        """Project displacements x (n,), in place, to those that are possible."""
+        outer, inner = mesh.loops
+        x.real[outer], x.real[inner] = 0, x.real[inner].mean()
+        return x
+
+    def corners(self, f: Complex, F: Ints) -> tuple[Complex, Complex | float]:
+        """Corners (3, k) of faces in planes of their own size; these turn dz into them, too."""
+        log = f[F.T]
+        corner = np.exp(log - log.real.max(axis=0))
+        return corner, corner
 
 
 class Sphere(Figure):

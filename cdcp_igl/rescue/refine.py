@@ -40,8 +40,6 @@ LOWERING = 0.5  # of p from 2 to the norm, with each step that needs no damping
 SHIFT = 1e-10  # of the unit diagonal: keeps rounding from an indefinite matrix
 
 HALVINGS = 6  # of a step, before it is computed again with more damping
-# Rounding may flip a face less high than this, by its distance from 0, as when the map is rotated.
-THIN = 1e-15
 # The corners of a face that a step flips go a shorter part of it; where this part is too long, too,
 # they stay where they are.
 SMALLEST_SCALE = 0.03
@@ -105,7 +103,6 @@ def lower_angle_distortion(
     *,
     seconds: float = np.inf,
     halvings: int = HALVINGS,
-    thin: float = 0.0,
     least: int | None = None,
     wanted: float = 0.0,
     figure: Figure = DISK,
@@ -124,13 +121,12 @@ def lower_angle_distortion(
     `order` are the interior vertices, or all that move if there is no circle on which others slide,
     in a fill-reducing order.
     After so many `seconds` no step is begun. A step is halved up to `halvings` times before it is
-    computed again with more damping; more of them are slower, and help where a map is bad. Faces
-    at least as high as `thin` stay so, see `search_along`. After the `least` number of steps, if
-    it is told, further ones end where there is little to gain, or where it is out of reach that
-    only the share `wanted` of the objective is left, which would make the map conformal. They end
-    before a step to a map that is not `accepted`, with its angle errors (m, 3). `advance` is called
-    after each step with the share that is done. Returns f itself if no step was an improvement, or
-    if it has flipped faces or overlaps itself.
+    computed again with more damping; more of them are slower, and help where a map is bad. After
+    the `least` number of steps, if it is told, further ones end where there is little to gain, or
+    where it is out of reach that only the share `wanted` of the objective is left, which would make
+    the map conformal. They end before a step to a map that is not `accepted`, with its angle errors
+    (m, 3). `advance` is called after each step with the share that is done. Returns f itself if no
+    step was an improvement, or if it has flipped faces or overlaps itself.
 
     References
     ----------
@@ -157,7 +153,7 @@ def lower_angle_distortion(
             step = gauss_newton_step(
                 mesh, f, r, p, DAMPINGS[attempt], laplacian, anew=stale, along=moved, figure=figure
             )
-            found = search_along(mesh, f, step, measure, objective, halvings, thin, figure)
+            found = search_along(mesh, f, step, measure, objective, halvings, figure)
             if found is None:
                 attempt, moved = attempt + 1, None
             elif not accepted(*found[:2]):
@@ -186,23 +182,19 @@ def search_along(
     measure: Callable[[Floats], float],
     objective: float,
     halvings: int,
-    thin: float,
     figure: Figure,
 ) -> tuple[Complex, Floats, float] | None:
     """Halve a step until the objective falls, and at faces that it flips until it does not.
 
     The step (n,) is tangential to the `figure`; `measure` takes angle errors (m, 3) to the
-    objective. Faces that become less high than `thin`, by their distance from 0, count as flipped.
-    Returns the map, its angle errors and its objective; None if nothing helps.
+    objective. Returns the map, its angle errors and its objective; None if nothing helps.
     """
-    scale, low = np.ones(len(f)), figure.lower(mesh.F, f, thin)
+    scale = np.ones(len(f))
     for _ in range(halvings):
         trial = figure.moved(mesh, f, scale * step)
         flipped = figure.flipped(mesh.F, trial)
-        worse = figure.lower(mesh.F, trial, thin) & ~low
-        worse[flipped[0]] = True
-        if worse.any():
-            faces = mesh.F[worse]
+        if len(flipped[0]):
+            faces = mesh.F[flipped[0]]
             corners = np.unique(faces)
             scale[corners] = np.where(scale[corners] > SMALLEST_SCALE, scale[corners] / 2, 0)
             size, distance = extents(f[faces])
@@ -270,10 +262,13 @@ def gauss_newton_step(
             *figure.corners(f, mesh.F[part]), r[part].T, p
         )
     s += damping * (r * r).mean() ** (p / 2 - 1)
-    B = _shear(mesh, beta)
+    rows = np.arange(0, 3 * m + 1, 3)  # b = sum beta_v dz_v
+    B = csr_matrix((beta.ravel(), mesh.F.ravel(), rows), (m, len(mesh.V)))
+
+    project = partial(figure.tangential, mesh, f)
 
     def adjoint(b: Complex) -> Complex:
-        return figure.tangential(mesh, f, (B.T @ b.conj()).conj())
+        return project((B.T @ b.conj()).conj())
 
     def normal_matrix(x: Complex) -> Complex:
         b = B @ x
@@ -283,9 +278,8 @@ def gauss_newton_step(
         laplacian.factor(beta, s)
     towards: list[Callable[[Complex], Complex]] = [laplacian.solve] * iterations
     if along is not None:
-        first = figure.tangential(mesh, f, along.copy())
-        towards = [lambda residual: first, laplacian.solve] + [laplacian.divide] * SMOOTHING
-    return _conjugate_gradients(normal_matrix, -adjoint(gradient), towards)
+        towards = [lambda residual: along.copy(), laplacian.solve] + [laplacian.divide] * SMOOTHING
+    return _conjugate_gradients(normal_matrix, -adjoint(gradient), towards, project)
 
 
 def _linearize(
@@ -301,12 +295,6 @@ def _linearize(
     wg = (r * r + ROUNDING**2) ** (p / 2 - 1) * g
     s = (wg.real * g.real + wg.imag * g.imag).sum(axis=0) / 2
     return beta, s, (wg * g).sum(axis=0) / -2, 1j * (r * wg).sum(axis=0).conj()
-
-
-def _shear(mesh: DiskMesh, beta: Complex) -> csr_matrix:
-    """(m, n) matrix of b = sum beta_v dz_v."""
-    m, n = len(mesh.F), len(mesh.V)
-    return csr_matrix((beta.ravel(), mesh.F.ravel(), np.arange(0, 3 * m + 1, 3)), (m, n))
 
 
 class WeightedLaplacian:
@@ -358,16 +346,19 @@ class WeightedLaplacian:
 
 
 def _conjugate_gradients(
-    A: Callable[[Complex], Complex], b: Complex, towards: Iterable[Callable[[Complex], Complex]]
+    A: Callable[[Complex], Complex],
+    b: Complex,
+    towards: Iterable[Callable[[Complex], Complex]],
+    project: Callable[[Complex], Complex],
 ) -> Complex:
     """Lower x^T A x / 2 - x^T b from x = 0, inner product Re x^H y (A is real-linear).
 
-    Each of `towards` makes the next direction of the residual.
+    Each of `towards` makes the next direction of the residual, and `project` a possible one of it.
     """
     x, residual = np.zeros_like(b), b
     direction, image, curvature = np.zeros_like(b), np.zeros_like(b), 1.0
     for next_direction in towards:
-        z = next_direction(residual)
+        z = project(next_direction(residual))
         direction = z - _dot(z, image) / curvature * direction
         image = A(direction)
         curvature = _dot(direction, image)

@@ -459,9 +459,9 @@ class Result(FromFile, ABC):
         """Return the one figure that a representation of one line has."""
         return f"mean distortion {self.distortion.mean:.3g}°"
 
-    @abstractmethod
     def _subject(self) -> str:
         """Say what was mapped, and onto what."""
+        return f"{self._size()[0]:,} vertices"
 
     @abstractmethod
     def _steps(self) -> list[tuple[str, str]]:
