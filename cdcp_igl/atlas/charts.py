@@ -79,7 +79,8 @@ class Chart:
     # Its mean and standard deviation over the area, without what fills holes.
     average: float
     spread: float
-    level: Floats  # (k,) the factor of the faces less its mean, before the cut had grown
+    # (k,) the factor of the faces less its mean, before the cut had grown, if it has.
+    level: Floats | None = None
 
     @property
     def F(self) -> Ints:
@@ -192,7 +193,7 @@ def _grown(
     opened = open_to_disk(fill_holes(component) if limits.fill else component)
     if limits.spread < np.inf:
         opened = lead_away(opened)
-    best = _chart(opened, options, limits.outline, progress)
+    best = first = _chart(opened, options, limits.outline, progress)
     can_be_parted = limits.max_charts > 1 and len(component.rows) >= LEAST_FACES
     while best.spread > limits.spread or not (best.map.conformal or limits.spread == np.inf):
         longer = grow(best)
@@ -201,7 +202,7 @@ def _grown(
         grown = _chart(longer, options, limits.outline, progress)
         if not grown.gains_on(best):
             break
-        best = replace(grown, level=best.level)
+        best = replace(grown, level=first.factor[first.F].mean(axis=1) - first.average)
         if can_be_parted and best.spread > HOPELESS * limits.spread:
             break
     return best
@@ -231,8 +232,7 @@ def _chart(
         factor = _centered_factor(V, F, made.uv, area)
     average = float(np.average(factor, weights=area))
     spread = float(np.sqrt(np.average((factor - average) ** 2, weights=area)))
-    level = factor[given].mean(axis=1) - average
-    return Chart(opened, made, failure, factor, average, spread, level)
+    return Chart(opened, made, failure, factor, average, spread)
 
 
 def _centered_factor(V: Floats, F: Ints, uv: Floats, area: Floats) -> Floats:
@@ -307,7 +307,8 @@ def grow(chart: Chart) -> OpenedComponent:
 def parted(chart: Chart, most: float) -> list[Component]:
     """Part a component into at most so many: limbs from the rest, or in two where it is narrow.
 
-    One that cannot be parted stays whole. One with handles has no limbs.
+    One that cannot be parted stays whole. One with handles has no limbs, nor one whose cut has not
+    grown: what is shrunk there hangs on the boundary.
     """
     component = chart.opened.component
     m = len(component.rows)
@@ -315,7 +316,7 @@ def parted(chart: Chart, most: float) -> list[Component]:
     given = Component(component.V[: F.max() + 1], F, polygon, component.rows)
     left, right = given.edges % m, given.twin[given.edges] % m
     ways: list[Callable[[Component], Bools]] = [narrow_side]
-    if component.topology.euler_characteristic > 0:
+    if chart.level is not None and component.topology.euler_characteristic > 0:
         ways.insert(0, partial(limbs, level=chart.level))
     for way in ways:
         low = way(given)
