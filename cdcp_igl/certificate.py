@@ -176,7 +176,7 @@ def certify_sphere(F: Ints, P: Floats, known: tuple[Ints, int] | None = None) ->
 
 def flipped_on_sphere(P: Floats, F: Ints) -> tuple[Ints, int]:
     """Find what `flipped_faces` does, of spherical triangles seen from outside."""
-    x, y, z = P[F].T  # by coordinate, then by corner
+    x, y, z = P.T.take(F.T, axis=1)  # by coordinate, then by corner
     products = [(z[k - 2] * x[k - 1] * y[k], z[k - 2] * x[k] * y[k - 1]) for k in range(3)]
     volume = sum(left - right for left, right in products)
     size = sum(abs(left) + abs(right) for left, right in products)
@@ -194,9 +194,10 @@ def solid_angles(P: Floats, F: Ints) -> Floats:
     A. van Oosterom, J. Strackee. The solid angle of a plane triangle. IEEE Trans. Biomed. Eng.
     30(2), 1983.
     """
-    i, j, k = P[F].transpose(1, 0, 2)
-    cosines = (i * j).sum(axis=1) + (j * k).sum(axis=1) + (k * i).sum(axis=1)
-    return 2 * np.arctan2((i * np.cross(j, k)).sum(axis=1), 1 + cosines)
+    x, y, z = P.T.take(F.T, axis=1)
+    cosines = sum(x[k] * x[k - 1] + y[k] * y[k - 1] + z[k] * z[k - 1] for k in range(3))
+    volume = sum(z[k - 2] * (x[k - 1] * y[k] - x[k] * y[k - 1]) for k in range(3))
+    return 2 * np.arctan2(volume, 1 + cosines)
 
 
 @dataclass(frozen=True, eq=False)

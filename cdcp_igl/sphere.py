@@ -37,6 +37,7 @@ NEAR = 2.0  # |h| in a cap around the dipole, 20 % of the sphere, which is solve
 # Towards the conformal barycentre: how many, how long, and how near to the sphere, in whose
 # points half of the surface may crowd.
 MAX_STEPS, LONGEST, NEAREST = 60, 0.6, 1 - 1e-10
+CLOSE = 1e-8  # a shorter step leaves its square
 HEMISPHERE = 0.5  # cosine of the radius of a chart in which flipped faces are repaired
 CHARTS = 200  # of them
 # Flipped faces that are untangled, rings around them, moves of a vertex, and planes for each.
@@ -207,9 +208,9 @@ class SphereMap(RefinedMap, Bijection):
 
     def _steps(self) -> list[tuple[str, str]]:
         return [
-            ("pole", f"vertex {self.pole:,}"),
+            ("dipole", f"at vertex {self.pole:,}"),
             ("Laplacian", self.laplacian),
-            ("Möbius", self.mobius),
+            ("Möbius", "centre of mass at 0" if self.mobius == "area" else "none"),
             *super()._steps(),
         ]
 
@@ -321,7 +322,7 @@ def sphere_map(
            [ 0.,  0., -1.]])
     """
     if mobius not in ("area", None):
-        raise ValueError(f'mobius must be "area" or None, not {mobius!r}')
+        raise ValueError(f'of a sphere, mobius must be "area" or None, not {mobius!r}')
     options = Options(
         refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds, solver=solver
     )
@@ -410,7 +411,7 @@ def _finished(
     phase: Phases,
 ) -> SphereMap:
     """Normalise a map, repair it, certify and judge it."""
-    mass = vertex_areas(mesh.V, mesh.F)
+    mass = mesh.vertex_areas
     with phase("mobius"):
         if mobius:
             P = moved_to_center(P, conformal_barycenter(P, mass))
@@ -453,10 +454,10 @@ def dipole_map(surface: FactoredSurface) -> tuple[Floats, int]:
     most. On a limb nothing else would have digits.
     """
     mesh = surface.mesh
-    mass = vertex_areas(mesh.V, mesh.F)
+    mass, angles = mesh.vertex_areas, np.minimum.reduce(mesh.angles.T)
     smallest = np.full(len(mesh.V), np.pi)
     for corner in mesh.F.T:
-        np.minimum.at(smallest, corner, mesh.angles.min(axis=1))
+        np.minimum.at(smallest, corner, angles)
     few = np.bincount(mesh.F.ravel()) < 5  # neighbours: the dipole would not be free of moments
     smallest[few] /= np.pi
     P = from_plane(_dipole_solution(surface, int(smallest.argmax())), -1)
@@ -468,8 +469,9 @@ def dipole_map(surface: FactoredSurface) -> tuple[Floats, int]:
     # Next to the pole h is large and rough; seen from the other side, 1 / h is small and smooth.
     near = (abs(h) > NEAR) | (np.arange(len(h)) == pole)
     w = np.divide(1, h, out=np.zeros_like(h), where=~near & (h != 0))
-    cap = FactoredSurface(mesh, surface.laplacian, near)
-    w += cap.solve(-(surface.laplacian.matrix() @ w))
+    order = np.append(surface.order, 0)
+    cap = FactoredSurface(mesh, surface.laplacian, order=order[near[order]])
+    w -= cap.solve(surface.laplacian.times(w))
     P = from_plane(h, -1)
     P[near] = from_plane(w[near], 1)
     return P, pole
@@ -478,7 +480,7 @@ def dipole_map(surface: FactoredSurface) -> tuple[Floats, int]:
 def _dipole_solution(surface: FactoredSurface, pole: int) -> Complex:
     """Solve eq. (18), (n,); half of the area lies on either side of 0, and in the unit disk."""
     mesh = surface.mesh
-    mass = vertex_areas(mesh.V, mesh.F)
+    mass = mesh.vertex_areas.copy()
     mass[pole] = 0
     h = surface.solve(vertex_dipole(mesh, pole))
     # So little is left to do for the conformal barycentre.
@@ -561,9 +563,11 @@ def conformal_barycenter(P: Floats, mass: Floats) -> Floats:
         d = np.linalg.lstsq(slope, moment, rcond=None)[0]
         d *= min(1.0, LONGEST / max(float(np.linalg.norm(d)), EPS))
         farther = moved_to_center(np.asarray(d), -w)
-        if np.linalg.norm(d) < EPS or np.linalg.norm(farther) > NEAREST:
+        if np.linalg.norm(farther) > NEAREST:
             break
         w = farther
+        if np.linalg.norm(d) < CLOSE:
+            break
     return w
 
 
@@ -673,7 +677,7 @@ def _mean_value_map(mesh: SphereMesh, pole: int) -> Floats:
     the other. Where the surface crowds too much for double precision, the weights differ less.
     """
     part, rows = mesh.part(np.flatnonzero(~marked(len(mesh.V), pole)[mesh.F].any(axis=1)))
-    mass = vertex_areas(mesh.V, mesh.F)[rows]
+    mass = mesh.vertex_areas[rows]
     ring, w = _star(mesh, pole)
     z = np.zeros(len(mesh.V), dtype=complex)
     z[ring] = abs(w) / w

@@ -131,7 +131,7 @@ def parts_map(
         engine_of = _solver_name()
         chosen = [__version__, engine_of, center, mobius, np.asarray(align).tolist()]
     digest = hashlib.sha256(repr(chosen).encode()).hexdigest()[:8]
-    files = Folder.of(Path(folder), f"map-{digest}")
+    files = Folder.of(Path(folder).absolute(), f"map-{digest}")  # wherever workers are
     if (files.work / RESULT).exists():
         return PartsMap.read(files)
     files.work.mkdir(exist_ok=True)
@@ -267,9 +267,10 @@ class _Mapping:
         The smaller ones, which come first, are given as much: what does not fit is told at once.
         """
         rows, most, written = dict[int, Ints](), 0.0, 0
-        node_of, self.n_seams = self.folder.seams(), len(self.folder.seams())
+        node_of = self.folder.read("seams")["node"]
+        self.n_seams = len(node_of)
         for p in self.parts:
-            row = self.folder.part(p, "row")["row"]
+            row = self.folder.read(f"part-{p}", "row")["row"]
             rows[self.folder.n_leaves + p] = np.sort(row[row >= 0])
             written += 8 * len(rows[self.folder.n_leaves + p]) ** 2
         for node in reversed(self.cuts):
@@ -341,7 +342,7 @@ class _Mapping:
 
     def trace(self, face: int) -> tuple[Complex, bool]:
         """Boundary values (nB,), Theorem 1; and whether the face has a vertex on the boundary."""
-        home = [p for p in self.parts if face in self.folder.part(p, "faces")["faces"]]
+        home = [p for p in self.parts if face in self.folder.read(f"part-{p}", "faces")["faces"]]
         [name] = self.engine.run(steps.dipole, face, of=home)
         sources = self.folder.read(name)
         g, n = np.zeros(self.n_seams, complex), self.n_border

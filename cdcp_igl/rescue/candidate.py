@@ -243,7 +243,7 @@ def angles_lowered(
     with phase("refine") as advance:
         by_options: dict[str, Any] = {
             "seconds": options.refine_seconds,
-            "halvings": HALVINGS if conformality else PATIENT,
+            "halvings": PATIENT if steps >= MOST_STEPS else HALVINGS,
             "least": options.refine or STEPS_DUE,
             "wanted": conformality.wanted,
             "advance": advance,
