@@ -160,7 +160,11 @@ def certify_sphere(F: Ints, P: Floats) -> SphereCertificate:
     """Verify a map (n, 3) of a closed surface with faces F onto the unit sphere."""
     if not np.isfinite(P).all():
         return SphereCertificate(False, np.inf, 0, np.arange(len(F)), 0)
-    flipped, n_exact = flipped_on_sphere(P, F)
+    return sphere_certificate_of(F, P, *flipped_on_sphere(P, F))
+
+
+def sphere_certificate_of(F: Ints, P: Floats, flipped: Ints, n_exact: int) -> SphereCertificate:
+    """Verify that a finite map (n, 3), whose faces are verified, covers the unit sphere once."""
     radius_error = float(abs(np.linalg.norm(P, axis=1) - 1).max())
     degree = round(solid_angles(P, F).sum() / (4 * np.pi))
     return SphereCertificate(True, radius_error, degree, flipped, n_exact)
@@ -283,10 +287,16 @@ def certify_outline(mesh: DiskMesh, uv: Floats) -> OutlineCertificate:
     if not np.isfinite(uv).all():
         return OutlineCertificate(False, 0, np.empty((0, 2), int), np.arange(len(mesh.F)), 0)
     f = as_complex(uv)
-    edges = np.roll(f[mesh.loop], -1) - f[mesh.loop]
+    return outline_certificate_of(f[mesh.loop], mesh.loop, *flipped_faces(f, mesh.F))
+
+
+def outline_certificate_of(
+    outline: Complex, loop: Ints, flipped: Ints, n_exact: int
+) -> OutlineCertificate:
+    """Verify the outline (nB,) of a finite map whose faces are verified."""
+    edges = np.roll(outline, -1) - outline
     turns = np.angle(edges * np.roll(edges, 1).conj()).sum() / (2 * np.pi)
-    flipped, n_exact = flipped_faces(f, mesh.F)
-    meeting = mesh.loop[meeting_edges(f[mesh.loop])]
+    meeting = loop[meeting_edges(outline)]
     return OutlineCertificate(True, round(turns), meeting, flipped, n_exact)
 
 

@@ -42,7 +42,8 @@ class Conformality:
     remedies : tuple of str
         What would help.
     excess : float
-        Mean angle error by what the scale explains; 1 where the error is at most 1 degree.
+        Mean angle error by what the scale explains; 1 where the error is at most 1 degree, or
+        has been lowered from that of a map without shear.
     stretch : float
         How many times a face is longer one way than the other, compared with itself on the
         surface: the geometric mean, by area.
@@ -129,7 +130,8 @@ def judge_by(
     inscribed = mesh.on_boundary[mesh.F[faces]].all(axis=1)
     free = faces[~inscribed]
     stretch = dilatation(mesh, f, free if len(free) else faces)
-    if mean <= NEGLIGIBLE_DEGREES and stretch <= LARGEST_STRETCH:
+    enough = max(NEGLIGIBLE_DEGREES, min(known, LARGEST_DEGREES))
+    if mean <= enough and stretch <= LARGEST_STRETCH:
         return Conformality(sheared=False, stretch=stretch)
     explained_there = np.degrees(abs(explained_errors(mesh, f, faces))).mean()
     explained = float(mean * explained_there / degrees.mean())

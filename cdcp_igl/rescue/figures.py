@@ -6,15 +6,12 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from ..arrays import Bools, Complex, Floats, Ints, coordinates
+from ..arrays import Bools, Complex, Floats, Ints
 from ..certificate import (
-    Certificate,
-    OutlineCertificate,
-    SphereCertificate,
-    certify,
-    certify_outline,
-    certify_sphere,
+    certificate_of,
     flipped_on_sphere,
+    outline_certificate_of,
+    sphere_certificate_of,
 )
 from ..distortion import angle_errors, sphere_angle_errors
 from ..surface.mesh import DiskMesh
@@ -22,8 +19,7 @@ from ..surface.triangles import flipped_faces, twice_areas
 from .collapsed_faces import open_collapsed_faces
 from .recentering import extents
 
-AnyCertificate = Certificate | OutlineCertificate | SphereCertificate
-
+NONE = np.empty(0, np.int64)  # of the faces
 AT_INFINITY = 1e12  # the place of the pole of the sphere in the plane, 2e-12 from it
 
 
@@ -31,11 +27,11 @@ class Figure(ABC):
     """What a surface is mapped onto; here in the plane, and every vertex may go anywhere."""
 
     @abstractmethod
-    def certificate(self, mesh: DiskMesh, f: Complex) -> AnyCertificate:
-        """Verify a map f (n,)."""
+    def holds(self, mesh: DiskMesh, f: Complex) -> bool:
+        """Whether a map f (n,) without flipped faces is a bijection onto the figure."""
 
     def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
-        """(m, 3) signed angle errors in radians."""
+        """(m, 3) angle errors in radians of a map without flipped faces."""
         return angle_errors(mesh, f)
 
     def flipped(self, F: Ints, f: Complex) -> Ints:
@@ -70,9 +66,9 @@ class Figure(ABC):
 class Disk(Figure):
     """The unit disk: boundary vertices slide on the circle."""
 
-    def certificate(self, mesh: DiskMesh, f: Complex) -> Certificate:
-        """Verify a map f (n,)."""
-        return certify(mesh, coordinates(f))
+    def holds(self, mesh: DiskMesh, f: Complex) -> bool:
+        """Whether the boundary runs once around the circle."""
+        return certificate_of(f[mesh.loop], NONE, 0).valid
 
     def moved(self, mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
         """Move a map by a displacement; the boundary by its angle, so that it stays on the circle.
@@ -95,9 +91,9 @@ class Disk(Figure):
 class Outline(Figure):
     """A free outline: every vertex moves, as long as the outline is simple."""
 
-    def certificate(self, mesh: DiskMesh, f: Complex) -> OutlineCertificate:
-        """Verify a map f (n,)."""
-        return certify_outline(mesh, coordinates(f))
+    def holds(self, mesh: DiskMesh, f: Complex) -> bool:
+        """Whether the outline is a simple polygon."""
+        return outline_certificate_of(f[mesh.loop], mesh.loop, NONE, 0).valid
 
 
 class Sphere(Figure):
@@ -134,12 +130,12 @@ class Sphere(Figure):
         return flipped_on_sphere(self.points(f), F)[0]
 
     def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
-        """(m, 3) signed angle errors in radians."""
-        return sphere_angle_errors(mesh, self.points(f), self.flipped(mesh.F, f))
+        """(m, 3) angle errors in radians of a map without flipped faces."""
+        return sphere_angle_errors(mesh, self.points(f), NONE)
 
-    def certificate(self, mesh: DiskMesh, f: Complex) -> SphereCertificate:
-        """Verify a map f (n,)."""
-        return certify_sphere(mesh.F, self.points(f))
+    def holds(self, mesh: DiskMesh, f: Complex) -> bool:
+        """Whether the faces cover the sphere once."""
+        return sphere_certificate_of(mesh.F, self.points(f), NONE, 0).valid
 
     def tangential(self, mesh: DiskMesh, f: Complex, x: Complex) -> Complex:
         """Let the pole stay."""

@@ -52,7 +52,7 @@ def search_along(
             continue
         r = figure.errors(mesh, trial)
         value = measure(r)
-        if value < objective and figure.certificate(mesh, trial).valid:
+        if value < objective and figure.holds(mesh, trial):
             return trial, r, value
         scale /= 2
     return None

@@ -133,7 +133,7 @@ def lower_angle_distortion(
     taken, attempt, p, stopped = 0, 0, 2.0, ""
     moved: Complex | None = None
     gains: list[float] = []
-    if len(order) == 0 or not figure.certificate(mesh, f).valid:
+    if len(order) == 0 or len(figure.flipped(mesh.F, f)) or not figure.holds(mesh, f):
         return f, Refinement(steps, taken, "no improvement", norm, before, objective)
     laplacian, stale = WeightedLaplacian(mesh, order), True
     while taken < steps and not stopped:
