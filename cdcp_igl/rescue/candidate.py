@@ -225,6 +225,7 @@ def refined(
             phase,
             seconds=deadline - perf_counter(),
             thin=thin,
+            near=not candidate.steps_due,
             accepted=no_less_conformal,
         )
         if refinement.stopped:

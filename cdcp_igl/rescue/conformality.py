@@ -214,5 +214,6 @@ def _edge_scales(mesh: DiskMesh, f: Complex | Floats, F: Ints) -> Floats:
 
 def sampled_faces(m: int) -> Ints:
     """(k,) some of m faces: runs of neighbours in F, spread evenly, as these share vertices."""
-    rows = np.arange(m)
-    return rows[(rows // RUN) % -(-m // SAMPLE) == 0]
+    runs = np.arange(0, m, RUN * -(-m // SAMPLE))
+    rows = (runs[:, None] + np.arange(RUN)).ravel()
+    return rows[rows < m]
