@@ -19,11 +19,10 @@ from .selection import finish, inscribed, is_good, rescue
 from .solve.factored import FactoredSurface
 from .solve.laplacian import cotangent_laplacian
 from .solve.solvers import SolverName, using
-from .steps.alignment import rotate
 from .steps.center import Center, CenterMethod, central_face
 from .steps.circle import Rejected, onto_circle
 from .steps.extension import harmonic_extension
-from .steps.mobius import MobiusMethod, Normalization, normalize
+from .steps.mobius import MobiusMethod, Normalization, normalize, rotate
 from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .steps.trace import boundary_trace, conjugate_trace
@@ -216,7 +215,7 @@ def map_of(
     harmonic map of Algorithm 1, by the options that it depends on.
     """
     steps, key = Steps.of(options), options.first_steps
-    if len(surface.mesh.interior) == 0 and not options.paper:
+    if len(surface.mesh.interior) == 0 and options.preset is None:
         best = inscribed(surface, steps.center(surface), options, phase)
         return finish(surface, best, options, phase, keep_factor=known is not None)
     try:
@@ -258,7 +257,7 @@ class Steps:
     @classmethod
     def of(cls, options: Options) -> Steps:
         """Choose the steps that the options of `disk_map` ask for."""
-        if options.paper:
+        if options.preset == "paper":
             coldest = cache(partial(central_face, center="heat", well_shaped=False))
             circle = partial(onto_circle, zipper=geodesic_map)
             return cls(coldest, boundary_trace, circle, options.mobius_method)

@@ -2,43 +2,47 @@
 
 from __future__ import annotations
 
-import logging
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from . import libigl
 from .arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from .cached import cached_property
-from .certificate import Certificate, around, not_finite
+from .certificate import Certificate, certify_ring
 from .distortion import AngleDistortion, angle_errors
-from .errors import MapError, counted
+from .errors import counted
 from .io.given import takes_meshes
 from .plot.layout import Layout
-from .rescue.conformality import NOT_VALID, Conformality, judge
-from .rescue.repair import Repair, repair_locally
+from .rescue.conformality import judge
+from .rescue.figures import Ring
+from .rescue.repair import repair_locally
+from .result.base import valid_map
 from .result.bijection import Bijection
+from .result.harmonic import RefinedMap, refined, steps_of
 from .solve.factored import FactoredSurface
 from .solve.solvers import SolverName, using
+from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .steps.trace import shared_by_edges
 from .surface.filling import fill_hole
 from .surface.location import FaceFinder
 from .surface.mesh import AnnulusMesh, DiskMesh
 from .surface.topology import Topology, group_by_edge, tails
-from .surface.triangles import flipped_faces
 from .surface.validation import checked_surface
 
-log = logging.getLogger("cdcp_igl")
-
 LEAST_SHARE = 1e-9  # of a turn, for each edge of a loop
+REMEDY = (
+    "Parts of it may be too small for double precision: cut the surface, or fill a hole "
+    "(cdcp_igl.surface_map)"
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AnnulusMap(Bijection):
+class AnnulusMap(RefinedMap, Bijection):
     """A conformal map onto a ring around 0. Printing it gives a summary.
 
     Attributes
@@ -49,29 +53,25 @@ class AnnulusMap(Bijection):
     mesh : AnnulusMesh
         The surface; holes that were filled come last.
     modulus : float
-        log(1 / radius) / (2 pi), a conformal invariant of the surface: of a cylinder, its length
-        by its circumference.
+        log(1 / inner radius) / (2 pi) of the exact map, a conformal invariant of the surface: of
+        a cylinder, its length by its circumference.
     modulus_bounds : (float, float)
         Between which the modulus of the polyhedral surface lies, but for rounding: the logarithm
         of the radius and the angle are trial functions in Dirichlet's principle. `modulus` is
         their geometric mean.
     radius : float
-        Of the inner circle.
+        Of the inner circle. Its logarithm is near -2 pi times the modulus: such that all that flows
+        through the one flows around the other, or as refinement has left it.
     filled : int
         Boundary loops beyond two that were filled; those faces are not in the results.
     certificate : Certificate
         As of a `DiskMap`, with both circles in place of one: errors are relative to the radius.
-    distortion : AngleDistortion
-        Mean, SD and maximum of the angular distortion in degrees.
-    conformality : Conformality
-        Whether the map is what a conformal map of this mesh should be; if not, the reasons
-        and what would help.
     repair : Repair
         What was done about flipped faces.
-    solver : str
-        Sparse solver, version, ordering and mode.
-    timings : dict of str to float
-        Seconds per phase.
+    refinement : Refinement or None
+        What was done to lower the angular distortion further; None if nothing was asked for or due.
+    conformality, distortion, solver, timings
+        As of every `Result`.
 
     Examples
     --------
@@ -88,11 +88,6 @@ class AnnulusMap(Bijection):
     radius: float
     filled: int
     certificate: Certificate
-    distortion: AngleDistortion
-    conformality: Conformality
-    repair: Repair
-    solver: str
-    timings: dict[str, float]
     _whole: Floats  # with the images of vertices that fill holes
     _n_faces: int
 
@@ -101,9 +96,6 @@ class AnnulusMap(Bijection):
     def packed(self) -> Floats:
         """Return the square around the ring, scaled to the unit square: texture coordinates."""
         return (self.uv + 1) / 2
-
-    def _subject(self) -> str:
-        return f"{len(self.uv):,} vertices"
 
     def _key_figure(self) -> str:
         return f"modulus {self.modulus:.6g}"
@@ -115,8 +107,7 @@ class AnnulusMap(Bijection):
             ("modulus", f"{self.modulus:.8g}, from {low:.8g} to {high:.8g}"),
             ("inner radius", f"{self.radius:.6g}"),
             *(filled if self.filled else []),
-            ("repair", str(self.repair)),
-            ("solver", self.solver),
+            *super()._steps(),
         ]
 
     def _details(self) -> dict[str, Any]:
@@ -125,8 +116,7 @@ class AnnulusMap(Bijection):
             "modulus_bounds": list(self.modulus_bounds),
             "radius": self.radius,
             "filled": self.filled,
-            "repair": asdict(self.repair),
-            "solver": self.solver,
+            **super()._details(),
         }
 
     def _surface(self) -> tuple[Floats, Ints]:
@@ -142,6 +132,8 @@ class AnnulusMap(Bijection):
 
     @cached_property
     def _finder(self) -> FaceFinder:
+        if not self.valid:
+            raise ValueError("the map is no bijection onto the ring: points have no one place")
         # Triangles around 0 make a disk of the ring.
         clockwise, middle = self.mesh.loops[1], len(self.mesh.V)
         around = [np.roll(clockwise, -1), clockwise, np.full(len(clockwise), middle)]
@@ -163,7 +155,7 @@ class AnnulusMap(Bijection):
             origin=(0.5, 0.5),
             distortion=self.distortion,
             flipped=len(self.certificate.flipped),
-            facts=self._facts(self._subject(), f"modulus {self.modulus:.6g}"),
+            facts=self._facts(self._subject(), self._key_figure()),
         )
 
 
@@ -172,6 +164,9 @@ def annulus_map(
     V: ArrayLike,
     F: ArrayLike,
     *,
+    refine: int | None = None,
+    refine_norm: float = 1.5,
+    refine_seconds: float = np.inf,
     solver: SolverName | None = None,
     progress: Progress | None = None,
 ) -> AnnulusMap:
@@ -188,8 +183,8 @@ def annulus_map(
         Vertex positions, in any unit.
     F : (m, 3) array_like of integers
         Corners of the faces, counterclockwise seen from outside.
-    solver, progress
-        As in `disk_map`.
+    refine, refine_norm, refine_seconds, solver, progress
+        As in `disk_map`; refinement moves the inner circle, too.
 
     Returns
     -------
@@ -204,6 +199,8 @@ def annulus_map(
         If the map is no bijection; it is the ``result``.
     SolverError
         If the Laplacian cannot be factored.
+    ValueError
+        If an option is not one of those above.
     ImportError
         If the solver that was asked for is not installed.
 
@@ -222,45 +219,51 @@ def annulus_map(
     >>> result.valid, low < result.modulus < high
     (True, True)
     """
-    phase = Phases(progress, skipped=("center", "circle", "mobius", "refine"))
+    options = Options(
+        refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds, solver=solver
+    )
+    phase = Phases(progress, refine or 0, skipped=("center", "circle", "extension", "mobius"))
     with using(solver):
         with phase("check"):
             mesh, (n, m), filled = _filled(V, F)
         with phase("factor"):
             surface = FactoredSurface.of(mesh)
         with phase("trace"):
-            f, bounds = ring_map(surface)
-        with phase("repair"):
-            f, repair = repair_locally(mesh, f)
-        with phase("certificate"):
-            modulus = float(np.sqrt(bounds[0] * bounds[1]))
-            radius = float(np.exp(-2 * np.pi * modulus))
-            certificate = certify_ring(mesh, f, radius)
-            degrees = np.degrees(abs(angle_errors(mesh, f)))
-            closely = repair.n_flipped > 0
-            verdict = judge(mesh, f, degrees, closely=closely) if certificate.valid else NOT_VALID
-    result = AnnulusMap(
-        uv=coordinates(f)[:n],
-        mesh=mesh,
-        modulus=modulus,
-        modulus_bounds=bounds,
-        radius=radius,
-        filled=filled,
-        certificate=certificate,
-        distortion=AngleDistortion.of(degrees[:m]),
-        conformality=verdict,
-        repair=repair,
-        solver=surface.solver,
-        timings=phase.seconds,
-        _whole=coordinates(f),
-        _n_faces=m,
-    )
-    if not result.valid:
-        raise MapError(f"The map is not a bijection onto the ring: {certificate}", result)
-    if not result.conformal:
-        log.warning("the map is not conformal: %s", "; ".join(verdict.reasons))
+            strip, bounds = ring_map(surface)
+
+        def finished(strip: Complex) -> AnnulusMap:
+            with phase("repair"):
+                f, repair = repair_locally(mesh, np.exp(strip - 1j * strip.imag[mesh.loops[0][0]]))
+            with phase("certificate"):
+                certificate = certify_ring(mesh, f)
+                degrees = np.degrees(abs(angle_errors(mesh, f)))
+                closely = repair.n_flipped > 0
+                verdict = judge(mesh, f, degrees, valid=certificate.valid, closely=closely)
+            return AnnulusMap(
+                uv=coordinates(f)[:n],
+                mesh=mesh,
+                modulus=float(np.sqrt(bounds[0] * bounds[1])),
+                modulus_bounds=bounds,
+                radius=float(abs(f[mesh.loops[1]]).mean()),
+                filled=filled,
+                certificate=certificate,
+                distortion=AngleDistortion.of(degrees[:m]),
+                conformality=verdict,
+                repair=repair,
+                refinement=None,
+                solver=surface.solver,
+                timings=phase.seconds,
+                _whole=coordinates(f),
+                _n_faces=m,
+            )
+
+        best = finished(strip)
+        if steps := steps_of(best, options):
+            f, order = np.log(as_complex(best._images)), surface.order
+            best = refined(best, f, Ring(), order, steps, finished, options, phase)
+    best = valid_map(best, " onto the ring", REMEDY)
     phase.done()
-    return result
+    return best
 
 
 def _filled(V: ArrayLike, F: ArrayLike) -> tuple[AnnulusMesh, tuple[int, int], int]:
@@ -282,103 +285,74 @@ def _filled(V: ArrayLike, F: ArrayLike) -> tuple[AnnulusMesh, tuple[int, int], i
 
 
 def ring_map(surface: FactoredSurface) -> tuple[Complex, tuple[float, float]]:
-    """Map an annulus to the plane (n,), and bound its modulus from below and from above."""
-    mesh, L = surface.mesh, surface.laplacian.matrix()
-    outer, inner = mesh.loops
-    one = marked(len(mesh.V), inner).astype(float)
-    u = one - surface.solve(L @ one)
-    flux = L @ u
+    """Map an annulus to a strip (n,), the logarithm of a ring around 0; bounds of its modulus.
+
+    As much flows through the real part as around it, 2 pi, so that far from the loops there is no
+    shear. The mean of the bounds of the modulus would lay a loop's errors on the whole surface.
+    """
+    mesh, L = surface.mesh, surface.laplacian
+    one = marked(len(mesh.V), mesh.loops[1]).astype(float)
+    u = one - surface.solve(L.matrix() @ one)
+    flux = L.matrix() @ u
     energy = float(u @ flux)
-    path, jump = _branch_cut(mesh, outer, inner)
-    angle, forwards = _loop_angles(mesh, path, flux)
+    starts, jump = _branch_cut(mesh)
+    angle, forwards = _loop_angles(mesh, starts, flux)
     if not forwards:  # through edges of obtuse faces
         D = surface.delaunay.laplacian.matrix()
         flux = D @ (one - surface.delaunay.solve(D @ one))
-        angle, _ = _loop_angles(mesh, path, flux)
-    low, high, weights = surface.laplacian.low, surface.laplacian.high, surface.laplacian.weights
-
-    def sources(flow: Floats) -> Floats:
-        n = len(mesh.V)
-        return (np.bincount(high, flow, n) - np.bincount(low, flow, n)).astype(np.float64)
-
-    angle -= surface.solve(sources(weights * (angle[high] - angle[low] + jump)))
+        angle, _ = _loop_angles(mesh, starts, flux)
+    flow = L.weights * (angle[L.high] - angle[L.low] + jump)
+    sources = np.bincount(L.high, flow, len(u)) - np.bincount(L.low, flow, len(u))
+    angle -= surface.solve(sources.astype(np.float64))
     # The inner circle may be turned against the outer one: as the energy is least.
-    difference = angle[high] - angle[low] + jump
-    change = u[high] - u[low]
-    turn = -float((weights * difference * change).sum()) / energy
-    angle += turn * u
-    difference += turn * change
-    bounds = 1 / energy, float((weights * difference**2).sum()) / (2 * np.pi) ** 2
-    angle -= angle[outer[0]]
-    modulus = np.sqrt(bounds[0] * bounds[1])
-    f: Complex = np.exp(-2 * np.pi * modulus * u + 1j * angle)
-    return f, bounds
+    change = u[L.high] - u[L.low]
+    angle -= (L.weights * change) @ (angle[L.high] - angle[L.low] + jump) / energy * u
+    turns = (angle[L.high] - angle[L.low] + jump) / (2 * np.pi)
+    bounds = 1 / energy, float(L.weights @ turns**2)
+    return -2 * np.pi / energy * u + 1j * angle, bounds
 
 
-def _loop_angles(mesh: DiskMesh, path: Ints, flux: Floats) -> tuple[Floats, bool]:
+def _loop_angles(mesh: DiskMesh, starts: list[int], flux: Floats) -> tuple[Floats, bool]:
     """Angles (n,) along both loops, by the flux (n,) through their edges; whether all go forward.
 
-    The first vertex is that of the path, and the inner loop runs clockwise.
+    The inner loop runs clockwise.
     """
     angle, forwards = np.zeros(len(mesh.V)), True
-    for loop, first, turn in zip(mesh.loops, path[[0, -1]], (2 * np.pi, -2 * np.pi), strict=True):
+    for loop, first, turn in zip(mesh.loops, starts, (2 * np.pi, -2 * np.pi), strict=True):
         shares = shared_by_edges(mesh, loop, flux[loop])
-        forwards &= bool((shares / shares.sum() > 0).all())
-        shares = np.maximum(shares / shares.sum(), LEAST_SHARE)
-        start = int(np.flatnonzero(loop == first)[0])
-        passed = np.append(0, np.cumsum(np.roll(shares, -start)[:-1])) / shares.sum()
-        angle[np.roll(loop, -start)] = turn * passed % (2 * np.pi)
+        shares /= shares.sum()
+        forwards &= bool((shares > 0).all())
+        start = -int(np.flatnonzero(loop == first)[0])
+        shares = np.roll(np.maximum(shares, LEAST_SHARE), start)
+        passed = np.append(0, np.cumsum(shares[:-1])) / shares.sum()
+        angle[np.roll(loop, start)] = turn * passed % (2 * np.pi)
     return angle, forwards
 
 
-def _branch_cut(mesh: DiskMesh, outer: Ints, inner: Ints) -> tuple[Ints, Floats]:
-    """Shortest path of edges from one loop to the other, and the jump of the angle along edges.
+def _branch_cut(mesh: DiskMesh) -> tuple[list[int], Floats]:
+    """Cut the angle through a strip of faces, from loop to loop.
 
-    Where an edge leaves the path to the left, the path counts as one turn farther.
+    Returns where it is 0 on either loop, and (e,) by what it jumps along edges, from low to high.
     """
-    distance, before, _ = dijkstra(
-        libigl.adjacency_matrix(mesh.F),
-        indices=outer,
-        unweighted=True,
-        min_only=True,
-        return_predecessors=True,
-    )
-    path = [int(inner[distance[inner].argmin()])]
-    while before[path[-1]] >= 0:
-        path.append(int(before[path[-1]]))
-    path.reverse()
-    # Corners on either side of the path are grouped by crossing edges, but for those of the path.
-    topology = Topology(mesh.F, len(mesh.V))
+    m, edges = len(mesh.F), mesh.edges
     tail, head = mesh.F.T.ravel(), np.roll(mesh.F, -1, axis=1).T.ravel()
-    one, other = topology.twins
-    place = np.full(len(mesh.V), -2)
-    place[path] = np.arange(0, 2 * len(path), 2)
-    across = abs(place[tail[one]] - place[head[one]]) != 2
-    across |= (place[tail[one]] < 0) | (place[head[one]] < 0)
-    count, fan = topology.fans_across(one[across], other[across])
-    ahead = (place[head] - place[tail] == 2) & (place[tail] >= 0)  # the face on its left
-    left = np.zeros(count, dtype=bool)
-    left[fan[ahead]] = True
-    left[np.roll(fan.reshape(3, -1), -1, axis=0).ravel()[ahead]] = True
-    turns = np.where(place[tail] >= 0, left[fan], False).astype(float)
-    along = np.roll(turns.reshape(3, -1), -1, axis=0).ravel() - turns
-    side = mesh.edges.sides[mesh.edges.start]
-    forwards = tail[side] == mesh.edges.low
-    return np.array(path), 2 * np.pi * np.where(forwards, along[side], -along[side])
-
-
-def certify_ring(mesh: AnnulusMesh, f: Complex, radius: float) -> Certificate:
-    """Verify a map (n,) onto the ring, as `certify` does of one onto the disk."""
-    if not np.isfinite(f).all():
-        return not_finite(mesh)
-    outer, inner = f[mesh.loops[0]], f[mesh.loops[1]][::-1] / radius
-    turns, monotone = zip(around(outer), around(inner), strict=True)
-    flipped, n_exact = flipped_faces(f, mesh.F)
-    return Certificate(
-        finite=True,
-        boundary_error=float(abs(abs(np.append(outer, inner)) - 1).max()),
-        boundary_monotone=all(monotone),
-        winding_number=turns[0] if turns[0] != 1 else turns[1],
-        flipped=flipped,
-        n_exact=n_exact,
+    one, other = (sides.astype(np.int64) for sides in edges.twins)
+    # The half-edge of the first face that leads to the second one; 0 is none.
+    rows, columns = np.append(one, other) % m, np.append(other, one) % m
+    leads = csr_matrix((np.append(one, other) + 1, (rows, columns)), (m, m))
+    border = edges.border.astype(np.int64)
+    outer, inner = (border[np.isin(tail[border], loop)] for loop in mesh.loops)
+    distance, before, _ = dijkstra(
+        leads, indices=outer % m, unweighted=True, min_only=True, return_predecessors=True
     )
+    last = int(inner[distance[inner % m].argmin()])
+    strip = [last % m]
+    while before[strip[-1]] >= 0:
+        strip.append(int(before[strip[-1]]))
+    first = int(outer[outer % m == strip[-1]][0])
+    turns = np.zeros(3 * m)
+    turns[np.append(last, leads[strip[1:], strip[:-1]] - 1)] = -2 * np.pi
+    turns[np.append(first, leads[strip[:-1], strip[1:]] - 1)] = 2 * np.pi
+    side = edges.sides[edges.start]
+    jump = np.where(tail[side] == edges.low, turns[side], -turns[side])
+    return [int(head[first]), int(tail[last])], jump

@@ -1,4 +1,4 @@
-"""Names of the array types used in signatures, points as complex numbers, parts of arrays."""
+"""Names of the array types in signatures, points as complex numbers, parts of arrays, units."""
 
 from typing import Any, TypeVar
 
@@ -12,8 +12,6 @@ Ints = NDArray[np.int64]
 Numbers = TypeVar("Numbers", Complex, Floats)  # complex or real, as given
 Indices = NDArray[np.signedinteger[Any]]  # 32 bits where that is enough
 
-BLOCK = 1 << 14  # faces
-
 
 def as_complex(uv: Floats) -> Complex:
     """(n,) u + iv of points (n, 2)."""
@@ -23,11 +21,6 @@ def as_complex(uv: Floats) -> Complex:
 def coordinates(z: Complex) -> Floats:
     """(n, 2) real and imaginary parts."""
     return np.column_stack([z.real, z.imag])
-
-
-def blocks(m: int) -> list[slice]:
-    """Split m faces into blocks whose arrays stay in the cache."""
-    return [slice(start, start + BLOCK) for start in range(0, m, BLOCK)]
 
 
 def marked(n: int, *rows: NDArray[Any] | int) -> Bools:
@@ -58,3 +51,19 @@ def distinct_rows(rows: NDArray[Any]) -> tuple[Ints, Ints]:
     which = np.empty(len(rows), dtype=np.int64)
     which[order] = np.cumsum(leads) - 1
     return order[leads], which
+
+
+def unit_size(given: NDArray[Any]) -> Floats:
+    """(n, 3) float64 copy of positions; the largest coordinate is from 1/2 to 1.
+
+    Coordinates that are not finite are 0.
+    """
+    positions = np.zeros((len(given), 3))
+    np.copyto(positions[:, : given.shape[1]], given, where=np.isfinite(given))
+    # By a power of two, which is exact: products of lengths stay in range in any unit.
+    return np.ldexp(positions, -size_exponent(positions), out=positions)
+
+
+def size_exponent(given: NDArray[Any]) -> int:
+    """Find the power of two by which `unit_size` divides."""
+    return int(np.frexp(max(float(given.max()), -float(given.min())))[1])

@@ -2,29 +2,74 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
 
 from . import libigl
-from .arrays import BLOCK, Complex, Floats, Ints, as_complex, coordinates
+from .arrays import Bools, Complex, Floats, Ints, as_complex, coordinates
 from .errors import counted, spell
 from .surface.mesh import DiskMesh
-from .surface.triangles import EPS, flipped_faces
+from .surface.triangles import BLOCK, EPS, flipped_faces
 
 BOUNDARY_TOLERANCE = 1e-12
 # Neighbours on the boundary must be this far apart, in radians, to stay in order when rounding
 # has moved them.
 SMALLEST_ARC = 1e-14
+SMALLEST_RADIUS = 1e-140
 # As `ORIENTATION_BOUND`, of three points and the centre of the sphere; with some to spare.
 VOLUME_BOUND = 8 * EPS
+# What a report calls what has another name here.
+KEYS = {"flipped": "flipped_faces", "meeting": "meeting_edges", "n_exact": "faces_decided_exactly"}
+
+
+class Verified(ABC):
+    """What all certificates have: printing one says what was found, in a line.
+
+    Attributes
+    ----------
+    finite : bool
+        All coordinates are finite.
+    flipped : (k,) ndarray of int64
+        Faces that are not positively oriented, collapsed ones included.
+    n_exact : int
+        Faces whose sign was in doubt and decided in exact arithmetic.
+    """
+
+    finite: bool
+    flipped: Ints
+    n_exact: int
+
+    def report(self) -> dict[str, Any]:
+        """Return it as JSON types."""
+        return {KEYS.get(name, name): _plain(value) for name, value in vars(self).items()}
+
+    def __str__(self) -> str:
+        if not self.finite:
+            return "not finite"
+        flipped = counted(len(self.flipped), "flipped face", "flipped faces")
+        return f"{flipped} ({self.n_exact:,} decided exactly), {self._said()}"
+
+    @property
+    @abstractmethod
+    def valid(self) -> bool:
+        """True for a bijection."""
+
+    @abstractmethod
+    def _said(self) -> str:
+        """Say what else was verified."""
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 @dataclass(frozen=True, eq=False)
-class Certificate:
+class Certificate(Verified):
     """What was verified on the coordinates as they are returned.
 
     If the boundary runs once around the circle, strictly monotone, and every face is
@@ -77,23 +122,8 @@ class Certificate:
             and self.winding_number == 1
         )
 
-    def report(self) -> dict[str, Any]:
-        """Return it as JSON types."""
-        return {
-            "finite": self.finite,
-            "boundary_error": self.boundary_error,
-            "boundary_monotone": self.boundary_monotone,
-            "winding_number": self.winding_number,
-            "flipped_faces": self.flipped.tolist(),
-            "faces_decided_exactly": self.n_exact,
-        }
-
-    def __str__(self) -> str:
-        if not self.finite:
-            return "not finite"
-        flipped = counted(len(self.flipped), "flipped face", "flipped faces")
+    def _said(self) -> str:
         return (
-            f"{flipped} ({self.n_exact:,} decided exactly), "
             f"boundary error {self.boundary_error:.1e}, "
             f"boundary {'monotone' if self.boundary_monotone else 'not monotone'}, "
             f"winding number {self.winding_number}"
@@ -101,7 +131,7 @@ class Certificate:
 
 
 @dataclass(frozen=True, eq=False)
-class SphereCertificate:
+class SphereCertificate(Verified):
     """What was verified on a map onto the unit sphere, as it is returned.
 
     If every spherical triangle, with great arcs as sides, is positively oriented, and they cover
@@ -142,29 +172,18 @@ class SphereCertificate:
         on_sphere = self.finite and self.radius_error <= BOUNDARY_TOLERANCE
         return on_sphere and self.degree == 1 and len(self.flipped) == 0
 
-    def report(self) -> dict[str, Any]:
-        """Return it as JSON types."""
-        return asdict(self) | {"flipped": self.flipped.tolist()}
-
-    def __str__(self) -> str:
-        if not self.finite:
-            return "not finite"
-        flipped = counted(len(self.flipped), "flipped face", "flipped faces")
-        return (
-            f"{flipped} ({self.n_exact:,} decided exactly), radius error {self.radius_error:.1e}, "
-            f"degree {self.degree}"
-        )
+    def _said(self) -> str:
+        return f"radius error {self.radius_error:.1e}, degree {self.degree}"
 
 
-def certify_sphere(F: Ints, P: Floats) -> SphereCertificate:
-    """Verify a map (n, 3) of a closed surface with faces F onto the unit sphere."""
+def certify_sphere(F: Ints, P: Floats, known: tuple[Ints, int] | None = None) -> SphereCertificate:
+    """Verify a map (n, 3) of a closed surface with faces F onto the unit sphere.
+
+    What `flipped_on_sphere` finds may be `known`.
+    """
     if not np.isfinite(P).all():
         return SphereCertificate(False, np.inf, 0, np.arange(len(F)), 0)
-    return sphere_certificate_of(F, P, *flipped_on_sphere(P, F))
-
-
-def sphere_certificate_of(F: Ints, P: Floats, flipped: Ints, n_exact: int) -> SphereCertificate:
-    """Verify that a finite map (n, 3), whose faces are verified, covers the unit sphere once."""
+    flipped, n_exact = known or flipped_on_sphere(P, F)
     radius_error = float(abs(np.linalg.norm(P, axis=1) - 1).max())
     degree = round(solid_angles(P, F).sum() / (4 * np.pi))
     return SphereCertificate(True, radius_error, degree, flipped, n_exact)
@@ -172,7 +191,7 @@ def sphere_certificate_of(F: Ints, P: Floats, flipped: Ints, n_exact: int) -> Sp
 
 def flipped_on_sphere(P: Floats, F: Ints) -> tuple[Ints, int]:
     """Find what `flipped_faces` does, of spherical triangles seen from outside."""
-    x, y, z = P[F].T  # by coordinate, then by corner
+    x, y, z = P.T.take(F.T, axis=1)  # by coordinate, then by corner
     products = [(z[k - 2] * x[k - 1] * y[k], z[k - 2] * x[k] * y[k - 1]) for k in range(3)]
     volume = sum(left - right for left, right in products)
     size = sum(abs(left) + abs(right) for left, right in products)
@@ -190,13 +209,14 @@ def solid_angles(P: Floats, F: Ints) -> Floats:
     A. van Oosterom, J. Strackee. The solid angle of a plane triangle. IEEE Trans. Biomed. Eng.
     30(2), 1983.
     """
-    i, j, k = P[F].transpose(1, 0, 2)
-    cosines = (i * j).sum(axis=1) + (j * k).sum(axis=1) + (k * i).sum(axis=1)
-    return 2 * np.arctan2((i * np.cross(j, k)).sum(axis=1), 1 + cosines)
+    x, y, z = P.T.take(F.T, axis=1)
+    cosines = sum(x[k] * x[k - 1] + y[k] * y[k - 1] + z[k] * z[k - 1] for k in range(3))
+    volume = sum(z[k - 2] * (x[k - 1] * y[k] - x[k] * y[k - 1]) for k in range(3))
+    return 2 * np.arctan2(volume, 1 + cosines)
 
 
 @dataclass(frozen=True, eq=False)
-class OutlineCertificate:
+class OutlineCertificate(Verified):
     """What was verified on the coordinates of a map with a free outline.
 
     If the outline, the image of the boundary, is a simple polygon and every face is positively
@@ -242,25 +262,9 @@ class OutlineCertificate:
         """True if the outline goes around once and meets itself nowhere."""
         return self.finite and self.winding_number == 1 and len(self.meeting) == 0
 
-    def report(self) -> dict[str, Any]:
-        """Return it as JSON types."""
-        return {
-            "finite": self.finite,
-            "winding_number": self.winding_number,
-            "meeting_edges": self.meeting.tolist(),
-            "flipped_faces": self.flipped.tolist(),
-            "faces_decided_exactly": self.n_exact,
-        }
-
-    def __str__(self) -> str:
-        if not self.finite:
-            return "not finite"
-        flipped = counted(len(self.flipped), "flipped face", "flipped faces")
+    def _said(self) -> str:
         overlap = f"overlaps itself at {spell(self.meeting)}" if len(self.meeting) else "simple"
-        return (
-            f"{flipped} ({self.n_exact:,} decided exactly), outline {overlap}, "
-            f"winding number {self.winding_number}"
-        )
+        return f"outline {overlap}, winding number {self.winding_number}"
 
 
 Kind = TypeVar("Kind", bound=Certificate | OutlineCertificate)
@@ -282,21 +286,17 @@ def together(each: Sequence[Kind]) -> Kind:
     return type(each[0])(**{n: TOGETHER[n]([getattr(one, n) for one in each]) for n in names})
 
 
-def certify_outline(mesh: DiskMesh, uv: Floats) -> OutlineCertificate:
-    """Verify a map (n, 2) of a mesh with a free outline."""
+def certify_outline(
+    mesh: DiskMesh, uv: Floats, known: tuple[Ints, int] | None = None
+) -> OutlineCertificate:
+    """Verify a map (n, 2) of a mesh with a free outline; `flipped_faces` of it may be `known`."""
     if not np.isfinite(uv).all():
         return OutlineCertificate(False, 0, np.empty((0, 2), int), np.arange(len(mesh.F)), 0)
     f = as_complex(uv)
-    return outline_certificate_of(f[mesh.loop], mesh.loop, *flipped_faces(f, mesh.F))
-
-
-def outline_certificate_of(
-    outline: Complex, loop: Ints, flipped: Ints, n_exact: int
-) -> OutlineCertificate:
-    """Verify the outline (nB,) of a finite map whose faces are verified."""
-    edges = np.roll(outline, -1) - outline
+    edges = np.roll(f[mesh.loop], -1) - f[mesh.loop]
     turns = np.angle(edges * np.roll(edges, 1).conj()).sum() / (2 * np.pi)
-    meeting = loop[meeting_edges(outline)]
+    flipped, n_exact = known or flipped_faces(f, mesh.F)
+    meeting = mesh.loop[meeting_edges(f[mesh.loop])]
     return OutlineCertificate(True, round(turns), meeting, flipped, n_exact)
 
 
@@ -318,6 +318,7 @@ def meeting_edges(z: Complex) -> Ints:
     while stack:
         level, pairs = stack.pop()
         if level == 0:
+            pairs = pairs[_may_meet(z, *pairs.T)]
             if len(found := pairs[[_meet(z, i, j) for i, j in pairs.tolist()]]):
                 return found
             continue
@@ -333,6 +334,15 @@ def meeting_edges(z: Complex) -> Ints:
     return np.empty((0, 2), dtype=np.int64)
 
 
+def _may_meet(z: Complex, i: Ints, j: Ints) -> Bools:
+    """(k,) no for neighbours i < j that do not leave their common end for the same quadrant."""
+    n = len(z)
+    middle = np.where(j - i == 1, j, i)
+    back, on = z[middle - 1] - z[middle], z[(middle + 1) % n] - z[middle]
+    folded = (np.sign(back.real) == np.sign(on.real)) & (np.sign(back.imag) == np.sign(on.imag))
+    return np.asarray(folded | ((j - i > 1) & (j - i < n - 1)))
+
+
 def _meet(z: Complex, i: int, j: int) -> bool:
     """Whether edges i < j of a closed polygon meet elsewhere than at a common end, exactly."""
     n = len(z)
@@ -340,9 +350,6 @@ def _meet(z: Complex, i: int, j: int) -> bool:
         points = coordinates(z[[i, i + 1, j, (j + 1) % n]])
         return libigl.meet(*points)
     p, q, r = z[[i, j, (j + 1) % n] if j - i == 1 else [j, i, i + 1]]
-    back, on = p - q, r - q
-    if np.sign(back.real) != np.sign(on.real) or np.sign(back.imag) != np.sign(on.imag):
-        return False
     both = coordinates(np.array([[p, q, r], [r, q, p]]).ravel()).reshape(2, 3, 2)
     return not libigl.is_counterclockwise(both).any()  # they go back along one line
 
@@ -366,6 +373,21 @@ def certificate_of(boundary: Complex, flipped: Ints, n_exact: int) -> Certificat
         flipped=flipped,
         n_exact=n_exact,
     )
+
+
+def certify_ring(mesh: DiskMesh, f: Complex, known: tuple[Ints, int] | None = None) -> Certificate:
+    """Verify a map (n,) onto a ring; errors at its inner circle are relative to the radius.
+
+    `flipped_faces` of it may be `known`.
+    """
+    if not np.isfinite(f).all():
+        return not_finite(mesh)
+    outer, inner = f[mesh.loops[0]], f[mesh.loops[1]][::-1]
+    inner = inner / max(abs(inner).mean(), SMALLEST_RADIUS)
+    # Orientations are not exact where products of coordinates underflow.
+    flipped = known or flipped_faces(np.where(abs(f) < SMALLEST_RADIUS, 0, f), mesh.F)
+    none = np.empty(0, dtype=np.int64)
+    return together([certificate_of(outer, *flipped), certificate_of(inner, none, 0)])
 
 
 def not_finite(mesh: DiskMesh) -> Certificate:

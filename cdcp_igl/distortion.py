@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import libigl
-from .arrays import Complex, Floats, Ints, as_complex, blocks
+from .arrays import Complex, Floats, Ints, as_complex, size_exponent
 from .io.given import takes_meshes
 from .surface.mesh import DiskMesh
-from .surface.triangles import face_areas, hat_gradients, opposite_edges, oriented_areas
-from .surface.validation import checked_surface, checked_vertices, size_exponent
+from .surface.triangles import blocks, face_areas, hat_gradients, opposite_edges, oriented_areas
+from .surface.validation import checked_surface, checked_vertices
 
 ON_SPHERE = 1e-6  # points may be so far from the unit sphere, as in single precision
 
@@ -194,7 +194,7 @@ def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
 
 @takes_meshes
 def area_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
-    """Logarithm of the area in the plane by the area on the surface, for every face.
+    """Logarithm of the area of the image by the area on the surface, for every face.
 
     Both areas are fractions of their totals, so that a map with a constant scale has no
     distortion of area.
@@ -202,7 +202,7 @@ def area_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     Parameters
     ----------
     V, F, uv
-        As in `angle_distortion`, in the plane.
+        As in `angle_distortion`.
 
     Returns
     -------
@@ -227,13 +227,12 @@ def area_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     >>> cdcp_igl.area_distortion(V, F, [[0, 0], [3, 0], [3, 1], [0, 1]])
     array([0., 0.])
     """
-    positions, faces, z = _surface_and_image(V, F, uv)
-    image = np.maximum(oriented_areas(z, faces)[0], 0)
-    return log_of_ratio(image, face_areas(positions, faces))
-
-
-def log_of_ratio(image: Floats, surface: Floats) -> Floats:
-    """(m,) logarithm of areas by others, as fractions of their totals."""
+    positions, faces, points = _surface_and_points(V, F, uv, (2, 3))
+    if points.shape[1] == 2:
+        image = np.maximum(oriented_areas(as_complex(points), faces)[0], 0)
+    else:
+        image = np.where(np.linalg.det(points[faces]) > 0, face_areas(points, faces), 0)
+    surface = face_areas(positions, faces)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = (image / image.sum()) / (surface / surface.sum())
         return np.where(ratio > 0, np.log(ratio), -np.inf)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,16 +16,16 @@ from .certificate import OutlineCertificate, certify_outline
 from .distortion import AngleDistortion, angle_errors
 from .errors import SolverError, spell
 from .io.given import takes_meshes
-from .rescue.candidate import PATIENT, angles_lowered, steps_due
-from .rescue.conformality import NOT_VALID, judge
+from .rescue.candidate import PATIENT
+from .rescue.conformality import judge
 from .rescue.figures import Outline
-from .rescue.refine import Refinement, lower_angle_distortion
+from .rescue.refine import lower_angle_distortion
 from .rescue.repair import MANY, Repair, repair_locally
 from .result.base import valid_map
+from .result.harmonic import RefinedMap, refined, steps_of
 from .result.plane_map import PlaneMap
 from .solve.factored import FactoredSurface
 from .solve.solvers import SolverName, using
-from .steps.alignment import rotate
 from .steps.boundary_first import (
     angles_of_scale,
     closed_curve,
@@ -34,11 +34,11 @@ from .steps.boundary_first import (
     scale_of_angles,
 )
 from .steps.extension import harmonic_extension
+from .steps.mobius import rotate
 from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .steps.trace import edge_lengths
 from .surface.mesh import DiskMesh
-from .surface.triangles import face_areas, oriented_areas, vertex_areas
 
 # Shares of the way from the boundary with its own lengths to that of the map onto the disk, in the
 # logarithms of lengths; tried in turn where the outline overlaps itself.
@@ -51,7 +51,7 @@ OF_THE_DISK = ("center", "trace", "circle", "mobius")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FreeMap(PlaneMap):
+class FreeMap(RefinedMap, PlaneMap):
     """A conformal map with a free outline. Printing it gives a summary.
 
     Attributes
@@ -94,7 +94,6 @@ class FreeMap(PlaneMap):
 
     certificate: OutlineCertificate
     area_ratio: float
-    refinement: Refinement | None
 
     _kind = "free"
     _plane = "Plane"
@@ -103,9 +102,7 @@ class FreeMap(PlaneMap):
         return [
             ("boundary", f"{self.boundary}, {self.laplacian} Laplacian"),
             ("area", f"{self.area_ratio:.4g} times that of the surface"),
-            ("repair", str(self.repair)),
-            ("refinement", str(self.refinement or "not asked for")),
-            ("solver", self.solver),
+            *super()._steps(),
         ]
 
     def _details(self) -> dict[str, Any]:
@@ -113,9 +110,7 @@ class FreeMap(PlaneMap):
             "boundary": self.boundary,
             "laplacian": self.laplacian,
             "area_ratio": self.area_ratio,
-            "repair": asdict(self.repair),
-            "refinement": self.refinement and asdict(self.refinement),
-            "solver": self.solver,
+            **super()._details(),
         }
 
 
@@ -230,15 +225,17 @@ def free_map_of(
     if options.refine and not is_own:
         raise ValueError("refine moves the boundary: leave it out, or boundary_scale and corners")
     best = _best_map(surface, asked, options, phase)
-    steps = 0
-    if is_own and best.valid and options.refine != 0:
-        due = steps_due(best.conformality, best.repair.n_moved / len(mesh.V))
-        steps = max(options.refine or 0, due)
-    if steps:
-        order = _order_of_all(surface)
+    if is_own and (steps := steps_of(best, options)):
+        plain, order = best, _order_of_all(surface)
         if not keep_factor:
             surface.release()
-        best = _refined(surface, best, order, steps, asked.length, options, phase)
+
+        def finished(f: Complex) -> FreeMap:
+            kind = plain.boundary, plain.laplacian, asked.length
+            return _finished(surface, f, *kind, options, phase)
+
+        f = as_complex(plain.uv)
+        best = refined(plain, f, Outline(), order, steps, finished, options, phase)
     best = replace(best, uv=mesh.in_given_unit(best.uv))
     remedy = "give other lengths or angles of the boundary"
     if is_own:
@@ -353,7 +350,7 @@ def _laid_out(surface: FactoredSurface, boundary: _Boundary, phase: Phases) -> C
         else:
             u_B = scale_of_angles(pinned(surface), angles)
         f = harmonic_extension(surface, closed_curve(mesh, u_B, angles))
-        return f - np.average(f, weights=vertex_areas(mesh.V, mesh.F))
+        return f - np.average(f, weights=mesh.vertex_areas)
 
 
 def _finished(
@@ -372,7 +369,8 @@ def _finished(
     mesh = surface.mesh
     with phase("repair"):
         f = rotate(mesh, f, options.align, on_circle=False)
-        f = f * (length / abs(np.roll(f[mesh.loop], -1) - f[mesh.loop]).sum())
+        outline = f[mesh.loop]
+        f = f * (length / abs(np.roll(outline, -1) - outline).sum())
         certificate, repair = certify_outline(mesh, coordinates(f)), Repair()
         if len(certificate.flipped):
             # The outline stays where it is: one that overlaps itself is beyond repair.
@@ -381,17 +379,17 @@ def _finished(
             certificate = certify_outline(mesh, coordinates(f))
     with phase("certificate"):
         degrees = np.degrees(abs(angle_errors(mesh, f)))
-        area = oriented_areas(f, mesh.F)[0].sum() / 2
-        conformality = NOT_VALID
-        if certificate.valid:
-            conformality = judge(mesh, f, degrees, closely=repair.n_flipped > 0)
+        outline = f[mesh.loop]
+        area = (outline.conj() * np.roll(outline, -1)).imag.sum() / 2
+        closely = repair.n_flipped > 0
+        conformality = judge(mesh, f, degrees, valid=certificate.valid, closely=closely)
     return FreeMap(
         uv=coordinates(f),
         mesh=mesh,
         certificate=certificate,
         distortion=AngleDistortion.of(degrees),
         conformality=conformality,
-        area_ratio=float(area / face_areas(mesh.V, mesh.F).sum()),
+        area_ratio=float(area / mesh.vertex_areas.sum()),
         boundary=boundary,
         laplacian=laplacian,
         repair=repair,
@@ -399,33 +397,6 @@ def _finished(
         solver=surface.solver,
         timings=phase.seconds,
     )
-
-
-def _refined(
-    surface: FactoredSurface,
-    plain: FreeMap,
-    order: Ints,
-    steps: int,
-    length: float,
-    options: Options,
-    phase: Phases,
-) -> FreeMap:
-    """Lower the angular distortion beyond that of the harmonic map, the outline free."""
-    f, refinement = angles_lowered(
-        plain.mesh,
-        as_complex(plain.uv),
-        plain.conformality,
-        order,
-        steps,
-        options,
-        phase,
-        figure=Outline(),
-    )
-    made = _finished(surface, f, plain.boundary, plain.laplacian, length, options, phase)
-    if refinement.steps and not made.valid:
-        refinement = refinement.undone("no certificate")
-    repair = replace(plain.repair, n_moved=max(plain.repair.n_moved, made.repair.n_moved))
-    return replace(made if refinement.steps else plain, refinement=refinement, repair=repair)
 
 
 def _order_of_all(surface: FactoredSurface) -> Ints:

@@ -34,9 +34,10 @@ Array = NDArray[Any]
 ONLY_OF_CUT = ("fill", "spread", "max_charts")
 ONLY_OF_DISKS = ("center", "mobius", "preset")
 # What a surface may be mapped onto, besides disks, and the options of that.
+REFINED = {"refine", "refine_norm", "refine_seconds", "solver"}
 TARGETS: dict[str, tuple[Callable[..., SphereMap | AnnulusMap], set[str]]] = {
-    "annulus": (annulus_map, {"solver"}),
-    "sphere": (sphere_map, {"mobius", "refine", "refine_norm", "refine_seconds", "solver"}),
+    "annulus": (annulus_map, REFINED),
+    "sphere": (sphere_map, REFINED | {"mobius"}),
 }
 
 

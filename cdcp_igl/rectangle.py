@@ -17,7 +17,7 @@ from .certificate import Certificate, not_finite
 from .distortion import AngleDistortion, angle_errors
 from .errors import MapError, SolverError, counted, spell
 from .io.given import takes_meshes
-from .rescue.conformality import NOT_VALID, judge
+from .rescue.conformality import judge
 from .rescue.repair import Repair, repaired
 from .result.base import valid_map
 from .result.plane_map import PlaneMap
@@ -331,7 +331,7 @@ def _rectangle(mesh: DiskMesh, sides: list[Ints], square: _Square, phase: Phases
         certificate = certify_rectangle(mesh, sides, f, modulus)
         degrees = np.degrees(abs(angle_errors(mesh, f)))
         closely = repair.n_flipped > 0
-        conformality = judge(mesh, f, degrees, closely=closely) if certificate.valid else NOT_VALID
+        conformality = judge(mesh, f, degrees, valid=certificate.valid, closely=closely)
         if not conformality:
             conformality = replace(conformality, remedies=(REMEDY,))
     return RectangleMap(

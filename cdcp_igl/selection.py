@@ -18,11 +18,10 @@ from .rescue.repair import Repair, repair_locally, repaired, replace_interior
 from .result.base import valid_map
 from .result.disk_map import DiskMap
 from .solve.factored import FactoredSurface
-from .steps.alignment import rotate
 from .steps.center import Center
 from .steps.circle import Rejected
 from .steps.extension import extended_again, harmonic_extension
-from .steps.mobius import MobiusMethod, Normalization, composed, normalize
+from .steps.mobius import MobiusMethod, Normalization, composed, normalize, rotate
 from .steps.options import Options
 from .steps.phases import Phases
 from .surface.mesh import DiskMesh
@@ -35,6 +34,10 @@ MANY_FLIPPED = 0.003
 # Even area, if it was asked for, may raise the angular distortion by so much.
 PRICE_OF_AREA = 1.05
 REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
+REMEDY = (
+    "Boundary: {0.boundary}. Parts of it may be too small on the disk for double precision: cut "
+    "the surface where it is long or branches (cdcp_igl.cut)"
+)
 
 Repairing = Callable[[DiskMesh, Complex], tuple[Complex, Repair]]
 
@@ -43,11 +46,13 @@ def is_good(first: Candidate, harmonic: HarmonicMap, options: Options) -> bool:
     """Whether the map of Algorithm 1 needs no rescue."""
     if _is_doubtful(first, options, harmonic.surface.mesh):
         return False
-    return options.paper or not harmonic.needs_correction
+    return options.preset == "paper" or not harmonic.needs_correction
 
 
 def _is_doubtful(candidate: Candidate, options: Options, mesh: DiskMesh) -> bool:
-    return candidate.conformality.sheared if options.paper else candidate.is_doubtful(mesh)
+    if options.preset == "paper":
+        return candidate.conformality.sheared
+    return candidate.is_doubtful(mesh)
 
 
 def inscribed(
@@ -80,7 +85,7 @@ def rescue(
             rejected.append(str(harmonic))
             continue
         with phase("extension"):
-            harmonic = harmonic.corrected(straightened=not options.paper)
+            harmonic = harmonic.corrected(straightened=options.preset is None)
         candidate = _normalized(harmonic, options, phase)
         tried.append((harmonic, candidate))
         if not _is_doubtful(candidate, options, surface.mesh):
@@ -194,18 +199,14 @@ def finish(
     """
     mesh = surface.mesh
     steps = options.refine or 0
-    if options.refine != 0 and not options.paper and len(mesh.interior):
+    if options.refine != 0 and options.preset is None and len(mesh.interior):
         steps = max(steps, best.steps_due)
     if steps and best.certificate.valid:
         if not keep_factor:
             surface.release()
         best = refined(mesh, best, surface.order, steps, options, phase)
     result = _disk_map(surface, best, phase)
-    remedy = (
-        f"Boundary: {result.boundary}. Parts of it may be too small on the disk for double "
-        "precision: cut the surface where it is long or branches (cdcp_igl.cut)"
-    )
-    result = valid_map(result, " onto the disk", remedy)
+    result = valid_map(result, " onto the disk", REMEDY)
     phase.done()
     return result
 

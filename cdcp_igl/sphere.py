@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, Literal
 
@@ -14,17 +13,16 @@ from numpy.typing import ArrayLike
 from .arrays import Complex, Floats, Ints, coordinates, marked
 from .cached import cached_property
 from .certificate import SphereCertificate, certify_sphere, flipped_on_sphere
-from .distortion import AngleDistortion, log_of_ratio, sphere_angle_errors
+from .distortion import AngleDistortion, area_distortion, sphere_angle_errors
 from .errors import MapError, SolverError
 from .io.given import takes_meshes
 from .plot.layout import Layout
-from .rescue.candidate import angles_lowered, steps_due
-from .rescue.conformality import NOT_VALID, Conformality, judge
+from .rescue.conformality import judge
 from .rescue.figures import Sphere
-from .rescue.refine import Refinement
 from .rescue.repair import MANY, POWERS, Neighbourhood, Repair, grow, repair_locally
 from .result.base import valid_map
 from .result.bijection import Bijection
+from .result.harmonic import RefinedMap, refined, steps_of
 from .solve.factored import FactoredSurface
 from .solve.laplacian import LAPLACIANS
 from .solve.solvers import SolverName, using
@@ -32,15 +30,14 @@ from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .surface.location import SphereFinder
 from .surface.mesh import DiskMesh, SphereMesh
-from .surface.triangles import EPS, face_areas, vertex_areas
-
-log = logging.getLogger("cdcp_igl")
+from .surface.triangles import EPS, vertex_areas
 
 WELL_SHAPED = np.radians(20)  # the smallest angle around the vertex of the dipole, if there is one
 NEAR = 2.0  # |h| in a cap around the dipole, 20 % of the sphere, which is solved again
 # Towards the conformal barycentre: how many, how long, and how near to the sphere, in whose
 # points half of the surface may crowd.
 MAX_STEPS, LONGEST, NEAREST = 60, 0.6, 1 - 1e-10
+CLOSE = 1e-8  # a shorter step leaves its square
 HEMISPHERE = 0.5  # cosine of the radius of a chart in which flipped faces are repaired
 CHARTS = 200  # of them
 # Flipped faces that are untangled, rings around them, moves of a vertex, and planes for each.
@@ -48,7 +45,7 @@ FEW, MOST_RINGS, MOST_MOVES, MOST_PLANES = 100, 6, 20_000, 20
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SphereMap(Bijection):
+class SphereMap(RefinedMap, Bijection):
     """A conformal map onto the unit sphere. Printing it gives a summary.
 
     Attributes
@@ -99,15 +96,9 @@ class SphereMap(Bijection):
     points: Floats
     mesh: SphereMesh
     certificate: SphereCertificate
-    distortion: AngleDistortion
-    conformality: Conformality
     pole: int
     mobius: str
     laplacian: str
-    repair: Repair
-    refinement: Refinement | None
-    solver: str
-    timings: dict[str, float]
 
     _kind = "sphere"
 
@@ -193,8 +184,7 @@ class SphereMap(Bijection):
         (m,) float64
             Of each face; the area is that of the straight triangle with its corners on the sphere.
         """
-        F = self.mesh.F
-        return log_of_ratio(face_areas(self.points, F), face_areas(self.mesh.V, F))
+        return area_distortion(self.mesh.V, self.mesh.F, self.points)
 
     @property
     def _images(self) -> Floats:
@@ -216,27 +206,20 @@ class SphereMap(Bijection):
     def _reach(self) -> float:
         return float(abs(self.uv).max())
 
-    def _subject(self) -> str:
-        return f"{len(self.points):,} vertices"
-
     def _steps(self) -> list[tuple[str, str]]:
         return [
-            ("pole", f"vertex {self.pole:,}"),
+            ("dipole", f"at vertex {self.pole:,}"),
             ("Laplacian", self.laplacian),
-            ("repair", str(self.repair)),
-            ("Möbius", self.mobius),
-            ("refinement", str(self.refinement or "not asked for")),
-            ("solver", self.solver),
+            ("Möbius", "centre of mass at 0" if self.mobius == "area" else "none"),
+            *super()._steps(),
         ]
 
     def _details(self) -> dict[str, Any]:
         return {
             "pole": self.pole,
             "laplacian": self.laplacian,
-            "repair": asdict(self.repair),
             "mobius": self.mobius,
-            "refinement": self.refinement and asdict(self.refinement),
-            "solver": self.solver,
+            **super()._details(),
         }
 
     def _surface(self) -> tuple[Floats, Ints]:
@@ -339,7 +322,7 @@ def sphere_map(
            [ 0.,  0., -1.]])
     """
     if mobius not in ("area", None):
-        raise ValueError(f'mobius must be "area" or None, not {mobius!r}')
+        raise ValueError(f'of a sphere, mobius must be "area" or None, not {mobius!r}')
     options = Options(
         refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds, solver=solver
     )
@@ -403,12 +386,18 @@ def _best_map(
             P = _mean_value_map(mesh, last.pole)
         found.append(_finished(mesh, P, last.pole, "mean value", last.solver, None, align, phase))
     best = min(found, key=lambda result: (not result.valid, result.distortion.mean))
-    if not best.valid or options.refine == 0:
+    steps, sphere = steps_of(best, options), Sphere(best.points, best.pole)
+    if steps == 0:
         return best
-    due = steps_due(best.conformality, best.repair.n_moved / len(mesh.V))
-    steps = max(options.refine or 0, due)
-    order = np.append(surface.order, 0)
-    return _refined(best, order[order != best.pole], steps, options, phase) if steps else best
+
+    def finished(z: Complex) -> SphereMap:
+        kind = best.pole, best.laplacian, best.solver
+        lowered = _finished(mesh, sphere.points(z), *kind, None, None, phase)
+        return replace(lowered, mobius=best.mobius)
+
+    z, order = sphere.plane(best.points), np.append(surface.order, 0)
+    order = order[order != best.pole]
+    return refined(best, z, sphere, order, steps, finished, options, phase)
 
 
 def _finished(
@@ -422,7 +411,7 @@ def _finished(
     phase: Phases,
 ) -> SphereMap:
     """Normalise a map, repair it, certify and judge it."""
-    mass = vertex_areas(mesh.V, mesh.F)
+    mass = mesh.vertex_areas
     with phase("mobius"):
         if mobius:
             P = moved_to_center(P, conformal_barycenter(P, mass))
@@ -437,7 +426,7 @@ def _finished(
         certificate = certify_sphere(mesh.F, P)
         degrees = np.degrees(abs(sphere_angle_errors(mesh, P, certificate.flipped)))
         closely = repair.n_flipped > 0
-        conformality = judge(mesh, P, degrees, closely=closely) if certificate.valid else NOT_VALID
+        conformality = judge(mesh, P, degrees, valid=certificate.valid, closely=closely)
     return SphereMap(
         points=P,
         mesh=mesh,
@@ -454,32 +443,6 @@ def _finished(
     )
 
 
-def _refined(
-    plain: SphereMap, order: Ints, steps: int, options: Options, phase: Phases
-) -> SphereMap:
-    """Lower the angular distortion beyond that of the harmonic map."""
-    mesh, pole = plain.mesh, plain.pole
-    sphere = Sphere(plain.points, pole)
-    z, refinement = angles_lowered(
-        mesh,
-        sphere.plane(plain.points),
-        plain.conformality,
-        order,
-        steps,
-        options,
-        phase,
-        figure=sphere,
-    )
-    P = sphere.points(z)
-    made = _finished(mesh, P, pole, plain.laplacian, plain.solver, None, None, phase)
-    if refinement.steps and not made.valid:
-        refinement = refinement.undone("no certificate")
-    if refinement.steps == 0:
-        return replace(plain, refinement=refinement)
-    repair = replace(plain.repair, n_moved=max(plain.repair.n_moved, made.repair.n_moved))
-    return replace(made, mobius=plain.mobius, refinement=refinement, repair=repair)
-
-
 # -- eq. (18) -------------------------------------------------------------------------------------
 
 
@@ -491,13 +454,13 @@ def dipole_map(surface: FactoredSurface) -> tuple[Floats, int]:
     most. On a limb nothing else would have digits.
     """
     mesh = surface.mesh
-    mass = vertex_areas(mesh.V, mesh.F)
+    mass, angles = mesh.vertex_areas, np.minimum.reduce(mesh.angles.T)
     smallest = np.full(len(mesh.V), np.pi)
     for corner in mesh.F.T:
-        np.minimum.at(smallest, corner, mesh.angles.min(axis=1))
+        np.minimum.at(smallest, corner, angles)
     few = np.bincount(mesh.F.ravel()) < 5  # neighbours: the dipole would not be free of moments
     smallest[few] /= np.pi
-    P = _from_plane(_dipole_solution(surface, int(smallest.argmax())), -1)
+    P = from_plane(_dipole_solution(surface, int(smallest.argmax())), -1)
     P = moved_to_center(P, conformal_barycenter(P, mass))
     growth = vertex_areas(P, mesh.F) / mass
     growth[smallest < min(WELL_SHAPED, smallest.max())] = 0
@@ -506,17 +469,18 @@ def dipole_map(surface: FactoredSurface) -> tuple[Floats, int]:
     # Next to the pole h is large and rough; seen from the other side, 1 / h is small and smooth.
     near = (abs(h) > NEAR) | (np.arange(len(h)) == pole)
     w = np.divide(1, h, out=np.zeros_like(h), where=~near & (h != 0))
-    cap = FactoredSurface(mesh, surface.laplacian, near)
-    w += cap.solve(-(surface.laplacian.matrix() @ w))
-    P = _from_plane(h, -1)
-    P[near] = _from_plane(w[near], 1)
+    order = np.append(surface.order, 0)
+    cap = FactoredSurface(mesh, surface.laplacian, order=order[near[order]])
+    w -= cap.solve(surface.laplacian.times(w))
+    P = from_plane(h, -1)
+    P[near] = from_plane(w[near], 1)
     return P, pole
 
 
 def _dipole_solution(surface: FactoredSurface, pole: int) -> Complex:
     """Solve eq. (18), (n,); half of the area lies on either side of 0, and in the unit disk."""
     mesh = surface.mesh
-    mass = vertex_areas(mesh.V, mesh.F)
+    mass = mesh.vertex_areas.copy()
     mass[pole] = 0
     h = surface.solve(vertex_dipole(mesh, pole))
     # So little is left to do for the conformal barycentre.
@@ -564,7 +528,7 @@ def _star(mesh: DiskMesh, vertex: int) -> tuple[Ints, Complex]:
     return np.array(ring), (length / length.mean()) ** power * direction
 
 
-def _from_plane(z: Complex, side: int) -> Floats:
+def from_plane(z: Complex, side: int) -> Floats:
     """(n, 3) points of the sphere; 0 is at the pole (0, 0, side), 1 at (1, 0, 0)."""
     square = abs(z) ** 2
     P = np.column_stack([2 * z.real, 2 * side * z.imag, side * (1 - square)])
@@ -599,9 +563,11 @@ def conformal_barycenter(P: Floats, mass: Floats) -> Floats:
         d = np.linalg.lstsq(slope, moment, rcond=None)[0]
         d *= min(1.0, LONGEST / max(float(np.linalg.norm(d)), EPS))
         farther = moved_to_center(np.asarray(d), -w)
-        if np.linalg.norm(d) < EPS or np.linalg.norm(farther) > NEAREST:
+        if np.linalg.norm(farther) > NEAREST:
             break
         w = farther
+        if np.linalg.norm(d) < CLOSE:
+            break
     return w
 
 
@@ -711,7 +677,7 @@ def _mean_value_map(mesh: SphereMesh, pole: int) -> Floats:
     the other. Where the surface crowds too much for double precision, the weights differ less.
     """
     part, rows = mesh.part(np.flatnonzero(~marked(len(mesh.V), pole)[mesh.F].any(axis=1)))
-    mass = vertex_areas(mesh.V, mesh.F)[rows]
+    mass = mesh.vertex_areas[rows]
     ring, w = _star(mesh, pole)
     z = np.zeros(len(mesh.V), dtype=complex)
     z[ring] = abs(w) / w

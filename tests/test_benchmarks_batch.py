@@ -19,6 +19,7 @@ from benchmarks.measure.models import Model, as_disk
 from benchmarks.records.record import OPENED
 from benchmarks.records.results import Measured, NotMeasured
 from benchmarks.records.store import Work, read_results
+from benchmarks.write.sections import tables
 from cdcp_igl.reference import harmonic
 
 
@@ -104,6 +105,22 @@ def test_a_surface_that_is_no_disk_is_opened_once(tmp_path):
     Work(tmp_path).keep_surface(record.mesh, 2 * V, F)  # is taken, not opened again
     np.testing.assert_array_equal(as_disk(closed, Work(tmp_path))[1], 2 * V)
     assert measure(tmp_path, ["harmonic"], [closed]) == [record]
+
+
+def test_closed_surfaces_are_mapped_as_they_are_and_cut_open(tmp_path):
+    """A method onto the sphere has the surface, another the disk; and none of a disk."""
+    closed = Model("closed", lambda: cdcp_igl.datasets.spheroid(2)[:2])
+    names = ["flash", "sphere refine=5", "harmonic"]
+    made = {r.case.method: r for r in measure(tmp_path, names, [closed, GRID])}
+    assert sorted(made) == sorted(names)
+    assert [made[name].ok for name in names] == [True] * 3
+    assert [made[name].boundary_vertices > 0 for name in names] == [False, False, True]
+    assert made["flash"].case.boundary == "sphere"
+    assert made["sphere refine=5"].case.details["refinement"]["steps"] > 0
+    records = [r for r in measure(tmp_path, names, [closed, GRID]) if r.model == "closed"]
+    measured = Measured(records, Work(tmp_path).surface)
+    assert [table.text for table in tables(measured) if "onto the sphere" in table.title]
+    assert cdcp_igl.check(*measured.surface("closed")).is_disk
 
 
 def test_the_largest_part_is_taken_with_its_holes_filled(tmp_path):

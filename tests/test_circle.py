@@ -16,10 +16,9 @@ from cdcp_igl.solve.laplacian import (
     cotangent_laplacian,
 )
 from cdcp_igl.steps import zipper
-from cdcp_igl.steps.circle import Rejected, onto_circle
+from cdcp_igl.steps.circle import Rejected, onto_circle, whiten_trace
 from cdcp_igl.steps.mobius import mobius_transformation
 from cdcp_igl.steps.trace import boundary_trace, conjugate_trace
-from cdcp_igl.steps.whiten import whiten_trace
 from cdcp_igl.steps.zipper import geodesic_map, open_arcs, open_blocks
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import flipped_faces

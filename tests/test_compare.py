@@ -12,6 +12,7 @@ import pytest
 from commands import Terminal, invoke
 from failing_methods import METHODS as FAILING
 from rich.text import Text
+from surfaces import torus
 
 import cdcp_igl
 from cdcp_igl.command_line.comparing import print_cases
@@ -127,23 +128,52 @@ def test_every_row_is_there(tmp_path, mesh):
     assert (done.exit_code, done.stderr) == (0, "")
     # A long path is broken at the edge of the screen, wherever that is.
     assert f"{name}: {len(V)} vertices".replace(" ", "") in "".join(done.stdout.split())
-    for method in METHODS:
+    plane = [name for name, method in METHODS.items() if method.boundary != "sphere"]
+    for method in plane:
         assert method in done.stdout
     free = [name for name, method in METHODS.items() if method.boundary == "free"]
     assert done.stdout.count(" *") == len(free) > 0
     assert "* no disk: a map with free boundary" in done.stdout
     rows = json.loads(files[0].read_text())
-    assert [row["method"] for row in rows] == list(METHODS)
+    assert [row["method"] for row in rows] == plane
     assert {row["outcome"] for row in rows} == {"ok"}
     assert rows[0]["mesh"].endswith(name)
     with files[1].open(newline="") as file:
         table = list(csv.DictReader(file))
-    assert [row["method"] for row in table] == list(METHODS)
+    assert [row["method"] for row in table] == plane
     assert table[0]["mesh"].endswith(name)
     assert name in files[2].read_text()
     page = files[3].read_text()
-    assert all(f'"{method}"' in page for method in METHODS if method != "cdcp")
+    assert all(f'"{method}"' in page for method in plane if method != "cdcp")
     assert invoke("compare", mesh, "b.obj", "--view", files[3]).exit_code == 2  # for one mesh
+
+
+def test_closed_surfaces_are_mapped_onto_the_sphere_and_cut_open(tmp_path, mesh):
+    V, F, _ = cdcp_igl.datasets.spheroid(2)
+    np.savez(tmp_path / "egg.npz", V=V, F=F)
+    np.savez(tmp_path / "ring.npz", V=torus()[0], F=torus()[1])
+    files = [tmp_path / "r.json", tmp_path / "p.png"]
+    methods = ("--methods", "sphere,flash,lscm", "--json", files[0], "--picture", files[1])
+    for names, image in (("sphere", "Sphere"), ("sphere,lscm", "LSCM")):
+        page = tmp_path / f"{names}.html"
+        arguments = ("--methods", names, "--view", page)
+        assert invoke("compare", tmp_path / "egg.npz", *arguments).exit_code == 0
+        assert image.lower() in page.read_text().lower()
+    done = invoke("compare", tmp_path / "egg.npz", tmp_path / "ring.npz", mesh, *methods)
+    assert done.exit_code == 4
+    assert "genus 1" in done.stderr
+    assert "cut open for maps to the plane" in " ".join(done.stdout.split())
+    of_lscm, sphere, flash, *others = json.loads(files[0].read_text())
+    assert (of_lscm["method"], of_lscm["outcome"]) == ("lscm", "ok")
+    result = cdcp_igl.sphere_map(V, F)
+    assert sphere["mean"] == pytest.approx(result.distortion.mean)
+    assert sphere["area"] == pytest.approx(abs(result.area_distortion()).mean())
+    assert flash["boundary"] == "sphere"
+    assert max(sphere["boundary_error"], flash["boundary_error"]) < 1e-12
+    assert [row["outcome"][:17] for row in others] == [
+        "failed: MeshError",
+        *["failed: MeshError", "ok"],
+    ]
 
 
 @pytest.mark.parametrize("width", [40, 80, 120])

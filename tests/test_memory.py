@@ -82,6 +82,12 @@ def test_too_little_memory_is_an_error_before_the_work(limit_address_space):
         cdcp_igl.disk_map(V, F, progress=progress)
 
 
+def test_too_little_memory_to_say_what_is_wrong(limit_address_space, tmp_path):
+    limit_address_space(2**26)
+    with pytest.raises(cdcp_igl.SolverError, match=r"no triangulated disk.* at least 0\.1 GiB"):
+        cdcp_igl.partition((np.zeros((200_000, 3)), np.zeros((5, 2))), tmp_path / "parts")
+
+
 @pytest.mark.parametrize("side", [100, 200])
 def test_the_factor_has_as_many_entries_as_estimated(side):
     cholmod = pytest.importorskip("sksparse.cholmod")

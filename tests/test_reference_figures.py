@@ -15,6 +15,7 @@ from cdcp_igl.reference import (
     heat_flow,
     ldcp,
     lscm,
+    pgcp,
     ricci,
     spectral,
 )
@@ -54,6 +55,7 @@ def mapped(real_mesh):
         (abf, LION, 1.211, 1.066, 0.001),  # as Blender's angle-based unwrapping
         (cem, "camelhead_11381", 1.482, 1.548, 0.005),
         (heat_flow, LION, 1.420, 2.044, 0.005),
+        (pgcp, LION, 1.473, 2.357, 0.005),
         (ricci, LION, 1.389, 1.954, 0.005),
     ],
 )

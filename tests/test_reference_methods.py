@@ -1,15 +1,16 @@
 """What every method of the table promises."""
 
 import pickle
+from dataclasses import replace
 
 import meshes
 import numpy as np
 import pytest
 
-from cdcp_igl import MapError, MeshError, angle_distortion
-from cdcp_igl.certificate import certify
-from cdcp_igl.datasets import paraboloid, spherical_cap, square
-from cdcp_igl.reference import METHODS, abf, cem, fdcp, harmonic, ldcp, ricci
+from cdcp_igl import MapError, MeshError, angle_distortion, sphere_map
+from cdcp_igl.certificate import certify, certify_sphere
+from cdcp_igl.datasets import paraboloid, spherical_cap, spheroid, square
+from cdcp_igl.reference import METHODS, abf, cem, fdcp, flash, harmonic, ldcp, pgcp, ricci
 from cdcp_igl.reference.certified import certified_disk_map, checked_free_map
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.topology import Topology
@@ -38,7 +39,8 @@ def star(arms, radius, shift):
     return V, np.array([[i, (i + 1) % arms, arms] for i in range(arms)])
 
 
-methods = pytest.mark.parametrize("name", list(METHODS))
+DISK_METHODS = [name for name, method in METHODS.items() if method.boundary != "sphere"]
+methods = pytest.mark.parametrize("name", DISK_METHODS)
 
 
 @methods
@@ -80,10 +82,39 @@ def test_input_that_is_no_disk(name):
     assert error.value.defect == "several boundary loops"
 
 
+@pytest.mark.parametrize("name", sorted(set(METHODS) - set(DISK_METHODS)))
+def test_methods_of_closed_surfaces(name):
+    V, F, _ = spheroid(3, 1.5)
+    V[:, 0] *= 1 + V[:, 1] / 9  # one face is the most regular
+    given, method = V.copy(), METHODS[name].function
+    P = method(V, F)
+    np.testing.assert_array_equal(V, given)
+    assert certify_sphere(F, P).valid
+    assert angle_distortion(V, F, P).mean() < 1.5
+    order = np.random.default_rng(0).permutation(len(V))
+    renumbered = method(V[order], np.argsort(order)[F])
+    np.testing.assert_allclose(renumbered, P[order], atol=1e-9)
+    with pytest.raises(MeshError, match="boundary"):
+        method(*saddle())
+
+
+def test_flash_converges_to_the_conformal_map():
+    """But for the Möbius transformation that lays all vertices over their exact images."""
+    errors = []
+    for levels in (2, 3, 4):
+        V, F, exact = spheroid(levels, 1.5)
+        result, every = sphere_map(V, F), np.arange(len(V))
+        found = replace(result, points=flash(V, F))
+        points = found.register(replace(result, points=exact), np.column_stack([every, every]))
+        errors.append(np.linalg.norm(points - exact, axis=1).max())
+    assert errors[0] / errors[2] > 5
+    assert errors[2] < 0.01
+
+
 TRIANGLE = [[0, 0], [1, 0], [0.4, 0.8]], [[0, 1, 2]]
 
 
-@pytest.mark.parametrize("name", sorted(set(METHODS) - {"cem", "ricci"}))
+@pytest.mark.parametrize("name", sorted(set(DISK_METHODS) - {"cem", "pgcp", "ricci"}))
 def test_a_single_triangle(name):
     V, F = TRIANGLE
     uv = METHODS[name].function(V, F)
@@ -94,6 +125,7 @@ def test_a_single_triangle(name):
     ("method", "surface", "message"),
     [
         (cem, TRIANGLE, "no interior vertex"),
+        (pgcp, TRIANGLE, "no interior vertex"),
         (ricci, TRIANGLE, "no boundary vertex can go to infinity"),
         (ricci, meshes.grid(5, 6), "2 faces break the triangle inequality"),  # the ears
         (ricci, rough(), "not flat after"),
@@ -180,6 +212,8 @@ def test_options_out_of_range():
             fdcp(*saddle(), mirror_factor=factor)
     with pytest.raises(ValueError, match="pinned"):
         ldcp(*saddle(), pinned=2)
+    with pytest.raises(ValueError, match="parts"):
+        pgcp(*saddle(), parts=1)
 
 
 def test_table_is_read_only():

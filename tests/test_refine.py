@@ -9,12 +9,13 @@ from cdcp_igl.arrays import coordinates
 from cdcp_igl.certificate import certify
 from cdcp_igl.distortion import plane_angles
 from cdcp_igl.rescue.figures import Disk
-from cdcp_igl.rescue.line_search import HALVINGS, search_along
 from cdcp_igl.rescue.refine import (
+    HALVINGS,
     WeightedLaplacian,
     _reason_to_stop,
     gauss_newton_step,
     lower_angle_distortion,
+    search_along,
 )
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -189,7 +190,7 @@ def test_no_improvement_returns_the_map_itself(case):
 
 def searched(step):
     """The map that a step leads to if every map is better than the last one."""
-    found = search_along(MESH, Z, step, lambda r: -1, 0, HALVINGS, 0, Disk())
+    found = search_along(MESH, Z, step, lambda r: -1, 0, HALVINGS, Disk())
     assert found is not None
     assert certify(MESH, coordinates(found[0])).valid
     return found[0]

@@ -11,8 +11,8 @@ from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.distortion import angle_errors
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.steps.center import Center, central_face
+from cdcp_igl.steps.circle import whiten_trace
 from cdcp_igl.steps.trace import boundary_trace, face_dipole
-from cdcp_igl.steps.whiten import whiten_trace
 from cdcp_igl.steps.zipper import geodesic_map
 from cdcp_igl.surface.mesh import DiskMesh
 

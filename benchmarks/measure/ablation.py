@@ -17,8 +17,7 @@ from cdcp_igl.rescue.repair import repaired
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.solvers import factorize
 from cdcp_igl.steps.center import Center, central_face
-from cdcp_igl.steps.circle import Rejected, onto_circle
-from cdcp_igl.steps.whiten import whiten_trace
+from cdcp_igl.steps.circle import Rejected, onto_circle, whiten_trace
 from cdcp_igl.steps.zipper import geodesic_map
 from cdcp_igl.surface.mesh import DiskMesh
 

@@ -22,8 +22,9 @@ class Candidate:
     ----------
     function : callable
         ``function(V, F)``, as `run_case` takes it.
-    boundary : {"disk", "free", "none"}
-        Onto the disk, certified; free, to be compared on angles only; or a time and no map.
+    boundary : {"disk", "free", "sphere", "none"}
+        Onto the disk or the sphere, certified; free, to be compared on angles only; or a time and
+        no map.
     citation : str
         Where it comes from.
     single : bool
@@ -40,7 +41,7 @@ class Candidate:
     """
 
     function: Callable[..., Any]
-    boundary: Literal["disk", "free", "none"]
+    boundary: Literal["disk", "free", "sphere", "none"]
     citation: str
     single: bool = False
     missing: Callable[[], str] = str

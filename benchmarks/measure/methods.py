@@ -12,7 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from cdcp_igl import DiskMapper, RectangleMap, cdcp, disk_map, free_map, rectangle_map, reference
+from cdcp_igl import (
+    DiskMapper,
+    RectangleMap,
+    cdcp,
+    disk_map,
+    free_map,
+    rectangle_map,
+    reference,
+    sphere_map,
+)
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.reference.case import Timed
 from cdcp_igl.solve.laplacian import cotangent_laplacian
@@ -89,13 +98,14 @@ _OWN = Methods(
         },
         "cdcp": Candidate(disk_map, "disk", "Yueh et al., CDCP, eq. (18)"),  # seconds per phase
         "free": Candidate(free_map, "free", "free_map"),
+        "sphere": Candidate(sphere_map, "sphere", "Haker et al. 2000, sphere_map"),
         "rectangle": Candidate(_rectangle, "free", "rectangle_map, corners at quarters of length"),
     }
 )
 # Options of the library that have rows of their own. Without one, CDCP is refined as needed.
 _SETTINGS = (
     *("cdcp refine=0", "cdcp refine=5", "cdcp refine=10 refine_norm=1.2", "cdcp preset=paper"),
-    *("cdcp mobius=area", "free refine=5"),
+    *("cdcp mobius=area", "free refine=5", "sphere refine=0", "sphere refine=5"),
 )
 
 METHODS = Methods(
@@ -113,10 +123,10 @@ METHODS = Methods(
 # Rough time by that of CDCP, for the time that is left.
 COST = {
     **{"double_cover": 4, "fdcp": 9, "ldcp": 3, "harmonic": 0.6, "lscm": 1.5, "spectral": 4},
-    **{"cem": 40, "heat_flow": 8, "ricci": 12, "abf": 14},
+    **{"cem": 40, "heat_flow": 8, "ricci": 12, "pgcp": 4, "abf": 14},
     **{"bff": 1.5, "bff_disk": 4, "rectangle": 2, "free": 1.3, "free refine=5": 4},
     **{"cdcp preset=paper": 2.5, "cdcp refine=5": 3.6, "cdcp refine=10 refine_norm=1.2": 6},
-    **{"factor": 0.8},
+    **{"factor": 0.8, "sphere": 1.5, "sphere refine=5": 4, "flash": 2},
     **{"SLIM": 150, "SLIM conformal": 150, "ARAP": 30, "xatlas": 300, "Blender conformal": 20},
     **{"Blender angle-based": 60, "Blender minimum stretch": 150, "MeshLab LSCM": 3},
 }

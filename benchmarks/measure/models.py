@@ -20,9 +20,10 @@ import typer
 from cdcp_igl import check, datasets, surface_map
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.io import READABLE, read_mesh
+from cdcp_igl.surface.mesh import SphereMesh
 
 from ..records.paper import PAPER
-from ..records.record import OPENED
+from ..records.record import CLOSED, OPENED
 from ..records.store import Work
 from .fuzzing import surface
 
@@ -134,17 +135,6 @@ def _missing(name: str, reason: str) -> Model:
         raise ValueError(reason)
 
     return Model(name, load)
-
-
-def quick() -> list[Model]:
-    """Three small surfaces."""
-    if data():
-        return by_name(("nefertiti_299", "femur_2411", "camelhead_11381"))
-    return [
-        model
-        for model in GENERATED
-        if model.name in ("spherical_cap_20", "ellipse_20", "terrain_coarse")
-    ]
 
 
 def find(wanted: Sequence[str] = ()) -> list[Model]:
@@ -265,6 +255,15 @@ def as_disk(model: Model, work: Work) -> tuple[str, Floats, Ints]:
         disks = surface_map(V, F).charts
         largest = max((disk.mesh for disk in disks), key=lambda disk: len(disk.F))
         mesh, V, F = mesh + OPENED, largest.positions, largest.F
+    work.keep_surface(mesh, V, F)
+    return mesh, V, F
+
+
+def as_sphere(model: Model, work: Work) -> tuple[str, Floats, Ints]:
+    """Load a model as `as_disk` does; MeshError if it is no closed surface of genus 0."""
+    V, F = model.load()
+    SphereMesh(V, F)
+    mesh = digest(V, F) + CLOSED
     work.keep_surface(mesh, V, F)
     return mesh, V, F
 

@@ -32,6 +32,7 @@ TESTS = (
     *("center", "check", "injectivity", "mobius", "theory", "circle", "cholesky", "cdcp"),
     *("known_maps", "conformality", "straightening", "recentering", "repair", "unfolding"),
     *("mapper", "clean", "solvers", "memory", "bijection", "refine", "strips"),
+    *("rectangle", "free_map", "sphere_map", "parts"),
 )
 LEFT_BEHIND = (".git", ".venv", "build", "dist", "docs", "results", ".hypothesis", "__pycache__")
 

@@ -14,7 +14,7 @@ from cdcp_igl.arrays import Floats
 from cdcp_igl.printing import finite
 from cdcp_igl.reference.case import OK, Case
 
-OPENED = "-opened"
+OPENED, CLOSED = "-opened", "-closed"
 LIMITS = {"time_limit", "memory_limit"}
 EDGES: Floats = np.arange(201) / 20  # of the histogram, degrees: bins of 0.05 up to 10
 
@@ -31,7 +31,7 @@ class Record:
         Name; `benchmarks.measure.models.find` has the surface.
     mesh : str
         Digest of V and F; empty if the model is not to be had. If that was opened to a disk, it
-        ends with `OPENED`, and the sizes are those of the disk.
+        ends with `OPENED`, and the sizes are those of the disk; mapped onto the sphere, `CLOSED`.
     vertices, faces, boundary_vertices : int
         Sizes; 0 if the model is not to be had.
     repeat : int

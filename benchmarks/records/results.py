@@ -39,7 +39,7 @@ class Section:
     opened : set of str
         Of those that are no disks, see `Record.mesh`.
     family : dict of str to str
-        "disk" or "free" of each method that makes maps.
+        "disk", "free" or "sphere" of each method that makes maps.
     maps : list of str
         These methods.
     medians : DataFrame
@@ -80,9 +80,10 @@ class Section:
         return float(self.medians[name].get((model, method), np.nan))
 
     def everywhere(self, family: str) -> list[str]:
-        """Methods of a family that were run on all of `mapped`."""
+        """Methods of a family that were run on all surfaces on which one of it was."""
         of = [method for method in self.maps if self.family[method] == family]
-        return [method for method in of if all(self.of(model, method) for model in self.mapped)]
+        models = [model for model in self.mapped if any(self.of(model, method) for method in of)]
+        return [method for method in of if all(self.of(model, method) for model in models)]
 
     def values(self, method: str, name: str) -> Floats:
         """Median over the repeats for each of `mapped`."""
@@ -140,12 +141,12 @@ class Measured:
         known.sort(key=lambda record: record.section == "tables")
         sizes = {r.model: r.vertices for r in known if r.vertices and r.section != "growth"}
         self.sizes = dict(sorted(sizes.items(), key=lambda model: model[1]))
-        self._meshes = {record.model: record.mesh for record in known}
+        self._meshes = {r.model: r.mesh for r in known if r.case.boundary != "sphere"}
         self._kept, self._map = kept, map
 
     def surface(self, model: str) -> tuple[Floats, Ints]:
-        """V (n, 3) and F (m, 3) of what was measured; NotMeasured if it is not there any more."""
-        surface = self._kept(self._meshes[model])
+        """V (n, 3) and F (m, 3) of the disk that was mapped; NotMeasured if it is not there."""
+        surface = self._kept(self._meshes.get(model, ""))
         if surface is None:
             raise NotMeasured("the surface is not in the work folder any more")
         return surface

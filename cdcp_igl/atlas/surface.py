@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Ints, as_complex, coordinates
+from ..arrays import Floats, Ints, as_complex, coordinates, unit_size
 from ..cached import cached_property
 from ..certificate import Certificate, OutlineCertificate, together
 from ..distortion import AngleDistortion, plane_angles
@@ -26,7 +26,7 @@ from ..steps.center import CenterMethod
 from ..steps.options import Options
 from ..steps.phases import Progress
 from ..surface.triangles import corner_angles, corner_cotangents, face_areas, oriented_areas
-from ..surface.validation import unit_size, usable_arrays
+from ..surface.validation import usable_arrays
 from .charts import Chart, Limits, Outline, charts_of
 from .cut_graph import split_components
 from .cutting import Cut, cut_along

@@ -20,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import libigl
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, unit_size
 from ..errors import counted
 from ..surface.triangles import lost_in_single_precision
-from ..surface.validation import unit_size
 from .damage import Damage
 from .images import Image
 from .polygons import fans, strips

@@ -1,153 +1,104 @@
-"""The folder of a surface in parts, and a part as a mesh whose boundary are its seams, too."""
+"""The folder of a surface in parts, a part of it, and some faces of several parts."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 from zlib import crc32
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, marked
+from ..arrays import Bools, Complex, Floats, Ints
 from ..cached import cached_property
 from ..io.output import whole_file
 from ..solve.factored import FactoredSurface
 from ..solve.laplacian import cotangent_laplacian
+from ..steps.center import most_central
 from ..steps.extension import harmonic_extension
 from ..surface.mesh import DiskMesh
-from ..surface.topology import Edges, Topology
-from ..surface.triangles import corner_cotangents
+from ..surface.triangles import corner_angles
 from .parting import MANIFEST
 
 Arrays = dict[str, Any]
+GIVEN = "part-", "seams"  # what `partition` has made
+SOME = "faces", "corners", "V", "images", "on_boundary"  # of some faces
 
 
-class Piece(DiskMesh):
-    """Some faces of a surface, which need be no disk; on its `loop` the values are given.
-
-    Parameters
-    ----------
-    V : (n, 3) float64
-        In the unit of the whole surface.
-    F : (m, 3) int64
-    given : (k,) ndarray of int
-        The vertices that count as its boundary, in any order.
-    """
-
-    def __init__(self, V: Floats, F: Ints, given: Ints) -> None:
-        on_boundary = marked(len(V), given)
-        self._set(
-            V=V,
-            F=F,
-            loop=given,
-            interior=np.flatnonzero(~on_boundary),
-            on_boundary=on_boundary,
-            cotangents=corner_cotangents(V, F),
-        )
-
-    @cached_property
-    def edges(self) -> Edges:
-        """Its undirected edges."""
-        return Topology(self.F, len(self.V)).edges
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Folder:
     """The parts of a surface, and beside them a folder of what is computed of them.
 
     Attributes
     ----------
-    parts, work : Path
+    path, work : Path
         Of the parts, and of what is computed.
-    manifest : dict
-        Numbers of vertices and faces, levels of cuts, parts with faces, exponent of the unit.
+    vertices, faces : int
+        How many the whole has.
+    parts : list of int
+        Those that have faces. Part p is node p + `n_leaves` of a heap, whose root is 1.
+    levels : int
+        Of cuts.
+    exponent : int
+        Of the unit, a power of 2.
     """
 
-    parts: Path
+    path: Path
     work: Path
-    manifest: dict[str, Any]
+    vertices: int
+    faces: int
+    parts: list[int]
+    levels: int
+    exponent: int
 
     @classmethod
-    def of(cls, parts: Path, work: str) -> Folder:
+    def of(cls, path: Path, work: str) -> Folder:
         """Open what `partition` has made."""
-        return cls(parts, parts / work, json.loads((parts / MANIFEST).read_text()))
+        return cls(path, path / work, **json.loads((path / MANIFEST).read_text()))
 
     @property
     def n_leaves(self) -> int:
-        """How many parts there may be: part p is node p + this of a heap, whose root is 1."""
-        return 1 << self.manifest["levels"]
+        """How many parts there may be."""
+        return 1 << self.levels
 
     @property
-    def leaves(self) -> list[int]:
-        """The parts that have faces."""
-        leaves: list[int] = self.manifest["parts"]
-        return leaves
-
-    @cached_property
     def nodes(self) -> set[int]:
         """The nodes of the heap with faces below."""
-        ups = range(self.manifest["levels"] + 1)
-        return {(self.n_leaves + p) >> up for p in self.leaves for up in ups}
+        return {(self.n_leaves + p) >> up for p in self.parts for up in range(self.levels + 1)}
 
     @property
     def cuts(self) -> list[int]:
         """The nodes that have others below, from the root."""
         return sorted(node for node in self.nodes if node < self.n_leaves)
 
-    def part(self, p: int, *only: str) -> Arrays:
-        """Read the arrays of a part, all or some."""
-        return _read(self.parts / f"part-{p}.npz", *only)
-
-    @cached_property
-    def seams(self) -> Ints:
-        """(s,) the node of the heap that eliminates each vertex that is in several parts."""
-        node: Ints = _read(self.parts / "seams.npz", "node")["node"]
-        return node
-
     def has(self, name: str) -> bool:
         """Whether something is computed."""
-        return self._file(name).exists()
+        return self.file(name).exists()
 
     def read(self, name: str, *only: str) -> Arrays:
-        """Read the arrays of something that is computed, all or some."""
-        return _read(self._file(name), *only)
+        """Read the arrays of a part or of something that is computed, all or some."""
+        with np.load(self.file(name)) as archive:
+            return {key: archive[key] for key in only or archive.files}
 
     def each(self, names: Iterable[str], *only: str) -> tuple[list[Any], ...]:
         """Read some arrays of several things: a list of each array."""
         found = [self.read(name, *only) for name in names]
         return tuple([arrays[key] for arrays in found] for key in only)
 
-    def write(self, name: str, arrays: Arrays) -> None:
+    def write(self, name: str, **arrays: Any) -> None:
         """Write arrays, all or nothing."""
-        with whole_file(self._file(name)) as unfinished:
+        with whole_file(self.file(name)) as unfinished:
             np.savez(unfinished, **arrays)
 
     def remove(self, name: str) -> None:
         """Remove what is not needed any more."""
-        self._file(name).unlink(missing_ok=True)
+        self.file(name).unlink(missing_ok=True)
 
-    def computed(self) -> list[Path]:
-        """List the files of what is computed, but for the map itself."""
-        return list(self.work.glob("*.npz"))
-
-    def uv(self, p: int) -> Floats:
-        """Read the map of a part."""
-        uv: Floats = np.load(self.work / f"uv-{p}.npy")
-        return uv
-
-    def write_uv(self, p: int, uv: Floats) -> None:
-        """Write the map of a part."""
-        file = BytesIO()  # to files, NumPy does not say why it cannot write
-        np.save(file, uv)
-        with whole_file(self.work / f"uv-{p}.npy") as unfinished:
-            unfinished.write_bytes(file.getvalue())
-
-    def _file(self, name: str) -> Path:
-        return self.work / f"{name}.npz"
+    def file(self, name: str) -> Path:
+        """Where arrays are: those of `partition` beside what is computed of them."""
+        return (self.path if name.startswith(GIVEN) else self.work) / f"{name}.npz"
 
 
 class Part:
@@ -174,7 +125,7 @@ class Part:
 
     def __init__(self, folder: Folder, p: int) -> None:
         self._folder, self._p = folder, p
-        vars(self).update(folder.part(p))
+        vars(self).update(folder.read(f"part-{p}"))
 
     @cached_property
     def _place(self) -> Ints:
@@ -205,9 +156,9 @@ class Part:
         return self.row[self.seam]
 
     @cached_property
-    def piece(self) -> Piece:
+    def piece(self) -> DiskMesh:
         """The part as a mesh, whose boundary are its seams and then the boundary."""
-        return Piece(self.V, self.F, np.concatenate([self.seam, self.border]))
+        return DiskMesh.piece(self.V, self.F, np.concatenate([self.seam, self.border]))
 
     @cached_property
     def factored(self) -> FactoredSurface:
@@ -220,29 +171,63 @@ class Part:
         """(n,) right-hand side of the torsion function; of seams, in one part only."""
         return ((self.row < 0) | self.own).astype(float)
 
-    def torsion(self) -> Floats:
-        """(m,) sums of the torsion function over the corners of the faces."""
-        on_seams = self._folder.read("torsion")["torsion"][self.rows]
-        on_given = np.concatenate([on_seams, np.zeros(len(self.border))])
-        u = self.factored.solve(self.sources) + harmonic_extension(self.factored, on_given)
-        i, j, k = u[self.F.T]
-        return i + j + k
+    def given(self, name: str) -> Any:
+        """(s + b,) values on the seams and the boundary, of those of the whole that are written."""
+        values = self._folder.read(name, "seams", "boundary")
+        return np.concatenate([values["seams"][self.rows], values["boundary"][self.places]])
 
-    def some(self, here: Bools, f: Any) -> Arrays:
+    def most_central(self) -> Arrays:
+        """Find the most central faces by torsion: how central, rows, and smallest angles."""
+        within = self.factored.solve(self.sources)
+        u = within + harmonic_extension(self.factored, self.given("torsion"))
+        i, j, k = u[self.F.T]
+        best = most_central(central := i + j + k)
+        smallest = corner_angles(self.piece.cotangents[best]).min(axis=1)
+        return {"central": central[best], "candidates": self.faces[best], "smallest": smallest}
+
+    def some(self, here: Bools | slice, f: Complex) -> Arrays:
         """Return some faces: rows, corners, positions, images, and which are on the boundary."""
         F = self.F[here]
-        return {
-            "faces": self.faces[here],
-            "corners": self.vertices[F],
-            "V": self.V[F],
-            "images": f[F],
-            "on_boundary": (self._place >= 0)[F],
-        }
+        on_boundary = (self._place >= 0)[F]
+        arrays = self.faces[here], self.vertices[F], self.V[F], f[F], on_boundary
+        return dict(zip(SOME, arrays, strict=True))
+
+    def all(self, name: str) -> Arrays:
+        """Return all faces with the map f that is written."""
+        return self.some(slice(None), self._folder.read(name, "f")["f"])
 
 
-def _read(path: Path, *only: str) -> Arrays:
-    with np.load(path) as archive:
-        return {name: archive[name] for name in only or archive.files}
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """Faces of several parts as a mesh, with their `rows` in the whole and those of `vertices`.
+
+    The map of its vertices is f (n,).
+    """
+
+    rows: Ints
+    vertices: Ints
+    mesh: DiskMesh
+    f: Complex
+
+    @classmethod
+    def of(cls, some: Sequence[Arrays]) -> Gathered:
+        """Gather what `Part.some` has returned of several parts."""
+        rows, corners, V, f_corners, border = (np.concatenate([x[k] for x in some]) for k in SOME)
+        order = np.argsort(rows)
+        vertices, F = np.unique(corners, return_inverse=True)
+        F = F.reshape(-1, 3)
+        positions, f = np.empty((len(vertices), 3)), np.empty(len(vertices), complex)
+        positions[F], f[F] = V, f_corners
+        mesh = DiskMesh.piece(positions, F[order], np.unique(F[border]))
+        return cls(rows[order], vertices, mesh, f)
+
+    def places(self, rows: Ints) -> Ints:
+        """Find faces of the whole."""
+        return np.searchsorted(self.rows, rows)
+
+    def only(self, rows: Ints) -> DiskMesh:
+        """Take some faces of the whole as a mesh with the same vertices."""
+        return DiskMesh.piece(self.mesh.V, self.mesh.F[self.places(rows)], self.mesh.loop)
 
 
 def among(some: Ints, rows: Ints) -> Bools:

@@ -6,7 +6,7 @@ import errno
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import log2
 from os import PathLike
@@ -16,14 +16,13 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Floats, Ints, evenly_spaced_rows, places
+from ..arrays import Floats, Ints, evenly_spaced_rows, size_exponent
 from ..errors import MeshError
 from ..io import read_mesh
 from ..io.ply import triangles_of_ply
-from ..solve.memory import BYTES, available_memory
+from ..solve.memory import BYTES, available_memory, require
 from ..solve.ordering import SAMPLE, cuts, sides
-from ..surface.checking import examine
-from ..surface.validation import repeated_corners, size_exponent
+from ..surface.validation import examine, repeated_corners
 
 Array = NDArray[Any]
 Numbers = NDArray[np.uint16]  # of parts
@@ -36,6 +35,7 @@ MANIFEST = "parts.json"
 LARGE_PART = 50_000  # vertices
 MOST_PARTS = 1 << 15
 SHARE = 8  # of the memory that there is, a part may take one
+BYTES_TO_EXAMINE = 500.0  # a vertex, if the whole is examined at once
 
 
 def partition(
@@ -75,6 +75,8 @@ def partition(
     MeshError
         If the arrays are no mesh, or a vertex is not used; otherwise, `parts_map` examines the
         surface.
+    SolverError
+        If they are not, and memory is too small to say where.
     ValueError
         If `parts` is no power of 2, or too large.
     OSError
@@ -92,15 +94,11 @@ def partition(
     ...     result.certificate.valid, result.uv.shape
     (True, (331, 2))
     """
-    V, F = _arrays(source)
+    V, F = _tables(source)
     if parts is not None and not (1 <= parts <= MOST_PARTS and parts & (parts - 1) == 0):
         raise ValueError(f"parts must be a power of 2 up to {MOST_PARTS:,}, not {parts!r}")
-    for arrays, columns in ((V, (2, 3)), (F, (3,))):
-        for array in arrays:
-            if array.ndim != 2 or array.shape[1] not in columns or array.dtype.kind not in "iuf":
-                refuse(V, F)
-    n, m = sum(map(len, V)), sum(map(len, F))
-    if n < 3 or m == 0:
+    n, m = len(V), len(F)
+    if not (V.is_table(2, 3) and F.is_table(3) and n >= 3 and m > 0):
         refuse(V, F)
     levels = (parts or number_of_parts(n)).bit_length() - 1
     target = Path(folder).absolute()
@@ -111,7 +109,7 @@ def partition(
     shutil.rmtree(unfinished, ignore_errors=True)  # of a run that was killed
     unfinished.mkdir(parents=True)
     try:
-        _Parting(V, F, n, m, levels, unfinished, progress or (lambda phase, done: None)).run()
+        _Parting(V, F, levels, unfinished, progress or (lambda phase, done: None)).run()
         if target.exists():
             target.rmdir()
         unfinished.rename(target)
@@ -132,20 +130,54 @@ def number_of_parts(n: int) -> int:
     return parts
 
 
-def refuse(V: Sequence[Array], F: Sequence[Array]) -> NoReturn:
-    """Raise the MeshError of a whole surface, which is read into memory for that."""
-    examined = examine(_whole(V), _whole(F))
-    raise MeshError(*examined.defects)
+class Table:
+    """Rows of arrays that follow one another, which need not fit into memory."""
+
+    def __init__(self, *arrays: Any) -> None:
+        self._arrays = [_mapped(array) for array in arrays]
+        self._ends = np.cumsum([0, *(len(x) if x.ndim else 0 for x in self._arrays)])
+
+    def __len__(self) -> int:
+        return int(self._ends[-1])
+
+    def is_table(self, *columns: int) -> bool:
+        """Whether these are numbers in so many columns."""
+        arrays = self._arrays
+        return all(x.ndim == 2 and x.shape[1] in columns and x.dtype.kind in "iuf" for x in arrays)
+
+    def whole(self) -> Array:
+        """Read all of it into memory."""
+        return self._arrays[0] if len(self._arrays) == 1 else np.concatenate(self._arrays)
+
+    def blocks(self) -> Iterator[tuple[int, Array]]:
+        """Yield blocks of rows, each with the number of its first row."""
+        for start, array in zip(self._ends, self._arrays, strict=False):
+            for first in range(0, len(array), ROWS):
+                yield int(start) + first, np.asarray(array[first : first + ROWS])
+
+    def take(self, rows: Ints) -> Array:
+        """Read some rows, which ascend."""
+        parts = np.split(rows, np.searchsorted(rows, self._ends[1:-1]))
+        each = zip(self._arrays, parts, self._ends, strict=False)
+        return np.concatenate([array[part - start] for array, part, start in each])
+
+
+def refuse(V: Table, F: Table) -> NoReturn:
+    """Raise the MeshError of a whole surface, which is read into memory for that.
+
+    SolverError if it does not fit.
+    """
+    what = "the surface is no triangulated disk; to say where, reading it"
+    require(BYTES_TO_EXAMINE * len(V), what, "Decimate it")
+    raise MeshError(*examine(V.whole(), F.whole()).defects)
 
 
 @dataclass
 class _Parting:
     """The work of `partition`; `levels` cuts make 2^levels parts."""
 
-    V: Sequence[Array]
-    F: Sequence[Array]
-    n: int
-    m: int
+    V: Table
+    F: Table
     levels: int
     folder: Path
     progress: Callable[[str, float], None]
@@ -156,20 +188,18 @@ class _Parting:
         least, most = self._part_faces(side)
         del side
         seams = np.flatnonzero(least != most)
-        # In the order in which they are eliminated: at the last cut that all parts of a vertex
-        # have in common, as the number of a heap whose leaves are the parts.
+        # They are eliminated at the last cut that all parts of a vertex have in common, as the
+        # number of a heap whose leaves are the parts.
         depth = self.levels - np.frexp((least[seams] ^ most[seams]).astype(float))[1]
         node = (least[seams].astype(np.int64) + (1 << self.levels)) >> (self.levels - depth)
-        order = np.lexsort((seams, -node))
-        np.savez(self.folder / "seams.npz", vertices=seams[order], node=node[order])
-        row = places(order, len(seams))
+        np.savez(self.folder / "seams.npz", node=node)
         parts = [p for p in range(1 << self.levels) if self._raw(p).exists()]
         for number, part in enumerate(parts):
             self.progress("write", number / len(parts))
-            self._write(part, exponent, seams, row, least)
+            self._write(part, exponent, seams, least)
         manifest = {
-            "vertices": self.n,
-            "faces": self.m,
+            "vertices": len(self.V),
+            "faces": len(self.F),
             "levels": self.levels,
             "parts": parts,
             "exponent": exponent,
@@ -179,25 +209,25 @@ class _Parting:
     def _sides(self) -> tuple[Numbers, int]:
         """(n,) the part in which each vertex lies, and the exponent of the unit."""
         exponent = -(2**20)
-        for _, block in _blocks(self.V):
+        for _, block in self.V.blocks():
             if not np.isfinite(block).all():
                 refuse(self.V, self.F)
             exponent = max(exponent, size_exponent(block))
-        seen = _take(self.V, evenly_spaced_rows(self.n, SAMPLE))
+        seen = self.V.take(evenly_spaced_rows(len(self.V), SAMPLE))
         found = cuts(_scaled(seen, exponent), self.levels)
-        side = np.empty(self.n, np.uint16)
-        for start, block in _blocks(self.V):
-            self.progress("cut", start / self.n)
+        side = np.empty(len(self.V), np.uint16)
+        for start, block in self.V.blocks():
+            self.progress("cut", start / len(self.V))
             side[start : start + len(block)] = sides(_scaled(block, exponent), found)
         return side, exponent
 
     def _part_faces(self, side: Numbers) -> tuple[Numbers, Numbers]:
         """Write each face to its part; (n,) the smallest and the largest part of each vertex."""
-        least = np.full(self.n, np.iinfo(np.uint16).max, np.uint16)
-        most = np.zeros(self.n, np.uint16)
-        for start, block in _blocks(self.F):
-            self.progress("part", start / self.m)
-            if not (block.min() >= 0 and block.max() < self.n):
+        n = len(self.V)
+        least, most = np.full(n, np.iinfo(np.uint16).max, np.uint16), np.zeros(n, np.uint16)
+        for start, block in self.F.blocks():
+            self.progress("part", start / len(self.F))
+            if not (block.min() >= 0 and block.max() < n):
                 refuse(self.V, self.F)
             faces = block.astype(np.int64)
             if (faces != block).any() or len(repeated_corners(faces)):
@@ -216,20 +246,20 @@ class _Parting:
             refuse(self.V, self.F)
         return least, most
 
-    def _write(self, part: int, exponent: int, seams: Ints, row: Ints, least: Numbers) -> None:
+    def _write(self, part: int, exponent: int, seams: Ints, least: Numbers) -> None:
         """Write a part with vertices of its own, and remove its raw faces."""
         faces, *corners = np.fromfile(self._raw(part), np.int64).reshape(-1, 4).T
         vertices, F = np.unique(np.column_stack(corners), return_inverse=True)
-        rows = np.full(len(vertices), -1)
+        row = np.full(len(vertices), -1)
         _, here, there = np.intersect1d(vertices, seams, assume_unique=True, return_indices=True)
-        rows[here] = row[there]
+        row[here] = there
         np.savez(
             self.folder / f"part-{part}.npz",
             vertices=vertices,
             faces=faces,
-            V=_scaled(_take(self.V, vertices), exponent),
+            V=_scaled(self.V.take(vertices), exponent),
             F=F.reshape(-1, 3),
-            row=rows,
+            row=row,
             own=least[vertices] == part,
         )
         self._raw(part).unlink()
@@ -238,20 +268,18 @@ class _Parting:
         return self.folder / f"{part}.raw"
 
 
-def _arrays(source: Source) -> tuple[list[Array], list[Array]]:
-    """V and F, each as arrays that follow one another; files are mapped into memory."""
+def _tables(source: Source) -> tuple[Table, Table]:
+    """V and F; files are mapped into memory."""
     if isinstance(source, str | os.PathLike):
         path = Path(source)
         if path.is_dir():
-            files = [sorted(path.glob(f"{name}*.npy")) for name in "VF"]
-            if not all(files):
-                reason = "has no V*.npy and F*.npy"
-                raise FileNotFoundError(errno.ENOENT, reason, os.fspath(path))
-            return [_mapped(file) for file in files[0]], [_mapped(file) for file in files[1]]
+            V, F = (sorted(path.glob(f"{name}*.npy")) for name in "VF")
+            if not (V and F):
+                raise FileNotFoundError(errno.ENOENT, "has no V*.npy and F*.npy", os.fspath(path))
+            return Table(*V), Table(*F)
         found = triangles_of_ply(path) if path.suffix.lower() == ".ply" else None
-        source = read_mesh(path) if found is None else found
-    V, F = source
-    return [_mapped(V)], [_mapped(F)]
+        source = found or read_mesh(path)
+    return Table(source[0]), Table(source[1])
 
 
 def _mapped(array: Any) -> Array:
@@ -262,30 +290,6 @@ def _mapped(array: Any) -> Array:
         return np.asarray(array)
     except ValueError:  # ragged
         return np.empty(0, dtype=object)
-
-
-def _whole(arrays: Sequence[Array]) -> Array:
-    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
-
-
-def _blocks(arrays: Sequence[Array]) -> Iterator[tuple[int, Array]]:
-    """Yield blocks of rows, each with the number of its first row."""
-    start = 0
-    for array in arrays:
-        for first in range(0, len(array), ROWS):
-            block = np.asarray(array[first : first + ROWS])
-            yield start + first, block
-        start += len(array)
-
-
-def _take(arrays: Sequence[Array], rows: Ints) -> Array:
-    """Rows, ascending, of arrays that follow one another."""
-    ends = np.cumsum([len(array) for array in arrays])
-    parts = np.split(rows, np.searchsorted(rows, ends[:-1]))
-    starts = ends - [len(array) for array in arrays]
-    return np.concatenate(
-        [array[part - start] for array, part, start in zip(arrays, parts, starts, strict=True)]
-    )
 
 
 def _scaled(block: Array, exponent: int) -> Floats:

@@ -5,44 +5,25 @@ from __future__ import annotations
 import errno
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 from numpy.lib.format import open_memmap
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, coordinates
 from ..cached import cached_property
-from ..certificate import Certificate
-from ..distortion import AngleDistortion
 from ..io.output import whole_file, write_text
 from ..plot.layout import Layout
 from ..printing import as_html
-from ..rescue.boundary import BoundaryMethod
-from ..rescue.conformality import Conformality
-from ..rescue.repair import Repair
 from ..result.disk_map import OntoDisk
-from ..steps.center import Center
-from ..steps.mobius import Normalization
 from .part import Arrays, Folder
 from .parting import ROWS
 
 RESULT = "map.json"  # comes last: what there is to know of a complete map
-
-# What is written of a map: results of a kind of their own, and numbers and texts.
-KINDS: dict[str, Any] = {
-    "certificate": Certificate,
-    "conformality": Conformality,
-    "distortion": AngleDistortion,
-    "distortion_of_free_faces": AngleDistortion,
-    "center": Center,
-    "boundary": BoundaryMethod,
-    "mobius": Normalization,
-    "repair": Repair,
-}
-PLAIN = ("solver", "timings", "lost", "moved_bytes")
 
 SQUARES, CUBES = 128, 64  # across the disk and the surface: each vertex of a view stands for one
 
@@ -83,29 +64,37 @@ class PartsMap(OntoDisk):
     @classmethod
     def read(cls, folder: Folder) -> PartsMap:
         """Read what `write` has written."""
-        told = json.loads((folder.work / RESULT).read_text())
-        given = {name: kind(**_tuples(told[name])) for name, kind in KINDS.items()}
-        given |= _tuples({name: told[name] for name in PLAIN})
+        kinds = get_type_hints(cls)
+        given = _tuples(json.loads((folder.work / RESULT).read_text()))
+        for name in filter(lambda name: is_dataclass(kinds[name]), given):
+            given[name] = kinds[name](**_tuples(given[name]))
         mobius, certificate = given["mobius"], given["certificate"]
         given["mobius"] = replace(mobius, w=complex(*mobius.w))
         given["certificate"] = replace(certificate, flipped=np.array(certificate.flipped, np.int64))
         return cls(folder=folder, **given)
 
-    def write(self) -> None:
-        """Write everything but the coordinates as JSON, and remove what led to the map."""
-        told = {name: asdict(getattr(self, name)) for name in KINDS}
-        told |= {name: getattr(self, name) for name in PLAIN}
-        told["mobius"]["w"] = [self.mobius.w.real, self.mobius.w.imag]
-        text = json.dumps(told, indent=1, default=np.ndarray.tolist)
+    def write(self, names: list[str]) -> None:
+        """Write it, with the coordinates by the results of the parts, and remove what led to it."""
+        for p, name in zip(self.folder.parts, names, strict=True):
+            file = BytesIO()  # to files, NumPy does not say why it cannot write
+            np.save(file, coordinates(self.folder.read(name, "f")["f"]))
+            with whole_file(self._file(p)) as unfinished:
+                unfinished.write_bytes(file.getvalue())
+        told = {field.name: getattr(self, field.name) for field in fields(self)}
+        del told["folder"]
+        text = json.dumps(told, indent=1, default=_as_json)
         write_text(self.folder.work / RESULT, text + "\n")
-        for file in self.folder.computed():
-            file.unlink()
+        for path in self.folder.work.glob("*.npz"):
+            path.unlink()
+
+    def _file(self, p: int) -> Path:
+        return self.folder.work / f"uv-{p}.npy"
 
     def _parts(self, *only: str) -> Iterator[tuple[Arrays, Floats]]:
         """Read each part, all or some of its arrays, and its map."""
-        for p in self.folder.leaves:
+        for p in self.folder.parts:
             try:
-                part, uv = self.folder.part(p, *only), self.folder.uv(p)
+                part, uv = self.folder.read(f"part-{p}", *only), np.load(self._file(p))
             except FileNotFoundError as error:
                 reason = (
                     "The coordinates of a map in parts lie in its folder, and are gone. Part and "
@@ -120,7 +109,7 @@ class PartsMap(OntoDisk):
 
         FileNotFoundError if its folder is gone.
         """
-        uv = np.empty((self.folder.manifest["vertices"], 2))
+        uv = np.empty((self.folder.vertices, 2))
         self._put(uv)
         return uv
 
@@ -138,7 +127,7 @@ class PartsMap(OntoDisk):
             If it cannot be written, or the folder of the map is gone.
         """
         with whole_file(path) as unfinished:
-            n = self.folder.manifest["vertices"]
+            n = self.folder.vertices
             uv = open_memmap(unfinished, "w+", np.float64, (n, 2))
             with unfinished.open("rb+") as file:  # on a full disk, mapped memory ends the process
                 file.seek(uv.offset)
@@ -174,7 +163,7 @@ class PartsMap(OntoDisk):
         return self.lost
 
     def _subject(self) -> str:
-        return f"{self.folder.manifest['vertices']:,} vertices in {len(self.folder.leaves)} parts"
+        return f"{self.folder.vertices:,} vertices in {len(self.folder.parts)} parts"
 
     def _steps(self) -> list[tuple[str, str]]:
         written = f"{self.moved_bytes / 2**20:,.0f} MiB written on the way"
@@ -183,12 +172,12 @@ class PartsMap(OntoDisk):
     def _details(self) -> dict[str, Any]:
         return {
             **super()._details(),
-            "parts": len(self.folder.leaves),
+            "parts": len(self.folder.parts),
             "moved_bytes": self.moved_bytes,
         }
 
     def _size(self) -> tuple[int, int]:
-        return self.folder.manifest["vertices"], self.folder.manifest["faces"]
+        return self.folder.vertices, self.folder.faces
 
     def _surface(self) -> tuple[Floats, Ints]:
         raise ValueError("a map in parts is written as .npy; its surface is where it came from")
@@ -196,32 +185,27 @@ class PartsMap(OntoDisk):
     @cached_property
     def _coarse(self) -> Layout:
         """One vertex for each cell of the disk and of space, and the faces between three cells."""
-        gathered = []
+        cells, triples = [], []
         for part, uv in self._parts():
             at = np.column_stack([(uv + 1) * (SQUARES / 2), (part["V"] + 1) * (CUBES / 2)])
             cell = np.floor(at).astype(np.int64) @ (2 * SQUARES) ** np.arange(5)
-            found, first = np.unique(cell, return_index=True)
-            vertices = found, part["vertices"][first], part["V"][first], uv[first]
-            i, j, k = corners = cell[part["F"]].T
-            apart = (i != j) & (j != k) & (k != i)
-            turned = corners.T[apart]
-            start = turned.argmin(axis=1)[:, None]
-            turned = np.take_along_axis(turned, (start + np.arange(3)) % 3, axis=1)
-            once, one = np.unique(turned, axis=0, return_index=True)
-            gathered.append((*vertices, once, part["faces"][apart][one]))
-        cells, rows, V, uv, triples, faces = map(np.concatenate, zip(*gathered, strict=True))
-        found, first = np.unique(cells, return_index=True)
-        once, one = np.unique(triples, axis=0, return_index=True)
+            cells.append(_one_each(cell, part["vertices"], part["V"], uv))
+            corners = cell[part["F"]]
+            key = np.sort(corners, axis=1)
+            apart = (np.diff(key) > 0).all(axis=1)
+            triples.append(_one_each(key[apart], corners[apart], part["faces"][apart]))
+        cell, vertices, V, uv = _one_each(*map(np.concatenate, zip(*cells, strict=True)))
+        _, corners, faces = _one_each(*map(np.concatenate, zip(*triples, strict=True)))
         return Layout(
-            V=V[first],
-            F=np.searchsorted(found, once),
-            uv=uv[first],
-            vertices=rows[first],
-            faces=faces[one],
+            V=V,
+            F=np.searchsorted(cell, corners),
+            uv=uv,
+            vertices=vertices,
+            faces=faces,
             plane="Disk",
             distortion=self.distortion,
             flipped=len(self.certificate.flipped),
-            facts=self._facts(self._subject(), f"drawn by {len(found):,} of them"),
+            facts=self._facts(self._subject(), f"drawn by {len(cell):,} of them"),
         )
 
     def _layout(self) -> Layout:
@@ -231,6 +215,19 @@ class PartsMap(OntoDisk):
         if not self.folder.work.exists():
             return as_html(*self.summary())
         return super()._repr_html_()
+
+
+def _one_each(key: Any, *arrays: Any) -> tuple[Any, ...]:
+    """Take the first row of each key, the keys ascending: keys and arrays."""
+    _, first = np.unique(key, axis=0, return_index=True)
+    return key[first], *(array[first] for array in arrays)
+
+
+def _as_json(x: Any) -> Any:
+    """Make lists of arrays and complex numbers, and a dict of a result of a kind of its own."""
+    if isinstance(x, complex):
+        return [x.real, x.imag]
+    return x.tolist() if isinstance(x, np.ndarray) else vars(x)
 
 
 def _tuples(told: dict[str, Any]) -> dict[str, Any]:

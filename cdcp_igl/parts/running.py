@@ -11,8 +11,7 @@ from typing import Any
 from ..batching.executors import run_on
 from ..batching.pool import Pool
 from ..batching.work import MIB_OF_PYTHON
-from ..errors import SolverError
-from ..solve.memory import available_memory
+from ..solve.memory import require
 from ..solve.solvers import SolverName, using
 from ..solve.threads import one_thread
 from .part import Arrays, Folder, named
@@ -58,13 +57,10 @@ class Step:
         """Compute and write it, unless it is there; return its name, or what went wrong."""
         try:
             if not self.folder.has(self.name):
-                if self.memory * 2**20 > available_memory():
-                    return SolverError(
-                        f"{self.name} takes some {self.memory:,.0f} MiB, which are not available. "
-                        "Part the surface into more parts, or take a machine with more memory."
-                    )
+                require(self.memory * 2**20, self.name, "Part the surface into more parts")
                 with using(self.solver), one_thread():
-                    self.folder.write(self.name, self.what(self.folder, self.of, *self.given))
+                    arrays = self.what(self.folder, self.of, *self.given)
+                    self.folder.write(self.name, **arrays)
         except Exception as error:
             return error
         return self.name
@@ -80,7 +76,7 @@ class Engine:
     def __init__(self, folder: Folder, executor: Any, solver: SolverName | None) -> None:
         self.folder, self._solver, self._executor = folder, solver, executor
         self._pool = Pool(executor) if isinstance(executor, int) else None
-        largest = max((folder.parts / f"part-{p}.npz").stat().st_size for p in folder.leaves)
+        largest = max(folder.file(f"part-{p}").stat().st_size for p in folder.parts)
         self.memory = TIMES_ITS_FILE * largest / 2**20
 
     def run(
@@ -96,7 +92,7 @@ class Engine:
         The first thing that goes wrong is raised. What is there already is not computed again.
         """
         need = MIB_OF_PYTHON + (self.memory if memory is None else memory)
-        numbers = self.folder.leaves if of is None else of
+        numbers = self.folder.parts if of is None else of
         steps = [Step(self.folder, self._solver, what, k, given, need) for k in numbers]
         left = [step for step in steps if not self.folder.has(step.name)]
         with closing(self._answers(left)) as answers:

@@ -12,10 +12,9 @@ from scipy.linalg import solve_triangular
 
 from ..arrays import Floats, coordinates, marked
 from ..distortion import disk_map_distortion
-from ..errors import SolverError
+from ..errors import MapError, SolverError
 from ..solve.condensed import Condensed
 from ..solve.laplacian import cotangent_laplacian
-from ..steps.center import most_central
 from ..steps.extension import harmonic_extension
 from ..steps.mobius import mobius_transformation
 from ..steps.trace import boundary_flux, face_dipole
@@ -59,28 +58,28 @@ def examine(folder: Folder, p: int) -> Arrays:
 def eliminate(folder: Folder, p: int) -> Arrays:
     """Condense a part to its seams and its boundary.
 
-    The Schur complement of the seams and its block to the boundary are written. Returned are the
-    condensed right-hand side of the torsion function, and the most that its sum over a face can be
-    with 0 on the seams; and of the boundary vertices ``places``, ``positions`` and the angles
-    ``around`` them.
+    The Schur complement of the seams is written, and beside it what the trace needs: its block to
+    the boundary, the positions there, and the angles around them. Returned are the condensed
+    right-hand side of the torsion function, and the most that its sum over a face can be with 0 on
+    the seams.
     """
     part = Part(folder, p)
-    rows, places, k = part.rows, part.places, len(part.rows)
+    rows, k = part.rows, len(part.rows)
     condensed = Condensed(cotangent_laplacian(part.piece), part.V, part.piece.loop)
     u, torsion = condensed.solve(part.sources)
     schur = condensed.schur
-    folder.write(f"schur-{folder.n_leaves + p}", {"rows": rows, "schur": schur[:k, :k]})
-    folder.write(f"side-{p}", {"rows": rows, "places": places, "side": schur[:k, k:]})
+    folder.write(f"schur-{folder.n_leaves + p}", rows=rows, schur=schur[:k, :k])
     around = np.bincount(part.F.ravel(), part.piece.angles.ravel(), len(part.V))
-    return {
-        "rows": rows,
-        "torsion": torsion[:k],
-        "most": u[part.F].sum(axis=1).max(),
-        "order": condensed.order,
-        "places": places,
-        "positions": part.V[part.border],
-        "around": around[part.border],
-    }
+    folder.write(
+        f"side-{p}",
+        rows=rows,
+        places=part.places,
+        side=schur[:k, k:],
+        positions=part.V[part.border],
+        around=around[part.border],
+    )
+    most = u[part.F].sum(axis=1).max()
+    return {"rows": rows, "torsion": torsion[:k], "most": most, "order": condensed.order}
 
 
 def merge(folder: Folder, node: int) -> Arrays:
@@ -90,7 +89,7 @@ def merge(folder: Folder, node: int) -> Arrays:
     """
     sides = [folder.read(f"schur-{k}") for k in (2 * node, 2 * node + 1) if k in folder.nodes]
     rows = np.unique(np.concatenate([side["rows"] for side in sides]))
-    is_here = folder.seams[rows] == node
+    is_here = folder.read("seams")["node"][rows] == node
     here, rest = rows[is_here], rows[~is_here]
     rows, h = np.concatenate([here, rest]), len(here)
     order = np.argsort(rows)
@@ -108,20 +107,13 @@ def merge(folder: Folder, node: int) -> Arrays:
     L21 = solve_triangular(L11, front[:h, h:], lower=True, check_finite=False).T
     schur = front[h:, h:]
     schur -= L21 @ L21.T
-    folder.write(f"schur-{node}", {"rows": rest, "schur": schur})
+    folder.write(f"schur-{node}", rows=rest, schur=schur)
     return {"here": here, "rest": rest, "L11": L11, "L21": L21}
 
 
 def central(folder: Folder, p: int) -> Arrays:
-    """Find the most central faces by torsion: how central, their rows, their smallest angles."""
-    part = Part(folder, p)
-    centrality = part.torsion()
-    best = most_central(centrality)
-    return {
-        "centrality": centrality[best],
-        "faces": part.faces[best],
-        "smallest": part.piece.angles[best].min(axis=1),
-    }
+    """Find the most central faces of a part."""
+    return Part(folder, p).most_central()
 
 
 def dipole(folder: Folder, p: int, face: int) -> Arrays:
@@ -143,41 +135,39 @@ def extend(folder: Folder, p: int, face: int) -> Arrays:
     """Extend the values of seams and boundary harmonically, eq. (10): ``f`` (n,).
 
     They are those of a central face. Also some faces of the ``sample``; and if this face was found
-    by the torsion function, the highest torsion of a face.
+    by the torsion function, the most central faces.
     """
-    part, given = Part(folder, p), folder.read(f"values-{face}")
-    on_given = np.concatenate([given["seams"][part.rows], given["boundary"][part.places]])
-    f = harmonic_extension(part.factored, on_given)
+    part = Part(folder, p)
+    f = harmonic_extension(part.factored, part.given(f"values-{face}"))
+    most_central = part.most_central() if folder.has("torsion") else {}
     here = among(folder.read("sample")["faces"], part.faces)
-    highest = part.torsion().max() if folder.has("torsion") else -np.inf
-    return {"f": f, "highest": highest, **part.some(here, f)}
+    return {"f": f, **most_central, **part.some(here, f)}
 
 
 def finish(folder: Folder, p: int, face: int, w: complex, values: str) -> Arrays:
     """Apply a Möbius transformation to f, and certify the part on the coordinates as written.
 
-    ``uv`` (n, 2) has the values of seams and boundary bit by bit as they are given: both sides of
+    ``f`` (n,) has the values of seams and boundary bit by bit as they are given: both sides of
     a seam certify the same. ``degrees`` are sums of the angular distortion: number, sum, sum of
     squares and maximum, and the same of faces inscribed in the circle, which are not among the
     first. ``lost``: the number of faces without area as texture coordinates in single precision,
     their area, and that of all. And the faces at the vertices of the judged ones.
     """
-    part, given = Part(folder, p), folder.read(values)
+    part, given = Part(folder, p), folder.read(values, "turn", "vertices", "moved")
     f = mobius_transformation(folder.read(named(extend, p, face), "f")["f"], w) / given["turn"]
-    f[part.seam] = given["seams"][part.rows]
-    f[part.border] = given["boundary"][part.places]
-    moved = given["vertices"]
+    f[part.piece.loop] = part.given(values)
+    moved = given["vertices"].astype(int)
     f[among(moved, part.vertices)] = given["moved"][among(part.vertices, moved)]
     uv = coordinates(f)
-    finite = bool(np.isfinite(uv).all())
-    flipped, n_exact = flipped_faces(f, part.F) if finite else (np.arange(len(part.F)), 0)
+    if not np.isfinite(uv).all():
+        raise MapError(f"The map of part {p} is not finite. If the mesh has slivers, remesh it.")
+    flipped, n_exact = flipped_faces(f, part.F)
     degrees = disk_map_distortion(part.piece, uv)
     inscribed = marked(len(f), part.border)[part.F].all(axis=1)
     i, j, k = among(folder.read("near")["vertices"], part.vertices)[part.F.T]
     lost, areas = lost_in_single_precision((uv + 1) / 2, part.F), face_areas(part.V, part.F)
     return {
-        "uv": uv,
-        "finite": finite,
+        "f": f,
         "flipped": part.faces[flipped],
         "n_exact": n_exact,
         "degrees": np.array([_sums(degrees[~inscribed]), _sums(degrees[inscribed])]),
@@ -200,5 +190,5 @@ def moments(folder: Folder, p: int, face: int, w: complex, *direction: float) ->
 
 
 def _sums(degrees: Floats) -> Floats:
-    most = degrees.max() if degrees.size else 0.0
+    most = degrees.max(initial=0)
     return np.array([degrees.size, degrees.sum(), (degrees * degrees).sum(), most])

@@ -22,8 +22,9 @@ from .doubled import double_cover
 from .energy_minimization import cem
 from .fast import fdcp
 from .free_boundary import bff, lscm, spectral
-from .linear import ldcp
+from .linear import flash, ldcp
 from .methods import METHODS, Method
+from .welding import pgcp
 
 __all__ = [
     "METHODS",
@@ -35,10 +36,12 @@ __all__ = [
     "cem",
     "double_cover",
     "fdcp",
+    "flash",
     "harmonic",
     "heat_flow",
     "ldcp",
     "lscm",
+    "pgcp",
     "ricci",
     "spectral",
 ]

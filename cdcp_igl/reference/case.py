@@ -21,14 +21,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
-from ..certificate import certify
+from ..certificate import Certificate, SphereCertificate, certify, certify_sphere
 from ..distortion import AngleDistortion, angle_distortion, area_distortion
 from ..errors import MapError, SolverError
 from ..io.output import whole_file
 from ..printing import finite
 from ..processes import cause_of_death, peak_memory, resident
 from ..result.base import Result
-from ..surface.mesh import DiskMesh
+from ..sphere import SphereMap
+from ..surface.mesh import DiskMesh, SphereMesh
 
 OK = "ok"
 TOO_LONG, TOO_LARGE = "no result within", "more than"  # begin the outcomes of the two limits
@@ -52,7 +53,8 @@ class Case:
     method : str
         Name in the table of methods.
     boundary : str
-        ``"disk"`` or ``"free"``, a map that is no disk; or ``"none"``, a time and no map.
+        ``"disk"`` or ``"sphere"``; ``"free"``, a map that is neither; or ``"none"``, a time and no
+        map.
     outcome : str
         ``"ok"``, or why there is no valid map: the error, the signal, a limit, what is wrong.
     mean, sd, max : float
@@ -62,7 +64,7 @@ class Case:
         infinite if a face has collapsed or flipped.
     flips, boundary_error : float
         Number of faces that are not positively oriented; largest deviation of a boundary vertex
-        from the unit circle.
+        from the unit circle, or of any vertex from the unit sphere.
     seconds, memory : float
         Wall time from arrays to map, and peak memory in MiB, of a fresh process.
     details : dict
@@ -188,13 +190,17 @@ def measure(method: Any, mesh: str | Path) -> tuple[dict[str, Any], Floats | Non
     if isinstance(made, Timed):
         details = {"seconds": dict(made.phases)}
         return {"outcome": OK, **cost, "seconds": made.seconds, "details": details}, None
-    uv, details = (made.uv, made.report()) if isinstance(made, Result) else (made, {})
+    uv, details = made, {}
+    if isinstance(made, Result):
+        uv, details = made.points if isinstance(made, SphereMap) else made.uv, made.report()
     V, F = _surface(mesh)  # the method may have changed what it was given
-    if returned := _other_than_map(uv, len(V)):
-        return {"outcome": f"failed: must return (n, 2) numbers, and returned {returned}"}, None
+    columns = 3 if method.boundary == "sphere" else 2
+    if returned := _other_than_map(uv, len(V), columns):
+        must = f"must return (n, {columns}) numbers, and returned {returned}"
+        return {"outcome": f"failed: {must}"}, None
     uv = np.asarray(uv, dtype=np.float64)
-    certificate = certify(DiskMesh(V, F), uv)
-    if not (certificate.valid if method.boundary == "disk" else certificate.finite):
+    certificate, off = _certified(method.boundary, V, F, uv)
+    if not (certificate.finite if method.boundary == "free" else certificate.valid):
         return {"outcome": f"not valid: {certificate}"}, None
     distortion = AngleDistortion.of(angle_distortion(V, F, uv))
     if not np.isfinite([distortion.mean, distortion.sd, distortion.max]).all():
@@ -204,21 +210,32 @@ def measure(method: Any, mesh: str | Path) -> tuple[dict[str, Any], Floats | Non
         **asdict(distortion),
         "area": float(abs(area_distortion(V, F, uv)).mean()),
         "flips": len(certificate.flipped),
-        "boundary_error": certificate.boundary_error,
+        "boundary_error": off,
         **cost,
         "details": details,
     }, uv
+
+
+def _certified(
+    boundary: str, V: Floats, F: Ints, uv: Floats
+) -> tuple[Certificate | SphereCertificate, float]:
+    """Verify a map; and the largest deviation from the circle or the sphere."""
+    if boundary == "sphere":
+        sphere = certify_sphere(SphereMesh(V, F).F, uv)
+        return sphere, sphere.radius_error
+    disk = certify(DiskMesh(V, F), uv)
+    return disk, disk.boundary_error
 
 
 def _first_line(error: Exception) -> str:
     return f"{type(error).__name__}: {error}".splitlines()[0].removesuffix(": ")
 
 
-def _other_than_map(made: object, n: int) -> str:
+def _other_than_map(made: object, n: int, columns: int) -> str:
     """Describe what is no map of n vertices; empty if it may be one."""
     if not isinstance(made, np.ndarray):
         return type(made).__name__
-    is_map = made.shape == (n, 2) and made.dtype.kind in "fiu"
+    is_map = made.shape == (n, columns) and made.dtype.kind in "fiu"
     return "" if is_map else f"{made.dtype} of shape {made.shape}, where n is {n:,}"
 
 

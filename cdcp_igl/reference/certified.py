@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..arrays import Complex, Floats, coordinates
-from ..certificate import Certificate, certify
+from ..certificate import Certificate, SphereCertificate, certify, certify_sphere
 from ..errors import MapError
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import DiskMesh, SphereMesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,9 +16,9 @@ class ReferenceMap:
 
     Attributes
     ----------
-    uv : (n, 2) float64
+    uv : (n, 2) float64, or (n, 3) on the sphere
         Row i is the image of row i of V.
-    certificate : Certificate
+    certificate : Certificate or SphereCertificate
         What was verified about `uv`. Of a map with free boundary only ``finite`` and
         ``flipped`` matter.
 
@@ -26,14 +26,14 @@ class ReferenceMap:
     --------
     >>> import numpy as np
     >>> from cdcp_igl.reference import ReferenceMap
-    >>> from cdcp_igl.surface.mesh import DiskMesh
+    >>> from cdcp_igl.surface.mesh import DiskMesh, SphereMesh
     >>> mesh = DiskMesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]])
     >>> ReferenceMap.of(mesh, np.array([0, 1j, 1])).certificate.flipped
     array([0])
     """
 
     uv: Floats
-    certificate: Certificate
+    certificate: Certificate | SphereCertificate
 
     @classmethod
     def of(cls, mesh: DiskMesh, f: Complex) -> ReferenceMap:
@@ -48,6 +48,14 @@ def certified_disk_map(mesh: DiskMesh, f: Complex) -> Floats:
     if not result.certificate.valid:
         raise MapError(f"The map is not a bijection onto the disk: {result.certificate}", result)
     return result.uv
+
+
+def certified_sphere_map(mesh: SphereMesh, P: Floats) -> Floats:
+    """Return a map (n, 3); MapError if it is no bijection onto the sphere."""
+    result = ReferenceMap(P, certify_sphere(mesh.F, P))
+    if not result.certificate.valid:
+        raise MapError(f"The map is not a bijection onto the sphere: {result.certificate}", result)
+    return P
 
 
 def checked_free_map(mesh: DiskMesh, f: Complex) -> Floats:

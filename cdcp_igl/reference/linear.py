@@ -1,4 +1,4 @@
-"""Linear disk conformal parameterization, through the doubly covered surface."""
+"""Linear maps by a north and a south step: of a closed surface, or of the double of a disk."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from operator import index
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_matrix
 
 from ..arrays import Complex, Floats, Ints
 from ..io.given import takes_meshes
 from ..solve.laplacian import cotangent_laplacian
-from ..surface.mesh import DiskMesh
-from .certified import certified_disk_map
+from ..sphere import from_plane
+from ..surface.mesh import DiskMesh, SphereMesh
+from .certified import certified_disk_map, certified_sphere_map
 from .dirichlet import Dirichlet
 from .doubled import doubled_laplacian
 
@@ -65,16 +67,78 @@ def ldcp(V: ArrayLike, F: ArrayLike, *, pinned: int = 50) -> Floats:
     mesh = DiskMesh(V, F)
     L = cotangent_laplacian(mesh).matrix()
     L2 = doubled_laplacian(mesh, L)
-
-    corners, triangle = most_regular_face(mesh)
-    z = Dirichlet(L2, corners).solve(triangle)
-    z = 1 / (z - z.mean())  # what the first solve has crowded together is now far out
-    far = np.argsort(-abs(z), kind="stable")[:pinned]
-    z = Dirichlet(L2, far).solve(z[far])
+    z = _north_step(L2, *most_regular_face(mesh))
+    z = _south_step(L2, z, pinned)
     # Which side of the boundary the surface lies on does not matter: the other choice
     # would give 1/conj(f_B), with the same projection.
     f_B = to_cube_roots_of_unity(z[mesh.loop])
     return certified_disk_map(mesh, Dirichlet(L, mesh.loop).solve(f_B / abs(f_B)))
+
+
+@takes_meshes
+def flash(V: ArrayLike, F: ArrayLike) -> Floats:
+    """Map a closed surface of genus 0 conformally onto the unit sphere, Choi, Lam and Lui 2015.
+
+    FLASH without its landmarks: the north and south step of `ldcp`, a tenth of the vertices pinned,
+    on the surface itself. The coefficient of the Beltrami solve in the south step is that of the
+    map from the chart to the surface, so that it is a solve with the cotangent Laplacian, see
+    `generalized_laplacian`. The scale is such that the face of the north step and the one opposite
+    it have the same size.
+
+    Parameters
+    ----------
+    V : (n, 3) array_like of real numbers
+        Vertex positions.
+    F : (m, 3) array_like of integers
+        Corners of the faces, counterclockwise seen from outside.
+
+    Returns
+    -------
+    (n, 3) float64
+        Row i is the image of row i of V on the unit sphere.
+
+    Raises
+    ------
+    MeshError
+        If the surface is no triangulated sphere.
+    SolverError
+        If the Laplacian cannot be factored.
+    MapError
+        If the map is no bijection; its ``result`` is a `ReferenceMap`.
+
+    References
+    ----------
+    P. T. Choi, K. C. Lam, L. M. Lui. FLASH: Fast landmark aligned spherical harmonic
+    parameterization for genus-0 closed brain surfaces. SIAM J. Imaging Sci. 8(1), 2015.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, exact = cdcp_igl.datasets.spheroid(4, height=1.5)
+    >>> cdcp_igl.reference.flash(V, F).shape
+    (2562, 3)
+    """
+    mesh = SphereMesh(V, F)
+    L = cotangent_laplacian(mesh).matrix()
+    corners, triangle = most_regular_face(mesh)
+    z = _north_step(L, corners, triangle).conj()  # counterclockwise, as the surface is
+    opposite = mesh.F[abs(z[mesh.F]).sum(axis=1).argmax()]
+    here, there = (abs(w - np.roll(w, 1)).sum() for w in (1 / z[corners], z[opposite]))
+    scale = np.sqrt(here / there)
+    z = _south_step(L, z, max(round(len(z) / 10), 3))
+    return certified_sphere_map(mesh, from_plane(scale * z, 1))
+
+
+def _north_step(L: csr_matrix, corners: Ints, triangle: Complex) -> Complex:
+    """Map all into a triangle, and that inside out: what is crowded together is now far out."""
+    z = Dirichlet(L, corners).solve(triangle)
+    return 1 / (z - z.mean())
+
+
+def _south_step(L: csr_matrix, z: Complex, pinned: int) -> Complex:
+    """Let all but the vertices farthest out find their place."""
+    far = np.argsort(-abs(z), kind="stable")[:pinned]
+    return Dirichlet(L, far).solve(z[far])
 
 
 def most_regular_face(mesh: DiskMesh) -> tuple[Ints, Complex]:

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 
 from ..algorithm import cdcp
 from ..arrays import Floats
+from ..io.given import takes_meshes
+from ..sphere import sphere_map
 from .angle_based import abf
 from .arc_length import harmonic
 from .conformal_equivalence import ricci
@@ -20,21 +22,23 @@ from .doubled import double_cover
 from .energy_minimization import cem
 from .fast import fdcp
 from .free_boundary import bff, lscm, spectral
-from .linear import ldcp
+from .linear import flash, ldcp
+from .welding import pgcp
 
 
 @dataclass(frozen=True)
 class Method:
-    """A way to map a triangulated disk to the plane.
+    """A way to map a triangulated disk to the plane, or a closed surface onto the sphere.
 
     Attributes
     ----------
     function : callable
-        ``function(V, F)`` returns (n, 2) float64, rows as in V, and raises MeshError,
+        ``function(V, F)`` returns (n, 2) float64, or (n, 3), rows as in V, and raises MeshError,
         SolverError or MapError.
-    boundary : {"disk", "free"}
+    boundary : {"disk", "free", "sphere"}
         A certified bijection onto the unit disk; or a map with free boundary, which may
-        flip faces and is to be compared on angles only.
+        flip faces and is to be compared on angles only; or a certified bijection of a closed
+        surface of genus 0 onto the unit sphere.
     citation : str
         Where it comes from.
 
@@ -46,8 +50,13 @@ class Method:
     """
 
     function: Callable[[ArrayLike, ArrayLike], Floats]
-    boundary: Literal["disk", "free"]
+    boundary: Literal["disk", "free", "sphere"]
     citation: str
+
+
+@takes_meshes
+def _sphere(V: ArrayLike, F: ArrayLike) -> Floats:
+    return sphere_map(V, F).points
 
 
 METHODS: Mapping[str, Method] = MappingProxyType(
@@ -59,11 +68,14 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         "cem": Method(cem, "disk", "Yueh, Lin, Wu and Yau 2017"),
         "heat_flow": Method(heat_flow, "disk", "Gu and Yau 2002"),
         "ricci": Method(ricci, "disk", "Springborn et al. 2008"),
+        "pgcp": Method(pgcp, "disk", "Choi, Leung-Liu, Gu and Lui 2020"),
         "harmonic": Method(harmonic, "disk", "Eck et al. 1995"),
         "abf": Method(abf, "free", "Sheffer et al. 2005"),
         "lscm": Method(lscm, "free", "Lévy et al. 2002"),
         "spectral": Method(spectral, "free", "Mullen et al. 2008"),
         "bff": Method(bff, "free", "Sawhney and Crane 2018"),
         "bff_disk": Method(partial(bff, disk=True), "free", "Sawhney and Crane 2018, near a disk"),
+        "sphere": Method(_sphere, "sphere", "Haker et al. 2000, sphere_map"),
+        "flash": Method(flash, "sphere", "Choi, Lam and Lui 2015"),
     }
 )

@@ -99,7 +99,6 @@ def _balanced(surface: FactoredSurface, shares: Floats) -> Floats:
     hyperboloid that w is: it is least where w, in Klein's model of the hyperbolic plane, is
     the centre of mass of the z, weighed by the reciprocals.
     """
-    mesh = surface.mesh
     for _ in range(ROUNDS):
         if not _are_crowded(shares):
             break
@@ -109,7 +108,7 @@ def _balanced(surface: FactoredSurface, shares: Floats) -> Floats:
         w = klein / (1 + np.sqrt(max(1 - abs(klein) ** 2, 0)))
         w *= min(1, FARTHEST / abs(w))
         f = harmonic_extension(surface, f_B)
-        moved = harmonic_shares(surface, int(abs(f[mesh.F].mean(axis=1) - w).argmin()))
+        moved = harmonic_shares(surface, int(abs(f[surface.mesh.F].mean(axis=1) - w).argmin()))
         if not moved.min() > shares.min():
             break
         shares = moved

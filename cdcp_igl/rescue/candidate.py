@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass, field, replace
 from functools import partial
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -14,19 +13,17 @@ from ..arrays import Complex, Floats, Ints, coordinates
 from ..certificate import Certificate, certify
 from ..distortion import disk_map_distortion
 from ..solve.factored import FactoredSurface
-from ..steps.alignment import rotate
 from ..steps.center import Center
 from ..steps.extension import extended_again, harmonic_extension
-from ..steps.mobius import Normalization
+from ..steps.mobius import Normalization, rotate
 from ..steps.options import Options
 from ..steps.phases import Phases
 from ..surface.mesh import DiskMesh
 from .boundary import BoundaryMethod
 from .collapsed_faces import open_collapsed_faces
-from .conformality import LARGEST_DEGREES, NOT_VALID, Conformality, judge
-from .line_search import HALVINGS, THIN
+from .conformality import LARGEST_DEGREES, Conformality, judge
 from .recentering import deep_vertex, recentered
-from .refine import STEPS_DUE, Refinement, lower_angle_distortion
+from .refine import HALVINGS, STEPS_DUE, Refinement, lower_angle_distortion
 from .repair import Repair, repair_locally
 from .straightening import Straightening, is_sheared, straighten
 
@@ -175,12 +172,12 @@ def judged(
     closely: bool = False,
     known: float = 0.0,
 ) -> Candidate:
-    """Certify a map (n,), measure it, and judge it if it is valid; the options as in `judge`."""
-    uv, conformality = coordinates(f), NOT_VALID
+    """Certify a map (n,), measure it, and judge it; the options as in `judge`."""
+    uv = coordinates(f)
     with phase("certificate"):
         certificate, degrees = certify(mesh, uv), disk_map_distortion(mesh, uv)
-        if certificate.valid:
-            conformality = judge(mesh, f, degrees, closely=closely, known=known)
+        valid = certificate.valid
+        conformality = judge(mesh, f, degrees, valid=valid, closely=closely, known=known)
         return Candidate(f, done, certificate, degrees, conformality)
 
 
@@ -194,11 +191,11 @@ def refined(
 ) -> Candidate:
     """Lower the angular distortion beyond that of the harmonic map.
 
-    No step takes a map that is conformal to one that is not. Where rounding flips faces at the end,
-    refine again, and let no face become thinner than `THIN`.
+    No step takes a map that is conformal to one that is not. Where rounding at the end does, or
+    flips faces, the candidate stays.
     """
-    deadline = perf_counter() + options.refine_seconds
-    done, conformal, known = candidate.done, False, 0.0
+    f, done, verdict = candidate.f, candidate.done, candidate.conformality
+    conformal, known = bool(verdict), 0.0 if verdict.sheared else candidate.mean
     closely = done.repair.n_flipped > 0
 
     def no_less_conformal(f: Complex, r: Floats) -> bool:
@@ -212,35 +209,24 @@ def refined(
             known = max(known, mean)
         return conformal or not before
 
-    for thin in (0.0, THIN):
-        conformal = bool(candidate.conformality)
-        known = 0.0 if candidate.conformality.sheared else candidate.mean
-        f, refinement = angles_lowered(
-            mesh,
-            candidate.f,
-            candidate.conformality,
-            order,
-            steps,
-            options,
-            phase,
-            seconds=deadline - perf_counter(),
-            thin=thin,
-            near=not candidate.steps_due,
-            accepted=no_less_conformal,
-        )
-        if refinement.stopped:
-            log.info("refinement: %s", refinement)
-        if refinement.steps == 0:
-            return replace(candidate, done=replace(done, refinement=refinement))
-        with phase("repair"):
-            # Rotated only once, at the end: a rotation rounds all coordinates.
-            f, _ = open_collapsed_faces(mesh, rotate(mesh, f, options.align))
-            f, repair = repair_locally(mesh, f)
-        n_moved = max(done.repair.n_moved, repair.n_moved)
-        lowered = replace(done, refinement=refinement, repair=replace(done.repair, n_moved=n_moved))
-        better = judged(mesh, f, lowered, phase, closely=closely, known=known)
-        if better.rank[:2] <= candidate.rank[:2]:
-            return better
+    f, refinement = angles_lowered(
+        *(mesh, f, verdict, order, steps, options, phase),
+        near=not candidate.steps_due,
+        accepted=no_less_conformal,
+    )
+    if refinement.stopped:
+        log.info("refinement: %s", refinement)
+    if refinement.steps == 0:
+        return replace(candidate, done=replace(done, refinement=refinement))
+    with phase("repair"):
+        # Rotated only once, at the end: a rotation rounds all coordinates.
+        f, _ = open_collapsed_faces(mesh, rotate(mesh, f, options.align))
+        f, repair = repair_locally(mesh, f)
+    n_moved = max(done.repair.n_moved, repair.n_moved)
+    lowered = replace(done, refinement=refinement, repair=replace(done.repair, n_moved=n_moved))
+    better = judged(mesh, f, lowered, phase, closely=closely, known=known)
+    if better.rank[:2] <= candidate.rank[:2]:
+        return better
     stopped = "not conformal" if better.certificate.valid else "no certificate"
     return replace(candidate, done=replace(done, refinement=refinement.undone(stopped)))
 
@@ -259,7 +245,7 @@ def angles_lowered(
     with phase("refine") as advance:
         by_options: dict[str, Any] = {
             "seconds": options.refine_seconds,
-            "halvings": HALVINGS if conformality else PATIENT,
+            "halvings": PATIENT if steps >= MOST_STEPS else HALVINGS,
             "least": options.refine or STEPS_DUE,
             "wanted": conformality.wanted,
             "advance": advance,

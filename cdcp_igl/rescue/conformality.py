@@ -11,7 +11,6 @@ from .. import libigl
 from ..arrays import Complex, Floats, Ints, marked
 from ..distortion import face_dilatation
 from ..surface.mesh import DiskMesh
-from ..surface.triangles import face_areas
 
 NEGLIGIBLE_DEGREES = 1.0  # mean error that no one sees, whatever its cause
 LARGEST_DEGREES = 12.0  # mean error that any use of a conformal map can bear
@@ -102,14 +101,18 @@ def judge(
     f: Complex | Floats,
     degrees: Floats,
     *,
+    valid: bool = True,
     closely: bool = False,
     known: float = 0.0,
 ) -> Conformality:
-    """Judge a valid map f, (n,) or into space (n, 3), with angular distortion `degrees` (m, 3).
+    """Judge a map f, (n,) or into space (n, 3), with angular distortion `degrees` (m, 3).
 
-    `closely` judges all faces, for a map that may be sheared in few places only, rather than a
-    sample of some 4,000. A mean error up to `known`, that of a map without shear, is none.
+    One that is not `valid` is not conformal. `closely` judges all faces, for a map that may be
+    sheared in few places only, rather than a sample of some 4,000. A mean error up to `known`, that
+    of a map without shear, is none.
     """
+    if not valid:
+        return NOT_VALID
     faces = np.arange(len(degrees)) if closely else sampled_faces(len(degrees))
     return judge_by(mesh, f, degrees[faces], faces, float(degrees.mean()), known)
 
@@ -165,7 +168,7 @@ def dilatation(mesh: DiskMesh, f: Complex | Floats, faces: Ints) -> float:
     F = mesh.F[faces]
     log_K = np.log(face_dilatation(mesh.V, F, f))
     known = np.isfinite(log_K)
-    area = face_areas(mesh.V, F[known])
+    area = libigl.double_areas(mesh.V, F[known])
     return float(np.exp(np.average(log_K[known], weights=area))) if known.any() else 1.0
 
 

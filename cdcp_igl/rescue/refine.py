@@ -10,14 +10,15 @@ from time import perf_counter
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from ..arrays import Complex, Floats, Ints, blocks
+from ..arrays import Complex, Floats, Ints
 from ..errors import counted
 from ..solve.cholesky import Cholesky
 from ..solve.laplacian import Laplacian
 from ..solve.solvers import factorize
 from ..surface.mesh import DiskMesh
+from ..surface.triangles import blocks
 from .figures import Disk, Figure
-from .line_search import HALVINGS, search_along
+from .recentering import extents
 
 # A map that is measurably not near the conformal one has so many steps even if none are asked for.
 STEPS_DUE = 2
@@ -38,6 +39,14 @@ DAMPINGS = (0, 1, 10, 100)  # tried in turn
 SMALL_GAIN, STEADY = 0.02, 1.5
 LOWERING = 0.5  # of p from 2 to the norm, with each step that needs no damping
 SHIFT = 1e-10  # of the unit diagonal: keeps rounding from an indefinite matrix
+
+HALVINGS = 6  # of a step, before it is computed again with more damping
+# The corners of a face that a step flips go a shorter part of it; where this part is too long, too,
+# they stay where they are.
+SMALLEST_SCALE = 0.03
+# The corners of faces smaller than this, by their distance from 0, stay at once: rounding flips
+# these faces however short the step is.
+TINY = 1e-14
 
 DISK = Disk()
 
@@ -95,7 +104,6 @@ def lower_angle_distortion(
     *,
     seconds: float = np.inf,
     halvings: int = HALVINGS,
-    thin: float = 0.0,
     least: int | None = None,
     wanted: float = 0.0,
     near: bool = False,
@@ -115,14 +123,13 @@ def lower_angle_distortion(
     `order` are the interior vertices, or all that move if there is no circle on which others slide,
     in a fill-reducing order.
     After so many `seconds` no step is begun. A step is halved up to `halvings` times before it is
-    computed again with more damping; more of them are slower, and help where a map is bad. Faces
-    at least as high as `thin` stay so, see `search_along`. After the `least` number of steps, if
-    it is told, further ones end where there is little to gain, or where it is out of reach that
-    only the share `wanted` of the objective is left, which would make the map conformal. They end
-    before a step to a map that is not `accepted`, with its angle errors (m, 3). Of a map that is
-    `near` the conformal one, the first step is cheap, too. `advance` is called after
-    each step with the share that is done. Returns f itself if no step was an improvement, or
-    if it has flipped faces or overlaps itself.
+    computed again with more damping; more of them are slower, and help where a map is bad. After
+    the `least` number of steps, if it is told, further ones end where there is little to gain, or
+    where it is out of reach that only the share `wanted` of the objective is left, which would make
+    the map conformal. They end before a step to a map that is not `accepted`, with its angle errors
+    (m, 3). Of a map that is `near` the conformal one, the first step is cheap, too. `advance` is
+    called after each step with the share that is done. Returns f itself if no step was an
+    improvement, or if it has flipped faces or overlaps itself.
 
     References
     ----------
@@ -136,7 +143,7 @@ def lower_angle_distortion(
     taken, attempt, p, stopped = 0, 0, 2.0, ""
     moved: Complex | None = None
     gains: list[float] = []
-    if len(order) == 0 or len(figure.flipped(mesh.F, f)) or not figure.holds(mesh, f):
+    if len(order) == 0 or not figure.certificate(mesh, f, figure.flipped(mesh.F, f)).valid:
         return f, Refinement(steps, taken, "no improvement", norm, before, objective)
     laplacian, stale = WeightedLaplacian(mesh, order), True
     while taken < steps and not stopped:
@@ -157,7 +164,7 @@ def lower_angle_distortion(
                 along=moved,
                 figure=figure,
             )
-            found = search_along(mesh, f, step, measure, objective, halvings, thin, figure)
+            found = search_along(mesh, f, step, measure, objective, halvings, figure)
             if found is None:
                 attempt, moved = attempt + 1, None
             elif not accepted(*found[:2]):
@@ -177,6 +184,39 @@ def lower_angle_distortion(
                 alike = objective >= (1 - GOOD_GAIN) * last
             stale = norm < STEADY or not alike
     return f, Refinement(steps, taken, stopped, norm, before, objective)
+
+
+def search_along(
+    mesh: DiskMesh,
+    f: Complex,
+    step: Complex,
+    measure: Callable[[Floats], float],
+    objective: float,
+    halvings: int,
+    figure: Figure,
+) -> tuple[Complex, Floats, float] | None:
+    """Halve a step until the objective falls, and at faces that it flips until it does not.
+
+    The step (n,) is tangential to the `figure`; `measure` takes angle errors (m, 3) to the
+    objective. Returns the map, its angle errors and its objective; None if nothing helps.
+    """
+    scale = np.ones(len(f))
+    for _ in range(halvings):
+        trial = figure.moved(mesh, f, scale * step)
+        flipped = figure.flipped(mesh.F, trial)
+        if len(flipped[0]):
+            faces = mesh.F[flipped[0]]
+            corners = np.unique(faces)
+            scale[corners] = np.where(scale[corners] > SMALLEST_SCALE, scale[corners] / 2, 0)
+            size, distance = extents(f[faces])
+            scale[faces[size < TINY * distance]] = 0
+            continue
+        r = figure.errors(mesh, trial)
+        value = measure(r)
+        if value < objective and figure.certificate(mesh, trial, flipped).valid:
+            return trial, r, value
+        scale /= 2
+    return None
 
 
 def _reason_to_stop(gains: list[float], left: int, wanted: float) -> str:
@@ -234,10 +274,13 @@ def gauss_newton_step(
             *figure.corners(f, mesh.F[part]), r[part].T, p
         )
     s += damping * (r * r).mean() ** (p / 2 - 1)
-    B = _shear(mesh, beta)
+    rows = np.arange(0, 3 * m + 1, 3)  # b = sum beta_v dz_v
+    B = csr_matrix((beta.ravel(), mesh.F.ravel(), rows), (m, len(mesh.V)))
+
+    project = partial(figure.tangential, mesh, f)
 
     def adjoint(b: Complex) -> Complex:
-        return figure.tangential(mesh, f, (B.T @ b.conj()).conj())
+        return project((B.T @ b.conj()).conj())
 
     def normal_matrix(x: Complex) -> Complex:
         b = B @ x
@@ -247,9 +290,8 @@ def gauss_newton_step(
         laplacian.factor(beta, s)
     towards = [laplacian.solve] * iterations + [laplacian.divide] * smoothing
     if along is not None:
-        first = figure.tangential(mesh, f, along.copy())
-        towards.insert(0, lambda residual: first)
-    return _conjugate_gradients(normal_matrix, -adjoint(gradient), towards)
+        towards.insert(0, lambda residual: along.copy())
+    return _conjugate_gradients(normal_matrix, -adjoint(gradient), towards, project)
 
 
 def _linearize(
@@ -265,12 +307,6 @@ def _linearize(
     wg = (r * r + ROUNDING**2) ** (p / 2 - 1) * g
     s = (wg.real * g.real + wg.imag * g.imag).sum(axis=0) / 2
     return beta, s, (wg * g).sum(axis=0) / -2, 1j * (r * wg).sum(axis=0).conj()
-
-
-def _shear(mesh: DiskMesh, beta: Complex) -> csr_matrix:
-    """(m, n) matrix of b = sum beta_v dz_v."""
-    m, n = len(mesh.F), len(mesh.V)
-    return csr_matrix((beta.ravel(), mesh.F.ravel(), np.arange(0, 3 * m + 1, 3)), (m, n))
 
 
 class WeightedLaplacian:
@@ -292,8 +328,9 @@ class WeightedLaplacian:
         """Set the weights: beta is (m, 3), s is (m,) and positive."""
         opposite, corner = np.empty((3, len(s))).T, np.empty(beta.shape)
         for part in blocks(len(s)):
-            opposite[part] = s[part, None] * (_next(beta[part]) * _last(beta[part]).conj()).real
-            corner[part] = s[part, None] * abs(beta[part]) ** 2
+            b, weight = beta[part], s[part, None]
+            opposite[part] = weight * (b[:, [1, 2, 0]] * b[:, [2, 0, 1]].conj()).real
+            corner[part] = weight * abs(b) ** 2
         self._inverse = 1 / np.bincount(self._F.ravel(), corner.ravel(), self._n)
         # A unit diagonal: entries go with 1 / area, which may range over 20 digits.
         scale = np.sqrt(self._inverse)
@@ -321,16 +358,19 @@ class WeightedLaplacian:
 
 
 def _conjugate_gradients(
-    A: Callable[[Complex], Complex], b: Complex, towards: Iterable[Callable[[Complex], Complex]]
+    A: Callable[[Complex], Complex],
+    b: Complex,
+    towards: Iterable[Callable[[Complex], Complex]],
+    project: Callable[[Complex], Complex],
 ) -> Complex:
     """Lower x^T A x / 2 - x^T b from x = 0, inner product Re x^H y (A is real-linear).
 
-    Each of `towards` makes the next direction of the residual.
+    Each of `towards` makes the next direction of the residual, and `project` a possible one of it.
     """
     x, residual = np.zeros_like(b), b
     direction, image, curvature = np.zeros_like(b), np.zeros_like(b), 1.0
     for next_direction in towards:
-        z = next_direction(residual)
+        z = project(next_direction(residual))
         direction = z - _dot(z, image) / curvature * direction
         image = A(direction)
         curvature = _dot(direction, image)
@@ -345,16 +385,6 @@ def _conjugate_gradients(
 def _dot(x: Complex, y: Complex) -> float:
     """Re x^H y, in an order of summation that no number of threads changes, unlike BLAS's."""
     return float(np.einsum("i,i", x.view(float), y.view(float)))
-
-
-def _next(corners: Complex) -> Complex:
-    """(m, 3) values at the next corner of each face."""
-    return corners[:, [1, 2, 0]]
-
-
-def _last(corners: Complex) -> Complex:
-    """(m, 3) values at the last corner before each, the next but one."""
-    return corners[:, [2, 0, 1]]
 
 
 def _power_mean(r: Floats, p: float) -> float:

@@ -77,17 +77,14 @@ class _Star:
             lifted, slope = _lifted(below, soft)
             d_above, d_below = 2 * (c.conj() * p + c * q), 2 * slope * (c.conj() * p - c * q)
             ratio = above / lifted
-            gradient = self._sum((d_above - ratio * d_below) / lifted)
+            g = self._sum((d_above - ratio * d_below) / lifted)  # of the energy
             mixed = 2 * (ratio * d_below - d_above) / lifted**2
             curvature = 4 * abs(c) ** 2 / lifted
             xx = self._sum(curvature + mixed.real * d_below.real).real
             yy = self._sum(curvature + mixed.imag * d_below.imag).real
             xy = self._sum(mixed.real * d_below.imag + mixed.imag * d_below.real).real / 2
-            step = (
-                xy * gradient.imag
-                - yy * gradient.real
-                + 1j * (xy * gradient.real - xx * gradient.imag)
-            ) / (xx * yy - xy**2)
+            step = xy * g.imag - yy * g.real + 1j * (xy * g.real - xx * g.imag)
+            step /= xx * yy - xy**2
         step[~np.isfinite(step)] = 0
 
         energy = self._energy(p, q, soft)

@@ -47,16 +47,11 @@ class Repair:
     n_moved: int = 0
     rounds: int = 0
 
-    @property
-    def is_left_undone(self) -> bool:
-        """Whether there were more flipped faces than should be repaired."""
-        return self.n_flipped > 0 and self.rounds == 0
-
     def __str__(self) -> str:
         if self.n_flipped == 0:
             return "not needed"
         flipped = counted(self.n_flipped, "flipped face", "flipped faces")
-        if self.is_left_undone:
+        if self.rounds == 0:
             return f"{flipped}, too many to be repaired"
         moved = counted(self.n_moved, "vertex", "vertices")
         return f"{flipped}, {moved} moved in {counted(self.rounds, 'round', 'rounds')}"

@@ -459,9 +459,9 @@ class Result(FromFile, ABC):
         """Return the one figure that a representation of one line has."""
         return f"mean distortion {self.distortion.mean:.3g}°"
 
-    @abstractmethod
     def _subject(self) -> str:
         """Say what was mapped, and onto what."""
+        return f"{self._size()[0]:,} vertices"
 
     @abstractmethod
     def _steps(self) -> list[tuple[str, str]]:
@@ -489,9 +489,12 @@ Kind = TypeVar("Kind", bound=Result)
 
 
 def valid_map(result: Kind, onto: str, remedy: str) -> Kind:
-    """Return a map that is valid, and log why it is not conformal; MapError if it is not valid."""
+    """Return a map that is valid, and log why it is not conformal; MapError if it is not valid.
+
+    The `remedy` may name what the map has, as in ``"{0.boundary}"``.
+    """
     if not result.valid:
-        failure = f"The map is not a bijection{onto}: {result.certificate}. {remedy}"
+        failure = f"The map is not a bijection{onto}: {result.certificate}. {remedy.format(result)}"
         raise MapError(failure, result)
     if not result.conformal:
         log.warning("the map is not conformal: %s", "; ".join(result.conformality.reasons))

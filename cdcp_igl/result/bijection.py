@@ -9,13 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Complex, Floats, Ints, as_complex, coordinates
+from ..arrays import Complex, Floats, Ints, as_complex, coordinates, unit_size
 from ..cached import cached_property
 from ..errors import counted
 from ..surface.location import FaceFinder
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import corner_cotangents, degenerate_faces
-from ..surface.validation import unit_size
 from .base import Result, real_values
 from .lattice import disk_lattice, even_ring, with_corners
 

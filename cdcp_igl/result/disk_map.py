@@ -182,9 +182,6 @@ class DiskMap(OntoDisk, DiskBijection):
             )
         return uv
 
-    def _subject(self) -> str:
-        return f"{len(self.uv):,} vertices"
-
     def _surface(self) -> tuple[Floats, Ints]:
         return self.mesh.positions, self.mesh.F
 

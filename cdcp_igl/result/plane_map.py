@@ -38,9 +38,6 @@ class PlaneMap(Result):
         low = self.uv.min(axis=0)
         return low, self.uv.max(axis=0) - low
 
-    def _subject(self) -> str:
-        return f"{len(self.uv):,} vertices"
-
     def _surface(self) -> tuple[Floats, Ints]:
         return self.mesh.positions, self.mesh.F
 

@@ -47,13 +47,17 @@ def require_memory(n: int) -> None:
     """
     if n < SMALLEST_CHECKED:
         return
-    needed = BYTES * n * log2(n)
+    remedy = "Map it in parts (cdcp_igl.partition, cdcp_igl.parts_map), decimate it"
+    require(BYTES * n * log2(n), f"the map of {n:,} vertices", remedy)
+
+
+def require(needed: float, what: str, remedy: str) -> None:
+    """Refuse what takes more bytes than there are: SolverError."""
     available = min(available_memory(), _address_space())
     if needed > available:
         raise SolverError(
-            f"the map of {n:,} vertices takes at least {needed / GIB:.1f} GiB more, and "
-            f"{available / GIB:.1f} GiB are available. Map it in parts (cdcp_igl.partition, "
-            "cdcp_igl.parts_map), decimate it, or take a machine with more memory."
+            f"{what} takes at least {needed / GIB:.1f} GiB more, and {available / GIB:.1f} GiB are "
+            f"available. {remedy}, or take a machine with more memory."
         )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from ..arrays import Complex, Floats, marked
 from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
-from .trace import edge_lengths
+from .trace import boundary_flux, edge_lengths
 
 
 def curvatures(mesh: DiskMesh) -> Floats:
@@ -31,10 +31,12 @@ def edge_means(u_B: Floats) -> Floats:
 
 def angles_of_scale(surface: FactoredSurface, u_B: Floats) -> Floats:
     """(nB,) exterior angles in the plane where the boundary is scaled by exp(u_B) (nB,)."""
-    mesh, curvature = surface.mesh, curvatures(surface.mesh)
-    u = surface.solve(-curvature - surface.coupling @ u_B)
-    u[mesh.loop] = u_B
-    return (curvature + surface.laplacian.times(u))[mesh.loop]
+    sources = -curvatures(surface.mesh)
+    if u_B.any():
+        u = np.zeros(len(sources))
+        u[surface.mesh.loop] = u_B
+        sources -= surface.laplacian.times(u)
+    return boundary_flux(surface, sources)
 
 
 def scale_of_angles(pinned: FactoredSurface, angles: Floats) -> Floats:

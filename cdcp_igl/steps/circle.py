@@ -1,4 +1,4 @@
-"""From the boundary trace to the unit circle, eqs. (1)-(6), and whether the trace can be used."""
+"""From the boundary trace to the unit circle, eqs. (1)-(6): whitened, and if it can be used."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 
 from ..arrays import Complex
 from ..certificate import increments, is_around
-from .whiten import whiten_trace
 from .zipper import geodesic_map
 
 # On nefertiti_299 (34 boundary vertices) subdivision lowers the mean angular distortion
@@ -22,6 +21,8 @@ RESOLVED = 1e-11
 # The trace of a dipole of size 1 is as small as this on surfaces that are closed but for a small
 # hole, or long. Its errors are some 1e-17 whatever its size, and 10 to 100 times larger in the map.
 SMALLEST_TRACE = 1e-10
+
+WHITENINGS = 3
 
 
 class Rejected(Exception):
@@ -74,3 +75,46 @@ def _turns_back(trace: Complex) -> bool:
     half_arcs = np.pi * (length + np.roll(length, -1)) / max(length.sum(), SMALLEST_TRACE)
     turn = np.roll(edge, -1) * edge.conj() * np.exp(1j * half_arcs)
     return bool((turn.real < 0).any())
+
+
+def whiten_trace(z: Complex) -> Complex:
+    """Make the moments of inertia of a closed polygon (N,) equal, and its area pi.
+
+    The trace of a dipole on one face is sum a_k zeta^k + b_k zeta^-k with a dominant
+    b_1, since the face has a shape. Subtracting a multiple of the conjugate removes b_1
+    and leaves a rounder curve, on which the geodesic algorithm loses fewer digits; the
+    exterior map does not change to first order. Not in the paper. A polygon that crosses itself so
+    much that it has no moments of inertia is only moved and scaled; one without area becomes NaN.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return _whitened(z)
+
+
+def _whitened(z: Complex) -> Complex:
+    for _ in range(WHITENINGS):
+        area, centroid = _area_and_centroid(z)
+        z = z - centroid
+        q = _anisotropy(z)
+        if 0 < abs(q) < 1:
+            kappa = (1 - np.sqrt(1 - abs(q) ** 2)) / abs(q)
+            z = z - kappa * q / abs(q) * z.conj()
+    area, centroid = _area_and_centroid(z)
+    return (z - centroid) / np.sqrt(abs(area) / np.pi)
+
+
+def _area_and_centroid(z: Complex) -> tuple[float, complex]:
+    origin = z.mean()  # near the polygon, so that the products below do not cancel
+    z = z - origin
+    after = np.roll(z, -1)
+    cross = (z.conj() * after).imag
+    area = cross.sum() / 2
+    return area, origin + (cross * (z + after)).sum() / (6 * area)
+
+
+def _anisotropy(z: Complex) -> complex:
+    """Integral of z^2 over integral of |z|^2, both over the enclosed area."""
+    after = np.roll(z, -1)
+    cross = (z.conj() * after).imag
+    squares = (cross * (z * z + z * after + after * after)).sum()
+    moduli = (cross * (abs(z) ** 2 + (z.conj() * after).real + abs(after) ** 2)).sum()
+    return squares / moduli

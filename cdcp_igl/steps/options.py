@@ -46,7 +46,7 @@ class Options:
             raise ValueError(f"refine_seconds must be 0 or more, not {self.refine_seconds!r}")
         if self.solver is not None:
             checked(self.solver)
-        if self.paper and (self.center, self.mobius) != ("torsion", "angle"):
+        if self.preset and (self.center, self.mobius) != ("torsion", "angle"):
             raise ValueError('preset="paper" sets center and mobius itself')
         if self.align is not None and not _whole(self.align):
             direction = np.asarray(self.align)
@@ -67,17 +67,12 @@ class Options:
     @property
     def mobius_method(self) -> MobiusMethod | None:
         """What chooses the Möbius transformation."""
-        return "nelder-mead" if self.paper else self.mobius
+        return "nelder-mead" if self.preset == "paper" else self.mobius
 
     @property
     def first_steps(self) -> tuple[CenterMethod | int, str | None]:
         """What the harmonic map of Algorithm 1 depends on, before its normalisation."""
         return self.center, self.preset
-
-    @property
-    def paper(self) -> bool:
-        """Whether to follow the paper to the letter."""
-        return self.preset == "paper"
 
 
 def _whole(value: object) -> bool:

@@ -1,27 +1,21 @@
-"""What a mesh is: a triangulated disk or not, with all its defects, and how to go on.
-
-Every defect is found before libigl is called, which crashes the process on some inputs and
-answers others with NaN.
-"""
+"""What a mesh is: a triangulated disk or not, with all its defects, and how to go on."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Ints, distinct_rows
+from ..arrays import Ints
 from ..defects import DEFECTS, IN_PYTHON, IN_SHELL
 from ..errors import Defect, counted, spell
 from ..io.given import takes_meshes
 from ..io.polygons import in_polygons
 from ..printing import as_html
-from .topology import Topology, duplicate_faces, outer_loop, sewn
-from .triangles import corner_cotangents, degenerate_faces
-from .validation import read, unit_size
+from .topology import outer_loop, sewn
+from .validation import examine
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,95 +255,3 @@ def check(V: ArrayLike, F: ArrayLike, *, polygon_of_face: Ints | None = None) ->
         genus=surface.genus,
         _seams=bool(found.defects) and sewn(found.V, surface.F)[1] > 0,
     )
-
-
-@dataclass(frozen=True, eq=False)
-class Examined:
-    """Arrays in their final form, what was computed from them, and all defects.
-
-    Attributes
-    ----------
-    n_vertices, n_faces : int
-        Rows of V and of F; 0 where the array is unusable.
-    defects : tuple of Defect
-    V : (n, 3) float64
-        Scaled to unit size.
-    surface : Topology or None
-        None if V or F is unusable, or a face has a vertex at two corners.
-    cotangents : (m, 3) float64
-        Of the corner angles; empty if there is no surface or a coordinate is not finite.
-    """
-
-    n_vertices: int = 0
-    n_faces: int = 0
-    defects: tuple[Defect, ...] = ()
-    V: Floats = field(default_factory=lambda: np.empty((0, 3)))
-    surface: Topology | None = None
-    cotangents: Floats = field(default_factory=lambda: np.empty((0, 3)))
-
-
-def examine(V: ArrayLike, F: ArrayLike) -> Examined:
-    """Check everything that section "Raises" of `DiskMesh` promises."""
-    given = read(V, F)
-    found = list(given.defects)
-    names = {defect.name for defect in found}
-    n, m = (0 if array is None else len(array) for array in (given.V, given.F))
-    if given.V is None or given.F is None or "repeated corner" in names:
-        return Examined(n, m, tuple(found))
-
-    positions = unit_size(given.V)
-    surface = Topology(given.F, n)
-    found += _defects_of_edges(surface)
-    if not surface.singular.any():
-        found += _defects_of_a_surface(surface, given.V)
-    if "non-finite coordinate" in names:
-        return Examined(n, m, tuple(found), positions, surface)
-    cotangents = corner_cotangents(positions, given.F)
-    if len(flat := degenerate_faces(cotangents)):
-        found.append(Defect.of("degenerate face", flat))
-    return Examined(n, m, tuple(found), positions, surface, cotangents)
-
-
-def _defects_of_edges(surface: Topology) -> Iterator[Defect]:
-    if not surface.used.all():
-        yield Defect.of("unreferenced vertex", np.flatnonzero(~surface.used))
-    singular = surface.singular
-    # A face and its copy close each other: without a third one at an edge they are all there is.
-    if singular.any() or np.bincount(surface.components[1]).min() == 2:
-        duplicates = duplicate_faces(surface.F)
-        if len(duplicates):
-            yield Defect.of("duplicate face", duplicates)
-    if singular.any():
-        yield Defect.of("non-manifold edge", surface.edges.ends(singular))
-
-
-def _defects_of_a_surface(surface: Topology, V: NDArray[Any]) -> Iterator[Defect]:
-    """Where no edge has three faces; V tells which vertices coincide, and the outer loop."""
-    if surface.misoriented is None:
-        yield Defect.of("not orientable")
-    elif len(surface.misoriented):
-        yield Defect.of("inconsistent orientation", surface.misoriented)
-    n_parts, part = surface.components
-    if n_parts > 1:
-        sizes = np.bincount(part)
-        finite = V[np.isfinite(V).all(axis=1)]
-        coincide = len(distinct_rows(finite)[0]) < len(finite)
-        yield Defect.of(
-            "several components" + (", coinciding" if coincide else ""),
-            np.flatnonzero(part != sizes.argmax()),
-            parts=n_parts,
-            largest=sizes.max(),
-            faces=len(part),
-        )
-    if len(surface.pinched):
-        yield Defect.of("non-manifold vertex", surface.pinched)
-        return
-    if len(surface.border) == 0:
-        yield Defect.of("closed surface" + (", with handles" if surface.genus else ""))
-    if len(surface.loops) > n_parts:
-        outer = outer_loop(V, surface.loops)
-        holes = np.concatenate([loop for loop in surface.loops if loop is not outer])
-        loops = len(surface.loops)
-        yield Defect.of("several boundary loops", holes, loops=loops, outer=len(outer))
-    if surface.genus:
-        yield Defect.of("handle", genus=surface.genus)

@@ -7,14 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Bools, Floats, Ints, marked
+from ..arrays import Bools, Floats, Ints, marked, unit_size
 from ..errors import Defect, MeshError, counted
 from ..io.given import takes_meshes
 from .checking import check
 from .filling import fill_hole
 from .topology import Topology, duplicate_faces, outer_loop, sewn
 from .triangles import corner_cotangents, degenerate_faces
-from .validation import repeated_corners, unit_size, usable_arrays
+from .validation import repeated_corners, usable_arrays
 
 
 class Cleaned(NamedTuple):

@@ -9,13 +9,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Bools, Floats, Ints, marked, places
+from ..arrays import Bools, Floats, Ints, marked, places, size_exponent
 from ..cached import cached_property
 from ..errors import Defect, MeshError, counted
-from .checking import Examined, examine
 from .topology import Edges, group_by_edge, outer_loop, tails
-from .triangles import corner_angles, corner_cotangents, degenerate_faces
-from .validation import checked_vertices, size_exponent
+from .triangles import corner_angles, corner_cotangents, degenerate_faces, vertex_areas
+from .validation import Examined, checked_vertices, examine
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -68,7 +67,6 @@ class DiskMesh:
     loop: Ints
     interior: Ints
     on_boundary: Bools
-    edges: Edges
     cotangents: Floats
     _exponent: int
 
@@ -97,7 +95,7 @@ class DiskMesh:
             cotangents=examined.cotangents,
         )
         object.__setattr__(self, "edges", edges)
-        object.__setattr__(self, "_exponent", size_exponent(np.asarray(V)))
+        object.__setattr__(self, "_exponent", examined.exponent)
 
     @staticmethod
     def _defects(examined: Examined) -> tuple[Defect, ...]:
@@ -126,11 +124,24 @@ class DiskMesh:
         return np.ldexp(lengths, self._exponent)
 
     @cached_property
+    def edges(self) -> Edges:
+        """Its undirected edges, read-only."""
+        n = len(self.V)
+        return group_by_edge(tails(self.F, n), n)
+
+    @cached_property
     def angles(self) -> Floats:
         """(m, 3) corner angles of the surface in radians, column k at corner k; read-only."""
         angles = corner_angles(self.cotangents)
         angles.flags.writeable = False
         return angles
+
+    @cached_property
+    def vertex_areas(self) -> Floats:
+        """(n,) a third of the sum of the areas of the faces at each vertex; read-only."""
+        areas = vertex_areas(self.V, self.F)
+        areas.flags.writeable = False
+        return areas
 
     @cached_property
     def inscribed(self) -> Ints:
@@ -163,7 +174,8 @@ class DiskMesh:
         if len(flat := degenerate_faces(cotangents)):
             raise MeshError(Defect.of("degenerate face", flat))
         mesh = copy(self)
-        mesh.__dict__.pop("angles", None)
+        for of_positions in ("angles", "vertex_areas"):
+            mesh.__dict__.pop(of_positions, None)
         mesh._set(V=positions, cotangents=cotangents)
         object.__setattr__(mesh, "_exponent", size_exponent(np.asarray(V)))
         return mesh
@@ -177,17 +189,24 @@ class DiskMesh:
         F, n = corners.reshape(-1, 3), len(vertices)
         whole = np.bincount(self.F.ravel(), minlength=len(self.V))[vertices]
         rim = (np.bincount(F.ravel(), minlength=n) < whole) | self.on_boundary[vertices]
-        mesh = object.__new__(DiskMesh)
+        return DiskMesh.piece(self.V[vertices], F, np.flatnonzero(rim)), vertices
+
+    @staticmethod
+    def piece(V: Floats, F: Ints, rim: Ints) -> DiskMesh:
+        """Take faces of any topology as a mesh, whose boundary is the `rim`, in any order.
+
+        V (n, 3) are positions in the unit of another mesh.
+        """
+        mesh, on_boundary = object.__new__(DiskMesh), marked(len(V), rim)
         mesh._set(
-            V=self.V[vertices],
+            V=V,
             F=F,
-            loop=np.flatnonzero(rim),
-            interior=np.flatnonzero(~rim),
-            on_boundary=rim,
-            cotangents=self.cotangents[faces],
+            loop=rim,
+            interior=np.flatnonzero(~on_boundary),
+            on_boundary=on_boundary,
+            cotangents=corner_cotangents(V, F),
         )
-        object.__setattr__(mesh, "edges", group_by_edge(tails(F, n), n))
-        return mesh, vertices
+        return mesh
 
     def __repr__(self) -> str:
         return (

@@ -10,9 +10,8 @@ from scipy.sparse import coo_matrix, csr_matrix, get_index_dtype
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from .. import libigl
-from ..arrays import Bools, Floats, Indices, Ints, distinct_rows, marked
+from ..arrays import Bools, Floats, Indices, Ints, distinct_rows, marked, unit_size
 from ..cached import cached_property
-from .validation import unit_size
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,6 +332,8 @@ def outer_loop(V: Floats, loops: list[Ints]) -> Ints:
 
     In the plane it encloses all others, however long and finely resolved those are.
     """
+    if len(loops) == 1:
+        return loops[0]
     positions = unit_size(V)
     return max(loops, key=lambda loop: float(np.linalg.norm(np.ptp(positions[loop], axis=0))))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .. import libigl
-from ..arrays import Complex, Floats, Ints, as_complex, blocks
+from ..arrays import Complex, Floats, Ints, as_complex
 
 EPS = np.finfo(float).eps / 2
 # Shewchuk's bound: beyond it, the rounded determinant of an orientation has the sign of the
@@ -16,6 +16,13 @@ ORIENTATION_BOUND = (3 + 16 * EPS) * EPS
 # that metres and microns are judged alike. The worst faces of real scans are near 1e-5;
 # cotangents above 1e10 would leave the other faces at a vertex too few digits.
 DEGENERATE = 1e-10
+
+BLOCK = 1 << 14  # faces
+
+
+def blocks(m: int) -> list[slice]:
+    """Split m faces into blocks whose arrays stay in the cache."""
+    return [slice(start, start + BLOCK) for start in range(0, m, BLOCK)]
 
 
 def face_areas(V: Floats, F: Ints) -> Floats:

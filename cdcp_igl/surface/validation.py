@@ -1,17 +1,23 @@
-"""The reader of V and F: numeric, of the right shape, finite, all indices in range.
+"""The reader of V and F, and every defect of theirs.
 
-`read` tells all that is wrong, `usable_arrays` and `checked_surface` raise it.
+`read` tells what is wrong with the arrays, `usable_arrays` and `checked_surface` raise it;
+`examine` finds what keeps them from being a disk, before libigl is called, which crashes the
+process on some inputs and answers others with NaN.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, distinct_rows, size_exponent, unit_size
 from ..errors import Defect, MeshError
+from .topology import Topology, duplicate_faces, outer_loop
+from .triangles import corner_cotangents, degenerate_faces
 
 
 class Given(NamedTuple):
@@ -73,20 +79,99 @@ def repeated_corners(F: Ints) -> Ints:
     return np.flatnonzero((i == j) | (j == k) | (k == i))
 
 
-def unit_size(given: NDArray[Any]) -> Floats:
-    """(n, 3) float64 copy of positions; the largest coordinate is from 1/2 to 1.
+@dataclass(frozen=True, eq=False)
+class Examined:
+    """Arrays in their final form, what was computed from them, and all defects.
 
-    Coordinates that are not finite are 0.
+    Attributes
+    ----------
+    n_vertices, n_faces : int
+        Rows of V and of F; 0 where the array is unusable.
+    defects : tuple of Defect
+    V : (n, 3) float64
+        Scaled to unit size.
+    exponent : int
+        Of the power of two by which they were divided.
+    surface : Topology or None
+        None if V or F is unusable, or a face has a vertex at two corners.
+    cotangents : (m, 3) float64
+        Of the corner angles; empty if there is no surface or a coordinate is not finite.
     """
-    positions = np.zeros((len(given), 3))
-    np.copyto(positions[:, : given.shape[1]], given, where=np.isfinite(given))
-    # By a power of two, which is exact: products of lengths stay in range in any unit.
-    return np.ldexp(positions, -size_exponent(positions), out=positions)
+
+    n_vertices: int = 0
+    n_faces: int = 0
+    defects: tuple[Defect, ...] = ()
+    V: Floats = field(default_factory=lambda: np.empty((0, 3)))
+    exponent: int = 0
+    surface: Topology | None = None
+    cotangents: Floats = field(default_factory=lambda: np.empty((0, 3)))
 
 
-def size_exponent(given: NDArray[Any]) -> int:
-    """Find the power of two by which `unit_size` divides."""
-    return int(np.frexp(max(float(given.max()), -float(given.min())))[1])
+def examine(V: ArrayLike, F: ArrayLike) -> Examined:
+    """Check everything that section "Raises" of `DiskMesh` promises."""
+    given = read(V, F)
+    found = list(given.defects)
+    names = {defect.name for defect in found}
+    n, m = (0 if array is None else len(array) for array in (given.V, given.F))
+    if given.V is None or given.F is None or "repeated corner" in names:
+        return Examined(n, m, tuple(found))
+
+    positions, exponent = unit_size(given.V), size_exponent(given.V)
+    surface = Topology(given.F, n)
+    found += _defects_of_edges(surface)
+    if not surface.singular.any():
+        found += _defects_of_a_surface(surface, given.V)
+    if "non-finite coordinate" in names:
+        return Examined(n, m, tuple(found), positions, exponent, surface)
+    cotangents = corner_cotangents(positions, given.F)
+    if len(flat := degenerate_faces(cotangents)):
+        found.append(Defect.of("degenerate face", flat))
+    return Examined(n, m, tuple(found), positions, exponent, surface, cotangents)
+
+
+def _defects_of_edges(surface: Topology) -> Iterator[Defect]:
+    if not surface.used.all():
+        yield Defect.of("unreferenced vertex", np.flatnonzero(~surface.used))
+    singular = surface.singular
+    # A face and its copy close each other: without a third one at an edge they are all there is.
+    if singular.any() or np.bincount(surface.components[1]).min() == 2:
+        duplicates = duplicate_faces(surface.F)
+        if len(duplicates):
+            yield Defect.of("duplicate face", duplicates)
+    if singular.any():
+        yield Defect.of("non-manifold edge", surface.edges.ends(singular))
+
+
+def _defects_of_a_surface(surface: Topology, V: NDArray[Any]) -> Iterator[Defect]:
+    """Where no edge has three faces; V tells which vertices coincide, and the outer loop."""
+    if surface.misoriented is None:
+        yield Defect.of("not orientable")
+    elif len(surface.misoriented):
+        yield Defect.of("inconsistent orientation", surface.misoriented)
+    n_parts, part = surface.components
+    if n_parts > 1:
+        sizes = np.bincount(part)
+        finite = V[np.isfinite(V).all(axis=1)]
+        coincide = len(distinct_rows(finite)[0]) < len(finite)
+        yield Defect.of(
+            "several components" + (", coinciding" if coincide else ""),
+            np.flatnonzero(part != sizes.argmax()),
+            parts=n_parts,
+            largest=sizes.max(),
+            faces=len(part),
+        )
+    if len(surface.pinched):
+        yield Defect.of("non-manifold vertex", surface.pinched)
+        return
+    if len(surface.border) == 0:
+        yield Defect.of("closed surface" + (", with handles" if surface.genus else ""))
+    if len(surface.loops) > n_parts:
+        outer = outer_loop(V, surface.loops)
+        holes = np.concatenate([loop for loop in surface.loops if loop is not outer])
+        loops = len(surface.loops)
+        yield Defect.of("several boundary loops", holes, loops=loops, outer=len(outer))
+    if surface.genus:
+        yield Defect.of("handle", genus=surface.genus)
 
 
 def _are_swapped(V: ArrayLike, F: ArrayLike) -> bool:

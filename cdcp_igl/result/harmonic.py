@@ -1,0 +1,82 @@
+"""Maps that are harmonic, then repaired, and then refined, whatever they are onto."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import Any, TypeVar
+
+from ..arrays import Complex, Ints
+from ..rescue.candidate import angles_lowered, steps_due
+from ..rescue.figures import Figure
+from ..rescue.refine import Refinement
+from ..rescue.repair import Repair
+from ..steps.options import Options
+from ..steps.phases import Phases
+from ..surface.mesh import DiskMesh
+from .base import Result
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class RefinedMap(Result):
+    """A harmonic map, with what was done about flipped faces, and about the distortion."""
+
+    mesh: DiskMesh
+    repair: Repair
+    refinement: Refinement | None
+    solver: str
+
+    def _subject(self) -> str:
+        return f"{self._size()[0]:,} vertices"
+
+    def _steps(self) -> list[tuple[str, str]]:
+        return [
+            ("repair", str(self.repair)),
+            ("refinement", str(self.refinement or "not asked for")),
+            ("solver", self.solver),
+        ]
+
+    def _details(self) -> dict[str, Any]:
+        return {
+            "repair": asdict(self.repair),
+            "refinement": self.refinement and asdict(self.refinement),
+            "solver": self.solver,
+        }
+
+
+Kind = TypeVar("Kind", bound=RefinedMap)
+
+
+def steps_of(plain: RefinedMap, options: Options) -> int:
+    """Count the steps of refinement of a map: as many as are asked for, or are due."""
+    if not plain.valid or options.refine == 0:
+        return 0
+    due = steps_due(plain.conformality, plain.repair.n_moved / len(plain.mesh.V))
+    return max(options.refine or 0, due)
+
+
+def refined(
+    plain: Kind,
+    f: Complex,
+    figure: Figure,
+    order: Ints,
+    steps: int,
+    finished: Callable[[Complex], Kind],
+    options: Options,
+    phase: Phases,
+) -> Kind:
+    """Lower the angular distortion of a valid map by so many steps.
+
+    It is f (n,) in the coordinate of its `figure`; `finished` repairs and certifies such a map. If
+    that is not valid, the plain one is returned. For `order` see `lower_angle_distortion`.
+    """
+    f, refinement = angles_lowered(
+        plain.mesh, f, plain.conformality, order, steps, options, phase, figure=figure
+    )
+    if refinement.steps == 0:
+        return replace(plain, refinement=refinement)
+    lowered = finished(f)
+    if not lowered.valid:
+        return replace(plain, refinement=refinement.undone("no certificate"))
+    n_moved = max(plain.repair.n_moved, lowered.repair.n_moved)
+    return replace(lowered, refinement=refinement, repair=replace(plain.repair, n_moved=n_moved))
