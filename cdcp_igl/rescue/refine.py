@@ -288,7 +288,8 @@ def gauss_newton_step(
 
     if anew:
         laplacian.factor(beta, s)
-    towards = [laplacian.solve] * iterations + [laplacian.divide] * smoothing
+    towards: list[Callable[[Complex], Complex]] = [laplacian.solve] * iterations
+    towards += [laplacian.divide] * smoothing
     if along is not None:
         towards.insert(0, lambda residual: along.copy())
     return _conjugate_gradients(normal_matrix, -adjoint(gradient), towards, project)
