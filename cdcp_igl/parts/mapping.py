@@ -285,7 +285,7 @@ class _Mapping:
             "the seams take up to %s MiB on disk and %s MiB of memory, a part some %s MiB",
             *(f"{x:,.0f}" for x in (written / 2**20, most, self.engine.memory)),
         )
-        left = shutil.disk_usage(self.folder.work).free
+        self.written, left = written, shutil.disk_usage(self.folder.work).free
         if written > left and not self.folder.has(named(steps.merge, 1)):
             reason = f"{written / 2**30:,.1f} GiB are needed and {left / 2**30:,.1f} GiB are free"
             raise OSError(errno.ENOSPC, reason, str(self.folder.work))
@@ -495,6 +495,7 @@ class _Mapping:
         if inscribed[:, 0].any() and free[:, 0].any():
             of_free = _distortion(free)
         n_lost, area, whole = map(sum, zip(*lost, strict=True))
+        others = set(self.folder.work.glob("*.npz")) - set(self.folder.work.glob("merge-*.npz"))
         conformality = NOT_VALID
         if certificate.valid:
             near = self.gathered(self.names)
@@ -508,7 +509,7 @@ class _Mapping:
             distortion=distortion,
             distortion_of_free_faces=of_free,
             lost=(int(n_lost), float(area / whole)),
-            moved_bytes=sum(file.stat().st_size for file in self.folder.work.glob("*.npz")),
+            moved_bytes=self.written + sum(file.stat().st_size for file in others),
             boundary=BoundaryMethod("geodesic"),
             timings=self.phase.seconds,
             **done,
