@@ -18,7 +18,7 @@ from .errors import counted
 from .io.given import takes_meshes
 from .plot.layout import Layout
 from .rescue.conformality import judge
-from .rescue.figures import Ring
+from .rescue.figures import Figure, Flipped
 from .rescue.repair import repair_locally
 from .result.base import valid_map
 from .result.bijection import Bijection
@@ -32,6 +32,7 @@ from .surface.filling import fill_hole
 from .surface.location import FaceFinder
 from .surface.mesh import AnnulusMesh, DiskMesh
 from .surface.topology import Topology, group_by_edge, tails
+from .surface.triangles import flipped_faces
 from .surface.validation import checked_surface
 
 LEAST_SHARE = 1e-9  # of a turn, for each edge of a loop
@@ -356,3 +357,41 @@ def _branch_cut(mesh: DiskMesh) -> tuple[list[int], Floats]:
     side = edges.sides[edges.start]
     jump = np.where(tail[side] == edges.low, turns[side], -turns[side])
     return [int(head[first]), int(tail[last])], jump
+
+
+class Ring(Figure):
+    """A ring around 0, by the logarithm of the map: its circles are the edges of a strip.
+
+    Boundary vertices slide on both, and the inner one is as large as refinement makes it. Where the
+    strip is cut open does not matter.
+    """
+
+    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Certificate:
+        """Verify a map f (n,) whose `flipped` faces are known."""
+        return certify_ring(mesh, np.exp(f), flipped)
+
+    def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
+        """(m, 3) signed angle errors in radians."""
+        return angle_errors(mesh, np.exp(f))
+
+    def flipped(self, F: Ints, f: Complex) -> Flipped:
+        """Faces that are not positively oriented, exactly, and how many were in doubt."""
+        return flipped_faces(np.exp(f), F)
+
+    def moved(self, mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
+        """Move a map by a displacement (n,), if all of the inner circle moves by the same."""
+        moved, inner = f + step, mesh.loops[1]
+        moved.real[inner] = moved.real[inner].mean()
+        return moved
+
+    def tangential(self, mesh: DiskMesh, f: Complex, x: Complex) -> Complex:
+        """Project displacements x (n,), in place, to those that are possible."""
+        outer, inner = mesh.loops
+        x.real[outer], x.real[inner] = 0, x.real[inner].mean()
+        return x
+
+    def corners(self, f: Complex, F: Ints) -> tuple[Complex, Complex | float]:
+        """Corners (3, k) of faces in planes of their own size; these turn dz into them, too."""
+        log = f[F.T]
+        corner = np.exp(log - log.real.max(axis=0))
+        return corner, corner

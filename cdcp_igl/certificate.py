@@ -28,7 +28,17 @@ KEYS = {"flipped": "flipped_faces", "meeting": "meeting_edges", "n_exact": "face
 
 
 class Verified(ABC):
-    """What all certificates have: the faces of a map, judged on its coordinates."""
+    """What all certificates have: printing one says what was found, in a line.
+
+    Attributes
+    ----------
+    finite : bool
+        All coordinates are finite.
+    flipped : (k,) ndarray of int64
+        Faces that are not positively oriented, collapsed ones included.
+    n_exact : int
+        Faces whose sign was in doubt and decided in exact arithmetic.
+    """
 
     finite: bool
     flipped: Ints
@@ -43,6 +53,11 @@ class Verified(ABC):
             return "not finite"
         flipped = counted(len(self.flipped), "flipped face", "flipped faces")
         return f"{flipped} ({self.n_exact:,} decided exactly), {self._said()}"
+
+    @property
+    @abstractmethod
+    def valid(self) -> bool:
+        """True for a bijection."""
 
     @abstractmethod
     def _said(self) -> str:

@@ -224,4 +224,4 @@ def test_a_tier_has_results_and_rows_of_its_own(tmp_path, monkeypatch):
     records = read_results(tmp_path / "here-quick.json")[1]
     assert rows.loc["cdcp", "mean"] == records[0].case.mean
     assert "## Which method for what" not in (tmp_path / "here-quick.md").read_text()
-    assert "without --models" in refused("tables", "--tier", "quick", "--quick")
+    assert "without --models" in refused("tables", "--tier", "quick", "--models", "maze")

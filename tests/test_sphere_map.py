@@ -12,7 +12,7 @@ from surfaces import skin, sphere, torus
 import cdcp_igl
 from cdcp_igl.certificate import certify_sphere
 from cdcp_igl.reference import flash
-from cdcp_igl.rescue.figures import Sphere
+from cdcp_igl.sphere import Sphere
 from cdcp_igl.surface.mesh import SphereMesh
 
 # Mean angular distortion in degrees, rounded up; the belt has needles that cross the sphere.
