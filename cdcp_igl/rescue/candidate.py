@@ -211,7 +211,9 @@ def refined(
         return conformal or not before
 
     f, refinement = angles_lowered(
-        mesh, f, verdict, order, steps, options, phase, accepted=no_less_conformal
+        *(mesh, f, verdict, order, steps, options, phase),
+        near=not candidate.steps_due,
+        accepted=no_less_conformal,
     )
     if refinement.stopped:
         log.info("refinement: %s", refinement)
