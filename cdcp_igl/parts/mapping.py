@@ -30,7 +30,7 @@ from ..rescue.straightening import FEW_FACES, is_sheared
 from ..selection import MANY_FLIPPED
 from ..solve.solvers import SolverName, solver, using
 from ..solve.threads import one_thread
-from ..steps.center import Center, first_well_shaped
+from ..steps.center import CANDIDATES, Center, first_well_shaped
 from ..steps.circle import Rejected, onto_circle
 from ..steps.least_distortion import AngleErrors, faces_to_judge_by, least_angle_distortion
 from ..steps.mobius import (
@@ -285,7 +285,7 @@ class _Mapping:
             "the seams take up to %s MiB on disk and %s MiB of memory, a part some %s MiB",
             *(f"{x:,.0f}" for x in (written / 2**20, most, self.engine.memory)),
         )
-        left = shutil.disk_usage(self.folder.work).free
+        self.written, left = written, shutil.disk_usage(self.folder.work).free
         if written > left and not self.folder.has(named(steps.merge, 1)):
             reason = f"{written / 2**30:,.1f} GiB are needed and {left / 2**30:,.1f} GiB are free"
             raise OSError(errno.ENOSPC, reason, str(self.folder.work))
@@ -318,7 +318,7 @@ class _Mapping:
         """Find the central face, (13)-(15), in the few parts that may have it.
 
         In a part, the torsion function is at most what it is with 0 on the seams, and the most that
-        it is there. Nothing is looked for in parts whose bound is below what is found.
+        it is there. Nothing is looked for in parts whose bound is below all candidates.
         """
         if not isinstance(self.options.center, str):
             return Center("given", int(self.options.center))
@@ -327,12 +327,13 @@ class _Mapping:
         np.add.at(u, np.concatenate(rows), np.concatenate(condensed))
         self.folder.write("torsion", seams=self.solve(u), boundary=np.zeros(self.n_border))
         bound = most + 3 * np.array([u[some].max(initial=0) for some in rows])
-        found, best = list[str](), -np.inf
+        found, central = list[str](), np.empty(0)
         for k in np.argsort(-bound, kind="stable").tolist():
-            if bound[k] < best:
+            if len(central) >= CANDIDATES and bound[k] < central[-CANDIDATES]:
                 break
             found += self.engine.run(steps.central, of=[self.parts[k]])
-            best = max(best, self.folder.read(found[-1], "central")["central"].max())
+            more = self.folder.read(found[-1], "central")["central"]
+            central = np.sort(np.concatenate([central, more]))
         return self.most_central(found)
 
     def most_central(self, names: list[str]) -> Center:
@@ -495,6 +496,7 @@ class _Mapping:
         if inscribed[:, 0].any() and free[:, 0].any():
             of_free = _distortion(free)
         n_lost, area, whole = map(sum, zip(*lost, strict=True))
+        others = set(self.folder.work.glob("*.npz")) - set(self.folder.work.glob("merge-*.npz"))
         conformality = NOT_VALID
         if certificate.valid:
             near = self.gathered(self.names)
@@ -508,7 +510,7 @@ class _Mapping:
             distortion=distortion,
             distortion_of_free_faces=of_free,
             lost=(int(n_lost), float(area / whole)),
-            moved_bytes=sum(file.stat().st_size for file in self.folder.work.glob("*.npz")),
+            moved_bytes=self.written + sum(file.stat().st_size for file in others),
             boundary=BoundaryMethod("geodesic"),
             timings=self.phase.seconds,
             **done,
