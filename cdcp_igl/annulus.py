@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,7 @@ from .io.given import takes_meshes
 from .plot.layout import Layout
 from .rescue.conformality import judge
 from .rescue.figures import Figure, Flipped
-from .rescue.repair import repair_locally
+from .rescue.repair import repaired
 from .result.base import valid_map
 from .result.bijection import Bijection
 from .result.harmonic import RefinedMap, refined, steps_of
@@ -27,7 +29,7 @@ from .solve.factored import FactoredSurface
 from .solve.solvers import SolverName, using
 from .steps.options import Options
 from .steps.phases import Phases, Progress
-from .steps.trace import shared_by_edges
+from .steps.trace import edge_lengths, shared_by_edges
 from .surface.filling import fill_hole
 from .surface.location import FaceFinder
 from .surface.mesh import AnnulusMesh, DiskMesh
@@ -36,6 +38,7 @@ from .surface.triangles import flipped_faces
 from .surface.validation import checked_surface
 
 LEAST_SHARE = 1e-9  # of a turn, for each edge of a loop
+WIDER = (1, 2, 4, 8)  # times the modulus, in turn, where straight edges cross the inner circle
 REMEDY = (
     "Parts of it may be too small for double precision: cut the surface, or fill a hole "
     "(cdcp_igl.surface_map)"
@@ -63,6 +66,10 @@ class AnnulusMap(RefinedMap, Bijection):
     radius : float
         Of the inner circle. Its logarithm is near -2 pi times the modulus: such that all that flows
         through the one flows around the other, or as refinement has left it.
+    boundary : str
+        ``"flux"``: angles on the loops are what flows through them. Where that leaves flipped
+        faces, ``"arc length"``, or a ring with a smaller inner circle than it should have, as
+        ``"flux, 2 times as wide"``: not conformal, but by refinement.
     filled : int
         Boundary loops beyond two that were filled; those faces are not in the results.
     certificate : Certificate
@@ -87,6 +94,7 @@ class AnnulusMap(RefinedMap, Bijection):
     modulus: float
     modulus_bounds: tuple[float, float]
     radius: float
+    boundary: str
     filled: int
     certificate: Certificate
     _whole: Floats  # with the images of vertices that fill holes
@@ -107,6 +115,7 @@ class AnnulusMap(RefinedMap, Bijection):
         return [
             ("modulus", f"{self.modulus:.8g}, from {low:.8g} to {high:.8g}"),
             ("inner radius", f"{self.radius:.6g}"),
+            ("boundary", self.boundary),
             *(filled if self.filled else []),
             *super()._steps(),
         ]
@@ -116,6 +125,7 @@ class AnnulusMap(RefinedMap, Bijection):
             "modulus": self.modulus,
             "modulus_bounds": list(self.modulus_bounds),
             "radius": self.radius,
+            "boundary": self.boundary,
             "filled": self.filled,
             **super()._details(),
         }
@@ -232,9 +242,10 @@ def annulus_map(
         with phase("trace"):
             strip, bounds = ring_map(surface)
 
-        def finished(strip: Complex) -> AnnulusMap:
+        def finished(strip: Complex, boundary: str) -> AnnulusMap:
             with phase("repair"):
-                f, repair = repair_locally(mesh, np.exp(strip - 1j * strip.imag[mesh.loops[0][0]]))
+                f = np.exp(strip - 1j * strip.imag[mesh.loops[0][0]])
+                f, repair = repaired(mesh, f, on_disk=False)
             with phase("certificate"):
                 certificate = certify_ring(mesh, f)
                 degrees = np.degrees(abs(angle_errors(mesh, f)))
@@ -246,6 +257,7 @@ def annulus_map(
                 modulus=float(np.sqrt(bounds[0] * bounds[1])),
                 modulus_bounds=bounds,
                 radius=float(abs(f[mesh.loops[1]]).mean()),
+                boundary=boundary,
                 filled=filled,
                 certificate=certificate,
                 distortion=AngleDistortion.of(degrees[:m]),
@@ -258,10 +270,13 @@ def annulus_map(
                 _n_faces=m,
             )
 
-        best = finished(strip)
+        for boundary, trial in _strips(surface, strip):
+            best = finished(trial, boundary)
+            if best.valid:
+                break
         if steps := steps_of(best, options):
-            f, order = np.log(as_complex(best._images)), surface.order
-            best = refined(best, f, Ring(), order, steps, finished, options, phase)
+            f, made = np.log(as_complex(best._images)), partial(finished, boundary=boundary)
+            best = refined(best, f, Ring(), surface.order, steps, made, options, phase)
     best = valid_map(best, " onto the ring", REMEDY)
     phase.done()
     return best
@@ -285,8 +300,25 @@ def _filled(V: ArrayLike, F: ArrayLike) -> tuple[AnnulusMesh, tuple[int, int], i
     return AnnulusMesh(corners, np.vstack(filling)), size, len(filling) - 1
 
 
-def ring_map(surface: FactoredSurface) -> tuple[Complex, tuple[float, float]]:
+def _strips(surface: FactoredSurface, strip: Complex) -> Iterator[tuple[str, Complex]]:
+    """Yield a map to a strip (n,), and others that may be valid where it is not, with their names.
+
+    No edge of a ring turns by pi or more around 0, and none crosses the inner circle.
+    """
+    for name in ("flux", "arc length"):
+        if name == "arc length":
+            strip, _ = ring_map(surface, by_length=True)
+        for wider in WIDER:
+            changed = f", {wider} times as wide" if wider > 1 else ""
+            yield name + changed, wider * strip.real + 1j * strip.imag
+
+
+def ring_map(
+    surface: FactoredSurface, *, by_length: bool = False
+) -> tuple[Complex, tuple[float, float]]:
     """Map an annulus to a strip (n,), the logarithm of a ring around 0; bounds of its modulus.
+
+    The angles on the loops are what flows through them, or, which is not conformal, their lengths.
 
     As much flows through the real part as around it, 2 pi, so that far from the loops there is no
     shear. The mean of the bounds of the modulus would lay a loop's errors on the whole surface.
@@ -297,7 +329,7 @@ def ring_map(surface: FactoredSurface) -> tuple[Complex, tuple[float, float]]:
     flux = L.matrix() @ u
     energy = float(u @ flux)
     starts, jump = _branch_cut(mesh)
-    angle, forwards = _loop_angles(mesh, starts, flux)
+    angle, forwards = _loop_angles(mesh, starts, None if by_length else flux)
     if not forwards:  # through edges of obtuse faces
         D = surface.delaunay.laplacian.matrix()
         flux = D @ (one - surface.delaunay.solve(D @ one))
@@ -313,15 +345,16 @@ def ring_map(surface: FactoredSurface) -> tuple[Complex, tuple[float, float]]:
     return -2 * np.pi / energy * u + 1j * angle, bounds
 
 
-def _loop_angles(mesh: DiskMesh, starts: list[int], flux: Floats) -> tuple[Floats, bool]:
-    """Angles (n,) along both loops, by the flux (n,) through their edges; whether all go forward.
+def _loop_angles(mesh: DiskMesh, starts: list[int], flux: Floats | None) -> tuple[Floats, bool]:
+    """Angles (n,) along both loops; whether all go forward. The inner loop runs clockwise.
 
-    The inner loop runs clockwise.
+    They are by the flux (n,) through their edges, or by the lengths of these.
     """
     angle, forwards = np.zeros(len(mesh.V)), True
     for loop, first, turn in zip(mesh.loops, starts, (2 * np.pi, -2 * np.pi), strict=True):
-        shares = shared_by_edges(mesh, loop, flux[loop])
-        shares /= shares.sum()
+        lengths = edge_lengths(mesh, loop)
+        shares = lengths if flux is None else shared_by_edges(mesh, loop, flux[loop])
+        shares = shares / shares.sum()
         forwards &= bool((shares > 0).all())
         start = -int(np.flatnonzero(loop == first)[0])
         shares = np.roll(np.maximum(shares, LEAST_SHARE), start)
