@@ -128,14 +128,13 @@ def _harmonic_maps(
 def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> Candidate:
     """Apply the Möbius transformation, unless the map is better without it; repair, and judge.
 
-    A transformed map that was repaired, or that has moved a small part of the surface away from 0,
-    is held against the map without the transformation.
+    A transformed map that repair was tried on, which may be in vain, or that has moved a small part
+    of the surface away from 0, is held against the map without the transformation.
     """
     repairing = partial(repair_locally, most=MANY_FLIPPED * len(harmonic.surface.mesh.F))
     method = options.mobius_method
     candidate = _finished(harmonic, method, options, phase, repairing)
-    was_repaired = candidate.certificate.valid and candidate.done.repair.rounds > 0
-    if method is None or not (harmonic.w or was_repaired):
+    if method is None or not (harmonic.w or candidate.done.repair.rounds):
         return candidate
     plain = _finished(harmonic, None, options, phase, repairing)
     price = PRICE_OF_AREA if method == "area" else 1
