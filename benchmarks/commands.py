@@ -121,7 +121,7 @@ def speed(session: Session, repeats: Repeats = 5) -> None:
         moving = session.wanted_models(MOVING_MODELS)
         method = {MOVING_METHOD: METHODS[MOVING_METHOD]}
         records += session.run("speed", moving, method, table, runs)
-        grown = subdivided(QUICK_ROUNDS if session.quick else ROUNDS)
+        grown = subdivided(QUICK_ROUNDS if session.tier == "quick" else ROUNDS)
         both = {name: METHODS[name] for name in GROWTH_METHODS}
         session.write("growth", session.run("growth", grown, both, table, lambda *_: 1))
     records += session.run("speed", models, wanted, table, runs)
@@ -152,7 +152,7 @@ def ablation(
         records = session.run("ablation", models, steps, variants.TABLE, lambda *_: 1)
         _finish(session, "ablation", records)
     if rescues:
-        chosen = session.models or session.quick
+        chosen = session.models or session.tier
         models = session.wanted_models() if chosen else disks(_known(families), count, most)
         records = session.run("rescue", models, rescues, mechanisms.TABLE, lambda *_: 1)
         _finish(session, "rescue", records)

@@ -34,7 +34,6 @@ from .write.report import as_markdown
 Models = Annotated[
     str, typer.Option(metavar="NAME,...", help="Names, paths, or patterns of either.")
 ]
-Quick = Annotated[bool, typer.Option("--quick", help="Three small models.")]
 Machine = Annotated[str, typer.Option(metavar="NAME", help="Name of the results' files.")]
 Out = Annotated[
     Path | None, typer.Option(metavar="FOLDER", help="For the results; else the work folder.")
@@ -56,7 +55,6 @@ class Session:
     tier: Annotated[
         str, typer.Option(metavar="|".join(TIERS), help="Of CDCP-bench: 8, 60 or 300 surfaces.")
     ] = ""
-    quick: Quick = False
     machine: Machine = MACHINE
     out: Out = None
     work: WorkFolder = None
@@ -80,8 +78,8 @@ class Session:
             self.part = read_shard(self.shard) if self.shard else None
         except ValueError as error:
             raise typer.BadParameter(str(error), param_hint="--shard") from error
-        if self.tier and (self.tier not in TIERS or self.models or self.quick):
-            text = f"one of {', '.join(TIERS)}, without --models and --quick"
+        if self.tier and (self.tier not in TIERS or self.models):
+            text = f"one of {', '.join(TIERS)}, without --models"
             raise typer.BadParameter(text, param_hint="--tier")
 
     @property
@@ -91,7 +89,7 @@ class Session:
         return (self.out or self.kept.folder) / f"{name}.json"
 
     def wanted_models(self, default: Sequence[str] = ()) -> list[Model]:
-        """Find those wanted, a tier, the default, or all; of a quick run, three small ones."""
+        """Find those wanted, a tier, the default, or all."""
         if self.tier:
             return surfaces.tier(self.tier)
         if self.models:
@@ -99,8 +97,6 @@ class Session:
                 return surfaces.find(_split(self.models))
             except ValueError as error:
                 raise typer.BadParameter(str(error), param_hint="--models") from error
-        if self.quick:
-            return surfaces.quick()
         return surfaces.by_name(default) if default else surfaces.find()
 
     def wanted_methods(self, table: Methods, default: Iterable[str]) -> dict[str, Candidate]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,8 +20,8 @@ from .errors import counted
 from .io.given import takes_meshes
 from .plot.layout import Layout
 from .rescue.conformality import judge
-from .rescue.figures import Ring
-from .rescue.repair import repair_locally
+from .rescue.figures import Figure, Flipped
+from .rescue.repair import repaired
 from .result.base import valid_map
 from .result.bijection import Bijection
 from .result.harmonic import RefinedMap, refined, steps_of
@@ -27,14 +29,16 @@ from .solve.factored import FactoredSurface
 from .solve.solvers import SolverName, using
 from .steps.options import Options
 from .steps.phases import Phases, Progress
-from .steps.trace import shared_by_edges
+from .steps.trace import edge_lengths, shared_by_edges
 from .surface.filling import fill_hole
 from .surface.location import FaceFinder
 from .surface.mesh import AnnulusMesh, DiskMesh
 from .surface.topology import Topology, group_by_edge, tails
+from .surface.triangles import flipped_faces
 from .surface.validation import checked_surface
 
 LEAST_SHARE = 1e-9  # of a turn, for each edge of a loop
+WIDER = (1, 2, 4, 8)  # times the modulus, in turn, where straight edges cross the inner circle
 REMEDY = (
     "Parts of it may be too small for double precision: cut the surface, or fill a hole "
     "(cdcp_igl.surface_map)"
@@ -62,6 +66,10 @@ class AnnulusMap(RefinedMap, Bijection):
     radius : float
         Of the inner circle. Its logarithm is near -2 pi times the modulus: such that all that flows
         through the one flows around the other, or as refinement has left it.
+    boundary : str
+        ``"flux"``: angles on the loops are what flows through them. Where that leaves flipped
+        faces, ``"arc length"``, or a ring with a smaller inner circle than it should have, as
+        ``"flux, 2 times as wide"``: not conformal, but by refinement.
     filled : int
         Boundary loops beyond two that were filled; those faces are not in the results.
     certificate : Certificate
@@ -86,6 +94,7 @@ class AnnulusMap(RefinedMap, Bijection):
     modulus: float
     modulus_bounds: tuple[float, float]
     radius: float
+    boundary: str
     filled: int
     certificate: Certificate
     _whole: Floats  # with the images of vertices that fill holes
@@ -106,6 +115,7 @@ class AnnulusMap(RefinedMap, Bijection):
         return [
             ("modulus", f"{self.modulus:.8g}, from {low:.8g} to {high:.8g}"),
             ("inner radius", f"{self.radius:.6g}"),
+            ("boundary", self.boundary),
             *(filled if self.filled else []),
             *super()._steps(),
         ]
@@ -115,6 +125,7 @@ class AnnulusMap(RefinedMap, Bijection):
             "modulus": self.modulus,
             "modulus_bounds": list(self.modulus_bounds),
             "radius": self.radius,
+            "boundary": self.boundary,
             "filled": self.filled,
             **super()._details(),
         }
@@ -231,9 +242,10 @@ def annulus_map(
         with phase("trace"):
             strip, bounds = ring_map(surface)
 
-        def finished(strip: Complex) -> AnnulusMap:
+        def finished(strip: Complex, boundary: str) -> AnnulusMap:
             with phase("repair"):
-                f, repair = repair_locally(mesh, np.exp(strip - 1j * strip.imag[mesh.loops[0][0]]))
+                f = np.exp(strip - 1j * strip.imag[mesh.loops[0][0]])
+                f, repair = repaired(mesh, f, on_disk=False)
             with phase("certificate"):
                 certificate = certify_ring(mesh, f)
                 degrees = np.degrees(abs(angle_errors(mesh, f)))
@@ -245,6 +257,7 @@ def annulus_map(
                 modulus=float(np.sqrt(bounds[0] * bounds[1])),
                 modulus_bounds=bounds,
                 radius=float(abs(f[mesh.loops[1]]).mean()),
+                boundary=boundary,
                 filled=filled,
                 certificate=certificate,
                 distortion=AngleDistortion.of(degrees[:m]),
@@ -257,10 +270,13 @@ def annulus_map(
                 _n_faces=m,
             )
 
-        best = finished(strip)
+        for boundary, trial in _strips(surface, strip):
+            best = finished(trial, boundary)
+            if best.valid:
+                break
         if steps := steps_of(best, options):
-            f, order = np.log(as_complex(best._images)), surface.order
-            best = refined(best, f, Ring(), order, steps, finished, options, phase)
+            f, made = np.log(as_complex(best._images)), partial(finished, boundary=boundary)
+            best = refined(best, f, Ring(), surface.order, steps, made, options, phase)
     best = valid_map(best, " onto the ring", REMEDY)
     phase.done()
     return best
@@ -284,8 +300,25 @@ def _filled(V: ArrayLike, F: ArrayLike) -> tuple[AnnulusMesh, tuple[int, int], i
     return AnnulusMesh(corners, np.vstack(filling)), size, len(filling) - 1
 
 
-def ring_map(surface: FactoredSurface) -> tuple[Complex, tuple[float, float]]:
+def _strips(surface: FactoredSurface, strip: Complex) -> Iterator[tuple[str, Complex]]:
+    """Yield a map to a strip (n,), and others that may be valid where it is not, with their names.
+
+    No edge of a ring turns by pi or more around 0, and none crosses the inner circle.
+    """
+    for name in ("flux", "arc length"):
+        if name == "arc length":
+            strip, _ = ring_map(surface, by_length=True)
+        for wider in WIDER:
+            changed = f", {wider} times as wide" if wider > 1 else ""
+            yield name + changed, wider * strip.real + 1j * strip.imag
+
+
+def ring_map(
+    surface: FactoredSurface, *, by_length: bool = False
+) -> tuple[Complex, tuple[float, float]]:
     """Map an annulus to a strip (n,), the logarithm of a ring around 0; bounds of its modulus.
+
+    The angles on the loops are what flows through them, or, which is not conformal, their lengths.
 
     As much flows through the real part as around it, 2 pi, so that far from the loops there is no
     shear. The mean of the bounds of the modulus would lay a loop's errors on the whole surface.
@@ -296,7 +329,7 @@ def ring_map(surface: FactoredSurface) -> tuple[Complex, tuple[float, float]]:
     flux = L.matrix() @ u
     energy = float(u @ flux)
     starts, jump = _branch_cut(mesh)
-    angle, forwards = _loop_angles(mesh, starts, flux)
+    angle, forwards = _loop_angles(mesh, starts, None if by_length else flux)
     if not forwards:  # through edges of obtuse faces
         D = surface.delaunay.laplacian.matrix()
         flux = D @ (one - surface.delaunay.solve(D @ one))
@@ -312,15 +345,16 @@ def ring_map(surface: FactoredSurface) -> tuple[Complex, tuple[float, float]]:
     return -2 * np.pi / energy * u + 1j * angle, bounds
 
 
-def _loop_angles(mesh: DiskMesh, starts: list[int], flux: Floats) -> tuple[Floats, bool]:
-    """Angles (n,) along both loops, by the flux (n,) through their edges; whether all go forward.
+def _loop_angles(mesh: DiskMesh, starts: list[int], flux: Floats | None) -> tuple[Floats, bool]:
+    """Angles (n,) along both loops; whether all go forward. The inner loop runs clockwise.
 
-    The inner loop runs clockwise.
+    They are by the flux (n,) through their edges, or by the lengths of these.
     """
     angle, forwards = np.zeros(len(mesh.V)), True
     for loop, first, turn in zip(mesh.loops, starts, (2 * np.pi, -2 * np.pi), strict=True):
-        shares = shared_by_edges(mesh, loop, flux[loop])
-        shares /= shares.sum()
+        lengths = edge_lengths(mesh, loop)
+        shares = lengths if flux is None else shared_by_edges(mesh, loop, flux[loop])
+        shares = shares / shares.sum()
         forwards &= bool((shares > 0).all())
         start = -int(np.flatnonzero(loop == first)[0])
         shares = np.roll(np.maximum(shares, LEAST_SHARE), start)
@@ -356,3 +390,41 @@ def _branch_cut(mesh: DiskMesh) -> tuple[list[int], Floats]:
     side = edges.sides[edges.start]
     jump = np.where(tail[side] == edges.low, turns[side], -turns[side])
     return [int(head[first]), int(tail[last])], jump
+
+
+class Ring(Figure):
+    """A ring around 0, by the logarithm of the map: its circles are the edges of a strip.
+
+    Boundary vertices slide on both, and the inner one is as large as refinement makes it. Where the
+    strip is cut open does not matter.
+    """
+
+    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Certificate:
+        """Verify a map f (n,) whose `flipped` faces are known."""
+        return certify_ring(mesh, np.exp(f), flipped)
+
+    def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
+        """(m, 3) signed angle errors in radians."""
+        return angle_errors(mesh, np.exp(f))
+
+    def flipped(self, F: Ints, f: Complex) -> Flipped:
+        """Faces that are not positively oriented, exactly, and how many were in doubt."""
+        return flipped_faces(np.exp(f), F)
+
+    def moved(self, mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
+        """Move a map by a displacement (n,), if all of the inner circle moves by the same."""
+        moved, inner = f + step, mesh.loops[1]
+        moved.real[inner] = moved.real[inner].mean()
+        return moved
+
+    def tangential(self, mesh: DiskMesh, f: Complex, x: Complex) -> Complex:
+        """Project displacements x (n,), in place, to those that are possible."""
+        outer, inner = mesh.loops
+        x.real[outer], x.real[inner] = 0, x.real[inner].mean()
+        return x
+
+    def corners(self, f: Complex, F: Ints) -> tuple[Complex, Complex | float]:
+        """Corners (3, k) of faces in planes of their own size; these turn dz into them, too."""
+        log = f[F.T]
+        corner = np.exp(log - log.real.max(axis=0))
+        return corner, corner

@@ -40,7 +40,7 @@ def places(rows: NDArray[Any], n: int) -> Ints:
 
 def evenly_spaced_rows(m: int, most: int) -> Ints:
     """(k,) rows of at most so many of m, spread evenly."""
-    return np.linspace(0, m - 1, min(most, m)).astype(np.int64)
+    return np.arange(m) if m <= most else np.linspace(0, m - 1, most).astype(np.int64)
 
 
 def distinct_rows(rows: NDArray[Any]) -> tuple[Ints, Ints]:

@@ -28,7 +28,17 @@ KEYS = {"flipped": "flipped_faces", "meeting": "meeting_edges", "n_exact": "face
 
 
 class Verified(ABC):
-    """What all certificates have: the faces of a map, judged on its coordinates."""
+    """What all certificates have: printing one says what was found, in a line.
+
+    Attributes
+    ----------
+    finite : bool
+        All coordinates are finite.
+    flipped : (k,) ndarray of int64
+        Faces that are not positively oriented, collapsed ones included.
+    n_exact : int
+        Faces whose sign was in doubt and decided in exact arithmetic.
+    """
 
     finite: bool
     flipped: Ints
@@ -43,6 +53,11 @@ class Verified(ABC):
             return "not finite"
         flipped = counted(len(self.flipped), "flipped face", "flipped faces")
         return f"{flipped} ({self.n_exact:,} decided exactly), {self._said()}"
+
+    @property
+    @abstractmethod
+    def valid(self) -> bool:
+        """True for a bijection."""
 
     @abstractmethod
     def _said(self) -> str:
@@ -176,7 +191,7 @@ def certify_sphere(F: Ints, P: Floats, known: tuple[Ints, int] | None = None) ->
 
 def flipped_on_sphere(P: Floats, F: Ints) -> tuple[Ints, int]:
     """Find what `flipped_faces` does, of spherical triangles seen from outside."""
-    x, y, z = P[F].T  # by coordinate, then by corner
+    x, y, z = P.T.take(F.T, axis=1)  # by coordinate, then by corner
     products = [(z[k - 2] * x[k - 1] * y[k], z[k - 2] * x[k] * y[k - 1]) for k in range(3)]
     volume = sum(left - right for left, right in products)
     size = sum(abs(left) + abs(right) for left, right in products)
@@ -194,9 +209,10 @@ def solid_angles(P: Floats, F: Ints) -> Floats:
     A. van Oosterom, J. Strackee. The solid angle of a plane triangle. IEEE Trans. Biomed. Eng.
     30(2), 1983.
     """
-    i, j, k = P[F].transpose(1, 0, 2)
-    cosines = (i * j).sum(axis=1) + (j * k).sum(axis=1) + (k * i).sum(axis=1)
-    return 2 * np.arctan2((i * np.cross(j, k)).sum(axis=1), 1 + cosines)
+    x, y, z = P.T.take(F.T, axis=1)
+    cosines = sum(x[k] * x[k - 1] + y[k] * y[k - 1] + z[k] * z[k - 1] for k in range(3))
+    volume = sum(z[k - 2] * (x[k - 1] * y[k] - x[k] * y[k - 1]) for k in range(3))
+    return 2 * np.arctan2(volume, 1 + cosines)
 
 
 @dataclass(frozen=True, eq=False)

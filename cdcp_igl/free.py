@@ -18,7 +18,7 @@ from .errors import SolverError, spell
 from .io.given import takes_meshes
 from .rescue.candidate import PATIENT
 from .rescue.conformality import judge
-from .rescue.figures import Outline
+from .rescue.figures import Figure, Flipped
 from .rescue.refine import lower_angle_distortion
 from .rescue.repair import MANY, Repair, repair_locally
 from .result.base import valid_map
@@ -408,3 +408,11 @@ def _order_of_all(surface: FactoredSurface) -> Ints:
         outer = np.flatnonzero(mesh.on_boundary[one])
         np.maximum.at(key, one[outer], rank[other[outer]])
     return np.lexsort([mesh.on_boundary, key])
+
+
+class Outline(Figure):
+    """A free outline: every vertex moves, as long as the outline is simple."""
+
+    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> OutlineCertificate:
+        """Verify a map f (n,) whose `flipped` faces are known."""
+        return certify_outline(mesh, coordinates(f), flipped)

@@ -128,8 +128,8 @@ def _harmonic_maps(
 def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> Candidate:
     """Apply the Möbius transformation, unless the map is better without it; repair, and judge.
 
-    A transformed map that had to be repaired, or that has moved a small part of the surface away
-    from 0, is held against the map without the transformation.
+    A transformed map that repair was tried on, which may be in vain, or that has moved a small part
+    of the surface away from 0, is held against the map without the transformation.
     """
     repairing = partial(repair_locally, most=MANY_FLIPPED * len(harmonic.surface.mesh.F))
     method = options.mobius_method

@@ -18,7 +18,7 @@ from .errors import MapError, SolverError
 from .io.given import takes_meshes
 from .plot.layout import Layout
 from .rescue.conformality import judge
-from .rescue.figures import Sphere
+from .rescue.figures import Figure, Flipped
 from .rescue.repair import MANY, POWERS, Neighbourhood, Repair, grow, repair_locally
 from .result.base import valid_map
 from .result.bijection import Bijection
@@ -37,6 +37,8 @@ NEAR = 2.0  # |h| in a cap around the dipole, 20 % of the sphere, which is solve
 # Towards the conformal barycentre: how many, how long, and how near to the sphere, in whose
 # points half of the surface may crowd.
 MAX_STEPS, LONGEST, NEAREST = 60, 0.6, 1 - 1e-10
+CLOSE = 1e-8  # a shorter step leaves its square
+AT_INFINITY = 1e12  # the place of the pole of the sphere in the plane, 2e-12 from it
 HEMISPHERE = 0.5  # cosine of the radius of a chart in which flipped faces are repaired
 CHARTS = 200  # of them
 # Flipped faces that are untangled, rings around them, moves of a vertex, and planes for each.
@@ -207,9 +209,9 @@ class SphereMap(RefinedMap, Bijection):
 
     def _steps(self) -> list[tuple[str, str]]:
         return [
-            ("pole", f"vertex {self.pole:,}"),
+            ("dipole", f"at vertex {self.pole:,}"),
             ("Laplacian", self.laplacian),
-            ("Möbius", self.mobius),
+            ("Möbius", "centre of mass at 0" if self.mobius == "area" else "none"),
             *super()._steps(),
         ]
 
@@ -321,7 +323,7 @@ def sphere_map(
            [ 0.,  0., -1.]])
     """
     if mobius not in ("area", None):
-        raise ValueError(f'mobius must be "area" or None, not {mobius!r}')
+        raise ValueError(f'of a sphere, mobius must be "area" or None, not {mobius!r}')
     options = Options(
         refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds, solver=solver
     )
@@ -410,7 +412,7 @@ def _finished(
     phase: Phases,
 ) -> SphereMap:
     """Normalise a map, repair it, certify and judge it."""
-    mass = vertex_areas(mesh.V, mesh.F)
+    mass = mesh.vertex_areas
     with phase("mobius"):
         if mobius:
             P = moved_to_center(P, conformal_barycenter(P, mass))
@@ -453,10 +455,10 @@ def dipole_map(surface: FactoredSurface) -> tuple[Floats, int]:
     most. On a limb nothing else would have digits.
     """
     mesh = surface.mesh
-    mass = vertex_areas(mesh.V, mesh.F)
+    mass, angles = mesh.vertex_areas, np.minimum.reduce(mesh.angles.T)
     smallest = np.full(len(mesh.V), np.pi)
     for corner in mesh.F.T:
-        np.minimum.at(smallest, corner, mesh.angles.min(axis=1))
+        np.minimum.at(smallest, corner, angles)
     few = np.bincount(mesh.F.ravel()) < 5  # neighbours: the dipole would not be free of moments
     smallest[few] /= np.pi
     P = from_plane(_dipole_solution(surface, int(smallest.argmax())), -1)
@@ -468,8 +470,9 @@ def dipole_map(surface: FactoredSurface) -> tuple[Floats, int]:
     # Next to the pole h is large and rough; seen from the other side, 1 / h is small and smooth.
     near = (abs(h) > NEAR) | (np.arange(len(h)) == pole)
     w = np.divide(1, h, out=np.zeros_like(h), where=~near & (h != 0))
-    cap = FactoredSurface(mesh, surface.laplacian, near)
-    w += cap.solve(-(surface.laplacian.matrix() @ w))
+    order = np.append(surface.order, 0)
+    cap = FactoredSurface(mesh, surface.laplacian, order=order[near[order]])
+    w -= cap.solve(surface.laplacian.times(w))
     P = from_plane(h, -1)
     P[near] = from_plane(w[near], 1)
     return P, pole
@@ -478,7 +481,7 @@ def dipole_map(surface: FactoredSurface) -> tuple[Floats, int]:
 def _dipole_solution(surface: FactoredSurface, pole: int) -> Complex:
     """Solve eq. (18), (n,); half of the area lies on either side of 0, and in the unit disk."""
     mesh = surface.mesh
-    mass = vertex_areas(mesh.V, mesh.F)
+    mass = mesh.vertex_areas.copy()
     mass[pole] = 0
     h = surface.solve(vertex_dipole(mesh, pole))
     # So little is left to do for the conformal barycentre.
@@ -561,9 +564,11 @@ def conformal_barycenter(P: Floats, mass: Floats) -> Floats:
         d = np.linalg.lstsq(slope, moment, rcond=None)[0]
         d *= min(1.0, LONGEST / max(float(np.linalg.norm(d)), EPS))
         farther = moved_to_center(np.asarray(d), -w)
-        if np.linalg.norm(d) < EPS or np.linalg.norm(farther) > NEAREST:
+        if np.linalg.norm(farther) > NEAREST:
             break
         w = farther
+        if np.linalg.norm(d) < CLOSE:
+            break
     return w
 
 
@@ -673,7 +678,7 @@ def _mean_value_map(mesh: SphereMesh, pole: int) -> Floats:
     the other. Where the surface crowds too much for double precision, the weights differ less.
     """
     part, rows = mesh.part(np.flatnonzero(~marked(len(mesh.V), pole)[mesh.F].any(axis=1)))
-    mass = vertex_areas(mesh.V, mesh.F)[rows]
+    mass = mesh.vertex_areas[rows]
     ring, w = _star(mesh, pole)
     z = np.zeros(len(mesh.V), dtype=complex)
     z[ring] = abs(w) / w
@@ -692,3 +697,71 @@ def _mean_value_map(mesh: SphereMesh, pole: int) -> Floats:
         if len(flipped_on_sphere(P, mesh.F)[0]) == 0:
             break
     return P
+
+
+class Sphere(Figure):
+    """The unit sphere, by stereographic projection from the image of one vertex, which stays.
+
+    Vector fields on the sphere have the same shear in this plane, and its coordinate has no
+    singularity but at the pole: so the Laplacian of all others preconditions their displacements.
+    The faces are straight, their corners on the sphere.
+    """
+
+    def __init__(self, P: Floats, pole: int) -> None:
+        axes = np.linalg.svd(P[pole][None])[2]  # the first one is along P[pole], or against it
+        axes *= np.sign(axes[0] @ P[pole])
+        axes[2] *= -np.linalg.det(axes)  # seen from outside, opposite the pole
+        self._axes, self._pole = axes, pole
+
+    def plane(self, P: Floats) -> Complex:
+        """(n,) coordinates of points (n, 3)."""
+        height, x, y = self._axes @ P.T
+        # Near the pole 1 - height has no digits, near the other point 1 + height has none.
+        outside = (x * x + y * y) / np.maximum(1 + height, 1)
+        z: Complex = (x + 1j * y) / np.where(height > 0, np.maximum(outside, 1e-300), 1 - height)
+        z[self._pole] = AT_INFINITY
+        return z
+
+    def points(self, z: Complex) -> Floats:
+        """(n, 3) points with these coordinates."""
+        square = abs(z) ** 2
+        P = np.column_stack([square - 1, 2 * z.real, 2 * z.imag]) / (1 + square)[:, None]
+        return P @ self._axes
+
+    def flipped(self, F: Ints, f: Complex) -> Flipped:
+        """Faces that are not positively oriented, exactly, and how many were in doubt."""
+        return flipped_on_sphere(self.points(f), F)
+
+    def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
+        """(m, 3) signed angle errors in radians."""
+        return sphere_angle_errors(mesh, self.points(f), self.flipped(mesh.F, f)[0])
+
+    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> SphereCertificate:
+        """Verify a map f (n,) whose `flipped` faces are known."""
+        return certify_sphere(mesh.F, self.points(f), flipped)
+
+    def tangential(self, mesh: DiskMesh, f: Complex, x: Complex) -> Complex:
+        """Let the pole stay."""
+        x[self._pole] = 0
+        return x
+
+    def corners(self, f: Complex, F: Ints) -> tuple[Complex, Complex | float]:
+        """Corners (3, k) of faces in their own planes, and what turns dz into these.
+
+        A tangent plane is tilted against the plane of the face; what is linear in conj(dz), of the
+        second order in the length of edges, is left out.
+        """
+        P, z = self.points(f[F].ravel()).reshape(*F.shape, 3), f[F]
+        u, v = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
+        normal = np.cross(u, v)
+        along = u / np.linalg.norm(u, axis=1)[:, None]
+        across = np.cross(normal, along) / np.linalg.norm(normal, axis=1)[:, None]
+        frame = along + 1j * across
+        corner = np.zeros(F.shape, dtype=complex)
+        corner[:, 1], corner[:, 2] = (u * frame).sum(axis=1), (v * frame).sum(axis=1)
+        # The derivative of a point by x less i times that by y: these are tangents of equal length.
+        scale = 2 / (1 + abs(z) ** 2)
+        toward = scale * z.conj()
+        tangents = np.stack([toward, 1 - toward * z.real, -1j - toward * z.imag], axis=2)
+        turn = np.einsum("fkc,fc->fk", tangents, frame @ self._axes.T)
+        return corner.T, (scale * turn / 2).T

@@ -69,6 +69,15 @@ def test_longer_ones_are_refused():
         raised.value.result.invert([0.5, 0])
 
 
+def test_where_an_edge_would_turn_by_more_than_pi_the_boundary_is_by_length():
+    V = [[0, 0], [10, 0], [5, 8], [4.9, 0.1], [5.1, 0.1], [5, 0.3]]
+    F = [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4], [2, 0, 3], [2, 3, 5]]
+    result = cdcp_igl.annulus_map(V, F)
+    assert result.valid
+    assert not result.conformal
+    assert result.report()["boundary"].startswith("arc length")
+
+
 def test_other_loops_are_filled():
     V, F = sphere(12, 20)
     holes = [0, 105, 119, 200]

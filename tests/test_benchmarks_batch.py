@@ -184,7 +184,7 @@ def test_the_commands_of_the_readme_change_nothing_that_git_tracks(tmp_path):
         for command in block.splitlines()
     )
     for method in (" CDCP ", " FDCP ", " LSCM, free boundary "):
-        assert quick.stdout.decode().count(method) == 3, quick.stderr.decode()
+        assert quick.stdout.decode().count(method) == 8, quick.stderr.decode()
     tracked = ["git", "status", "--porcelain", "--untracked-files=no"]
     assert subprocess.check_output(tracked, cwd=clone) == b""
     (results,) = (clone / "mine").glob("*.json")

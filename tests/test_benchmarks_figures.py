@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 from benchmark_commands import MACHINE, MEANS, SECONDS, record, typical
+from matplotlib.text import Text
 
 from benchmarks.records.record import EDGES
 from benchmarks.records.results import Measured, NotMeasured, growth
 from benchmarks.write.figures import PLOTS, surfaces
 from benchmarks.write.figures.accuracy import histograms, table_1
-from benchmarks.write.figures.cost import STACK, factorizations, phases
+from benchmarks.write.figures.cost import STACK, factorizations, phases, seconds, seconds_growth
 from benchmarks.write.figures.many import performance_profiles
 from benchmarks.write.figures.style import HATCHES, MOST, STYLES, model_name
 from benchmarks.write.pages import write_pages
@@ -138,6 +139,14 @@ def test_a_profile_has_the_methods_that_were_run_everywhere():
     """One that was run on a few would look like one that fails on the others."""
     figure = performance_profiles(measured_means(5, {"cdcp": 5, "fdcp": 5, "ldcp": 4}))
     assert figure.axes[0].get_legend_handles_labels()[1] == ["FDCP", "CDCP"]
+
+
+@pytest.mark.parametrize(
+    "draw", [histograms, table_1, seconds, seconds_growth, performance_profiles]
+)
+def test_a_method_of_ones_own_is_in_the_figures_of_the_tables(draw):
+    figure = draw(measured(*(typical(model, "mine:own", n=n) for model, n in MODELS.items())))
+    assert any("mine:own" in text.get_text() for text in figure.findobj(Text))
 
 
 def test_very_many_surfaces_are_not_drawn_one_by_one():

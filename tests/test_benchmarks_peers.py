@@ -103,7 +103,7 @@ def test_a_method_that_has_changed_is_measured_again(tmp_path):
 def test_the_method_of_the_documentation_maps():
     page = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8")
     names = {}
-    exec(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], names)
+    exec(re.search(r"```python\n(import igl.*?)```", page, re.DOTALL)[1], names)
     assert certify(DiskMesh(V, F), names["tutte"](V, F)).valid
 
 
@@ -160,6 +160,8 @@ def test_the_best_has_the_least_median_ratio_and_no_flips():
     assert [method for method, *_ in ranked] == ["cdcp", "fdcp", "ldcp"]
     assert ranked[0][1:] == (1, pytest.approx(2 / 3))
     assert ranking(section({"cdcp": [1, 2]}, flips=1.0), "disk", "mean") == []
+    closed = [record("a", "sphere", boundary="sphere", mean=1.0, flips=0)]  # of two surfaces
+    assert ranking(Section([*made.records, *closed]), "sphere", "mean") == [("sphere", 1, 1)]
 
 
 def test_paired_tests_have_their_exact_values():
@@ -215,7 +217,11 @@ def test_a_tier_has_results_and_rows_of_its_own(tmp_path, monkeypatch):
     assert done.exit_code == 0, done.output
     rows = pd.read_csv(tmp_path / "here-quick.csv").set_index("method")
     assert rows.loc["lscm", "boundary"] == "free"
+    page = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+    code = re.search(r"```python\n(import pandas.*?)```", page, re.DOTALL)[1]
+    exec(code.replace("measured/mine-quick.csv", str(tmp_path / "here-quick.csv")), read := {})
+    assert list(read["maps"]["method"]) == ["cdcp", "lscm"]
     records = read_results(tmp_path / "here-quick.json")[1]
     assert rows.loc["cdcp", "mean"] == records[0].case.mean
     assert "## Which method for what" not in (tmp_path / "here-quick.md").read_text()
-    assert "without --models" in refused("tables", "--tier", "quick", "--quick")
+    assert "without --models" in refused("tables", "--tier", "quick", "--models", "maze")

@@ -12,7 +12,7 @@ from browser import chromium
 
 from benchmarks.measure.ablation import ABLATIONS
 from benchmarks.measure.methods import maps
-from benchmarks.measure.models import as_disk, quick
+from benchmarks.measure.models import as_disk, tier
 from benchmarks.records.results import Measured
 from benchmarks.records.store import Work, read_results, write_results
 from benchmarks.write.figures import PLOTS
@@ -37,7 +37,7 @@ def drawn(tmp_path_factory):
     methods = {"tables": maps(), "speed": ["cdcp", "lscm"], "ablation": ABLATIONS}
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("CDCP_IGL_DATA", raising=False)
-        models = quick()
+        models = tier("quick")[:3]
     for model in models:
         mesh, V, F = as_disk(model, work)
         for section, names in methods.items():

@@ -34,7 +34,7 @@ def test_surfaces_that_are_missing_are_told_with_what_to_do(tmp_path, monkeypatc
     monkeypatch.delenv("CDCP_IGL_DATA", raising=False)
     assert "set CDCP_IGL_DATA to a folder" in refused("surfaces")
     monkeypatch.setenv("CDCP_IGL_DATA", "/nope")
-    for command in (["surfaces"], ["tables", "--quick"], ["tables", "--models", "nefertiti_299"]):
+    for command in (["surfaces"], ["tables"], ["tables", "--models", "nefertiti_299"]):
         assert "'/nope' is no folder: set it" in refused(*command)
 
 

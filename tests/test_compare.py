@@ -144,7 +144,7 @@ def test_every_row_is_there(tmp_path, mesh):
     assert table[0]["mesh"].endswith(name)
     assert name in files[2].read_text()
     page = files[3].read_text()
-    assert all(f'"{method}"' in page for method in METHODS if method != "cdcp")
+    assert all(f'"{method}"' in page for method in plane if method != "cdcp")
     assert invoke("compare", mesh, "b.obj", "--view", files[3]).exit_code == 2  # for one mesh
 
 
@@ -154,6 +154,11 @@ def test_closed_surfaces_are_mapped_onto_the_sphere_and_cut_open(tmp_path, mesh)
     np.savez(tmp_path / "ring.npz", V=torus()[0], F=torus()[1])
     files = [tmp_path / "r.json", tmp_path / "p.png"]
     methods = ("--methods", "sphere,flash,lscm", "--json", files[0], "--picture", files[1])
+    for names, image in (("sphere", "Sphere"), ("sphere,lscm", "LSCM")):
+        page = tmp_path / f"{names}.html"
+        arguments = ("--methods", names, "--view", page)
+        assert invoke("compare", tmp_path / "egg.npz", *arguments).exit_code == 0
+        assert image.lower() in page.read_text().lower()
     done = invoke("compare", tmp_path / "egg.npz", tmp_path / "ring.npz", mesh, *methods)
     assert done.exit_code == 4
     assert "genus 1" in done.stderr

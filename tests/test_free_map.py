@@ -13,7 +13,7 @@ import cdcp_igl
 from cdcp_igl.certificate import certify_outline, meeting_edges
 from cdcp_igl.datasets import ellipse, paraboloid, spherical_cap, square
 from cdcp_igl.distortion import plane_angles
-from cdcp_igl.rescue.figures import Outline
+from cdcp_igl.free import Outline
 from cdcp_igl.rescue.refine import WeightedLaplacian, gauss_newton_step
 from cdcp_igl.surface.mesh import DiskMesh
 

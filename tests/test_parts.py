@@ -347,7 +347,7 @@ def test_dask_gives_the_same_bits(folder):
     expected = parts_map(partition((V, F), folder, 8)).uv
     other = partition((V, F), folder.with_name("other"), 8)
     cluster = distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
     )
     with cluster, distributed.Client(cluster) as client:
         np.testing.assert_array_equal(parts_map(other, executor=client).uv, expected)

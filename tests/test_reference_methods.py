@@ -129,6 +129,7 @@ def test_a_single_triangle(name):
         (ricci, TRIANGLE, "no boundary vertex can go to infinity"),
         (ricci, meshes.grid(5, 6), "2 faces break the triangle inequality"),  # the ears
         (ricci, rough(), "not flat after"),
+        (pgcp, rough(), "The parts cannot be joined"),
         (abf, rough(), "2 angles are not positive"),
     ],
 )

@@ -380,6 +380,16 @@ def test_a_strip_is_parted_until_its_scale_is_even():
     assert len(cdcp_igl.surface_map(V, F, outline="free").charts) == 1
 
 
+def test_limbs_are_parted_from_the_rest():
+    V, F = surfaces.arms(16, 3)
+    result = cdcp_igl.surface_map(V, F)
+    x, y, _ = V[F].mean(axis=1).T
+    assert len(result.charts) == 4
+    assert len(set(result.face_chart[[x.argmin(), x.argmax(), y.argmax()]])) == 3
+    assert result.spread <= 1
+    assert len(cdcp_igl.surface_map(V, F, max_charts=3).charts) <= 3
+
+
 def test_polygons_are_not_parted():
     V, F = long_strip()
     polygon = np.tile(np.arange(len(F) // 2), 2)  # the two triangles of a cell

@@ -137,17 +137,6 @@ def _missing(name: str, reason: str) -> Model:
     return Model(name, load)
 
 
-def quick() -> list[Model]:
-    """Three small surfaces."""
-    if data():
-        return by_name(("nefertiti_299", "femur_2411", "camelhead_11381"))
-    return [
-        model
-        for model in GENERATED
-        if model.name in ("spherical_cap_20", "ellipse_20", "terrain_coarse")
-    ]
-
-
 def find(wanted: Sequence[str] = ()) -> list[Model]:
     """Look up models.
 

@@ -80,9 +80,10 @@ class Section:
         return float(self.medians[name].get((model, method), np.nan))
 
     def everywhere(self, family: str) -> list[str]:
-        """Methods of a family that were run on all of `mapped`."""
+        """Methods of a family that were run on all surfaces on which one of it was."""
         of = [method for method in self.maps if self.family[method] == family]
-        return [method for method in of if all(self.of(model, method) for model in self.mapped)]
+        models = [model for model in self.mapped if any(self.of(model, method) for method in of)]
+        return [method for method in of if all(self.of(model, method) for model in models)]
 
     def values(self, method: str, name: str) -> Floats:
         """Median over the repeats for each of `mapped`."""

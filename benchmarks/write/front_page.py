@@ -65,8 +65,11 @@ def _best(file: Path, sections: Mapping[str, Section]) -> str:
     for family, title in FAMILY_TITLES.items():
         for method, _, share in ranking(results, family, "mean")[:1]:
             found.append(f"{title} {style(method).label} (on {share:.0%})")
-    of = "CDCP-bench standard" if tier.exists() else "the tables"
-    return f"Least mean on the {len(results.mapped)} surfaces of {of}: {'; '.join(found)}. "
+    page = f"[CDCP-bench standard](benchmarks/results/{tier.stem}.md)"
+    of = page if tier.exists() else "the tables"
+    mapped = len(results.mapped) - len(results.failed("cdcp"))
+    of = f"{mapped} of the {len(results.mapped)} surfaces of {of}"
+    return f"CDCP maps {of}. Least mean: {'; '.join(found)}. "
 
 
 def _name(results: Section, model: str) -> str:

@@ -129,9 +129,10 @@ def _accuracy(results: Section) -> Iterator[Table]:
         )
         yield Table(
             f"time-{family}",
-            f"Table 2: seconds, {title}",
+            f"Table 2: seconds and memory, {title}",
             "From arrays to map, in brackets as a multiple of T, the time of CDCP in the same "
-            "run. The paper's are of MATLAB on another machine: compare ratios.",
+            "run; peak memory of the process. The paper's are of MATLAB on another machine: "
+            "compare ratios.",
             headings,
             grid(
                 *(results, members, seconds_cell(results, "cdcp", "T")),
@@ -419,9 +420,9 @@ def peer_tables(results: Section) -> Iterator[Table]:
     )
     yield Table(
         "peers-time",
-        "Other programs: seconds",
-        "From arrays to map, in brackets as a multiple of T, the time of CDCP. Programs that work "
-        "on files have their writing and reading counted.",
+        "Other programs: seconds and memory",
+        "From arrays to map, in brackets as a multiple of T, the time of CDCP; peak memory of the "
+        "process.",
         headings,
         grid(results, results.maps, seconds_cell(results, "cdcp", "T")),
     )
@@ -469,6 +470,8 @@ def grid(
     """One row a model, one column a method."""
     rows = []
     for model in results.sizes:
+        if not any(results.of(model, method) for method in methods):
+            continue
         made = [failure_cell(results, model, m) or cell(model, m) for m in methods]
         compared = [k for k, method in enumerate(methods) if method in PUBLISHED]
         made = best(made, compared) if len(compared) > 1 else made
@@ -497,11 +500,12 @@ def distortion_cell(results: Section, form: str) -> Callable[[str, str], Cell]:
 
 
 def seconds_cell(results: Section, unit: str, letter: str) -> Callable[[str, str], Cell]:
-    """Write seconds, in brackets as a multiple of the time of a method."""
+    """Write seconds, in brackets as a multiple of the time of a method, and peak memory."""
 
     def cell(model: str, method: str) -> Cell:
         time, one = results.median(model, method), results.median(model, unit)
         multiple = f" ({time / one:.3g} {letter})" if one > 0 else ""
-        return Cell(f"{time:.3g}{multiple}", time)
+        peak = f", {results.median(model, method, 'memory'):,.0f} MiB"
+        return Cell(f"{time:.3g}{multiple}{peak}", time)
 
     return cell

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
@@ -11,7 +12,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from ..algorithm import disk_map
-from ..arrays import Floats, Ints, as_complex, coordinates, places
+from ..arrays import Bools, Floats, Ints, as_complex, coordinates, places
 from ..certificate import certify
 from ..distortion import conformal_factor
 from ..errors import MapError
@@ -44,9 +45,14 @@ MOST_BRANCHES = 8
 SAME_ANGLE = 1e-9
 # The options of `disk_map` that `free_map` has, too.
 OF_FREE_MAPS = ("align", "refine", "refine_norm", "refine_seconds", "solver")
-# A component of fewer faces is not parted; others where each side has this share of the area.
+# A component of fewer faces is not parted, and its cut grows once: of 80 boxes, tubes and
+# icosahedra, one gained by a second time. Others are parted where each side has this share of the
+# area.
 LEAST_FACES = 200
 LEAST_SHARE = 0.1
+# A limb is shorter on the map than the average by this power of e, and has this share of the area.
+LIMB = 1.5
+LEAST_LIMB = 0.03
 # Where an edge has collapsed the conformal factor is minus infinity: counted as this.
 LEAST_FACTOR = -50.0
 
@@ -75,6 +81,8 @@ class Chart:
     # Its mean and standard deviation over the area, without what fills holes.
     average: float
     spread: float
+    # (k,) the factor of the faces less its mean, before the cut had grown, if it has.
+    level: Floats | None = None
 
     @property
     def F(self) -> Ints:
@@ -162,9 +170,9 @@ def _charts(
         waiting.sort(key=lambda chart: chart.unevenness)
         worst = waiting.pop()
         parts = [worst.opened.component]
-        more = len(waiting) + len(charts) + 1 < limits.max_charts
-        if more and worst.unevenness > (False, False, limits.spread):
-            parts = parted_across(worst.opened.component)
+        most = limits.max_charts - len(waiting) - len(charts)
+        if most > 1 and worst.unevenness > (False, False, limits.spread):
+            parts = parted(worst, most)
         if len(parts) > 1:
             waiting += [_grown(part, in_between, limits, progress) for part in parts]
         elif worst.unevenness < whole.unevenness:
@@ -187,8 +195,8 @@ def _grown(
     opened = open_to_disk(fill_holes(component) if limits.fill else component)
     if limits.spread < np.inf:
         opened = lead_away(opened)
-    best = _chart(opened, options, limits.outline, progress)
-    can_be_parted = limits.max_charts > 1 and len(component.rows) >= LEAST_FACES
+    best = first = _chart(opened, options, limits.outline, progress)
+    is_small = len(component.rows) < LEAST_FACES
     while best.spread > limits.spread or not (best.map.conformal or limits.spread == np.inf):
         longer = grow(best)
         if longer is best.opened:
@@ -196,8 +204,8 @@ def _grown(
         grown = _chart(longer, options, limits.outline, progress)
         if not grown.gains_on(best):
             break
-        best = grown
-        if can_be_parted and best.spread > HOPELESS * limits.spread:
+        best = replace(grown, level=first.factor[first.F].mean(axis=1) - first.average)
+        if is_small or (limits.max_charts > 1 and best.spread > HOPELESS * limits.spread):
             break
     return best
 
@@ -298,41 +306,79 @@ def grow(chart: Chart) -> OpenedComponent:
     return straighten(grown)
 
 
-def parted_across(component: Component) -> list[Component]:
-    """Part a component where it is narrow between two far ends; one that cannot be stays whole.
+def parted(chart: Chart, most: float) -> list[Component]:
+    """Part a component into at most so many: limbs from the rest, or in two where it is narrow.
+
+    One that cannot be parted stays whole. One with handles has no limbs, nor one whose cut has not
+    grown: what is shrunk there hangs on the boundary.
+    """
+    component = chart.opened.component
+    m = len(component.rows)
+    F, polygon = component.F[:m], component.polygon[:m]
+    given = Component(component.V[: F.max() + 1], F, polygon, component.rows)
+    left, right = given.edges % m, given.twin[given.edges] % m
+    ways: list[Callable[[Component], Bools]] = [narrow_side]
+    if chart.level is not None and component.topology.euler_characteristic > 0:
+        ways.insert(0, partial(limbs, level=chart.level))
+    for way in ways:
+        low = way(given)
+        opened = given.uncut.cut(given.edges[low[left] != low[right]])
+        parts = list(split_components(opened.positions, opened.F, opened.F, polygon))
+        if 1 < len(parts) <= most:
+            return [replace(part, rows=component.rows[part.rows]) for part in parts]
+    return [component]
+
+
+def _mean_of_polygons(component: Component, values: Floats) -> Floats:
+    """(m,) means over the faces of each polygon, for each face."""
+    _, number = np.unique(component.polygon, return_inverse=True)
+    return (np.bincount(number, values) / np.bincount(number))[number]
+
+
+def limbs(component: Component, level: Floats) -> Bools:
+    """(m,) the faces of large regions where a map has shrunk lengths, by its `level` (m,).
+
+    What lies between such regions is large, too; none if there is nothing else.
+    """
+    m, area = len(component.F), face_areas(component.V, component.F)
+    low = _mean_of_polygons(component, level) < -LIMB
+    left, right = component.edges % m, component.twin[component.edges] % m
+    for side in (True, False, True):
+        within = (low[left] == side) & (low[right] == side)
+        count, part = components_of_pairs(left[within], right[within], m)
+        small = np.bincount(part, area, count) < LEAST_LIMB * area.sum()
+        small |= np.bincount(part, minlength=count) < LEAST_FACES
+        low[(low == side) & small[part]] = not side
+    return low & ~low.all()
+
+
+def narrow_side(component: Component) -> Bools:
+    """(m,) the faces on one side of where a component is narrow between two far ends, if any.
 
     Of the level lines of the difference of the distances from the ends, along the one that is
     shortest for the smaller of the areas on either side.
     """
-    m = len(component.rows)
-    F, polygon = component.F[:m], component.polygon[:m]
-    given = Component(component.V[: F.max() + 1], F, polygon, component.rows)
-    n, area = len(given.V), face_areas(given.V, F)
-    graph = csr_matrix((given.length, (given.tail, given.head)), (n, n))
+    m, n, area = len(component.F), len(component.V), face_areas(component.V, component.F)
+    graph = csr_matrix((component.length, (component.tail, component.head)), (n, n))
     distances = partial(dijkstra, graph, directed=False)  # at the boundary, edges go one way
     from_end = distances(indices=distances(indices=0).argmax())
     way = from_end - distances(indices=from_end.argmax())
-    _, number = np.unique(polygon, return_inverse=True)
-    level = (np.bincount(number, way[F].mean(axis=1)) / np.bincount(number))[number]
+    level = _mean_of_polygons(component, way[component.F].mean(axis=1))
     order = np.argsort(level, kind="stable")
-    left, right = given.edges % m, given.twin[given.edges] % m
+    left, right = component.edges % m, component.twin[component.edges] % m
     first, last = np.sort(places(order, m)[[left, right]], axis=0)
-    length = given.length[given.edges]
+    length = component.length[component.edges]
     # The edges between the faces up to each rank and those after it.
     line = np.cumsum(np.bincount(first, length, m) - np.bincount(last, length, m))[:-1]
     below = np.cumsum(area[order])[:-1]
     smaller = np.minimum(below, area.sum() - below)
     possible = (np.diff(level[order]) > 0) & (smaller > LEAST_SHARE * area.sum())
     if m < LEAST_FACES or not possible.any():
-        return [component]
+        return np.zeros(m, dtype=bool)
     low = level <= level[order[np.where(possible, line / smaller, np.inf).argmin()]]
     for side in (True, False):  # what is not joined to the rest of its side goes to the other one
         within = (low[left] == side) & (low[right] == side)
         count, part = components_of_pairs(left[within], right[within], m)
         largest = np.bincount(part[low == side], area[low == side], count).argmax()
         low[part != largest] = not side
-    opened = given.uncut.cut(given.edges[low[left] != low[right]])
-    return [
-        replace(part, rows=component.rows[part.rows])
-        for part in split_components(opened.positions, opened.F, opened.F, polygon)
-    ]
+    return low

@@ -210,7 +210,7 @@ def surface_map(
     What can be repaired without changing the shape is: vertices of equal coordinates are merged
     along seams, flipped faces oriented, vertices where fans of faces meet split, sheets that meet
     in an edge of three or more faces parted. Where a disk would shrink a part of the surface, the
-    cut is led to its tip; where that is not enough, the component is parted.
+    cut is led to its tip; where that is not enough, such limbs become charts of their own.
 
     Parameters
     ----------

@@ -67,6 +67,7 @@ def compare_command(
     from ..io.output import whole_file, write_text
     from ..io.polygons import naming_polygons
     from ..reference.case import run_case
+    from ..sphere import sphere_map
 
     chosen = [name.strip() for name in methods.split(",")] if methods else []
     if unknown := [name for name in chosen if name not in METHODS]:
@@ -132,10 +133,12 @@ def compare_command(
             with whole_file(picture) as unfinished:
                 side_by_side(rows, names=names).savefig(unfinished)
     if view:
-        [(V, F, maps)] = rows
-        beside = {name: uv for name, _, uv in maps if name != "cdcp" and uv is not None}
+        V, F, maps = rows[0]  # of a closed surface, the disk, if there are maps of it
+        known = ("cdcp", *SPHERES)
+        beside = {name: uv for name, _, uv in maps if name not in known and uv is not None}
         with exit_codes(meshes[0]), writing():
-            disk_map(V, F).view(view, beside=beside, title=printable(meshes[0].name))
+            shown = disk_map(V, F) if plane or not opened else sphere_map(V, F)
+            shown.view(view, beside=beside, title=printable(meshes[0].name))
     if unprinted:
         raise unprinted[0]
     if len(cases) < len(meshes):

@@ -47,10 +47,10 @@ def map_command(
     ),
     picture: Path | None = file_option(
         *("--picture", "P.png", PICTURES),
-        help="Surface, disk or disks, and the angular distortion (.png .svg .pdf).",
+        help="Surface, its image, and the angular distortion (.png .svg .pdf).",
     ),
     view: Path | None = file_option(
-        "--view", "V.html", (".html",), "A page in which the surface turns beside the disk."
+        "--view", "V.html", (".html",), "A page in which the surface turns beside its image."
     ),
     jobs: int | None = typer.Option(
         None, "--jobs", "-j", metavar="N", min=1, help="Processes for a surface in parts."
@@ -59,6 +59,8 @@ def map_command(
     quiet: bool = QUIET,
 ) -> None:
     """Map a triangulated disk conformally onto the unit disk.
+
+    Other surfaces take --cut, --sphere or --annulus; `check` says which.
 
     A folder that `partition` has made is mapped in parts, to OUT.npy: u and v of each vertex. Run
     again, it goes on where it was.

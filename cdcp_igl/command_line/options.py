@@ -94,7 +94,7 @@ def _map_options(
     mobius: str | None = typer.Option(
         None,
         metavar="angle|area|none",
-        help="What the Möbius transformation minimises. [default: angle]",
+        help="What the Möbius transformation minimises. [default: angle; of a sphere, area]",
     ),
     align: str | None = typer.Option(
         None,

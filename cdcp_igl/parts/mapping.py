@@ -30,7 +30,7 @@ from ..rescue.straightening import FEW_FACES, is_sheared
 from ..selection import MANY_FLIPPED
 from ..solve.solvers import SolverName, solver, using
 from ..solve.threads import one_thread
-from ..steps.center import Center, first_well_shaped
+from ..steps.center import CANDIDATES, Center, first_well_shaped
 from ..steps.circle import Rejected, onto_circle
 from ..steps.least_distortion import AngleErrors, faces_to_judge_by, least_angle_distortion
 from ..steps.mobius import (
@@ -131,7 +131,7 @@ def parts_map(
         engine_of = _solver_name()
         chosen = [__version__, engine_of, center, mobius, np.asarray(align).tolist()]
     digest = hashlib.sha256(repr(chosen).encode()).hexdigest()[:8]
-    files = Folder.of(Path(folder), f"map-{digest}")
+    files = Folder.of(Path(folder).absolute(), f"map-{digest}")  # wherever workers are
     if (files.work / RESULT).exists():
         return PartsMap.read(files)
     files.work.mkdir(exist_ok=True)
@@ -267,9 +267,10 @@ class _Mapping:
         The smaller ones, which come first, are given as much: what does not fit is told at once.
         """
         rows, most, written = dict[int, Ints](), 0.0, 0
-        node_of, self.n_seams = self.folder.seams(), len(self.folder.seams())
+        node_of = self.folder.read("seams")["node"]
+        self.n_seams = len(node_of)
         for p in self.parts:
-            row = self.folder.part(p, "row")["row"]
+            row = self.folder.read(f"part-{p}", "row")["row"]
             rows[self.folder.n_leaves + p] = np.sort(row[row >= 0])
             written += 8 * len(rows[self.folder.n_leaves + p]) ** 2
         for node in reversed(self.cuts):
@@ -284,7 +285,7 @@ class _Mapping:
             "the seams take up to %s MiB on disk and %s MiB of memory, a part some %s MiB",
             *(f"{x:,.0f}" for x in (written / 2**20, most, self.engine.memory)),
         )
-        left = shutil.disk_usage(self.folder.work).free
+        self.written, left = written, shutil.disk_usage(self.folder.work).free
         if written > left and not self.folder.has(named(steps.merge, 1)):
             reason = f"{written / 2**30:,.1f} GiB are needed and {left / 2**30:,.1f} GiB are free"
             raise OSError(errno.ENOSPC, reason, str(self.folder.work))
@@ -317,7 +318,7 @@ class _Mapping:
         """Find the central face, (13)-(15), in the few parts that may have it.
 
         In a part, the torsion function is at most what it is with 0 on the seams, and the most that
-        it is there. Nothing is looked for in parts whose bound is below what is found.
+        it is there. Nothing is looked for in parts whose bound is below all candidates.
         """
         if not isinstance(self.options.center, str):
             return Center("given", int(self.options.center))
@@ -326,12 +327,13 @@ class _Mapping:
         np.add.at(u, np.concatenate(rows), np.concatenate(condensed))
         self.folder.write("torsion", seams=self.solve(u), boundary=np.zeros(self.n_border))
         bound = most + 3 * np.array([u[some].max(initial=0) for some in rows])
-        found, best = list[str](), -np.inf
+        found, central = list[str](), np.empty(0)
         for k in np.argsort(-bound, kind="stable").tolist():
-            if bound[k] < best:
+            if len(central) >= CANDIDATES and bound[k] < central[-CANDIDATES]:
                 break
             found += self.engine.run(steps.central, of=[self.parts[k]])
-            best = max(best, self.folder.read(found[-1], "central")["central"].max())
+            more = self.folder.read(found[-1], "central")["central"]
+            central = np.sort(np.concatenate([central, more]))
         return self.most_central(found)
 
     def most_central(self, names: list[str]) -> Center:
@@ -341,7 +343,7 @@ class _Mapping:
 
     def trace(self, face: int) -> tuple[Complex, bool]:
         """Boundary values (nB,), Theorem 1; and whether the face has a vertex on the boundary."""
-        home = [p for p in self.parts if face in self.folder.part(p, "faces")["faces"]]
+        home = [p for p in self.parts if face in self.folder.read(f"part-{p}", "faces")["faces"]]
         [name] = self.engine.run(steps.dipole, face, of=home)
         sources = self.folder.read(name)
         g, n = np.zeros(self.n_seams, complex), self.n_border
@@ -494,6 +496,7 @@ class _Mapping:
         if inscribed[:, 0].any() and free[:, 0].any():
             of_free = _distortion(free)
         n_lost, area, whole = map(sum, zip(*lost, strict=True))
+        others = set(self.folder.work.glob("*.npz")) - set(self.folder.work.glob("merge-*.npz"))
         conformality = NOT_VALID
         if certificate.valid:
             near = self.gathered(self.names)
@@ -507,7 +510,7 @@ class _Mapping:
             distortion=distortion,
             distortion_of_free_faces=of_free,
             lost=(int(n_lost), float(area / whole)),
-            moved_bytes=sum(file.stat().st_size for file in self.folder.work.glob("*.npz")),
+            moved_bytes=self.written + sum(file.stat().st_size for file in others),
             boundary=BoundaryMethod("geodesic"),
             timings=self.phase.seconds,
             **done,

@@ -23,6 +23,7 @@ from ..surface.triangles import corner_angles
 from .parting import MANIFEST
 
 Arrays = dict[str, Any]
+GIVEN = "part-", "seams"  # what `partition` has made
 SOME = "faces", "corners", "V", "images", "on_boundary"  # of some faces
 
 
@@ -72,22 +73,14 @@ class Folder:
         """The nodes that have others below, from the root."""
         return sorted(node for node in self.nodes if node < self.n_leaves)
 
-    def part(self, p: int, *only: str) -> Arrays:
-        """Read the arrays of a part, all or some."""
-        return _read(self.path / f"part-{p}.npz", *only)
-
-    def seams(self) -> Ints:
-        """(s,) the node of the heap that eliminates each vertex that is in several parts."""
-        node: Ints = _read(self.path / "seams.npz", "node")["node"]
-        return node
-
     def has(self, name: str) -> bool:
         """Whether something is computed."""
-        return self._file(name).exists()
+        return self.file(name).exists()
 
     def read(self, name: str, *only: str) -> Arrays:
-        """Read the arrays of something that is computed, all or some."""
-        return _read(self._file(name), *only)
+        """Read the arrays of a part or of something that is computed, all or some."""
+        with np.load(self.file(name)) as archive:
+            return {key: archive[key] for key in only or archive.files}
 
     def each(self, names: Iterable[str], *only: str) -> tuple[list[Any], ...]:
         """Read some arrays of several things: a list of each array."""
@@ -96,15 +89,16 @@ class Folder:
 
     def write(self, name: str, **arrays: Any) -> None:
         """Write arrays, all or nothing."""
-        with whole_file(self._file(name)) as unfinished:
+        with whole_file(self.file(name)) as unfinished:
             np.savez(unfinished, **arrays)
 
     def remove(self, name: str) -> None:
         """Remove what is not needed any more."""
-        self._file(name).unlink(missing_ok=True)
+        self.file(name).unlink(missing_ok=True)
 
-    def _file(self, name: str) -> Path:
-        return self.work / f"{name}.npz"
+    def file(self, name: str) -> Path:
+        """Where arrays are: those of `partition` beside what is computed of them."""
+        return (self.path if name.startswith(GIVEN) else self.work) / f"{name}.npz"
 
 
 class Part:
@@ -131,7 +125,7 @@ class Part:
 
     def __init__(self, folder: Folder, p: int) -> None:
         self._folder, self._p = folder, p
-        vars(self).update(folder.part(p))
+        vars(self).update(folder.read(f"part-{p}"))
 
     @cached_property
     def _place(self) -> Ints:
@@ -234,11 +228,6 @@ class Gathered:
     def only(self, rows: Ints) -> DiskMesh:
         """Take some faces of the whole as a mesh with the same vertices."""
         return DiskMesh.piece(self.mesh.V, self.mesh.F[self.places(rows)], self.mesh.loop)
-
-
-def _read(path: Path, *only: str) -> Arrays:
-    with np.load(path) as archive:
-        return {name: archive[name] for name in only or archive.files}
 
 
 def among(some: Ints, rows: Ints) -> Bools:

@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Floats, Ints, evenly_spaced_rows, places, size_exponent
+from ..arrays import Floats, Ints, evenly_spaced_rows, size_exponent
 from ..errors import MeshError
 from ..io import read_mesh
 from ..io.ply import triangles_of_ply
@@ -188,17 +188,15 @@ class _Parting:
         least, most = self._part_faces(side)
         del side
         seams = np.flatnonzero(least != most)
-        # In the order in which they are eliminated: at the last cut that all parts of a vertex
-        # have in common, as the number of a heap whose leaves are the parts.
+        # They are eliminated at the last cut that all parts of a vertex have in common, as the
+        # number of a heap whose leaves are the parts.
         depth = self.levels - np.frexp((least[seams] ^ most[seams]).astype(float))[1]
         node = (least[seams].astype(np.int64) + (1 << self.levels)) >> (self.levels - depth)
-        order = np.lexsort((seams, -node))
-        np.savez(self.folder / "seams.npz", vertices=seams[order], node=node[order])
-        row = places(order, len(seams))
+        np.savez(self.folder / "seams.npz", node=node)
         parts = [p for p in range(1 << self.levels) if self._raw(p).exists()]
         for number, part in enumerate(parts):
             self.progress("write", number / len(parts))
-            self._write(part, exponent, seams, row, least)
+            self._write(part, exponent, seams, least)
         manifest = {
             "vertices": len(self.V),
             "faces": len(self.F),
@@ -248,20 +246,20 @@ class _Parting:
             refuse(self.V, self.F)
         return least, most
 
-    def _write(self, part: int, exponent: int, seams: Ints, row: Ints, least: Numbers) -> None:
+    def _write(self, part: int, exponent: int, seams: Ints, least: Numbers) -> None:
         """Write a part with vertices of its own, and remove its raw faces."""
         faces, *corners = np.fromfile(self._raw(part), np.int64).reshape(-1, 4).T
         vertices, F = np.unique(np.column_stack(corners), return_inverse=True)
-        rows = np.full(len(vertices), -1)
+        row = np.full(len(vertices), -1)
         _, here, there = np.intersect1d(vertices, seams, assume_unique=True, return_indices=True)
-        rows[here] = row[there]
+        row[here] = there
         np.savez(
             self.folder / f"part-{part}.npz",
             vertices=vertices,
             faces=faces,
             V=_scaled(self.V.take(vertices), exponent),
             F=F.reshape(-1, 3),
-            row=rows,
+            row=row,
             own=least[vertices] == part,
         )
         self._raw(part).unlink()

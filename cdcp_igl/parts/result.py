@@ -94,7 +94,7 @@ class PartsMap(OntoDisk):
         """Read each part, all or some of its arrays, and its map."""
         for p in self.folder.parts:
             try:
-                part, uv = self.folder.part(p, *only), np.load(self._file(p))
+                part, uv = self.folder.read(f"part-{p}", *only), np.load(self._file(p))
             except FileNotFoundError as error:
                 reason = (
                     "The coordinates of a map in parts lie in its folder, and are gone. Part and "

@@ -76,7 +76,7 @@ class Engine:
     def __init__(self, folder: Folder, executor: Any, solver: SolverName | None) -> None:
         self.folder, self._solver, self._executor = folder, solver, executor
         self._pool = Pool(executor) if isinstance(executor, int) else None
-        largest = max((folder.path / f"part-{p}.npz").stat().st_size for p in folder.parts)
+        largest = max(folder.file(f"part-{p}").stat().st_size for p in folder.parts)
         self.memory = TIMES_ITS_FILE * largest / 2**20
 
     def run(

@@ -89,7 +89,7 @@ def merge(folder: Folder, node: int) -> Arrays:
     """
     sides = [folder.read(f"schur-{k}") for k in (2 * node, 2 * node + 1) if k in folder.nodes]
     rows = np.unique(np.concatenate([side["rows"] for side in sides]))
-    is_here = folder.seams()[rows] == node
+    is_here = folder.read("seams")["node"][rows] == node
     here, rest = rows[is_here], rows[~is_here]
     rows, h = np.concatenate([here, rest]), len(here)
     order = np.argsort(rows)

@@ -49,7 +49,8 @@ def pgcp(V: ArrayLike, F: ArrayLike, *, parts: int = 4) -> Floats:
     Raises
     ------
     MeshError, SolverError, MapError
-        As `harmonic`; MapError, too, if no seam goes through an interior vertex.
+        As `harmonic`; MapError, too, if no seam goes through an interior vertex, or if the parts
+        cannot be joined.
     ValueError
         If there are too few parts.
 
@@ -68,9 +69,19 @@ def pgcp(V: ArrayLike, F: ArrayLike, *, parts: int = 4) -> Floats:
     if index(parts) < 2:
         raise ValueError(f"parts must be at least 2, not {parts!r}")
     mesh = DiskMesh(V, F)
-    B, z = mesh.loop, _flattened(mesh, parts)
+    with np.errstate(all="ignore"):  # of an outline that crosses itself, nothing is finite
+        z = _onto_the_disk(mesh, _flattened(mesh, parts))
     known = np.isfinite(z)
-    seams = np.flatnonzero(known & ~mesh.on_boundary)
+    if not known[mesh.loop].all():
+        raise MapError("The parts cannot be joined: an outline crosses itself, or is too crowded")
+    f = Dirichlet(cotangent_laplacian(mesh).matrix(), np.flatnonzero(known)).solve(z[known])
+    f, _ = normalize(mesh, f / f[mesh.loop[0]], "angle")
+    return certified_disk_map(mesh, f)
+
+
+def _onto_the_disk(mesh: DiskMesh, z: Complex) -> Complex:
+    """Take the boundary to the circle and the seams into it (n,), NaN elsewhere."""
+    B, seams = mesh.loop, np.flatnonzero(np.isfinite(z) & ~mesh.on_boundary)
     if not len(seams):
         raise MapError("There is no interior vertex through which the surface could be halved")
     x, y = _opened(z[B], z[seams])
@@ -81,9 +92,7 @@ def pgcp(V: ArrayLike, F: ArrayLike, *, parts: int = 4) -> Floats:
     z[B[:-1]] = (line - middle) / (line - middle.conjugate())
     z[B[-1]] = 1
     z[B] /= abs(z[B])
-    f = Dirichlet(cotangent_laplacian(mesh).matrix(), np.flatnonzero(known)).solve(z[known])
-    f, _ = normalize(mesh, f / f[B[0]], "angle")
-    return certified_disk_map(mesh, f)
+    return z
 
 
 def _flattened(mesh: DiskMesh, parts: int) -> Complex:

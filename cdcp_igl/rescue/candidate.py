@@ -35,8 +35,9 @@ log = logging.getLogger("cdcp_igl")
 COARSE = 0.2
 EXCESS = 1.05
 # A map that is not conformal, or in which repair has moved more than this share of the vertices,
-# is refined by up to MOST_STEPS, each halved up to PATIENT times. They take at most some five times
-# as long as what was done before.
+# is refined by up to MOST_STEPS, each halved up to PATIENT times. They are counted, not timed, as
+# equal inputs have equal outputs. On surfaces of some thousand vertices they take up to eight times
+# as long as the map of one that needs none.
 MUCH_REPAIRED = 0.1
 MOST_STEPS = 60
 PATIENT = 12
@@ -210,7 +211,9 @@ def refined(
         return conformal or not before
 
     f, refinement = angles_lowered(
-        mesh, f, verdict, order, steps, options, phase, accepted=no_less_conformal
+        *(mesh, f, verdict, order, steps, options, phase),
+        near=not candidate.steps_due,
+        accepted=no_less_conformal,
     )
     if refinement.stopped:
         log.info("refinement: %s", refinement)
@@ -243,7 +246,7 @@ def angles_lowered(
     with phase("refine") as advance:
         by_options: dict[str, Any] = {
             "seconds": options.refine_seconds,
-            "halvings": HALVINGS if conformality else PATIENT,
+            "halvings": PATIENT if steps >= MOST_STEPS else HALVINGS,
             "least": options.refine or STEPS_DUE,
             "wanted": conformality.wanted,
             "advance": advance,

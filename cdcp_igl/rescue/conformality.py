@@ -41,7 +41,8 @@ class Conformality:
     remedies : tuple of str
         What would help.
     excess : float
-        Mean angle error by what the scale explains; 1 where the error is at most 1 degree.
+        Mean angle error by what the scale explains; 1 where the error is at most 1 degree, or
+        has been lowered from that of a map without shear.
     stretch : float
         How many times a face is longer one way than the other, compared with itself on the
         surface: the geometric mean, by area.
@@ -132,7 +133,8 @@ def judge_by(
     inscribed = mesh.on_boundary[mesh.F[faces]].all(axis=1)
     free = faces[~inscribed]
     stretch = dilatation(mesh, f, free if len(free) else faces)
-    if mean <= NEGLIGIBLE_DEGREES and stretch <= LARGEST_STRETCH:
+    enough = max(NEGLIGIBLE_DEGREES, min(known, LARGEST_DEGREES))
+    if mean <= enough and stretch <= LARGEST_STRETCH:
         return Conformality(sheared=False, stretch=stretch)
     explained_there = np.degrees(abs(explained_errors(mesh, f, faces))).mean()
     explained = float(mean * explained_there / degrees.mean())
@@ -215,5 +217,6 @@ def _edge_scales(mesh: DiskMesh, f: Complex | Floats, F: Ints) -> Floats:
 
 def sampled_faces(m: int) -> Ints:
     """(k,) some of m faces: runs of neighbours in F, spread evenly, as these share vertices."""
-    rows = np.arange(m)
-    return rows[(rows // RUN) % -(-m // SAMPLE) == 0]
+    runs = np.arange(0, m, RUN * -(-m // SAMPLE))
+    rows = (runs[:, None] + np.arange(RUN)).ravel()
+    return rows[rows < m]

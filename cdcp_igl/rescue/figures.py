@@ -1,4 +1,4 @@
-"""What a surface is mapped onto, as refinement sees it: disk, free outline, ring, or sphere."""
+"""What a surface is mapped onto, as refinement sees it: here the disk."""
 
 from __future__ import annotations
 
@@ -6,33 +6,21 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, coordinates
-from ..certificate import (
-    Certificate,
-    OutlineCertificate,
-    SphereCertificate,
-    certificate_of,
-    certify_outline,
-    certify_ring,
-    certify_sphere,
-    flipped_on_sphere,
-)
-from ..distortion import angle_errors, sphere_angle_errors
+from ..arrays import Complex, Floats, Ints
+from ..certificate import Certificate, Verified, certificate_of
+from ..distortion import angle_errors
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import flipped_faces
 from .collapsed_faces import open_collapsed_faces
 
-AnyCertificate = Certificate | OutlineCertificate | SphereCertificate
 Flipped = tuple[Ints, int]
-
-AT_INFINITY = 1e12  # the place of the pole of the sphere in the plane, 2e-12 from it
 
 
 class Figure(ABC):
     """What a surface is mapped onto; here in the plane, and every vertex may go anywhere."""
 
     @abstractmethod
-    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> AnyCertificate:
+    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Verified:
         """Verify a map f (n,) whose `flipped` faces are known."""
 
     def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
@@ -82,117 +70,3 @@ class Disk(Figure):
         tangent = 1j * f[mesh.loop]
         x[mesh.loop] = (x[mesh.loop] * tangent.conj()).real * tangent
         return x
-
-
-class Outline(Figure):
-    """A free outline: every vertex moves, as long as the outline is simple."""
-
-    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> OutlineCertificate:
-        """Verify a map f (n,) whose `flipped` faces are known."""
-        return certify_outline(mesh, coordinates(f), flipped)
-
-
-class Ring(Figure):
-    """A ring around 0, by the logarithm of the map: its circles are the edges of a strip.
-
-    Boundary vertices slide on both, and the inner one is as large as refinement makes it. Where the
-    strip is cut open does not matter.
-    """
-
-    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Certificate:
-        """Verify a map f (n,) whose `flipped` faces are known."""
-        return certify_ring(mesh, np.exp(f), flipped)
-
-    def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
-        """(m, 3) signed angle errors in radians."""
-        return angle_errors(mesh, np.exp(f))
-
-    def flipped(self, F: Ints, f: Complex) -> Flipped:
-        """Faces that are not positively oriented, exactly, and how many were in doubt."""
-        return flipped_faces(np.exp(f), F)
-
-    def moved(self, mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
-        """Move a map by a displacement (n,), if all of the inner circle moves by the same."""
-        moved, inner = f + step, mesh.loops[1]
-        moved.real[inner] = moved.real[inner].mean()
-        return moved
-
-    def tangential(self, mesh: DiskMesh, f: Complex, x: Complex) -> Complex:
-        """Project displacements x (n,), in place, to those that are possible."""
-        outer, inner = mesh.loops
-        x.real[outer], x.real[inner] = 0, x.real[inner].mean()
-        return x
-
-    def corners(self, f: Complex, F: Ints) -> tuple[Complex, Complex | float]:
-        """Corners (3, k) of faces in planes of their own size; these turn dz into them, too."""
-        log = f[F.T]
-        corner = np.exp(log - log.real.max(axis=0))
-        return corner, corner
-
-
-class Sphere(Figure):
-    """The unit sphere, by stereographic projection from the image of one vertex, which stays.
-
-    Vector fields on the sphere have the same shear in this plane, and its coordinate has no
-    singularity but at the pole: so the Laplacian of all others preconditions their displacements.
-    The faces are straight, their corners on the sphere.
-    """
-
-    def __init__(self, P: Floats, pole: int) -> None:
-        axes = np.linalg.svd(P[pole][None])[2]  # the first one is along P[pole], or against it
-        axes *= np.sign(axes[0] @ P[pole])
-        axes[2] *= -np.linalg.det(axes)  # seen from outside, opposite the pole
-        self._axes, self._pole = axes, pole
-
-    def plane(self, P: Floats) -> Complex:
-        """(n,) coordinates of points (n, 3)."""
-        height, x, y = self._axes @ P.T
-        # Near the pole 1 - height has no digits, near the other point 1 + height has none.
-        outside = (x * x + y * y) / np.maximum(1 + height, 1)
-        z: Complex = (x + 1j * y) / np.where(height > 0, np.maximum(outside, 1e-300), 1 - height)
-        z[self._pole] = AT_INFINITY
-        return z
-
-    def points(self, z: Complex) -> Floats:
-        """(n, 3) points with these coordinates."""
-        square = abs(z) ** 2
-        P = np.column_stack([square - 1, 2 * z.real, 2 * z.imag]) / (1 + square)[:, None]
-        return P @ self._axes
-
-    def flipped(self, F: Ints, f: Complex) -> Flipped:
-        """Faces that are not positively oriented, exactly, and how many were in doubt."""
-        return flipped_on_sphere(self.points(f), F)
-
-    def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
-        """(m, 3) signed angle errors in radians."""
-        return sphere_angle_errors(mesh, self.points(f), self.flipped(mesh.F, f)[0])
-
-    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> SphereCertificate:
-        """Verify a map f (n,) whose `flipped` faces are known."""
-        return certify_sphere(mesh.F, self.points(f), flipped)
-
-    def tangential(self, mesh: DiskMesh, f: Complex, x: Complex) -> Complex:
-        """Let the pole stay."""
-        x[self._pole] = 0
-        return x
-
-    def corners(self, f: Complex, F: Ints) -> tuple[Complex, Complex | float]:
-        """Corners (3, k) of faces in their own planes, and what turns dz into these.
-
-        A tangent plane is tilted against the plane of the face; what is linear in conj(dz), of the
-        second order in the length of edges, is left out.
-        """
-        P, z = self.points(f[F].ravel()).reshape(*F.shape, 3), f[F]
-        u, v = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
-        normal = np.cross(u, v)
-        along = u / np.linalg.norm(u, axis=1)[:, None]
-        across = np.cross(normal, along) / np.linalg.norm(normal, axis=1)[:, None]
-        frame = along + 1j * across
-        corner = np.zeros(F.shape, dtype=complex)
-        corner[:, 1], corner[:, 2] = (u * frame).sum(axis=1), (v * frame).sum(axis=1)
-        # The derivative of a point by x less i times that by y: these are tangents of equal length.
-        scale = 2 / (1 + abs(z) ** 2)
-        toward = scale * z.conj()
-        tangents = np.stack([toward, 1 - toward * z.real, -1j - toward * z.imag], axis=2)
-        turn = np.einsum("fkc,fc->fk", tangents, frame @ self._axes.T)
-        return corner.T, (scale * turn / 2).T

@@ -31,7 +31,8 @@ CG_ITERATIONS = 3  # lower the objective to within 0.3 % of what the solved syst
 # Below this objective in degrees, what is left of the errors belongs to single faces: after the way
 # that the map has just gone and one direction by the factor, so many by the diagonal alone, each
 # a sixth of the time, bring as much; and the preconditioner stays while a step gains less than so.
-GOOD, SMOOTHING, GOOD_GAIN = 4, 3, 0.08
+# If the map is near the conformal one, two will do, and the first step is such a cheap one, too.
+GOOD, SMOOTHING, SMOOTHING_NEAR, GOOD_GAIN = 4, 3, 2, 0.08
 DAMPINGS = (0, 1, 10, 100)  # tried in turn
 # The preconditioner is used again after a step that has lowered the objective by less than this
 # share, as the weights are much the same; but not if p is smaller, as they change too much then.
@@ -105,6 +106,7 @@ def lower_angle_distortion(
     halvings: int = HALVINGS,
     least: int | None = None,
     wanted: float = 0.0,
+    near: bool = False,
     figure: Figure = DISK,
     accepted: Callable[[Complex, Floats], bool] = lambda f, r: True,
     advance: Callable[[float], None] = lambda done: None,
@@ -125,8 +127,9 @@ def lower_angle_distortion(
     the `least` number of steps, if it is told, further ones end where there is little to gain, or
     where it is out of reach that only the share `wanted` of the objective is left, which would make
     the map conformal. They end before a step to a map that is not `accepted`, with its angle errors
-    (m, 3). `advance` is called after each step with the share that is done. Returns f itself if no
-    step was an improvement, or if it has flipped faces or overlaps itself.
+    (m, 3). Of a map that is `near` the conformal one, the first step is cheap, too. `advance` is
+    called after each step with the share that is done. Returns f itself if no step was an
+    improvement, or if it has flipped faces or overlaps itself.
 
     References
     ----------
@@ -150,8 +153,16 @@ def lower_angle_distortion(
             stopped = "time limit"
         else:
             used, last = (p, attempt), objective
+            if near and objective < GOOD:
+                directions = 1, SMOOTHING_NEAR
+            else:
+                directions = (CG_ITERATIONS, 0) if moved is None else (1, SMOOTHING)
             step = gauss_newton_step(
-                mesh, f, r, p, DAMPINGS[attempt], laplacian, anew=stale, along=moved, figure=figure
+                *(mesh, f, r, p, DAMPINGS[attempt], laplacian),
+                *directions,
+                anew=stale,
+                along=moved,
+                figure=figure,
             )
             found = search_along(mesh, f, step, measure, objective, halvings, figure)
             if found is None:
@@ -229,6 +240,7 @@ def gauss_newton_step(
     damping: float,
     laplacian: WeightedLaplacian,
     iterations: int = CG_ITERATIONS,
+    smoothing: int = 0,
     *,
     anew: bool = True,
     along: Complex | None = None,
@@ -251,8 +263,8 @@ def gauss_newton_step(
     `damping` is the weight of |b|^2, times that of a corner with the root mean square error: a
     face flips only where |b| is not small, and the angles of a needle hardly feel b. `laplacian`
     preconditions; unless `anew` it stays as it is: to factor it takes half the time of a step.
-    `along` (n,), the way that a good map has just gone, is the first direction if it is told; then
-    the factor gives one, and the diagonal the others.
+    It gives as many directions as there are `iterations`, and its diagonal those of `smoothing`.
+    `along` (n,), the way that a good map has just gone, comes before them if it is told.
     """
     m = len(mesh.F)
     beta, s = np.empty((m, 3), complex), np.empty(m)
@@ -277,8 +289,9 @@ def gauss_newton_step(
     if anew:
         laplacian.factor(beta, s)
     towards: list[Callable[[Complex], Complex]] = [laplacian.solve] * iterations
+    towards += [laplacian.divide] * smoothing
     if along is not None:
-        towards = [lambda residual: along.copy(), laplacian.solve] + [laplacian.divide] * SMOOTHING
+        towards.insert(0, lambda residual: along.copy())
     return _conjugate_gradients(normal_matrix, -adjoint(gradient), towards, project)
 
 

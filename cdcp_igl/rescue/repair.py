@@ -112,11 +112,10 @@ def repair_locally(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Co
     at_flipped = marked(len(f), mesh.F[flipped])
     near = Neighbourhood(mesh, grow(mesh.F, at_flipped, RINGS + RELAXED + 1))
     g = f[near.vertices]
-    rounds = failed = 0
+    failed = 0
     for attempt in range(1, ATTEMPTS + 1):
         before = len(near.flipped(g))
-        g, tried = near.average(g, attempt * RINGS // ATTEMPTS)
-        rounds += tried
+        g = near.average(g, attempt * RINGS // ATTEMPTS)
         g = near.relax_flipped(g, attempt)
         left = len(near.flipped(g))
         failed = failed + 1 if left == before else 0
@@ -124,7 +123,7 @@ def repair_locally(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Co
             break
     f = f.copy()
     f[near.vertices] = g if left else near.relaxed(g)
-    return f, Repair(len(flipped), int(near.moved.sum()), rounds)
+    return f, Repair(len(flipped), int(near.moved.sum()), near.rounds)
 
 
 def mean_value_weights(V: Floats, F: Ints, angles: Floats) -> csr_matrix:
@@ -149,6 +148,10 @@ class Neighbourhood:
         Which may move: interior vertices with all their faces inside.
     moved : (k,) bool
         Which have been moved.
+    reach : (k,) int
+        Rings of the patch around each vertex that is tried next, if it is at a flipped face.
+    rounds : int
+        Times that patches were tried.
     weights : (k, k) sparse matrix
         The mean-value weights.
     """
@@ -162,6 +165,8 @@ class Neighbourhood:
         whole = np.bincount(self.F.ravel(), minlength=len(self.vertices)) == degree
         self.free: Bools = whole & ~mesh.on_boundary[self.vertices]
         self.moved: Bools = np.zeros(len(self.vertices), dtype=bool)
+        self.reach: Ints = np.zeros(len(self.vertices), dtype=np.int64)
+        self.rounds = 0
         self.weights = mean_value_weights(self.V, self.F, mesh.angles[faces])
         self.weights.data **= power
 
@@ -169,21 +174,19 @@ class Neighbourhood:
         """Rows of F that are not positively oriented."""
         return flipped_faces(g, self.F)[0]
 
-    def average(self, g: Complex, rings: int) -> tuple[Complex, int]:
+    def average(self, g: Complex, rings: int) -> Complex:
         """Set patches around flipped faces to mean values, and keep those that are better then.
 
         Without progress a patch grows by a ring, up to so many; all do if there are not fewer
         flipped faces then.
         """
-        reach = np.zeros(len(g), dtype=np.int64)
-        rounds = 0
         flipped = self.flipped(g)
-        while len(flipped) and reach[self.F[flipped]].max() <= rings:
+        while len(flipped) and self.reach[self.F[flipped]].max() <= rings:
             at_flipped = np.unique(self.F[flipped])
-            patch = self.free & self._within(at_flipped, reach)
+            patch = self.free & self._within(at_flipped, self.reach)
             part = _connected(self.F, patch)
             trial = self.combine(g, patch)
-            if rounds:  # mean values have left faces flipped, or flipped others
+            if self.rounds:  # mean values have left faces flipped, or flipped others
                 around = self.free & grow(self.F, patch, 2)
                 trial = Relaxation(self.V, self.F, around).sweep(trial, SWEEPS)
             # Flipped faces by patch; the first count is that of faces without one.
@@ -197,9 +200,9 @@ class Neighbourhood:
             before, flipped = flipped, self.flipped(g)
             # Two patches may take turns to flip what the other has repaired.
             in_vain = ~better[at_flipped] | (len(flipped) >= len(before))
-            reach[at_flipped[in_vain]] += 1
-            rounds += 1
-        return g, rounds
+            self.reach[at_flipped[in_vain]] += 1
+            self.rounds += 1
+        return g
 
     def relax_flipped(self, g: Complex, rings: int) -> Complex:
         """Relax around flipped faces, from soft to hard; keep the result if fewer are left."""
