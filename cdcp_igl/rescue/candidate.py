@@ -36,8 +36,7 @@ COARSE = 0.2
 EXCESS = 1.05
 # A map that is not conformal, or in which repair has moved more than this share of the vertices,
 # is refined by up to MOST_STEPS, each halved up to PATIENT times. They are counted, not timed, as
-# equal inputs have equal outputs. On surfaces of some thousand vertices they take up to eight times
-# as long as the map of one that needs none.
+# equal inputs have equal outputs; they take most of the time of a surface that is hard.
 MUCH_REPAIRED = 0.1
 MOST_STEPS = 60
 PATIENT = 12
