@@ -17,8 +17,8 @@ try:
     V, F = cdcp_igl.datasets.load(name)
 except OSError as error:
     print(error)
-    name = "paraboloid"  # which is in no table
-    V, F, _ = cdcp_igl.datasets.paraboloid(60)
+    name = "jacksboro_fault"  # which is in no table
+    V, F = cdcp_igl.datasets.load(name)
 
 # %%
 # As the paper computes it, with this library's defaults, and refined beyond the paper.
