@@ -29,7 +29,8 @@ def summary(results: Section) -> pd.DataFrame:
     rows: dict[str, dict[str, float]] = {}
     for method in results.maps:
         run = [model for model in results.mapped if results.of(model, method)]
-        there = results.medians.reindex([(model, method) for model in run])
+        # Areas are infinitely uneven where a face has none; files have no infinite numbers.
+        there = results.medians.reindex([(model, method) for model in run]).replace(np.inf, np.nan)
         rows[method] = {
             "surfaces": len(run),
             "mapped": there["mean"].notna().mean(),

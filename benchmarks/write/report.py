@@ -80,7 +80,7 @@ def _gallery(drawn: Sequence[Mapping[str, Any]]) -> str:
     """Return the figures as a page for where HTML is not shown."""
     parts = ["# Figures\n\nWritten by `python -m benchmarks figures`.\n"]
     for shown in drawn:
-        body = f"![{shown['title']}]({shown['file'].name})\n\n" if "file" in shown else ""
-        note = f" ({shown['missing']})" if "missing" in shown else ""
-        parts.append(f"## {shown['title']}\n\n{body}{shown['caption']}{note}\n")
+        if "file" in shown:
+            body = f"![{shown['title']}]({shown['file'].name})"
+            parts.append(f"## {shown['title']}\n\n{body}\n\n{shown['caption']}\n")
     return "\n".join(parts)

@@ -29,7 +29,7 @@ BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE = (
 )
 LEAST = 100  # by which factor below the median a number may be to have its place on an axis
 DECADES = 1e3  # ratio of the ends of an axis from which on it has ticks at 1, 10, ... only
-MOST = 60  # surfaces that a figure with a row or a panel for each can show
+MOST = 30  # surfaces that a figure with a row or a panel for each can show
 OWN = ("1", "2", "3", "4", "+", "|", "_")  # markers of methods that have no style
 HATCHES = ("", "///", "...", "\\\\\\", "xxx", "---", "ooo", "+++")
 
@@ -61,7 +61,7 @@ STYLES = {
     "free": Style("CDCP, free outline", BLUE, ">"),
     "free refine=5": Style("CDCP, free outline, refine=5", SKY, ">"),
     "rectangle": Style("CDCP, rectangle", ORANGE, "8"),
-    "sphere": Style("sphere", BLUE, "3"),
+    "sphere": Style("CDCP, sphere", BLUE, "3"),
     "flash": Style("FLASH", RED, "4"),
     "bff": Style("BFF, free boundary", BLACK, "<"),
     "bff_disk": Style("BFF, near a disk", BLACK, "."),
