@@ -33,6 +33,7 @@ class Factorization(Cholesky):
 
     @staticmethod
     def _converted(A: csc_matrix) -> spmatrix:
+        np.empty(8 * A.nnz)  # what follows takes as much, and CVXOPT crashes where it gets none
         # From dense matrices of its own, as from lists it takes a minute.
         columns = np.repeat(np.arange(A.shape[1]), np.diff(A.indptr))
         rows, entries = A.indices.astype(np.int64), A.data.astype(np.float64)
