@@ -64,12 +64,12 @@ def _best(file: Path, sections: Mapping[str, Section]) -> str:
     found = []
     for family, title in FAMILY_TITLES.items():
         for method, _, share in ranking(results, family, "mean")[:1]:
-            found.append(f'{title} "{style(method).label}" ({share:.0%})')
+            found.append(f'{title} "{style(method).label}" (on {share:.0%})')
     page = f"[CDCP-bench standard](benchmarks/results/{tier.stem}.md)"
     of = page if tier.exists() else "the tables"
     mapped = len(results.mapped) - len(results.failed("cdcp"))
     of = f"{mapped} of the {len(results.mapped)} surfaces of {of}"
-    return f"CDCP maps {of}. The least mean of all methods has, {', '.join(found)}. "
+    return f"CDCP maps {of}. Least mean: {'; '.join(found)}. "
 
 
 def _name(results: Section, model: str) -> str:
