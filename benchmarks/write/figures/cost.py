@@ -62,8 +62,9 @@ def _seconds(measured: Measured, section: str, wanted: Sequence[str]) -> Figure:
 def seconds_growth(measured: Measured) -> Figure:
     """Figure 8, right: time against n."""
     results, methods = measured.require("tables", with_own(measured))
-    figure, panels = new(7.2, 5)
+    figure, panels = new(7.2, 6.2)
     trend(panels[0, 0], results.mapped, series(results, methods, "seconds"))
+    legend(figure, panels[0, 0], 2)
     panels[0, 0].set_ylabel("seconds", fontsize=10, color=INK)
     return figure
 

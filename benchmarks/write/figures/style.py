@@ -234,7 +234,6 @@ def trend(axes: Axes, sizes: Mapping[str, int], plotted: list[Series]) -> None:
     axes.set_xlabel("vertices n", fontsize=10, color=INK)
     axes.grid(color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
-    axes.legend(frameon=False, fontsize=9)
 
 
 def log_scale(axes: Axes, *names: str) -> None:
