@@ -277,8 +277,8 @@ def test_the_table_of_the_readme_is_that_of_the_results(tmp_path):
     assert (lines[0], lines[-1]) == ("before", "after")
     assert lines[2].startswith("| method | human face | Chinese Lion | Human Brain | left hand |")
     rows = {line.split(" | ")[0]: line.split(" | ")[1:] for line in lines[4:]}
-    assert rows["| CDCP"] == [*["1.25"] * 5, "0", "1 × |"]
-    assert rows["| LSCM"] == [*["1.25"] * 5, "0", "4 × |"]
-    assert rows["| BFF"] == ["1.25", "no map", *["1.25"] * 3, "12", "100 × |"]
+    assert rows["| CDCP"] == [*["1.25"] * 5, "0", "1 × |"]
+    assert rows["| LSCM"] == [*["1.25"] * 5, "0", "4 × |"]
+    assert rows["| BFF"] == ["1.25", "no map", *["1.25"] * 3, "12", "100 × |"]
     assert not any("outdated" in line for line in lines)
     assert "first run: make bench" in refused("readme", "--machine", "nowhere")

@@ -94,5 +94,5 @@ def _row(results: Section, method: str) -> list[Cell]:
         Cell(label, kind="text name"),
         *(number(means[m], ".2f") if m in means else none[m] for m in SHOWN),
         Cell(f"{flips:,.0f}"),
-        number(median(times), lambda t: f"{float(f'{t:.2g}'):,g} ×"),
+        number(median(times), lambda t: f"{float(f'{t:.2g}'):,g}\N{NO-BREAK SPACE}×"),
     ]
