@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+LONG = 100  # lines of a section, above which a page shows no rows: they are in the report itself
 NONE_YET = "This checkout has no measured results. `python -m benchmarks` writes them.\n"
 
 
@@ -29,6 +30,9 @@ def _gather(app):
             texts.append(re.sub(r"(!\[[^]]*)\]\(", rf"\1{there}", text))
         index.append(f"## {report.stem}\n\n```{{toctree}}\n:maxdepth: 1\n")
         for k, (title, body) in enumerate(s for text in texts for s in _sections(text)):
+            if body.count("\n") > LONG:
+                file = f"`benchmarks/results/{report.name}`"
+                body = body.partition("\n|")[0] + f"\n\nThe rows are in {file}.\n"
             if body.strip():
                 page = generated / f"{report.stem}-{k:02}.md"
                 page.write_text(f"# {title}\n{body}", encoding="utf-8")
