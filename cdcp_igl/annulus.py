@@ -161,9 +161,6 @@ class AnnulusMap(RefinedMap, Bijection):
             vertices=np.arange(n),
             faces=np.arange(m),
             plane="Ring",
-            middle=(0.0, 0.0),
-            scale=1.0,
-            origin=(0.5, 0.5),
             distortion=self.distortion,
             flipped=len(self.certificate.flipped),
             facts=self._facts(self._subject(), self._key_figure()),
@@ -403,7 +400,7 @@ class Ring(Figure):
         """Verify a map f (n,) whose `flipped` faces are known."""
         return certify_ring(mesh, np.exp(f), flipped)
 
-    def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
+    def errors(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Floats:
         """(m, 3) signed angle errors in radians."""
         return angle_errors(mesh, np.exp(f))
 

@@ -572,6 +572,14 @@ def conformal_barycenter(P: Floats, mass: Floats) -> Floats:
     return w
 
 
+def _axes_along(direction: Floats) -> Floats:
+    """Right-handed orthonormal axes (3, 3) in rows, the first along a direction (3,)."""
+    axes = np.linalg.svd(direction[None])[2]  # the first one is along it, or against it
+    axes *= np.sign(axes[0] @ direction)
+    axes[2] *= np.linalg.det(axes)
+    return axes
+
+
 def rotation(P: Floats, targets: Floats) -> Floats:
     """Rotation R (3, 3) that brings points nearest to targets, both (k, 3): ``P @ R``.
 
@@ -599,10 +607,7 @@ def repaired_on_sphere(mesh: SphereMesh, P: Floats) -> tuple[Floats, Repair]:
     moved, rounds = np.zeros(len(P), dtype=bool), 0
     tried = np.zeros(len(mesh.F), dtype=bool)
     while len(left := flipped[~tried[flipped]]) and rounds < CHARTS:
-        axis = P[mesh.F[left[0]]].sum(axis=0)
-        axes = np.linalg.svd(axis[None])[2]  # the first one is along the axis, or against it
-        axes *= np.sign(axes[0] @ axis)
-        axes[2] *= np.linalg.det(axes)
+        axes = _axes_along(P[mesh.F[left[0]]].sum(axis=0))
         height = P @ axes[0]
         faces = np.flatnonzero((height[mesh.F] > HEMISPHERE).all(axis=1))
         tried[left[0]], rounds = True, rounds + 1
@@ -708,9 +713,8 @@ class Sphere(Figure):
     """
 
     def __init__(self, P: Floats, pole: int) -> None:
-        axes = np.linalg.svd(P[pole][None])[2]  # the first one is along P[pole], or against it
-        axes *= np.sign(axes[0] @ P[pole])
-        axes[2] *= -np.linalg.det(axes)  # seen from outside, opposite the pole
+        axes = _axes_along(P[pole])
+        axes[2] *= -1  # seen from outside, opposite the pole
         self._axes, self._pole = axes, pole
 
     def plane(self, P: Floats) -> Complex:
@@ -724,17 +728,15 @@ class Sphere(Figure):
 
     def points(self, z: Complex) -> Floats:
         """(n, 3) points with these coordinates."""
-        square = abs(z) ** 2
-        P = np.column_stack([square - 1, 2 * z.real, 2 * z.imag]) / (1 + square)[:, None]
-        return P @ self._axes
+        return from_plane(z.conj(), -1)[:, [2, 0, 1]] @ self._axes
 
     def flipped(self, F: Ints, f: Complex) -> Flipped:
         """Faces that are not positively oriented, exactly, and how many were in doubt."""
         return flipped_on_sphere(self.points(f), F)
 
-    def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
+    def errors(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Floats:
         """(m, 3) signed angle errors in radians."""
-        return sphere_angle_errors(mesh, self.points(f), self.flipped(mesh.F, f)[0])
+        return sphere_angle_errors(mesh, self.points(f), flipped[0])
 
     def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> SphereCertificate:
         """Verify a map f (n,) whose `flipped` faces are known."""

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
@@ -314,9 +315,11 @@ def parted(chart: Chart, most: float) -> list[Component]:
     """
     component = chart.opened.component
     m = len(component.rows)
+    if m < LEAST_FACES:
+        return [component]
     F, polygon = component.F[:m], component.polygon[:m]
     given = Component(component.V[: F.max() + 1], F, polygon, component.rows)
-    left, right = given.edges % m, given.twin[given.edges] % m
+    left, right = given.sides(given.edges)
     ways: list[Callable[[Component], Bools]] = [narrow_side]
     if chart.level is not None and component.topology.euler_characteristic > 0:
         ways.insert(0, partial(limbs, level=chart.level))
@@ -335,17 +338,22 @@ def _mean_of_polygons(component: Component, values: Floats) -> Floats:
     return (np.bincount(number, values) / np.bincount(number))[number]
 
 
+def _regions(component: Component, low: Bools) -> tuple[int, NDArray[np.int32]]:
+    """Count the regions of faces that are all `low` (m,), or none of them; (m,) their numbers."""
+    left, right = component.sides(component.edges)
+    within = low[left] == low[right]
+    return components_of_pairs(left[within], right[within], len(low))
+
+
 def limbs(component: Component, level: Floats) -> Bools:
     """(m,) the faces of large regions where a map has shrunk lengths, by its `level` (m,).
 
     What lies between such regions is large, too; none if there is nothing else.
     """
-    m, area = len(component.F), face_areas(component.V, component.F)
+    area = face_areas(component.V, component.F)
     low = _mean_of_polygons(component, level) < -LIMB
-    left, right = component.edges % m, component.twin[component.edges] % m
     for side in (True, False, True):
-        within = (low[left] == side) & (low[right] == side)
-        count, part = components_of_pairs(left[within], right[within], m)
+        count, part = _regions(component, low)
         small = np.bincount(part, area, count) < LEAST_LIMB * area.sum()
         small |= np.bincount(part, minlength=count) < LEAST_FACES
         low[(low == side) & small[part]] = not side
@@ -365,20 +373,18 @@ def narrow_side(component: Component) -> Bools:
     way = from_end - distances(indices=from_end.argmax())
     level = _mean_of_polygons(component, way[component.F].mean(axis=1))
     order = np.argsort(level, kind="stable")
-    left, right = component.edges % m, component.twin[component.edges] % m
-    first, last = np.sort(places(order, m)[[left, right]], axis=0)
+    first, last = np.sort(places(order, m)[[*component.sides(component.edges)]], axis=0)
     length = component.length[component.edges]
     # The edges between the faces up to each rank and those after it.
     line = np.cumsum(np.bincount(first, length, m) - np.bincount(last, length, m))[:-1]
     below = np.cumsum(area[order])[:-1]
     smaller = np.minimum(below, area.sum() - below)
     possible = (np.diff(level[order]) > 0) & (smaller > LEAST_SHARE * area.sum())
-    if m < LEAST_FACES or not possible.any():
+    if not possible.any():
         return np.zeros(m, dtype=bool)
     low = level <= level[order[np.where(possible, line / smaller, np.inf).argmin()]]
     for side in (True, False):  # what is not joined to the rest of its side goes to the other one
-        within = (low[left] == side) & (low[right] == side)
-        count, part = components_of_pairs(left[within], right[within], m)
+        count, part = _regions(component, low)
         largest = np.bincount(part[low == side], area[low == side], count).argmax()
         low[part != largest] = not side
     return low

@@ -68,8 +68,7 @@ class Component:
         that the polygons are disks with all vertices on their boundaries. Faces in successive
         rows are joined first: a fan of triangles stays one where the polygon touches itself.
         """
-        m = len(self.F)
-        one, other = self.edges % m, self.twin[self.edges] % m
+        one, other = self.sides(self.edges)
         inside = self.polygon[one] == self.polygon[other]
         joined = self.crossed_by_tree(self.edges[inside], -abs(one - other)[inside])
         return marked(self.F.size, joined, self.twin[joined])
@@ -77,7 +76,7 @@ class Component:
     def crossed_by_tree(self, edges: Ints, weight: NDArray[Any]) -> Ints:
         """Those of some edges that a maximum spanning tree of the faces crosses."""
         m = len(self.F)
-        low, high = np.sort([edges % m, self.twin[edges] % m], axis=0)
+        low, high = np.sort(self.sides(edges), axis=0)
         order = np.lexsort((high, low, -weight))
         low, high = low[order], high[order]
         # Of several edges between two faces, only the best can be in the tree.
@@ -100,6 +99,10 @@ class Component:
     def uncut(self) -> OpenedComponent:
         """The component with its own boundary and no cut."""
         return OpenedComponent(self, self.twin < 0)
+
+    def sides(self, edges: Ints) -> tuple[Ints, Ints]:
+        """Return the faces on either side of edges that are not on the boundary."""
+        return edges % len(self.F), self.twin[edges] % len(self.F)
 
     def after(self, half: Ints) -> Ints:
         """Return the next half-edges of the same faces."""

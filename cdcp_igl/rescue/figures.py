@@ -23,8 +23,8 @@ class Figure(ABC):
     def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Verified:
         """Verify a map f (n,) whose `flipped` faces are known."""
 
-    def errors(self, mesh: DiskMesh, f: Complex) -> Floats:
-        """(m, 3) signed angle errors in radians."""
+    def errors(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Floats:
+        """(m, 3) signed angle errors in radians of a map f (n,) whose `flipped` faces are known."""
         return angle_errors(mesh, f)
 
     def flipped(self, F: Ints, f: Complex) -> Flipped:

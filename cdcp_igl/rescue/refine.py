@@ -138,12 +138,13 @@ def lower_angle_distortion(
     """
     deadline = perf_counter() + seconds
     measure = partial(_power_mean, p=norm)
-    r = figure.errors(mesh, f)
+    flipped = figure.flipped(mesh.F, f)
+    r = figure.errors(mesh, f, flipped)
     before = objective = measure(r)
     taken, attempt, p, stopped = 0, 0, 2.0, ""
     moved: Complex | None = None
     gains: list[float] = []
-    if len(order) == 0 or not figure.certificate(mesh, f, figure.flipped(mesh.F, f)).valid:
+    if len(order) == 0 or not figure.certificate(mesh, f, flipped).valid:
         return f, Refinement(steps, taken, "no improvement", norm, before, objective)
     laplacian, stale = WeightedLaplacian(mesh, order), True
     while taken < steps and not stopped:
@@ -211,7 +212,7 @@ def search_along(
             size, distance = extents(f[faces])
             scale[faces[size < TINY * distance]] = 0
             continue
-        r = figure.errors(mesh, trial)
+        r = figure.errors(mesh, trial, flipped)
         value = measure(r)
         if value < objective and figure.certificate(mesh, trial, flipped).valid:
             return trial, r, value

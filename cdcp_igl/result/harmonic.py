@@ -26,9 +26,6 @@ class RefinedMap(Result):
     refinement: Refinement | None
     solver: str
 
-    def _subject(self) -> str:
-        return f"{self._size()[0]:,} vertices"
-
     def _steps(self) -> list[tuple[str, str]]:
         return [
             ("repair", str(self.repair)),
