@@ -130,7 +130,8 @@ def judge_by(
     `mean` is that of all faces, `known` as in `judge`. Of `mesh`, the faces at the vertices of
     these are needed.
     """
-    inscribed = mesh.on_boundary[mesh.F[faces]].all(axis=1)
+    i, j, k = mesh.on_boundary[mesh.F[faces].T]
+    inscribed = i & j & k
     free = faces[~inscribed]
     stretch = dilatation(mesh, f, free if len(free) else faces)
     enough = max(NEGLIGIBLE_DEGREES, min(known, LARGEST_DEGREES))
