@@ -104,13 +104,7 @@ class Task:
         return self.record(REFUSED, "FileExistsError", message)
 
     def run(self) -> Record:
-        """Map the surface; whatever is wrong with it is in the record.
-
-        Raises
-        ------
-        Unwritten
-            If the result cannot be written.
-        """
+        """Map it; what is wrong with the surface is in the record. Unwritten if the disk is full."""
         start = perf_counter()
         forget_peak_memory()
         record = self.record(FAILED)
