@@ -104,7 +104,7 @@ class Task:
         return self.record(REFUSED, "FileExistsError", message)
 
     def run(self) -> Record:
-        """Map it; what is wrong with the surface is in the record. Unwritten if the disk is full."""
+        """Map the surface and record what is wrong with it; Unwritten if the disk is full."""
         start = perf_counter()
         forget_peak_memory()
         record = self.record(FAILED)
