@@ -9,8 +9,6 @@ from conftest import public_name
 
 import cdcp_igl
 from cdcp_igl import datasets
-from cdcp_igl.datasets import real
-from cdcp_igl.io.reading import READABLE
 from cdcp_igl.surface.mesh import DiskMesh
 
 ROOT = Path(__file__).parents[1]
@@ -65,29 +63,6 @@ def test_offline_error_says_both_ways_out(no_data_directory, tmp_path, monkeypat
     monkeypatch.setattr(pooch, "retrieve", unreachable)
     with pytest.raises(OSError, match=r"connect to the network .* CDCP_IGL_DATA"):
         datasets.load("left_hand")
-
-
-def test_every_download_is_of_one_commit():
-    pinned = re.compile(r"https://raw\.githubusercontent\.com/[\w.-]+/[\w.-]+/[0-9a-f]{40}/\S+")
-    for file, sha256, url in real._FILES.values():
-        assert pinned.fullmatch(url)
-        assert re.fullmatch("[0-9a-f]{64}", sha256)
-        assert Path(file).suffix == Path(url).suffix.lower()
-        assert Path(file).suffix in READABLE
-    assert len({file for file, _, _ in real._FILES.values()}) == len(datasets.NAMES) - 1
-
-
-def test_the_pages_say_where_each_surface_comes_from():
-    page = ROOT / "docs" / "reference" / "datasets.md"
-    rows = [line for line in page.read_text("utf-8").splitlines() if line.startswith("| `")]
-    said = {
-        name: repository
-        for names, repository in re.findall(r"\| (`.*?`) \| \[(.*?)\]", "\n".join(rows))
-        for name in re.findall("`(.*?)`", names)
-    }
-    assert said == {
-        name: "/".join(url.split("/")[3:5]) for name, (_, _, url) in real._FILES.items()
-    }
 
 
 def test_the_pages_name_what_else_the_tests_use():

@@ -215,8 +215,3 @@ def test_options_out_of_range():
         ldcp(*saddle(), pinned=2)
     with pytest.raises(ValueError, match="parts"):
         pgcp(*saddle(), parts=1)
-
-
-def test_table_is_read_only():
-    with pytest.raises(TypeError):
-        METHODS["fdcp"] = METHODS["ldcp"]

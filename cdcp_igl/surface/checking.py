@@ -116,20 +116,7 @@ class MeshReport:
         return _step(in_shell, clean_and_cut="mend it, and map what is left")
 
     def report(self) -> dict[str, Any]:
-        """Return all of it.
-
-        Returns
-        -------
-        dict
-            JSON types.
-
-        Examples
-        --------
-        >>> import cdcp_igl
-        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
-        >>> cdcp_igl.check(V, F).report()["kind"]
-        'disk'
-        """
+        """Return all of it as JSON types."""
         return {
             "disk": self.is_disk,
             "kind": self.kind,
@@ -214,10 +201,8 @@ def check(V: ArrayLike, F: ArrayLike, *, polygon_of_face: Ints | None = None) ->
 
     Parameters
     ----------
-    V : (n, 3) or (n, 2) array_like
-        Vertex positions.
-    F : (m, 3) array_like
-        Corners of the faces, rows of V.
+    V, F
+        As in `disk_map`, whatever surface they are.
     polygon_of_face : (m,) ndarray of integers, optional
         Which polygon each face is a part of, as in `cut`; then defects name polygons.
 
