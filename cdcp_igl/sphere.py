@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Complex, Floats, Ints, coordinates, marked
+from .arrays import Bools, Complex, Floats, Ints, as_complex, coordinates, marked
 from .cached import cached_property
 from .certificate import SphereCertificate, certify_sphere, flipped_on_sphere
 from .distortion import AngleDistortion, area_distortion, sphere_angle_errors
@@ -30,7 +30,7 @@ from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .surface.location import SphereFinder
 from .surface.mesh import DiskMesh, SphereMesh
-from .surface.triangles import EPS, vertex_areas
+from .surface.triangles import EPS, oriented_areas, vertex_areas
 
 WELL_SHAPED = np.radians(20)  # the smallest angle around the vertex of the dipole, if there is one
 NEAR = 2.0  # |h| in a cap around the dipole, 20 % of the sphere, which is solved again
@@ -104,8 +104,7 @@ class SphereMap(RefinedMap, Bijection):
     @cached_property
     def _upper(self) -> Bools:
         """(m,) faces turned upwards: the pole below is outside of their circles on the sphere."""
-        x, y = np.moveaxis(np.diff(self.points[self.mesh.F, :2], axis=1), 1, 0)
-        return np.linalg.det(np.stack([x, y], axis=1)) > 0
+        return oriented_areas(as_complex(self.points[:, :2]), self.mesh.F)[0] > 0
 
     def packed(self) -> Floats:
         """Return the chart `uv` scaled into the unit square, (m, 3, 2): texture coordinates."""
