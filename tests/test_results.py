@@ -52,6 +52,14 @@ def test_what_is_lost_in_single_precision(tmp_path, caplog):
     assert not caplog.records
     result.save(tmp_path / "a.glb")
     assert f"{lost} faces have no area" in caplog.text
+    assert f"{lost / len(F):.2g} of the surface" in caplog.text
+    caplog.clear()
+    atlas = cdcp_igl.surface_map(V, F, spread=np.inf)
+    faces, share = atlas.lost_in_single_precision()
+    assert f"in single precision {faces} faces without area, {share:.2g} of" in caplog.text
+    caplog.clear()
+    assert cdcp_igl.surface_map(V, F, outline="free").lost_in_single_precision() == (0, 0)
+    assert not caplog.records
 
 
 # -- what is printed -------------------------------------------------------------------
