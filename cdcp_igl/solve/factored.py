@@ -24,21 +24,9 @@ class FactoredSurface:
     I are the `free` vertices, the unknowns; those inside, if not told. On the others values are
     given. If an `order` of them is known, it is taken.
 
-    Attributes
-    ----------
-    mesh : DiskMesh
-    laplacian : Laplacian
-    rows : (k,) ndarray of int
-        The free vertices in the order in which they are handed to the solver.
-    order : (k,) ndarray of int
-        The free vertices in the order of elimination.
-    solver : str
-        Solver, version, ordering and mode.
-
-    Raises
-    ------
-    SolverError
-        If the block is numerically not positive definite, or cannot fit into memory.
+    Its `order` (k,) is that of elimination, of its `rows`, in which the solver gets them; `solver`
+    says solver, version, ordering and mode.
+    SolverError if the block is numerically not positive definite, or cannot fit into memory.
     """
 
     def __init__(
