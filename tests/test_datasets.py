@@ -88,22 +88,6 @@ def test_missing_extra_is_named(no_data_directory, monkeypatch, module, name):
         datasets.load(name)
 
 
-@pytest.mark.parametrize(
-    ("surface", "options"),
-    [
-        *((datasets.ellipse, {"aspect": aspect}) for aspect in (-1, 0.5, 1, 8.1, float("nan"))),
-        *((datasets.spherical_cap, {"angle": angle}) for angle in (0, 180, 200)),
-        *((datasets.paraboloid, {"steepness": steepness}) for steepness in (0, float("inf"))),
-    ],
-)
-def test_surfaces_whose_map_is_not_known_are_refused(surface, options):
-    with pytest.raises(ValueError, match=f"{next(iter(options))} must be"):
-        surface(4, **options)
-    for resolution in (0, -1):
-        with pytest.raises(ValueError, match="resolution must be at least 1"):
-            surface(resolution)
-
-
 @pytest.mark.parametrize("aspect", [1.01, 2, 8])
 def test_the_rim_of_an_ellipse_is_on_the_circle(aspect):
     V, F, uv = datasets.ellipse(20, aspect)

@@ -325,11 +325,5 @@ def test_what_is_baked_lies_where_the_map_is_packed(mapped, kind):
 
 def test_what_cannot_be_baked_is_refused(mapped):
     V, _, result = mapped["surface"]
-    for values, size, message in (
-        (V[1:], 64, "rows"),
-        (V * 1j, 64, "must be real"),
-        (V, 0, "size must be at least 1"),
-        (V, 1, "no pixel lies on the surface"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            result.bake(values, size=size)
+    with pytest.raises(ValueError, match="no pixel lies on the surface"):
+        result.bake(V, size=1)
