@@ -200,6 +200,7 @@ class _Parting:
         manifest = {
             "vertices": len(self.V),
             "faces": len(self.F),
+            "seams": len(seams),
             "levels": self.levels,
             "parts": parts,
             "exponent": exponent,

@@ -73,9 +73,9 @@ class PartsMap(OntoDisk):
         given["certificate"] = replace(certificate, flipped=np.array(certificate.flipped, np.int64))
         return cls(folder=folder, **given)
 
-    def write(self, names: list[str]) -> None:
+    def write(self, names: dict[int, str]) -> None:
         """Write it, with the coordinates by the results of the parts, and remove what led to it."""
-        for p, name in zip(self.folder.parts, names, strict=True):
+        for p, name in names.items():
             file = BytesIO()  # to files, NumPy does not say why it cannot write
             np.save(file, coordinates(self.folder.read(name, "f")["f"]))
             with whole_file(self._file(p)) as unfinished:
