@@ -196,13 +196,15 @@ class Gathered:
         cls, folder: Folder, names: Mapping[int, str], chosen: Callable[[Part], Any]
     ) -> Gathered:
         """Gather the faces that are `chosen` of some parts, with the maps of these names."""
-        found = []
-        for p, name in names.items():
+
+        def some_of(p: int, name: str) -> tuple[Any, ...]:
             part, f = Part(folder, p), folder.read(name, "f")["f"]
             here = chosen(part)
             F = part.F[here]
-            found.append((part.faces[here], part.vertices[F], part.V[F], f[F]))
-        rows, corners, V, f_corners = map(np.concatenate, zip(*found, strict=True))
+            return part.faces[here], part.vertices[F], part.V[F], f[F]
+
+        found = zip(*(some_of(*named) for named in names.items()), strict=True)
+        rows, corners, V, f_corners = map(np.concatenate, found)
         order = np.argsort(rows)
         vertices, F = np.unique(corners, return_inverse=True)
         F = F.reshape(-1, 3)
