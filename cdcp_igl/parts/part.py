@@ -203,7 +203,7 @@ class Gathered:
             F = part.F[here]
             return part.faces[here], part.vertices[F], part.V[F], f[F]
 
-        found = zip(*(some_of(*named) for named in names.items()), strict=True)
+        found = zip(*(some_of(*pair) for pair in names.items()), strict=True)
         rows, corners, V, f_corners = map(np.concatenate, found)
         order = np.argsort(rows)
         vertices, F = np.unique(corners, return_inverse=True)
