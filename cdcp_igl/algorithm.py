@@ -49,11 +49,7 @@ def cdcp(
 
     Parameters
     ----------
-    V : (n, 3) or (n, 2) array_like of real numbers
-        Vertex positions, in any unit.
-    F : (m, 3) array_like of integers
-        Corners of the faces, counterclockwise seen from outside.
-    center, mobius, align, refine, refine_norm, refine_seconds, preset, solver, progress
+    V, F, center, mobius, align, refine, refine_norm, refine_seconds, preset, solver, progress
         As in `disk_map`.
 
     Returns
@@ -237,16 +233,9 @@ def map_of(
 class Steps:
     """The steps of Algorithm 1 that can be taken in more than one way.
 
-    Attributes
-    ----------
-    center : callable
-        The central face of a `FactoredSurface`, sect. 4.1.
-    trace : callable
-        The boundary trace (nB,) for a surface and its central face, Theorem 1.
-    circle : callable
-        The trace onto the circle, eqs. (1)-(6); raises `Rejected` where that fails.
-    mobius : {"angle", "area", "nelder-mead"} or None
-        What the Möbius transformation minimises, eqs. (19)-(20).
+    They are the central face, sect. 4.1; the boundary trace (nB,) for a surface and its central
+    face, Theorem 1; the trace onto the circle, eqs. (1)-(6), which raises `Rejected` where that
+    fails; and what the Möbius transformation minimises, eqs. (19)-(20).
     """
 
     center: Callable[[FactoredSurface], Center] = central_face

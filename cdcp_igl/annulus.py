@@ -74,12 +74,8 @@ class AnnulusMap(RefinedMap, Bijection):
         Boundary loops beyond two that were filled; those faces are not in the results.
     certificate : Certificate
         As of a `DiskMap`, with both circles in place of one: errors are relative to the radius.
-    repair : Repair
-        What was done about flipped faces.
-    refinement : Refinement or None
-        What was done to lower the angular distortion further; None if nothing was asked for or due.
-    conformality, distortion, solver, timings
-        As of every `Result`.
+    conformality, distortion, repair, refinement, solver, timings
+        As of a `DiskMap`.
 
     Examples
     --------
@@ -187,11 +183,7 @@ def annulus_map(
 
     Parameters
     ----------
-    V : (n, 3) or (n, 2) array_like of real numbers
-        Vertex positions, in any unit.
-    F : (m, 3) array_like of integers
-        Corners of the faces, counterclockwise seen from outside.
-    refine, refine_norm, refine_seconds, solver, progress
+    V, F, refine, refine_norm, refine_seconds, solver, progress
         As in `disk_map`; refinement moves the inner circle, too.
 
     Returns
@@ -205,12 +197,8 @@ def annulus_map(
         mesh.
     MapError
         If the map is no bijection; it is the ``result``.
-    SolverError
-        If the Laplacian cannot be factored.
-    ValueError
-        If an option is not one of those above.
-    ImportError
-        If the solver that was asked for is not installed.
+    SolverError, ValueError, ImportError
+        As `disk_map`.
 
     References
     ----------

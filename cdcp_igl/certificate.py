@@ -30,14 +30,7 @@ KEYS = {"flipped": "flipped_faces", "meeting": "meeting_edges", "n_exact": "face
 class Verified(ABC):
     """What all certificates have: printing one says what was found, in a line.
 
-    Attributes
-    ----------
-    finite : bool
-        All coordinates are finite.
-    flipped : (k,) ndarray of int64
-        Faces that are not positively oriented, collapsed ones included.
-    n_exact : int
-        Faces whose sign was in doubt and decided in exact arithmetic.
+    `finite`, `flipped` and `n_exact` are as in `Certificate`.
     """
 
     finite: bool
@@ -139,16 +132,12 @@ class SphereCertificate(Verified):
 
     Attributes
     ----------
-    finite : bool
-        All coordinates are finite.
     radius_error : float
         Largest deviation of a vertex from the unit sphere.
     degree : int
         How many times the triangles cover the sphere.
-    flipped : (k,) ndarray of int64
-        Faces that are not positively oriented seen from outside, collapsed ones included.
-    n_exact : int
-        Faces whose sign was in doubt and decided in exact arithmetic.
+    finite, flipped, n_exact
+        As in `Certificate`, faces seen from outside.
 
     Examples
     --------
@@ -204,8 +193,6 @@ def flipped_on_sphere(P: Floats, F: Ints) -> tuple[Ints, int]:
 def solid_angles(P: Floats, F: Ints) -> Floats:
     """(m,) signed solid angles of spherical triangles.
 
-    References
-    ----------
     A. van Oosterom, J. Strackee. The solid angle of a plane triangle. IEEE Trans. Biomed. Eng.
     30(2), 1983.
     """
@@ -225,17 +212,13 @@ class OutlineCertificate(Verified):
 
     Attributes
     ----------
-    finite : bool
-        All coordinates are finite.
     winding_number : int
         Turns of the outline: its exterior angles by 2 pi.
     meeting : (k, 2) ndarray of int64
         Edges of the outline that meet elsewhere than at a common end, exactly: the boundary
         vertices that they leave. Some if there are any, and not always all.
-    flipped : (k,) ndarray of int64
-        Faces that are not positively oriented, collapsed ones included.
-    n_exact : int
-        Faces whose sign was in doubt and decided in exact arithmetic.
+    finite, flipped, n_exact
+        As in `Certificate`.
 
     Examples
     --------

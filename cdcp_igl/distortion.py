@@ -103,20 +103,12 @@ def quasi_conformal_dilatation(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Flo
     K = (|f_z| + |f_zbar|) / (|f_z| - |f_zbar|), with z a coordinate in the plane of the
     face: circles become ellipses with axes K : 1.
 
-    Parameters
-    ----------
-    V, F, uv
-        As in `angle_distortion`, in the plane.
+    Takes and raises what `angle_distortion` does, of maps to the plane.
 
     Returns
     -------
     (m,) float64
         At least 1, which is conformal; infinity for a flipped or collapsed face.
-
-    Raises
-    ------
-    MeshError, ValueError
-        As `angle_distortion`.
 
     References
     ----------
@@ -144,10 +136,7 @@ def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     discrete conformal equivalence, such as a Möbius transformation of the plane, has its
     factors recovered exactly.
 
-    Parameters
-    ----------
-    V, F, uv
-        As in `angle_distortion`.
+    Takes and raises what `angle_distortion` does.
 
     Returns
     -------
@@ -156,11 +145,6 @@ def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
         Lengths do not see flipped faces. Minus infinity at the vertices of a face with an
         edge of length 0; NaN at vertices without faces.
 
-    Raises
-    ------
-    MeshError, ValueError
-        As `angle_distortion`.
-
     References
     ----------
     B. Springborn, P. Schröder, U. Pinkall. Conformal equivalence of triangle meshes. ACM
@@ -168,8 +152,6 @@ def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
 
     Examples
     --------
-    An enlargement, and lengths in another unit:
-
     >>> import cdcp_igl
     >>> V, F = [[0, 0], [1, 0], [1, 1], [0, 1]], [[0, 1, 2], [0, 2, 3]]
     >>> uv = [[0, 0], [2, 0], [2, 2], [0, 2]]
@@ -199,21 +181,13 @@ def area_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     Both areas are fractions of their totals, so that a map with a constant scale has no
     distortion of area.
 
-    Parameters
-    ----------
-    V, F, uv
-        As in `angle_distortion`.
+    Takes and raises what `angle_distortion` does.
 
     Returns
     -------
     (m,) float64
         0 is no distortion. The area of a flipped face counts as 0, and its distortion is
         minus infinity, like that of a collapsed one.
-
-    Raises
-    ------
-    MeshError, ValueError
-        As `angle_distortion`.
 
     References
     ----------
@@ -328,8 +302,8 @@ def wirtinger_derivative(V: Floats, F: Ints) -> Complex:
 
 def _plane_triangles(V: Any, F: Ints) -> tuple[Floats, Complex]:
     """Second and third corner of each face laid into the plane with its first corner at 0."""
-    i, j, k = F.T
-    e, g = V[j] - V[i], V[k] - V[i]
+    i, j, k = V.take(F.T, axis=0)  # in less time than by indexing
+    e, g = j - i, k - i
     length = np.linalg.norm(e, axis=1)
     return length, ((e * g).sum(axis=1) + 1j * libigl.double_areas(V, F)) / length
 

@@ -125,8 +125,6 @@ class SolverError(RuntimeError):
 
     Examples
     --------
-    It is a RuntimeError, as are the errors of a map, and no error of the input:
-
     >>> import cdcp_igl
     >>> issubclass(cdcp_igl.SolverError, RuntimeError)
     True
@@ -144,21 +142,14 @@ class MapError(RuntimeError):
 
     Examples
     --------
-    A star with long and short arms, and a method that does not repair flipped faces:
+    A method that finds no map without interior vertices:
 
-    >>> import numpy as np
     >>> import cdcp_igl
-    >>> from cdcp_igl.reference import fdcp
-    >>> z = np.exp(2j * np.pi * np.arange(8) / 8) * [1, 0.1, 1, 0.1, 1, 0.1, 1, 0.1]
-    >>> V = np.vstack([np.column_stack([z.real, z.imag]), [0.01, 0.005]])
-    >>> F = [[i, (i + 1) % 8, 8] for i in range(8)]
     >>> try:
-    ...     fdcp(V, F)
+    ...     cdcp_igl.reference.cem([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]])
     ... except cdcp_igl.MapError as error:
-    ...     print(error.result.certificate.valid)
-    False
-    >>> cdcp_igl.disk_map(V, F).certificate.valid
-    True
+    ...     print(error)
+    There is no interior vertex from which the boundary could follow
     """
 
     def __init__(self, message: str, result: Any = None) -> None:

@@ -34,12 +34,8 @@ class DiskMapper:
 
     Parameters
     ----------
-    V : (n, 3) or (n, 2) array_like of real numbers
-        Vertex positions, in any unit. Two columns are a planar mesh.
-    F : (m, 3) array_like of integers
-        Corners of the faces, counterclockwise seen from outside.
-    solver : {"scikit-sparse", "cvxopt", "scipy"} or None
-        As in `disk_map`; for all maps.
+    V, F, solver
+        As in `disk_map`; the solver is for all maps.
 
     Attributes
     ----------
@@ -48,14 +44,8 @@ class DiskMapper:
 
     Raises
     ------
-    MeshError
-        If the input is not a triangulated disk.
-    SolverError
-        If the Laplacian cannot be factored.
-    ValueError
-        If `solver` is none of these.
-    ImportError
-        If the solver that was asked for is not installed.
+    MeshError, SolverError, ValueError, ImportError
+        As `disk_map`.
 
     Examples
     --------
@@ -95,22 +85,9 @@ class DiskMapper:
         preset: Literal["paper"] | None = None,
         progress: Progress | None = None,
     ) -> DiskMap:
-        """Map the surface; the same map as `disk_map` with these options.
+        """Map the surface; the same map as `disk_map` with these options, and the same errors.
 
-        Parameters
-        ----------
-        center, mobius, align, refine, refine_norm, refine_seconds, preset, progress
-            As in `disk_map`.
-
-        Returns
-        -------
-        DiskMap
-            Its ``timings`` have the phases that this call went through.
-
-        Raises
-        ------
-        SolverError, MapError, ValueError
-            As `disk_map`.
+        The ``timings`` of the DiskMap have the phases that this call went through.
         """
         options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
         options.check_rows(len(self.mesh.F), self.mesh.loop)
@@ -132,22 +109,7 @@ class DiskMapper:
         refine_seconds: float = np.inf,
         progress: Progress | None = None,
     ) -> FreeMap:
-        """Map the surface with a free outline; the same map as `free_map` with these options.
-
-        Parameters
-        ----------
-        boundary_scale, corners, align, refine, refine_norm, refine_seconds, progress
-            As in `free_map`.
-
-        Returns
-        -------
-        FreeMap
-
-        Raises
-        ------
-        SolverError, MapError, ValueError
-            As `free_map`.
-        """
+        """Map the surface with a free outline: the map, and the errors, of `free_map`."""
         options = Options(
             align=align, refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds
         )
@@ -161,22 +123,9 @@ class DiskMapper:
     def moved(self, V: ArrayLike) -> DiskMapper:
         """Take the same faces with moved vertices: no topological checks, no new ordering.
 
-        Parameters
-        ----------
-        V : (n, 3) or (n, 2) array_like of real numbers
-            As many rows as before; row i is the new place of vertex i.
-
-        Returns
-        -------
-        DiskMapper
-            This one stays as it is.
-
-        Raises
-        ------
-        MeshError
-            If V has another number of rows, is not finite, or makes a face degenerate.
-        SolverError
-            If the Laplacian cannot be factored.
+        Row i of V, (n, 3) or (n, 2), is the new place of vertex i; this mapper stays as it is.
+        MeshError if V has another number of rows, is not finite, or makes a face degenerate;
+        SolverError if the Laplacian cannot be factored.
         """
         other = DiskMapper.__new__(DiskMapper)
         other._solver = self._solver

@@ -86,35 +86,20 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class Mapped:
-    """A surface, its map, and what came before.
+    """The surface that was mapped, as given or cleaned, its map, and what came before.
 
-    Attributes
-    ----------
-    V : (n, 3) ndarray
-    F : (m, 3) ndarray
-        The surface that was mapped: as it was given, or cleaned.
-    result : DiskMap, FreeMap, SurfaceMap, SphereMap or AnnulusMap
-    changes : tuple of str
-        What was changed before, a sentence each.
-    n_written : int
-        Vertices that are written; the others fill holes.
-    written : (k,) ndarray of int64
-        Faces that are written; the others fill holes, or are on no disk.
-    indices : dict of str to ndarray
-        What an npz file holds beside V, F and uv: of a surface that was cleaned or cut, the rows
-        that the vertices and faces come from, and the disk of each face.
-    as_read : bool
-        Whether nothing was changed by cleaning.
+    `indices` is what an npz file holds beside V, F and uv: of a surface that was cleaned or cut,
+    the rows that the vertices and faces come from, and the disk of each face.
     """
 
     V: Array
     F: Array
     result: DiskMap | FreeMap | SurfaceMap | SphereMap | AnnulusMap
-    changes: tuple[str, ...]
-    n_written: int
-    written: Ints
+    changes: tuple[str, ...]  # before the map, a sentence each
+    n_written: int  # vertices that are written; the others fill holes
+    written: Ints  # faces that are written; the others fill holes, or are on no disk
     indices: dict[str, Any]
-    as_read: bool = True
+    as_read: bool = True  # whether nothing was changed by cleaning
 
     @property
     def maps(self) -> tuple[DiskMap | FreeMap, ...]:
@@ -177,10 +162,7 @@ def map_one(
 ) -> Mapped:
     """Map a surface as `read_polygons` has read it, cleaned or cut open if that is asked for.
 
-    Raises
-    ------
-    MeshError, SolverError, MapError, ValueError
-        As `disk_map`, `free_map` and `surface_map`. The MeshError names polygons of the file.
+    The errors are those of `disk_map` and its kin; MeshError names polygons of the file.
     """
     if not settings.clean:
         with naming_polygons(polygon_of_face):

@@ -66,15 +66,11 @@ class RectangleMap(PlaneMap):
     laplacian : str
         ``"cotangent"``; or, where that flipped faces, or its map is not conformal, and this
         distorts less, ``"intrinsic Delaunay"``.
-    repair : Repair
-        What was done about flipped faces.
-    solver : str
-        Sparse solver, version, ordering and mode.
+    repair, solver
+        As of a `DiskMap`.
 
     Examples
     --------
-    The modulus is known between bounds, and exactly for a square with its own corners:
-
     >>> import cdcp_igl
     >>> V, F, _ = cdcp_igl.datasets.square(5)
     >>> ends = [-1, -1], [1, -1], [1, 1], [-1, 1]
@@ -134,15 +130,11 @@ def rectangle_map(
 
     Parameters
     ----------
-    V : (n, 3) or (n, 2) array_like of real numbers
-        Vertex positions, in any unit.
-    F : (m, 3) array_like of integers
-        Corners of the faces, counterclockwise seen from outside.
+    V, F, solver, progress
+        As in `disk_map`.
     corners : (4,) array_like of integers
         Boundary vertices in counterclockwise order (the surface on the left), which go to
         (0, 0), (modulus, 0), (modulus, 1) and (0, 1).
-    solver, progress
-        As in `disk_map`.
 
     Returns
     -------
@@ -150,17 +142,13 @@ def rectangle_map(
 
     Raises
     ------
-    MeshError
-        If the mesh is not a triangulated disk.
     ValueError
         If the corners are no four boundary vertices in this order, or an edge inside joins
         two vertices of one side: what it cuts off would become a segment of that side.
     MapError
         If no map is a bijection; the one of least distortion is its ``result``.
-    SolverError
-        If no Laplacian can be factored.
-    ImportError
-        If the solver that was asked for is not installed.
+    MeshError, SolverError, ImportError
+        As `disk_map`.
 
     References
     ----------
@@ -169,8 +157,6 @@ def rectangle_map(
 
     Examples
     --------
-    A rectangle is mapped to itself, scaled:
-
     >>> import cdcp_igl
     >>> V = [[0, 0], [6, 0], [6, 2], [0, 2], [3, 1]]
     >>> F = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
@@ -296,12 +282,7 @@ def along_side(z: Complex, corners: Complex) -> Floats:
 
     The points z (k,) lie on the arc from the first corner to the second; the `corners` (4,) go
     counterclockwise around the unit circle. Returns (k,) numbers, 0 at the first and 1 at the
-    second corner.
-
-    References
-    ----------
-    L. V. Ahlfors. Complex Analysis. McGraw-Hill, 1979. Chapter 6, sect. 2.3: mapping on
-    a rectangle.
+    second corner (L. V. Ahlfors. Complex Analysis. McGraw-Hill, 1979. Chapter 6, sect. 2.3).
     """
     a, b, c, d = corners
     # In the half-plane the corners lie at -1, 1, 1/k and -1/k; chords on the circle tell k, and

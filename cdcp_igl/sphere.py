@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Complex, Floats, Ints, coordinates, marked
+from .arrays import Bools, Complex, Floats, Ints, as_complex, coordinates, marked
 from .cached import cached_property
 from .certificate import SphereCertificate, certify_sphere, flipped_on_sphere
 from .distortion import AngleDistortion, area_distortion, sphere_angle_errors
@@ -30,7 +30,7 @@ from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .surface.location import SphereFinder
 from .surface.mesh import DiskMesh, SphereMesh
-from .surface.triangles import EPS, vertex_areas
+from .surface.triangles import EPS, oriented_areas, vertex_areas
 
 WELL_SHAPED = np.radians(20)  # the smallest angle around the vertex of the dipole, if there is one
 NEAR = 2.0  # |h| in a cap around the dipole, 20 % of the sphere, which is solved again
@@ -64,9 +64,6 @@ class SphereMap(RefinedMap, Bijection):
     distortion : AngleDistortion
         Mean, SD and maximum of the angular distortion in degrees, between the faces of the surface
         and the straight triangles with their corners on the sphere.
-    conformality : Conformality
-        Whether the map is what a conformal map of this mesh should be; if not, the reasons
-        and what would help.
     pole : int
         The vertex that carried the dipole.
     mobius : {"area", "none"}
@@ -75,20 +72,13 @@ class SphereMap(RefinedMap, Bijection):
         ``"cotangent"``; or, where that flipped faces, or its map is not conformal, and this
         distorts less, ``"intrinsic Delaunay"``; or ``"mean value"`` where parts of the surface are
         too small on the sphere for double precision, and had to be enlarged.
-    repair : Repair
-        What was done about flipped faces.
-    refinement : Refinement or None
-        What was done to lower the angular distortion further; None if nothing was asked for or due.
-    solver : str
-        Sparse solver, version, ordering and mode.
-    timings : dict of str to float
-        Seconds per phase.
+    conformality, repair, refinement, solver, timings
+        As of a `DiskMap`.
 
     Examples
     --------
-    >>> import numpy as np
     >>> import cdcp_igl
-    >>> V, F, exact = cdcp_igl.datasets.spheroid(8, height=1.5)
+    >>> V, F, exact = cdcp_igl.datasets.spheroid(4, height=1.5)
     >>> result = cdcp_igl.sphere_map(V, F)
     >>> result.valid, result.conformal, bool(abs(result.points - exact).max() < 0.02)
     (True, True, True)
@@ -106,11 +96,15 @@ class SphereMap(RefinedMap, Bijection):
     @cached_property
     def uv(self) -> Floats:  # type: ignore[override]
         """(m, 3, 2) the chart of two hemispheres."""
-        corners = self.points[self.mesh.F]
-        side = np.where(corners[..., 2].sum(axis=1) > 0, 1, -1)[:, None]
+        corners, side = self.points[self.mesh.F], np.where(self._upper, 1, -1)[:, None]
         scale = 1 + side * corners[..., 2]
         x, y = corners[..., 0] / scale, side * corners[..., 1] / scale
         return np.stack([x - side, y], axis=2)
+
+    @cached_property
+    def _upper(self) -> Bools:
+        """(m,) faces turned upwards: the pole below is outside of their circles on the sphere."""
+        return oriented_areas(as_complex(self.points[:, :2]), self.mesh.F)[0] > 0
 
     def packed(self) -> Floats:
         """Return the chart `uv` scaled into the unit square, (m, 3, 2): texture coordinates."""
@@ -128,27 +122,7 @@ class SphereMap(RefinedMap, Bijection):
         this one is turned to bring them nearest. The result does not depend on the normalisation
         of the two maps. Of two landmarks only the rotation is sought.
 
-        Parameters
-        ----------
-        to : SphereMap
-            Of the other surface.
-        landmarks : (k, 2) array_like of integers
-            In each row a vertex of this surface and the vertex of the other that corresponds to
-            it; at least two rows.
-
-        Returns
-        -------
-        (n, 3) float64
-            The vertices of this surface on the sphere of the other, still a certified map:
-            ``to.interpolate(values, points)`` carries what lives on the other surface to them.
-
-        Raises
-        ------
-        ValueError
-            If `landmarks` is none of that.
-        MapError
-            If the landmarks ask for so strong a transformation that faces are flipped. Its
-            ``result`` is this map with the points and the certificate that were refused.
+        Takes, returns (n, 3) and raises what `DiskMap.register` does.
 
         Examples
         --------
@@ -178,13 +152,7 @@ class SphereMap(RefinedMap, Bijection):
         return P
 
     def area_distortion(self) -> Floats:
-        """Logarithm of the area on the sphere by that on the surface, as fractions of their totals.
-
-        Returns
-        -------
-        (m,) float64
-            Of each face; the area is that of the straight triangle with its corners on the sphere.
-        """
+        """(m,) as of every `Result`, of the straight triangles with their corners on the sphere."""
         return area_distortion(self.mesh.V, self.mesh.F, self.points)
 
     @property
@@ -227,9 +195,8 @@ class SphereMap(RefinedMap, Bijection):
         return self.mesh.positions, self.mesh.F
 
     def _layout(self) -> Layout:
-        upper = self.uv[..., 0].mean(axis=1) < 0
         # A vertex comes twice where its faces are on both hemispheres.
-        name, corner = np.unique(2 * self.mesh.F + upper[:, None], return_inverse=True)
+        name, corner = np.unique(2 * self.mesh.F + self._upper[:, None], return_inverse=True)
         uv = np.empty((len(name), 2))
         F = corner.reshape(-1, 3)
         uv[F] = self.uv / self._reach
@@ -270,10 +237,8 @@ def sphere_map(
 
     Parameters
     ----------
-    V : (n, 3) array_like of real numbers
-        Vertex positions, in any unit.
-    F : (m, 3) array_like of integers
-        Corners of the faces, counterclockwise seen from outside.
+    V, F
+        As in `disk_map`, of a closed surface.
     mobius : {"area"} or None
         ``"area"`` puts the centre of mass of the image at 0, masses being areas on the surface:
         the conformal barycentre, which evens out the area, and does not depend on the mesh. None
@@ -295,12 +260,8 @@ def sphere_map(
         If the surface is not closed, has a handle or several components, or is no mesh.
     MapError
         If no map is a bijection; the one of least distortion is its ``result``.
-    SolverError
-        If no Laplacian can be factored.
-    ValueError
-        If an option is not one of those above.
-    ImportError
-        If the solver that was asked for is not installed.
+    SolverError, ValueError, ImportError
+        As `disk_map`.
 
     References
     ----------
@@ -550,10 +511,7 @@ def moved_to_center(P: Floats, w: Floats) -> Floats:
 def conformal_barycenter(P: Floats, mass: Floats) -> Floats:
     """Find w (3,) that puts the centre of mass of ``moved_to_center(P, w)`` at 0: Newton's method.
 
-    References
-    ----------
-    J. Cantarella, H. Schumacher. Computing the conformal barycenter. SIAM J. Appl.
-    Algebra Geometry 6(3), 2022.
+    See Cantarella and Schumacher 2022, in `sphere_map`.
     """
     mass = mass / mass.sum()
     w = np.zeros(3)
@@ -581,13 +539,7 @@ def _axes_along(direction: Floats) -> Floats:
 
 
 def rotation(P: Floats, targets: Floats) -> Floats:
-    """Rotation R (3, 3) that brings points nearest to targets, both (k, 3): ``P @ R``.
-
-    References
-    ----------
-    W. Kabsch. A solution for the best rotation to relate two sets of vectors. Acta Cryst. A32,
-    1976.
-    """
+    """Rotation R (3, 3) that brings points nearest to targets, both (k, 3): ``P @ R`` (Kabsch)."""
     U, _, W = np.linalg.svd(P.T @ targets)
     U[:, 2] *= np.sign(np.linalg.det(U @ W))
     return U @ W

@@ -3,17 +3,11 @@
 import os
 
 import numpy as np
-import pytest
-from batches import invoke, write_surfaces
+from batches import invoke
 from commands import Terminal, app
 from surfaces import sphere
 
 from cdcp_igl.command_line import batches, screen
-
-
-@pytest.fixture
-def scans(tmp_path):
-    return write_surfaces(tmp_path / "scans", 3)
 
 
 def test_a_line_now_and_then_in_a_pipe(scans, tmp_path, monkeypatch):

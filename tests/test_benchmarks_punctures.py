@@ -6,7 +6,6 @@ import surfaces
 from benchmark_commands import benchmarks
 
 from benchmarks.measure import punctures
-from benchmarks.measure.models import digest
 from benchmarks.measure.punctures import Comparison, Row, opened
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -59,12 +58,6 @@ def test_a_fault_is_told_and_an_exit_code(measured, tmp_path):
     assert shown.exit_code == 1
     assert "sphere less a face" in shown.stdout
     assert f"{punctures.METHODS[0]} hang" in shown.stdout
-
-
-def test_a_surface_that_has_changed_is_mapped_again():
-    V, F = surfaces.sphere()
-    rows = [Row("sphere", digest(V * k, F), "face", 0, 7, "FDCP") for k in (1, 2)]
-    assert len(set(map(punctures.KNOWN_BY, rows))) == 2
 
 
 def row(method, outcome, mean=np.nan):

@@ -46,12 +46,6 @@ def test_disk_map_reports_the_distortion_of_its_uv():
     assert result.distortion.max == pytest.approx(degrees.max(), abs=1e-9)
 
 
-@pytest.mark.parametrize("bad", [UV[:-1], np.column_stack([UV, UV[:, 0]]), UV.ravel()])
-def test_shape_of_uv(bad):
-    with pytest.raises(ValueError, match="uv"):
-        cdcp_igl.angle_distortion(V, F, bad)
-
-
 def test_nan_in_uv_is_no_zero():
     bad = UV.copy()
     bad[3] = np.nan

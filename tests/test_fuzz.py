@@ -1,17 +1,20 @@
 """Random surfaces, good and bad: each ends as a certified map or as a typed error."""
 
 import json
-from functools import partial
+import os
+import time
+from operator import attrgetter
 
 import numpy as np
 import pytest
 from benchmark_commands import benchmarks
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rich.console import Console
 
 import cdcp_igl
 from benchmarks.measure import fuzzing as fuzz
-from benchmarks.measure.worker import Lost, Worker
+from benchmarks.measure.worker import kept_answers
 
 REFINED = 3  # a case that is refined
 
@@ -76,17 +79,19 @@ def test_cases_are_reproducible():
     assert fuzz.surface(3, 15).made != one.made
 
 
-def test_a_worker_that_dies_or_hangs_is_replaced():
-    with Worker(partial(fuzz.examine, 1)) as worker:
-        with pytest.raises(Lost, match="hang"):
-            worker.run(0, seconds=0)
-        worker._process.kill()
-        with pytest.raises(Lost, match="crash"):
-            worker.run(1, seconds=60)
-        row = worker.run(REFINED, seconds=60)
-        assert row == fuzz.examine(1, REFINED)
-        assert row.refine > 0
-        assert np.isfinite(row.refined)
+@pytest.mark.parametrize(
+    ("answer", "seconds", "outcome"), [(time.sleep, 1, "hang"), (os._exit, 600, "crash")]
+)
+def test_what_hangs_or_crashes_is_a_row(tmp_path, answer, seconds, outcome):
+    asked, case = {600: fuzz.Row(600), 601: fuzz.Row(601)}, attrgetter("case")
+    rows = kept_answers(answer, asked, case, tmp_path, seconds, 2, Console(quiet=True))
+    assert [(row.case, row.outcome) for row in rows] == [(600, outcome), (601, outcome)]
+
+
+def test_a_case_is_refined_in_its_turn():
+    row = fuzz.examine(1, REFINED)
+    assert row.refine > 0
+    assert np.isfinite(row.refined)
 
 
 def test_a_killed_run_goes_on_where_it_stopped(tmp_path):

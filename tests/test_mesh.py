@@ -40,6 +40,15 @@ def test_array_variants_give_the_same_map(positions, faces):
     np.testing.assert_allclose(uv, cdcp_igl.cdcp(V, F), atol=1e-6)
 
 
+def test_what_a_mask_hides_is_missing():
+    hidden = np.ma.array(V, mask=np.arange(len(V))[:, None] == [3, 5, 3])
+    with pytest.raises(cdcp_igl.MeshError, match="NaN") as raised:
+        cdcp_igl.cdcp(hidden, F)
+    np.testing.assert_array_equal(raised.value.indices, [3, 5])
+    with pytest.raises(cdcp_igl.MeshError, match="index outside"):
+        cdcp_igl.cdcp(V, np.ma.array(F, mask=F == 0))
+
+
 def test_two_columns_are_a_planar_mesh():
     flat = V.copy()
     flat[:, 2] = 0
@@ -99,7 +108,3 @@ def test_scaling_is_exact():
     assert (ratio == ratio[0]).all()
     assert np.frexp(ratio[0])[0] == 0.5
     assert 0.5 <= abs(mesh.V).max() < 1
-
-
-def test_repr():
-    assert repr(DiskMesh(V, F)) == "DiskMesh(48 vertices, 70 faces, 24 boundary vertices)"

@@ -29,87 +29,39 @@ DONE, FAILED, REFUSED = "done", "failed", "refused"
 class Record:
     """What became of one surface of a batch.
 
-    Attributes
-    ----------
-    name : str
-        Name of the result without its suffix, with folders where files of one name are in
-        several.
-    input : str
-        Absolute path of the surface.
-    input_digest : str
-        SHA-256 of its bytes; empty if it could not be read.
-    output_digest : str
-        SHA-256 of the result; empty if there is none.
-    input_size, input_mtime : int
-        Its bytes, and when it was changed last, in nanoseconds; -1 if there is no such file.
-    options_digest : str
-        Tells the options of the batch from others.
-    version : str
-        Of cdcp_igl.
-    finished : str
-        Date and time in UTC, ISO 8601.
-    status : {"done", "failed", "refused"}
-        Mapped; not mapped; or not mapped because of a file that is there already and was made
-        from something else.
-    error : str
-        Type of the error: ``"MeshError"``, ``"MapError"``, ..., ``"Crash"``, ``"TimeLimit"``
-        or ``"MemoryLimit"``; empty if there was none.
-    message : str
-        What it says.
-    changes : tuple of str
-        What was changed on reading and cleaning, a sentence each.
-    vertices, faces, disks : int
-        Of the surface as it was given; disks it was mapped to.
-    flips : int
-        Faces that are not positively oriented.
-    mean, sd : float
-        Angular distortion in degrees; NaN, as below, where there is no map.
-    area : float
-        Area distortion, mean of |log of the ratio of areas|.
-    conformal : bool
-        Whether it is what a conformal map should be, see `DiskMap`.
-    reasons : str
-        Why it is not.
-    boundary : str
-        How the boundary got onto the circle.
-    seconds : float
-        From reading to writing.
-    memory : float
-        Peak resident memory of the process meanwhile in MiB, Python included.
-
     Examples
     --------
     >>> from cdcp_igl.batching import Record
     >>> record = Record("scan", "/scans/scan.obj", status="done", mean=1.25)
-    >>> Record.from_line(record.line()).line() == record.line()
-    True
+    >>> Record.from_line(record.line()).mean
+    1.25
     """
 
-    name: str
-    input: str
-    input_digest: str = ""
-    output_digest: str = ""
-    input_size: int = -1
-    input_mtime: int = -1
-    options_digest: str = ""
-    version: str = ""
-    finished: str = ""
-    status: str = FAILED
-    error: str = ""
-    message: str = ""
-    changes: tuple[str, ...] = ()
-    vertices: int = 0
+    name: str  #: of the result without its suffix, with folders where files share a name
+    input: str  #: absolute path of the surface
+    input_digest: str = ""  #: SHA-256 of its bytes; empty if it could not be read
+    output_digest: str = ""  #: SHA-256 of the result; empty if there is none
+    input_size: int = -1  #: bytes; -1 if there is no such file
+    input_mtime: int = -1  #: when it was changed last, in nanoseconds
+    options_digest: str = ""  #: tells the options of the batch from others
+    version: str = ""  #: of cdcp_igl
+    finished: str = ""  #: date and time in UTC, ISO 8601
+    status: str = FAILED  #: or "done"; "refused" because of a file that is there already
+    error: str = ""  #: "MeshError", "MapError", ..., "Crash", "TimeLimit", "MemoryLimit"; or none
+    message: str = ""  #: what it says
+    changes: tuple[str, ...] = ()  #: on reading and cleaning, a sentence each
+    vertices: int = 0  #: of the surface as it was given
     faces: int = 0
-    disks: int = 0
-    flips: int = 0
-    mean: float = math.nan
+    disks: int = 0  #: it was mapped to
+    flips: int = 0  #: faces that are not positively oriented
+    mean: float = math.nan  #: angular distortion in degrees; NaN, as below, if there is no map
     sd: float = math.nan
-    area: float = math.nan
-    conformal: bool = False
-    reasons: str = ""
-    boundary: str = ""
-    seconds: float = math.nan
-    memory: float = math.nan
+    area: float = math.nan  #: area distortion, mean of |log of the ratio of areas|
+    conformal: bool = False  #: whether it is what a conformal map should be, see `DiskMap`
+    reasons: str = ""  #: why it is not
+    boundary: str = ""  #: how it got onto the circle
+    seconds: float = math.nan  #: from reading to writing
+    memory: float = math.nan  #: peak resident MiB of the process meanwhile, Python included
 
     def line(self) -> str:
         """Return the record as one line of JSON, null for what is not a finite number."""

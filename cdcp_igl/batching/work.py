@@ -104,13 +104,7 @@ class Task:
         return self.record(REFUSED, "FileExistsError", message)
 
     def run(self) -> Record:
-        """Map the surface; whatever is wrong with it is in the record.
-
-        Raises
-        ------
-        Unwritten
-            If the result cannot be written.
-        """
+        """Map the surface and record what is wrong with it; Unwritten if the disk is full."""
         start = perf_counter()
         forget_peak_memory()
         record = self.record(FAILED)

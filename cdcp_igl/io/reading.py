@@ -105,8 +105,6 @@ def read_mesh(
     ...     np.savez(file, V=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], F=[[1, 2, 3]])
     ...     V, F = read_mesh(file, print)
     The faces count vertices from 1, as in MATLAB; 1 was subtracted.
-    >>> F
-    array([[0, 1, 2]])
     """
     V, F, _ = read_polygons(path, note)
     return V, F
@@ -117,10 +115,7 @@ def read_polygons(
 ) -> tuple[Array, Array, Array]:
     """Read a mesh as `read_mesh` does, and which polygon each triangle is a part of.
 
-    Parameters
-    ----------
-    path, note
-        As of `read_mesh`.
+    Takes and raises what `read_mesh` does.
 
     Returns
     -------
@@ -130,24 +125,16 @@ def read_polygons(
         Number of the polygon that each face is a part of, in the order of the file, counting
         from 0. With it, `cut` and `surface_map` go around polygons.
 
-    Raises
-    ------
-    OSError, MeshError
-        As `read_mesh`.
-
     Examples
     --------
-    >>> import os
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
     >>> from cdcp_igl.io import read_polygons
-    >>> lines = ["v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "v 2 0 0", "f 1 2 3 4", "f 2 5 3"]
     >>> with TemporaryDirectory() as folder:
-    ...     file = Path(folder, "square.obj")
-    ...     _ = file.write_text(os.linesep.join(lines))
-    ...     V, F, polygon_of_face = read_polygons(file)
-    >>> polygon_of_face
-    array([0, 0, 1])
+    ...     file = Path(folder, "square.off")
+    ...     _ = file.write_text("OFF 4 1 0 0 0 0 1 0 0 1 1 0 0 1 0 4 0 1 2 3")
+    ...     read_polygons(file)[2]
+    array([0, 0])
     """
     path = Path(path)
     if path.is_dir():

@@ -55,10 +55,8 @@ def write_map(
         Named .npz (V, F and uv as given), .obj or .ply (uv as texture coordinates, to the
         last bit), or .glb (in single precision, with normals and an image). An existing file
         is replaced once the new one is complete.
-    V : (n, 3) or (n, 2) array_like
-        Vertex positions.
-    F : (m, 3) array_like of integers
-        Corners of the faces.
+    V, F
+        As in `disk_map`, whatever surface they are.
     uv : (n, 2) array_like, (m, 3, 2) array_like, DiskMap, FreeMap, SurfaceMap or RectangleMap
         Map onto the unit disk, for each vertex or for each corner of the faces. Faces with NaN
         at all corners are on no disk: in an obj file they have no texture coordinates, else
@@ -91,17 +89,13 @@ def write_map(
     --------
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
-    >>> import numpy as np
     >>> import cdcp_igl
-    >>> from cdcp_igl.io import write_map
-    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(4)
-    >>> result = cdcp_igl.disk_map(V, F)
+    >>> V, F, uv = cdcp_igl.datasets.spherical_cap(4)
     >>> with TemporaryDirectory() as folder:
-    ...     file = Path(folder, "cap.npz")
-    ...     write_map(file, V, F, result)
-    ...     with np.load(file) as saved:
-    ...         bool((saved["uv"] == result.uv).all())
-    True
+    ...     file = Path(folder, "cap.obj")
+    ...     cdcp_igl.io.write_map(file, V, F, uv)
+    ...     cdcp_igl.io.read_mesh(file)[0].shape
+    (61, 3)
     """
     path = Path(path)
     suffix = path.suffix.lower()

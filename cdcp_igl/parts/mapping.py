@@ -477,7 +477,7 @@ class _Mapping:
         errors = disk_map_distortion(some.mesh, coordinates(some.f))[faces]
         conformality = judge_by(some.mesh, some.f, errors, faces, distortion.mean)
         if conformality.is_doubtful:
-            self.give_up(f"it may not be conformal: {conformality}")
+            self.give_up(f"it may not be conformal: {'; '.join(conformality.reasons)}")
         return PartsMap(
             folder=self.folder,
             certificate=certificate,

@@ -14,47 +14,22 @@ from ..distortion import AngleDistortion
 class Layout:
     """A surface and its image in the square from -1 to 1.
 
-    Attributes
-    ----------
-    V : (n, 3) float64
-        Scaled to unit size, so that it is drawn alike in any unit.
-    F : (m, 3) int64
-        Opened where the surface was cut.
-    uv : (n, 2) float64
-        In the square from -1 to 1.
-    vertices : (n,) int64
-        Their rows in the mesh that was given.
-    faces : (m,) int64
-        Those of the faces.
-    plane : str
-        What the image is called.
-    distortion : AngleDistortion
-        Of the faces that are drawn.
-    flipped : int
-        How many of them are not positively oriented.
-    facts : tuple of str
-        What there is to know of it.
-    middle, scale : (float, float) and float
-        The coordinates of the map are ``middle + scale * uv``.
-    origin : (float, float)
-        Texture coordinates are ``origin + uv / 2``.
-    ball : (n, 3) float64, optional
-        The image on the unit sphere, which is drawn; `uv` is then a chart for textures.
+    The coordinates of the map are ``middle + scale * uv``, those of textures ``origin + uv / 2``.
     """
 
-    V: Floats
-    F: Ints
-    uv: Floats
-    vertices: Ints
-    faces: Ints
-    plane: str
-    distortion: AngleDistortion
-    flipped: int
-    facts: tuple[str, ...]
+    V: Floats  # (n, 3) of unit size, so that it is drawn alike in any unit
+    F: Ints  # (m, 3) opened where the surface was cut
+    uv: Floats  # (n, 2)
+    vertices: Ints  # (n,) their rows in the mesh that was given
+    faces: Ints  # (m,) those of the faces
+    plane: str  # what the image is called
+    distortion: AngleDistortion  # of the faces that are drawn
+    flipped: int  # how many of them are not positively oriented
+    facts: tuple[str, ...]  # what there is to know of it
     middle: tuple[float, float] = (0.0, 0.0)
     scale: float = 1.0
     origin: tuple[float, float] = (0.5, 0.5)
-    ball: Floats | None = None
+    ball: Floats | None = None  # (n, 3) the image on the sphere; uv is then a chart for textures
 
     @property
     def image(self) -> Floats:

@@ -25,21 +25,11 @@ Window = tuple[float, float, float, float]  # left, right, bottom, top
 
 @dataclass(frozen=True)
 class Raster:
-    """What is seen of a triangle mesh.
-
-    Attributes
-    ----------
-    F : (m, 3) int64
-        The faces.
-    face : (h, w) int64
-        The face that each sample shows, -1 where there is none; the first row is on top.
-    weights : (h, w, 3) float64
-        Barycentric coordinates in that face.
-    """
+    """What is seen of a triangle mesh with faces F; the first row of samples is on top."""
 
     F: Ints
-    face: Ints
-    weights: Floats
+    face: Ints  # (h, w) that each sample shows, -1 where there is none
+    weights: Floats  # (h, w, 3) barycentric coordinates in that face
 
     @property
     def seen(self) -> NDArray[np.bool_]:
@@ -54,10 +44,7 @@ class Raster:
     def image(self, colors: Floats) -> Bytes:
         """Paint the samples that are seen, (s, 3) in [0, 1], and average them to pixels.
 
-        Returns
-        -------
-        (h, w, 4) uint8
-            RGBA, transparent where nothing is seen.
+        They are (h, w, 4): RGBA, transparent where nothing is seen.
         """
         h, w = (side // SAMPLES for side in self.face.shape)
         painted = np.zeros((*self.face.shape, 4))
@@ -143,21 +130,11 @@ def in_window(points: Floats, side: int, window: Window) -> Floats:
 
 @dataclass(frozen=True)
 class _Planes:
-    """Of each face, what is linear in the plane of the picture; NaN without area.
-
-    Attributes
-    ----------
-    x, y : (m,) float64
-        Its first corner.
-    slopes : (m, 3, 2) float64
-        Of the second and third barycentric coordinate and of the depth: by x and by y.
-    depth : (m,) float64
-        At the first corner.
-    """
+    """Of each face, what is linear in the plane of the picture, from its first corner on."""
 
     x: Floats
     y: Floats
-    slopes: Floats
+    slopes: Floats  # (m, 3, 2) of two barycentric coordinates and depth; NaN without area
     depth: Floats
 
     @classmethod

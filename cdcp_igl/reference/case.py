@@ -48,40 +48,20 @@ class Timed:
 class Case:
     """What one method made of one mesh; NaN, and no details, where there is no map.
 
-    Attributes
-    ----------
-    method : str
-        Name in the table of methods.
-    boundary : str
-        ``"disk"`` or ``"sphere"``; ``"free"``, a map that is neither; or ``"none"``, a time and no
-        map.
-    outcome : str
-        ``"ok"``, or why there is no valid map: the error, the signal, a limit, what is wrong.
-    mean, sd, max : float
-        Angular distortion in degrees.
-    area : float
-        Mean |log of the ratio of areas| of the faces, both areas as shares of their totals;
-        infinite if a face has collapsed or flipped.
-    flips, boundary_error : float
-        Number of faces that are not positively oriented; largest deviation of a boundary vertex
-        from the unit circle, or of any vertex from the unit sphere.
-    seconds, memory : float
-        Wall time from arrays to map, and peak memory in MiB, of a fresh process.
-    details : dict
-        The report of a result such as a `DiskMap`, where one is returned: seconds per phase.
+    `details` is the report of a result such as a `DiskMap`, where one is returned.
     """
 
-    method: str
-    boundary: str
-    outcome: str
-    mean: float = np.nan
+    method: str  # name in the table of methods
+    boundary: str  # "disk" or "sphere"; "free", neither; or "none", a time and no map
+    outcome: str  # "ok", or why there is no valid map: the error, the signal, a limit
+    mean: float = np.nan  # of the angular distortion in degrees, as the next two
     sd: float = np.nan
     max: float = np.nan
-    area: float = np.nan
-    flips: float = np.nan
-    boundary_error: float = np.nan
-    seconds: float = np.nan
-    memory: float = np.nan
+    area: float = np.nan  # mean |log of the ratio of areas|, infinite if a face is flipped
+    flips: float = np.nan  # faces that are not positively oriented
+    boundary_error: float = np.nan  # farthest from the unit circle, or the unit sphere
+    seconds: float = np.nan  # from arrays to map
+    memory: float = np.nan  # peak in MiB, of a fresh process
     details: Mapping[str, Any] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
@@ -103,25 +83,13 @@ def run_case(
 ) -> tuple[Case, Floats | None]:
     """Run a method in a fresh process, which it may crash; return the map if it is valid.
 
-    Parameters
-    ----------
-    method : str
-        Name in the table.
-    V, F : array_like
-        The surface.
-    time_limit, memory_limit : float
-        Seconds and resident MiB beyond which the process is killed. (Address space, which the
-        system could limit by itself, says little: thread pools and mapped libraries reserve much
-        that they never use.)
-    table : str
-        ``"module:name"`` of a mapping from names to `reference.Method`. A function in it may
-        also return a result such as a `DiskMap`, or a `Timed` with boundary ``"none"``. If the
-        method has a ``prepare``, that is called first and does not count.
+    The process is killed beyond limits of seconds and resident MiB. (Address space, which the
+    system could limit by itself, says little: libraries reserve much that they never use.)
 
-    Raises
-    ------
-    OSError
-        If the temporary folder cannot be written.
+    The table is ``"module:name"`` of a mapping from names to `reference.Method`. A function in it
+    may also return a result such as a `DiskMap`, or a `Timed` with boundary ``"none"``. If the
+    method has a ``prepare``, that is called first and does not count. OSError if no file can be
+    written.
     """
     boundary = _table(table)[method].boundary
     with TemporaryDirectory(prefix="cdcp_igl-") as folder:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import block_diag, csr_matrix, diags
+from scipy.sparse import block_diag, csr_matrix, diags, vstack
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from .. import libigl
-from ..arrays import Complex, Floats, Ints, as_complex
-from ..errors import SolverError
+from ..arrays import Complex, Floats, Ints, as_complex, places
+from ..errors import MapError, SolverError, counted
 from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
 from ..solve.factored import FactoredSurface
@@ -29,6 +29,8 @@ from .certified import checked_free_map
 from .dirichlet import Dirichlet
 
 ROUNDS = 10  # of `bff` towards a disk
+ANGLE_TOLERANCE = 1e-8  # of what the constraints of `abf` lack, in radians
+MAX_STEPS = 50  # of `abf`; the Human Brain takes 6
 SHIFT = 1e-9  # makes the energy definite; its own eigenvalues have no unit
 
 
@@ -39,22 +41,13 @@ def lscm(V: ArrayLike, F: ArrayLike) -> Floats:
     The boundary is free but for two pins. The map may overlap itself and flip faces. To be
     compared on angles only.
 
-    Parameters
-    ----------
-    V, F
-        As in `harmonic`.
+    Takes what `harmonic` does. MeshError if the input is not a triangulated disk; MapError if the
+    map is not finite or has collapsed, its ``result`` is a `ReferenceMap`.
 
     Returns
     -------
     (n, 2) float64
         Rows as in V, faces counterclockwise but for flips, the pins at (0, 0) and (1, 0).
-
-    Raises
-    ------
-    MeshError
-        If the input is not a triangulated disk.
-    MapError
-        If the map is not finite or has collapsed; its ``result`` is a `ReferenceMap`.
 
     References
     ----------
@@ -90,31 +83,12 @@ def _two_far_vertices(mesh: DiskMesh) -> Ints:
 def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk to the plane by the eigenvector of least conformal energy.
 
-    The boundary is free and nothing is pinned. The map may overlap itself and flip faces. To be
-    compared on angles only.
-
-    The map minimises Dirichlet energy minus area (by libigl), among those whose
-    boundary vertices have their mean at 0 and squares that sum to 1. (libigl's own
-    ``igl.spectra.lscm`` measures the size of the whole map instead, by vertex areas, which
-    distorts angles more on surfaces with large changes of scale.)
-
-    Parameters
-    ----------
-    V, F
-        As in `harmonic`.
-
-    Returns
-    -------
-    (n, 2) float64
-        Rows as in V, faces counterclockwise but for flips, the boundary vertex of smallest
-        index on the positive real axis.
-
-    Raises
-    ------
-    MeshError, MapError
-        As `lscm`.
-    SolverError
-        If the energy's matrix cannot be factored, or the eigensolver fails.
+    The map minimises Dirichlet energy minus area (by libigl), among those whose boundary vertices
+    have their mean at 0 and squares that sum to 1. (libigl's own ``igl.spectra.lscm`` measures the
+    size of the whole map instead, by vertex areas, which distorts angles more on surfaces with
+    large changes of scale.) Takes, returns and raises what `lscm` does, but for the pins: the
+    boundary vertex of smallest index lies on the positive real axis. SolverError, too, if the
+    energy's matrix cannot be factored, or the eigensolver fails.
 
     References
     ----------
@@ -123,8 +97,6 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
 
     Examples
     --------
-    A plane mesh keeps its angles:
-
     >>> import cdcp_igl
     >>> V, F, _ = cdcp_igl.datasets.square(4)
     >>> uv = cdcp_igl.reference.spectral(V, F)
@@ -171,32 +143,21 @@ def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
     """Map a triangulated disk to the plane, boundary first.
 
     The boundary keeps its lengths, which leads to its exterior angles; one coordinate is harmonic,
-    the other its harmonic conjugate. The map may overlap itself and flip faces. To be compared on
-    angles only. `free_map` begins as this does, and has both coordinates harmonic.
+    the other its harmonic conjugate. `free_map` begins as this does, and has both coordinates
+    harmonic.
 
     The published program (version 1.6) adds 1e-8 to the diagonal of the Laplacian. That tells where
     a boundary is short for its surface: a hand that ends at the wrist has 1.17 degrees, not 1.16.
 
+    Takes, returns and raises what `lscm` does, but for the pins: the boundary vertex of smallest
+    index is at (0, 0), the unit that of V up to a power of two. SolverError, too, if a Laplacian
+    cannot be factored.
+
     Parameters
     ----------
-    V, F
-        As in `harmonic`.
     disk : bool
         Near a disk: the exterior angles are proportional to the lengths, in ten rounds; both
         coordinates are harmonic. The boundary leaves the circle by some 1e-3 of its radius.
-
-    Returns
-    -------
-    (n, 2) float64
-        Rows as in V, faces counterclockwise but for flips, the boundary vertex of smallest index
-        at (0, 0), the unit that of V up to a power of two.
-
-    Raises
-    ------
-    MeshError, MapError
-        As `lscm`.
-    SolverError
-        If a Laplacian cannot be factored.
 
     References
     ----------
@@ -204,8 +165,6 @@ def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
 
     Examples
     --------
-    A plane mesh keeps its angles:
-
     >>> import cdcp_igl
     >>> V, F, _ = cdcp_igl.datasets.square(4)
     >>> uv = cdcp_igl.reference.bff(V, F)
@@ -227,6 +186,76 @@ def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
         angles = 2 * np.pi * dual / dual.sum()
         u_B = scale_of_angles(but_one, angles)
     return checked_free_map(mesh, harmonic_extension(surface, closed_curve(mesh, u_B, angles)))
+
+
+@takes_meshes
+def abf(V: ArrayLike, F: ArrayLike, *, linear: bool = False) -> Floats:
+    """Map a triangulated disk to the plane with the corner angles nearest to its own (ABF).
+
+    The boundary is free. Angles a minimise the sum of ((a - b) / b)^2, b those of the surface,
+    scaled to 2 pi around interior vertices. They are subject to what holds in the plane: the
+    angles of a triangle add up to pi, those around an interior vertex to 2 pi, and the lengths
+    close around it: the logarithms of the sines of the angles that follow and precede it add up to
+    the same. Newton's method leaves out the curvature of the constraints, as ABF++ does, and with
+    the logarithms of Zayer et al. its first step is their linear ABF.
+
+    Takes, returns and raises what `lscm` does; SolverError, too, if a matrix cannot be factored,
+    and MapError if an angle is not positive, or the constraints are not satisfied after 50 steps.
+
+    Parameters
+    ----------
+    linear : bool
+        Whether to take the first step only: the angles are those of a plane mesh to first order,
+        and the map has them as nearly as it can.
+
+    References
+    ----------
+    A. Sheffer, B. Lévy, M. Mogilnitsky, A. Bogomyakov. ABF++: fast and robust angle based
+    flattening. ACM Trans. Graph. 24(2), 2005.
+
+    R. Zayer, B. Lévy, H.-P. Seidel. Linear angle based parameterization. Symposium on Geometry
+    Processing, 2007.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.square(4)
+    >>> uv = cdcp_igl.reference.abf(V, F)
+    >>> bool(cdcp_igl.angle_distortion(V, F, uv).max() < 1e-4)
+    True
+    """
+    mesh = DiskMesh(V, F)
+    m, nI = len(mesh.F), len(mesh.interior)
+    inside = ~mesh.on_boundary[mesh.F]
+    vertex = places(mesh.interior, len(mesh.V))[mesh.F[inside]]
+    corner = np.arange(3 * m).reshape(m, 3)
+
+    def sums(rows: ArrayLike, corners: ArrayLike, count: int) -> csr_matrix:
+        return csr_matrix(
+            (np.ones(np.size(rows)), (np.ravel(rows), np.ravel(corners))), (count, 3 * m)
+        )
+
+    in_triangle = sums(corner // 3, corner, m)
+    around = sums(vertex, corner[inside], nI)
+    after = sums(vertex, np.roll(corner, -1, axis=1)[inside], nI)
+    before = sums(vertex, np.roll(corner, 1, axis=1)[inside], nI)
+
+    b = mesh.angles.ravel()
+    b = b * np.where(inside.ravel(), around.T @ (2 * np.pi / (around @ b)), 1)
+    a = b
+    for step in range(MAX_STEPS):
+        if not a.min() > 0:
+            count = counted((a <= 0).sum(), "angle is", "angles are")
+            raise MapError(f"Angle-based flattening: {count} not positive")
+        lack = np.concatenate(
+            [in_triangle @ a - np.pi, around @ a - 2 * np.pi, (after - before) @ np.log(np.sin(a))]
+        )
+        if abs(lack).max() < ANGLE_TOLERANCE or (linear and step):
+            return checked_free_map(mesh, least_squares_layout(mesh, a.reshape(m, 3)))
+        J = vstack([in_triangle, around, (after - before) @ diags(1 / np.tan(a))])
+        multipliers = factorize(J @ diags(b**2) @ J.T).solve(J @ (a - b) - lack)
+        a = b + b**2 * (J.T @ multipliers)
+    raise MapError(f"Angle-based flattening: no plane mesh after {MAX_STEPS} steps")
 
 
 def least_squares_layout(mesh: DiskMesh, angles: Floats) -> Complex:

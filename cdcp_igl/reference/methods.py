@@ -14,14 +14,11 @@ from ..algorithm import cdcp
 from ..arrays import Floats
 from ..io.given import takes_meshes
 from ..sphere import sphere_map
-from .angle_based import abf
-from .arc_length import harmonic
 from .conformal_equivalence import ricci
-from .diffusion import heat_flow
 from .doubled import double_cover
-from .energy_minimization import cem
 from .fast import fdcp
-from .free_boundary import bff, lscm, spectral
+from .free_boundary import abf, bff, lscm, spectral
+from .harmonic_maps import cem, harmonic, heat_flow
 from .linear import flash, ldcp
 from .welding import pgcp
 
@@ -45,8 +42,8 @@ class Method:
     Examples
     --------
     >>> from cdcp_igl.reference import METHODS
-    >>> METHODS["lscm"].boundary, METHODS["lscm"].citation
-    ('free', 'Lévy et al. 2002')
+    >>> [name for name, method in METHODS.items() if method.boundary == "free"]
+    ['abf', 'lscm', 'spectral', 'bff', 'bff_disk']
     """
 
     function: Callable[[ArrayLike, ArrayLike], Floats]

@@ -109,9 +109,7 @@ class Result(FromFile, ABC):
         --------
         >>> import cdcp_igl
         >>> V, F, _ = cdcp_igl.datasets.square(5)
-        >>> ends = [-1, -1], [1, -1], [1, 1], [-1, 1]
-        >>> corners = [abs(V[:, :2] - end).sum(axis=1).argmin() for end in ends]
-        >>> cdcp_igl.rectangle_map(V, F, corners).bake(V, size=64).shape
+        >>> cdcp_igl.free_map(V, F).bake(V, size=64).shape
         (64, 64, 3)
         """
         from scipy.ndimage import distance_transform_edt  # slow to import, and used here alone
@@ -137,11 +135,8 @@ class Result(FromFile, ABC):
     def area_distortion(self) -> Floats:
         """Logarithm of the area in the plane by that on the surface, as fractions of their totals.
 
-        Returns
-        -------
-        (k,) float64
-            Of each face, or of those in a chart; see `cdcp_igl.area_distortion`. The charts of a
-            SurfaceMap lie as in `packed`.
+        (k,) of each face, or of those in a chart, see `cdcp_igl.area_distortion`. The charts of a
+        SurfaceMap lie as in `packed`.
         """
         layout = self._layout()
         return area_distortion(layout.V, layout.F, layout.uv)
@@ -157,13 +152,6 @@ class Result(FromFile, ABC):
             Whose corners, in the unit square as in `packed`, coincide or lie on a line as float32.
         share : float
             Their share in the area of the surface.
-
-        Examples
-        --------
-        >>> import cdcp_igl
-        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
-        >>> cdcp_igl.disk_map(V, F).lost_in_single_precision()
-        (0, 0.0)
         """
         layout = self._layout()
         lost = lost_in_single_precision(layout.uv / 2 + layout.origin, layout.F)
@@ -191,8 +179,6 @@ class Result(FromFile, ABC):
         >>> import cdcp_igl
         >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
         >>> result = cdcp_igl.disk_map(V, F)
-        >>> result.report()["center"]["method"]
-        'torsion'
         >>> result.report(flat=True)["center_method"]
         'torsion'
         """
@@ -262,28 +248,12 @@ class Result(FromFile, ABC):
         the angular distortion shows its mean and, as a band, one standard deviation (SD) to
         either side. A disk is turned to match the view of the surface.
 
-        Parameters
-        ----------
-        name : str
-            Of the surface, for the title.
+        The `name` of the surface is for the title. ImportError if Matplotlib is not installed.
 
         Returns
         -------
         (4,) ndarray of matplotlib.axes.Axes
             In a figure that does not depend on pyplot: ``axes[0].figure.savefig``.
-
-        Raises
-        ------
-        ImportError
-            If Matplotlib is not installed.
-
-        Examples
-        --------
-        >>> import cdcp_igl
-        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
-        >>> axes = cdcp_igl.disk_map(V, F).plot(name="cap")
-        >>> axes[1].get_title()
-        'disk in the same colours'
         """
         from ..plot.pictures import draw  # needs Matplotlib, which is optional and slow to import
 
@@ -362,49 +332,13 @@ class Result(FromFile, ABC):
         beside: Mapping[str, ArrayLike] | None = None,
         title: str = "",
     ) -> str:
-        """Return the page that `view` writes, a whole HTML document.
-
-        Parameters
-        ----------
-        fields, texture, beside, title
-            As in `view`.
-
-        Returns
-        -------
-        str
-
-        Raises
-        ------
-        ValueError, OSError, ImportError
-            As `view`.
-
-        Examples
-        --------
-        >>> import cdcp_igl
-        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
-        >>> cdcp_igl.disk_map(V, F).view_html(title="Cap").count("<h1>Cap</h1>")
-        1
-        """
+        """Return the page that `view` writes, a whole HTML document, or raise what it raises."""
         from ..plot.viewer import page
 
         return page(self._layout(), fields or {}, texture, beside or {}, title)
 
     def summary(self) -> tuple[str, Pairs]:
-        """Return what printing shows: a title, and pairs of a name and what is said of it.
-
-        Returns
-        -------
-        title : str
-        pairs : list of (str, str)
-
-        Examples
-        --------
-        >>> import cdcp_igl
-        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
-        >>> title, pairs = cdcp_igl.disk_map(V, F).summary()
-        >>> title
-        'disk map of 331 vertices: valid'
-        """
+        """Return what printing shows: a title, and pairs of a name and what is said of it."""
         return f"{self._kind} map of {self._subject()}: {self.verdict}", self._summary()
 
     def __str__(self) -> str:
@@ -437,16 +371,22 @@ class Result(FromFile, ABC):
         """Return what is printed below the title: pairs of a name and a text."""
         phases = ", ".join(f"{name} {seconds:.2f}" for name, seconds in self.timings.items())
         why = [] if self.conformal else [("conformal", str(self.conformality))]
-        lost, share = self.lost_in_single_precision()
-        text = f"{counted(lost, 'face', 'faces')} without area, {share:.2g} of the surface"
+        lost = self._lost
         return [
             ("angular distortion", str(self.distortion)),
             *why,
             ("certificate", str(self.certificate)),
-            *([("single precision", text)] if lost else []),
+            *([("single precision", lost)] if lost else []),
             *self._steps(),
             ("seconds", f"{sum(self.timings.values()):.2f} ({phases})"),
         ]
+
+    @property
+    def _lost(self) -> str:
+        """Say what has no area in single precision, or nothing."""
+        faces, share = self.lost_in_single_precision()
+        text = f"{counted(faces, 'face', 'faces')} without area, {share:.2g} of the surface"
+        return text if faces else ""
 
     def _facts(self, *measures: str) -> tuple[str, ...]:
         """Return what a page says below its heading: a few words each."""

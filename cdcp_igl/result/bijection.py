@@ -66,22 +66,12 @@ class Bijection(Result):
         Returns
         -------
         (..., 2) float64
-            Of a SphereMap (..., 3), on the unit sphere.
+            Of a SphereMap (..., 3), on the unit sphere. See `invert` for an example.
 
         Raises
         ------
         ValueError
             If a face is none of the mesh, or weights do not add up to 1.
-
-        Examples
-        --------
-        >>> import cdcp_igl
-        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
-        >>> result = cdcp_igl.disk_map(V, F)
-        >>> middle = result.apply(7, [1 / 3, 1 / 3, 1 / 3])
-        >>> face, barycentric = result.invert(middle)
-        >>> face, barycentric.round(6)
-        (array(7), array([0.333333, 0.333333, 0.333333]))
         """
         rows, weights = np.asarray(face), np.asarray(barycentric, dtype=np.float64)
         if rows.dtype.kind not in "iu" or weights.shape != (*rows.shape, 3):
@@ -160,8 +150,6 @@ class Bijection(Result):
 
         Examples
         --------
-        Where on the surface is the middle of the disk?
-
         >>> import cdcp_igl
         >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
         >>> abs(cdcp_igl.disk_map(V, F).interpolate(V, [0, 0])).round(2)

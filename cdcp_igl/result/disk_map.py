@@ -25,12 +25,7 @@ from .landmarks import landmark_automorphism
 class OntoDisk(Result, Provenance):
     """A map onto the disk with how it came about: a DiskMap or a PartsMap.
 
-    Attributes
-    ----------
-    distortion_of_free_faces : AngleDistortion
-        That of faces without those inscribed in the circle.
-    solver : str
-        Sparse solver, version, ordering and mode.
+    `distortion_of_free_faces` is without those inscribed in the circle.
     """
 
     certificate: Certificate
@@ -131,8 +126,8 @@ class DiskMap(OntoDisk, DiskBijection):
 
         Parameters
         ----------
-        to : DiskMap
-            Of the other surface.
+        to
+            The map of the other surface.
         landmarks : (k, 2) array_like of integers
             In each row a vertex of this surface and the vertex of the other that
             corresponds to it; at least two rows. Two on the boundary leave one degree of
@@ -155,8 +150,6 @@ class DiskMap(OntoDisk, DiskBijection):
 
         Examples
         --------
-        One surface, turned and centred in two ways:
-
         >>> import cdcp_igl
         >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
         >>> one, other = cdcp_igl.disk_map(V, F, align=[0, 1, 0]), cdcp_igl.disk_map(V, F)

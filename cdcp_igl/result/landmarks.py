@@ -18,12 +18,9 @@ FARTHEST = 1e5
 
 @dataclass(frozen=True)
 class Automorphism:
-    """A conformal map of the unit disk onto itself: (a z + b) / (conj(b) z + conj(a)).
+    """A conformal map of the unit disk onto itself.
 
-    Attributes
-    ----------
-    a, b : complex
-        |a|^2 - |b|^2 = 1.
+    It is (a z + b) / (conj(b) z + conj(a)), where |a|^2 - |b|^2 = 1.
     """
 
     a: complex = 1

@@ -22,26 +22,10 @@ COLUMNS = 128  # solved for at the same time
 class Cholesky(ABC):
     """Factorization Q A Q^T = L L^T of a sparse, symmetric, positive definite matrix.
 
-    Each solver has its own subclass; `solvers.factorize` makes one of that which is in use.
-
-    Parameters
-    ----------
-    A : (k, k) sparse matrix of float64
-        Symmetric and positive definite, k at least 1; only the lower triangle is read.
-    ordering : {"amd", "natural"}
-        Fill-reducing permutation Q: approximate minimum degree; or (up to a postordering)
-        the order as given. A solver whose `ORDERS` is false takes an order of its own in either
-        case.
-
-    Attributes
-    ----------
-    permutation : (k,) ndarray of int
-        Row i of Q A Q^T is row ``permutation[i]`` of A.
-
-    Raises
-    ------
-    SolverError
-        If A is not numerically positive definite or memory runs out.
+    Each solver has its own subclass; `solvers.factorize` makes one of that which is in use. Of A
+    (k, k), k at least 1, only the lower triangle is read. Q is the approximate minimum degree, or
+    (up to a postordering) the order as given; a solver whose `ORDERS` is false has an order of its
+    own. SolverError if A is not numerically positive definite or memory runs out.
     """
 
     LIBRARY: ClassVar[str]
@@ -50,7 +34,7 @@ class Cholesky(ABC):
     ERRORS: ClassVar[tuple[type[Exception], ...]]  # A is not positive definite, or too large
     ORDERS: ClassVar[bool]  # whether it factors in the order that it is given
 
-    permutation: Indices
+    permutation: Indices  # row i of Q A Q^T is row permutation[i] of A
 
     @classmethod
     def described(cls, ordering: str) -> str:

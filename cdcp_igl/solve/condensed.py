@@ -19,17 +19,8 @@ class Condensed:
     dense; and are shifted by 1, which is the size of the weights, so that a part without a
     boundary is definite, too.
 
-    Attributes
-    ----------
-    order : (n - k,) ndarray of int
-        I in the order of elimination.
-    schur : (k, k) float64
-        S = L_GG - L_GI L_II^-1 L_IG.
-
-    Raises
-    ------
-    SolverError
-        If L_II is numerically not positive definite, or its factor cannot fit into memory.
+    `order` (n - k,) is I in the order of elimination, `schur` (k, k) S = L_GG - L_GI L_II^-1 L_IG.
+    SolverError if L_II is numerically not positive definite, or its factor cannot fit into memory.
     """
 
     def __init__(self, laplacian: Laplacian, V: Floats, kept: Ints) -> None:

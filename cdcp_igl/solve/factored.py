@@ -21,19 +21,8 @@ class FactoredSurface:
     I are the `free` vertices, the unknowns; those inside, if not told. On the others values are
     given. If an `order` of them is known, it is taken.
 
-    Attributes
-    ----------
-    mesh : DiskMesh
-    laplacian : Laplacian
-    order : (k,) ndarray of int
-        The free vertices in the order of elimination.
-    solver : str
-        Solver, version, ordering and mode.
-
-    Raises
-    ------
-    SolverError
-        If the block is numerically not positive definite, or cannot fit into memory.
+    Its `order` (k,) is that of elimination; `solver` says solver, version, ordering and mode.
+    SolverError if the block is numerically not positive definite, or cannot fit into memory.
     """
 
     def __init__(

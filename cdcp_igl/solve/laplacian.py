@@ -29,20 +29,12 @@ class Laplacian:
     Cotangents that cancel are entries like all others: orders that reduce fill, and analyses,
     hold wherever the vertices are.
 
-    Attributes
-    ----------
-    low, high : (e,) ndarray of int
-        The ends of each edge, low < high; sorted by the first and then by the second.
-    weights : (e,) float64
-        Minus the entries off the diagonal.
-    diagonal : (n,) float64
-        Of a Laplacian, the sums of the weights at each vertex.
     """
 
-    low: Indices
+    low: Indices  # (e,) ends of each edge, low < high; sorted by the first, then by the second
     high: Indices
-    weights: Floats
-    diagonal: Floats
+    weights: Floats  # (e,) minus the entries off the diagonal
+    diagonal: Floats  # (n,) of a Laplacian, the sums of the weights at each vertex
 
     @classmethod
     def of(cls, low: Indices, high: Indices, weights: Floats, n: int) -> Laplacian:
@@ -105,8 +97,6 @@ def intrinsic_delaunay_laplacian(mesh: DiskMesh) -> Laplacian:
     a negative weight. Faces that are too thin are kept; then all weights are made positive, which
     is not conformal where cotangents of these faces are negative.
 
-    References
-    ----------
     M. Fisher, B. Springborn, A. Bobenko, P. Schröder. An algorithm for the construction
     of intrinsic Delaunay triangulations with applications to digital geometry
     processing. SIGGRAPH Courses, 2006.

@@ -25,8 +25,6 @@ def elimination_order(L: Laplacian, V: Floats, free: Bools) -> tuple[Ints | Indi
     Return the free vertices (k,), whether the solver is still to find an order of these ("amd")
     or takes them as they come ("natural"), and what the order is called.
 
-    References
-    ----------
     A. George. Nested dissection of a regular finite element mesh. SIAM J. Numer. Anal.
     10(2), 1973.
     P. R. Amestoy, T. A. Davis, I. S. Duff. An approximate minimum degree ordering algorithm.

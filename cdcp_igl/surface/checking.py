@@ -28,7 +28,7 @@ class MeshReport:
         Rows of V and of F; 0 where the array is unusable.
     n_boundary : int
         Vertices on the outer boundary loop, the one that reaches farthest; 0 where there
-        is none.
+        is none, or `n_loops` is None.
     ears : (k,) ndarray of int64
         Faces with two boundary edges. Legal, but all three corners of an ear lie on the
         circle, so its angles are distorted whatever the method.
@@ -116,20 +116,7 @@ class MeshReport:
         return _step(in_shell, clean_and_cut="mend it, and map what is left")
 
     def report(self) -> dict[str, Any]:
-        """Return all of it.
-
-        Returns
-        -------
-        dict
-            JSON types.
-
-        Examples
-        --------
-        >>> import cdcp_igl
-        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
-        >>> cdcp_igl.check(V, F).report()["kind"]
-        'disk'
-        """
+        """Return all of it as JSON types."""
         return {
             "disk": self.is_disk,
             "kind": self.kind,
@@ -182,9 +169,10 @@ class MeshReport:
         return self._text(in_shell=True)
 
     def _text(self, in_shell: bool) -> str:
+        # Where there are loops of which nothing is known, 0 would be wrong.
+        border = "" if self.n_loops is None else f"{self.n_boundary:,} boundary vertices, "
         counts = (
-            f"{self._size}, "
-            f"{self.n_boundary:,} boundary vertices, {counted(len(self.ears), 'ear', 'ears')}"
+            f"{self._size}, {border}{counted(len(self.ears), 'ear', 'ears')}"
             + (f" (faces {spell(self.ears)})" if len(self.ears) else "")
             + f", {counted(len(self.chords), 'chord', 'chords')}"
             + (f" (edges {spell(self.chords)})" if len(self.chords) else "")
@@ -213,10 +201,8 @@ def check(V: ArrayLike, F: ArrayLike, *, polygon_of_face: Ints | None = None) ->
 
     Parameters
     ----------
-    V : (n, 3) or (n, 2) array_like
-        Vertex positions.
-    F : (m, 3) array_like
-        Corners of the faces, rows of V.
+    V, F
+        As in `disk_map`, whatever surface they are.
     polygon_of_face : (m,) ndarray of integers, optional
         Which polygon each face is a part of, as in `cut`; then defects name polygons.
 

@@ -68,10 +68,8 @@ def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
 
     Parameters
     ----------
-    V : (n, 3) or (n, 2) array_like
-        Vertex positions.
-    F : (m, 3) array_like of integers
-        Corners of the faces, rows of V.
+    V, F
+        As in `disk_map`, whatever surface they are.
     flip_ears : bool
         Also flip the inner edge of each ear (a face with two boundary edges) that has an
         interior vertex behind it. The corner of an ear cannot move on the circle without
@@ -92,8 +90,6 @@ def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
 
     Examples
     --------
-    A map of the surface as it was given, with its holes:
-
     >>> import cdcp_igl
     >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
     >>> cleaned = cdcp_igl.clean(V, F[10:])

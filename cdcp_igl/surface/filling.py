@@ -33,8 +33,6 @@ def fill_hole(V: Floats, loop: Ints) -> Ints | None:
 def least_triangulation(points: Floats) -> Ints:
     """(k - 2, 3) triangles of a closed polygon in space: the fewest flat ones, then the least area.
 
-    References
-    ----------
     G. Barequet, M. Sharir. Filling gaps in the boundary of a polyhedron. Computer Aided
     Geometric Design 12(2), 1995.
     """

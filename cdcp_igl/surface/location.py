@@ -33,8 +33,6 @@ class FaceFinder:
     others. ValueError if the map z (n,) is no bijection onto the polygon inscribed in the unit
     circle: a face is flipped, or the faces cover more than the disk.
 
-    References
-    ----------
     O. Devillers, S. Pion, M. Teillaud. Walking in a triangulation. Int. J. Found. Comput.
     Sci. 13(2), 2002.
     """

@@ -26,12 +26,8 @@ class DiskMesh:
     characteristic 1, every vertex used, coordinates finite, no degenerate face. Subclasses, which
     the same solvers take, differ from that in the number of loops.
 
-    Parameters
-    ----------
-    V : (n, 3) or (n, 2) array_like of real numbers
-        Vertex positions, in any unit. Two columns are a planar mesh.
-    F : (m, 3) array_like of integers
-        Corners of the faces, rows of V, counterclockwise seen from outside.
+    V and F are as in `disk_map`. MeshError names the defect, the offending rows and the remedy, and
+    lists the other defects.
 
     Attributes
     ----------
@@ -53,12 +49,6 @@ class DiskMesh:
         Its undirected edges.
     cotangents : (m, 3) float64, read-only
         Cotangents of the corner angles, column k at corner k.
-
-    Raises
-    ------
-    MeshError
-        If the input is no such surface. It names the defect, the offending rows and the
-        remedy, and lists the other defects.
     """
 
     V: Floats

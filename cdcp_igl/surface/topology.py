@@ -16,22 +16,12 @@ from ..cached import cached_property
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """Undirected edges, by their smaller vertex and then by the larger.
+    """Undirected edges, by their smaller vertex and then by the larger."""
 
-    Attributes
-    ----------
-    low, high : (e,) ndarray of int
-        The ends of each edge, the smaller index first.
-    sides : (3m,) ndarray of int
-        The half-edges, those of an edge in succession.
-    start : (e,) ndarray of int
-        Where each edge begins in `sides`.
-    """
-
-    low: Indices
-    high: Indices
-    sides: Indices
-    start: Indices
+    low: Indices  # (e,) the end of smaller index
+    high: Indices  # (e,) the other
+    sides: Indices  # (3m,) the half-edges, those of an edge in succession
+    start: Indices  # (e,) where each edge begins in `sides`
 
     @property
     def valence(self) -> Indices:
@@ -71,17 +61,10 @@ class Topology:
 
     One sort of undirected edges is behind it all. Half-edge k m + f leaves corner k of
     face f.
-
-    Attributes
-    ----------
-    F : (m, 3) int64
-        The faces, indices in range, no vertex at two corners of one.
-    n : int
-        The number of vertices.
     """
 
-    F: Ints
-    n: int
+    F: Ints  # (m, 3) indices in range, no vertex at two corners of one
+    n: int  # vertices
 
     @cached_property
     def edges(self) -> Edges:

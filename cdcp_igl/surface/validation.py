@@ -81,34 +81,19 @@ def repeated_corners(F: Ints) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Examined:
-    """Arrays in their final form, what was computed from them, and all defects.
+    """Arrays in their final form, what was computed from them, and all defects."""
 
-    Attributes
-    ----------
-    n_vertices, n_faces : int
-        Rows of V and of F; 0 where the array is unusable.
-    defects : tuple of Defect
-    V : (n, 3) float64
-        Scaled to unit size.
-    exponent : int
-        Of the power of two by which they were divided.
-    surface : Topology or None
-        None if V or F is unusable, or a face has a vertex at two corners.
-    cotangents : (m, 3) float64
-        Of the corner angles; empty if there is no surface or a coordinate is not finite.
-    """
-
-    n_vertices: int = 0
-    n_faces: int = 0
-    defects: tuple[Defect, ...] = ()
-    V: Floats = field(default_factory=lambda: np.empty((0, 3)))
-    exponent: int = 0
-    surface: Topology | None = None
-    cotangents: Floats = field(default_factory=lambda: np.empty((0, 3)))
+    n_vertices: int  # rows of V and of F; 0 where the array is unusable
+    n_faces: int
+    defects: tuple[Defect, ...]
+    V: Floats = field(default_factory=lambda: np.empty((0, 3)))  # of unit size
+    exponent: int = 0  # of the power of two by which they were divided
+    surface: Topology | None = None  # None if unusable, or if a corner is repeated
+    cotangents: Floats = field(default_factory=lambda: np.empty((0, 3)))  # if all is finite
 
 
 def examine(V: ArrayLike, F: ArrayLike) -> Examined:
-    """Check everything that section "Raises" of `DiskMesh` promises."""
+    """Check everything that `DiskMesh` promises."""
     given = read(V, F)
     found = list(given.defects)
     names = {defect.name for defect in found}
@@ -227,6 +212,8 @@ def _faces(F: ArrayLike, n: int) -> Ints:
 
 
 def _numeric(name: str, array: ArrayLike) -> NDArray[Any]:
+    if np.ma.is_masked(array):  # what is missing is no number
+        array = np.ma.filled(np.ma.asarray(array).astype(np.float64), np.nan)
     try:
         numeric = np.asarray(array)
     except ValueError:  # ragged
