@@ -45,13 +45,3 @@ def test_the_conda_package_needs_what_the_wheel_needs(project, recipe):
         expected.add(f"{CONDA_NAMES.get(name, name)} {bound.replace(' ', '')}")
     assert set(recipe["requirements"]["run"]) == expected
     assert set(project["build-system"]["requires"]) < set(recipe["requirements"]["host"])
-
-
-def test_the_conda_package_says_of_itself_what_the_wheel_says(project, recipe):
-    metadata = project["project"]
-    assert recipe["package"]["name"] == metadata["name"]
-    assert recipe["about"]["summary"] == metadata["description"]
-    assert recipe["about"]["license"] == metadata["license"]
-    assert (ROOT / recipe["about"]["license_file"]).exists()
-    commands = [f"{name} = {entry}" for name, entry in metadata["scripts"].items()]
-    assert recipe["build"]["python"]["entry_points"] == commands

@@ -29,7 +29,7 @@ CORE = (
 # From the quickest to the slowest. Those that a tree does not have are left out.
 TESTS = (
     *("mesh", "libigl", "laplacian", "distortion", "trace", "refusals", "check", "injectivity"),
-    *("mobius", "theory", "circle", "cholesky", "cdcp", "known_maps", "rescue", "mapper", "clean"),
+    *("mobius", "theory", "circle", "cholesky", "cdcp", "rescue", "mapper", "clean"),
     *("solvers", "memory", "bijection", "refine", "hard_surfaces", "rectangle", "free_map"),
     *("annulus_map", "sphere_map", "cutting", "surface_map", "inputs", "parts"),
 )
