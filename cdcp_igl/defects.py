@@ -15,6 +15,7 @@ IN_PYTHON = {
     "cut": "cdcp_igl.cut",
     "with_path": "with cdcp_igl.cut(V, F, path)",
     "surface_map": "cdcp_igl.surface_map",
+    "surface_map_unmerged": "cdcp_igl.surface_map with merge=False",
     "disk_map": "cdcp_igl.disk_map",
     "sphere_map": "cdcp_igl.sphere_map",
     "annulus_map": "cdcp_igl.annulus_map",
@@ -26,6 +27,7 @@ IN_SHELL = {
     "cut": "cdcp-igl map --cut",
     "with_path": "in a program for meshes",
     "surface_map": "cdcp-igl map --cut",
+    "surface_map_unmerged": "cdcp-igl map, without --cut, which would merge it again,",
     "disk_map": "cdcp-igl map",
     "sphere_map": "cdcp-igl map --sphere",
     "annulus_map": "cdcp-igl map --annulus",
@@ -181,8 +183,8 @@ DEFECTS = {
     ),
     "not orientable": Row(
         "The surface is one-sided, like a Möbius strip",
-        "Cut it across {with_path}, or take faces out, until it has two sides; {surface_map} with "
-        "merge=False maps it then.",
+        "Cut it across {with_path}, or take faces out, until it has two sides; "
+        "{surface_map_unmerged} maps it then.",
     ),
     "inconsistent orientation": Row(
         "oriented unlike the others",
