@@ -255,6 +255,16 @@ def test_values_may_be_given_elsewhere():
     np.testing.assert_allclose((surface.laplacian.matrix() @ x)[free], 1, atol=1e-12)
 
 
+def test_what_is_released_refactors():
+    surface = FactoredSurface.of(DiskMesh(*meshes.grid()))
+    b = RNG.normal(size=len(surface.mesh.V))
+    x = surface.solve(b)
+    surface.release()
+    again = surface.analysis
+    again.refactor(2 * surface.laplacian.block(surface.rows))
+    np.testing.assert_allclose(2 * again.solve(b[surface.rows]), x[surface.rows], rtol=1e-12)
+
+
 def test_separators_separate():
     mesh = DiskMesh(*meshes.grid(40, 60))
     low, high, levels = mesh.edges.low, mesh.edges.high, 3
