@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import meshes
 import numpy as np
 import pytest
-from surfaces import torus
+from surfaces import sphere, torus
 from typer.main import get_command
 
 import cdcp_igl
@@ -229,6 +229,12 @@ def test_the_next_step_and_the_remedies_are_what_works(case):
         if DEFECTS[defect.name].cut:
             assert "cdcp_igl.cut" in defect.remedy or "cdcp_igl.surface_map" in defect.remedy
             assert "--cut" in defect.remedy_in_shell
+
+
+def test_a_closed_surface_with_another_defect_is_not_for_the_sphere():
+    V, F = sphere()
+    F[5] = F[5, ::-1]
+    assert cdcp_igl.check(V, F).next_step.startswith("cdcp_igl.surface_map")
 
 
 def test_the_outer_loop_is_the_one_that_reaches_farthest():
