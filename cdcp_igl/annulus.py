@@ -97,6 +97,7 @@ class AnnulusMap(RefinedMap, Bijection):
     _n_faces: int
 
     _kind = "annulus"
+    _plane = "Ring"
 
     def packed(self) -> Floats:
         """Return the square around the ring, scaled to the unit square: texture coordinates."""
@@ -149,18 +150,8 @@ class AnnulusMap(RefinedMap, Bijection):
         return FaceFinder(F, edges, np.append(as_complex(self._images), 0), self._n_faces)
 
     def _layout(self) -> Layout:
-        n, m = len(self.uv), self._n_faces
-        return Layout(
-            V=self.mesh.V[:n],
-            F=self._faces,
-            uv=self.uv,
-            vertices=np.arange(n),
-            faces=np.arange(m),
-            plane="Ring",
-            distortion=self.distortion,
-            flipped=len(self.certificate.flipped),
-            facts=self._facts(self._subject(), self._key_figure()),
-        )
+        V = self.mesh.V[: len(self.uv)]
+        return self._drawn(V, self._faces, self.uv, self._key_figure())
 
 
 @takes_meshes

@@ -92,6 +92,7 @@ class SphereMap(RefinedMap, Bijection):
     laplacian: str
 
     _kind = "sphere"
+    _plane = "Sphere"
 
     @cached_property
     def uv(self) -> Floats:  # type: ignore[override]
@@ -197,19 +198,9 @@ class SphereMap(RefinedMap, Bijection):
         uv = np.empty((len(name), 2))
         F = corner.reshape(-1, 3)
         uv[F] = self.uv / self._reach
-        return Layout(
-            V=self.mesh.V[name // 2],
-            F=F,
-            uv=uv,
-            vertices=name // 2,
-            faces=np.arange(len(F)),
-            plane="Sphere",
-            scale=self._reach,
-            distortion=self.distortion,
-            flipped=len(self.certificate.flipped),
-            facts=self._facts(self._subject()),
-            ball=self.points[name // 2],
-        )
+        rows = name // 2
+        also = {"scale": self._reach, "ball": self.points[rows], "vertices": rows}
+        return self._drawn(self.mesh.V[rows], F, uv, **also)
 
 
 @takes_meshes

@@ -14,7 +14,8 @@ from batches import WORKERS, contents, invoke, lines, write_surfaces, write_torn
 from batches import batch as in_this_process
 from commands import ROOT
 
-from cdcp_igl.batching import batch, pool
+from cdcp_igl import pool
+from cdcp_igl.batching import batch
 from cdcp_igl.batching.work import memory_needed
 from cdcp_igl.reference.case import run_case
 

@@ -23,7 +23,7 @@ FLOORS = (
     {"certificate", "distortion"},
     {"plot"},
     {"solve"},
-    {"steps"},
+    {"steps", "pool"},
     {"rescue"},
     {"result"},
     {"selection"},

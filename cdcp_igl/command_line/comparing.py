@@ -101,7 +101,7 @@ def compare_command(
             surfaces = [(*opened, plane), (V, F, spheres)]
         for P, G, wanted in surfaces:
             made = []
-            with writing(), progress_bar() as progress:  # what each process is given is a file
+            with writing(), progress_bar() as progress:  # what each process says is a file
                 for done, method in enumerate(wanted):
                     progress(method, done / len(wanted))
                     made.append(run_case(method, P, G, time_limit=time_limit))

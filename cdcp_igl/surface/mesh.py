@@ -68,14 +68,11 @@ class DiskMesh:
         surface = examined.surface
         outer = outer_loop(examined.V, surface.loops) if surface.loops else None
         loops = sorted(surface.loops, key=lambda loop: loop is not outer)
-        for loop in loops:
-            loop.flags.writeable = False
-        object.__setattr__(self, "loops", tuple(loops))
+        object.__setattr__(self, "loops", tuple(map(_read_only, loops)))
         loop = np.concatenate([np.empty(0, np.int64), *loops])
         on_boundary = marked(surface.n, loop)
-        edges = surface.edges
-        for indices in (edges.low, edges.high, edges.sides, edges.start):
-            indices.flags.writeable = False
+        for indices in vars(surface.edges).values():
+            _read_only(indices)
         self._set(
             V=examined.V,
             F=surface.F,
@@ -84,7 +81,7 @@ class DiskMesh:
             on_boundary=on_boundary,
             cotangents=examined.cotangents,
         )
-        object.__setattr__(self, "edges", edges)
+        object.__setattr__(self, "edges", surface.edges)
         object.__setattr__(self, "_exponent", examined.exponent)
 
     @staticmethod
@@ -96,13 +93,12 @@ class DiskMesh:
         # Arrays that were pickled come back writeable.
         for value in (*state.values(), *state["loops"], *vars(state["edges"]).values()):
             if isinstance(value, np.ndarray):
-                value.flags.writeable = False
+                _read_only(value)
         self.__dict__.update(state)
 
     def _set(self, **arrays: NDArray[Any]) -> None:
         for name, array in arrays.items():
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, _read_only(array))
 
     @property
     def positions(self) -> Floats:
@@ -122,16 +118,12 @@ class DiskMesh:
     @cached_property
     def angles(self) -> Floats:
         """(m, 3) corner angles of the surface in radians, column k at corner k; read-only."""
-        angles = corner_angles(self.cotangents)
-        angles.flags.writeable = False
-        return angles
+        return _read_only(corner_angles(self.cotangents))
 
     @cached_property
     def vertex_areas(self) -> Floats:
         """(n,) a third of the sum of the areas of the faces at each vertex; read-only."""
-        areas = vertex_areas(self.V, self.F)
-        areas.flags.writeable = False
-        return areas
+        return _read_only(vertex_areas(self.V, self.F))
 
     @cached_property
     def inscribed(self) -> Ints:
@@ -140,16 +132,12 @@ class DiskMesh:
         On the disk they are inscribed in the circle, and the circle fixes their angles.
         """
         i, j, k = self.on_boundary.take(self.F.T)
-        inscribed = np.flatnonzero(i & j & k)
-        inscribed.flags.writeable = False
-        return inscribed
+        return _read_only(np.flatnonzero(i & j & k))
 
     @cached_property
     def loop_index(self) -> Ints:
         """(n,) index of each vertex in ``loop``, -1 inside; read-only."""
-        index = places(self.loop, len(self.V))
-        index.flags.writeable = False
-        return index
+        return _read_only(places(self.loop, len(self.V)))
 
     def moved(self, V: ArrayLike) -> Self:
         """Return the mesh with its vertices elsewhere; what is known of its faces is kept.
@@ -223,6 +211,11 @@ class AnnulusMesh(DiskMesh):
         loops = examined.surface.loops if examined.surface else []
         defects = _without(examined, *["several boundary loops"] * (len(loops) == 2))
         return (Defect.of("one boundary loop"), *defects) if len(loops) == 1 else defects
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    array.flags.writeable = False
+    return array
 
 
 def _without(examined: Examined, *names: str) -> tuple[Defect, ...]:
