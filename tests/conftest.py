@@ -10,6 +10,7 @@ from pathlib import Path
 import hypothesis
 import numpy as np
 import pytest
+from batches import write_surfaces
 
 from cdcp_igl import DiskMap, datasets, disk_map
 
@@ -31,9 +32,8 @@ Mesh = tuple[np.ndarray, np.ndarray]
 
 # Files whose tests start processes, or map and draw many surfaces in a row.
 MANY_PROCESSES = (
-    *("test_batch_killed", "test_batch_systems", "test_batch_workers", "test_benchmarks"),
-    *("test_cli_outputs", "test_cli_processes", "test_compare", "test_docs", "test_fuzz"),
-    "test_readme",
+    *("test_batch_killed", "test_batch_workers", "test_benchmarks"),
+    *("test_cli_outputs", "test_cli_processes", "test_compare", "test_docs"),
 )
 
 
@@ -49,6 +49,12 @@ def public_name(name: str) -> str | None:
     """What `datasets` calls a mesh, whose name may stand without its size there."""
     names = Path(name).name, re.sub(r"_\d+(_ears)?$", "", Path(name).name)
     return next((known for known in names if known in datasets.NAMES), None)
+
+
+@pytest.fixture
+def scans(tmp_path):
+    """A folder with three small disks."""
+    return write_surfaces(tmp_path / "scans", 3)
 
 
 @pytest.fixture(scope="session")

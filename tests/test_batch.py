@@ -9,16 +9,11 @@ import igl
 import meshes
 import numpy as np
 import pytest
-from batches import batch, contents, lines, write_surfaces, write_torn
+from batches import batch, contents, lines, write_torn
 
 import cdcp_igl
 from cdcp_igl.batching import Record, journal
 from cdcp_igl.io import read_mesh, write_map
-
-
-@pytest.fixture
-def scans(tmp_path):
-    return write_surfaces(tmp_path / "scans", 3)
 
 
 @pytest.fixture
@@ -166,6 +161,9 @@ def test_half_a_line_is_ended_and_does_not_count(scans, out):
     with pytest.raises(ValueError, match=r"Unterminated|Expecting"):
         json.loads(cut)
     assert [json.loads(line)["status"] for line in (*kept, added)] == ["done"] * 3
+    with (out / "results.jsonl").open("a") as file:  # lines of others
+        file.write('{"section": "tables"}\n3\n\n{"name": "surface_000"}\n')
+    assert len(batch([scans], out).done) == 3
 
 
 @pytest.mark.parametrize("when", ["before", "meanwhile", "afterwards"])
@@ -246,10 +244,3 @@ def test_records_survive_their_file():
     for line in ("", "{", "[]", "{}", "null", '{"name": "a"'):
         with pytest.raises(ValueError, match=r"no record|Expecting"):
             Record.from_line(line)
-
-
-def test_lines_of_others_are_passed_over(scans, out):
-    batch([scans], out)
-    with (out / "results.jsonl").open("a") as file:
-        file.write('{"section": "tables"}\n3\n\n{"name": "surface_000"}\n')
-    assert len(batch([scans], out).done) == 3

@@ -12,6 +12,8 @@ from batches import batch, contents, lines, write_surfaces
 from commands import ROOT
 from commands import start as run
 
+from benchmarks.measure.faults import children
+
 SURFACES = 5
 
 # A batch in one process, which maps all surfaces before it writes the first line, and kills itself
@@ -89,22 +91,14 @@ def test_killed_the_results_are_those_of_an_undisturbed_run(
 # -- with workers ----------------------------------------------------------------------
 
 
-def start(scans, out, *options):
+def start(scans, out):
     return subprocess.Popen(
-        [sys.executable, "-m", "cdcp_igl", "batch", str(scans), str(out), "--jobs", "2", *options],
+        [sys.executable, "-m", "cdcp_igl", "batch", str(scans), str(out), "--jobs", "2"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         cwd=ROOT,
     )
-
-
-def workers_of(process):
-    """The children of a process, whichever of its threads has started them."""
-    pids = []
-    for listed in Path(f"/proc/{process.pid}/task").glob("*/children"):
-        pids += map(int, listed.read_text().split())
-    return pids
 
 
 def lives(pid):
@@ -136,35 +130,25 @@ def many(tmp_path_factory):
     return write_surfaces(tmp_path_factory.mktemp("many") / "scans", 40, rows=8, columns=12)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_interrupted(many, tmp_path, number):
-    out = tmp_path / "maps"
-    process = start(many, out)
-    wait_for_lines(out, 5, process)
-    workers = workers_of(process)
-    process.send_signal(number)
-    _, errors = process.communicate(timeout=30)
-    assert process.returncode == 128 + number
-    assert errors == ("Interrupted\n" if number == signal.SIGINT else "")
-    assert 5 <= len(lines(out)) < 40
-    assert (out / "summary.csv").exists()
-    wait_for_end(workers)
-    assert len(batch([many], out).done) == len(contents(out)) == 40
-
-
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux to find workers")
-def test_workers_that_are_killed_cost_nothing_and_none_outlives_its_batch(many, tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_killed_workers_cost_nothing_and_none_outlives_its_batch(many, tmp_path, number):
     out = tmp_path / "maps"
     process = start(many, out)
     wait_for_lines(out, 3, process)
-    workers = workers_of(process)
+    workers = children(process.pid)
     assert len(workers) == 2
     os.kill(workers[0], signal.SIGKILL)
     wait_for_lines(out, len(lines(out)) + 3, process)
-    workers = workers_of(process)
-    process.kill()
-    process.communicate()
+    workers = children(process.pid)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=30)
     wait_for_end(workers)
+    if number != signal.SIGKILL:
+        assert process.returncode == 128 + number
+        assert (out / "summary.csv").exists()
+    assert errors == ("Interrupted\n" if number == signal.SIGINT else "")
+    assert 5 <= len(lines(out)) < 40
     assert {line["status"] for line in lines(out)} == {"done"}
     assert len(batch([many], out).done) == len(contents(out)) == 40
     assert not list(out.glob(".*"))

@@ -11,11 +11,6 @@ from cdcp_igl.batching.names import result_names, surface_files
 from cdcp_igl.errors import printable
 
 
-@pytest.fixture
-def scans(tmp_path):
-    return write_surfaces(tmp_path / "scans", 3)
-
-
 def test_names_do_not_collide(tmp_path):
     files = ["a/face.obj", "b/face.obj", "b/Face.ply", "b/hand.obj", "face.npz"]
     files += ["hand.obj.off", "c/x.obj", "c/x.ply", "c/x.obj.ply"]

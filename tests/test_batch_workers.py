@@ -1,4 +1,4 @@
-"""Workers of a batch that die, hang and grow, and those of others."""
+"""Workers of a batch that die, hang and grow, those of others, and disks that are full."""
 
 import multiprocessing
 import os
@@ -10,19 +10,14 @@ from pathlib import Path
 import meshes
 import numpy as np
 import pytest
-from batches import WORKERS, contents, invoke, lines, write_surfaces, write_torn
+from batches import WORKERS, contents, invoke, lines, write_torn
 from batches import batch as in_this_process
-from commands import ROOT
+from commands import ROOT, start
 
-from cdcp_igl import pool
+from cdcp_igl import datasets, pool
 from cdcp_igl.batching import batch
 from cdcp_igl.batching.work import memory_needed
 from cdcp_igl.reference.case import run_case
-
-
-@pytest.fixture
-def scans(tmp_path):
-    return write_surfaces(tmp_path / "scans", 3)
 
 
 @pytest.fixture
@@ -82,8 +77,8 @@ def test_large_surfaces_wait_for_each_other(scans, tmp_path, monkeypatch):
     assert len(made.done) == 3
     ends = [datetime.fromisoformat(record.finished).timestamp() for record in made.done]
     spans = sorted((end - r.seconds, end) for end, r in zip(ends, made.done, strict=True))
-    for (_, end), (start, _) in pairwise(spans):
-        assert end <= start
+    for (_, end), (begin, _) in pairwise(spans):
+        assert end <= begin
 
 
 @pytest.mark.parametrize("suffix", ["npz", "obj", "off", "ply", "stl"])
@@ -99,6 +94,36 @@ def test_the_memory_is_guessed_from_above(tmp_path, suffix):
     assert least + 2000 * 1e-3 < memory_needed(path) < least + 2000 * 1e-2
     path.with_name("odd.npz").write_bytes(b"no archive")  # which ends no batch
     assert memory_needed(path.with_name("odd.npz")) == least
+
+
+# -- disks and folders that take nothing ----------------------------------------------
+
+
+def test_a_full_disk(scans, tmp_path):
+    """The largest result does not fit, which a limit on the size of files stands for."""
+    resource = pytest.importorskip("resource")
+    V, F, _ = datasets.spherical_cap(9)
+    np.savez(scans / "large.npz", V=V, F=F)
+    in_this_process([scans], tmp_path / "whole")
+    out = tmp_path / "maps"
+    limit = max(path.stat().st_size for path in (tmp_path / "whole").glob("*.npz")) - 1000
+    done = start(
+        *("-m", "cdcp_igl", "batch", scans, out),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+    )
+    assert done.returncode == 1
+    said = f"Not written: {out / 'large.npz'}: {os.strerror(27)}. What is done is kept"
+    assert done.stderr.startswith(said)
+    assert not list(out.glob(".*"))
+    assert in_this_process([scans], out).failed == ()
+    assert contents(out) == contents(tmp_path / "whole")
+
+
+def test_a_folder_that_cannot_be_written(scans):
+    for folder, reason in (("/proc/maps", ""), (scans / "surface_000.npz", "File exists")):
+        done = invoke(scans, folder)
+        assert done.exit_code == 1
+        assert f"{folder}: {reason}" in done.stderr
 
 
 # -- executors -------------------------------------------------------------------------

@@ -1,6 +1,5 @@
 """The benchmark harness: every row is there, whatever becomes of the cases."""
 
-import json
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
@@ -18,7 +17,7 @@ from benchmarks.measure.mechanisms import ALL, NONE, RESCUES
 from benchmarks.measure.methods import METHODS, maps
 from benchmarks.measure.models import Model
 from benchmarks.records.paper import PAPER
-from benchmarks.records.record import EDGES, Record
+from benchmarks.records.record import EDGES
 from benchmarks.records.results import Measured
 from benchmarks.records.store import Work, read_results, write_results
 from benchmarks.write import front_page, sections
@@ -82,12 +81,6 @@ def test_every_mechanism_can_be_left_out_where_it_is_needed():
                     assert method.function(*model.load()).valid
 
 
-def test_a_good_map_needs_no_mechanism():
-    uv = cdcp_igl.cdcp(V, F)
-    for name, method in RESCUES.items():
-        np.testing.assert_array_equal(method.function(V, F).uv, uv, name)
-
-
 def test_every_family_has_disks(monkeypatch):
     monkeypatch.delenv("CDCP_IGL_DATA", raising=False)
     found = families.disks(list(families.FAMILIES), 2, 1_000)
@@ -95,18 +88,6 @@ def test_every_family_has_disks(monkeypatch):
     assert names == ["fuzzed", "fuzzed", "strips"]  # the others are large, or not at hand
     assert families.family_of("chinese_lion") == "given"
     assert all(cdcp_igl.check(*model.load()).is_disk for model in found)
-
-
-def test_records_survive_json(tmp_path):
-    made = record("m", "cdcp", mean=1.25)
-    row = json.loads(json.dumps(made.as_json(), allow_nan=False))
-    assert (row["sd"], row["mean"], row["method"]) == (None, 1.25, "cdcp")
-    again = Record.of_json(row)
-    assert again.case.mean == 1.25
-    assert np.isnan(again.case.sd)
-    write_results(tmp_path / "new" / "r.json", {"cpu": "this"}, [made, made])
-    machine, records = read_results(tmp_path / "new" / "r.json")
-    assert (machine, len(records)) == ({"cpu": "this"}, 2)
 
 
 # -- what is measured ------------------------------------------------------------------
@@ -174,14 +155,6 @@ def test_a_changed_mesh_is_measured_again(tmp_path):
     assert len(Work(tmp_path).records()) == 2
 
 
-def test_growth_is_measured_on_one_surface_in_several_sizes():
-    small, large = models.subdivided(1)
-    assert (small.name, large.name) == ("terrain x 1", "terrain x 4")
-    V, F = small.load()
-    assert len(large.load()[1]) == 4 * len(F)
-    np.testing.assert_array_equal(large.load()[0][: len(V)], V)  # the shape stays
-
-
 def test_a_sequence_is_measured_beside_single_maps():
     made = METHODS["cdcp sequence"].function(*meshes.grid(20, 30))
     moved, afresh = made.seconds, made.phases["afresh"]
@@ -233,15 +206,6 @@ def test_a_failure_is_told_below_the_table():
     assert "[1] failed: boom | pipe" in text
     for table in (part for part in text.split("\n\n") if part.startswith("|")):
         assert len({row.replace(r"\|", "").count("|") for row in table.splitlines()}) == 1, table
-
-
-def test_a_surface_of_which_no_map_was_measured_has_no_row():
-    records = [
-        record("small", "cdcp warm", "speed", n=99, boundary="none"),
-        record("large", "cdcp", "speed", n=999),
-    ]
-    table = sections.cases(Measured(records).sections["speed"])
-    assert [row[0].text for row in table.rows] == ["large"]
 
 
 def test_the_exponents_of_growth_are_in_the_table():

@@ -75,12 +75,6 @@ def test_results_that_cannot_be_written_are_told_before_anything_is_measured(tmp
     assert not (tmp_path / "w").exists()
 
 
-@pytest.mark.parametrize("line", ["{}", "3", '{"section": "tables", "method": "cdcp"}', '{"sect'])
-def test_a_line_that_is_no_record_does_not_count(tmp_path, line):
-    (tmp_path / "results.jsonl").write_text(f"{line}\n")
-    assert Work(tmp_path).records() == []
-
-
 def test_parts_by_command(tmp_path):
     arguments = ("tables", "--methods", "harmonic", "--models", "ellipse_20,square_80")
     arguments = (*arguments, "--work", tmp_path, "--machine", "here")
@@ -132,14 +126,6 @@ def test_the_largest_part_is_taken_with_its_holes_filled(tmp_path):
     mesh, _, disk = as_disk(Model("both", lambda: both), Work(tmp_path))
     assert mesh.endswith(OPENED)
     assert len(holed) < len(disk) <= len(F)
-
-
-def test_a_surface_that_cannot_be_opened_is_a_row(tmp_path):
-    V = np.random.default_rng(0).normal(size=(5, 3))
-    moebius = np.array([[k, (k + 1) % 5, (k + 2) % 5] for k in range(5)])
-    (record,) = measure(tmp_path, ["cdcp"], [Model("strip", lambda: (V, moebius))])
-    assert record.case.outcome.startswith("not to be had: ")
-    assert "one-sided" in record.case.outcome or "orient" in record.case.outcome
 
 
 def test_a_map_is_that_of_its_mesh_and_of_its_model(tmp_path):

@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from itertools import islice
 
 import numpy as np
 import pandas as pd
@@ -10,7 +9,7 @@ import pytest
 from benchmark_commands import ROOT, benchmarks, measure, record, refused
 
 from benchmarks.measure import models
-from benchmarks.measure.methods import METHODS, maps
+from benchmarks.measure.methods import METHODS
 from benchmarks.measure.models import Model
 from benchmarks.measure.peers import PEERS
 from benchmarks.records.comparison import paired, profiles, ranking, summary
@@ -54,11 +53,6 @@ def test_what_is_not_installed_is_told(tmp_path, monkeypatch):
     monkeypatch.setitem(METHODS, "xatlas", missing)
     assert peer(tmp_path, "xatlas").case.outcome == "not to be had: needs pip install it"
     assert Work(tmp_path).records() == []  # it is tried again
-
-
-def test_peers_are_measured_only_when_asked_for():
-    assert not set(maps()) & set(PEERS)
-    assert set(PEERS) < set(METHODS)
 
 
 def test_the_head_of_a_column_says_what_the_boundary_is():
@@ -185,15 +179,6 @@ def test_what_is_compared(means, others, counts):
     made = paired(section({"cdcp": means, "fdcp": others}), "cdcp", "fdcp", "mean")
     assert (made.lower, made.higher, made.ties) == counts
     assert (made.sign, made.signed_rank) == (1, 1)
-
-
-def test_patches_are_disks_and_the_same_each_time(monkeypatch):
-    monkeypatch.delenv("CDCP_IGL_DATA", raising=False)
-    first, again = models.find(["patches:3"]), list(islice(models.patches(), 3))
-    assert [model.name for model in first] == [model.name for model in again]
-    for one, other in zip(first, again, strict=True):
-        assert check(*one.load()).is_disk
-        np.testing.assert_array_equal(one.load()[0], other.load()[0])
 
 
 def test_the_tiers_are_parts_of_each_other_and_the_same_everywhere(monkeypatch, tmp_path):

@@ -111,9 +111,6 @@ def test_every_direction_has_a_place_on_a_sphere():
     found = result.apply(*result.invert(directions))
     lengths = np.linalg.norm(directions, axis=2)[..., None]
     assert abs(found - directions / lengths).max() < 1e-15
-    for wrong in ([0, 0, 0], [1, 0]):
-        with pytest.raises(ValueError, match="uv"):
-            result.invert(wrong)
     with pytest.raises(ValueError, match="bijection"):
         replace(result, certificate=certify_sphere(F, -exact)).invert([1, 0, 0])
 
@@ -158,37 +155,6 @@ def test_shapes_are_kept(cap):
     assert result.interpolate(V, np.zeros((4, 5, 2))).shape == (4, 5, 3)
     assert result.interpolate(V[:, 0], [0, 0]).shape == ()
     assert result.invert(np.zeros((0, 2)))[0].shape == (0,)
-
-
-def test_arguments_are_judged(cap):
-    V, F, result = cap
-    for face in (len(F), -1, 0.5):
-        with pytest.raises(ValueError, match="face"):
-            result.apply(face, [1, 0, 0])
-    for barycentric in ([1, 1, 0], [1, 0]):
-        with pytest.raises(ValueError, match="barycentric"):
-            result.apply(0, barycentric)
-    for uv in ([np.nan, 0], [1, 2, 3], 4):
-        with pytest.raises(ValueError, match="uv"):
-            result.invert(uv)
-    with pytest.raises(ValueError, match="rows"):
-        result.interpolate(V[1:], [0, 0])
-    for carry in (result.pull_back, lambda z: result.interpolate(z, [0, 0])):
-        with pytest.raises(ValueError, match="must be real"):
-            carry(V * 1j)
-    with pytest.raises(ValueError, match="height"):
-        result.pull_back([1, 2])
-    for side in (0, -1, 2, np.nan):
-        with pytest.raises(ValueError, match="side"):
-            result.remesh(side)
-
-
-def test_a_map_that_is_no_bijection_has_no_inverse(cap):
-    _, _, result = cap
-    uv = result.uv.copy()
-    uv[result.mesh.interior[0]] = 0.5
-    with pytest.raises(ValueError, match="bijection"):
-        replace(result, uv=uv).invert([0, 0])
 
 
 def test_bake_and_pull_back_are_inverse_at_second_order(cap):
@@ -310,10 +276,3 @@ def test_a_registration_that_cannot_be_certified_is_an_error_with_its_map(cap):
     assert not raised.value.result.valid
     assert not np.array_equal(raised.value.result.uv, result.uv)
     assert result.valid
-
-
-def test_landmarks_are_judged(cap):
-    V, _, result = cap
-    for bad in ([[0, 0]], [[0, 1, 2]] * 2, [[0.5, 1]] * 2, [[0, len(V)], [1, 1]], [[1, 2], [1, 3]]):
-        with pytest.raises(ValueError, match="landmarks"):
-            result.register(result, bad)

@@ -146,30 +146,6 @@ def test_progress_and_timings(mesh, refine):
     assert all(seconds >= 0 for seconds in result.timings.values())
 
 
-def by_mapper(V, F, **options):
-    return cdcp_igl.DiskMapper(V, F).map(**options)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        *(({"refine": bad}, "refine must") for bad in (-1, 1.5, "2")),
-        *(({"refine_norm": bad}, "refine_norm") for bad in (0.9, 2.1, float("nan"), True)),
-        *(({"refine_seconds": bad}, "refine_seconds") for bad in (-1, float("nan"))),
-        *(({"center": bad}, "center") for bad in (-1, 160, 3.5, True, None, "middle")),
-        *(({"align": bad}, "align") for bad in (12, -1, 10**6, [1, 0], "x", [1j, 0, 0])),
-        ({"mobius": "best"}, "mobius"),
-        ({"preset": "thesis"}, "preset"),
-        ({"preset": "paper", "center": "centroid"}, "preset"),
-    ],
-    ids=str,
-)
-@pytest.mark.parametrize("mapped", [cdcp_igl.disk_map, by_mapper])
-def test_bad_options(mapped, options, message):
-    with pytest.raises(ValueError, match=message):
-        mapped(V, F, **options)
-
-
 def test_distortion_with_and_without_inscribed_faces(real_mesh, map_of):
     V, F = real_mesh("face_1180_ears")
     result = map_of("face_1180_ears")

@@ -127,18 +127,6 @@ def test_every_defect_is_named_with_its_rows_and_a_remedy(cap):
     assert out.read_text() == "old"
 
 
-@pytest.mark.parametrize("name", ["missing.obj", "empty.off", "garbage.ply", "cut.obj", "a.xyz"])
-@pytest.mark.parametrize("command", ["map", "check"])
-def test_bad_files(tmp_path, name, command):
-    path = tmp_path / name
-    if "missing" not in name:
-        contents = {"garbage.ply": bytes(range(256)), "cut.obj": b"v 0 0 0\nv 1 0 0\nf 1"}
-        path.write_bytes(contents.get(name, b""))
-    result = invoke(command, path, *([tmp_path / "o.obj"] if command == "map" else []))
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert result.stderr
-
-
 @pytest.mark.parametrize(
     ("error", "code", "said"),
     [

@@ -167,6 +167,8 @@ for command in [], ["map"], ["check"], ["compare"], ["batch"]:
     [
         (HELP, {"cdcp_igl.algorithm", "numpy", "scipy", "matplotlib", "igl"}),
         ("import cdcp_igl, cdcp_igl.io", {"typer", "rich", "matplotlib", "scipy.io"}),
+        ("import cdcp_igl; dir(cdcp_igl)", {"numpy", "scipy", "igl", "sksparse", "matplotlib"}),
+        ("import cdcp_igl; cdcp_igl.DiskMap, cdcp_igl.reference.fdcp", {"rich", "typer"}),
     ],
 )
 def test_nothing_heavy_is_imported_without_need(code, heavy):

@@ -192,12 +192,6 @@ def test_a_path_off_the_edges_is_refused_by_its_steps(path, wrong):
     np.testing.assert_array_equal(raised.value.indices, [wrong])
 
 
-@pytest.mark.parametrize("path", [[0.5, 1.5], [[0, 1, 2]], [[0, 1], [1]], 3, "loop"])
-def test_a_path_is_vertices_or_edges(path):
-    with pytest.raises(ValueError, match="path must be"):
-        cdcp_igl.cut(*surfaces.torus(), path=path)
-
-
 def test_a_moebius_strip_can_be_cut_across():
     _, V, F, _ = meshes.NASTY["Moebius strip"]
     with pytest.raises(cdcp_igl.MeshError, match=r"cdcp_igl\.cut\(V, F, path\)"):

@@ -9,8 +9,6 @@ from conftest import public_name
 
 import cdcp_igl
 from cdcp_igl import datasets
-from cdcp_igl.datasets import real
-from cdcp_igl.io.reading import READABLE
 from cdcp_igl.surface.mesh import DiskMesh
 
 ROOT = Path(__file__).parents[1]
@@ -67,29 +65,6 @@ def test_offline_error_says_both_ways_out(no_data_directory, tmp_path, monkeypat
         datasets.load("left_hand")
 
 
-def test_every_download_is_of_one_commit():
-    pinned = re.compile(r"https://raw\.githubusercontent\.com/[\w.-]+/[\w.-]+/[0-9a-f]{40}/\S+")
-    for file, sha256, url in real._FILES.values():
-        assert pinned.fullmatch(url)
-        assert re.fullmatch("[0-9a-f]{64}", sha256)
-        assert Path(file).suffix == Path(url).suffix.lower()
-        assert Path(file).suffix in READABLE
-    assert len({file for file, _, _ in real._FILES.values()}) == len(datasets.NAMES) - 1
-
-
-def test_the_pages_say_where_each_surface_comes_from():
-    page = ROOT / "docs" / "reference" / "datasets.md"
-    rows = [line for line in page.read_text("utf-8").splitlines() if line.startswith("| `")]
-    said = {
-        name: repository
-        for names, repository in re.findall(r"\| (`.*?`) \| \[(.*?)\]", "\n".join(rows))
-        for name in re.findall("`(.*?)`", names)
-    }
-    assert said == {
-        name: "/".join(url.split("/")[3:5]) for name, (_, _, url) in real._FILES.items()
-    }
-
-
 def test_the_pages_name_what_else_the_tests_use():
     if os.environ.get("CDCP_IGL_REQUIRE_DATA") != "1":
         pytest.skip("the directory may have any surfaces")
@@ -111,22 +86,6 @@ def test_missing_extra_is_named(no_data_directory, monkeypatch, module, name):
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(ImportError, match=r"pip install 'cdcp_igl\[(data|plot)\]'"):
         datasets.load(name)
-
-
-@pytest.mark.parametrize(
-    ("surface", "options"),
-    [
-        *((datasets.ellipse, {"aspect": aspect}) for aspect in (-1, 0.5, 1, 8.1, float("nan"))),
-        *((datasets.spherical_cap, {"angle": angle}) for angle in (0, 180, 200)),
-        *((datasets.paraboloid, {"steepness": steepness}) for steepness in (0, float("inf"))),
-    ],
-)
-def test_surfaces_whose_map_is_not_known_are_refused(surface, options):
-    with pytest.raises(ValueError, match=f"{next(iter(options))} must be"):
-        surface(4, **options)
-    for resolution in (0, -1):
-        with pytest.raises(ValueError, match="resolution must be at least 1"):
-            surface(resolution)
 
 
 @pytest.mark.parametrize("aspect", [1.01, 2, 8])

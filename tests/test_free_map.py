@@ -11,7 +11,7 @@ from meshes import TRIANGLE, TWO_TRIANGLES, cells, fan, grid, rugged, strip
 
 import cdcp_igl
 from cdcp_igl.certificate import certify_outline, meeting_edges
-from cdcp_igl.datasets import ellipse, paraboloid, spherical_cap, square
+from cdcp_igl.datasets import ellipse, paraboloid, spherical_cap
 from cdcp_igl.distortion import plane_angles
 from cdcp_igl.free import Outline
 from cdcp_igl.rescue.refine import WeightedLaplacian, gauss_newton_step
@@ -271,25 +271,6 @@ def test_a_mapper_makes_the_same_map_and_keeps_its_factor():
     assert mapper.map().valid
     assert seen[-1] == ("done", 1.0)
     assert cdcp_igl.free_map(V, F, solver="scipy").solver.startswith("SuperLU")
-
-
-def test_what_is_asked_of_the_boundary_is_judged():
-    V, F, _ = square(4)
-    inside, rim = 40, DiskMesh(V, F).loop
-    right = dict.fromkeys(rim[[0, 8, 16, 24]].tolist(), np.pi / 2)
-    for options, message in (
-        ({"boundary_scale": [1, 2]}, r"must be \(81,\)"),
-        ({"boundary_scale": 0 * V[:, 0]}, "positive and finite"),
-        ({"corners": {inside: 2 * np.pi}}, "boundary vertices, not 40"),
-        ({"corners": {}}, "boundary vertices"),
-        ({"corners": {0: 90, 1: 270}}, "radians .* add up to 360"),
-        ({"corners": right, "boundary_scale": V[:, 0] + 2}, "only one"),
-        ({"corners": right, "refine": 3}, "refine moves the boundary"),
-        ({"refine": -1}, "number of steps"),
-        ({"align": inside}, "not a boundary vertex"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            cdcp_igl.free_map(V, F, **options)
 
 
 def test_in_batches(tmp_path):

@@ -3,7 +3,6 @@
 import os
 import struct
 
-import igl
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -264,12 +263,3 @@ def stored_uv(path):
         return np.frombuffer(body, "<f8", 5 * n).reshape(n, 5)[:, 3:]
     lines = path.read_text().splitlines()
     return np.array([line.split()[1:] for line in lines if line.startswith("vt ")], float)
-
-
-def test_libigl_reads_texture_coordinates(tmp_path, mapped):
-    V, F, uv = mapped
-    path = tmp_path / "a.obj"
-    write_map(path, V, F, uv, disk=True)
-    _, TC, _, _, FTC, _ = igl.readOBJ(str(path))
-    np.testing.assert_array_equal(TC[:, :2], uv)
-    np.testing.assert_array_equal(FTC, F)

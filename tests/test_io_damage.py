@@ -168,15 +168,6 @@ def test_an_archive_without_a_mesh_is_refused(tmp_path):
     assert "not points" in unreadable(path)
 
 
-@pytest.mark.parametrize("suffix", ["npz", "mat"])
-def test_transposed_arrays_are_named_with_their_shapes(tmp_path, suffix):
-    path = tmp_path / f"a.{suffix}"
-    savemat(path, {"V": V.T, "F": F}) if suffix == "mat" else np.savez(path, V=V.T, F=F)
-    with pytest.raises(MeshError, match=r"V has shape \(3, \d+\)\. .*transpose") as caught:
-        read_mesh(path)
-    assert caught.value.defect == "shape of V"
-
-
 def zipped(path, method, change=lambda data: data):
     """Write V and F, with what is wrong with the bytes of each."""
     np.savez(path, V=V, F=F)

@@ -99,7 +99,3 @@ def test_scaling_is_exact():
     assert (ratio == ratio[0]).all()
     assert np.frexp(ratio[0])[0] == 0.5
     assert 0.5 <= abs(mesh.V).max() < 1
-
-
-def test_repr():
-    assert repr(DiskMesh(V, F)) == "DiskMesh(48 vertices, 70 faces, 24 boundary vertices)"

@@ -6,8 +6,9 @@ import re
 import shutil
 import signal
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import meshes
@@ -19,6 +20,7 @@ from hypothesis import strategies as st
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from benchmarks.measure.faults import children
 from cdcp_igl import MapError, MeshError, check, disk_map, partition, parts_map
 from cdcp_igl.datasets import spherical_cap
 from cdcp_igl.io import write_map
@@ -237,12 +239,34 @@ def test_a_run_that_was_stopped_goes_on_with_the_same_bits(folder):
     assert not list(parts.glob("map-*/*.npz"))
 
 
-def test_executors_give_the_same_bits(folder):
-    V, F = SURFACES["scroll"]
-    expected = parts_map(partition((V, F), folder, 8)).uv
-    with ThreadPoolExecutor(2) as executor:
-        other = partition((V, F), folder.with_name("other"), 8)
-        np.testing.assert_array_equal(parts_map(other, executor=executor).uv, expected)
+@pytest.fixture(scope="module")
+def bits(tmp_path_factory):
+    """The map of the scroll in eight parts, to the last bit."""
+    folder = tmp_path_factory.mktemp("scroll") / "parts"
+    return np.asarray(parts_map(partition(SURFACES["scroll"], folder, 8)).uv)
+
+
+@contextmanager
+def dask():
+    distributed = pytest.importorskip("distributed")
+    options = {"threads_per_worker": 1, "dashboard_address": ":0", "silence_logs": 50}
+    with distributed.LocalCluster(n_workers=2, **options) as cluster:
+        yield distributed.Client(cluster)
+
+
+@pytest.mark.parametrize(
+    "executors",
+    [
+        partial(ThreadPoolExecutor, 2),
+        pytest.param(partial(nullcontext, 2), marks=pytest.mark.slow),
+        pytest.param(dask, marks=pytest.mark.slow),
+    ],
+    ids=["threads", "processes", "Dask"],
+)
+def test_executors_give_the_same_bits(executors, folder, bits):
+    parts = partition(SURFACES["scroll"], folder, 8)
+    with executors() as executor:
+        np.testing.assert_array_equal(parts_map(parts, executor=executor).uv, bits)
 
 
 def rough_patch(seed):
@@ -297,10 +321,8 @@ def test_after_a_full_disk_it_goes_on_in_each_phase(folder, disk):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("phase", ["check", "factor", "extension", "certificate"])
-def test_a_killed_run_goes_on_with_the_same_bits(phase, folder):
-    V, F = SURFACES["scroll"]
-    expected = parts_map(partition((V, F), folder.with_name("other"), 8)).uv
-    parts = partition((V, F), folder, 8)
+def test_a_killed_run_goes_on_with_the_same_bits(phase, folder, bits):
+    parts = partition(SURFACES["scroll"], folder, 8)
     killed = start(
         "-c",
         "import os, cdcp_igl\n"
@@ -309,48 +331,24 @@ def test_a_killed_run_goes_on_with_the_same_bits(phase, folder):
         f"cdcp_igl.parts_map({str(parts)!r}, executor=2, progress=kill)",
     )
     assert killed.returncode == -signal.SIGKILL
-    np.testing.assert_array_equal(parts_map(parts).uv, expected)
+    np.testing.assert_array_equal(parts_map(parts).uv, bits)
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="who the workers are")
-def test_killed_workers_are_replaced(folder):
-    V, F = SURFACES["scroll"]
-    expected = parts_map(partition((V, F), folder.with_name("other"), 8)).uv
+def test_killed_workers_are_replaced(folder, bits):
     victims = []
 
     def kill(phase, done):
-        children = Path("/proc/self/task").glob("*/children")
-        pids = [int(pid) for file in children for pid in file.read_text().split()]
+        pids = children("self")
         if pids and phase in ("factor", "extension", "mobius"):
             victims.append(phase)
             if victims.count(phase) == 1:
                 os.kill(pids[0], signal.SIGKILL)
 
-    uv = parts_map(partition((V, F), folder, 8), executor=2, progress=kill).uv
+    parts = partition(SURFACES["scroll"], folder, 8)
+    np.testing.assert_array_equal(parts_map(parts, executor=2, progress=kill).uv, bits)
     assert {"factor", "extension"} <= {*victims}
-    np.testing.assert_array_equal(uv, expected)
-
-
-@pytest.mark.slow
-def test_processes_give_the_same_bits(folder):
-    V, F = SURFACES["scroll"]
-    expected = parts_map(partition((V, F), folder, 8)).uv
-    other = partition((V, F), folder.with_name("other"), 8)
-    np.testing.assert_array_equal(parts_map(other, executor=2).uv, expected)
-
-
-@pytest.mark.slow
-def test_dask_gives_the_same_bits(folder):
-    distributed = pytest.importorskip("distributed")
-    V, F = SURFACES["scroll"]
-    expected = parts_map(partition((V, F), folder, 8)).uv
-    other = partition((V, F), folder.with_name("other"), 8)
-    cluster = distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
-    )
-    with cluster, distributed.Client(cluster) as client:
-        np.testing.assert_array_equal(parts_map(other, executor=client).uv, expected)
 
 
 @pytest.mark.slow

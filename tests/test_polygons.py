@@ -105,14 +105,6 @@ def test_any_numbers_make_disks(seed, most):
     assert_disks(cut.F, len(cut.V), F)
 
 
-@pytest.mark.parametrize("whole", [[0, 1], [[0], [0]], "quads", [0.0] * 4, 3])
-def test_there_is_a_number_for_each_face(whole):
-    _, V, F, _ = meshes.NASTY["closed"]
-    for function in (cdcp_igl.cut, cdcp_igl.surface_map):
-        with pytest.raises(ValueError, match="polygon_of_face must say"):
-            function(V, F, polygon_of_face=whole)
-
-
 # -- there and back --------------------------------------------------------------------
 
 

@@ -114,20 +114,6 @@ def test_small_disks():
         assert_on_sides(result)
 
 
-def test_corners_are_judged():
-    V, F = grid()
-    mesh = DiskMesh(V, F)
-    good = mesh.loop[[0, 7, 12, 19]]
-    few, fractions = [0, 1, 2], [0.0, 1, 2, 3]
-    wrong = ([*good[:3], vertex] for vertex in (mesh.interior[0], len(V), -1))
-    for bad in (3, few, fractions, *wrong):
-        with pytest.raises(ValueError, match="corners"):
-            cdcp_igl.rectangle_map(V, F, bad)
-    for bad in (good[::-1], good[[0, 1, 3, 2]], good[[0, 0, 1, 2]]):
-        with pytest.raises(ValueError, match="order of the boundary"):
-            cdcp_igl.rectangle_map(V, F, bad)
-
-
 def test_what_a_chord_cuts_off_is_named():
     V, F = strip(8)  # every edge inside is a chord
     loop = DiskMesh(V, F).loop

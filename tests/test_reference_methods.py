@@ -10,7 +10,7 @@ import pytest
 from cdcp_igl import MapError, MeshError, angle_distortion, sphere_map
 from cdcp_igl.certificate import certify, certify_sphere
 from cdcp_igl.datasets import paraboloid, spherical_cap, spheroid, square
-from cdcp_igl.reference import METHODS, abf, cem, fdcp, flash, harmonic, ldcp, pgcp, ricci
+from cdcp_igl.reference import METHODS, abf, cem, flash, harmonic, pgcp, ricci
 from cdcp_igl.reference.certified import certified_disk_map, checked_free_map
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.topology import Topology
@@ -205,18 +205,3 @@ def test_free_boundary_maps_that_are_none(broken, message):
     with pytest.raises(MapError, match=message) as error:
         checked_free_map(mesh, np.full(len(mesh.V), complex(broken)))
     assert error.value.result.uv.shape == (len(mesh.V), 2)
-
-
-def test_options_out_of_range():
-    for factor in (-0.1, 1.1, float("nan")):
-        with pytest.raises(ValueError, match="mirror_factor"):
-            fdcp(*saddle(), mirror_factor=factor)
-    with pytest.raises(ValueError, match="pinned"):
-        ldcp(*saddle(), pinned=2)
-    with pytest.raises(ValueError, match="parts"):
-        pgcp(*saddle(), parts=1)
-
-
-def test_table_is_read_only():
-    with pytest.raises(TypeError):
-        METHODS["fdcp"] = METHODS["ldcp"]

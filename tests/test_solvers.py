@@ -59,15 +59,6 @@ def test_the_variable_chooses_and_the_argument_has_the_last_word(monkeypatch):
     assert disk_map(*CAP).valid
 
 
-def test_unknown_solvers_are_refused_first():
-    with pytest.raises(ValueError, match="not 'umfpack'"):
-        disk_map(None, None, solver="umfpack")
-    with pytest.raises(ValueError, match="solver must be one of"):
-        disk_map(None, None, solver=["scipy"])
-    with pytest.raises(ValueError, match="not ''"):
-        DiskMapper(*CAP, solver="")
-
-
 def test_what_is_asked_for_in_one_thread_is_not_asked_for_in_another(monkeypatch):
     monkeypatch.delenv("CDCP_IGL_SOLVER", raising=False)
     seen = []

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
-from surfaces import skin, sphere, torus
+from surfaces import skin, sphere
 
 import cdcp_igl
 from cdcp_igl.certificate import certify_sphere
@@ -192,8 +192,6 @@ def test_what_is_shown_and_saved(tmp_path):
     # What is drawn is what is printed.
     degrees = cdcp_igl.angle_distortion(V, F, result.points)
     assert degrees.mean() == pytest.approx(result.distortion.mean)
-    with pytest.raises(ValueError, match="unit sphere"):
-        cdcp_igl.angle_distortion(V, F, V + 3)
     assert ball.get_title() == "sphere in the same colours"
     seen = ball.get_images()[0].get_array()[..., 3] > 0
     assert seen.mean() == pytest.approx(np.pi / 4 * 0.96**2, rel=0.02)  # a round picture
@@ -214,24 +212,6 @@ def test_two_spheres_are_registered_by_landmarks():
     turned = cdcp_igl.sphere_map(coarse @ Rotation.from_rotvec([1, 2, 3]).as_matrix(), G)
     pairs = [[k, np.linalg.norm(exact - image[k], axis=1).argmin()] for k in (3, 99, 200, 500)]
     assert np.linalg.norm(turned.register(other, pairs) - image, axis=1).max() < 0.02
-    for wrong in ([[0, 0]], [[0, 1, 2]] * 2, [[0, len(V)], [1, 1]]):
-        with pytest.raises(ValueError, match="landmarks"):
-            other.register(other, wrong)
-
-
-def test_other_surfaces_are_refused_by_name():
-    with pytest.raises(cdcp_igl.MeshError, match="genus 1"):
-        cdcp_igl.sphere_map(*torus())
-    V, F, _ = cdcp_igl.datasets.spheroid(1)
-    with pytest.raises(cdcp_igl.MeshError, match="disk_map maps a surface with one"):
-        cdcp_igl.sphere_map(V, F[1:])
-    with pytest.raises(cdcp_igl.MeshError, match="sphere_map maps it onto a sphere"):
-        cdcp_igl.disk_map(V, F)
-    with pytest.raises(ValueError, match="mobius must be"):
-        cdcp_igl.sphere_map(V, F, mobius="angle")
-    for align in ({99: [1, 0, 0]}, {0: [0, 0, 0]}, {0: [1, 2]}, {}, 3):
-        with pytest.raises(ValueError, match="align must give"):
-            cdcp_igl.sphere_map(V, F, align=align)
 
 
 def test_on_the_command_line_and_in_a_batch(tmp_path):

@@ -83,29 +83,6 @@ def test_a_disk_is_mapped_as_by_disk_map(options):
     assert result.distortion.mean == pytest.approx(expected.distortion.mean)
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        *(("solver", "pardiso"), ("mobius", "length"), ("refine", 0.5), ("center", 3)),
-        *(
-            ("spread", -1),
-            ("spread", np.nan),
-            ("align", 3),
-            ("outline", "round"),
-            ("max_charts", 0),
-        ),
-    ],
-)
-def test_bad_options_are_refused(name, value):
-    with pytest.raises(ValueError, match=name):
-        cdcp_igl.surface_map(*surfaces.torus(), **{name: value})
-
-
-def test_free_outlines_have_no_options_of_disks():
-    with pytest.raises(ValueError, match="for disks"):
-        cdcp_igl.surface_map(*surfaces.torus(), outline="free", mobius="area")
-
-
 @pytest.fixture(scope="module")
 def long_tube():
     """Filled at one end it would crowd, but the cut grows to the end."""

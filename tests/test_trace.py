@@ -1,14 +1,17 @@
-"""The boundary trace of the double cover, by eq. (18) and by its conjugate."""
+"""The boundary trace of the double cover, by eq. (18) and by its conjugate; the centre."""
 
 import meshes
 import numpy as np
 import pytest
+from igl import internal_angles
 from scipy.optimize import least_squares
 from surfaces import capped_tube
 
 from cdcp_igl import datasets, disk_map
 from cdcp_igl.certificate import is_around
+from cdcp_igl.datasets import spherical_cap
 from cdcp_igl.solve.factored import FactoredSurface
+from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.circle import whitened_geodesic_map
 from cdcp_igl.steps.mobius import mobius_transformation
 from cdcp_igl.steps.trace import boundary_trace, conjugate_trace, face_dipole
@@ -130,3 +133,38 @@ def test_dipole_is_the_gradient_on_its_face(face):
     y = (mesh.V - mesh.V[i]) @ height / np.linalg.norm(height)
     assert r @ x == pytest.approx(length)
     assert r @ y == pytest.approx(-1j * length)
+
+
+# -- the centre ------------------------------------------------------------------------
+
+
+def center_of(V, F, method, well_shaped=True):
+    return central_face(FactoredSurface.of(DiskMesh(V, F)), method, well_shaped=well_shaped)
+
+
+@pytest.mark.parametrize("method", ["heat", "torsion", "centroid"])
+def test_center_of_a_symmetric_cap_touches_the_pole(method):
+    V, F, _ = spherical_cap(8)
+    center = center_of(V, F, method)
+    assert center.method == method
+    assert 0 in F[center.face]
+
+
+def test_slivers_at_the_center_are_avoided():
+    # Pull the pole of a flat disk onto a neighbour: the most central faces get thin.
+    V, F, _ = spherical_cap(8, angle=1.0)
+    V[0] = 0.95 * V[1]
+    chosen, literal = (center_of(V, F, "torsion", well_shaped) for well_shaped in (True, False))
+    smallest = np.degrees(internal_angles(V, F).min(axis=1))
+    assert smallest[literal.face] < 20 < smallest[chosen.face]
+
+
+def test_given_face():
+    center = center_of(*meshes.grid(), np.int32(3))
+    assert (center.method, center.face) == ("given", 3)
+
+
+def test_center_hardly_matters_after_the_moebius_step(map_of):
+    others = ({"center": "heat"}, {"center": "centroid"})
+    means = [map_of("chinese_lion_17334", **o).distortion.mean for o in ({}, *others)]
+    assert np.ptp(means) < 5e-4

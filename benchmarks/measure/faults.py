@@ -303,7 +303,7 @@ def _killed_worker(rng: np.random.Generator, folder: Path) -> str:
         deadline, killed = monotonic() + SECONDS / 2, 0
         while batch.poll() is None and monotonic() < deadline:
             sleep(rng.uniform(0, 1))
-            if killed < 2 and (workers := _children(batch.pid)):
+            if killed < 2 and (workers := children(batch.pid)):
                 with suppress(ProcessLookupError):
                     os.kill(int(rng.choice(workers)), signal.SIGKILL)
                 killed += 1
@@ -317,7 +317,8 @@ def _killed_worker(rng: np.random.Generator, folder: Path) -> str:
     return "all done" if not list(out.glob(".*")) else FAULT + "left behind"
 
 
-def _children(process: int) -> list[int]:
+def children(process: int | str) -> list[int]:
+    """List the processes that one has started, in whichever of its threads."""
     found = []
     for listed in Path(f"/proc/{process}/task").glob("*/children"):
         with suppress(OSError):

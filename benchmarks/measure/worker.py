@@ -1,17 +1,13 @@
-"""Processes that may crash or hang without harm, and rows that a killed run goes on with."""
+"""Requests that may crash or hang without harm, and rows that a killed run goes on with."""
 
 from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import ExitStack, suppress
-from dataclasses import asdict, replace
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from contextlib import closing, suppress
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Annotated, Any
 
 import numpy as np
@@ -20,6 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from cdcp_igl.batching.journal import Journal, journal_lines
+from cdcp_igl.pool import Pool, same_modules
 from cdcp_igl.printing import finite
 
 Jobs = Annotated[int, typer.Option(min=1, help="Cases side by side.")]
@@ -29,93 +26,26 @@ WorkFolder = Annotated[
 ]
 
 
-class Lost(Exception):
-    """There is no answer: its text is "crash" or "hang"."""
+@dataclass(frozen=True)
+class Asked:
+    """A request as a job of the workers of a batch. Warnings are errors to its answer."""
 
+    answer: Callable[[Any], Any]
+    request: Any
+    row: Any
+    name: str
+    draft: str = ""
+    memory: float = 0.0
 
-class Worker:
-    """A process that answers one request after the other, and is replaced when it is lost.
+    def run(self) -> Any:
+        """Return the row that the request has then."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # a warning is no way to report anything
+            return self.answer(self.request)
 
-    Parameters
-    ----------
-    answer : callable
-        Function of a request; both can be pickled. Warnings are errors to it.
-    """
-
-    def __init__(self, answer: Callable[[Any], Any]) -> None:
-        self._answer = answer
-        self._start()
-
-    def _start(self) -> None:
-        context = get_context("spawn")
-        self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, self._answer), daemon=True)
-        self._process.start()
-        theirs.close()
-
-    def run(self, request: Any, seconds: float) -> Any:
-        """Return the answer; Lost if there is none in so many seconds."""
-        try:
-            self._pipe.send(request)
-            if self._pipe.poll(seconds):
-                return self._pipe.recv()
-            lost = Lost("hang")
-        except (EOFError, OSError):
-            lost = Lost("crash")
-        self._stop()
-        self._start()
-        raise lost
-
-    def _stop(self) -> None:
-        self._process.kill()
-        self._process.join()
-        self._pipe.close()
-
-    def __enter__(self) -> Worker:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._stop()
-
-
-def _serve(pipe: Connection, answer: Callable[[Any], Any]) -> None:
-    warnings.simplefilter("error")  # a warning is no way to report anything
-    while True:
-        pipe.send(answer(pipe.recv()))
-
-
-def answers(
-    answer: Callable[[Any], Any],
-    requests: Sequence[Any],
-    seconds: float,
-    jobs: int,
-    console: Console,
-) -> Iterator[tuple[Any, Any]]:
-    """Yield each request with its answer, or with the `Lost` of it, as they are done.
-
-    `seconds` is the limit of each; of so many `jobs`, each has a worker.
-    """
-    idle: SimpleQueue[Worker] = SimpleQueue()
-
-    def run(request: Any) -> Any:
-        worker = idle.get()
-        try:
-            return worker.run(request, seconds)
-        except Lost as lost:
-            return lost
-        finally:
-            idle.put(worker)
-
-    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with ExitStack() as stack:
-        bar = stack.enter_context(Progress(*columns, console=console, transient=True))
-        for _ in range(jobs if requests else 0):
-            idle.put(stack.enter_context(Worker(answer)))
-        threads = ThreadPoolExecutor(jobs)
-        stack.callback(threads.shutdown, cancel_futures=True)
-        asked = {threads.submit(run, request): request for request in requests}
-        for done in bar.track(as_completed(asked), total=len(asked)):
-            yield asked[done], done.result()
+    def failed(self, error: str, message: str) -> Any:
+        """Return the row of a request that is lost, as "hang" or as "crash"."""
+        return replace(self.row, outcome="hang" if error == "TimeLimit" else "crash")
 
 
 def kept_answers(
@@ -132,7 +62,7 @@ def kept_answers(
     Parameters
     ----------
     answer : callable
-        Of a request, returns its row, a dataclass; as of a `Worker`.
+        Of a request, returns its row, a dataclass; can be pickled, as both of these.
     requests : mapping
         To the row that a request has before it is answered, and, with another ``outcome``, if it
         is lost.
@@ -140,18 +70,31 @@ def kept_answers(
         Of a row: by what it is known again.
     folder : Path
         Its journal gets a line for each row.
-    seconds, jobs, console
-        As of `answers`.
+    seconds : float
+        After which an answer is given up.
+    jobs : int
+        Requests that are answered side by side.
+    console : Console
+        For the progress bar.
     """
     kinds = {type(row) for row in requests.values()}
     folder.mkdir(parents=True, exist_ok=True)
-    with Journal(folder) as journal:
+    pool = Pool(jobs, seconds, attempts=1, environment=same_modules())
+    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with (
+        Journal(folder) as journal,
+        closing(pool),
+        Progress(*columns, console=console, transient=True) as bar,
+    ):
         rows = {key(row): row for kind in kinds for row in _kept(folder, kind)}
-        missing = [request for request, row in requests.items() if key(row) not in rows]
-        for request, row in answers(answer, missing, seconds, jobs, console):
-            made = replace(requests[request], outcome=str(row)) if isinstance(row, Lost) else row
-            rows[key(made)] = made
-            journal.append(json.dumps(finite(asdict(made)), ensure_ascii=False) + "\n")
+        missing = [
+            Asked(answer, request, row, repr(key(row)))
+            for request, row in requests.items()
+            if key(row) not in rows
+        ]
+        for row in bar.track(pool.run(missing), total=len(missing)):
+            rows[key(row)] = row
+            journal.append(json.dumps(finite(asdict(row)), ensure_ascii=False) + "\n")
     return [rows[key(row)] for row in requests.values()]
 
 

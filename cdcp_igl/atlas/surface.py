@@ -298,6 +298,8 @@ def surface_map(
     made = _together(given.astype(np.float64), sheets, charts, spread)
     if made.spread > spread:
         log.warning("scale variation %s", made._scale_variation)
+    if lost := made._lost:
+        log.warning("in single precision %s", lost)
     mapping = sum(made.timings.values())
     return replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from .. import libigl
 from ..arrays import Floats, Ints, unit_size
 from ..errors import counted
-from ..surface.triangles import lost_in_single_precision
+from ..surface.triangles import face_areas, lost_in_single_precision
 from .damage import Damage
 from .images import Image
 from .polygons import fans, strips
@@ -167,11 +167,15 @@ def write_glb(
         positions = V.astype("<f4")[vertex]
     if not np.isfinite(positions).all():
         raise ValueError("V is too large for a glb file, which has single precision: scale it.")
-    on_a_disk = texture[FT].any(axis=(1, 2))
-    lost = lost_in_single_precision(texture, FT[on_a_disk])
+    on_a_disk = np.flatnonzero(texture[FT].any(axis=(1, 2)))
+    lost = on_a_disk[lost_in_single_precision(texture, FT[on_a_disk])]
     if len(lost):
-        faces = counted(len(lost), "face has", "faces have")
-        log.warning("%s no area on the texture in single precision: cut the surface", faces)
+        area = face_areas(V, F)
+        log.warning(
+            "%s no area on the texture in single precision, %.2g of the surface: cut the surface",
+            counted(len(lost), "face has", "faces have"),
+            area[lost].sum() / area.sum(),
+        )
     upper_left = np.column_stack([texture[:, 0], 1 - texture[:, 1]])  # where glTF has its origin
     arrays = (positions, _normals(V, F).astype("<f4")[vertex], upper_left.astype("<f4"))
     pieces = [*(array.tobytes() for array in arrays), FT.astype("<u4").tobytes(), image.data]

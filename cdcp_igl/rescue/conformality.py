@@ -130,7 +130,7 @@ def judge_by(
     `mean` is that of all faces, `known` as in `judge`. Of `mesh`, the faces at the vertices of
     these are needed.
     """
-    inscribed = mesh.on_boundary[mesh.F[faces]].all(axis=1)
+    inscribed = mesh.on_boundary.take(mesh.F[faces].T).all(axis=0)
     free = faces[~inscribed]
     stretch = dilatation(mesh, f, free if len(free) else faces)
     enough = max(NEGLIGIBLE_DEGREES, min(known, LARGEST_DEGREES))
@@ -197,7 +197,7 @@ def explained_errors(mesh: DiskMesh, f: Complex | Floats, faces: Ints) -> Floats
     u_v = np.bincount(corners, u.ravel(), len(f)) / count
 
     F = mesh.F[faces]
-    i, j, k = np.exp(u_v[F.T])
+    i, j, k = np.exp(u_v.take(F.T))
     square = libigl.squared_edge_lengths(mesh.V, F).T * [j * k, k * i, i * j]
     i, j, k = np.sqrt(square)
     cosine = (square.sum(axis=0) - 2 * square) / (2 * np.array([j * k, k * i, i * j]))
@@ -206,7 +206,7 @@ def explained_errors(mesh: DiskMesh, f: Complex | Floats, faces: Ints) -> Floats
 
 def _edge_scales(mesh: DiskMesh, f: Complex | Floats, F: Ints) -> Floats:
     """(3, k) logarithms of the length on the disk by that on the surface, opposite corners."""
-    i, j, k = f[F.T]
+    i, j, k = f.take(F.T, axis=0)
     edges = np.array([j - k, k - i, i - j])
     with np.errstate(divide="ignore", invalid="ignore"):  # of edges that have collapsed
         squared = edges.real**2 + edges.imag**2

@@ -372,16 +372,22 @@ class Result(FromFile, ABC):
         """Return what is printed below the title: pairs of a name and a text."""
         phases = ", ".join(f"{name} {seconds:.2f}" for name, seconds in self.timings.items())
         why = [] if self.conformal else [("conformal", str(self.conformality))]
-        lost, share = self.lost_in_single_precision()
-        text = f"{counted(lost, 'face', 'faces')} without area, {share:.2g} of the surface"
+        lost = self._lost
         return [
             ("angular distortion", str(self.distortion)),
             *why,
             ("certificate", str(self.certificate)),
-            *([("single precision", text)] if lost else []),
+            *([("single precision", lost)] if lost else []),
             *self._steps(),
             ("seconds", f"{sum(self.timings.values()):.2f} ({phases})"),
         ]
+
+    @property
+    def _lost(self) -> str:
+        """Say what has no area in single precision, or nothing."""
+        faces, share = self.lost_in_single_precision()
+        text = f"{counted(faces, 'face', 'faces')} without area, {share:.2g} of the surface"
+        return text if faces else ""
 
     def _facts(self, *measures: str) -> tuple[str, ...]:
         """Return what a page says below its heading: a few words each."""

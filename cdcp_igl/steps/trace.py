@@ -72,7 +72,7 @@ def boundary_flux(surface: FactoredSurface, r: Numbers) -> Numbers:
     where positive sources flow out; its sum is minus that of r.
     """
     g = surface.solve(r)
-    return surface.coupling.T @ g - r[surface.mesh.loop]
+    return g @ surface.coupling - r[surface.mesh.loop]
 
 
 def shared_by_edges(mesh: DiskMesh, loop: Ints, flux: Numbers) -> Numbers:
