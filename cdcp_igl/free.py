@@ -42,7 +42,7 @@ from .surface.mesh import DiskMesh
 
 # Shares of the way from the boundary with its own lengths to that of the map onto the disk, in the
 # logarithms of lengths; tried in turn where the outline overlaps itself.
-EASED = (0.25, 0.5, 0.75)
+EASED = (0.06, 0.12, 0.25, 0.5, 0.75)
 EASING = 5  # steps of refinement that free the outline of a disk
 OWN = "own lengths"
 SUM_TOLERANCE = 1e-9  # of exterior angles, which add up to 2 pi

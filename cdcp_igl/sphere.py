@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Complex, Floats, Ints, coordinates, marked
+from .arrays import Bools, Complex, Floats, Ints, as_complex, coordinates, marked
 from .cached import cached_property
 from .certificate import SphereCertificate, certify_sphere, flipped_on_sphere
 from .distortion import AngleDistortion, area_distortion, sphere_angle_errors
@@ -30,7 +30,7 @@ from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .surface.location import SphereFinder
 from .surface.mesh import DiskMesh, SphereMesh
-from .surface.triangles import EPS, vertex_areas
+from .surface.triangles import EPS, oriented_areas, vertex_areas
 
 WELL_SHAPED = np.radians(20)  # the smallest angle around the vertex of the dipole, if there is one
 NEAR = 2.0  # |h| in a cap around the dipole, 20 % of the sphere, which is solved again
@@ -97,11 +97,15 @@ class SphereMap(RefinedMap, Bijection):
     @cached_property
     def uv(self) -> Floats:  # type: ignore[override]
         """(m, 3, 2) the chart of two hemispheres."""
-        corners = self.points[self.mesh.F]
-        side = np.where(corners[..., 2].sum(axis=1) > 0, 1, -1)[:, None]
+        corners, side = self.points[self.mesh.F], np.where(self._upper, 1, -1)[:, None]
         scale = 1 + side * corners[..., 2]
         x, y = corners[..., 0] / scale, side * corners[..., 1] / scale
         return np.stack([x - side, y], axis=2)
+
+    @cached_property
+    def _upper(self) -> Bools:
+        """(m,) faces turned upwards: the pole below is outside of their circles on the sphere."""
+        return oriented_areas(as_complex(self.points[:, :2]), self.mesh.F)[0] > 0
 
     def packed(self) -> Floats:
         """Return the chart `uv` scaled into the unit square, (m, 3, 2): texture coordinates."""
@@ -192,9 +196,8 @@ class SphereMap(RefinedMap, Bijection):
         return self.mesh.positions, self.mesh.F
 
     def _layout(self) -> Layout:
-        upper = self.uv[..., 0].mean(axis=1) < 0
         # A vertex comes twice where its faces are on both hemispheres.
-        name, corner = np.unique(2 * self.mesh.F + upper[:, None], return_inverse=True)
+        name, corner = np.unique(2 * self.mesh.F + self._upper[:, None], return_inverse=True)
         uv = np.empty((len(name), 2))
         F = corner.reshape(-1, 3)
         uv[F] = self.uv / self._reach

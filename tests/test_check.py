@@ -188,6 +188,8 @@ def test_the_class_of_a_surface(name, kind, components, loops, genus):
     assert (report.n_components, report.n_loops, report.genus) == (components, loops, genus)
     assert kind in str(report)
     assert "but not" not in str(report).replace("but not fit", "")
+    assert (" boundary vertices" in str(report)) == (loops is not None)
+    assert "merge=False" not in report.in_shell
 
 
 def test_rows_are_counted_and_all_is_reported_where_an_array_is_bad():

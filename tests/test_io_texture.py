@@ -307,3 +307,14 @@ def test_options_that_do_not_go_together(tmp_path, cap):
     with pytest.raises(MeshError):
         write_map(tmp_path / "a.obj", V, F, result, like=tmp_path / "a\0.obj")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("scale", "move"), [(1e-60, 0), (1, 1e8)])
+def test_faces_that_single_precision_flattens_are_logged(tmp_path, cap, caplog, scale, move):
+    V, F, result = cap
+    write_map(tmp_path / "a.glb", V, F, result)
+    assert caplog.messages == []
+    write_map(tmp_path / "a.glb", scale * V + move, F, result)
+    assert caplog.messages == [
+        f"{len(F)} faces have no area in single precision: scale the surface, and move it to 0"
+    ]

@@ -40,6 +40,15 @@ def test_array_variants_give_the_same_map(positions, faces):
     np.testing.assert_allclose(uv, cdcp_igl.cdcp(V, F), atol=1e-6)
 
 
+def test_what_a_mask_hides_is_missing():
+    hidden = np.ma.array(V, mask=np.arange(len(V))[:, None] == [3, 5, 3])
+    with pytest.raises(cdcp_igl.MeshError, match="NaN") as raised:
+        cdcp_igl.cdcp(hidden, F)
+    np.testing.assert_array_equal(raised.value.indices, [3, 5])
+    with pytest.raises(cdcp_igl.MeshError, match="index outside"):
+        cdcp_igl.cdcp(V, np.ma.array(F, mask=F == 0))
+
+
 def test_two_columns_are_a_planar_mesh():
     flat = V.copy()
     flat[:, 2] = 0

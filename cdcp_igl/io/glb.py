@@ -22,7 +22,12 @@ from numpy.typing import NDArray
 from .. import libigl
 from ..arrays import Floats, Ints, unit_size
 from ..errors import counted
-from ..surface.triangles import face_areas, lost_in_single_precision
+from ..surface.triangles import (
+    corner_cotangents,
+    degenerate_faces,
+    face_areas,
+    lost_in_single_precision,
+)
 from .damage import Damage
 from .images import Image
 from .polygons import fans, strips
@@ -164,9 +169,14 @@ def write_glb(
     vertex with several is written as several. `FT` has the rows at the corners of F.
     """
     with np.errstate(over="ignore"):
-        positions = V.astype("<f4")[vertex]
-    if not np.isfinite(positions).all():
+        single = V.astype("<f4")
+    if not np.isfinite(single).all():
         raise ValueError("V is too large for a glb file, which has single precision: scale it.")
+    flat, flat_already = (degenerate_faces(corner_cotangents(unit_size(X), F)) for X in (single, V))
+    if len(flat) > len(flat_already):
+        faces = counted(len(flat) - len(flat_already), "face has", "faces have")
+        log.warning("%s no area in single precision: scale the surface, and move it to 0", faces)
+    positions = single[vertex]
     on_a_disk = np.flatnonzero(texture[FT].any(axis=(1, 2)))
     lost = on_a_disk[lost_in_single_precision(texture, FT[on_a_disk])]
     if len(lost):

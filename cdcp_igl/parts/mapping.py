@@ -191,7 +191,8 @@ class _Mapping:
         if not result.valid:
             self.give_up(f"it would not be a bijection: {result.certificate}", result)
         if result.conformality.is_doubtful:
-            self.give_up(f"it may not be conformal: {result.conformality}", result)
+            reasons = "; ".join(result.conformality.reasons)
+            self.give_up(f"it may not be conformal: {reasons}", result)
         result.write(self.names)
         return result
 

@@ -28,7 +28,7 @@ class MeshReport:
         Rows of V and of F; 0 where the array is unusable.
     n_boundary : int
         Vertices on the outer boundary loop, the one that reaches farthest; 0 where there
-        is none.
+        is none, or `n_loops` is None.
     ears : (k,) ndarray of int64
         Faces with two boundary edges. Legal, but all three corners of an ear lie on the
         circle, so its angles are distorted whatever the method.
@@ -168,9 +168,10 @@ class MeshReport:
         return self._text(in_shell=True)
 
     def _text(self, in_shell: bool) -> str:
+        # Where there are loops of which nothing is known, 0 would be wrong.
+        border = "" if self.n_loops is None else f"{self.n_boundary:,} boundary vertices, "
         counts = (
-            f"{self._size}, "
-            f"{self.n_boundary:,} boundary vertices, {counted(len(self.ears), 'ear', 'ears')}"
+            f"{self._size}, {border}{counted(len(self.ears), 'ear', 'ears')}"
             + (f" (faces {spell(self.ears)})" if len(self.ears) else "")
             + f", {counted(len(self.chords), 'chord', 'chords')}"
             + (f" (edges {spell(self.chords)})" if len(self.chords) else "")

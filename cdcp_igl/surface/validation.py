@@ -212,6 +212,8 @@ def _faces(F: ArrayLike, n: int) -> Ints:
 
 
 def _numeric(name: str, array: ArrayLike) -> NDArray[Any]:
+    if np.ma.is_masked(array):  # what is missing is no number
+        array = np.ma.filled(np.ma.asarray(array).astype(np.float64), np.nan)
     try:
         numeric = np.asarray(array)
     except ValueError:  # ragged
