@@ -98,6 +98,7 @@ class AnnulusMap(RefinedMap, Bijection):
 
     _kind = "annulus"
     _plane = "Ring"
+    _reported = ("modulus", "modulus_bounds", "radius", "boundary", "filled")
 
     def packed(self) -> Floats:
         """Return the square around the ring, scaled to the unit square: texture coordinates."""
@@ -118,14 +119,7 @@ class AnnulusMap(RefinedMap, Bijection):
         ]
 
     def _details(self) -> dict[str, Any]:
-        return {
-            "modulus": self.modulus,
-            "modulus_bounds": list(self.modulus_bounds),
-            "radius": self.radius,
-            "boundary": self.boundary,
-            "filled": self.filled,
-            **super()._details(),
-        }
+        return super()._details() | {"modulus_bounds": list(self.modulus_bounds)}
 
     def _surface(self) -> tuple[Floats, Ints]:
         return self.mesh.positions[: len(self.uv)], self._faces

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -93,6 +93,7 @@ class SphereMap(RefinedMap, Bijection):
 
     _kind = "sphere"
     _plane = "Sphere"
+    _reported = ("pole", "laplacian", "mobius")
 
     @cached_property
     def uv(self) -> Floats:  # type: ignore[override]
@@ -183,14 +184,6 @@ class SphereMap(RefinedMap, Bijection):
             ("Möbius", "centre of mass at 0" if self.mobius == "area" else "none"),
             *super()._steps(),
         ]
-
-    def _details(self) -> dict[str, Any]:
-        return {
-            "pole": self.pole,
-            "laplacian": self.laplacian,
-            "mobius": self.mobius,
-            **super()._details(),
-        }
 
     def _surface(self) -> tuple[Floats, Ints]:
         return self.mesh.positions, self.mesh.F

@@ -68,11 +68,12 @@ class DiskMesh:
         surface = examined.surface
         outer = outer_loop(examined.V, surface.loops) if surface.loops else None
         loops = sorted(surface.loops, key=lambda loop: loop is not outer)
-        object.__setattr__(self, "loops", tuple(map(_read_only, loops)))
         loop = np.concatenate([np.empty(0, np.int64), *loops])
         on_boundary = marked(surface.n, loop)
-        for indices in vars(surface.edges).values():
+        for indices in (*loops, *vars(surface.edges).values()):
             _read_only(indices)
+        known = {"loops": tuple(loops), "edges": surface.edges, "_exponent": examined.exponent}
+        vars(self).update(known)
         self._set(
             V=examined.V,
             F=surface.F,
@@ -81,8 +82,6 @@ class DiskMesh:
             on_boundary=on_boundary,
             cotangents=examined.cotangents,
         )
-        object.__setattr__(self, "edges", surface.edges)
-        object.__setattr__(self, "_exponent", examined.exponent)
 
     @staticmethod
     def _defects(examined: Examined) -> tuple[Defect, ...]:
@@ -97,8 +96,7 @@ class DiskMesh:
         self.__dict__.update(state)
 
     def _set(self, **arrays: NDArray[Any]) -> None:
-        for name, array in arrays.items():
-            object.__setattr__(self, name, _read_only(array))
+        vars(self).update({name: _read_only(array) for name, array in arrays.items()})
 
     @property
     def positions(self) -> Floats:
@@ -155,7 +153,7 @@ class DiskMesh:
         for of_positions in ("angles", "vertex_areas"):
             mesh.__dict__.pop(of_positions, None)
         mesh._set(V=positions, cotangents=cotangents)
-        object.__setattr__(mesh, "_exponent", size_exponent(np.asarray(V)))
+        vars(mesh)["_exponent"] = size_exponent(np.asarray(V))
         return mesh
 
     def part(self, faces: Ints) -> tuple[DiskMesh, Ints]:
