@@ -203,7 +203,7 @@ def finish(
     if steps and best.certificate.valid:
         if not keep_factor:
             surface.release()
-        best = refined(mesh, best, surface.order, steps, options, phase)
+        best = refined(surface, best, steps, options, phase)
     result = _disk_map(surface, best, phase)
     result = valid_map(result, " onto the disk", REMEDY)
     phase.done()

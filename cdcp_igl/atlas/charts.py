@@ -32,14 +32,21 @@ from .cut_paths import branch_to, open_to_disk, straighten
 # A round of growth is kept if it lowers the scale variation, or the angle error, by more than this
 # share.
 GAIN = 0.03
-# Where a cut that has grown leaves the spread at more than this many times what is asked for, it
-# does not grow on, and the component is parted. No later round has made up for more than 1.33.
+# Where a cut that has grown leaves the spread at more than this many times what is asked for, or
+# has halved it, it does not grow on, and the component is parted. No later round has made up for
+# more than 1.33, or lowered what had been halved.
 HOPELESS = 1.4
+# A component that is cut to be a disk, and has a spread of more than this many times what is asked
+# for, is parted before its cut grows. No growth has made up for more than 1.99.
+LOST = 2.0
 # The map has shrunk a part of the surface if lengths there are shorter than on the average by this
 # power of e.
 SHRUNK = 1.0
 # A boundary is tiny if a round hole as long has at most this share of the surface's area.
 TINY = 0.01
+# What shrank hangs on the boundary if cuts to it are no longer than this many times the square root
+# of the number of faces, in mean edges: of shorter ones, none has evened out the scale.
+SHORT = 0.25
 # Branches in one round of growth.
 MOST_BRANCHES = 8
 # Angles, in radians, that differ by rounding only.
@@ -82,13 +89,19 @@ class Chart:
     # Its mean and standard deviation over the area, without what fills holes.
     average: float
     spread: float
-    # (k,) the factor of the faces less its mean, before the cut had grown, if it has.
+    # (k,) the deviation before the cut had grown, if it has, or where that would be in vain.
     level: Floats | None = None
+    is_lost: bool = False  # its cut grows only if it cannot be parted
 
     @property
     def F(self) -> Ints:
         """(k, 3) the faces that do not fill holes, rows of ``map.uv``."""
         return self.opened.F[: len(self.opened.component.rows)]
+
+    @property
+    def deviation(self) -> Floats:
+        """(k,) the factor of the faces less its mean."""
+        return np.asarray(self.factor[self.F].mean(axis=1) - self.average, np.float64)
 
     @property
     def unevenness(self) -> tuple[bool, bool, float]:
@@ -165,18 +178,25 @@ def _charts(
     """Open a component to a disk and map it; part it where the scale is too uneven even so."""
     # Steps that were asked for are taken at the end, by the charts as they are then.
     in_between = replace(options, refine=None) if options.refine else options
-    whole = _grown(component, in_between, limits, progress)
+    how = in_between, limits, progress
+    whole = _mapped(component, *how)
     waiting, charts = [whole], list[Chart]()
     while waiting:
         waiting.sort(key=lambda chart: chart.unevenness)
         worst = waiting.pop()
         parts = [worst.opened.component]
         most = limits.max_charts - len(waiting) - len(charts)
-        if most > 1 and worst.unevenness > (False, False, limits.spread):
+        is_uneven = worst.unevenness > (False, False, limits.spread)
+        if most > 1 and is_uneven:
             parts = parted(worst, most)
         if len(parts) > 1:
-            waiting += [_grown(part, in_between, limits, progress) for part in parts]
-        elif worst.unevenness < whole.unevenness:
+            waiting += [_mapped(part, *how) for part in parts]
+            continue
+        if worst is not whole and worst.is_lost:
+            worst = _grown(worst, *how)
+        if is_uneven and whole.is_lost:
+            whole = _grown(whole, *how)
+        if worst.unevenness < whole.unevenness:
             charts.append(worst)
         else:  # parted in vain
             waiting, charts = [], [whole]
@@ -189,15 +209,24 @@ def _charts(
     return charts
 
 
-def _grown(
+def _mapped(
     component: Component, options: Options, limits: Limits, progress: Progress | None
 ) -> Chart:
-    """Open a component to a disk and map it; grow the cut while that evens out the scale."""
+    """Open a component to a disk and map it; let the cut grow, unless it is lost."""
     opened = open_to_disk(fill_holes(component) if limits.fill else component)
     if limits.spread < np.inf:
         opened = lead_away(opened)
-    best = first = _chart(opened, options, limits.outline, progress)
-    is_small = len(component.rows) < LEAST_FACES
+    first = _chart(opened, options, limits.outline, progress)
+    is_far = limits.max_charts > 1 and first.spread > LOST * limits.spread
+    if is_far and len(opened.cut_edges) and len(component.rows) >= LEAST_FACES:
+        return replace(first, level=first.deviation, is_lost=True)
+    return _grown(first, options, limits, progress)
+
+
+def _grown(first: Chart, options: Options, limits: Limits, progress: Progress | None) -> Chart:
+    """Grow the cut of a component while that evens out the scale."""
+    best = replace(first, is_lost=False)
+    is_small = len(first.opened.component.rows) < LEAST_FACES
     while best.spread > limits.spread or not (best.map.conformal or limits.spread == np.inf):
         longer = grow(best)
         if longer is best.opened:
@@ -205,8 +234,9 @@ def _grown(
         grown = _chart(longer, options, limits.outline, progress)
         if not grown.gains_on(best):
             break
-        best = replace(grown, level=first.factor[first.F].mean(axis=1) - first.average)
-        if is_small or (limits.max_charts > 1 and best.spread > HOPELESS * limits.spread):
+        best = replace(grown, level=first.deviation)
+        hopeless = best.spread > HOPELESS * limits.spread or 2 * best.spread < first.spread
+        if is_small or (limits.max_charts > 1 and hopeless):
             break
     return best
 
@@ -302,9 +332,12 @@ def grow(chart: Chart) -> OpenedComponent:
     grown = opened
     for tip in tips[np.argsort(factor[tips])][:MOST_BRANCHES]:
         grown = branch_to(grown, int(tip))
+    if opened.component.length[grown.cut_edges].sum() < SHORT * np.sqrt(len(opened.F)):
+        return opened
     if grown is opened or isinstance(chart.map, FreeMap):  # whose outline bends with the cut
         return grown
-    return straighten(grown)
+    straight = straighten(grown)
+    return opened if np.array_equal(straight.is_cut, opened.is_cut) else straight
 
 
 def parted(chart: Chart, most: float) -> list[Component]:

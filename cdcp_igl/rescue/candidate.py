@@ -182,9 +182,8 @@ def judged(
 
 
 def refined(
-    mesh: DiskMesh,
+    surface: FactoredSurface,
     candidate: Candidate,
-    order: Ints,
     steps: int,
     options: Options,
     phase: Phases,
@@ -194,6 +193,7 @@ def refined(
     No step takes a map that is conformal to one that is not. Where rounding at the end does, or
     flips faces, the candidate stays.
     """
+    mesh = surface.mesh
     f, done, verdict = candidate.f, candidate.done, candidate.conformality
     conformal, known = bool(verdict), 0.0 if verdict.sheared else candidate.mean
     closely = done.repair.n_flipped > 0
@@ -210,7 +210,8 @@ def refined(
         return conformal or not before
 
     f, refinement = angles_lowered(
-        *(mesh, f, verdict, order, steps, options, phase),
+        *(mesh, f, verdict, surface.rows, steps, options, phase),
+        analysis=surface.analysis,
         near=not candidate.steps_due,
         accepted=no_less_conformal,
     )

@@ -103,6 +103,7 @@ def lower_angle_distortion(
     norm: float,
     *,
     seconds: float = np.inf,
+    analysis: Cholesky | None = None,
     halvings: int = HALVINGS,
     least: int | None = None,
     wanted: float = 0.0,
@@ -121,7 +122,7 @@ def lower_angle_distortion(
     until it is the norm, from 1 to 2.
 
     `order` are the interior vertices, or all that move if there is no circle on which others slide,
-    in a fill-reducing order.
+    in a fill-reducing order, or in that of an `analysis` of their Laplacian.
     After so many `seconds` no step is begun. A step is halved up to `halvings` times before it is
     computed again with more damping; more of them are slower, and help where a map is bad. After
     the `least` number of steps, if it is told, further ones end where there is little to gain, or
@@ -146,7 +147,7 @@ def lower_angle_distortion(
     gains: list[float] = []
     if len(order) == 0 or not figure.certificate(mesh, f, flipped).valid:
         return f, Refinement(steps, taken, "no improvement", norm, before, objective)
-    laplacian, stale = WeightedLaplacian(mesh, order), True
+    laplacian, stale = WeightedLaplacian(mesh, order, analysis), True
     while taken < steps and not stopped:
         if attempt == len(DAMPINGS):
             stopped = "no improvement"
@@ -274,18 +275,22 @@ def gauss_newton_step(
         beta.T[:, part], s[part], t[part], gradient[part] = _linearize(
             *figure.corners(f, mesh.F[part]), r[part].T, p
         )
-    s += damping * (r * r).mean() ** (p / 2 - 1)
+    if damping:
+        s += damping * (r * r).mean() ** (p / 2 - 1)
     rows = np.arange(0, 3 * m + 1, 3)  # b = sum beta_v dz_v
     B = csr_matrix((beta.ravel(), mesh.F.ravel(), rows), (m, len(mesh.V)))
-
+    B_H = B.conj().T
     project = partial(figure.tangential, mesh, f)
 
     def adjoint(b: Complex) -> Complex:
-        return project((B.T @ b.conj()).conj())
+        return project(B_H @ b)
 
     def normal_matrix(x: Complex) -> Complex:
         b = B @ x
-        return adjoint(s * b + (t * b).conj())
+        turned = t * b
+        b *= s
+        b += np.conj(turned, out=turned)
+        return adjoint(b)
 
     if anew:
         laplacian.factor(beta, s)
@@ -319,12 +324,13 @@ class WeightedLaplacian:
     coordinates. The diagonal does for the boundary: with 3 iterations the whole matrix,
     whose inverse ignores the circle, is worse than a boundary that stays, and the
     boundary block along the tangents is no better. `order` are the interior vertices, or all of
-    them where the outline is free, at least one, in a fill-reducing order.
+    them where the outline is free, at least one, in a fill-reducing order or that of an `analysis`
+    of the pattern, which is taken over.
     """
 
-    def __init__(self, mesh: DiskMesh, order: Ints) -> None:
+    def __init__(self, mesh: DiskMesh, order: Ints, analysis: Cholesky | None = None) -> None:
         self._F, self._edges, self._n, self._order = mesh.F, mesh.edges, len(mesh.V), order
-        self._cholesky: Cholesky | None = None
+        self._cholesky = analysis
 
     def factor(self, beta: Complex, s: Floats) -> None:
         """Set the weights: beta is (m, 3), s is (m,) and positive."""
@@ -367,20 +373,22 @@ def _conjugate_gradients(
 ) -> Complex:
     """Lower x^T A x / 2 - x^T b from x = 0, inner product Re x^H y (A is real-linear).
 
-    Each of `towards` makes the next direction of the residual, and `project` a possible one of it.
+    Each of `towards` makes the next direction of the residual, which b becomes, and `project` a
+    possible one of it.
     """
     x, residual = np.zeros_like(b), b
     direction, image, curvature = np.zeros_like(b), np.zeros_like(b), 1.0
     for next_direction in towards:
         z = project(next_direction(residual))
-        direction = z - _dot(z, image) / curvature * direction
+        direction *= -_dot(z, image) / curvature
+        direction += z
         image = A(direction)
         curvature = _dot(direction, image)
         if curvature == 0:  # solved exactly
             break
         alpha = _dot(direction, residual) / curvature
-        x = x + alpha * direction
-        residual = residual - alpha * image
+        x += alpha * direction
+        residual -= alpha * image
     return x
 
 

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from copy import copy
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from scipy.sparse import csc_matrix, spmatrix
@@ -35,6 +35,7 @@ class Cholesky(ABC):
     ORDERS: ClassVar[bool]  # whether it factors in the order that it is given
 
     permutation: Indices  # row i of Q A Q^T is row permutation[i] of A
+    _factor: Any = None
 
     def __init__(self, A: spmatrix, ordering: Ordering = "amd") -> None:
         with self._errors(A.shape[0]):
@@ -51,6 +52,12 @@ class Cholesky(ABC):
         """Factor another matrix like `refactor`, and keep this factorization as well."""
         other = copy(self)
         other.refactor(A)
+        return other
+
+    def __copy__(self) -> Self:
+        """Copy the analysis, so that another matrix can be factored like this one; no factor."""
+        other = object.__new__(type(self))
+        other.__dict__.update(vars(self), _factor=None)
         return other
 
     def solve(self, b: Numbers) -> Numbers:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_matrix
@@ -9,6 +11,7 @@ from scipy.sparse import csc_matrix
 from ..arrays import Bools, Indices, Numbers
 from ..cached import cached_property
 from ..surface.mesh import DiskMesh
+from .cholesky import Cholesky
 from .laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
 from .memory import require_memory
 from .ordering import elimination_order
@@ -21,7 +24,8 @@ class FactoredSurface:
     I are the `free` vertices, the unknowns; those inside, if not told. On the others values are
     given. If an `order` of them is known, it is taken.
 
-    Its `order` (k,) is that of elimination; `solver` says solver, version, ordering and mode.
+    Its `order` (k,) is that of elimination, of its `rows`, in which the solver gets them; `solver`
+    says solver, version, ordering and mode.
     SolverError if the block is numerically not positive definite, or cannot fit into memory.
     """
 
@@ -40,7 +44,7 @@ class FactoredSurface:
             rows, ordering, name = order, "natural", "given"
         cholesky = factorize(laplacian.block(rows), ordering)
         self.mesh, self.laplacian = mesh, laplacian
-        self._rows, self._cholesky = rows, cholesky
+        self.rows, self._cholesky = rows, cholesky
         self.order = rows[cholesky.permutation]
         library = f"{cholesky.LIBRARY} ({cholesky.PACKAGE}"
         self.solver = f"{library}, {name} ordering, {cholesky.MODE} mode)"
@@ -55,14 +59,14 @@ class FactoredSurface:
         other = object.__new__(FactoredSurface)
         other.mesh = self.mesh.moved(V)
         other.laplacian = cotangent_laplacian(other.mesh)
-        other._rows, other.order, other.solver = self._rows, self.order, self.solver
-        other._cholesky = self._cholesky.refactored(other.laplacian.block(self._rows))
+        other.rows, other.order, other.solver = self.rows, self.order, self.solver
+        other._cholesky = self._cholesky.refactored(other.laplacian.block(self.rows))
         return other
 
     def solve(self, b: Numbers) -> Numbers:
         """Solve L_II x_I = b_I, I the free vertices, for b (n,); x (n,) is zero elsewhere."""
         x = np.zeros_like(b)
-        x[self._rows] = self._cholesky.solve(b[self._rows])
+        x[self.rows] = self._cholesky.solve(b[self.rows])
         return x
 
     @cached_property
@@ -81,8 +85,13 @@ class FactoredSurface:
         """The same surface with the Laplacian of its intrinsic Delaunay triangulation."""
         return FactoredSurface(self.mesh, intrinsic_delaunay_laplacian(self.mesh))
 
+    @property
+    def analysis(self) -> Cholesky:
+        """What refactors the block `rows` of any matrix with these edges; it solves nothing yet."""
+        return copy(self._cholesky)
+
     def release(self) -> None:
         """Give back the memory of the factors, most of what a map takes: no solve after that."""
-        self.__dict__.pop("_cholesky", None)
+        self._cholesky = self.analysis
         if "delaunay" in self.__dict__:
             self.delaunay.release()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 from cvxopt import amd, cholmod, matrix, spmatrix
@@ -29,8 +28,6 @@ class Factorization(Cholesky):
     ERRORS = (ArithmeticError, MemoryError)
     ORDERS = True
 
-    _factor: Any = None
-
     @staticmethod
     def _converted(A: csc_matrix) -> spmatrix:
         np.empty(8 * A.nnz)  # what follows takes as much, and CVXOPT crashes where it gets none
@@ -44,16 +41,10 @@ class Factorization(Cholesky):
 
     def _factorize(self, A: spmatrix) -> None:
         with _our_options():
-            if self._factor is None:
+            if self._factor is None:  # nor can CVXOPT copy its symbolic analysis
                 order = matrix(self.permutation.astype(np.int64))
                 self._factor = cholmod.symbolic(A, order)
             cholmod.numeric(A, self._factor)
-
-    def __copy__(self) -> Factorization:
-        """Copy the order only, as CVXOPT cannot copy its symbolic analysis."""
-        other = object.__new__(Factorization)
-        other.permutation = self.permutation
-        return other
 
     def _solve(self, b: Floats) -> Floats:
         x = matrix(np.array(b, dtype=np.float64, order="F", ndmin=1))
