@@ -12,7 +12,7 @@ from typer.main import get_command
 
 import cdcp_igl
 from cdcp_igl.command_line.program import app
-from cdcp_igl.defects import DEFECTS
+from cdcp_igl.defects import CLEAN, CUT, DEFECTS
 from cdcp_igl.io import read_mesh
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -204,15 +204,6 @@ def test_rows_are_counted_and_all_is_reported_where_an_array_is_bad():
         assert [d.name for d in report.defects] == ["non-finite coordinate", second]
 
 
-@pytest.mark.parametrize("integral", [False, True], ids=["floats", "whole numbers"])
-def test_arrays_that_have_changed_places(integral):
-    V, F = meshes.grid()
-    report = cdcp_igl.check(F.astype(float) if integral else F, V)
-    assert [defect.name for defect in report.defects] == ["V and F swapped"]
-    with pytest.raises(cdcp_igl.MeshError, match="vertices first"):
-        cdcp_igl.angle_distortion(F, V, V[:, :2])
-
-
 @NASTY
 def test_the_next_step_and_the_remedies_are_what_works(case):
     """Where the step is `clean`, it gives a disk; where it is `surface_map`, there is a map."""
@@ -232,10 +223,10 @@ def test_the_next_step_and_the_remedies_are_what_works(case):
         assert f"Next: {defect.remedy_in_shell}" in report.in_shell
     for defect in report.defects:
         assert defect.in_shell in report.in_shell
-        if DEFECTS[defect.name].cleaned:
+        if CLEAN in DEFECTS[defect.name].by:
             assert "cdcp_igl.clean" in defect.remedy
             assert "--clean" in defect.remedy_in_shell
-        if DEFECTS[defect.name].cut:
+        if CUT in DEFECTS[defect.name].by:
             assert "cdcp_igl.cut" in defect.remedy or "cdcp_igl.surface_map" in defect.remedy
             assert "--cut" in defect.remedy_in_shell
 
