@@ -175,7 +175,9 @@ def with_session(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command that takes a `Session` the options of one instead."""
     own = list(inspect.signature(command, eval_str=True).parameters.values())[1:]
     hints = get_type_hints(Session, include_extras=True)
-    shared = [p.replace(annotation=hints[p.name]) for p in _parameters(Session)]
+    shared = [
+        p.replace(annotation=hints[p.name]) for p in inspect.signature(Session).parameters.values()
+    ]
 
     @wraps(command)
     def with_options(**options: Any) -> None:
@@ -197,10 +199,6 @@ def _no_os_error(option: str) -> Iterator[None]:
     except OSError as error:
         reason = f"{error.filename}: {error.strerror}"
         raise typer.BadParameter(reason, param_hint=option) from error
-
-
-def _parameters(of: type) -> list[inspect.Parameter]:
-    return list(inspect.signature(of).parameters.values())
 
 
 def _split(text: str) -> list[str]:

@@ -53,15 +53,16 @@ def distinct_rows(rows: NDArray[Any]) -> tuple[Ints, Ints]:
     return order[leads], which
 
 
-def unit_size(given: NDArray[Any]) -> Floats:
+def unit_size(given: NDArray[Any], exponent: int | None = None) -> Floats:
     """(n, 3) float64 copy of positions; the largest coordinate is from 1/2 to 1.
 
-    Coordinates that are not finite are 0.
+    Coordinates that are not finite are 0. Another `exponent` of the unit may be given.
     """
     positions = np.zeros((len(given), 3))
     np.copyto(positions[:, : given.shape[1]], given, where=np.isfinite(given))
     # By a power of two, which is exact: products of lengths stay in range in any unit.
-    return np.ldexp(positions, -size_exponent(positions), out=positions)
+    exponent = size_exponent(positions) if exponent is None else exponent
+    return np.ldexp(positions, -exponent, out=positions)
 
 
 def size_exponent(given: NDArray[Any]) -> int:

@@ -32,9 +32,8 @@ Mesh = tuple[np.ndarray, np.ndarray]
 
 # Files whose tests start processes, or map and draw many surfaces in a row.
 MANY_PROCESSES = (
-    *("test_batch_killed", "test_batch_workers", "test_benchmarks"),
-    *("test_cli_outputs", "test_cli_processes", "test_compare", "test_docs", "test_fuzz"),
-    "test_readme",
+    *("test_batch_workers", "test_benchmarks"),
+    *("test_cli_processes", "test_compare", "test_docs"),
 )
 
 

@@ -15,10 +15,6 @@ def kills_itself(V, F):
     os.kill(os.getpid(), signal.SIGSEGV)
 
 
-def raises(V, F):
-    raise KeyError("what")
-
-
 def raises_two_lines(V, F):
     raise RuntimeError("boom | pipe\nnewline")
 
@@ -68,7 +64,6 @@ def hog(V, F):
 
 METHODS = {
     "kills itself": Method(kills_itself, "disk", ""),
-    "raises": Method(raises, "disk", ""),
     "raises two lines": Method(raises_two_lines, "disk", ""),
     "not finite": Method(not_finite, "disk", ""),
     "free, not finite": Method(not_finite, "free", ""),

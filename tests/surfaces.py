@@ -108,6 +108,11 @@ def klein_bottle(n=10, k=8):
     return V, sheet(n, k, lambda i, j: i % n * k + np.where(i < n, j, -j) % k)
 
 
+def soup(V, F):
+    """Each face with corners of its own."""
+    return np.asarray(V)[F].reshape(-1, 3), np.arange(np.size(F)).reshape(-1, 3)
+
+
 def dual(V, F):
     """A closed surface of polygons, one around each vertex of V through the centres of F."""
     after = {}  # the face that follows around a vertex, and the one that follows that

@@ -2,6 +2,7 @@
 
 import logging
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,8 +14,6 @@ from surfaces import ring, sphere
 import cdcp_igl
 from cdcp_igl.certificate import certify_sphere
 from cdcp_igl.result.landmarks import Automorphism, landmark_automorphism
-
-SMALL = {"triangle": TRIANGLE, "fan": fan(), "strip": strip(), "grid": grid()}
 
 
 @pytest.fixture(scope="module")
@@ -43,32 +42,6 @@ def weights(F, n, face, barycentric):
     return csr_matrix((barycentric.ravel(), (rows, F[face].ravel())), (len(face), n))
 
 
-@pytest.mark.parametrize("kind", ["faces", "edges", "vertices"])
-def test_many_points_there_and_back(cap, kind):
-    V, F, result = cap
-    face, barycentric = points_of(kind, F, 20_000, np.random.default_rng(0))
-    uv = result.apply(face, barycentric)
-    found, found_barycentric = result.invert(uv)
-    assert found_barycentric.min() >= 0
-    assert abs(result.apply(found, found_barycentric) - uv).max() < 1e-15
-    there = weights(F, len(V), face, barycentric)
-    assert abs(there - weights(F, len(V), found, found_barycentric)).max() < 1e-12
-    assert abs(result.interpolate(V, uv) - there @ V).max() < 1e-12
-    if kind == "faces":
-        assert (found == face).mean() > 0.9999  # rounding moves a few across an edge
-    if kind == "vertices":
-        assert (found_barycentric.max(axis=1) == 1).all()
-
-
-@pytest.mark.parametrize("name", SMALL)
-def test_points_of_small_and_hostile_disks(name):
-    V, F = SMALL[name]
-    result = cdcp_igl.disk_map(V, F)
-    for kind in ("faces", "edges", "vertices"):
-        uv = result.apply(*points_of(kind, np.asarray(F), 1000, np.random.default_rng(1)))
-        assert abs(result.apply(*result.invert(uv)) - uv).max() < 1e-12
-
-
 def pierced():
     """A sphere with four holes, of which two are filled for the time of the map."""
     V, F = sphere(12, 20)
@@ -76,29 +49,42 @@ def pierced():
     return cdcp_igl.annulus_map(V[used], faces.reshape(-1, 3))
 
 
-WITHOUT_A_DISK = {
-    "spheroid": lambda: cdcp_igl.sphere_map(*cdcp_igl.datasets.spheroid(3, 2)[:2]),
-    "crowded sphere": lambda: cdcp_igl.sphere_map(*sphere(30, 12, 40)),
-    "ring": lambda: cdcp_igl.annulus_map(*ring(20, 40, lambda s: (0.3**s, 0 * s))[:2]),
-    "ring around 1e-43": lambda: cdcp_igl.annulus_map(
-        *ring(200, 12, lambda s: (1 + 0 * s, 100 * s))[:2]
+# Each with the error of its images and of its weights, at most.
+SMALL = {"triangle": TRIANGLE, "fan": fan(), "strip": strip(), "grid": grid()}
+MAPS = {
+    **{name: (partial(cdcp_igl.disk_map, *mesh), 1e-12, 1) for name, mesh in SMALL.items()},
+    "cap": (lambda: cdcp_igl.disk_map(*cdcp_igl.datasets.spherical_cap(30)[:2]), 1e-15, 1e-12),
+    "spheroid": (
+        *(lambda: cdcp_igl.sphere_map(*cdcp_igl.datasets.spheroid(3, 2)[:2]), 1e-14, 1e-12),
     ),
-    "filled": pierced,
+    "crowded sphere": (lambda: cdcp_igl.sphere_map(*sphere(30, 12, 40)), 1e-14, 1e-12),
+    "ring": (
+        *(lambda: cdcp_igl.annulus_map(*ring(20, 40, lambda s: (0.3**s, 0 * s))[:2]), 1e-14, 1e-12),
+    ),
+    "ring around 1e-43": (
+        lambda: cdcp_igl.annulus_map(*ring(200, 12, lambda s: (1 + 0 * s, 100 * s))[:2]),
+        *(1e-14, 1e-12),
+    ),
+    "filled": (pierced, 1e-14, 1e-12),
 }
 
 
-@pytest.mark.parametrize("name", WITHOUT_A_DISK)
-def test_points_of_spheres_and_rings(name):
-    result = WITHOUT_A_DISK[name]()
+@pytest.mark.parametrize("name", MAPS)
+def test_points_there_and_back(name):
+    made, away, off = MAPS[name]
+    result = made()
     V, F = result._surface()
     for kind in ("faces", "edges", "vertices"):
-        face, barycentric = points_of(kind, F, 1000, np.random.default_rng(3))
+        face, barycentric = points_of(kind, F, 5000, np.random.default_rng(3))
         image = result.apply(face, barycentric)
         found, found_barycentric = result.invert(image)
-        assert abs(result.apply(found, found_barycentric) - image).max() < 1e-14
+        assert found_barycentric.min() >= 0
+        assert abs(result.apply(found, found_barycentric) - image).max() < away
         there = weights(F, len(V), face, barycentric)
-        assert abs(there - weights(F, len(V), found, found_barycentric)).max() < 1e-12
-        assert abs(result.interpolate(V, image) - there @ V).max() < 1e-10
+        assert abs(there - weights(F, len(V), found, found_barycentric)).max() < off
+        assert abs(result.interpolate(V, image) - there @ V).max() < 100 * off
+        if kind == "faces" and off < 1:
+            assert (found == face).mean() > 0.999  # rounding moves a few across an edge
     if name == "filled":
         filled = result._whole[result.mesh.F[len(F) :]].mean(axis=1)
         assert (result.invert([*filled, [0, 0], [2, 0]])[0] == -1).all()

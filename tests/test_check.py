@@ -205,15 +205,6 @@ def test_rows_are_counted_and_all_is_reported_where_an_array_is_bad():
         assert [d.name for d in report.defects] == ["non-finite coordinate", second]
 
 
-@pytest.mark.parametrize("integral", [False, True], ids=["floats", "whole numbers"])
-def test_arrays_that_have_changed_places(integral):
-    V, F = meshes.grid()
-    report = cdcp_igl.check(F.astype(float) if integral else F, V)
-    assert [defect.name for defect in report.defects] == ["V and F swapped"]
-    with pytest.raises(cdcp_igl.MeshError, match="vertices first"):
-        cdcp_igl.angle_distortion(F, V, V[:, :2])
-
-
 @NASTY
 def test_the_next_step_and_the_remedies_are_what_works(case):
     """Where the step is `clean`, it gives a disk; where it is `surface_map`, there is a map."""

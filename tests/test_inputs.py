@@ -29,10 +29,6 @@ def flat(*polygons):
     return np.array([number for row in polygons for number in (len(row), *row)])
 
 
-def soup(V, F):
-    return V[F].reshape(-1, 3), np.arange(F.size).reshape(-1, 3)
-
-
 def gltf(positions, corners, mode=4, **node):
     """A scene of one mesh, in half the size, in text."""
     data = np.asarray(positions, "<f4").tobytes() + np.asarray(corners, "<u2").tobytes()
@@ -97,9 +93,9 @@ DISKS = {
     "triangles.vtu": (cells(("triangle", F)), V, F),
 }
 SURFACES = {
-    "soup": soup(W, G),
+    "soup": surfaces.soup(W, G),
     "seams": (CHART.V, CHART.F),
-    "soup.gltf": gltf(soup(W, G)[0], range(G.size)),
+    "soup.gltf": gltf(surfaces.soup(W, G)[0], range(G.size)),
 }
 REFUSED = {
     "an array": (V, "is no surface"),

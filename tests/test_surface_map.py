@@ -118,11 +118,6 @@ def test_nasty_meshes_are_mapped_or_refused(name):
         assert_consistent(cdcp_igl.surface_map(V, F), V, F)
 
 
-def soup(V, F):
-    """Each face with corners of its own."""
-    return np.asarray(V)[F].reshape(-1, 3), np.arange(np.size(F)).reshape(-1, 3)
-
-
 def sphere_as_a_grid():
     """One meridian is there twice, and each pole in a row of vertices."""
     x, y, F = meshes.cells(7, 13)
@@ -137,10 +132,10 @@ CUBES = surfaces.skin(np.eye(2, dtype=bool)[None])  # which touch in an edge
 @pytest.mark.parametrize(
     ("mesh", "disks", "n_cut"),
     [
-        (soup(V, F), 1, 11),
-        (soup(*surfaces.torus()), 1, 20),
-        (soup(V, np.vstack([F, F[:, ::-1]])), 1, 11),  # each face twice
-        (soup(*CUBES), 2, 4),
+        (surfaces.soup(V, F), 1, 11),
+        (surfaces.soup(*surfaces.torus()), 1, 20),
+        (surfaces.soup(V, np.vstack([F, F[:, ::-1]])), 1, 11),  # each face twice
+        (surfaces.soup(*CUBES), 2, 4),
         (sphere_as_a_grid(), 1, 6),
     ],
     ids=["sphere", "torus", "two sides", "cubes", "grid"],
@@ -155,7 +150,7 @@ def test_seams_are_sewn(mesh, disks, n_cut):
 
 
 def test_seams_stay_if_that_is_asked_for():
-    V, F = soup(*CUBES)
+    V, F = surfaces.soup(*CUBES)
     assert len(cdcp_igl.surface_map(V, F, merge=False).charts) == len(F)
 
 
@@ -338,14 +333,8 @@ def test_free_outlines_keep_the_scale_and_the_size():
     np.testing.assert_allclose(sides[0] / sides[1], (sides[0] / sides[1])[0, 0], rtol=1e-9)
 
 
-def long_strip():
-    """Eight times as long as wide, a rectangle of squares."""
-    i, j = np.divmod(np.arange(81 * 11), 11)
-    return np.column_stack([i, j, 0 * i]), surfaces.sheet(80, 10, lambda i, j: 11 * i + j)
-
-
 def test_a_strip_is_parted_until_its_scale_is_even():
-    V, F = long_strip()
+    V, F = meshes.corridor(8, 10)
     charts = {most: cdcp_igl.surface_map(V, F, max_charts=most) for most in (1, 2, None)}
     assert [len(result.charts) for result in charts.values()][:2] == [1, 2]
     assert charts[1].spread > charts[2].spread > 1 >= charts[None].spread
@@ -368,7 +357,7 @@ def test_limbs_are_parted_from_the_rest():
 
 
 def test_polygons_are_not_parted():
-    V, F = long_strip()
+    V, F = meshes.corridor(8, 10)
     polygon = np.tile(np.arange(len(F) // 2), 2)  # the two triangles of a cell
     chart = cdcp_igl.surface_map(V, F, polygon_of_face=polygon).face_chart
     assert chart.max() > 0

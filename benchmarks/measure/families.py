@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import islice
-from pathlib import Path
 
 import igl
 import numpy as np
@@ -33,27 +32,19 @@ def disks(families: list[str], count: int, most: int) -> list[Model]:
     """Take from each family the first `count`, by size, with at most so many vertices."""
     found = []
     for family in families:
-        for name, V, F in islice(_small(FAMILIES[family](), most), count):
+        small = (one for one in FAMILIES[family]() if len(one[1]) <= most)
+        for name, V, F in islice(small, count):
             found.append(Model(f"{family}: {name}", partial(given, V, F)))
     return found
-
-
-def _small(
-    surfaces: Iterator[tuple[str, Floats, Ints]], most: int
-) -> Iterator[tuple[str, Floats, Ints]]:
-    return ((name, V, F) for name, V, F in surfaces if len(V) <= most)
 
 
 def _read(folder: str) -> Iterator[tuple[str, Floats, Ints]]:
     """Yield the surfaces of a folder of the data, from small to large files."""
     of_data = data()
     files = [] if of_data is None else (of_data / folder).glob("*")
-    for path in sorted((f for f in files if f.suffix in READABLE), key=_size):
+    readable = (path for path in files if path.suffix in READABLE)
+    for path in sorted(readable, key=lambda path: path.stat().st_size):
         yield path.stem, *read_mesh(path)
-
-
-def _size(path: Path) -> int:
-    return path.stat().st_size
 
 
 def _scans() -> Iterator[tuple[str, Floats, Ints]]:

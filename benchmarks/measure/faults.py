@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -20,9 +19,9 @@ from time import monotonic, sleep
 from typing import Annotated
 
 import numpy as np
+import pandas as pd
 import typer
 from rich.console import Console
-from rich.table import Table
 from threadpoolctl import threadpool_info
 
 from cdcp_igl import MapError, MeshError, SolverError, cdcp, datasets
@@ -69,11 +68,7 @@ def faults(
     known_by = attrgetter("kind", "case")
     answer = partial(examine, seed)
     rows = kept_answers(answer, requests, known_by, kept, SECONDS, jobs, console)
-    table = Table("fault", "outcome", "cases")
-    counts = Counter((row.kind, row.outcome) for row in rows)
-    for (kind, outcome), count in sorted(counts.items()):
-        table.add_row(kind, outcome, f"{count:,}")
-    console.print(table)
+    console.print(pd.DataFrame(rows).groupby(["kind", "outcome"]).size().to_string())
     bad = [row for row in rows if row.outcome.startswith((FAULT, "crash", "hang"))]
     for row in bad:
         console.print(f"{row.kind} {row.case}: {row.outcome}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -12,9 +11,9 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+import pandas as pd
 import typer
 from rich.console import Console
-from rich.table import Table
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order
 
@@ -112,21 +111,11 @@ def _is_mapped(row: Row) -> bool:
     return row.outcome.startswith("map, ")
 
 
-def _outcomes(rows: list[Row]) -> Table:
+def _outcomes(rows: list[Row]) -> str:
     """Count by outcome, or boundary method where there is a map, and by stretch."""
-    table = Table(title="Outcomes by stretch")
-    table.add_column("outcome", no_wrap=True)
-    for limit in STRETCHES:
-        table.add_column(f"to {limit:g}", justify="right")
-    table.add_column("not disks", justify="right")
-    counts = Counter((row.outcome, _stretch_class(row)) for row in rows)
-    for outcome in sorted({row.outcome for row in rows}):
-        table.add_row(outcome, *(f"{counts[outcome, c]:,}" for c in (*STRETCHES, None)))
-    return table
-
-
-def _stretch_class(row: Row) -> float | None:
-    return next(c for c in STRETCHES if row.stretch <= c) if row.disk else None
+    of = pd.DataFrame(rows)
+    ends = pd.cut(of["stretch"], [0, *STRETCHES], labels=[f"to {end:g}" for end in STRETCHES])
+    return pd.crosstab(of["outcome"], ends.astype(str).where(of["disk"], "no disk")).to_string()
 
 
 # -- one case --------------------------------------------------------------------------

@@ -28,11 +28,10 @@ CORE = (
 )
 # From the quickest to the slowest. Those that a tree does not have are left out.
 TESTS = (
-    *("mesh", "triangles", "laplacian", "factor", "ordering", "distortion", "dipole", "trace"),
-    *("center", "check", "injectivity", "mobius", "theory", "circle", "cholesky", "cdcp"),
-    *("known_maps", "conformality", "straightening", "recentering", "repair", "unfolding"),
-    *("mapper", "clean", "solvers", "memory", "bijection", "refine", "strips"),
-    *("rectangle", "free_map", "sphere_map", "parts"),
+    *("mesh", "laplacian", "distortion", "refusals", "check", "injectivity"),
+    *("mobius", "theory", "circle", "cholesky", "cdcp", "rescue", "mapper", "clean"),
+    *("solvers", "platforms", "bijection", "refine", "hard_surfaces", "rectangle", "free_map"),
+    *("annulus_map", "sphere_map", "cutting", "surface_map", "inputs", "parts"),
 )
 LEFT_BEHIND = (".git", ".venv", "build", "dist", "docs", "results", ".hypothesis", "__pycache__")
 

@@ -12,9 +12,9 @@ from time import process_time
 from typing import Annotated
 
 import numpy as np
+import pandas as pd
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from cdcp_igl import MapError, MeshError, SolverError, angle_distortion, check, disk_map
 from cdcp_igl.arrays import Floats, Ints
@@ -33,7 +33,6 @@ REFINE = (None, 5)  # as needed, and five steps
 NOT_WORSE = 1.2  # than the best of the others
 MAPPED = "map"
 TYPED = ("MapError", "SolverError")
-QUANTILES = (0.5, 0.9, 1)
 KNOWN_BY = attrgetter("surface", "mesh", "kind", "place", "method")  # a row of another run
 WIDE = 160  # columns of a table that is printed to a file
 
@@ -137,7 +136,7 @@ def punctures(
     wrong = False
     for methods in COMPARED.values():
         comparisons = list(_comparisons(rows, methods))
-        console.print(_summary(methods[0], comparisons))
+        console.print(f"Mean angular distortion in degrees, {methods[0]}\n{_summary(comparisons)}")
         for one in comparisons:
             if one.is_fault or one.is_worse:
                 console.print(str(one), soft_wrap=True)
@@ -249,29 +248,22 @@ def _comparisons(rows: Iterable[Row], methods: Sequence[str]) -> Iterator[Compar
         yield Comparison(ours, others)
 
 
-def _summary(title: str, comparisons: Sequence[Comparison]) -> Table:
+def _summary(comparisons: Sequence[Comparison]) -> str:
     """Show quantiles of the distortion and count what is wrong, surface by surface."""
-    table = Table(title=f"Mean angular distortion in degrees, {title}")
-    table.add_column("surface", no_wrap=True)
-    names = ("holes", "median", "90 %", "worst", "worst by the best")
-    for name in (*names, f"above {NOT_WORSE:g} times", "typed errors", "faults"):
-        table.add_column(name, justify="right")
-    for surface, group in groupby(comparisons, lambda one: one.ours.surface):
-        table.add_row(surface, *_cells(list(group)))
-    table.add_section()
-    table.add_row("all", *_cells(comparisons))
-    return table
-
-
-def _cells(comparisons: Sequence[Comparison]) -> list[str]:
-    means = [one.ours.mean for one in comparisons if one.ours.outcome == MAPPED]
-    quantiles = np.quantile(means, QUANTILES) if means else [np.nan] * len(QUANTILES)
-    ratios = [one.ratio for one in comparisons if np.isfinite(one.ratio)]
-    return [
-        f"{len(comparisons):,}",
-        *(f"{mean:.2f}" for mean in quantiles),
-        f"{max(ratios, default=np.nan):.3f}",
-        f"{sum(one.is_worse for one in comparisons)}",
-        f"{sum(one.ours.outcome in TYPED for one in comparisons)}",
-        f"{sum(one.is_fault for one in comparisons)}",
+    rows = [
+        {
+            **{"surface": one.ours.surface, "worse": one.is_worse, "fault": one.is_fault},
+            "mean": one.ours.mean if one.ours.outcome == MAPPED else np.nan,
+            **{"ratio": one.ratio, "typed": one.ours.outcome in TYPED},
+        }
+        for one in comparisons
     ]
+    every = pd.DataFrame(rows)
+    of = pd.concat([every, every.assign(surface="all")]).groupby("surface", sort=False)
+    columns = {
+        **{"holes": of.size(), "median": of["mean"].median(), "90 %": of["mean"].quantile(0.9)},
+        **{"worst": of["mean"].max(), "worst by the best": of["ratio"].max()},
+        **{f"above {NOT_WORSE:g} times": of["worse"].sum()},
+        **{"typed errors": of["typed"].sum(), "faults": of["fault"].sum()},
+    }
+    return pd.DataFrame(columns).to_string(float_format="{:.3f}".format)

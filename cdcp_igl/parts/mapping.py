@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import errno
-import hashlib
 import logging
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
+from itertools import compress
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, NoReturn
@@ -23,12 +23,13 @@ from ..certificate import certificate_of, is_around
 from ..distortion import AngleDistortion, disk_map_distortion
 from ..errors import MapError, counted
 from ..rescue.boundary import BoundaryMethod
-from ..rescue.conformality import NOT_VALID, judge_by, sampled_faces
-from ..rescue.recentering import FACES, deep_vertex
+from ..rescue.conformality import judge_by, sampled_faces
+from ..rescue.recentering import deep_vertex
 from ..rescue.repair import Repair, repair_locally
 from ..rescue.straightening import FEW_FACES, is_sheared
 from ..selection import MANY_FLIPPED
-from ..solve.solvers import SolverName, solver, using
+from ..solve import solvers
+from ..solve.solvers import SolverName, using
 from ..solve.threads import one_thread
 from ..steps.center import CANDIDATES, Center, first_well_shaped
 from ..steps.circle import Rejected, onto_circle
@@ -46,14 +47,14 @@ from ..steps.trace import lengths_along, shares_of_edges, trace_of_shares
 from ..surface.mesh import DiskMesh
 from ..surface.topology import components_of_pairs
 from . import steps
-from .part import SOME, Arrays, Folder, Gathered, Part, named
+from .part import Arrays, Folder, Gathered, Part, among, named
 from .parting import Table, refuse
 from .result import RESULT, PartsMap
 from .running import Engine
 
 log = logging.getLogger("cdcp_igl")
 
-Finished = tuple[list[str], Arrays]  # names of the results of the parts, and their values on seams
+Finished = tuple[dict[int, str], Arrays]  # the results of the parts, and what they were given
 
 
 def parts_map(
@@ -128,23 +129,18 @@ def parts_map(
     if isinstance(center, str) and center != "torsion":
         raise ValueError(f'in parts, center must be "torsion" or a row of F, not {center!r}')
     with using(solver):
-        engine_of = _solver_name()
-        chosen = [__version__, engine_of, center, mobius, np.asarray(align).tolist()]
-    digest = hashlib.sha256(repr(chosen).encode()).hexdigest()[:8]
-    files = Folder.of(Path(folder).absolute(), f"map-{digest}")  # wherever workers are
+        order = "AMD" if solvers.solver().ORDERS else "minimum degree"
+        name = solvers.solver().described(f"{order} ordering in parts")
+    chosen = repr((__version__, name, center, mobius, np.asarray(align).tolist()))
+    work = f"map-{crc32(chosen.encode()):08x}"
+    files = Folder.of(Path(folder).absolute(), work)  # wherever workers are
     if (files.work / RESULT).exists():
         return PartsMap.read(files)
     files.work.mkdir(exist_ok=True)
     for attempts in files.work.glob("*.attempts"):  # of a run that was stopped
         attempts.unlink()
     with closing(Engine(files, executor, solver)) as engine, one_thread():
-        return _Mapping(files, engine, options, Phases(progress)).run(engine_of)
-
-
-def _solver_name() -> str:
-    chosen = solver()
-    order = "AMD" if chosen.ORDERS else "minimum degree"
-    return f"{chosen.LIBRARY} ({chosen.PACKAGE}, {order} ordering in parts, {chosen.MODE} mode)"
+        return _Mapping(files, engine, options, Phases(progress)).run(name)
 
 
 class _Mapping:
@@ -152,18 +148,20 @@ class _Mapping:
 
     def __init__(self, folder: Folder, engine: Engine, options: Options, phase: Phases) -> None:
         self.folder, self.engine, self.options, self.phase = folder, engine, options, phase
-        self.parts, self.m, self.cuts = folder.parts, folder.faces, folder.cuts
+        self.border = slice(folder.seams, None)  # of the table of seams and boundary
 
-    def run(self, solver_name: str) -> PartsMap:
-        """Map the surface and write the result."""
+    def run(self, name: str) -> PartsMap:
+        """Map the surface and write the result; `name` is the solver's."""
         phase = self.phase
         with phase("check") as advance:
             self.check(advance)
         with phase("factor") as advance:
             self.factor(advance)
         with phase("center"):
-            center = self.center()
-        while True:
+            found = self.center()
+        center = None
+        while found != center:
+            center = found
             with phase("trace"):
                 trace, on_boundary = self.trace(center.face)
             with phase("circle"):
@@ -174,44 +172,32 @@ class _Mapping:
             with phase("extension") as advance:
                 self.extend(center.face, f_B, advance)
             # Where weights are negative, the torsion may be larger than its bound.
-            if center.method == "given" or center == self.most_central(self.extended):
-                break
-            center = self.most_central(self.extended)
-        sample = self.gathered(self.extended)
+            found = center if center.method == "given" else self.most_central(self.extended)
+        sample = self.sample()
         self.refuse_rescue(sample, on_boundary)
-        judged = sample.only(sampled_faces(self.m))
-        self.folder.write("near", vertices=np.unique(sample.vertices[judged.F]))
         with phase("mobius"):
             mobius = self.normalize(sample)
         with phase("repair"):
-            repair = self.repair(mobius.w)
+            repair = self.repair()
         with phase("certificate"):
-            result = self.judge(center=center, mobius=mobius, repair=repair, solver=solver_name)
+            result = self.judge(sample, center=center, mobius=mobius, repair=repair, solver=name)
         phase.done()
-        if not result.valid:
-            self.give_up(f"it would not be a bijection: {result.certificate}", result)
-        if result.conformality.is_doubtful:
-            reasons = "; ".join(result.conformality.reasons)
-            self.give_up(f"it may not be conformal: {reasons}", result)
-        result.write(self.names)
+        result.write(self.finished)
         return result
 
     # -- is it a disk? -----------------------------------------------------------------
 
     def check(self, advance: Callable[[float], None]) -> None:
         """Find the boundary loop; MeshError if the surface is no disk."""
-        names = self.engine.run(steps.examine, advance=advance)
-        if not self.folder.has("loop"):
-            loop = self.loop(names)
-            if loop is None:
-                self.refuse_surface()
-            self.folder.write("loop", loop=loop)
-        loop = self.folder.read("loop")["loop"]
-        self.options.check_rows(self.m, loop)
-        self.n_border = len(loop)
+        loop = self.loop(self.engine.run(steps.examine, advance=advance))
+        self.options.check_rows(self.folder.faces, loop)
+        self.folder.write("loop", loop=loop)
+        align = self.options.align  # first on the loop, if no other vertex is named
+        self.first = loop.tolist().index(align) if isinstance(align, int | np.integer) else 0
+        self.size = self.folder.seams + len(loop)
 
-    def loop(self, names: list[str]) -> Ints | None:
-        """(nB,) the boundary from the smallest vertex; None if the whole is no disk.
+    def loop(self, names: dict[int, str]) -> Ints:
+        """(nB,) the boundary from the smallest vertex; MeshError if the whole is no disk.
 
         Edges with both ends on seams, and those with one face in a part, come from all parts that
         have them. No edge with more than two faces, one component, Euler characteristic 1, and a
@@ -224,27 +210,25 @@ class _Mapping:
         valence = np.bincount(edge)
         forward = np.where(half_edges[:, 0] < half_edges[:, 1], 1, -1)
         vertices, ends = np.unique(half_edges[valence[edge] == 1], return_inverse=True)
-        component = np.concatenate([x + k for x, k in zip(components, offsets[:-1], strict=True)])
-        joined = np.empty(len(first), np.int64)
-        joined[edge] = component  # of one of the two sides
-        is_disk = (
+        component = np.concatenate([x + k for x, k in zip(components, offsets, strict=False)])
+        joined = component[first][edge]  # that of one of the sides
+        if not (
             all(sound)
             and len(vertices) > 0
             and valence.max() <= 2
             and not np.bincount(edge, forward)[valence == 2].any()
-            and components_of_pairs(component, joined[edge], offsets[-1])[0] == 1
-            and self.folder.vertices - len(first) - sum(n_inner) + self.m == 1
+            and components_of_pairs(component, joined, offsets[-1])[0] == 1
+            and self.folder.vertices - len(first) - sum(n_inner) + self.folder.faces == 1
             and np.bincount(ends.ravel()).max() <= 2
-        )
-        if not is_disk:
-            return None
+        ):
+            self.refuse_surface()
         loop = libigl.path(ends.reshape(-1, 2))
         return vertices[np.roll(loop, -int(loop.argmin()))]
 
     def refuse_surface(self) -> NoReturn:
         """Raise the MeshError of `check`, for which the whole is read."""
-        V, F = np.empty((self.folder.vertices, 3)), np.empty((self.m, 3), np.int64)
-        for p in self.parts:
+        V, F = np.empty((self.folder.vertices, 3)), np.empty((self.folder.faces, 3), np.int64)
+        for p in self.folder.parts:
             part = Part(self.folder, p)
             V[part.vertices], F[part.faces] = part.V, part.vertices[part.F]
         refuse(Table(np.ldexp(V, self.folder.exponent, out=V)), Table(F))
@@ -256,11 +240,11 @@ class _Mapping:
         memory = self.require_room()
         self.condensed = self.engine.run(steps.eliminate, advance=advance)
         for level in range(self.folder.levels, 0, -1):
-            cuts = [node for node in self.cuts if node.bit_length() == level]
+            cuts = [node for node in self.folder.cuts if node.bit_length() == level]
             self.engine.run(steps.merge, of=cuts, memory=memory)
             for node in cuts:
                 for side in (2 * node, 2 * node + 1):
-                    self.folder.remove(f"schur-{side}")
+                    self.folder.file(f"schur-{side}").unlink(missing_ok=True)
 
     def require_room(self) -> float:
         """Find how many MiB the largest front takes to be made; OSError if the disk is too small.
@@ -269,12 +253,11 @@ class _Mapping:
         """
         rows, most, written = dict[int, Ints](), 0.0, 0
         node_of = self.folder.read("seams")["node"]
-        self.n_seams = len(node_of)
-        for p in self.parts:
+        for p in self.folder.parts:
             row = self.folder.read(f"part-{p}", "row")["row"]
             rows[self.folder.n_leaves + p] = np.sort(row[row >= 0])
-            written += 8 * len(rows[self.folder.n_leaves + p]) ** 2
-        for node in reversed(self.cuts):
+            written += 8 * int(np.count_nonzero(row >= 0)) ** 2
+        for node in reversed(self.folder.cuts):
             sides = [rows.pop(k) for k in (2 * node, 2 * node + 1) if k in rows]
             together = np.unique(np.concatenate(sides))
             rows[node] = together[node_of[together] != node]
@@ -293,25 +276,20 @@ class _Mapping:
         return most
 
     def solve(self, g: Numbers) -> Numbers:
-        """Solve for the values (s,) on seams, by right-hand sides g condensed to them, in place.
+        """Solve for the values on seams, by right-hand sides g condensed to them, in place.
 
         The fronts are read one after the other, from the leaves and back.
         """
-        x = g[:, None].view(float)
-        for node in reversed(self.cuts):
-            here, rest, L11, L21 = self.front(node)
+        x, cuts = g[:, None].view(float), self.folder.cuts
+        for node in reversed(cuts):
+            here, rest, L11, L21 = self.folder.read(named(steps.merge, node)).values()
             x[here] = solve_triangular(L11, x[here], lower=True, check_finite=False)
             x[rest] -= L21 @ x[here]
-        for node in self.cuts:
-            here, rest, L11, L21 = self.front(node)
+        for node in cuts:
+            here, rest, L11, L21 = self.folder.read(named(steps.merge, node)).values()
             y = x[here] - L21.T @ x[rest]
             x[here] = solve_triangular(L11, y, lower=True, trans="T", check_finite=False)
         return g
-
-    def front(self, node: int) -> tuple[Any, ...]:
-        """Read which rows are eliminated at a cut and which are left, and L11 and L21."""
-        front = self.folder.read(named(steps.merge, node))
-        return front["here"], front["rest"], front["L11"], front["L21"]
 
     # -- Algorithm 1 -------------------------------------------------------------------
 
@@ -324,66 +302,71 @@ class _Mapping:
         if not isinstance(self.options.center, str):
             return Center("given", int(self.options.center))
         rows, condensed, most = self.folder.each(self.condensed, "rows", "torsion", "most")
-        u = np.zeros(self.n_seams)
+        u = np.zeros(self.size)
         np.add.at(u, np.concatenate(rows), np.concatenate(condensed))
-        self.folder.write("torsion", seams=self.solve(u), boundary=np.zeros(self.n_border))
+        u[self.border] = 0
+        self.folder.write("torsion", table=self.solve(u))
         bound = most + 3 * np.array([u[some].max(initial=0) for some in rows])
-        found, central = list[str](), np.empty(0)
+        found, central = dict[int, str](), np.empty(0)
         for k in np.argsort(-bound, kind="stable").tolist():
             if len(central) >= CANDIDATES and bound[k] < central[-CANDIDATES]:
                 break
-            found += self.engine.run(steps.central, of=[self.parts[k]])
-            more = self.folder.read(found[-1], "central")["central"]
-            central = np.sort(np.concatenate([central, more]))
+            found |= self.engine.run(steps.central, of=[self.folder.parts[k]])
+            central = np.sort(np.concatenate(self.folder.each(found, "central")[0]))
         return self.most_central(found)
 
-    def most_central(self, names: list[str]) -> Center:
+    def most_central(self, names: dict[int, str]) -> Center:
         """Choose among the most central faces of some parts."""
         found = self.folder.each(names, "central", "candidates", "smallest")
         return Center("torsion", first_well_shaped(*map(np.concatenate, found)))
 
     def trace(self, face: int) -> tuple[Complex, bool]:
         """Boundary values (nB,), Theorem 1; and whether the face has a vertex on the boundary."""
-        home = [p for p in self.parts if face in self.folder.read(f"part-{p}", "faces")["faces"]]
-        [name] = self.engine.run(steps.dipole, face, of=home)
-        sources = self.folder.read(name)
-        g, n = np.zeros(self.n_seams, complex), self.n_border
-        g[sources["rows"]] = -sources["seams"]
+        parts = self.folder.parts
+        home = [p for p in parts if face in self.folder.read(f"part-{p}", "faces")["faces"]]
+        [name] = self.engine.run(steps.dipole, face, of=home).values()
+        dipole, g = self.folder.read(name), np.zeros(self.size, complex)
+        g[dipole["rows"]] = -dipole["flux"]
         self.solve(g)
-        flux, around, points = np.zeros(n, complex), np.zeros(n), np.empty((n, 3))
-        flux[sources["places"]] = sources["boundary"]
-        for p in self.parts:
-            side = self.folder.read(f"side-{p}")
-            places = side["places"]
-            flux[places] += side["side"].T @ g[side["rows"]]
-            points[places] = side["positions"]
-            around[places] += side["around"]
+        for here, there, side in self.sides():
+            g[there] -= side.T @ g[here]
+        keys = "rows", "positions", "around"
+        rows, V, angles = map(np.concatenate, self.folder.each(self.condensed, *keys))
+        points, around = np.empty((self.size, 3)), np.zeros(self.size)
+        points[rows] = V
+        np.add.at(around, rows, angles)
+        points, around, flux = points[self.border], around[self.border], -g[self.border]
         shares = shares_of_edges(flux, lengths_along(points), around)
-        return trace_of_shares(shares), bool(sources["on_boundary"])
+        return trace_of_shares(shares), bool(dipole["on_boundary"])
+
+    def sides(self) -> Iterator[tuple[Ints, Ints, Floats]]:
+        """Yield of each part its rows on seams and on the boundary, and the block of the two."""
+        for name in self.condensed.values():
+            rows, side = self.folder.read(name, "rows", "side").values()
+            yield rows[: len(side)], rows[len(side) :], side
 
     def extend(self, face: int, f_B: Complex, advance: Callable[[float], None]) -> None:
-        """Extend boundary values harmonically, eq. (10), and take a sample of the faces."""
-        g = np.zeros(self.n_seams, complex)
-        for p in self.parts:
-            side = self.folder.read(f"side-{p}", "rows", "places", "side")
-            g[side["rows"]] -= side["side"] @ f_B[side["places"]]
-        self.face, self.values = face, {"seams": self.solve(g), "boundary": f_B}
-        self.folder.write(f"values-{face}", **self.values)
-        rows = [evenly_spaced_rows(self.m, k) for k in (FEW_FACES, FACES)]
-        rows += [faces_to_judge_by(self.m), sampled_faces(self.m)]
-        self.folder.write("sample", faces=np.unique(np.concatenate(rows)))
+        """Extend boundary values harmonically, eq. (10)."""
+        g = np.append(np.zeros(self.folder.seams, complex), f_B)
+        for here, there, side in self.sides():
+            g[here] -= side @ g[there]
+        self.face, self.table = face, self.solve(g)
+        self.folder.write(f"values-{face}", table=g)
         self.extended = self.engine.run(steps.extend, face, advance=advance)
 
-    def gathered(self, names: list[str]) -> Gathered:
-        """Gather the faces that steps have taken of their parts."""
-        return Gathered.of([self.folder.read(name, *SOME) for name in names])
+    def sample(self) -> Gathered:
+        """Gather the faces by which `disk_map` judges a map, and chooses w."""
+        m = self.folder.faces
+        spread = evenly_spaced_rows(m, FEW_FACES), faces_to_judge_by(m)
+        rows = np.unique(np.concatenate([*spread, sampled_faces(m)]))
+        return Gathered.of(self.folder, self.extended, lambda part: among(rows, part.faces))
 
     def refuse_rescue(self, sample: Gathered, on_boundary: bool) -> None:
         """Give up where `disk_map` would correct the harmonic map, or doubt it."""
-        few = sample.only(evenly_spaced_rows(self.m, FEW_FACES))
-        if is_sheared(few, sample.f, self.values["boundary"]):
+        few = sample.only(evenly_spaced_rows(self.folder.faces, FEW_FACES))
+        if is_sheared(few, sample.f, self.table[self.border]):
             self.give_up("the faces have a shear in common")
-        if deep_vertex(sample.only(evenly_spaced_rows(self.m, FACES)), sample.f) is not None:
+        if deep_vertex(few, sample.f) is not None:
             self.give_up("a part of the surface is too small for double precision where it lies")
         if on_boundary:
             self.give_up("the central face lies at the boundary")
@@ -391,21 +374,21 @@ class _Mapping:
     def normalize(self, sample: Gathered) -> Normalization:
         """Find the best Möbius transformation that does no harm, (19) and (20); finish the parts.
 
-        Sets `self.names` of the results and `self.final`, the values on seams and boundary.
+        Sets `self.finished`, the results, and `self.final`, what they were given.
         """
         method = self.options.mobius
         w, reason, finished = 0j, "", None
         if method is not None:
-            some = sample.only(faces_to_judge_by(self.m))
+            some = sample.only(faces_to_judge_by(self.folder.faces))
             errors = AngleErrors.of(some.F, sample.f, some.angles)
             before = errors.mean(0j)
             w, finished, reason = harmless(
                 least_angle_distortion(errors) if method == "angle" else self.barycenter(),
                 lambda w: method == "area" or errors.mean(w) < before,
-                lambda w: self.finish(w) if is_around(self.boundary(w)) else None,
+                lambda w: self.finish(w) if is_around(self.moved(w)[self.border]) else None,
                 lambda: self.finish(0j)[1],
             )
-        self.names, self.final = finished or self.finish(0j)[0]
+        self.finished, self.final = finished or self.finish(0j)[0]
         return Normalization(method or "none", w, reason)
 
     def barycenter(self) -> complex:
@@ -423,18 +406,15 @@ class _Mapping:
         moments, heights = self.folder.each(names, "moments", "heights")
         return np.sum(moments, axis=0), np.concatenate(heights)
 
-    def boundary(self, w: complex) -> Complex:
-        """(nB,) boundary values after psi_w."""
-        return mobius_transformation(self.values["boundary"], w)
+    def moved(self, w: complex) -> Complex:
+        """Take the values on seams and boundary to those after psi_w."""
+        return mobius_transformation(self.table, w)
 
     def turn(self, w: complex) -> complex:
         """Find what f is divided by so that what `align` names lies at angle 0."""
         align = self.options.align
-        if align is None:
-            return complex(self.boundary(w)[0])
-        if isinstance(align, int | np.integer):
-            loop = self.folder.read("loop")["loop"]
-            return complex(self.boundary(w)[loop == align][0])
+        if align is None or isinstance(align, int | np.integer):
+            return complex(self.moved(w)[self.border][self.first])
         (mass, z, _, h, hz), heights = self.moments(w, *np.asarray(align, float).tolist())
         moment = complex(hz - h / mass * z)
         check_slope(align, moment, mass.real * float(np.ptp(heights)))
@@ -443,67 +423,61 @@ class _Mapping:
     def finish(self, w: complex) -> tuple[Finished, Ints]:
         """Apply psi_w and certify the parts: names of the results, values; flipped faces."""
         turn = self.turn(w)
-        f_B = self.boundary(w) / turn
-        f_B /= abs(f_B)
-        seams = mobius_transformation(self.values["seams"], w) / turn
-        final = {"seams": seams, "boundary": f_B, "turn": turn, "vertices": [], "moved": []}
-        names = self.certified(w, final, self.parts)
+        table = self.moved(w) / turn
+        table[self.border] /= abs(table[self.border])
+        final = {"w": w, "turn": turn, "table": table, "vertices": [], "moved": []}
+        names = self.certified(final, self.folder.parts)
         return (names, final), np.concatenate(self.folder.each(names, "flipped")[0])
 
-    def certified(self, w: complex, final: Arrays, of: list[int]) -> list[str]:
+    def certified(self, final: Arrays, of: Iterable[int]) -> dict[int, str]:
         """Finish some parts with the values of seams, boundary and vertices that have moved."""
         digest = crc32(b"".join(np.asarray(x).tobytes() for x in final.values()))
-        values = f"final-{digest:08x}"
-        self.folder.write(values, **final)
-        return self.engine.run(steps.finish, self.face, w, values, of=of)
+        self.folder.write(values := f"final-{digest:08x}", **final)
+        return self.engine.run(steps.finish, self.face, values, of=of)
 
-    def repair(self, w: complex) -> Repair:
+    def repair(self) -> Repair:
         """Repair flipped faces, if they are few, in their parts and those beside them."""
-        [flipped] = self.folder.each(self.names, "flipped")
-        n_flipped, rounds, moved = sum(map(len, flipped)), 0, dict[int, complex]()
-        if n_flipped > MANY_FLIPPED * self.m:
-            self.give_up(counted(n_flipped, "face is flipped", "faces are flipped"))
         [rows] = self.folder.each(self.condensed, "rows")
+        [flipped] = self.folder.each(self.finished, "flipped")
+        n_flipped, rounds, moved = sum(map(len, flipped)), 0, dict[int, complex]()
+        if n_flipped > MANY_FLIPPED * self.folder.faces:
+            self.give_up(counted(n_flipped, "face is flipped", "faces are flipped"))
         for k in np.flatnonzero([len(faces) for faces in flipped]).tolist():
-            near = [j for j, other in enumerate(rows) if j == k or np.isin(other, rows[k]).any()]
-            vertices, piece, f = self.whole_of(near)
-            g, repair = repair_locally(piece, f)
-            changed = np.flatnonzero(g != f)
-            moved |= dict(zip(vertices[changed].tolist(), g[changed].tolist(), strict=True))
+            beside = [np.isin(other, rows[k]).any() for other in rows]
+            near = dict(compress(self.finished.items(), beside))
+            some = Gathered.of(self.folder, near, lambda part: slice(None))
+            rim = np.unique(some.mesh.edges.ends(some.mesh.edges.valence == 1))
+            f, repair = repair_locally(DiskMesh.piece(some.mesh.V, some.mesh.F, rim), some.f)
             rounds += repair.rounds
+            changed = np.flatnonzero(f != some.f)
+            moved |= zip(some.vertices[changed].tolist(), f[changed].tolist(), strict=True)
             self.final["vertices"] = sorted(moved)
             self.final["moved"] = [moved[vertex] for vertex in sorted(moved)]
-            names = self.certified(w, self.final, [self.parts[j] for j in near])
-            for j, name in zip(near, names, strict=True):
-                self.names[j] = name
+            self.finished |= self.certified(self.final, near)
         return Repair(n_flipped, len(moved), rounds)
 
-    def whole_of(self, some: list[int]) -> tuple[Ints, DiskMesh, Complex]:
-        """Make a mesh of some parts, whose border stays; its vertices in the whole, and f."""
-        each = [Part(self.folder, self.parts[k]).all(self.names[k]) for k in some]
-        found = Gathered.of(each)
-        V, F, edges = found.mesh.V, found.mesh.F, found.mesh.edges
-        border = np.unique(edges.ends(edges.valence == 1))
-        return found.vertices, DiskMesh.piece(V, F, border), found.f
-
-    def judge(self, **done: Any) -> PartsMap:
+    def judge(self, sample: Gathered, **done: Any) -> PartsMap:
         """Certify and measure the whole; judge it by the faces that `disk_map` judges it by."""
         keys = "flipped", "n_exact", "degrees", "lost"
-        flipped, n_exact, degrees, lost = self.folder.each(self.names, *keys)
+        flipped, n_exact, degrees, lost = self.folder.each(self.finished, *keys)
         rows = np.sort(np.concatenate(flipped))
-        certificate = certificate_of(self.final["boundary"], rows, int(sum(n_exact)))
+        certificate = certificate_of(self.final["table"][self.border], rows, int(sum(n_exact)))
+        if not certificate.valid:
+            self.give_up(f"it would not be a bijection: {certificate}")
         free, inscribed = np.moveaxis(np.array(degrees), 1, 0)
         distortion = of_free = _distortion(np.concatenate([free, inscribed]))
         if inscribed[:, 0].any() and free[:, 0].any():
             of_free = _distortion(free)
         n_lost, area, whole = map(sum, zip(*lost, strict=True))
         others = set(self.folder.work.glob("*.npz")) - set(self.folder.work.glob("merge-*.npz"))
-        conformality = NOT_VALID
-        if certificate.valid:
-            near = self.gathered(self.names)
-            faces = near.places(sampled_faces(self.m))
-            errors = disk_map_distortion(near.mesh, coordinates(near.f))[faces]
-            conformality = judge_by(near.mesh, near.f, errors, faces, distortion.mean)
+        rows = sampled_faces(self.folder.faces)
+        near = sample.vertices[np.unique(sample.only(rows).F)]
+        some = Gathered.of(self.folder, self.finished, lambda part: part.faces_at(near))
+        faces = some.places(rows)
+        errors = disk_map_distortion(some.mesh, coordinates(some.f))[faces]
+        conformality = judge_by(some.mesh, some.f, errors, faces, distortion.mean)
+        if conformality.is_doubtful:
+            self.give_up(f"it may not be conformal: {'; '.join(conformality.reasons)}")
         return PartsMap(
             folder=self.folder,
             certificate=certificate,
@@ -517,13 +491,12 @@ class _Mapping:
             **done,
         )
 
-    def give_up(self, reason: str, result: Any = None) -> NoReturn:
+    def give_up(self, reason: str) -> NoReturn:
         """Raise MapError: what is left to do is done on one machine only."""
         raise MapError(
             f"In parts, there is no map of this surface: {reason}. Where memory suffices, "
             "cdcp_igl.disk_map tries other boundaries, moves what is too small, straightens, "
-            "repairs the whole interior, and refines.",
-            result,
+            "repairs the whole interior, and refines."
         )
 
 

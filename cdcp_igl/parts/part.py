@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,6 @@ from .parting import MANIFEST
 
 Arrays = dict[str, Any]
 GIVEN = "part-", "seams"  # what `partition` has made
-SOME = "faces", "corners", "V", "images", "on_boundary"  # of some faces
 
 
 @dataclass(frozen=True)
@@ -35,8 +34,8 @@ class Folder:
     ----------
     path, work : Path
         Of the parts, and of what is computed.
-    vertices, faces : int
-        How many the whole has.
+    vertices, faces, seams : int
+        How many the whole has; `seams` are the vertices that are in several parts.
     parts : list of int
         Those that have faces. Part p is node p + `n_leaves` of a heap, whose root is 1.
     levels : int
@@ -49,6 +48,7 @@ class Folder:
     work: Path
     vertices: int
     faces: int
+    seams: int
     parts: list[int]
     levels: int
     exponent: int
@@ -82,19 +82,15 @@ class Folder:
         with np.load(self.file(name)) as archive:
             return {key: archive[key] for key in only or archive.files}
 
-    def each(self, names: Iterable[str], *only: str) -> tuple[list[Any], ...]:
-        """Read some arrays of several things: a list of each array."""
-        found = [self.read(name, *only) for name in names]
+    def each(self, names: Mapping[int, str], *only: str) -> tuple[list[Any], ...]:
+        """Read some arrays of several parts: a list of each array."""
+        found = [self.read(name, *only) for name in names.values()]
         return tuple([arrays[key] for arrays in found] for key in only)
 
     def write(self, name: str, **arrays: Any) -> None:
         """Write arrays, all or nothing."""
         with whole_file(self.file(name)) as unfinished:
             np.savez(unfinished, **arrays)
-
-    def remove(self, name: str) -> None:
-        """Remove what is not needed any more."""
-        self.file(name).unlink(missing_ok=True)
 
     def file(self, name: str) -> Path:
         """Where arrays are: those of `partition` beside what is computed of them."""
@@ -128,37 +124,30 @@ class Part:
         vars(self).update(folder.read(f"part-{p}"))
 
     @cached_property
-    def _place(self) -> Ints:
+    def known(self) -> Ints:
+        """(n,) rows in the table of seams and then the boundary loop; -1 of vertices inside."""
         loop = self._folder.read("loop")["loop"]
-        order = np.argsort(loop)
-        place: Ints = np.full(len(self.vertices), -1)
-        place[among(loop[order], self.vertices)] = order[among(self.vertices, loop[order])]
-        return place
+        order, known = np.argsort(loop), self.row.copy()
+        at = order[among(self.vertices, loop[order])]
+        known[among(loop[order], self.vertices)] = self._folder.seams + at
+        return known
 
     @property
-    def border(self) -> Ints:
-        """(b,) vertices on the boundary of the surface."""
-        return np.flatnonzero(self._place >= 0)
-
-    @property
-    def places(self) -> Ints:
-        """(b,) their places on its loop."""
-        return self._place[self.border]
-
-    @property
-    def seam(self) -> Ints:
-        """(s,) vertices on seams and not on the boundary."""
-        return np.flatnonzero((self.row >= 0) & (self._place < 0))
-
-    @property
-    def rows(self) -> Ints:
-        """(s,) their rows in the table of seams."""
-        return self.row[self.seam]
+    def on_boundary(self) -> Bools:
+        """(n,) which vertices are on the boundary of the surface, on a seam or not."""
+        return self.known >= self._folder.seams
 
     @cached_property
     def piece(self) -> DiskMesh:
         """The part as a mesh, whose boundary are its seams and then the boundary."""
-        return DiskMesh.piece(self.V, self.F, np.concatenate([self.seam, self.border]))
+        seam = (self.known >= 0) & ~self.on_boundary
+        rim = np.concatenate([np.flatnonzero(seam), np.flatnonzero(self.on_boundary)])
+        return DiskMesh.piece(self.V, self.F, rim)
+
+    @property
+    def rows(self) -> Ints:
+        """(k,) where seams and boundary of the part are in the table of the whole."""
+        return self.known[self.piece.loop]
 
     @cached_property
     def factored(self) -> FactoredSurface:
@@ -171,10 +160,14 @@ class Part:
         """(n,) right-hand side of the torsion function; of seams, in one part only."""
         return ((self.row < 0) | self.own).astype(float)
 
+    def faces_at(self, vertices: Ints) -> Bools:
+        """(m,) which faces have one of some vertices of the whole, which ascend."""
+        i, j, k = among(vertices, self.vertices)[self.F.T]
+        return i | j | k
+
     def given(self, name: str) -> Any:
-        """(s + b,) values on the seams and the boundary, of those of the whole that are written."""
-        values = self._folder.read(name, "seams", "boundary")
-        return np.concatenate([values["seams"][self.rows], values["boundary"][self.places]])
+        """(k,) values on the seams and the boundary, of the table that is written."""
+        return self._folder.read(name, "table")["table"][self.rows]
 
     def most_central(self) -> Arrays:
         """Find the most central faces by torsion: how central, rows, and smallest angles."""
@@ -184,17 +177,6 @@ class Part:
         best = most_central(central := i + j + k)
         smallest = corner_angles(self.piece.cotangents[best]).min(axis=1)
         return {"central": central[best], "candidates": self.faces[best], "smallest": smallest}
-
-    def some(self, here: Bools | slice, f: Complex) -> Arrays:
-        """Return some faces: rows, corners, positions, images, and which are on the boundary."""
-        F = self.F[here]
-        on_boundary = (self._place >= 0)[F]
-        arrays = self.faces[here], self.vertices[F], self.V[F], f[F], on_boundary
-        return dict(zip(SOME, arrays, strict=True))
-
-    def all(self, name: str) -> Arrays:
-        """Return all faces with the map f that is written."""
-        return self.some(slice(None), self._folder.read(name, "f")["f"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,16 +192,26 @@ class Gathered:
     f: Complex
 
     @classmethod
-    def of(cls, some: Sequence[Arrays]) -> Gathered:
-        """Gather what `Part.some` has returned of several parts."""
-        rows, corners, V, f_corners, border = (np.concatenate([x[k] for x in some]) for k in SOME)
+    def of(
+        cls, folder: Folder, names: Mapping[int, str], chosen: Callable[[Part], Any]
+    ) -> Gathered:
+        """Gather the faces that are `chosen` of some parts, with the maps of these names."""
+
+        def some_of(p: int, name: str) -> tuple[Any, ...]:
+            part, f = Part(folder, p), folder.read(name, "f")["f"]
+            here = chosen(part)
+            F = part.F[here]
+            return part.faces[here], part.vertices[F], part.V[F], f[F]
+
+        found = zip(*(some_of(*pair) for pair in names.items()), strict=True)
+        rows, corners, V, f_corners = map(np.concatenate, found)
         order = np.argsort(rows)
         vertices, F = np.unique(corners, return_inverse=True)
         F = F.reshape(-1, 3)
         positions, f = np.empty((len(vertices), 3)), np.empty(len(vertices), complex)
         positions[F], f[F] = V, f_corners
-        mesh = DiskMesh.piece(positions, F[order], np.unique(F[border]))
-        return cls(rows[order], vertices, mesh, f)
+        border = np.flatnonzero(np.isin(vertices, folder.read("loop")["loop"]))
+        return cls(rows[order], vertices, DiskMesh.piece(positions, F[order], border), f)
 
     def places(self, rows: Ints) -> Ints:
         """Find faces of the whole."""

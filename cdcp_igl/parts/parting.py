@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Floats, Ints, evenly_spaced_rows, size_exponent
+from ..arrays import Ints, evenly_spaced_rows, size_exponent, unit_size
 from ..errors import MeshError
 from ..io import read_mesh
 from ..io.ply import triangles_of_ply
@@ -131,7 +131,7 @@ def number_of_parts(n: int) -> int:
 
 
 class Table:
-    """Rows of arrays that follow one another, which need not fit into memory."""
+    """Rows of arrays that follow one another, or of files of them, which are mapped into memory."""
 
     def __init__(self, *arrays: Any) -> None:
         self._arrays = [_mapped(array) for array in arrays]
@@ -200,6 +200,7 @@ class _Parting:
         manifest = {
             "vertices": len(self.V),
             "faces": len(self.F),
+            "seams": len(seams),
             "levels": self.levels,
             "parts": parts,
             "exponent": exponent,
@@ -214,11 +215,11 @@ class _Parting:
                 refuse(self.V, self.F)
             exponent = max(exponent, size_exponent(block))
         seen = self.V.take(evenly_spaced_rows(len(self.V), SAMPLE))
-        found = cuts(_scaled(seen, exponent), self.levels)
+        found = cuts(unit_size(seen, exponent), self.levels)
         side = np.empty(len(self.V), np.uint16)
         for start, block in self.V.blocks():
             self.progress("cut", start / len(self.V))
-            side[start : start + len(block)] = sides(_scaled(block, exponent), found)
+            side[start : start + len(block)] = sides(unit_size(block, exponent), found)
         return side, exponent
 
     def _part_faces(self, side: Numbers) -> tuple[Numbers, Numbers]:
@@ -257,7 +258,7 @@ class _Parting:
             self.folder / f"part-{part}.npz",
             vertices=vertices,
             faces=faces,
-            V=_scaled(self.V.take(vertices), exponent),
+            V=unit_size(self.V.take(vertices), exponent),
             F=F.reshape(-1, 3),
             row=row,
             own=least[vertices] == part,
@@ -290,10 +291,3 @@ def _mapped(array: Any) -> Array:
         return np.asarray(array)
     except ValueError:  # ragged
         return np.empty(0, dtype=object)
-
-
-def _scaled(block: Array, exponent: int) -> Floats:
-    """(k, 3) positions in the unit of `DiskMesh`."""
-    positions = np.zeros((len(block), 3))
-    positions[:, : block.shape[1]] = block
-    return np.ldexp(positions, -exponent, out=positions)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
@@ -65,24 +65,25 @@ class PartsMap(OntoDisk):
     def read(cls, folder: Folder) -> PartsMap:
         """Read what `write` has written."""
         kinds = get_type_hints(cls)
-        given = _tuples(json.loads((folder.work / RESULT).read_text()))
+        given = json.loads((folder.work / RESULT).read_text(), object_hook=_tuples)
         for name in filter(lambda name: is_dataclass(kinds[name]), given):
-            given[name] = kinds[name](**_tuples(given[name]))
-        mobius, certificate = given["mobius"], given["certificate"]
-        given["mobius"] = replace(mobius, w=complex(*mobius.w))
-        given["certificate"] = replace(certificate, flipped=np.array(certificate.flipped, np.int64))
+            given[name] = kinds[name](**given[name])
+        given["mobius"] = replace(given["mobius"], w=complex(given["mobius"].w))
+        given["certificate"] = replace(given["certificate"], flipped=np.empty(0, np.int64))
         return cls(folder=folder, **given)
 
-    def write(self, names: list[str]) -> None:
+    def write(self, names: dict[int, str]) -> None:
         """Write it, with the coordinates by the results of the parts, and remove what led to it."""
-        for p, name in zip(self.folder.parts, names, strict=True):
+        for p, name in names.items():
             file = BytesIO()  # to files, NumPy does not say why it cannot write
             np.save(file, coordinates(self.folder.read(name, "f")["f"]))
             with whole_file(self._file(p)) as unfinished:
                 unfinished.write_bytes(file.getvalue())
-        told = {field.name: getattr(self, field.name) for field in fields(self)}
+        told = asdict(self)
         del told["folder"]
-        text = json.dumps(told, indent=1, default=_as_json)
+        told["certificate"]["flipped"] = []  # of a valid map
+        told["mobius"]["w"] = str(self.mobius.w)
+        text = json.dumps(told, indent=1)
         write_text(self.folder.work / RESULT, text + "\n")
         for path in self.folder.work.glob("*.npz"):
             path.unlink()
@@ -170,11 +171,8 @@ class PartsMap(OntoDisk):
         return [*super()._steps(), ("files", f"{self.folder.work}; {written}")]
 
     def _details(self) -> dict[str, Any]:
-        return {
-            **super()._details(),
-            "parts": len(self.folder.parts),
-            "moved_bytes": self.moved_bytes,
-        }
+        files = {"parts": len(self.folder.parts), "moved_bytes": self.moved_bytes}
+        return super()._details() | files
 
     def _size(self) -> tuple[int, int]:
         return self.folder.vertices, self.folder.faces
@@ -182,8 +180,7 @@ class PartsMap(OntoDisk):
     def _surface(self) -> tuple[Floats, Ints]:
         raise ValueError("a map in parts is written as .npy; its surface is where it came from")
 
-    @cached_property
-    def _coarse(self) -> Layout:
+    def _layout(self) -> Layout:
         """One vertex for each cell of the disk and of space, and the faces between three cells."""
         cells, triples = [], []
         for part, uv in self._parts():
@@ -208,9 +205,6 @@ class PartsMap(OntoDisk):
             facts=self._facts(self._subject(), f"drawn by {len(cell):,} of them"),
         )
 
-    def _layout(self) -> Layout:
-        return self._coarse
-
     def _repr_html_(self) -> str:
         if not self.folder.work.exists():
             return as_html(*self.summary())
@@ -221,13 +215,6 @@ def _one_each(key: Any, *arrays: Any) -> tuple[Any, ...]:
     """Take the first row of each key, the keys ascending: keys and arrays."""
     _, first = np.unique(key, axis=0, return_index=True)
     return key[first], *(array[first] for array in arrays)
-
-
-def _as_json(x: Any) -> Any:
-    """Make lists of arrays and complex numbers, and a dict of a result of a kind of its own."""
-    if isinstance(x, complex):
-        return [x.real, x.imag]
-    return x.tolist() if isinstance(x, np.ndarray) else vars(x)
 
 
 def _tuples(told: dict[str, Any]) -> dict[str, Any]:

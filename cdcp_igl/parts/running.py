@@ -86,8 +86,8 @@ class Engine:
         of: Iterable[int] | None = None,
         memory: float | None = None,
         advance: Callable[[float], None] = lambda done: None,
-    ) -> list[str]:
-        """Run a step for all parts, or for some parts or cuts: the names of the results.
+    ) -> dict[int, str]:
+        """Run a step for all parts, or for some parts or cuts: the names of their results.
 
         The first thing that goes wrong is raised. What is there already is not computed again.
         """
@@ -100,7 +100,7 @@ class Engine:
                 if isinstance(answer, Exception):
                     raise answer
                 advance(done / len(left))
-        return [step.name for step in steps]
+        return {step.of: step.name for step in steps}
 
     def _answers(self, steps: Sequence[Step]) -> Any:
         if self._pool is not None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from ..arrays import Floats, coordinates, marked
+from ..arrays import Floats, coordinates
 from ..distortion import disk_map_distortion
 from ..errors import MapError, SolverError
 from ..solve.condensed import Condensed
@@ -58,28 +58,25 @@ def examine(folder: Folder, p: int) -> Arrays:
 def eliminate(folder: Folder, p: int) -> Arrays:
     """Condense a part to its seams and its boundary.
 
-    The Schur complement of the seams is written, and beside it what the trace needs: its block to
-    the boundary, the positions there, and the angles around them. Returned are the condensed
-    right-hand side of the torsion function, and the most that its sum over a face can be with 0 on
-    the seams.
+    The Schur complement of the seams is written. Returned are the condensed right-hand side of the
+    torsion function, and the most that its sum over a face can be with 0 on the seams; and what
+    the trace needs: the block of the seams and the boundary, positions, and angles around them.
     """
     part = Part(folder, p)
-    rows, k = part.rows, len(part.rows)
-    condensed = Condensed(cotangent_laplacian(part.piece), part.V, part.piece.loop)
+    loop, rows = part.piece.loop, part.rows
+    condensed = Condensed(cotangent_laplacian(part.piece), part.V, loop)
     u, torsion = condensed.solve(part.sources)
-    schur = condensed.schur
-    folder.write(f"schur-{folder.n_leaves + p}", rows=rows, schur=schur[:k, :k])
-    around = np.bincount(part.F.ravel(), part.piece.angles.ravel(), len(part.V))
-    folder.write(
-        f"side-{p}",
-        rows=rows,
-        places=part.places,
-        side=schur[:k, k:],
-        positions=part.V[part.border],
-        around=around[part.border],
-    )
-    most = u[part.F].sum(axis=1).max()
-    return {"rows": rows, "torsion": torsion[:k], "most": most, "order": condensed.order}
+    k = np.count_nonzero(rows < folder.seams)
+    folder.write(f"schur-{folder.n_leaves + p}", rows=rows[:k], schur=condensed.schur[:k, :k])
+    return {
+        "rows": rows,
+        "torsion": torsion,
+        "most": u[part.F].sum(axis=1).max(),
+        "order": condensed.order,
+        "side": condensed.schur[:k, k:],
+        "positions": part.V[loop],
+        "around": np.bincount(part.F.ravel(), part.piece.angles.ravel(), len(part.V))[loop],
+    }
 
 
 def merge(folder: Folder, node: int) -> Arrays:
@@ -120,41 +117,36 @@ def dipole(folder: Folder, p: int, face: int) -> Arrays:
     """Condense the dipole on a face of a part: what flows into its seams and its boundary."""
     part = Part(folder, p)
     row = int(np.searchsorted(part.faces, face))
-    flux = boundary_flux(part.factored, face_dipole(part.piece, row))
-    k = len(part.rows)
     return {
         "rows": part.rows,
-        "seams": flux[:k],
-        "places": part.places,
-        "boundary": flux[k:],
-        "on_boundary": np.isin(part.F[row], part.border).any(),
+        "flux": boundary_flux(part.factored, face_dipole(part.piece, row)),
+        "on_boundary": part.on_boundary[part.F[row]].any(),
     }
 
 
 def extend(folder: Folder, p: int, face: int) -> Arrays:
     """Extend the values of seams and boundary harmonically, eq. (10): ``f`` (n,).
 
-    They are those of a central face. Also some faces of the ``sample``; and if this face was found
-    by the torsion function, the most central faces.
+    They are those of a central face; if this was found by the torsion function, the most central
+    faces are returned, too.
     """
     part = Part(folder, p)
     f = harmonic_extension(part.factored, part.given(f"values-{face}"))
-    most_central = part.most_central() if folder.has("torsion") else {}
-    here = among(folder.read("sample")["faces"], part.faces)
-    return {"f": f, **most_central, **part.some(here, f)}
+    return {"f": f, **(part.most_central() if folder.has("torsion") else {})}
 
 
-def finish(folder: Folder, p: int, face: int, w: complex, values: str) -> Arrays:
+def finish(folder: Folder, p: int, face: int, values: str) -> Arrays:
     """Apply a Möbius transformation to f, and certify the part on the coordinates as written.
 
     ``f`` (n,) has the values of seams and boundary bit by bit as they are given: both sides of
     a seam certify the same. ``degrees`` are sums of the angular distortion: number, sum, sum of
     squares and maximum, and the same of faces inscribed in the circle, which are not among the
     first. ``lost``: the number of faces without area as texture coordinates in single precision,
-    their area, and that of all. And the faces at the vertices of the judged ones.
+    their area, and that of all.
     """
-    part, given = Part(folder, p), folder.read(values, "turn", "vertices", "moved")
-    f = mobius_transformation(folder.read(named(extend, p, face), "f")["f"], w) / given["turn"]
+    part, given = Part(folder, p), folder.read(values, "w", "turn", "vertices", "moved")
+    f = folder.read(named(extend, p, face), "f")["f"]
+    f = mobius_transformation(f, complex(given["w"])) / given["turn"]
     f[part.piece.loop] = part.given(values)
     moved = given["vertices"].astype(int)
     f[among(moved, part.vertices)] = given["moved"][among(part.vertices, moved)]
@@ -163,8 +155,7 @@ def finish(folder: Folder, p: int, face: int, w: complex, values: str) -> Arrays
         raise MapError(f"The map of part {p} is not finite. If the mesh has slivers, remesh it.")
     flipped, n_exact = flipped_faces(f, part.F)
     degrees = disk_map_distortion(part.piece, uv)
-    inscribed = marked(len(f), part.border)[part.F].all(axis=1)
-    i, j, k = among(folder.read("near")["vertices"], part.vertices)[part.F.T]
+    inscribed = part.on_boundary[part.F].all(axis=1)
     lost, areas = lost_in_single_precision((uv + 1) / 2, part.F), face_areas(part.V, part.F)
     return {
         "f": f,
@@ -172,7 +163,6 @@ def finish(folder: Folder, p: int, face: int, w: complex, values: str) -> Arrays
         "n_exact": n_exact,
         "degrees": np.array([_sums(degrees[~inscribed]), _sums(degrees[inscribed])]),
         "lost": np.array([len(lost), areas[lost].sum(), areas.sum()]),
-        **part.some(i | j | k, f),
     }
 
 

@@ -37,6 +37,11 @@ class Cholesky(ABC):
     permutation: Indices  # row i of Q A Q^T is row permutation[i] of A
     _factor: Any = None
 
+    @classmethod
+    def described(cls, ordering: str) -> str:
+        """Say which solver this is, and in which order it eliminates."""
+        return f"{cls.LIBRARY} ({cls.PACKAGE}, {ordering}, {cls.MODE} mode)"
+
     def __init__(self, A: spmatrix, ordering: Ordering = "amd") -> None:
         with self._errors(A.shape[0]):
             converted = self._converted(_writeable(A))

@@ -46,8 +46,7 @@ class FactoredSurface:
         self.mesh, self.laplacian = mesh, laplacian
         self.rows, self._cholesky = rows, cholesky
         self.order = rows[cholesky.permutation]
-        library = f"{cholesky.LIBRARY} ({cholesky.PACKAGE}"
-        self.solver = f"{library}, {name} ordering, {cholesky.MODE} mode)"
+        self.solver = cholesky.described(f"{name} ordering")
 
     @classmethod
     def of(cls, mesh: DiskMesh) -> FactoredSurface:
