@@ -97,6 +97,8 @@ class AnnulusMap(RefinedMap, Bijection):
     _n_faces: int
 
     _kind = "annulus"
+    _plane = "Ring"
+    _reported = ("modulus", "modulus_bounds", "radius", "boundary", "filled")
 
     def packed(self) -> Floats:
         """Return the square around the ring, scaled to the unit square: texture coordinates."""
@@ -117,14 +119,7 @@ class AnnulusMap(RefinedMap, Bijection):
         ]
 
     def _details(self) -> dict[str, Any]:
-        return {
-            "modulus": self.modulus,
-            "modulus_bounds": list(self.modulus_bounds),
-            "radius": self.radius,
-            "boundary": self.boundary,
-            "filled": self.filled,
-            **super()._details(),
-        }
+        return super()._details() | {"modulus_bounds": list(self.modulus_bounds)}
 
     def _surface(self) -> tuple[Floats, Ints]:
         return self.mesh.positions[: len(self.uv)], self._faces
@@ -149,18 +144,8 @@ class AnnulusMap(RefinedMap, Bijection):
         return FaceFinder(F, edges, np.append(as_complex(self._images), 0), self._n_faces)
 
     def _layout(self) -> Layout:
-        n, m = len(self.uv), self._n_faces
-        return Layout(
-            V=self.mesh.V[:n],
-            F=self._faces,
-            uv=self.uv,
-            vertices=np.arange(n),
-            faces=np.arange(m),
-            plane="Ring",
-            distortion=self.distortion,
-            flipped=len(self.certificate.flipped),
-            facts=self._facts(self._subject(), self._key_figure()),
-        )
+        V = self.mesh.V[: len(self.uv)]
+        return self._drawn(V, self._faces, self.uv, self._key_figure())
 
 
 @takes_meshes

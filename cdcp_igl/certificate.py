@@ -39,7 +39,8 @@ class Verified(ABC):
 
     def report(self) -> dict[str, Any]:
         """Return it as JSON types."""
-        return {KEYS.get(name, name): _plain(value) for name, value in vars(self).items()}
+        plain = {n: x.tolist() if isinstance(x, np.ndarray) else x for n, x in vars(self).items()}
+        return {KEYS.get(name, name): value for name, value in plain.items()}
 
     def __str__(self) -> str:
         if not self.finite:
@@ -55,10 +56,6 @@ class Verified(ABC):
     @abstractmethod
     def _said(self) -> str:
         """Say what else was verified."""
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 @dataclass(frozen=True, eq=False)

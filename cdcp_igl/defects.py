@@ -10,36 +10,29 @@ from __future__ import annotations
 from typing import NamedTuple
 
 # What the remedies call: functions for who has arrays, commands for who has files.
-IN_PYTHON = {
-    "clean": "cdcp_igl.clean",
-    "cut": "cdcp_igl.cut",
-    "with_path": "with cdcp_igl.cut(V, F, path)",
-    "surface_map": "cdcp_igl.surface_map",
-    "surface_map_unmerged": "cdcp_igl.surface_map with merge=False",
-    "disk_map": "cdcp_igl.disk_map",
-    "sphere_map": "cdcp_igl.sphere_map",
-    "annulus_map": "cdcp_igl.annulus_map",
-    "clean_and_cut": "cdcp_igl.clean and cdcp_igl.surface_map",
-    "batch": "cdcp_igl.batch",
+CALLS = {
+    "clean": ("cdcp_igl.clean", "cdcp-igl map --clean"),
+    "cut": ("cdcp_igl.cut", "cdcp-igl map --cut"),
+    "with_path": ("with cdcp_igl.cut(V, F, path)", "in a program for meshes"),
+    "surface_map": ("cdcp_igl.surface_map", "cdcp-igl map --cut"),
+    "surface_map_unmerged": (
+        "cdcp_igl.surface_map with merge=False",
+        "cdcp-igl map, without --cut, which would merge it again,",
+    ),
+    "disk_map": ("cdcp_igl.disk_map", "cdcp-igl map"),
+    "sphere_map": ("cdcp_igl.sphere_map", "cdcp-igl map --sphere"),
+    "annulus_map": ("cdcp_igl.annulus_map", "cdcp-igl map --annulus"),
+    "clean_and_cut": ("cdcp_igl.clean and cdcp_igl.surface_map", "cdcp-igl map --clean --cut"),
+    "batch": ("cdcp_igl.batch", "cdcp-igl batch"),
 }
-IN_SHELL = {
-    "clean": "cdcp-igl map --clean",
-    "cut": "cdcp-igl map --cut",
-    "with_path": "in a program for meshes",
-    "surface_map": "cdcp-igl map --cut",
-    "surface_map_unmerged": "cdcp-igl map, without --cut, which would merge it again,",
-    "disk_map": "cdcp-igl map",
-    "sphere_map": "cdcp-igl map --sphere",
-    "annulus_map": "cdcp-igl map --annulus",
-    "clean_and_cut": "cdcp-igl map --clean --cut",
-    "batch": "cdcp-igl batch",
-}
+IN_PYTHON, IN_SHELL = ({call: names[k] for call, names in CALLS.items()} for k in (0, 1))
+CLEAN, CUT = "--clean", "--cut"
 
 
 def as_commands(text: str) -> str:
     """Name commands in a text in the place of functions."""
-    for call, name in sorted(IN_PYTHON.items(), key=lambda item: -len(item[1])):
-        text = text.replace(name, IN_SHELL[call])
+    for function, command in sorted(CALLS.values(), key=lambda names: -len(names[0])):
+        text = text.replace(function, command)
     return text
 
 
@@ -53,8 +46,7 @@ class Row(NamedTuple):
     call: str  # what to do; in braces a key of the names above
     subject: tuple[str, str] | None = None  # of one, of several
     kind: str = "faces"  # what is counted
-    cleaned: bool = False  # `clean` mends it
-    cut: bool = False  # `surface_map` maps it, cut open
+    by: tuple[str, ...] = ()  # what copes with it: CLEAN mends it, CUT maps it, cut open
 
     @property
     def remedy(self) -> str:
@@ -95,7 +87,7 @@ DEFECTS = {
         "Restore the coordinates; {clean} drops these vertices with their faces.",
         subject=("vertex has", "vertices have"),
         kind="vertices",
-        cleaned=True,
+        by=(CLEAN,),
     ),
     "non-finite coordinate, of a map": Row(
         "a NaN or infinite coordinate in uv",
@@ -145,31 +137,27 @@ DEFECTS = {
         "the same vertex at two corners",
         "Drop these faces, as {clean} and {surface_map} do.",
         subject=("face has", "faces have"),
-        cleaned=True,
-        cut=True,
+        by=(CLEAN, CUT),
     ),
     "unreferenced vertex": Row(
         "to no face",
         "Drop them and renumber F, as {clean} does; {surface_map} ignores them.",
         subject=("vertex belongs", "vertices belong"),
         kind="vertices",
-        cleaned=True,
-        cut=True,
+        by=(CLEAN, CUT),
     ),
     "duplicate face": Row(
         "the corners of another",
         "Drop these faces, as {clean} and {surface_map} do.",
         subject=("face repeats", "faces repeat"),
-        cleaned=True,
-        cut=True,
+        by=(CLEAN, CUT),
     ),
     "degenerate face": Row(
         "no area to speak of",
         "Merge coinciding vertices, and collapse or flip the slivers; {clean} and {surface_map} "
         "merge, and drop what is left of them.",
         subject=("face has", "faces have"),
-        cleaned=True,
-        cut=True,
+        by=(CLEAN, CUT),
     ),
     # How faces hang together
     "non-manifold edge": Row(
@@ -178,8 +166,7 @@ DEFECTS = {
         "them, {surface_map} maps them all.",
         subject=("edge lies", "edges lie"),
         kind="edges",
-        cleaned=True,
-        cut=True,
+        by=(CLEAN, CUT),
     ),
     "not orientable": Row(
         "The surface is one-sided, like a Möbius strip",
@@ -190,39 +177,35 @@ DEFECTS = {
         "oriented unlike the others",
         "Reverse the corners of these faces, as {clean} and {surface_map} do.",
         subject=("face is", "faces are"),
-        cleaned=True,
-        cut=True,
+        by=(CLEAN, CUT),
     ),
     "several components": Row(
         "{parts:,} components, the largest with {largest:,} of {faces:,} faces",
         "{clean} keeps the largest, {surface_map} maps each of them.",
-        cleaned=True,
-        cut=True,
+        by=(CLEAN, CUT),
     ),
     "several components, coinciding": Row(
         "{parts:,} components, the largest with {largest:,} of {faces:,} faces",
         "{clean} keeps the largest, {surface_map} maps each of them. Some vertices coincide: both "
         "merge them along seams, which may join the parts.",
-        cleaned=True,
-        cut=True,
+        by=(CLEAN, CUT),
     ),
     "non-manifold vertex": Row(
         "several fans of faces",
         "Split each into one copy a fan, as {clean} and {surface_map} do.",
         subject=("vertex joins", "vertices join"),
         kind="vertices",
-        cleaned=True,
-        cut=True,
+        by=(CLEAN, CUT),
     ),
     "closed surface": Row(
         "The surface has no boundary",
         "{sphere_map} maps it onto a sphere; {surface_map} cuts it open, and maps it.",
-        cut=True,
+        by=(CUT,),
     ),
     "closed surface, with handles": Row(
         "The surface has no boundary",
         "{surface_map} cuts it open, and maps it.",
-        cut=True,
+        by=(CUT,),
     ),
     "boundary": Row(
         "The boundary loops of the surface are {loops:,}, a sphere has none",
@@ -233,8 +216,7 @@ DEFECTS = {
         "{loops:,} boundary loops, the outer one with {outer:,} vertices",
         "{clean} fills the holes, {cut} joins the loops by cuts.",
         kind="vertices",
-        cleaned=True,
-        cut=True,
+        by=(CLEAN, CUT),
     ),
     "one boundary loop": Row(
         "The surface has one boundary loop, an annulus has two", "{disk_map} maps it."
@@ -250,7 +232,7 @@ DEFECTS = {
     "handle": Row(
         "The surface has genus {genus}, a disk has 0",
         "{surface_map} cuts each handle open, and maps it.",
-        cut=True,
+        by=(CUT,),
     ),
     # What was asked for
     "nothing left": Row("{done}, and no face is left", "Restore the mesh."),

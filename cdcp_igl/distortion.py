@@ -122,8 +122,8 @@ def quasi_conformal_dilatation(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Flo
     >>> cdcp_igl.quasi_conformal_dilatation(V, F, stretched)
     array([2., 2.])
     """
-    positions, faces, z = _surface_and_image(V, F, uv)
-    return face_dilatation(positions, faces, z)
+    positions, faces, image = _surface_and_points(V, F, uv, (2,))
+    return face_dilatation(positions, faces, as_complex(image))
 
 
 @takes_meshes
@@ -210,12 +210,6 @@ def area_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = (image / image.sum()) / (surface / surface.sum())
         return np.where(ratio > 0, np.log(ratio), -np.inf)
-
-
-def _surface_and_image(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> tuple[Floats, Ints, Complex]:
-    """Check the arguments of a measure of distortion; uv as complex numbers."""
-    positions, faces, image = _surface_and_points(V, F, uv, (2,))
-    return positions, faces, as_complex(image)
 
 
 def _surface_and_points(

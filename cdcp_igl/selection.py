@@ -44,9 +44,8 @@ Repairing = Callable[[DiskMesh, Complex], tuple[Complex, Repair]]
 
 def is_good(first: Candidate, harmonic: HarmonicMap, options: Options) -> bool:
     """Whether the map of Algorithm 1 needs no rescue."""
-    if _is_doubtful(first, options, harmonic.surface.mesh):
-        return False
-    return options.preset == "paper" or not harmonic.needs_correction
+    done = options.preset == "paper" or not harmonic.needs_correction
+    return done and not _is_doubtful(first, options, harmonic.surface.mesh)
 
 
 def _is_doubtful(candidate: Candidate, options: Options, mesh: DiskMesh) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -92,6 +92,8 @@ class SphereMap(RefinedMap, Bijection):
     laplacian: str
 
     _kind = "sphere"
+    _plane = "Sphere"
+    _reported = ("pole", "laplacian", "mobius")
 
     @cached_property
     def uv(self) -> Floats:  # type: ignore[override]
@@ -183,14 +185,6 @@ class SphereMap(RefinedMap, Bijection):
             *super()._steps(),
         ]
 
-    def _details(self) -> dict[str, Any]:
-        return {
-            "pole": self.pole,
-            "laplacian": self.laplacian,
-            "mobius": self.mobius,
-            **super()._details(),
-        }
-
     def _surface(self) -> tuple[Floats, Ints]:
         return self.mesh.positions, self.mesh.F
 
@@ -200,19 +194,9 @@ class SphereMap(RefinedMap, Bijection):
         uv = np.empty((len(name), 2))
         F = corner.reshape(-1, 3)
         uv[F] = self.uv / self._reach
-        return Layout(
-            V=self.mesh.V[name // 2],
-            F=F,
-            uv=uv,
-            vertices=name // 2,
-            faces=np.arange(len(F)),
-            plane="Sphere",
-            scale=self._reach,
-            distortion=self.distortion,
-            flipped=len(self.certificate.flipped),
-            facts=self._facts(self._subject()),
-            ball=self.points[name // 2],
-        )
+        rows = name // 2
+        also = {"scale": self._reach, "ball": self.points[rows], "vertices": rows}
+        return self._drawn(self.mesh.V[rows], F, uv, **also)
 
 
 @takes_meshes

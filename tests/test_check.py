@@ -12,7 +12,7 @@ from typer.main import get_command
 
 import cdcp_igl
 from cdcp_igl.command_line.program import app
-from cdcp_igl.defects import DEFECTS
+from cdcp_igl.defects import CLEAN, CUT, DEFECTS
 from cdcp_igl.io import read_mesh
 from cdcp_igl.surface.mesh import DiskMesh
 
@@ -224,10 +224,10 @@ def test_the_next_step_and_the_remedies_are_what_works(case):
         assert f"Next: {defect.remedy_in_shell}" in report.in_shell
     for defect in report.defects:
         assert defect.in_shell in report.in_shell
-        if DEFECTS[defect.name].cleaned:
+        if CLEAN in DEFECTS[defect.name].by:
             assert "cdcp_igl.clean" in defect.remedy
             assert "--clean" in defect.remedy_in_shell
-        if DEFECTS[defect.name].cut:
+        if CUT in DEFECTS[defect.name].by:
             assert "cdcp_igl.cut" in defect.remedy or "cdcp_igl.surface_map" in defect.remedy
             assert "--cut" in defect.remedy_in_shell
 

@@ -21,7 +21,7 @@ FLOORS = (
     {"certificate", "distortion"},
     {"plot"},
     {"solve"},
-    {"steps"},
+    {"steps", "pool"},
     {"rescue"},
     {"result"},
     {"selection"},

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import warnings
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import closing, suppress
@@ -17,10 +16,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from cdcp_igl.batching.journal import Journal, journal_lines
-from cdcp_igl.batching.pool import Pool
+from cdcp_igl.pool import Pool, same_modules
 from cdcp_igl.printing import finite
-
-from ..records.store import ROOT
 
 Jobs = Annotated[int, typer.Option(min=1, help="Cases side by side.")]
 WorkFolder = Annotated[
@@ -82,11 +79,11 @@ def kept_answers(
     """
     kinds = {type(row) for row in requests.values()}
     folder.mkdir(parents=True, exist_ok=True)
-    os.environ["PYTHONPATH"] = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    pool = Pool(jobs, seconds, attempts=1, environment=same_modules())
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with (
         Journal(folder) as journal,
-        closing(Pool(jobs, seconds)) as pool,
+        closing(pool),
         Progress(*columns, console=console, transient=True) as bar,
     ):
         rows = {key(row): row for kind in kinds for row in _kept(folder, kind)}

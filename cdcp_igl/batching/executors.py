@@ -7,8 +7,7 @@ from collections.abc import Generator, Sequence
 from concurrent.futures import BrokenExecutor, Future, as_completed
 from typing import Any
 
-from .pool import ATTEMPTS, Answer, Job
-from .work import Unwritten
+from ..pool import ATTEMPTS, Answer, Job, Unwritten
 
 SUSPECTED = "a worker of the executor died while it mapped this surface, or another beside it"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import errno
 import json
 import math
@@ -18,7 +17,7 @@ except ModuleNotFoundError:  # Windows: two batches in one folder are not kept a
     fcntl = None  # type: ignore[assignment]
 
 from ..errors import printable
-from ..io.output import whole_file
+from ..io.output import write_table
 from ..printing import finite
 from .names import Shard
 
@@ -168,12 +167,8 @@ SUMMARY_BEGINS = "name,input,"
 
 def write_summary(path: Path, records: Iterable[Record]) -> None:
     """Write one line for each surface, empty where there is no number."""
-    with (
-        whole_file(path) as unfinished,
-        unfinished.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file,
-    ):
-        writer = csv.DictWriter(file, COLUMNS)
-        writer.writeheader()
-        for record in records:
-            texts = {"input": printable(record.input), "changes": " ".join(record.changes)}
-            writer.writerow(record.values() | texts)
+    rows = (
+        record.values() | {"input": printable(record.input), "changes": " ".join(record.changes)}
+        for record in records
+    )
+    write_table(path, COLUMNS, rows)

@@ -20,6 +20,7 @@ from ..errors import counted, printable
 from ..io import WRITABLE
 from ..io.output import try_to_write, whole_file
 from ..one_file import Settings
+from ..pool import Pool
 from .executors import run_on
 from .journal import (
     DONE,
@@ -32,7 +33,6 @@ from .journal import (
 )
 from .names import located, result_names, shard_of, surface_files
 from .page import PAGE_BEGINS, report_page
-from .pool import Pool
 from .work import Task
 
 SAME = "same"
@@ -194,8 +194,7 @@ def batch(
     """
     settings = Settings(disk, clean, cut, free, onto, options)
     _check_format(format)
-    limits = {"time_limit": time_limit, "memory_limit": memory_limit}
-    if executor is not None and (jobs, *limits.values()) != (1, np.inf, np.inf):
+    if executor is not None and (jobs, time_limit, memory_limit) != (1, np.inf, np.inf):
         raise ValueError("jobs and limits are those of the executor; give one or the other")
     if jobs < 1:
         raise ValueError(f"jobs must be 1 or more, not {jobs!r}")
@@ -246,7 +245,7 @@ def batch(
                 else:
                     left[task.name] = task
             to_map = list(left.values())
-            pool = Pool(jobs, **limits)
+            pool = Pool(jobs, time_limit, memory_limit)
             made = pool.run(to_map) if executor is None else run_on(executor, to_map)
             with closing(pool), closing(made):
                 for record in made:

@@ -15,6 +15,7 @@ from .. import __version__
 from ..errors import printable
 from ..io import read_polygons
 from ..one_file import Mapped, Settings, map_one
+from ..pool import Unwritten
 from ..processes import forget_peak_memory, peak_memory
 from .journal import DONE, FAILED, REFUSED, Record
 
@@ -25,10 +26,6 @@ MIB_OF_PYTHON = 150.0
 
 # The fewest bytes that a vertex and its two faces take in each kind of file.
 BYTES_PER_VERTEX = {".npz": 36, ".obj": 40, ".off": 40, ".ply": 36, ".stl": 100}
-
-
-class Unwritten(OSError):
-    """A result could not be written, which is no fault of the surface."""
 
 
 @dataclass(frozen=True)

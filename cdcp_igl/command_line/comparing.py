@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -64,7 +63,7 @@ def compare_command(
     from ..algorithm import disk_map
     from ..errors import printable
     from ..io import read_polygons
-    from ..io.output import whole_file, write_text
+    from ..io.output import whole_file, write_table, write_text
     from ..io.polygons import naming_polygons
     from ..reference.case import run_case
     from ..sphere import sphere_map
@@ -101,7 +100,7 @@ def compare_command(
             surfaces = [(*opened, plane), (V, F, spheres)]
         for P, G, wanted in surfaces:
             made = []
-            with writing(), progress_bar() as progress:  # what each process is given is a file
+            with writing(), progress_bar() as progress:  # what each process says is a file
                 for done, method in enumerate(wanted):
                     progress(method, done / len(wanted))
                     made.append(run_case(method, P, G, time_limit=time_limit))
@@ -122,13 +121,7 @@ def compare_command(
         if json_file:
             write_text(json_file, json.dumps(table, indent=2, ensure_ascii=False) + "\n")
         if csv_file:
-            with (
-                whole_file(csv_file) as unfinished,
-                unfinished.open("w", newline="", encoding="utf-8") as file,
-            ):
-                writer = csv.DictWriter(file, table[0])
-                writer.writeheader()
-                writer.writerows(table)
+            write_table(csv_file, table[0], table)
         if picture:
             with whole_file(picture) as unfinished:
                 side_by_side(rows, names=names).savefig(unfinished)

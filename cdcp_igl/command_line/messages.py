@@ -65,13 +65,13 @@ def exit_codes(
 
 
 def _options_that_map(defects: Iterable[Defect], tried: Sequence[str]) -> str:
-    from ..defects import DEFECTS
+    from ..defects import CLEAN, CUT, DEFECTS
 
-    rows = [DEFECTS[defect.name] for defect in defects]
-    if not all(row.cut or row.cleaned for row in rows):
+    ways = [DEFECTS[defect.name].by for defect in defects]
+    if not all(ways):
         return ""
-    cleans = "--clean" in tried or not all(row.cut for row in rows)
-    options = ["--clean", "--cut"] if cleans else ["--cut"]
+    cleans = CLEAN in tried or not all(CUT in by for by in ways)
+    options = [CLEAN, CUT] if cleans else [CUT]
     return "" if options == list(tried) else " ".join(options)
 
 

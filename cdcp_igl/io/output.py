@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import csv
 import errno
 import os
 import secrets
 import shutil
 import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from itertools import count
 from os import PathLike
 from pathlib import Path
 from platform import node
+from typing import Any
 from zlib import crc32
 
 # The name of an unfinished file tells who writes it: the machine, as several may share the
@@ -72,6 +74,17 @@ def write_text(path: str | PathLike[str], text: str) -> None:
     """Write a whole file of text in UTF-8."""
     with whole_file(path) as unfinished:
         unfinished.write_text(text, encoding="utf-8")
+
+
+def write_table(path: str | PathLike[str], columns: Collection[str], rows: Iterable[Any]) -> None:
+    """Write a whole csv file of rows that have the columns as keys, empty where there is None."""
+    with (
+        whole_file(path) as unfinished,
+        unfinished.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file,
+    ):
+        writer: csv.DictWriter[str] = csv.DictWriter(file, columns)
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 class _Tried(Exception):

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..batching.executors import run_on
-from ..batching.pool import Pool
 from ..batching.work import MIB_OF_PYTHON
+from ..pool import Pool
 from ..solve.memory import require
 from ..solve.solvers import SolverName, using
 from ..solve.threads import one_thread

@@ -6,6 +6,7 @@ million faces in seconds, and draws the same on every machine.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,14 +90,14 @@ def sample(points: Floats, F: Ints, side: int, window: Window) -> Raster:
     face = np.full(side * side, -1)
     second, third = np.zeros((2, side * side))  # of the barycentric coordinates
     nearest = np.full(side * side, -np.inf)
-    planes = _Planes.of(x, y, depth, F)
+    planes = _planes(x, y, depth, F)
     for width in np.unique(reach):
         alike = np.flatnonzero(reach == width)
         step_y, step_x = (step.ravel() for step in np.mgrid[:width, :width])
         for chunk in np.array_split(alike, 1 + len(alike) * width**2 // CHUNK):
             column = left[chunk, None] + step_x
             row = top[chunk, None] + step_y
-            v, w, z = planes.at(of[chunk], column, row)
+            v, w, z = planes(of[chunk], column, row)
             inside = (v >= -ROUNDING) & (w >= -ROUNDING) & (v + w <= 1 + ROUNDING)
             inside &= (column >= 0) & (column < side) & (row >= 0) & (row < side)
             pixel, z = (row * side + column)[inside], z[inside]
@@ -128,30 +129,22 @@ def in_window(points: Floats, side: int, window: Window) -> Floats:
     return (points[:, :2] - [left, top]) * [1, -1] * side / (right - left)
 
 
-@dataclass(frozen=True)
-class _Planes:
-    """Of each face, what is linear in the plane of the picture, from its first corner on."""
+def _planes(x: Floats, y: Floats, depth: Floats, F: Ints) -> Callable[..., list[Floats]]:
+    """Make of faces what is linear in the plane of the picture: two coordinates, and depth.
 
-    x: Floats
-    y: Floats
-    slopes: Floats  # (m, 3, 2) of two barycentric coordinates and depth; NaN without area
-    depth: Floats
+    It takes (k,) faces and (k, s) columns and rows, and returns (k, s) each; NaN without area.
+    """
+    i, j, k = F.T
+    (ax, ay, az), (bx, by, bz) = ([c[e] - c[i] for c in (x, y, depth)] for e in (j, k))
+    with np.errstate(all="ignore"):
+        v, w = np.stack([[by, -bx], [-ay, ax]]) / (ax * by - ay * bx)
+        slopes = np.stack([v, w, az * v + bz * w]).transpose(2, 0, 1)  # by x and by y
+    slopes[~np.isfinite(slopes).all(axis=(1, 2))] = np.nan
 
-    @classmethod
-    def of(cls, x: Floats, y: Floats, depth: Floats, F: Ints) -> _Planes:
-        i, j, k = F.T
-        (ax, ay, az), (bx, by, bz) = ([c[e] - c[i] for c in (x, y, depth)] for e in (j, k))
-        with np.errstate(all="ignore"):
-            v, w = np.stack([[by, -bx], [-ay, ax]]) / (ax * by - ay * bx)
-            slopes = np.stack([v, w, az * v + bz * w]).transpose(2, 0, 1)
-        slopes[~np.isfinite(slopes).all(axis=(1, 2))] = np.nan
-        return cls(x[i], y[i], slopes, depth[i])
+    def at(faces: Ints, column: Ints, row: Ints) -> list[Floats]:
+        dx, dy = column - x[i[faces], None], row - y[i[faces], None]
+        by_x, by_y = slopes[faces, ..., None].transpose(2, 1, 0, 3)
+        v, w, z = by_x * dx + by_y * dy
+        return [v, w, depth[i[faces], None] + z]
 
-    def at(self, faces: Ints, column: Ints, row: Ints) -> tuple[Floats, Floats, Floats]:
-        """Second and third coordinate and depth, each (faces, samples)."""
-        dx, dy = column - self.x[faces, None], row - self.y[faces, None]
-        v, w, z = (
-            self.slopes[faces, None, q, 0] * dx + self.slopes[faces, None, q, 1] * dy
-            for q in range(3)
-        )
-        return v, w, self.depth[faces, None] + z
+    return at

@@ -1,20 +1,12 @@
-"""One method on one mesh, in a process of its own: what comparisons are made of.
-
-Run as ``python -m cdcp_igl.reference.case TABLE METHOD MESH.npz RESULT.npz`` it is that process.
-"""
+"""One method on one mesh, in a process of its own: what comparisons are made of."""
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import asdict, dataclass, field, fields
 from importlib import import_module
-from pathlib import Path
-from tempfile import TemporaryDirectory
-from time import monotonic, perf_counter
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -24,16 +16,15 @@ from ..arrays import Floats, Ints
 from ..certificate import Certificate, SphereCertificate, certify, certify_sphere
 from ..distortion import AngleDistortion, angle_distortion, area_distortion
 from ..errors import MapError, SolverError
-from ..io.output import whole_file
+from ..pool import Pool, same_modules
 from ..printing import finite
-from ..processes import cause_of_death, peak_memory, resident
+from ..processes import peak_memory
 from ..result.base import Result
 from ..sphere import SphereMap
 from ..surface.mesh import DiskMesh, SphereMesh
 
 OK = "ok"
 TOO_LONG, TOO_LARGE = "no result within", "more than"  # begin the outcomes of the two limits
-POLL = 0.05  # seconds between two looks at the memory of the process
 
 
 @dataclass(frozen=True)
@@ -83,71 +74,48 @@ def run_case(
 ) -> tuple[Case, Floats | None]:
     """Run a method in a fresh process, which it may crash; return the map if it is valid.
 
-    The process is killed beyond limits of seconds and resident MiB. (Address space, which the
-    system could limit by itself, says little: libraries reserve much that they never use.)
-
-    The table is ``"module:name"`` of a mapping from names to `reference.Method`. A function in it
-    may also return a result such as a `DiskMap`, or a `Timed` with boundary ``"none"``. If the
-    method has a ``prepare``, that is called first and does not count. OSError if no file can be
-    written.
+    The limits are those of a `Pool`. The table is ``"module:name"`` of a mapping from names to
+    `reference.Method`. A function in it may also return a result such as a `DiskMap`, or a `Timed`
+    with boundary ``"none"``. If the method has a ``prepare``, that is called first and does not
+    count.
     """
-    boundary = _table(table)[method].boundary
-    with TemporaryDirectory(prefix="cdcp_igl-") as folder:
-        mesh, result, errors = (Path(folder, name) for name in ("mesh.npz", "result.npz", "errors"))
-        with whole_file(mesh) as unfinished:  # whose errors have its name
-            np.savez(unfinished, V=V, F=F)
-        # -P: what lies in the folder where the user works is no module.
-        command = [sys.executable, "-P", "-m", "cdcp_igl.reference.case"]
-        command += [table, method, str(mesh), str(result)]
-        # It has to find the same modules as this process.
-        path = os.pathsep.join(entry for entry in sys.path if entry)
-        with errors.open("wb") as stderr:
-            process = subprocess.Popen(
-                command,
-                stdout=subprocess.DEVNULL,
-                stderr=stderr,
-                env=os.environ | {"PYTHONPATH": path},
-            )
-            try:
-                excess = _watch(process, time_limit, memory_limit)
-            finally:
-                process.kill()
-                process.wait()
-        if excess:
-            return Case(method, boundary, excess), None
-        if process.returncode or not result.exists():
-            cause = cause_of_death(process.returncode, errors.read_text())
-            return Case(method, boundary, cause), None
-        with np.load(result) as saved:
-            measured = json.loads(str(saved["measured"]))
-            uv = saved.get("uv")
-    return Case(method, boundary, **measured), uv
+    pool = Pool(1, time_limit, memory_limit, attempts=1, environment=same_modules())
+    with closing(pool):
+        (answer,) = pool.run([_Run(method, np.asarray(V), np.asarray(F), table)])
+    return answer
 
 
-def _table(name: str) -> Mapping[str, Any]:
-    module, _, attribute = name.partition(":")
-    return getattr(import_module(module), attribute)
+@dataclass(frozen=True)
+class _Run:
+    """A `Job`: a method, by its name in a table, on a surface."""
+
+    name: str
+    V: Floats
+    F: Ints
+    table: str
+    draft: str = ""
+    memory: float = 0
+
+    @property
+    def _method(self) -> Any:
+        module, _, attribute = self.table.partition(":")
+        return getattr(import_module(module), attribute)[self.name]
+
+    def run(self) -> tuple[Case, Floats | None]:
+        """Measure the method."""
+        measured, uv = measure(self._method, self.V, self.F)
+        return Case(self.name, self._method.boundary, **measured), uv
+
+    def failed(self, error: str, message: str) -> tuple[Case, None]:
+        """Answer where there was none: a limit, or a crash."""
+        return Case(self.name, self._method.boundary, message), None
 
 
-def _watch(process: subprocess.Popen[bytes], time_limit: float, memory_limit: float) -> str:
-    """Wait for a process to end; say which limit it passed, if one, leaving it running."""
-    end = monotonic() + time_limit
-    while True:
-        try:
-            process.wait(max(min(POLL, end - monotonic()), 0))
-            return ""
-        except subprocess.TimeoutExpired:
-            if monotonic() >= end:
-                return f"{TOO_LONG} {time_limit:g} s"
-        if np.isfinite(memory_limit) and resident(process.pid) > memory_limit:
-            return f"{TOO_LARGE} {memory_limit:,.0f} MiB of memory"
-
-
-def measure(method: Any, mesh: str | Path) -> tuple[dict[str, Any], Floats | None]:
-    """Run a method on the surface in a file, in this process; return what a `Case` has of it."""
+def measure(method: Any, V: Floats, F: Ints) -> tuple[dict[str, Any], Floats | None]:
+    """Run a method in this process; return what a `Case` has of it, and the map."""
     if prepare := getattr(method, "prepare", None):
         prepare()
-    given = _surface(mesh)
+    given = V.copy(), F.copy()  # which the method may change
     start = perf_counter()
     try:
         made = method.function(*given)
@@ -161,7 +129,6 @@ def measure(method: Any, mesh: str | Path) -> tuple[dict[str, Any], Floats | Non
     uv, details = made, {}
     if isinstance(made, Result):
         uv, details = made.points if isinstance(made, SphereMap) else made.uv, made.report()
-    V, F = _surface(mesh)  # the method may have changed what it was given
     columns = 3 if method.boundary == "sphere" else 2
     if returned := _other_than_map(uv, len(V), columns):
         must = f"must return (n, {columns}) numbers, and returned {returned}"
@@ -205,20 +172,3 @@ def _other_than_map(made: object, n: int, columns: int) -> str:
         return type(made).__name__
     is_map = made.shape == (n, columns) and made.dtype.kind in "fiu"
     return "" if is_map else f"{made.dtype} of shape {made.shape}, where n is {n:,}"
-
-
-def _surface(mesh: str | Path) -> tuple[Floats, Ints]:
-    with np.load(mesh) as saved:
-        return saved["V"], saved["F"]
-
-
-def _main(table: str, method: str, mesh: str, result: str) -> None:
-    measured, uv = measure(_table(table)[method], mesh)
-    arrays: dict[str, Any] = {} if uv is None else {"uv": uv}
-    np.savez(result, measured=json.dumps(measured), **arrays)
-
-
-if __name__ == "__main__":
-    from cdcp_igl.reference import case  # which tables of methods import, not a copy of it
-
-    case._main(*sys.argv[1:])

@@ -61,6 +61,7 @@ class Result(FromFile, ABC):
     timings: dict[str, float]
 
     _kind: ClassVar[str]  # of map, as it is called when it is printed
+    _plane: ClassVar[str]  # what the image is called
 
     @property
     def valid(self) -> bool:
@@ -423,6 +424,17 @@ class Result(FromFile, ABC):
     @abstractmethod
     def _layout(self) -> Layout:
         """Return what is drawn."""
+
+    def _drawn(self, V: Floats, F: Ints, uv: Floats, *measures: str, **more: Any) -> Layout:
+        """Return a layout of these arrays; `more` are other fields of it, `measures` facts."""
+        rows = {"vertices": np.arange(len(V)), "faces": np.arange(len(F))}
+        return Layout(
+            **{"V": V, "F": F, "uv": uv, **rows, **more},
+            plane=self._plane,
+            distortion=self.distortion,
+            flipped=len(self.certificate.flipped),
+            facts=self._facts(self._subject(), *measures),
+        )
 
 
 Kind = TypeVar("Kind", bound=Result)

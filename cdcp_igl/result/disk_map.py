@@ -33,6 +33,7 @@ class OntoDisk(Result, Provenance):
     solver: str
 
     _kind = "disk"
+    _plane = "Disk"
 
     def packed(self) -> Floats:
         """Return the square around the disk, scaled to the unit square: texture coordinates."""
@@ -179,15 +180,4 @@ class DiskMap(OntoDisk, DiskBijection):
         return self.mesh.positions, self.mesh.F
 
     def _layout(self) -> Layout:
-        mesh = self.mesh
-        return Layout(
-            V=mesh.V,
-            F=mesh.F,
-            uv=self.uv,
-            vertices=np.arange(len(mesh.V)),
-            faces=np.arange(len(mesh.F)),
-            plane="Disk",
-            distortion=self.distortion,
-            flipped=len(self.certificate.flipped),
-            facts=self._facts(self._subject()),
-        )
+        return self._drawn(self.mesh.V, self.mesh.F, self.uv)

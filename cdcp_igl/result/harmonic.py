@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from ..arrays import Complex, Ints
 from ..rescue.candidate import angles_lowered, steps_due
@@ -26,6 +26,8 @@ class RefinedMap(Result):
     refinement: Refinement | None
     solver: str
 
+    _reported: ClassVar[tuple[str, ...]] = ()  # attributes that only this kind of map has
+
     def _steps(self) -> list[tuple[str, str]]:
         return [
             ("repair", str(self.repair)),
@@ -35,6 +37,7 @@ class RefinedMap(Result):
 
     def _details(self) -> dict[str, Any]:
         return {
+            **{name: getattr(self, name) for name in self._reported},
             "repair": asdict(self.repair),
             "refinement": self.refinement and asdict(self.refinement),
             "solver": self.solver,

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
-
-import numpy as np
 
 from ..arrays import Floats, Ints
 from ..plot.layout import Layout
@@ -24,8 +21,6 @@ class PlaneMap(Result):
     laplacian: str
     repair: Repair
     solver: str
-
-    _plane: ClassVar[str]  # what the image is called
 
     def packed(self) -> Floats:
         """Return the image scaled into the unit square, (n, 2): texture coordinates."""
@@ -46,17 +41,5 @@ class PlaneMap(Result):
         scale = float(size.max() / 2)
         x, y = (low + size / 2).tolist()
         across, up = (size / (4 * scale)).tolist()
-        return Layout(
-            V=mesh.V,
-            F=mesh.F,
-            uv=(self.uv - [x, y]) / scale,
-            vertices=np.arange(len(mesh.V)),
-            faces=np.arange(len(mesh.F)),
-            plane=self._plane,
-            middle=(x, y),
-            scale=scale,
-            origin=(across, up),
-            distortion=self.distortion,
-            flipped=len(self.certificate.flipped),
-            facts=self._facts(self._subject(), self._key_figure()),
-        )
+        uv, place = (self.uv - [x, y]) / scale, {"middle": (x, y), "origin": (across, up)}
+        return self._drawn(mesh.V, mesh.F, uv, self._key_figure(), scale=scale, **place)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Ints
-from ..defects import DEFECTS, IN_PYTHON, IN_SHELL
+from ..defects import CLEAN, CUT, DEFECTS, IN_PYTHON, IN_SHELL
 from ..errors import Defect, counted, spell
 from ..io.given import takes_meshes
 from ..io.polygons import in_polygons
@@ -92,13 +92,12 @@ class MeshReport:
         return self._next_step(in_shell=False)
 
     def _next_step(self, in_shell: bool) -> str:
-
         if self.is_disk:
             return _step(in_shell, disk_map="maps it")
         for defect in self.defects:
             row = DEFECTS[defect.name]
             flat = defect.name == "degenerate face" and len(defect.indices) == self.n_faces
-            if flat or not (row.cleaned or row.cut):
+            if flat or not row.by:
                 return defect.remedy_in_shell if in_shell else defect.remedy
         names = [defect.name for defect in self.defects]
         rows = [DEFECTS[name] for name in names]
@@ -109,9 +108,9 @@ class MeshReport:
             mends["annulus_map"] = "maps it onto a ring"
         # Elsewhere what is left after cleaning may be closed, or have handles.
         sure = self.genus is not None and self.n_components == 1 and not self._seams
-        if sure and all(row.cleaned for row in rows):
+        if sure and all(CLEAN in row.by for row in rows):
             return _step(in_shell, **mends, **(cuts if self.kind != "disk" else {}))
-        if all(row.cut for row in rows):
+        if all(CUT in row.by for row in rows):
             return _step(in_shell, **cuts)
         return _step(in_shell, clean_and_cut="mend it, and map what is left")
 

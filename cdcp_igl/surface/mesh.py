@@ -68,14 +68,12 @@ class DiskMesh:
         surface = examined.surface
         outer = outer_loop(examined.V, surface.loops) if surface.loops else None
         loops = sorted(surface.loops, key=lambda loop: loop is not outer)
-        for loop in loops:
-            loop.flags.writeable = False
-        object.__setattr__(self, "loops", tuple(loops))
         loop = np.concatenate([np.empty(0, np.int64), *loops])
         on_boundary = marked(surface.n, loop)
-        edges = surface.edges
-        for indices in (edges.low, edges.high, edges.sides, edges.start):
-            indices.flags.writeable = False
+        for indices in (*loops, *vars(surface.edges).values()):
+            _read_only(indices)
+        known = {"loops": tuple(loops), "edges": surface.edges, "_exponent": examined.exponent}
+        vars(self).update(known)
         self._set(
             V=examined.V,
             F=surface.F,
@@ -84,8 +82,6 @@ class DiskMesh:
             on_boundary=on_boundary,
             cotangents=examined.cotangents,
         )
-        object.__setattr__(self, "edges", edges)
-        object.__setattr__(self, "_exponent", examined.exponent)
 
     @staticmethod
     def _defects(examined: Examined) -> tuple[Defect, ...]:
@@ -96,13 +92,11 @@ class DiskMesh:
         # Arrays that were pickled come back writeable.
         for value in (*state.values(), *state["loops"], *vars(state["edges"]).values()):
             if isinstance(value, np.ndarray):
-                value.flags.writeable = False
+                _read_only(value)
         self.__dict__.update(state)
 
     def _set(self, **arrays: NDArray[Any]) -> None:
-        for name, array in arrays.items():
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+        vars(self).update({name: _read_only(array) for name, array in arrays.items()})
 
     @property
     def positions(self) -> Floats:
@@ -122,16 +116,12 @@ class DiskMesh:
     @cached_property
     def angles(self) -> Floats:
         """(m, 3) corner angles of the surface in radians, column k at corner k; read-only."""
-        angles = corner_angles(self.cotangents)
-        angles.flags.writeable = False
-        return angles
+        return _read_only(corner_angles(self.cotangents))
 
     @cached_property
     def vertex_areas(self) -> Floats:
         """(n,) a third of the sum of the areas of the faces at each vertex; read-only."""
-        areas = vertex_areas(self.V, self.F)
-        areas.flags.writeable = False
-        return areas
+        return _read_only(vertex_areas(self.V, self.F))
 
     @cached_property
     def inscribed(self) -> Ints:
@@ -140,16 +130,12 @@ class DiskMesh:
         On the disk they are inscribed in the circle, and the circle fixes their angles.
         """
         i, j, k = self.on_boundary.take(self.F.T)
-        inscribed = np.flatnonzero(i & j & k)
-        inscribed.flags.writeable = False
-        return inscribed
+        return _read_only(np.flatnonzero(i & j & k))
 
     @cached_property
     def loop_index(self) -> Ints:
         """(n,) index of each vertex in ``loop``, -1 inside; read-only."""
-        index = places(self.loop, len(self.V))
-        index.flags.writeable = False
-        return index
+        return _read_only(places(self.loop, len(self.V)))
 
     def moved(self, V: ArrayLike) -> Self:
         """Return the mesh with its vertices elsewhere; what is known of its faces is kept.
@@ -167,7 +153,7 @@ class DiskMesh:
         for of_positions in ("angles", "vertex_areas"):
             mesh.__dict__.pop(of_positions, None)
         mesh._set(V=positions, cotangents=cotangents)
-        object.__setattr__(mesh, "_exponent", size_exponent(np.asarray(V)))
+        vars(mesh)["_exponent"] = size_exponent(np.asarray(V))
         return mesh
 
     def part(self, faces: Ints) -> tuple[DiskMesh, Ints]:
@@ -223,6 +209,11 @@ class AnnulusMesh(DiskMesh):
         loops = examined.surface.loops if examined.surface else []
         defects = _without(examined, *["several boundary loops"] * (len(loops) == 2))
         return (Defect.of("one boundary loop"), *defects) if len(loops) == 1 else defects
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    array.flags.writeable = False
+    return array
 
 
 def _without(examined: Examined, *names: str) -> tuple[Defect, ...]:

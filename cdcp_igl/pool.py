@@ -1,7 +1,10 @@
-"""Processes on this machine that map surfaces, each within its limits.
+"""Processes on this machine that do jobs, such as to map a surface, each within its limits.
 
 They are none of `multiprocessing`: its processes import the script of the user again, which must
 then be written for it, and all surfaces of a pool fail when one of its processes dies.
+
+Run as ``python -m cdcp_igl.pool`` this is such a process: it takes pickled jobs from its standard
+input and gives pickled answers on its standard output, and before all True, once it is ready.
 """
 
 from __future__ import annotations
@@ -10,28 +13,37 @@ import os
 import pickle
 import subprocess
 import sys
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from queue import Empty, SimpleQueue
 from tempfile import TemporaryFile
-from threading import Lock
+from threading import Lock, Thread
 from time import monotonic
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from ..processes import cause_of_death, resident
-from ..solve.memory import available_memory
+from .processes import cause_of_death, resident
+from .solve.memory import available_memory
 
 Answer = TypeVar("Answer", covariant=True)
 
 POLL = 0.05  # seconds between two looks at time and memory
 SECONDS_TO_END = 10.0  # for a process that has closed its stream of answers
-ATTEMPTS = 3  # with a surface that kills its worker
+ATTEMPTS = 3  # with a job that kills its worker
 
 # One thread for each worker: the map uses no more, and numbers must not depend on the machine.
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+def same_modules() -> dict[str, str]:
+    """Return the environment of a process that finds the modules that this one does."""
+    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+
+
+class Unwritten(OSError):
+    """A result could not be written, which is no fault of the job: the answer is this error."""
 
 
 class Job(Protocol[Answer]):
@@ -60,11 +72,22 @@ class Pool:
     """Workers that live on, and are replaced when a job has cost one its life.
 
     `jobs` are done at the same time, fewer where memory would not do. The limits are seconds and
-    resident MiB, after which a job is given up.
+    resident MiB, after which a job is given up. (Address space, which the system could limit by
+    itself, says little: libraries reserve much that they never use.) The environment is that of the
+    processes.
     """
 
-    def __init__(self, jobs: int, time_limit: float = np.inf, memory_limit: float = np.inf) -> None:
+    def __init__(
+        self,
+        jobs: int,
+        time_limit: float = np.inf,
+        memory_limit: float = np.inf,
+        *,
+        attempts: int = ATTEMPTS,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
         self.jobs, self.time_limit, self.memory_limit = jobs, time_limit, memory_limit
+        self._attempts, self._environment = attempts, environment or {**ONE_THREAD, **os.environ}
         self._workers: list[_Worker] = []
         self._idle: SimpleQueue[_Worker] = SimpleQueue()
         self._closed = False
@@ -113,7 +136,7 @@ class Pool:
     def _map(self, task: Job[Answer]) -> Answer:
         """Let a process do a job, and another one if it dies."""
         cause = ""
-        for _ in range(ATTEMPTS):
+        for _ in range(self._attempts):
             worker = self._take_worker()
             answer = worker.ask(task)
             if answer is not None and worker.excess is None:
@@ -129,12 +152,13 @@ class Pool:
                 return task.failed(*worker.excess)
             if not (worker.ready or worker.was_killed):
                 raise BrokenExecutor(f"no worker can be started: {cause}")
-        return task.failed("Crash", f"{cause} ({ATTEMPTS} times)")
+        times = f" ({self._attempts} times)" if self._attempts > 1 else ""
+        return task.failed("Crash", cause + times)
 
     def _take_worker(self) -> _Worker:
         with suppress(Empty):
             return self._idle.get_nowait()
-        worker = _Worker()
+        worker = _Worker(self._environment)
         self._workers.append(worker)
         if self._closed:  # meanwhile
             worker.kill()
@@ -142,26 +166,26 @@ class Pool:
 
 
 class _Worker:
-    """A process that maps one surface after the other."""
+    """A process that does one job after the other."""
 
-    def __init__(self) -> None:
+    def __init__(self, environment: Mapping[str, str]) -> None:
         self.ready = False
         self.excess: tuple[str, str] | None = None
-        self._since: float | None = None  # the beginning of a surface
-        self._between = Lock()  # a process is ended while it maps, not when it has just answered
+        self._since: float | None = None  # the beginning of a job
+        self._between = Lock()  # a process is ended while it works, not when it has just answered
         self._errors = TemporaryFile()  # noqa: SIM115 - closed by `close`
         self._process = subprocess.Popen(
             # -P: what lies in the folder where the user works is no module.
-            [sys.executable, "-P", "-m", "cdcp_igl.batching.worker"],
+            [sys.executable, "-P", "-m", "cdcp_igl.pool"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
-            env={**ONE_THREAD, **os.environ},
+            env=environment,
             start_new_session=True,  # Ctrl-C is for the one who started this
         )
 
     def ask(self, task: Job[Any]) -> Any:
-        """Hand over a surface, wait, and return the answer; None if the process has died."""
+        """Hand over a job, wait, and return the answer; None if the process has died."""
         assert self._process.stdin
         assert self._process.stdout
         try:
@@ -214,3 +238,35 @@ class _Worker:
         with self._errors:
             self._errors.seek(0)
             return cause_of_death(returncode, self._errors.read().decode(errors="replace"))
+
+
+def _main() -> None:
+    # Libraries print on what is called standard output; they are not to print into the answers.
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    tasks: SimpleQueue[Job[object]] = SimpleQueue()
+    Thread(target=_receive, args=(tasks,), daemon=True).start()
+    answer: object = True
+    while True:
+        pickle.dump(answer, answers)
+        answers.flush()
+        task = tasks.get()
+        try:
+            answer = task.run()
+        except Unwritten as error:
+            answer = error
+
+
+def _receive(tasks: SimpleQueue[Job[object]]) -> None:
+    """End the process as soon as the one that started it has ended or closed the pipe."""
+    try:
+        while True:
+            tasks.put(pickle.load(sys.stdin.buffer))
+    finally:
+        os._exit(0)
+
+
+if __name__ == "__main__":
+    from cdcp_igl import pool  # whose names jobs import, not those of a copy
+
+    pool._main()
