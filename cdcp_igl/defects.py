@@ -226,8 +226,7 @@ DEFECTS = {
         "Drop these faces, and vertices that no face uses then; or {clean} fills this hole, "
         "{surface_map} maps the surface as it is.",
         subject=("face has", "faces have"),
-        cleaned=True,
-        cut=True,
+        by=(CLEAN, CUT),
     ),
     "handle": Row(
         "The surface has genus {genus}, a disk has 0",
