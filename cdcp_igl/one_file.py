@@ -72,8 +72,8 @@ class Settings:
             raise ValueError("center must be a method, not a face, where surfaces are cut")
         if self.cut and isinstance(checked.align, int | np.integer):
             raise ValueError("align must be a direction, not a vertex, where surfaces are cut")
-        if not self.cut and len(of_map) < len(self.options):
-            raise ValueError(f"{' and '.join(ONLY_OF_CUT)} are for surfaces that are cut")
+        if not self.cut and (of_cut := [name for name in ONLY_OF_CUT if name in self.options]):
+            raise ValueError(f"only a surface that is cut has {' and '.join(of_cut)}")
 
     def _check_target(self, onto: str) -> None:
         if onto not in TARGETS:
