@@ -53,6 +53,7 @@ def raised_outside_of_check(folder):
     yield lambda: DiskMesh(V, F).moved(V[:-1])
     yield lambda: cdcp_igl.sphere_map(V, F)
     yield lambda: cdcp_igl.annulus_map(V, F)
+    yield lambda: cdcp_igl.annulus_map(*meshes.ear_at_a_hole()[:2])
     yield lambda: cdcp_igl.disk_map(*torus())
     yield lambda: cdcp_igl.check(V)
     yield lambda: cdcp_igl.check(SimpleNamespace(to_mesh=None))

@@ -61,6 +61,7 @@ class _Star:
         self._own = derivative[face, corner]
         self._count = np.bincount(self._owner, minlength=len(vertices))
 
+    @np.errstate(all="ignore")  # at a collapsed face
     def improve(self, f: Complex, softness: float) -> None:
         """Take one Newton step, in place."""
         c, z = self._own, f[self._corners]
@@ -73,18 +74,18 @@ class _Star:
         soft = (softness * size)[self._owner]
         # Gradients with respect to the vertex (x, y) as complex numbers x + iy. `below` is
         # linear in it, `above` has the Hessian 4 |c|^2.
-        with np.errstate(all="ignore"):  # at a collapsed face
-            lifted, slope = _lifted(below, soft)
-            d_above, d_below = 2 * (c.conj() * p + c * q), 2 * slope * (c.conj() * p - c * q)
-            ratio = above / lifted
-            g = self._sum((d_above - ratio * d_below) / lifted)  # of the energy
-            mixed = 2 * (ratio * d_below - d_above) / lifted**2
-            curvature = 4 * abs(c) ** 2 / lifted
-            xx = self._sum(curvature + mixed.real * d_below.real).real
-            yy = self._sum(curvature + mixed.imag * d_below.imag).real
-            xy = self._sum(mixed.real * d_below.imag + mixed.imag * d_below.real).real / 2
-            step = xy * g.imag - yy * g.real + 1j * (xy * g.real - xx * g.imag)
-            step /= xx * yy - xy**2
+        lifted, slope = _lifted(below, soft)
+        d_above, d_below = 2 * (c.conj() * p + c * q), 2 * slope * (c.conj() * p - c * q)
+        ratio = above / lifted
+        gradient = (d_above - ratio * d_below) / lifted  # of the energy
+        x, y = self._sum(gradient.real), self._sum(gradient.imag)
+        mixed = 2 * (ratio * d_below - d_above) / lifted**2
+        curvature = 4 * abs(c) ** 2 / lifted
+        xx = self._sum(curvature + mixed.real * d_below.real)
+        yy = self._sum(curvature + mixed.imag * d_below.imag)
+        xy = self._sum(mixed.real * d_below.imag + mixed.imag * d_below.real) / 2
+        step = xy * y - yy * x + 1j * (xy * x - xx * y)
+        step /= xx * yy - xy**2
         step[~np.isfinite(step)] = 0
 
         energy = self._energy(p, q, soft)
@@ -102,18 +103,14 @@ class _Star:
 
     def _energy(self, p: Complex, q: Complex, soft: Floats) -> Floats:
         p_squared, q_squared = abs(p) ** 2, abs(q) ** 2
-        with np.errstate(all="ignore"):
-            below, _ = _lifted(p_squared - q_squared, soft)
+        below, _ = _lifted(p_squared - q_squared, soft)
         energy: Floats = np.full(len(p), np.inf)
         np.divide(p_squared + q_squared, below, out=energy, where=below > 0)
-        return np.bincount(self._owner, energy, len(self._vertices)).astype(float)
+        return self._sum(energy)
 
-    def _sum(self, values: Complex) -> Complex:
+    def _sum(self, values: Floats) -> Floats:
         """Add up over the faces around each vertex."""
-        n = len(self._vertices)
-        return np.bincount(self._owner, values.real, n) + 1j * np.bincount(
-            self._owner, values.imag, n
-        )
+        return np.bincount(self._owner, values, len(self._vertices)).astype(float, copy=False)
 
 
 def _lifted(below: Floats, soft: Floats) -> tuple[Floats, Floats]:
