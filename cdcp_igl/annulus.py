@@ -16,7 +16,7 @@ from .arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from .cached import cached_property
 from .certificate import Certificate, certify_ring
 from .distortion import AngleDistortion, angle_errors
-from .errors import counted
+from .errors import Defect, MeshError, counted
 from .io.given import takes_meshes
 from .plot.layout import Layout
 from .rescue.conformality import judge
@@ -179,7 +179,7 @@ def annulus_map(
     ------
     MeshError
         If the surface is closed, has one boundary loop, a handle or several components, or is no
-        mesh.
+        mesh; or if a face has all three corners on the loop that goes to the inner circle.
     MapError
         If the map is no bijection; it is the ``result``.
     SolverError, ValueError, ImportError
@@ -207,6 +207,10 @@ def annulus_map(
     with using(solver):
         with phase("check"):
             mesh, (n, m), filled = _filled(V, F)
+            inscribed = marked(len(mesh.V), mesh.loops[1])[mesh.F].all(axis=1)
+            if inscribed.any():
+                rows = np.flatnonzero(inscribed)
+                raise MeshError(Defect.of("face on the inner circle", rows))
         with phase("factor"):
             surface = FactoredSurface.of(mesh)
         with phase("trace"):

@@ -221,6 +221,13 @@ DEFECTS = {
     "one boundary loop": Row(
         "The surface has one boundary loop, an annulus has two", "{disk_map} maps it."
     ),
+    "face on the inner circle": Row(
+        "all three corners on the loop that would be the inner circle, where it would be flipped",
+        "Drop these faces, and vertices that no face uses then; or {clean} fills this hole, "
+        "{surface_map} maps the surface as it is.",
+        subject=("face has", "faces have"),
+        by=(CLEAN, CUT),
+    ),
     "handle": Row(
         "The surface has genus {genus}, a disk has 0",
         "{surface_map} cuts each handle open, and maps it.",

@@ -42,6 +42,13 @@ def grid(rows=6, columns=8, seed=0):
     return V, F
 
 
+def ear_at_a_hole():
+    """A grid without the faces around a vertex, but for one; and that face."""
+    V, F = grid()
+    star = np.flatnonzero((F == 19).any(axis=1))
+    return V, np.delete(F, star[1:], axis=0), star[0]
+
+
 def _tetrahedron():
     V = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     return V, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])

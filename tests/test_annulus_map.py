@@ -1,5 +1,6 @@
 """Maps onto rings: moduli that are known, what is refined and filled, and what is refused."""
 
+import meshes
 import numpy as np
 import pytest
 from commands import invoke
@@ -67,6 +68,17 @@ def test_longer_ones_are_refused():
         cdcp_igl.annulus_map(*ring(200, 3, lambda s: (1 + 0 * s, 400 * s))[:2])
     with pytest.raises(ValueError, match="no bijection"):
         raised.value.result.invert([0.5, 0])
+
+
+def test_ears_at_the_inner_loop_are_refused():
+    """A triangle inscribed in the inner circle lies inside of it."""
+    V, F, ear = meshes.ear_at_a_hole()
+    with pytest.raises(cdcp_igl.MeshError, match="all three corners on the loop") as raised:
+        cdcp_igl.annulus_map(V, F)
+    np.testing.assert_array_equal(raised.value.indices, [ear])
+    assert cdcp_igl.disk_map(*cdcp_igl.clean(V, F)[:2]).valid
+    used, F = np.unique(np.delete(F, raised.value.indices, axis=0), return_inverse=True)
+    assert cdcp_igl.annulus_map(V[used], F.reshape(-1, 3)).valid
 
 
 def test_where_an_edge_would_turn_by_more_than_pi_the_boundary_is_by_length():

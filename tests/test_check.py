@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import meshes
 import numpy as np
 import pytest
-from surfaces import torus
+from surfaces import sphere, torus
 from typer.main import get_command
 
 import cdcp_igl
@@ -53,6 +53,7 @@ def raised_outside_of_check(folder):
     yield lambda: DiskMesh(V, F).moved(V[:-1])
     yield lambda: cdcp_igl.sphere_map(V, F)
     yield lambda: cdcp_igl.annulus_map(V, F)
+    yield lambda: cdcp_igl.annulus_map(*meshes.ear_at_a_hole()[:2])
     yield lambda: cdcp_igl.disk_map(*torus())
     yield lambda: cdcp_igl.check(V)
     yield lambda: cdcp_igl.check(SimpleNamespace(to_mesh=None))
@@ -229,6 +230,12 @@ def test_the_next_step_and_the_remedies_are_what_works(case):
         if CUT in DEFECTS[defect.name].by:
             assert "cdcp_igl.cut" in defect.remedy or "cdcp_igl.surface_map" in defect.remedy
             assert "--cut" in defect.remedy_in_shell
+
+
+def test_a_closed_surface_with_another_defect_is_not_for_the_sphere():
+    V, F = sphere()
+    F[5] = F[5, ::-1]
+    assert cdcp_igl.check(V, F).next_step.startswith("cdcp_igl.surface_map")
 
 
 def test_the_outer_loop_is_the_one_that_reaches_farthest():

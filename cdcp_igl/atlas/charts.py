@@ -77,6 +77,11 @@ class Limits:
     spread: float
     max_charts: float
 
+    @property
+    def parts_early(self) -> bool:
+        """Whether not to wait for growth: free outlines gain more by it than disks."""
+        return self.outline == "disk" and self.max_charts > 1
+
 
 @dataclass(frozen=True, eq=False)
 class Chart:
@@ -217,7 +222,7 @@ def _mapped(
     if limits.spread < np.inf:
         opened = lead_away(opened)
     first = _chart(opened, options, limits.outline, progress)
-    is_far = limits.max_charts > 1 and first.spread > LOST * limits.spread
+    is_far = limits.parts_early and first.spread > LOST * limits.spread
     if is_far and len(opened.cut_edges) and len(component.rows) >= LEAST_FACES:
         return replace(first, level=first.deviation, is_lost=True)
     return _grown(first, options, limits, progress)
@@ -235,8 +240,9 @@ def _grown(first: Chart, options: Options, limits: Limits, progress: Progress | 
         if not grown.gains_on(best):
             break
         best = replace(grown, level=first.deviation)
-        hopeless = best.spread > HOPELESS * limits.spread or 2 * best.spread < first.spread
-        if is_small or (limits.max_charts > 1 and hopeless):
+        if is_small or (limits.max_charts > 1 and best.spread > HOPELESS * limits.spread):
+            break
+        if limits.parts_early and 2 * best.spread < first.spread:
             break
     return best
 

@@ -233,10 +233,10 @@ def surface_map(
     spread : float
         Grow the cut until the standard deviation of the conformal factor is at most this and
         the map is conformal, and then part the component, or until nothing is gained: see
-        ``SurfaceMap.spread``. Where the first growth leaves more than 1.4 times this or halves it,
-        it is parted at once, and before any growth where it has to be cut and has more than twice
-        this; parting ends with the first part that is no better than the whole and cannot
-        be parted. With infinity, no cut grows and nothing is parted.
+        ``SurfaceMap.spread``. Where the first growth leaves more than 1.4 times this, it is parted
+        at once; onto disks also where that halves it, and before any growth where it has to be cut
+        and has more than twice this. Parting ends with the first part that is no better than the
+        whole and cannot be parted. With infinity, no cut grows and nothing is parted.
     max_charts : int, optional
         So many charts a component has at most; as many as are needed by default.
     center, mobius, refine, refine_norm, refine_seconds, preset, solver, progress

@@ -16,7 +16,7 @@ from ..solve.solvers import SolverName, using
 from ..solve.threads import one_thread
 from .part import Arrays, Folder, named
 
-TIMES_ITS_FILE = 20  # the memory that a part takes while it is condensed
+TIMES_ITS_FILE = 28  # the memory that a part takes while it is condensed
 
 
 @dataclass(frozen=True)

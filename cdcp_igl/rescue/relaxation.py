@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Bools, Complex, Floats, Ints, Numbers, places
+from ..arrays import Bools, Complex, Floats, Ints, places
 from ..distortion import wirtinger_derivative
 
 HALVINGS = 12  # of a vertex's step
@@ -78,13 +78,14 @@ class _Star:
         lifted, slope = _lifted(below, soft)
         d_above, d_below = 2 * (c.conj() * p + c * q), 2 * slope * (c.conj() * p - c * q)
         ratio = above / lifted
-        g = self._sum((d_above - ratio * d_below) / lifted)  # of the energy
+        gradient = (d_above - ratio * d_below) / lifted  # of the energy
+        x, y = self._sum(gradient.real), self._sum(gradient.imag)
         mixed = 2 * (ratio * d_below - d_above) / lifted**2
         curvature = 4 * abs(c) ** 2 / lifted
         xx = self._sum(curvature + mixed.real * d_below.real)
         yy = self._sum(curvature + mixed.imag * d_below.imag)
         xy = self._sum(mixed.real * d_below.imag + mixed.imag * d_below.real) / 2
-        step = xy * g.imag - yy * g.real + 1j * (xy * g.real - xx * g.imag)
+        step = xy * y - yy * x + 1j * (xy * x - xx * y)
         step /= xx * yy - xy**2
         step[~np.isfinite(step)] = 0
 
@@ -107,11 +108,9 @@ class _Star:
         """Add up the energies around each vertex; infinite where a face is flipped, unless soft."""
         return self._sum(np.where(lifted > 0, above / lifted, np.inf))
 
-    def _sum(self, values: Numbers) -> Numbers:
+    def _sum(self, values: Floats) -> Floats:
         """Add up over the faces around each vertex."""
-        if np.iscomplexobj(values):
-            return self._sum(values.real) + 1j * self._sum(values.imag)
-        return np.asarray(np.bincount(self._owner, values, len(self._vertices)), values.dtype)
+        return np.bincount(self._owner, values, len(self._vertices)).astype(float, copy=False)
 
 
 def _lifted(below: Floats, soft: Floats | None) -> tuple[Floats, Floats | float]:

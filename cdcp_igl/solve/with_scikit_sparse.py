@@ -64,10 +64,10 @@ class Factorization(Cholesky):
 
     def schur_complement(self, A: csc_matrix, k: int) -> Floats:
         """See `Cholesky`."""
-        if _MODERN:
-            return super().schur_complement(A, k)
         with self._errors(len(self.permutation)):
-            block = trailing_block(self._factor.L(), self.permutation, k)
+            factor = self._factor
+            L = factor.get_factor("LL", lower=True) if _MODERN else factor.L()
+            block = trailing_block(L, self.permutation, k)
             return block @ block.T
 
     @staticmethod
