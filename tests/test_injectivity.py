@@ -1,3 +1,4 @@
+from dataclasses import replace
 from fractions import Fraction
 
 import meshes
@@ -79,6 +80,9 @@ def test_winding_twice():
     assert certificate.winding_number == 2
     assert len(certificate.flipped) == 0  # only the winding number gives it away
     assert not certificate.valid
+    twice = replace(cdcp_igl.disk_map(*meshes.fan(9)), uv=around(2))
+    with pytest.raises(ValueError, match="no bijection"):
+        twice.invert([0, 0])
 
 
 @given(st.lists(st.integers(-2, 2), min_size=2, max_size=2))
