@@ -103,12 +103,20 @@ def quasi_conformal_dilatation(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Flo
     K = (|f_z| + |f_zbar|) / (|f_z| - |f_zbar|), with z a coordinate in the plane of the
     face: circles become ellipses with axes K : 1.
 
-    Takes and raises what `angle_distortion` does, of maps to the plane.
+    Parameters
+    ----------
+    V, F, uv
+        As in `angle_distortion`, in the plane.
 
     Returns
     -------
     (m,) float64
         At least 1, which is conformal; infinity for a flipped or collapsed face.
+
+    Raises
+    ------
+    MeshError, ValueError
+        As `angle_distortion`.
 
     References
     ----------
@@ -136,7 +144,10 @@ def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     discrete conformal equivalence, such as a Möbius transformation of the plane, has its
     factors recovered exactly.
 
-    Takes and raises what `angle_distortion` does.
+    Parameters
+    ----------
+    V, F, uv
+        As in `angle_distortion`.
 
     Returns
     -------
@@ -145,6 +156,11 @@ def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
         Lengths do not see flipped faces. Minus infinity at the vertices of a face with an
         edge of length 0; NaN at vertices without faces.
 
+    Raises
+    ------
+    MeshError, ValueError
+        As `angle_distortion`.
+
     References
     ----------
     B. Springborn, P. Schröder, U. Pinkall. Conformal equivalence of triangle meshes. ACM
@@ -152,6 +168,8 @@ def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
 
     Examples
     --------
+    An enlargement, and lengths in another unit:
+
     >>> import cdcp_igl
     >>> V, F = [[0, 0], [1, 0], [1, 1], [0, 1]], [[0, 1, 2], [0, 2, 3]]
     >>> uv = [[0, 0], [2, 0], [2, 2], [0, 2]]
@@ -181,13 +199,21 @@ def area_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     Both areas are fractions of their totals, so that a map with a constant scale has no
     distortion of area.
 
-    Takes and raises what `angle_distortion` does.
+    Parameters
+    ----------
+    V, F, uv
+        As in `angle_distortion`.
 
     Returns
     -------
     (m,) float64
         0 is no distortion. The area of a flipped face counts as 0, and its distortion is
         minus infinity, like that of a collapsed one.
+
+    Raises
+    ------
+    MeshError, ValueError
+        As `angle_distortion`.
 
     References
     ----------

@@ -85,9 +85,22 @@ class DiskMapper:
         preset: Literal["paper"] | None = None,
         progress: Progress | None = None,
     ) -> DiskMap:
-        """Map the surface; the same map as `disk_map` with these options, and the same errors.
+        """Map the surface; the same map as `disk_map` with these options.
 
-        The ``timings`` of the DiskMap have the phases that this call went through.
+        Parameters
+        ----------
+        center, mobius, align, refine, refine_norm, refine_seconds, preset, progress
+            As in `disk_map`.
+
+        Returns
+        -------
+        DiskMap
+            Its ``timings`` have the phases that this call went through.
+
+        Raises
+        ------
+        SolverError, MapError, ValueError
+            As `disk_map`.
         """
         options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
         options.check_rows(len(self.mesh.F), self.mesh.loop)
@@ -109,7 +122,22 @@ class DiskMapper:
         refine_seconds: float = np.inf,
         progress: Progress | None = None,
     ) -> FreeMap:
-        """Map the surface with a free outline: the map, and the errors, of `free_map`."""
+        """Map the surface with a free outline; the same map as `free_map` with these options.
+
+        Parameters
+        ----------
+        boundary_scale, corners, align, refine, refine_norm, refine_seconds, progress
+            As in `free_map`.
+
+        Returns
+        -------
+        FreeMap
+
+        Raises
+        ------
+        SolverError, MapError, ValueError
+            As `free_map`.
+        """
         options = Options(
             align=align, refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds
         )
@@ -123,9 +151,22 @@ class DiskMapper:
     def moved(self, V: ArrayLike) -> DiskMapper:
         """Take the same faces with moved vertices: no topological checks, no new ordering.
 
-        Row i of V, (n, 3) or (n, 2), is the new place of vertex i; this mapper stays as it is.
-        MeshError if V has another number of rows, is not finite, or makes a face degenerate;
-        SolverError if the Laplacian cannot be factored.
+        Parameters
+        ----------
+        V : (n, 3) or (n, 2) array_like of real numbers
+            As many rows as before; row i is the new place of vertex i.
+
+        Returns
+        -------
+        DiskMapper
+            This one stays as it is.
+
+        Raises
+        ------
+        MeshError
+            If V has another number of rows, is not finite, or makes a face degenerate.
+        SolverError
+            If the Laplacian cannot be factored.
         """
         other = DiskMapper.__new__(DiskMapper)
         other._solver = self._solver

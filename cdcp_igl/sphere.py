@@ -124,7 +124,27 @@ class SphereMap(RefinedMap, Bijection):
         this one is turned to bring them nearest. The result does not depend on the normalisation
         of the two maps. Of two landmarks only the rotation is sought.
 
-        Takes, returns (n, 3) and raises what `DiskMap.register` does.
+        Parameters
+        ----------
+        to : SphereMap
+            Of the other surface.
+        landmarks : (k, 2) array_like of integers
+            In each row a vertex of this surface and the vertex of the other that corresponds to
+            it; at least two rows.
+
+        Returns
+        -------
+        (n, 3) float64
+            The vertices of this surface on the sphere of the other, still a certified map:
+            ``to.interpolate(values, points)`` carries what lives on the other surface to them.
+
+        Raises
+        ------
+        ValueError
+            If `landmarks` is none of that.
+        MapError
+            If the landmarks ask for so strong a transformation that faces are flipped. Its
+            ``result`` is this map with the points and the certificate that were refused.
 
         Examples
         --------
@@ -154,7 +174,13 @@ class SphereMap(RefinedMap, Bijection):
         return P
 
     def area_distortion(self) -> Floats:
-        """(m,) as of every `Result`, of the straight triangles with their corners on the sphere."""
+        """Logarithm of the area on the sphere by that on the surface, as fractions of their totals.
+
+        Returns
+        -------
+        (m,) float64
+            Of each face; the area is that of the straight triangle with its corners on the sphere.
+        """
         return area_distortion(self.mesh.V, self.mesh.F, self.points)
 
     @property

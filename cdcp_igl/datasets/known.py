@@ -13,8 +13,6 @@ from ..arrays import Complex, Floats, Ints, coordinates
 def square(resolution: int) -> tuple[Floats, Ints, Floats]:
     """Triangulate the square [-1, 1]^2, with its map by the lemniscate sine.
 
-    As of all of these, ValueError if an argument is out of range.
-
     Parameters
     ----------
     resolution : int
@@ -28,6 +26,11 @@ def square(resolution: int) -> tuple[Floats, Ints, Floats]:
         Counterclockwise, no ears.
     uv : (n, 2) float64
         Exact conformal map of the vertices onto the unit disk, 0 to 0.
+
+    Raises
+    ------
+    ValueError
+        If `resolution` is not at least 1.
 
     Examples
     --------
@@ -78,6 +81,11 @@ def ellipse(resolution: int, aspect: float = 2.0) -> tuple[Floats, Ints, Floats]
     V, F, uv
         As `square`.
 
+    Raises
+    ------
+    ValueError
+        If `resolution` or `aspect` is out of range.
+
     Examples
     --------
     >>> from cdcp_igl.datasets import ellipse
@@ -117,6 +125,11 @@ def spherical_cap(resolution: int, angle: float = 120.0) -> tuple[Floats, Ints, 
     V, F, uv
         As `square`; the unit sphere, the pole at the centre.
 
+    Raises
+    ------
+    ValueError
+        If `resolution` or `angle` is out of range.
+
     Examples
     --------
     >>> from cdcp_igl.datasets import spherical_cap
@@ -148,6 +161,11 @@ def paraboloid(resolution: int, steepness: float = 1.0) -> tuple[Floats, Ints, F
     -------
     V, F, uv
         As `square`; a surface of revolution, the apex at the centre.
+
+    Raises
+    ------
+    ValueError
+        If `resolution` or `steepness` is out of range.
 
     Examples
     --------
@@ -188,6 +206,11 @@ def spheroid(levels: int, height: float = 1.5) -> tuple[Floats, Ints, Floats]:
     points : (n, 3) float64
         Exact conformal map of the vertices onto the unit sphere, with the conformal barycentre
         at 0.
+
+    Raises
+    ------
+    ValueError
+        If `levels` is negative or `height` not positive.
 
     References
     ----------

@@ -115,7 +115,10 @@ def read_polygons(
 ) -> tuple[Array, Array, Array]:
     """Read a mesh as `read_mesh` does, and which polygon each triangle is a part of.
 
-    Takes and raises what `read_mesh` does.
+    Parameters
+    ----------
+    path, note
+        As of `read_mesh`.
 
     Returns
     -------
@@ -124,6 +127,11 @@ def read_polygons(
     polygon_of_face : (m,) ndarray of int64
         Number of the polygon that each face is a part of, in the order of the file, counting
         from 0. With it, `cut` and `surface_map` go around polygons.
+
+    Raises
+    ------
+    OSError, MeshError
+        As `read_mesh`.
 
     Examples
     --------

@@ -22,12 +22,24 @@ def beltrami_coefficient(p: Complex, F: Ints, M: Floats) -> Complex:
     is 0 where the chart has the angles of the surface, and 1 in modulus where either one
     has collapsed.
 
-    The chart p is (n,) complex128, F (m, 3) int64, and M (n, 3) are the positions of the vertices
-    in space. Returned is one coefficient a face (m,), at most 1 in modulus: surfaces have no
-    orientation of their own in space.
+    Parameters
+    ----------
+    p : (n,) complex128
+        Chart.
+    F : (m, 3) int64
+    M : (n, 3) float64
+        Positions of the vertices in space.
+
+    Returns
+    -------
+    (m,) complex128
+        One coefficient a face, at most 1 in modulus: surfaces have no orientation of
+        their own in space.
 
     Examples
     --------
+    Stretched to twice its width, mu = (2 - 1) / (2 + 1):
+
     >>> import numpy as np
     >>> from cdcp_igl.reference import beltrami_coefficient
     >>> p, F = np.array([0, 1, 1j]), np.array([[0, 1, 2]])

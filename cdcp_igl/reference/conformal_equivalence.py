@@ -36,9 +36,21 @@ def ricci(V: ArrayLike, F: ArrayLike) -> Floats:
 
     Edges are not flipped. There may be no such map then, which is an error.
 
-    Takes, returns and raises what `harmonic` does; MapError, too, if Newton's method does not
-    converge, if faces break the triangle inequality, or if each boundary vertex has an edge through
-    the interior to another.
+    Parameters
+    ----------
+    V, F
+        As in `harmonic`.
+
+    Returns
+    -------
+    (n, 2) float64
+        As of `harmonic`.
+
+    Raises
+    ------
+    MeshError, SolverError, MapError
+        As `harmonic`; MapError, too, if Newton's method does not converge, if faces break the
+        triangle inequality, or if each boundary vertex has an edge through the interior to another.
 
     References
     ----------

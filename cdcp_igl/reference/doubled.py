@@ -30,7 +30,20 @@ def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
 
     By Theorem 1 the result is the same; it takes a system of nearly twice the size.
 
-    Takes, returns and raises what `harmonic` does.
+    Parameters
+    ----------
+    V, F
+        As in `harmonic`.
+
+    Returns
+    -------
+    (n, 2) float64
+        As of `harmonic`.
+
+    Raises
+    ------
+    MeshError, SolverError, MapError
+        As `harmonic`.
 
     References
     ----------

@@ -32,13 +32,25 @@ def fdcp(V: ArrayLike, F: ArrayLike, *, mirror_factor: float = 1 / 3) -> Floats:
     step). Every solve but that one composes a chart with the coefficient of its map to the
     surface, and so is a solve with the cotangent Laplacian, see `generalized_laplacian`.
 
-    Takes, returns and raises what `harmonic` does; ValueError if `mirror_factor` is out of range.
-
     Parameters
     ----------
+    V, F
+        As in `harmonic`.
     mirror_factor : float
         Scales the Beltrami coefficient of the mirrored sheet: 1/3 as in the published
         program, or 1 as in theory; from 0 to 1.
+
+    Returns
+    -------
+    (n, 2) float64
+        As of `harmonic`.
+
+    Raises
+    ------
+    MeshError, SolverError, MapError
+        As `harmonic`.
+    ValueError
+        If `mirror_factor` is out of range.
 
     References
     ----------

@@ -41,13 +41,22 @@ def lscm(V: ArrayLike, F: ArrayLike) -> Floats:
     The boundary is free but for two pins. The map may overlap itself and flip faces. To be
     compared on angles only.
 
-    Takes what `harmonic` does. MeshError if the input is not a triangulated disk; MapError if the
-    map is not finite or has collapsed, its ``result`` is a `ReferenceMap`.
+    Parameters
+    ----------
+    V, F
+        As in `harmonic`.
 
     Returns
     -------
     (n, 2) float64
         Rows as in V, faces counterclockwise but for flips, the pins at (0, 0) and (1, 0).
+
+    Raises
+    ------
+    MeshError
+        If the input is not a triangulated disk.
+    MapError
+        If the map is not finite or has collapsed; its ``result`` is a `ReferenceMap`.
 
     References
     ----------
@@ -83,12 +92,31 @@ def _two_far_vertices(mesh: DiskMesh) -> Ints:
 def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk to the plane by the eigenvector of least conformal energy.
 
-    The map minimises Dirichlet energy minus area (by libigl), among those whose boundary vertices
-    have their mean at 0 and squares that sum to 1. (libigl's own ``igl.spectra.lscm`` measures the
-    size of the whole map instead, by vertex areas, which distorts angles more on surfaces with
-    large changes of scale.) Takes, returns and raises what `lscm` does, but for the pins: the
-    boundary vertex of smallest index lies on the positive real axis. SolverError, too, if the
-    energy's matrix cannot be factored, or the eigensolver fails.
+    The boundary is free and nothing is pinned. The map may overlap itself and flip faces. To be
+    compared on angles only.
+
+    The map minimises Dirichlet energy minus area (by libigl), among those whose
+    boundary vertices have their mean at 0 and squares that sum to 1. (libigl's own
+    ``igl.spectra.lscm`` measures the size of the whole map instead, by vertex areas, which
+    distorts angles more on surfaces with large changes of scale.)
+
+    Parameters
+    ----------
+    V, F
+        As in `harmonic`.
+
+    Returns
+    -------
+    (n, 2) float64
+        Rows as in V, faces counterclockwise but for flips, the boundary vertex of smallest
+        index on the positive real axis.
+
+    Raises
+    ------
+    MeshError, MapError
+        As `lscm`.
+    SolverError
+        If the energy's matrix cannot be factored, or the eigensolver fails.
 
     References
     ----------
@@ -97,6 +125,8 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
 
     Examples
     --------
+    A plane mesh keeps its angles:
+
     >>> import cdcp_igl
     >>> V, F, _ = cdcp_igl.datasets.square(4)
     >>> uv = cdcp_igl.reference.spectral(V, F)
@@ -143,21 +173,32 @@ def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
     """Map a triangulated disk to the plane, boundary first.
 
     The boundary keeps its lengths, which leads to its exterior angles; one coordinate is harmonic,
-    the other its harmonic conjugate. `free_map` begins as this does, and has both coordinates
-    harmonic.
+    the other its harmonic conjugate. The map may overlap itself and flip faces. To be compared on
+    angles only. `free_map` begins as this does, and has both coordinates harmonic.
 
     The published program (version 1.6) adds 1e-8 to the diagonal of the Laplacian. That tells where
     a boundary is short for its surface: a hand that ends at the wrist has 1.17 degrees, not 1.16.
 
-    Takes, returns and raises what `lscm` does, but for the pins: the boundary vertex of smallest
-    index is at (0, 0), the unit that of V up to a power of two. SolverError, too, if a Laplacian
-    cannot be factored.
-
     Parameters
     ----------
+    V, F
+        As in `harmonic`.
     disk : bool
         Near a disk: the exterior angles are proportional to the lengths, in ten rounds; both
         coordinates are harmonic. The boundary leaves the circle by some 1e-3 of its radius.
+
+    Returns
+    -------
+    (n, 2) float64
+        Rows as in V, faces counterclockwise but for flips, the boundary vertex of smallest index
+        at (0, 0), the unit that of V up to a power of two.
+
+    Raises
+    ------
+    MeshError, MapError
+        As `lscm`.
+    SolverError
+        If a Laplacian cannot be factored.
 
     References
     ----------
@@ -165,6 +206,8 @@ def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
 
     Examples
     --------
+    A plane mesh keeps its angles:
+
     >>> import cdcp_igl
     >>> V, F, _ = cdcp_igl.datasets.square(4)
     >>> uv = cdcp_igl.reference.bff(V, F)
@@ -199,14 +242,28 @@ def abf(V: ArrayLike, F: ArrayLike, *, linear: bool = False) -> Floats:
     the same. Newton's method leaves out the curvature of the constraints, as ABF++ does, and with
     the logarithms of Zayer et al. its first step is their linear ABF.
 
-    Takes, returns and raises what `lscm` does; SolverError, too, if a matrix cannot be factored,
-    and MapError if an angle is not positive, or the constraints are not satisfied after 50 steps.
+    The map may overlap itself. To be compared on angles only.
 
     Parameters
     ----------
+    V, F
+        As in `harmonic`.
     linear : bool
         Whether to take the first step only: the angles are those of a plane mesh to first order,
         and the map has them as nearly as it can.
+
+    Returns
+    -------
+    (n, 2) float64
+        As of `lscm`.
+
+    Raises
+    ------
+    MeshError, SolverError
+        As `harmonic`.
+    MapError
+        If an angle is not positive, or the constraints are not satisfied after 50 steps; or as
+        `lscm`.
 
     References
     ----------
@@ -218,6 +275,8 @@ def abf(V: ArrayLike, F: ArrayLike, *, linear: bool = False) -> Floats:
 
     Examples
     --------
+    A plane mesh keeps its angles:
+
     >>> import cdcp_igl
     >>> V, F, _ = cdcp_igl.datasets.square(4)
     >>> uv = cdcp_igl.reference.abf(V, F)

@@ -82,8 +82,21 @@ def cem(V: ArrayLike, F: ArrayLike) -> Floats:
     it; for the interior reflected at the circle, the boundary does. That is then centred and
     pushed back onto the circle, and so in turn until the energy falls no more.
 
-    Takes, returns and raises what `harmonic` does; MapError, too, if there is no interior vertex,
-    or if the energy still falls after 500 rounds.
+    Parameters
+    ----------
+    V, F
+        As in `harmonic`.
+
+    Returns
+    -------
+    (n, 2) float64
+        As of `harmonic`.
+
+    Raises
+    ------
+    MeshError, SolverError, MapError
+        As `harmonic`; MapError, too, if there is no interior vertex, or if the energy still falls
+        after 500 rounds.
 
     References
     ----------
@@ -139,8 +152,20 @@ def heat_flow(V: ArrayLike, F: ArrayLike) -> Floats:
     The start and so all that follows is symmetric at the equator, on which the boundary lies. One
     sheet is enough: nothing of x and y flows through the boundary, and z is 0 there.
 
-    Takes, returns and raises what `harmonic` does; MapError, too, if the energy still falls after
-    200 steps.
+    Parameters
+    ----------
+    V, F
+        As in `harmonic`.
+
+    Returns
+    -------
+    (n, 2) float64
+        As of `harmonic`.
+
+    Raises
+    ------
+    MeshError, SolverError, MapError
+        As `harmonic`; MapError, too, if the energy still falls after 200 steps.
 
     References
     ----------

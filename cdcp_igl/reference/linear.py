@@ -31,12 +31,24 @@ def ldcp(V: ArrayLike, F: ArrayLike, *, pinned: int = 50) -> Floats:
     the last one undoes. That takes three points, a third of the loop apart, to the cube roots of
     unity; the program's own choice fails where the boundary lands on a short arc.
 
-    Takes, returns and raises what `harmonic` does; ValueError if `pinned` is too small.
-
     Parameters
     ----------
+    V, F
+        As in `harmonic`.
     pinned : int
         Number of vertices pinned in the south step, at least 3.
+
+    Returns
+    -------
+    (n, 2) float64
+        As of `harmonic`.
+
+    Raises
+    ------
+    MeshError, SolverError, MapError
+        As `harmonic`.
+    ValueError
+        If `pinned` is too small.
 
     References
     ----------
@@ -73,12 +85,26 @@ def flash(V: ArrayLike, F: ArrayLike) -> Floats:
     `generalized_laplacian`. The scale is such that the face of the north step and the one opposite
     it have the same size.
 
-    Takes and raises what `harmonic` does, of a triangulated sphere.
+    Parameters
+    ----------
+    V : (n, 3) array_like of real numbers
+        Vertex positions.
+    F : (m, 3) array_like of integers
+        Corners of the faces, counterclockwise seen from outside.
 
     Returns
     -------
     (n, 3) float64
         Row i is the image of row i of V on the unit sphere.
+
+    Raises
+    ------
+    MeshError
+        If the surface is no triangulated sphere.
+    SolverError
+        If the Laplacian cannot be factored.
+    MapError
+        If the map is no bijection; its ``result`` is a `ReferenceMap`.
 
     References
     ----------

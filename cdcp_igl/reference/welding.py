@@ -34,13 +34,25 @@ def pgcp(V: ArrayLike, F: ArrayLike, *, parts: int = 4) -> Floats:
     and what undoes it, for both lines at once. The outline of the whole is opened into that of the
     disk in the same way. At last, each part is harmonic between its seams.
 
-    Takes, returns and raises what `harmonic` does; MapError, too, if no seam goes through an
-    interior vertex, or if the parts cannot be joined; ValueError if there are too few of them.
-
     Parameters
     ----------
+    V, F
+        As in `harmonic`.
     parts : int
         How many, at least 2.
+
+    Returns
+    -------
+    (n, 2) float64
+        As of `harmonic`.
+
+    Raises
+    ------
+    MeshError, SolverError, MapError
+        As `harmonic`; MapError, too, if no seam goes through an interior vertex, or if the parts
+        cannot be joined.
+    ValueError
+        If there are too few parts.
 
     References
     ----------

@@ -56,8 +56,10 @@ class _Star:
         face, corner = np.nonzero(row[F] >= 0)
         self._vertices = vertices
         self._owner = row[F[face, corner]]
-        self._corners = F[face]
-        self._derivative = derivative[face]
+        self._corners = F[face].T.copy()
+        # By differences from the first corner, lest a small face lose its digits to its place.
+        by_corner = derivative[face, 1:].T.copy()
+        self._derivatives = by_corner, by_corner.conj()
         self._own = derivative[face, corner]
         self._count = np.bincount(self._owner, minlength=len(vertices))
 
@@ -65,13 +67,12 @@ class _Star:
     def improve(self, f: Complex, softness: float) -> None:
         """Take one Newton step, in place."""
         c, z = self._own, f[self._corners]
-        z = z - z[:, :1]  # as differences, lest a small face lose its digits to its place
-        p = (self._derivative * z).sum(axis=1)
-        q = (self._derivative.conj() * z).sum(axis=1)
+        z = z[1:] - z[0]
+        p, q = (first * z[0] + second * z[1] for first, second in self._derivatives)
         p_squared, q_squared = abs(p) ** 2, abs(q) ** 2
         above, below = p_squared + q_squared, p_squared - q_squared
         size = np.bincount(self._owner, above, len(self._vertices)) / self._count
-        soft = (softness * size)[self._owner]
+        soft = (softness * size)[self._owner] if softness else None
         # Gradients with respect to the vertex (x, y) as complex numbers x + iy. `below` is
         # linear in it, `above` has the Hessian 4 |c|^2.
         lifted, slope = _lifted(below, soft)
@@ -88,12 +89,14 @@ class _Star:
         step /= xx * yy - xy**2
         step[~np.isfinite(step)] = 0
 
-        energy = self._energy(p, q, soft)
+        energy = self._energy(above, lifted)
         most = np.where(np.isfinite(energy), HALVINGS, HALVINGS_AT_FLIPPED)
         scale = np.ones(len(step))
         for halvings in range(HALVINGS):
             move = (scale * step)[self._owner]
-            after = self._energy(p + c * move, q + c.conj() * move, soft)
+            p_squared, q_squared = abs(p + c * move) ** 2, abs(q + c.conj() * move) ** 2
+            lifted, _ = _lifted(p_squared - q_squared, soft)
+            after = self._energy(p_squared + q_squared, lifted)
             worse = ~(np.isfinite(after) & (after <= energy))
             if not (worse & (halvings < most)).any():
                 break
@@ -101,22 +104,19 @@ class _Star:
         scale[worse] = 0
         f[self._vertices] += scale * step
 
-    def _energy(self, p: Complex, q: Complex, soft: Floats) -> Floats:
-        p_squared, q_squared = abs(p) ** 2, abs(q) ** 2
-        below, _ = _lifted(p_squared - q_squared, soft)
-        energy: Floats = np.full(len(p), np.inf)
-        np.divide(p_squared + q_squared, below, out=energy, where=below > 0)
-        return self._sum(energy)
+    def _energy(self, above: Floats, lifted: Floats) -> Floats:
+        """Add up the energies around each vertex; infinite where a face is flipped, unless soft."""
+        return self._sum(np.where(lifted > 0, above / lifted, np.inf))
 
     def _sum(self, values: Floats) -> Floats:
         """Add up over the faces around each vertex."""
         return np.bincount(self._owner, values, len(self._vertices)).astype(float, copy=False)
 
 
-def _lifted(below: Floats, soft: Floats) -> tuple[Floats, Floats]:
+def _lifted(below: Floats, soft: Floats | None) -> tuple[Floats, Floats | float]:
     """(J + sqrt(J^2 + s^2)) / 2 without cancellation, and its derivative; J itself where s = 0."""
-    if not soft.any():
-        return below, np.ones_like(below)
+    if soft is None:
+        return below, 1.0
     root = np.hypot(below, soft)
     lifted = np.where(below > 0, (below + root) / 2, soft**2 / (2 * (root - below)))
     hard = soft == 0

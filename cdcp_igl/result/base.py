@@ -136,8 +136,11 @@ class Result(FromFile, ABC):
     def area_distortion(self) -> Floats:
         """Logarithm of the area in the plane by that on the surface, as fractions of their totals.
 
-        (k,) of each face, or of those in a chart, see `cdcp_igl.area_distortion`. The charts of a
-        SurfaceMap lie as in `packed`.
+        Returns
+        -------
+        (k,) float64
+            Of each face, or of those in a chart; see `cdcp_igl.area_distortion`. The charts of a
+            SurfaceMap lie as in `packed`.
         """
         layout = self._layout()
         return area_distortion(layout.V, layout.F, layout.uv)
@@ -249,12 +252,28 @@ class Result(FromFile, ABC):
         the angular distortion shows its mean and, as a band, one standard deviation (SD) to
         either side. A disk is turned to match the view of the surface.
 
-        The `name` of the surface is for the title. ImportError if Matplotlib is not installed.
+        Parameters
+        ----------
+        name : str
+            Of the surface, for the title.
 
         Returns
         -------
         (4,) ndarray of matplotlib.axes.Axes
             In a figure that does not depend on pyplot: ``axes[0].figure.savefig``.
+
+        Raises
+        ------
+        ImportError
+            If Matplotlib is not installed.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> axes = cdcp_igl.disk_map(V, F).plot(name="cap")
+        >>> axes[1].get_title()
+        'disk in the same colours'
         """
         from ..plot.pictures import draw  # needs Matplotlib, which is optional and slow to import
 
@@ -333,13 +352,49 @@ class Result(FromFile, ABC):
         beside: Mapping[str, ArrayLike] | None = None,
         title: str = "",
     ) -> str:
-        """Return the page that `view` writes, a whole HTML document, or raise what it raises."""
+        """Return the page that `view` writes, a whole HTML document.
+
+        Parameters
+        ----------
+        fields, texture, beside, title
+            As in `view`.
+
+        Returns
+        -------
+        str
+
+        Raises
+        ------
+        ValueError, OSError, ImportError
+            As `view`.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> cdcp_igl.disk_map(V, F).view_html(title="Cap").count("<h1>Cap</h1>")
+        1
+        """
         from ..plot.viewer import page
 
         return page(self._layout(), fields or {}, texture, beside or {}, title)
 
     def summary(self) -> tuple[str, Pairs]:
-        """Return what printing shows: a title, and pairs of a name and what is said of it."""
+        """Return what printing shows: a title, and pairs of a name and what is said of it.
+
+        Returns
+        -------
+        title : str
+        pairs : list of (str, str)
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+        >>> title, pairs = cdcp_igl.disk_map(V, F).summary()
+        >>> title
+        'disk map of 331 vertices: valid'
+        """
         return f"{self._kind} map of {self._subject()}: {self.verdict}", self._summary()
 
     def __str__(self) -> str:

@@ -115,7 +115,20 @@ class MeshReport:
         return _step(in_shell, clean_and_cut="mend it, and map what is left")
 
     def report(self) -> dict[str, Any]:
-        """Return all of it as JSON types."""
+        """Return all of it.
+
+        Returns
+        -------
+        dict
+            JSON types.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
+        >>> cdcp_igl.check(V, F).report()["kind"]
+        'disk'
+        """
         return {
             "disk": self.is_disk,
             "kind": self.kind,
