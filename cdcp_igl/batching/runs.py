@@ -9,7 +9,7 @@ import os
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -286,12 +286,17 @@ def _refuse_another(path: Path, beginning: str, what: str) -> None:
 def _unfinished_folder(journal: Journal) -> Iterator[Path]:
     """Make an empty folder for what is not finished, and remove it at the end."""
     path = journal.path.with_name(f".{journal.path.stem}.unfinished")
-    shutil.rmtree(path, ignore_errors=True)  # of a run that was killed
+    old = path.with_suffix(".removed")
+    for left in (path, old):  # by a run that was killed
+        shutil.rmtree(left, ignore_errors=True)
     path.mkdir(exist_ok=True)
     try:
         yield path
     finally:
-        shutil.rmtree(path, ignore_errors=True)
+        with suppress(OSError):  # an executor may still repeat a task, and write into the folder
+            path.rename(old)
+        for left in (path, old):
+            shutil.rmtree(left, ignore_errors=True)
 
 
 def _check_format(format: str) -> None:
