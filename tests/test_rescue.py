@@ -17,7 +17,7 @@ from cdcp_igl.reference import fdcp, harmonic
 from cdcp_igl.rescue.boundary import BoundaryMethod, around, harmonic_shares
 from cdcp_igl.rescue.candidate import HarmonicMap, Provenance
 from cdcp_igl.rescue.recentering import deep_vertex, recentered
-from cdcp_igl.rescue.relaxation import Relaxation
+from cdcp_igl.rescue.relaxation import Relaxation, softened
 from cdcp_igl.rescue.repair import (
     Neighbourhood,
     mean_value_weights,
@@ -151,6 +151,16 @@ def test_a_soft_relaxation_repairs_a_flipped_face():
     for softness in (0.3, 0.1, 0.03, 0.01):
         folded = relaxation.sweep(folded, 10, softness)
     assert is_valid(folded)
+
+
+def test_softened_areas():
+    """The positive root of x (x - J) = s^2 / 4, flipped or not, and its derivative by J."""
+    J, s, h = np.repeat([[-3, -1e-3, 1e-3, 2]], 3, axis=0), np.array([[0.1], [1], [5]]), 1e-6
+    x, slope = softened(J, s)
+    np.testing.assert_allclose(x * (x - J), s**2 / 4 + 0 * J, rtol=1e-12)
+    assert (x > 0).all()
+    numerical = (softened(J + h, s)[0] - softened(J - h, s)[0]) / (2 * h)
+    np.testing.assert_allclose(slope, numerical, rtol=1e-6)
 
 
 def test_a_face_that_stays_flipped_is_not_called_unfolded():

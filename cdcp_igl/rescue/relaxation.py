@@ -75,7 +75,7 @@ class _Star:
         soft = (softness * size)[self._owner] if softness else None
         # Gradients with respect to the vertex (x, y) as complex numbers x + iy. `below` is
         # linear in it, `above` has the Hessian 4 |c|^2.
-        lifted, slope = _lifted(below, soft)
+        lifted, slope = softened(below, soft)
         d_above, d_below = 2 * (c.conj() * p + c * q), 2 * slope * (c.conj() * p - c * q)
         ratio = above / lifted
         gradient = (d_above - ratio * d_below) / lifted  # of the energy
@@ -95,7 +95,7 @@ class _Star:
         for halvings in range(HALVINGS):
             move = (scale * step)[self._owner]
             p_squared, q_squared = abs(p + c * move) ** 2, abs(q + c.conj() * move) ** 2
-            lifted, _ = _lifted(p_squared - q_squared, soft)
+            lifted, _ = softened(p_squared - q_squared, soft)
             after = self._energy(p_squared + q_squared, lifted)
             worse = ~(np.isfinite(after) & (after <= energy))
             if not (worse & (halvings < most)).any():
@@ -113,7 +113,7 @@ class _Star:
         return np.bincount(self._owner, values, len(self._vertices)).astype(float, copy=False)
 
 
-def _lifted(below: Floats, soft: Floats | None) -> tuple[Floats, Floats | float]:
+def softened(below: Floats, soft: Floats | None) -> tuple[Floats, Floats | float]:
     """(J + sqrt(J^2 + s^2)) / 2 without cancellation, and its derivative; J itself where s = 0."""
     if soft is None:
         return below, 1.0
