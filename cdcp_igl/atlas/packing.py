@@ -33,25 +33,27 @@ def _best_rows(sizes: Floats) -> tuple[Floats, float]:
     most = 2 * np.sqrt((width * height).sum()) + width.max()
     widths = np.unique(np.clip(np.cumsum(width), width.max(), most))
     widths = widths[evenly_spaced_rows(len(widths), MOST_WIDTHS)]
-    rows = (_rows(width, height, limit) for limit in widths)
+    boxes = sizes[order].tolist()  # plain numbers, as one after the other is looked at
+    rows = (_rows(boxes, limit) for limit in widths.tolist())
     placed, side = min(rows, key=lambda row: row[1])
     corners = np.empty_like(sizes)
     corners[order] = placed
     return corners, side
 
 
-def _rows(width: Floats, height: Floats, limit: float) -> tuple[Floats, float]:
+def _rows(boxes: list[list[float]], limit: float) -> tuple[list[tuple[float, float]], float]:
     """Lower left corners of boxes laid in rows of at most a given width, and the larger side."""
-    corners = np.empty((len(width), 2))
+    corners = []
     left = bottom = right = 0.0
-    top = height[0]
-    for k, side in enumerate(width.tolist()):
-        if left and left + side > limit * (1 + 1e-12):
-            left, bottom, top = 0.0, top, top + height[k]
-        corners[k] = left, bottom
-        left += side
+    top = boxes[0][1]
+    most = limit * (1 + 1e-12)
+    for width, height in boxes:
+        if left and left + width > most:
+            left, bottom, top = 0.0, top, top + height
+        corners.append((left, bottom))
+        left += width
         right = max(right, left)
-    return corners, float(max(right, top))
+    return corners, max(right, top)
 
 
 def laid_flat(z: Complex) -> complex:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Ints, as_complex, coordinates, unit_size
+from ..arrays import Complex, Floats, Ints, as_complex, coordinates, unit_size
 from ..cached import cached_property
 from ..certificate import Certificate, OutlineCertificate, together
 from ..distortion import AngleDistortion, plane_angles
@@ -121,12 +121,16 @@ class SurfaceMap(Result):
         mapped = np.flatnonzero(self.face_chart >= 0)
         chart = np.zeros(len(self.cut.V), np.int64)
         chart[self.cut.F[mapped]] = self.face_chart[mapped][:, None]
+        factor, move = self._places
+        return coordinates(factor[chart] * as_complex(self.uv_cut) + move[chart])[self.cut.F]
+
+    @cached_property
+    def _places(self) -> tuple[Complex, Complex]:
+        """(k,) factor and displacement that take each chart to its place in the square."""
         frames = [_frame(*each) for each in zip(self.charts, self.shares, strict=True)]
         factor, low, size = np.array(frames).T
         corner, scale = packed_boxes(coordinates(size))
-        move = as_complex(corner) - scale * low
-        z = (scale * factor)[chart] * as_complex(self.uv_cut) + move[chart]
-        return coordinates(z)[self.cut.F]
+        return scale * factor, as_complex(corner) - scale * low
 
     @property
     def _plural(self) -> str:
@@ -297,12 +301,13 @@ def surface_map(
     if progress:
         progress("done", 1.0)
     made = _together(given.astype(np.float64), sheets, charts, spread)
+    mapping = sum(made.timings.values())
+    made = replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
     if made.spread > spread:
         log.warning("scale variation %s", made._scale_variation)
     if lost := made._lost:
         log.warning("in single precision %s", lost)
-    mapping = sum(made.timings.values())
-    return replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
+    return made
 
 
 def _part_of(progress: Progress | None, done: float, share: float) -> Progress | None:

@@ -286,17 +286,21 @@ def _refuse_another(path: Path, beginning: str, what: str) -> None:
 def _unfinished_folder(journal: Journal) -> Iterator[Path]:
     """Make an empty folder for what is not finished, and remove it at the end."""
     path = journal.path.with_name(f".{journal.path.stem}.unfinished")
-    old = path.with_suffix(".removed")
-    for left in (path, old):  # by a run that was killed
-        shutil.rmtree(left, ignore_errors=True)
+    _remove(path)  # of a run that was killed
     path.mkdir(exist_ok=True)
     try:
         yield path
     finally:
-        with suppress(OSError):  # an executor may still repeat a task, and write into the folder
-            path.rename(old)
-        for left in (path, old):
-            shutil.rmtree(left, ignore_errors=True)
+        _remove(path)
+
+
+def _remove(path: Path) -> None:
+    """Remove a folder, into which a task that an executor repeats may still want to write."""
+    renamed = path.with_suffix(".removed")
+    with suppress(OSError):
+        path.rename(renamed)
+    for left in (path, renamed):
+        shutil.rmtree(left, ignore_errors=True)
 
 
 def _check_format(format: str) -> None:

@@ -172,9 +172,9 @@ def write_glb(
         single = V.astype("<f4")
     if not np.isfinite(single).all():
         raise ValueError("V is too large for a glb file, which has single precision: scale it.")
-    flat, flat_already = (degenerate_faces(corner_cotangents(unit_size(X), F)) for X in (single, V))
-    if len(flat) > len(flat_already):
-        faces = counted(len(flat) - len(flat_already), "face has", "faces have")
+    flat = _n_flat(single, F)
+    if flat and flat > (already := _n_flat(V, F)):
+        faces = counted(flat - already, "face has", "faces have")
         log.warning("%s no area in single precision: scale the surface, and move it to 0", faces)
     positions = single[vertex]
     on_a_disk = np.flatnonzero(texture[FT].any(axis=(1, 2)))
@@ -217,6 +217,10 @@ def write_glb(
         file.write(struct.pack("<I4s", at, b"BIN\0"))
         for piece in pieces:
             file.write(piece + b"\0" * (-len(piece) % 4))
+
+
+def _n_flat(V: Floats, F: Ints) -> int:
+    return len(degenerate_faces(corner_cotangents(unit_size(V), F)))
 
 
 def _accessor(view: int, component: int, count: int, kind: str) -> dict[str, Any]:
