@@ -16,12 +16,11 @@ from .rescue.boundary import BoundaryMethod
 from .rescue.candidate import HarmonicMap, Provenance, judged
 from .result.disk_map import DiskMap
 from .selection import finish, inscribed, is_good, rescue
-from .solve.factored import FactoredSurface
+from .solve.factored import FactoredSurface, harmonic_extension
 from .solve.laplacian import cotangent_laplacian
 from .solve.solvers import SolverName, using
 from .steps.center import Center, CenterMethod, central_face
 from .steps.circle import Rejected, onto_circle
-from .steps.extension import harmonic_extension
 from .steps.mobius import MobiusMethod, Normalization, normalize, rotate
 from .steps.options import Options
 from .steps.phases import Phases, Progress

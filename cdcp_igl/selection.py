@@ -17,10 +17,9 @@ from .rescue.collapsed_faces import open_collapsed_faces
 from .rescue.repair import Repair, repair_locally, repaired, replace_interior
 from .result.base import valid_map
 from .result.disk_map import DiskMap
-from .solve.factored import FactoredSurface
+from .solve.factored import FactoredSurface, extended_again, harmonic_extension
 from .steps.center import Center
 from .steps.circle import Rejected
-from .steps.extension import extended_again, harmonic_extension
 from .steps.mobius import MobiusMethod, Normalization, composed, normalize, rotate
 from .steps.options import Options
 from .steps.phases import Phases

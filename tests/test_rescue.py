@@ -26,9 +26,8 @@ from cdcp_igl.rescue.repair import (
     replace_interior,
 )
 from cdcp_igl.rescue.straightening import Straightening, common_shear, straighten
-from cdcp_igl.solve.factored import FactoredSurface
+from cdcp_igl.solve.factored import FactoredSurface, extended_again, harmonic_extension
 from cdcp_igl.steps.center import central_face
-from cdcp_igl.steps.extension import extended_again, harmonic_extension
 from cdcp_igl.steps.mobius import composed, mobius_transformation
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import flipped_faces

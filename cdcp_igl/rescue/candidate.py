@@ -12,9 +12,8 @@ import numpy as np
 from ..arrays import Complex, Floats, Ints, coordinates
 from ..certificate import Certificate, certify
 from ..distortion import disk_map_distortion
-from ..solve.factored import FactoredSurface
+from ..solve.factored import FactoredSurface, extended_again, harmonic_extension
 from ..steps.center import Center
-from ..steps.extension import extended_again, harmonic_extension
 from ..steps.mobius import Normalization, rotate
 from ..steps.options import Options
 from ..steps.phases import Phases

@@ -40,6 +40,8 @@ class Factorization(Cholesky):
 
     @staticmethod
     def _converted(A: csc_matrix) -> csc_matrix:
+        if not all(array.flags.writeable for array in (A.data, A.indices, A.indptr)):
+            A = A.copy()  # scikit-sparse 0.5 refuses it
         if factor_entries(A.shape[0]) > ENTRIES_OF_32_BITS:
             A = csc_matrix(A)  # the same entries
             A.indices, A.indptr = (i.astype(np.int64) for i in (A.indices, A.indptr))
@@ -62,13 +64,10 @@ class Factorization(Cholesky):
     def _solve(self, b: Floats) -> Floats:
         return self._factor.solve(b) if _MODERN else self._factor(b)
 
-    def schur_complement(self, A: csc_matrix, k: int) -> Floats:
-        """See `Cholesky`."""
-        with self._errors(len(self.permutation)):
-            factor = self._factor
-            L = factor.get_factor("LL", lower=True) if _MODERN else factor.L()
-            block = trailing_block(L, self.permutation, k)
-            return block @ block.T
+    def _schur_complement(self, A: csc_matrix, k: int) -> Floats:
+        L = self._factor.get_factor("LL", lower=True) if _MODERN else self._factor.L()
+        block = trailing_block(L, self.permutation, k)
+        return block @ block.T
 
     @staticmethod
     def _order(A: csc_matrix) -> Indices:
