@@ -48,9 +48,15 @@ def is_good(first: Candidate, harmonic: HarmonicMap, options: Options) -> bool:
 
 
 def _is_doubtful(candidate: Candidate, options: Options, mesh: DiskMesh) -> bool:
+    """Whether another way to the circle may lead nearer to the conformal map.
+
+    It may if the map is doubtful itself, or if the central face lies at the boundary, where a
+    dipole has no room. Errors that the size of the faces explains are no reason.
+    """
     if options.preset == "paper":
         return candidate.conformality.sheared
-    return candidate.is_doubtful(mesh)
+    at_boundary = mesh.on_boundary[mesh.F[candidate.done.center.face]].any()
+    return candidate.conformality.is_doubtful or bool(at_boundary)
 
 
 def inscribed(
@@ -215,7 +221,7 @@ def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskM
         distortion = of_free_faces = AngleDistortion.of(best.degrees)
         if 0 < len(mesh.inscribed) < len(mesh.F):
             of_free_faces = AngleDistortion.of(np.delete(best.degrees, mesh.inscribed, axis=0))
-    if not conformality:
+    if conformality.reasons:
         causes = tuple(_causes(best.done, len(mesh.V)))
         conformality = replace(conformality, reasons=conformality.reasons + causes)
     return DiskMap(

@@ -43,11 +43,12 @@ class FactoredSurface:
             rows, ordering, name = elimination_order(laplacian, mesh.V, free, factorization)
         else:
             rows, ordering, name = order, "natural", "given"
-        cholesky = factorization(laplacian.block(rows), ordering)
+        block = laplacian.block(rows)
+        self.solver = factorization.described(f"{name} ordering")
+        cholesky = factorization(block, ordering)
         self.mesh, self.laplacian = mesh, laplacian
         self.rows, self._cholesky = rows, cholesky
         self.order = rows[cholesky.permutation]
-        self.solver = cholesky.described(f"{name} ordering")
 
     @classmethod
     def of(cls, mesh: DiskMesh) -> FactoredSurface:
