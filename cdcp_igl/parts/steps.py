@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from ..arrays import Floats, coordinates
-from ..distortion import disk_map_distortion
+from ..distortion import map_distortion
 from ..errors import MapError, SolverError
 from ..solve.condensed import Condensed
 from ..solve.laplacian import cotangent_laplacian
@@ -154,7 +154,7 @@ def finish(folder: Folder, p: int, face: int, values: str) -> Arrays:
     if not np.isfinite(uv).all():
         raise MapError(f"The map of part {p} is not finite. If the mesh has slivers, remesh it.")
     flipped, n_exact = flipped_faces(f, part.F)
-    degrees = disk_map_distortion(part.piece, uv)
+    degrees = map_distortion(part.piece, f)
     inscribed = part.on_boundary[part.F].all(axis=1)
     lost, areas = lost_in_single_precision((uv + 1) / 2, part.F), face_areas(part.V, part.F)
     return {

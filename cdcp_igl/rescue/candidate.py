@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import Complex, Floats, Ints, coordinates
 from ..certificate import Certificate, certify
-from ..distortion import disk_map_distortion
+from ..distortion import map_distortion
 from ..solve.factored import FactoredSurface
 from ..steps.center import Center
 from ..steps.extension import extended_again, harmonic_extension
@@ -175,7 +175,7 @@ def judged(
     """Certify a map (n,), measure it, and judge it; the options as in `judge`."""
     uv = coordinates(f)
     with phase("certificate"):
-        certificate, degrees = certify(mesh, uv), disk_map_distortion(mesh, uv)
+        certificate, degrees = certify(mesh, uv), map_distortion(mesh, f)
         valid = certificate.valid
         conformality = judge(mesh, f, degrees, valid=valid, closely=closely, known=known)
         return Candidate(f, done, certificate, degrees, conformality)
