@@ -24,7 +24,7 @@ from .rescue.repair import MANY, Repair, repair_locally
 from .result.base import valid_map
 from .result.harmonic import RefinedMap, refined, steps_of
 from .result.plane_map import PlaneMap
-from .solve.factored import FactoredSurface
+from .solve.factored import FactoredSurface, harmonic_extension
 from .solve.solvers import SolverName, using
 from .steps.boundary_first import (
     angles_of_scale,
@@ -33,7 +33,6 @@ from .steps.boundary_first import (
     pinned,
     scale_of_angles,
 )
-from .steps.extension import harmonic_extension
 from .steps.mobius import rotate
 from .steps.options import Options
 from .steps.phases import Phases, Progress

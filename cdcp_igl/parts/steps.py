@@ -14,8 +14,8 @@ from ..arrays import Floats, coordinates
 from ..distortion import map_distortion
 from ..errors import MapError, SolverError
 from ..solve.condensed import Condensed
+from ..solve.factored import harmonic_extension
 from ..solve.laplacian import cotangent_laplacian
-from ..steps.extension import harmonic_extension
 from ..steps.mobius import mobius_transformation
 from ..steps.trace import boundary_flux, face_dipole
 from ..surface.topology import Topology, heads

@@ -17,8 +17,8 @@ from ..solve.laplacian import Laplacian
 from ..solve.solvers import factorize
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import blocks
+from .correction import extents
 from .figures import Disk, Figure
-from .recentering import extents
 
 # A map that is measurably not near the conformal one has so many steps even if none are asked for.
 STEPS_DUE = 2

@@ -9,7 +9,7 @@ from ..arrays import Floats, Indices, Ints, marked
 from .laplacian import Laplacian
 from .memory import require_memory
 from .ordering import elimination_order
-from .solvers import factorize, solver
+from .solvers import solver
 
 
 class Condensed:
@@ -26,14 +26,15 @@ class Condensed:
     def __init__(self, laplacian: Laplacian, V: Floats, kept: Ints) -> None:
         n, k = len(V), len(kept)
         require_memory(n)
-        rows, ordering, _ = elimination_order(laplacian, V, ~marked(n, kept))
+        factorization = solver()
+        rows, ordering, _ = elimination_order(laplacian, V, ~marked(n, kept), factorization)
         if ordering == "amd" and len(rows):
-            rows = rows[solver().fill_reducing_order(laplacian.block(rows))]
+            rows = rows[factorization.fill_reducing_order(laplacian.block(rows))]
         self.order = rows
         self._rows: Indices = np.concatenate([rows, kept])
         self._kept = kept
         A = _joined_and_shifted(laplacian.block(self._rows), k)
-        self._factor = factorize(A, "natural")
+        self._factor = factorization(A, "natural")
         self._shifted = self._factor.schur_complement(A, k)
         self.schur: Floats = self._shifted - np.identity(k)
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Bools, Floats, Ints, marked, places, size_exponent
 from ..cached import cached_property
 from ..errors import Defect, MeshError, counted
-from .topology import Edges, group_by_edge, outer_loop, tails
+from .topology import Edges, by_reach, group_by_edge, tails
 from .triangles import corner_angles, corner_cotangents, degenerate_faces, vertex_areas
 from .validation import Examined, checked_vertices, examine
 
@@ -66,8 +66,7 @@ class DiskMesh:
         if examined.surface is None or defects:
             raise MeshError(*defects)
         surface = examined.surface
-        outer = outer_loop(examined.V, surface.loops) if surface.loops else None
-        loops = sorted(surface.loops, key=lambda loop: loop is not outer)
+        loops = by_reach(examined.V, surface.loops)
         loop = np.concatenate([np.empty(0, np.int64), *loops])
         on_boundary = marked(surface.n, loop)
         for indices in (*loops, *vars(surface.edges).values()):

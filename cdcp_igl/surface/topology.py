@@ -310,15 +310,15 @@ def sewn(V: Floats, F: Ints) -> tuple[Ints, int]:
     return kept[group[F]], n - n_left
 
 
-def outer_loop(V: Floats, loops: list[Ints]) -> Ints:
-    """Choose the loop that reaches farthest, by the diagonal of its box.
+def by_reach(V: Floats, loops: list[Ints]) -> list[Ints]:
+    """Sort loops, that which reaches farthest first, by the diagonal of its box.
 
     In the plane it encloses all others, however long and finely resolved those are.
     """
-    if len(loops) == 1:
-        return loops[0]
+    if len(loops) < 2:
+        return loops
     positions = unit_size(V)
-    return max(loops, key=lambda loop: float(np.linalg.norm(np.ptp(positions[loop], axis=0))))
+    return sorted(loops, key=lambda loop: -float(np.linalg.norm(np.ptp(positions[loop], axis=0))))
 
 
 def components_of_pairs(rows: Indices, columns: Indices, n: int) -> tuple[int, NDArray[np.int32]]:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints, distinct_rows, size_exponent, unit_size
 from ..errors import Defect, MeshError
-from .topology import Topology, duplicate_faces, outer_loop
+from .topology import Topology, by_reach, duplicate_faces
 from .triangles import corner_cotangents, degenerate_faces
 
 
@@ -151,7 +151,7 @@ def _defects_of_a_surface(surface: Topology, V: NDArray[Any]) -> Iterator[Defect
     if len(surface.border) == 0:
         yield Defect.of("closed surface" + (", with handles" if surface.genus else ""))
     if len(surface.loops) > n_parts:
-        outer = outer_loop(V, surface.loops)
+        outer = by_reach(V, surface.loops)[0]
         holes = np.concatenate([loop for loop in surface.loops if loop is not outer])
         loops = len(surface.loops)
         yield Defect.of("several boundary loops", holes, loops=loops, outer=len(outer))
