@@ -88,11 +88,9 @@ def angle_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
            [18.43, 18.43,  0.  ]])
     """
     positions, faces, image = _surface_and_points(V, F, uv, (2, 3))
-    if image.shape[1] == 2:
-        angles = plane_angles(as_complex(image), faces)
-    else:
-        angles = _signed_angles(image, faces, np.linalg.det(image[faces]) < 0)
-    return np.degrees(abs(angles - _angles(positions, faces)))
+    plane = image.shape[1] == 2
+    size = libigl.double_areas(image, faces) if plane else np.linalg.det(image[faces])
+    return np.degrees(abs(_signed_angles(image, faces, size < 0) - _angles(positions, faces)))
 
 
 @takes_meshes
@@ -264,7 +262,7 @@ def _angles(V: Floats, F: Ints) -> Floats:
 
 
 def _signed_angles(P: Floats, F: Ints, flipped: Bools | Ints) -> Floats:
-    """(m, 3) corner angles in radians of straight faces on the sphere, negative in flipped ones."""
+    """(m, 3) corner angles in radians, negative in flipped faces."""
     angles = _angles(P, F)
     angles[flipped] *= -1
     return angles
@@ -276,7 +274,7 @@ def sphere_angle_errors(mesh: DiskMesh, P: Floats, flipped: Ints) -> Floats:
 
 
 def map_distortion(mesh: DiskMesh, f: Complex) -> Floats:
-    """(m, 3) `angle_distortion` of a map f (n,), without checks."""
+    """(m, 3) `angle_distortion` of a map f (n,) without collapsed faces, in a fifth of the time."""
     return np.degrees(abs(angle_errors(mesh, f)))
 
 
