@@ -22,8 +22,7 @@ from .rescue.figures import Figure, Flipped
 from .rescue.refine import lower_angle_distortion
 from .rescue.repair import MANY, Repair, repair_locally
 from .result.base import valid_map
-from .result.harmonic import RefinedMap, refined, steps_of
-from .result.plane_map import PlaneMap
+from .result.harmonic import PlaneMap, RefinedMap, refined, steps_of
 from .solve.factored import FactoredSurface, harmonic_extension
 from .solve.solvers import SolverName, using
 from .steps.boundary_first import (

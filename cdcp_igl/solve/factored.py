@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_matrix
 
-from ..arrays import Bools, Complex, Indices, Numbers, places
+from ..arrays import Bools, Complex, Indices, Numbers
 from ..cached import cached_property
 from ..surface.mesh import DiskMesh
 from .cholesky import Cholesky
@@ -78,8 +78,8 @@ class FactoredSurface:
         low, high = L.low[between], L.high[between]
         outwards = mesh.on_boundary[high]
         inner, outer = np.where(outwards, low, high), np.where(outwards, high, low)
-        n, column = len(mesh.V), places(mesh.loop, len(mesh.V))[outer]
-        return csc_matrix((-L.weights[between], (inner, column)), (n, len(mesh.loop)))
+        entries = -L.weights[between], (inner, outer)
+        return csc_matrix(entries, (len(mesh.V), len(mesh.V)))[:, mesh.loop]
 
     @cached_property
     def delaunay(self) -> FactoredSurface:

@@ -47,13 +47,6 @@ class Edges:
         """(k, 2) vertices of some of the edges."""
         return np.column_stack([self.low[chosen], self.high[chosen]]).astype(np.int64)
 
-    def sum_opposite(self, x: Floats) -> Floats:
-        """(e,) sums of the values x (m, 3) at the corners opposite each edge."""
-        # Half-edge k m + f leaves corner k of face f, so it lies opposite corner k - 1, where
-        # that of the first is the last: counted from the end, as negative indices are.
-        opposite = x.T.ravel()[self.sides - len(x)]
-        return np.add.reduceat(opposite, self.start)
-
 
 @dataclass(frozen=True, eq=False)
 class Topology:
@@ -89,7 +82,7 @@ class Topology:
     @cached_property
     def used(self) -> Bools:
         """(n,) vertices with faces."""
-        return marked(self.n, self.F)
+        return np.bincount(self.F.ravel(), minlength=self.n) > 0
 
     @cached_property
     def ears(self) -> Ints:

@@ -89,6 +89,7 @@ class Examined:
     V: Floats = field(default_factory=lambda: np.empty((0, 3)))  # of unit size
     exponent: int = 0  # of the power of two by which they were divided
     surface: Topology | None = None  # None if unusable, or if a corner is repeated
+    loops: list[Ints] = field(default_factory=list)  # those of the surface, the outer one first
     cotangents: Floats = field(default_factory=lambda: np.empty((0, 3)))  # if all is finite
 
 
@@ -106,12 +107,13 @@ def examine(V: ArrayLike, F: ArrayLike) -> Examined:
     found += _defects_of_edges(surface)
     if not surface.singular.any():
         found += _defects_of_a_surface(surface, given.V)
+    loops = by_reach(positions, surface.loops)
     if "non-finite coordinate" in names:
-        return Examined(n, m, tuple(found), positions, exponent, surface)
+        return Examined(n, m, tuple(found), positions, exponent, surface, loops)
     cotangents = corner_cotangents(positions, given.F)
     if len(flat := degenerate_faces(cotangents)):
         found.append(Defect.of("degenerate face", flat))
-    return Examined(n, m, tuple(found), positions, exponent, surface, cotangents)
+    return Examined(n, m, tuple(found), positions, exponent, surface, loops, cotangents)
 
 
 def _defects_of_edges(surface: Topology) -> Iterator[Defect]:
