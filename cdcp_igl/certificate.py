@@ -336,9 +336,13 @@ def _meet(z: Complex, i: int, j: int) -> bool:
 
 def certify(mesh: DiskMesh, uv: Floats) -> Certificate:
     """Verify a map (n, 2) of a mesh onto the unit disk."""
-    if not np.isfinite(uv).all():
+    return certify_disk(mesh, as_complex(uv))
+
+
+def certify_disk(mesh: DiskMesh, f: Complex) -> Certificate:
+    """Verify a map (n,) of a mesh onto the unit disk."""
+    if not np.isfinite(f).all():
         return not_finite(mesh)
-    f = as_complex(uv)
     return certificate_of(f[mesh.loop], *flipped_faces(f, mesh.F))
 
 

@@ -22,9 +22,8 @@ from .rescue.figures import Figure, Flipped
 from .rescue.refine import lower_angle_distortion
 from .rescue.repair import MANY, Repair, repair_locally
 from .result.base import valid_map
-from .result.harmonic import RefinedMap, refined, steps_of
-from .result.plane_map import PlaneMap
-from .solve.factored import FactoredSurface
+from .result.harmonic import PlaneMap, RefinedMap, refined, steps_of
+from .solve.factored import FactoredSurface, harmonic_extension
 from .solve.solvers import SolverName, using
 from .steps.boundary_first import (
     angles_of_scale,
@@ -33,7 +32,6 @@ from .steps.boundary_first import (
     pinned,
     scale_of_angles,
 )
-from .steps.extension import harmonic_extension
 from .steps.mobius import rotate
 from .steps.options import Options
 from .steps.phases import Phases, Progress

@@ -20,11 +20,10 @@ from .io.given import takes_meshes
 from .rescue.conformality import judge
 from .rescue.repair import Repair, repaired
 from .result.base import valid_map
-from .result.plane_map import PlaneMap
-from .solve.factored import FactoredSurface
+from .result.harmonic import PlaneMap
+from .solve.factored import FactoredSurface, harmonic_extension
 from .solve.laplacian import LAPLACIANS, Laplacian
 from .solve.solvers import SolverName, using
-from .steps.extension import harmonic_extension
 from .steps.options import Options
 from .steps.phases import Phases, Progress
 from .surface.mesh import DiskMesh

@@ -17,10 +17,9 @@ from .rescue.collapsed_faces import open_collapsed_faces
 from .rescue.repair import Repair, repair_locally, repaired, replace_interior
 from .result.base import valid_map
 from .result.disk_map import DiskMap
-from .solve.factored import FactoredSurface
+from .solve.factored import FactoredSurface, extended_again, harmonic_extension
 from .steps.center import Center
 from .steps.circle import Rejected
-from .steps.extension import extended_again, harmonic_extension
 from .steps.mobius import MobiusMethod, Normalization, composed, normalize, rotate
 from .steps.options import Options
 from .steps.phases import Phases
@@ -49,9 +48,15 @@ def is_good(first: Candidate, harmonic: HarmonicMap, options: Options) -> bool:
 
 
 def _is_doubtful(candidate: Candidate, options: Options, mesh: DiskMesh) -> bool:
+    """Whether another way to the circle may lead nearer to the conformal map.
+
+    It may if the map is doubtful itself, or if the central face lies at the boundary, where a
+    dipole has no room. Errors that the size of the faces explains are no reason.
+    """
     if options.preset == "paper":
         return candidate.conformality.sheared
-    return candidate.is_doubtful(mesh)
+    at_boundary = mesh.on_boundary[mesh.F[candidate.done.center.face]].any()
+    return candidate.conformality.is_doubtful or bool(at_boundary)
 
 
 def inscribed(
@@ -216,7 +221,7 @@ def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskM
         distortion = of_free_faces = AngleDistortion.of(best.degrees)
         if 0 < len(mesh.inscribed) < len(mesh.F):
             of_free_faces = AngleDistortion.of(np.delete(best.degrees, mesh.inscribed, axis=0))
-    if not conformality:
+    if conformality.reasons:
         causes = tuple(_causes(best.done, len(mesh.V)))
         conformality = replace(conformality, reasons=conformality.reasons + causes)
     return DiskMap(

@@ -19,10 +19,9 @@ from cdcp_igl.arrays import Complex, Floats, Ints
 from cdcp_igl.rescue.boundary import FALLBACKS, _balanced
 from cdcp_igl.rescue.candidate import Candidate as Judged
 from cdcp_igl.rescue.collapsed_faces import open_collapsed_faces
-from cdcp_igl.rescue.recentering import recentered
+from cdcp_igl.rescue.correction import Straightening, recentered, straighten
 from cdcp_igl.rescue.relaxation import Relaxation
 from cdcp_igl.rescue.repair import Neighbourhood, Repair, repair_locally, replace_interior
-from cdcp_igl.rescue.straightening import Straightening, straighten
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import flipped_faces
 

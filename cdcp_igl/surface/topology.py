@@ -47,13 +47,6 @@ class Edges:
         """(k, 2) vertices of some of the edges."""
         return np.column_stack([self.low[chosen], self.high[chosen]]).astype(np.int64)
 
-    def sum_opposite(self, x: Floats) -> Floats:
-        """(e,) sums of the values x (m, 3) at the corners opposite each edge."""
-        # Half-edge k m + f leaves corner k of face f, so it lies opposite corner k - 1, where
-        # that of the first is the last: counted from the end, as negative indices are.
-        opposite = x.T.ravel()[self.sides - len(x)]
-        return np.add.reduceat(opposite, self.start)
-
 
 @dataclass(frozen=True, eq=False)
 class Topology:
@@ -89,7 +82,7 @@ class Topology:
     @cached_property
     def used(self) -> Bools:
         """(n,) vertices with faces."""
-        return marked(self.n, self.F)
+        return np.bincount(self.F.ravel(), minlength=self.n) > 0
 
     @cached_property
     def ears(self) -> Ints:
@@ -310,15 +303,15 @@ def sewn(V: Floats, F: Ints) -> tuple[Ints, int]:
     return kept[group[F]], n - n_left
 
 
-def outer_loop(V: Floats, loops: list[Ints]) -> Ints:
-    """Choose the loop that reaches farthest, by the diagonal of its box.
+def by_reach(V: Floats, loops: list[Ints]) -> list[Ints]:
+    """Sort loops, that which reaches farthest first, by the diagonal of its box.
 
     In the plane it encloses all others, however long and finely resolved those are.
     """
-    if len(loops) == 1:
-        return loops[0]
+    if len(loops) < 2:
+        return loops
     positions = unit_size(V)
-    return max(loops, key=lambda loop: float(np.linalg.norm(np.ptp(positions[loop], axis=0))))
+    return sorted(loops, key=lambda loop: -float(np.linalg.norm(np.ptp(positions[loop], axis=0))))
 
 
 def components_of_pairs(rows: Indices, columns: Indices, n: int) -> tuple[int, NDArray[np.int32]]:
