@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import dijkstra
 from .arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from .cached import cached_property
 from .certificate import Certificate, certify_ring
-from .distortion import AngleDistortion, angle_errors
+from .distortion import AngleDistortion, angle_errors, map_distortion
 from .errors import Defect, MeshError, counted
 from .io.given import takes_meshes
 from .plot.layout import Layout
@@ -222,7 +222,7 @@ def annulus_map(
                 f, repair = repaired(mesh, f, on_disk=False)
             with phase("certificate"):
                 certificate = certify_ring(mesh, f)
-                degrees = np.degrees(abs(angle_errors(mesh, f)))
+                degrees = map_distortion(mesh, f)
                 closely = repair.n_flipped > 0
                 verdict = judge(mesh, f, degrees, valid=certificate.valid, closely=closely)
             return AnnulusMap(

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from .algorithm import factored_surface, map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates, places
 from .certificate import OutlineCertificate, certify_outline
-from .distortion import AngleDistortion, angle_errors
+from .distortion import AngleDistortion, map_distortion
 from .errors import SolverError, spell
 from .io.given import takes_meshes
 from .rescue.candidate import PATIENT
@@ -376,7 +376,7 @@ def _finished(
             f, repair = repair_locally(mesh, f, most)
             certificate = certify_outline(mesh, coordinates(f))
     with phase("certificate"):
-        degrees = np.degrees(abs(angle_errors(mesh, f)))
+        degrees = map_distortion(mesh, f)
         outline = f[mesh.loop]
         area = (outline.conj() * np.roll(outline, -1)).imag.sum() / 2
         closely = repair.n_flipped > 0

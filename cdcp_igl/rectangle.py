@@ -14,7 +14,7 @@ from scipy.special import ellipk, ellipkinc
 from .algorithm import map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from .certificate import Certificate, not_finite
-from .distortion import AngleDistortion, angle_errors
+from .distortion import AngleDistortion, map_distortion
 from .errors import MapError, SolverError, counted, spell
 from .io.given import takes_meshes
 from .rescue.conformality import judge
@@ -309,7 +309,7 @@ def _rectangle(mesh: DiskMesh, sides: list[Ints], square: _Square, phase: Phases
             f, repair = repaired(mesh, f, on_disk=False)
     with phase("certificate"):
         certificate = certify_rectangle(mesh, sides, f, modulus)
-        degrees = np.degrees(abs(angle_errors(mesh, f)))
+        degrees = map_distortion(mesh, f)
         closely = repair.n_flipped > 0
         conformality = judge(mesh, f, degrees, valid=certificate.valid, closely=closely)
         if not conformality:
