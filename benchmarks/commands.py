@@ -29,7 +29,7 @@ from .records.store import ROOT, WORK, Work
 from .session import Machine, Out, Session, with_session
 from .write.front_page import MODELS, README, rewrite
 from .write.report import draw
-from .write.sections import cases, in_order, rescue_tables, summary_table
+from .write.sections import cases, rescue_table, summary_table
 from .write.table import printed
 
 SPEED_METHODS = ("factor", "cdcp", "cdcp refine=5", "free", "lscm", "harmonic")
@@ -176,12 +176,12 @@ def _finish(session: Session, section: str, records: list[Record]) -> None:
     results = measured.sections[section]
     every = cases(results)
     if section == "rescue":
-        (table,) = rescue_tables(results)
+        table = rescue_table(results)
         console.print(printed(table, table.headings), table.text)
     elif len(every.rows) <= LONG:
         console.print(printed(every, TOLD))
     else:
-        over_all = summary_table(results, in_order(results))
+        over_all = summary_table(results)
         console.print(printed(over_all, over_all.headings))
     if session.part is None:
         typer.echo(session.results.with_suffix(".md"))

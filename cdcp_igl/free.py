@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from .algorithm import factored_surface, map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates, places
 from .certificate import OutlineCertificate, certify_outline
-from .distortion import angle_errors
+from .distortion import map_distortion
 from .errors import SolverError, spell
 from .io.given import takes_meshes
 from .rescue.candidate import PATIENT
@@ -375,7 +375,7 @@ def _finished(
             f, repair = repair_locally(mesh, f, most)
             certificate = certify_outline(mesh, coordinates(f))
     with phase("certificate"):
-        fields = fields_of(mesh, f, angle_errors(mesh, f), certificate, repair)
+        fields = fields_of(mesh, f, map_distortion(mesh, f), certificate, repair)
         outline = f[mesh.loop]
         area = (outline.conj() * np.roll(outline, -1)).imag.sum() / 2
     return FreeMap(

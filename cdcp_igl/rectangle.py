@@ -14,7 +14,7 @@ from scipy.special import ellipk, ellipkinc
 from .algorithm import map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from .certificate import Certificate, not_finite
-from .distortion import angle_errors
+from .distortion import map_distortion
 from .errors import MapError, SolverError, counted, spell
 from .io.given import takes_meshes
 from .rescue.repair import Repair, repaired
@@ -308,7 +308,7 @@ def _rectangle(mesh: DiskMesh, sides: list[Ints], square: _Square, phase: Phases
             f, repair = repaired(mesh, f, on_disk=False)
     with phase("certificate"):
         certificate = certify_rectangle(mesh, sides, f, modulus)
-        fields = fields_of(mesh, f, angle_errors(mesh, f), certificate, repair)
+        fields = fields_of(mesh, f, map_distortion(mesh, f), certificate, repair)
         if not (verdict := fields["conformality"]):
             fields["conformality"] = replace(verdict, remedies=(REMEDY,))
     return RectangleMap(

@@ -395,8 +395,8 @@ def _finished(
         P, repair = repaired_on_sphere(mesh, P)
     with phase("certificate"):
         certificate = certify_sphere(mesh.F, P)
-        errors = sphere_angle_errors(mesh, P, certificate.flipped)
-        fields = fields_of(mesh, P, errors, certificate, repair)
+        degrees = np.degrees(abs(sphere_angle_errors(mesh, P, certificate.flipped)))
+        fields = fields_of(mesh, P, degrees, certificate, repair)
     return SphereMap(
         **fields,
         points=P,

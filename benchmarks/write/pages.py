@@ -22,7 +22,7 @@ from cdcp_igl.plot.scene import SCALE, Scene
 from ..records.paper import published
 from ..records.record import EDGES, Record
 from ..records.results import Measured, NotMeasured, Section
-from .figures.accuracy import histogram
+from .figures.charts import histogram
 from .figures.style import encode, model_name, style
 from .sections import COLUMNS, about, case, cases, in_order, tables
 from .table import Table
@@ -69,7 +69,7 @@ def write_pages(
         links[model] = _write_model(folder, measured, model)
     index = folder / "index.html"
     shown = [{"data": ""} | f | (_embedded(f["file"]) if "file" in f else {}) for f in figures]
-    sections = list(tables(measured))
+    sections = tables(measured)
     if "tables" in measured.sections:
         sections.append(cases(measured.sections["tables"]))
     _render(
@@ -101,7 +101,9 @@ def _write_model(folder: Path, measured: Measured, model: str) -> dict[str, str]
         V, F = measured.surface(model)
     except NotMeasured as error:
         return {"name": name, "link": "", "missing": str(error)}
-    results = measured.sections.get("tables") or next(iter(measured.sections.values()))
+    known = sorted(measured.sections, key=lambda section: section != "tables")
+    sections = (measured.sections[section] for section in known)
+    results = next(section for section in sections if model in section.sizes)
     methods = in_order(results)
     scene = Scene(V, F, PIXELS)
     most = _most(results.of(model, "cdcp"))

@@ -12,11 +12,11 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from cdcp_igl.io.output import whole_file
 
 from ..records.results import Measured, NotMeasured
-from .figures import PLOTS, Plot
-from .figures.style import encode
+from .figures import PLOTS
+from .figures.style import Plot, encode
 from .pages import write_pages
 from .sections import about, tables
-from .table import markdown
+from .table import markdown, told
 
 
 def as_markdown(machine: Mapping[str, Any], measured: Measured) -> str:
@@ -50,7 +50,7 @@ def draw(folder: Path, about: Mapping[str, Any], measured: Measured) -> Path:
         task = bar.add_task("", total=len(PLOTS) + len(measured.sizes))
         drawn = []
         for plot in PLOTS:
-            bar.update(task, description=plot.title)
+            bar.update(task, description=plot.file)
             drawn.append(_figure(folder / plot.file, plot, measured))
             bar.advance(task)
 
@@ -65,9 +65,10 @@ def draw(folder: Path, about: Mapping[str, Any], measured: Measured) -> Path:
 
 def _figure(target: Path, plot: Plot, measured: Measured) -> dict[str, Any]:
     """Draw one; return what the pages show of it."""
-    shown: dict[str, Any] = {"title": plot.title, "caption": plot.caption, "id": target.stem}
+    title, caption = told(plot.draw)
+    shown: dict[str, Any] = {"title": title, "caption": caption, "id": target.stem}
     try:
-        picture = encode(plot.draw(measured), target.suffix)
+        picture = encode(plot(measured), target.suffix)
     except NotMeasured as reason:
         target.unlink(missing_ok=True)  # it would show something else
         return shown | {"missing": str(reason)}

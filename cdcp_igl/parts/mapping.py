@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 
 from .. import __version__, libigl
-from ..arrays import Complex, Floats, Ints, Numbers, coordinates, distinct_rows, evenly_spaced_rows
+from ..arrays import Complex, Floats, Ints, Numbers, distinct_rows, evenly_spaced_rows
 from ..certificate import certificate_of, is_around
-from ..distortion import AngleDistortion, disk_map_distortion
+from ..distortion import AngleDistortion, map_distortion
 from ..errors import MapError, counted
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.conformality import judge_by, sampled_faces
@@ -473,7 +473,7 @@ class _Mapping:
         near = sample.vertices[np.unique(sample.only(rows).F)]
         some = Gathered.of(self.folder, self.finished, lambda part: part.faces_at(near))
         faces = some.places(rows)
-        errors = disk_map_distortion(some.mesh, coordinates(some.f))[faces]
+        errors = map_distortion(some.mesh, some.f)[faces]
         conformality = judge_by(some.mesh, some.f, errors, faces, distortion.mean)
         if conformality.is_doubtful:
             self.give_up(f"it may not be conformal: {'; '.join(conformality.reasons)}")

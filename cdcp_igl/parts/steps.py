@@ -12,7 +12,7 @@ from scipy.linalg import solve_triangular
 from scipy.sparse import coo_matrix, csc_matrix
 
 from ..arrays import Floats, Indices, Ints, coordinates, marked
-from ..distortion import disk_map_distortion
+from ..distortion import map_distortion
 from ..errors import MapError, SolverError
 from ..solve.factored import harmonic_extension
 from ..solve.laplacian import Laplacian, cotangent_laplacian
@@ -157,7 +157,7 @@ def finish(folder: Folder, p: int, face: int, values: str) -> Arrays:
     if not np.isfinite(uv).all():
         raise MapError(f"The map of part {p} is not finite. If the mesh has slivers, remesh it.")
     flipped, n_exact = flipped_faces(f, part.F)
-    degrees = disk_map_distortion(part.piece, uv)
+    degrees = map_distortion(part.piece, f)
     inscribed = part.on_boundary[part.F].all(axis=1)
     lost, areas = lost_in_single_precision((uv + 1) / 2, part.F), face_areas(part.V, part.F)
     return {

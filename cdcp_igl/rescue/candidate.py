@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, coordinates, evenly_spaced_rows
+from ..arrays import Complex, Floats, Ints, evenly_spaced_rows
 from ..certificate import Certificate, certify_disk
-from ..distortion import disk_map_distortion
+from ..distortion import map_distortion
 from ..solve.factored import FactoredSurface, extended_again, harmonic_extension
 from ..steps.center import Center
 from ..steps.mobius import Normalization, rotate
@@ -165,8 +165,7 @@ def judged(
 ) -> Candidate:
     """Certify a map (n,), measure it, and judge it; the options as in `judge`."""
     with phase("certificate"):
-        certificate = certify_disk(mesh, f)
-        degrees = disk_map_distortion(mesh, coordinates(f))
+        certificate, degrees = certify_disk(mesh, f), map_distortion(mesh, f)
         valid = certificate.valid
         conformality = judge(mesh, f, degrees, valid=valid, closely=closely, known=known)
         return Candidate(f, done, certificate, degrees, conformality)

@@ -6,8 +6,6 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any, ClassVar, TypeVar
 
-import numpy as np
-
 from ..arrays import Complex, Floats, Ints
 from ..distortion import AngleDistortion
 from ..plot.layout import Layout
@@ -84,10 +82,10 @@ class PlaneMap(Result):
 
 
 def fields_of(
-    mesh: DiskMesh, f: Complex | Floats, errors: Floats, certificate: Any, repair: Repair
+    mesh: DiskMesh, f: Complex | Floats, degrees: Floats, certificate: Any, repair: Repair
 ) -> dict[str, Any]:
-    """Judge a map by its angle errors (m, 3) in radians: the fields of a result that say so."""
-    degrees, closely = np.degrees(abs(errors)), repair.n_flipped > 0
+    """Judge a map with angular distortion `degrees` (m, 3): the fields of a result that say so."""
+    closely = repair.n_flipped > 0
     return {
         "mesh": mesh,
         "certificate": certificate,
