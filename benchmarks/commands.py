@@ -7,16 +7,12 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from .measure import ablation as variants
-from .measure import mechanisms
-from .measure import methods as measured_methods
+from .measure.ablation import ABLATIONS, RESCUES
 from .measure.any_surface import surfaces
-from .measure.candidate import Methods
 from .measure.families import FAMILIES, disks
 from .measure.faults import faults
 from .measure.fuzzing import fuzz
 from .measure.machine import MACHINE
-from .measure.mechanisms import RESCUES
 from .measure.methods import METHODS, maps
 from .measure.models import subdivided
 from .measure.mutants import mutants
@@ -74,10 +70,9 @@ def tables(session: Session, repeats: Repeats = 1) -> None:
 
     What is there already is not measured again. To start over, delete the work folder.
     """
-    methods = session.wanted_methods(METHODS, ["factor", *maps()])
+    methods = session.wanted_methods(["factor", *maps()])
     models = session.wanted_models()
-    table = measured_methods.TABLE
-    _finish(session, "tables", session.run("tables", models, methods, table, lambda *_: repeats))
+    _finish(session, "tables", session.run("tables", models, methods, lambda *_: repeats))
 
 
 @app.command()
@@ -87,9 +82,9 @@ def peers(session: Session) -> None:
 
     Those that are not installed are told. What is there already is not measured again.
     """
-    methods = session.wanted_methods(METHODS, (*OWN, *PEERS))
+    methods = session.wanted_methods((*OWN, *PEERS))
     models = session.wanted_models(MODELS)
-    records = session.run("peers", models, methods, measured_methods.TABLE, lambda *_: 1)
+    records = session.run("peers", models, methods, lambda *_: 1)
     _finish(session, "peers", records)
 
 
@@ -111,20 +106,19 @@ def speed(session: Session, repeats: Repeats = 5) -> None:
         return 1 if n > LARGE and method not in REPEATED else repeats
 
     records = []
-    table = measured_methods.TABLE
-    wanted = session.wanted_methods(METHODS, SPEED_METHODS)
+    wanted = session.wanted_methods(SPEED_METHODS)
     models = session.wanted_models(SPEED_MODELS)
     if not session.models and not session.methods:
         small = session.wanted_models([SMALL_MODEL])[:1]
         few = {name: METHODS[name] for name in SMALL_METHODS}
-        records += session.run("speed", small, few, table, runs)
+        records += session.run("speed", small, few, runs)
         moving = session.wanted_models(MOVING_MODELS)
         method = {MOVING_METHOD: METHODS[MOVING_METHOD]}
-        records += session.run("speed", moving, method, table, runs)
+        records += session.run("speed", moving, method, runs)
         grown = subdivided(QUICK_ROUNDS if session.tier == "quick" else ROUNDS)
         both = {name: METHODS[name] for name in GROWTH_METHODS}
-        session.write("growth", session.run("growth", grown, both, table, lambda *_: 1))
-    records += session.run("speed", models, wanted, table, runs)
+        session.write("growth", session.run("growth", grown, both, lambda *_: 1))
+    records += session.run("speed", models, wanted, runs)
     _finish(session, "speed", records)
 
 
@@ -143,18 +137,17 @@ def ablation(
     The steps on scans; the rescue on families of disks, or on the models that are chosen. What is
     there already is not measured again. To start over, delete the work folder.
     """
-    known = Methods({**variants.ABLATIONS, **RESCUES})
-    wanted = session.wanted_methods(known, known)
+    wanted = session.wanted_methods([*ABLATIONS, *RESCUES])
     steps = {name: method for name, method in wanted.items() if name not in RESCUES}
     rescues = {name: method for name, method in wanted.items() if name in RESCUES}
     if steps:
         models = session.wanted_models(ABLATION_MODELS)
-        records = session.run("ablation", models, steps, variants.TABLE, lambda *_: 1)
+        records = session.run("ablation", models, steps, lambda *_: 1)
         _finish(session, "ablation", records)
     if rescues:
         chosen = session.models or session.tier
         models = session.wanted_models() if chosen else disks(_known(families), count, most)
-        records = session.run("rescue", models, rescues, mechanisms.TABLE, lambda *_: 1)
+        records = session.run("rescue", models, rescues, lambda *_: 1)
         _finish(session, "rescue", records)
 
 

@@ -21,9 +21,10 @@ from cdcp_igl.io.output import whole_file
 from cdcp_igl.solve.solvers import solver
 
 from .measure import models as surfaces
-from .measure.candidate import Candidate, Methods
+from .measure.candidate import Candidate
 from .measure.cases import Limits, run
 from .measure.machine import MACHINE, describe, memory_mib, pin_threads
+from .measure.methods import METHODS
 from .measure.models import TIERS, Model
 from .measure.worker import WorkFolder
 from .records.record import Record
@@ -99,13 +100,13 @@ class Session:
                 raise typer.BadParameter(str(error), param_hint="--models") from error
         return surfaces.by_name(default) if default else surfaces.find()
 
-    def wanted_methods(self, table: Methods, default: Iterable[str]) -> dict[str, Candidate]:
-        """Choose from a table the methods wanted, or the default."""
+    def wanted_methods(self, default: Iterable[str]) -> dict[str, Candidate]:
+        """Choose the methods wanted, or the default."""
         names = list(default) if self.methods in ("", "all") else _split(self.methods)
         try:
-            return {name: table[name] for name in [*names, *(self.method or ())]}
+            return {name: METHODS[name] for name in [*names, *(self.method or ())]}
         except ValueError as error:
-            text = f"{error}. There are {', '.join(table)}, and MODULE:FUNCTION."
+            text = f"{error}. There are {', '.join(METHODS)}, and MODULE:FUNCTION."
             raise typer.BadParameter(text, param_hint="--methods") from error
 
     def run(
@@ -113,7 +114,6 @@ class Session:
         section: str,
         models: Sequence[Model],
         methods: Mapping[str, Candidate],
-        table: str,
         repeats: Callable[[str, int], int],
     ) -> list[Record]:
         """Measure what is missing of a section."""
@@ -122,7 +122,6 @@ class Session:
         with _no_os_error("--work"):
             return run(
                 *(section, models, methods),
-                table=table,
                 limits=self.limits,
                 work=self.kept,
                 repeats=repeats,
