@@ -16,12 +16,11 @@ from .rescue.boundary import BoundaryMethod
 from .rescue.candidate import HarmonicMap, Provenance, judged
 from .result.disk_map import DiskMap
 from .selection import finish, inscribed, is_good, rescue
-from .solve.factored import FactoredSurface
+from .solve.factored import FactoredSurface, harmonic_extension
 from .solve.laplacian import cotangent_laplacian
 from .solve.solvers import SolverName, using
 from .steps.center import Center, CenterMethod, central_face
 from .steps.circle import Rejected, onto_circle
-from .steps.extension import harmonic_extension
 from .steps.mobius import MobiusMethod, Normalization, normalize, rotate
 from .steps.options import Options
 from .steps.phases import Phases, Progress
@@ -210,18 +209,19 @@ def map_of(
     A surface that will be mapped again keeps its factor, and what is `known` of it: the last
     harmonic map of Algorithm 1, by the options that it depends on.
     """
-    steps, key = Steps.of(options), options.first_steps
+    steps = Steps.of(options)
     if len(surface.mesh.interior) == 0 and options.preset is None:
         best = inscribed(surface, steps.center(surface), options, phase)
         return finish(surface, best, options, phase, keep_factor=known is not None)
     try:
-        harmonic, f, mobius = algorithm_1(surface, steps, phase, (known or {}).get(key))
+        before = known.get(options.first_steps) if known else None
+        harmonic, f, mobius = algorithm_1(surface, steps, phase, before)
     except Rejected as reason:
         best = rescue(surface, steps.center(surface), reason, options, phase)
     else:
         if known is not None:
             known.clear()
-            known[key] = harmonic
+            known[options.first_steps] = harmonic
         f = rotate(surface.mesh, f, options.align)
         best = judged(surface.mesh, f, replace(harmonic.done, mobius=mobius), phase)
         if not is_good(best, harmonic, options):
@@ -249,9 +249,9 @@ class Steps:
         if options.preset == "paper":
             coldest = cache(partial(central_face, center="heat", well_shaped=False))
             circle = partial(onto_circle, zipper=geodesic_map)
-            return cls(coldest, boundary_trace, circle, options.mobius_method)
+            return cls(coldest, boundary_trace, circle, "nelder-mead")
         center = cache(partial(central_face, center=options.center))
-        return cls(center, mobius=options.mobius_method)
+        return cls(center, mobius=options.mobius)
 
 
 def algorithm_1(

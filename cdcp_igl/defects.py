@@ -24,6 +24,7 @@ CALLS = {
     "annulus_map": ("cdcp_igl.annulus_map", "cdcp-igl map --annulus"),
     "clean_and_cut": ("cdcp_igl.clean and cdcp_igl.surface_map", "cdcp-igl map --clean --cut"),
     "batch": ("cdcp_igl.batch", "cdcp-igl batch"),
+    "parts": ("cdcp_igl.partition, cdcp_igl.parts_map", "cdcp-igl partition, then cdcp-igl map"),
 }
 IN_PYTHON, IN_SHELL = ({call: names[k] for call, names in CALLS.items()} for k in (0, 1))
 CLEAN, CUT = "--clean", "--cut"

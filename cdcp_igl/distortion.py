@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import libigl
-from .arrays import Complex, Floats, Ints, as_complex, size_exponent
+from .arrays import Bools, Complex, Floats, Ints, as_complex, size_exponent
 from .io.given import takes_meshes
 from .surface.mesh import DiskMesh
 from .surface.triangles import blocks, face_areas, hat_gradients, opposite_edges, oriented_areas
@@ -88,12 +88,9 @@ def angle_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
            [18.43, 18.43,  0.  ]])
     """
     positions, faces, image = _surface_and_points(V, F, uv, (2, 3))
-    return _change_in_degrees(image, faces, _angles(positions, faces))
-
-
-def disk_map_distortion(mesh: DiskMesh, uv: Floats) -> Floats:
-    """(m, 3) `angle_distortion` of a map (n, 2) of a mesh, without checks."""
-    return _change_in_degrees(uv, mesh.F, mesh.angles)
+    plane = image.shape[1] == 2
+    size = libigl.double_areas(image, faces) if plane else np.linalg.det(image[faces])
+    return np.degrees(abs(_signed_angles(image, faces, size < 0) - _angles(positions, faces)))
 
 
 @takes_meshes
@@ -256,17 +253,6 @@ def _surface_and_points(
     return positions, faces, image
 
 
-def _change_in_degrees(uv: Floats, F: Ints, angles: Floats) -> Floats:
-    """(m, 3) abs(signed angle of the image - angle), in degrees; clockwise angles are negative."""
-    change = _angles(uv, F)
-    clockwise = (libigl.double_areas(uv, F) if uv.shape[1] == 2 else np.linalg.det(uv[F])) < 0
-    if clockwise.any():
-        change[clockwise] *= -1
-    change -= angles
-    np.abs(change, out=change)
-    return np.degrees(change, out=change)
-
-
 def _angles(V: Floats, F: Ints) -> Floats:
     """(m, 3) unsigned corner angles in radians; 0 at the ends of edges without length."""
     angles = libigl.angles(V, F)
@@ -275,11 +261,21 @@ def _angles(V: Floats, F: Ints) -> Floats:
     return angles
 
 
+def _signed_angles(P: Floats, F: Ints, flipped: Bools | Ints) -> Floats:
+    """(m, 3) corner angles in radians, negative in flipped faces."""
+    angles = _angles(P, F)
+    angles[flipped] *= -1
+    return angles
+
+
 def sphere_angle_errors(mesh: DiskMesh, P: Floats, flipped: Ints) -> Floats:
     """(m, 3) as `angle_errors`, of a map (n, 3) onto the sphere whose faces are straight."""
-    angles = _angles(P, mesh.F)
-    angles[flipped] *= -1
-    return angles - mesh.angles
+    return _signed_angles(P, mesh.F, flipped) - mesh.angles
+
+
+def map_distortion(mesh: DiskMesh, f: Complex) -> Floats:
+    """(m, 3) `angle_distortion` of a map f (n,) without collapsed faces, in a fifth of the time."""
+    return np.degrees(abs(angle_errors(mesh, f)))
 
 
 def angle_errors(mesh: DiskMesh, f: Complex) -> Floats:

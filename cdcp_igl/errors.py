@@ -1,4 +1,4 @@
-"""The three ways in which a map can fail, and what each one tells."""
+"""The three ways in which a map can fail, and what each one tells; files that cannot be read."""
 
 from __future__ import annotations
 
@@ -158,6 +158,10 @@ class MapError(RuntimeError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (str(self), self.result)
+
+
+class Damage(Exception):
+    """A file that is not what its name says, in words for whoever made the file."""
 
 
 def spell(indices: Ints) -> str:

@@ -13,18 +13,16 @@ from numpy.typing import ArrayLike
 from .algorithm import factored_surface, map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates, places
 from .certificate import OutlineCertificate, certify_outline
-from .distortion import AngleDistortion, angle_errors
+from .distortion import map_distortion
 from .errors import SolverError, spell
 from .io.given import takes_meshes
 from .rescue.candidate import PATIENT
-from .rescue.conformality import judge
 from .rescue.figures import Figure, Flipped
 from .rescue.refine import lower_angle_distortion
 from .rescue.repair import MANY, Repair, repair_locally
 from .result.base import valid_map
-from .result.harmonic import RefinedMap, refined, steps_of
-from .result.plane_map import PlaneMap
-from .solve.factored import FactoredSurface
+from .result.harmonic import PlaneMap, RefinedMap, fields_of, refined, steps_of
+from .solve.factored import FactoredSurface, harmonic_extension
 from .solve.solvers import SolverName, using
 from .steps.boundary_first import (
     angles_of_scale,
@@ -33,7 +31,6 @@ from .steps.boundary_first import (
     pinned,
     scale_of_angles,
 )
-from .steps.extension import harmonic_extension
 from .steps.mobius import rotate
 from .steps.options import Options
 from .steps.phases import Phases, Progress
@@ -378,21 +375,15 @@ def _finished(
             f, repair = repair_locally(mesh, f, most)
             certificate = certify_outline(mesh, coordinates(f))
     with phase("certificate"):
-        degrees = np.degrees(abs(angle_errors(mesh, f)))
+        fields = fields_of(mesh, f, map_distortion(mesh, f), certificate, repair)
         outline = f[mesh.loop]
         area = (outline.conj() * np.roll(outline, -1)).imag.sum() / 2
-        closely = repair.n_flipped > 0
-        conformality = judge(mesh, f, degrees, valid=certificate.valid, closely=closely)
     return FreeMap(
+        **fields,
         uv=coordinates(f),
-        mesh=mesh,
-        certificate=certificate,
-        distortion=AngleDistortion.of(degrees),
-        conformality=conformality,
         area_ratio=float(area / mesh.vertex_areas.sum()),
         boundary=boundary,
         laplacian=laplacian,
-        repair=repair,
         refinement=None,
         solver=surface.solver,
         timings=phase.seconds,

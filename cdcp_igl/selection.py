@@ -17,10 +17,9 @@ from .rescue.collapsed_faces import open_collapsed_faces
 from .rescue.repair import Repair, repair_locally, repaired, replace_interior
 from .result.base import valid_map
 from .result.disk_map import DiskMap
-from .solve.factored import FactoredSurface
+from .solve.factored import FactoredSurface, extended_again, harmonic_extension
 from .steps.center import Center
 from .steps.circle import Rejected
-from .steps.extension import extended_again, harmonic_extension
 from .steps.mobius import MobiusMethod, Normalization, composed, normalize, rotate
 from .steps.options import Options
 from .steps.phases import Phases
@@ -49,9 +48,15 @@ def is_good(first: Candidate, harmonic: HarmonicMap, options: Options) -> bool:
 
 
 def _is_doubtful(candidate: Candidate, options: Options, mesh: DiskMesh) -> bool:
+    """Whether another way to the circle may lead nearer to the conformal map.
+
+    It may if the map is doubtful itself, or if the central face lies at the boundary, where a
+    dipole has no room. Errors that the size of the faces explains are no reason.
+    """
     if options.preset == "paper":
         return candidate.conformality.sheared
-    return candidate.is_doubtful(mesh)
+    at_boundary = mesh.on_boundary[mesh.F[candidate.done.center.face]].any()
+    return candidate.conformality.is_doubtful or bool(at_boundary)
 
 
 def inscribed(
@@ -91,11 +96,11 @@ def rescue(
             break
     candidates = [candidate for _, candidate in tried]
     if all(candidate.conformality.sheared for candidate in candidates):
-        for harmonic, failed in sorted(tried, key=lambda pair: pair[1].rank):
-            if not failed.certificate.valid:
-                candidates.append(_repaired_at_any_cost(harmonic, failed, options, phase))
-                if candidates[-1].certificate.valid:
-                    break
+        candidates += [
+            _repaired_at_any_cost(harmonic, failed, options, phase)
+            for harmonic, failed in tried
+            if not failed.certificate.valid
+        ]
     candidates.sort(key=lambda candidate: candidate.rank)
     best, *others = candidates
     rejected += dict.fromkeys(other.objection() for other in others)
@@ -216,7 +221,7 @@ def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskM
         distortion = of_free_faces = AngleDistortion.of(best.degrees)
         if 0 < len(mesh.inscribed) < len(mesh.F):
             of_free_faces = AngleDistortion.of(np.delete(best.degrees, mesh.inscribed, axis=0))
-    if not conformality:
+    if conformality.reasons:
         causes = tuple(_causes(best.done, len(mesh.V)))
         conformality = replace(conformality, reasons=conformality.reasons + causes)
     return DiskMap(

@@ -32,13 +32,20 @@ from benchmarks.records.comparison import paired, profiles, ranking, summary
 from benchmarks.records.record import EDGES
 from benchmarks.records.results import Measured, NotMeasured, Section, growth
 from benchmarks.records.store import Work, read_results, write_results
+from benchmarks.write import report
 from benchmarks.write.figures import PLOTS, surfaces
-from benchmarks.write.figures.accuracy import histograms, table_1
-from benchmarks.write.figures.cost import STACK, factorizations, phases, seconds, seconds_growth
-from benchmarks.write.figures.many import performance_profiles
+from benchmarks.write.figures.charts import (
+    STACK,
+    factorizations,
+    histograms,
+    performance_profiles,
+    phases,
+    seconds,
+    seconds_growth,
+    table_1,
+)
 from benchmarks.write.figures.style import HATCHES, MOST, STYLES, model_name, style
-from benchmarks.write.pages import write_pages
-from benchmarks.write.sections import cases, peer_tables
+from benchmarks.write.sections import cases, peer_table
 from benchmarks.write.table import markdown
 from cdcp_igl import angle_distortion, check, datasets, disk_map
 from cdcp_igl.certificate import certify
@@ -138,7 +145,7 @@ def test_what_was_not_measured_says_by_what_it_would_be():
     nothing = Measured([])
     for plot in PLOTS:
         with pytest.raises(NotMeasured, match=r"run: python -m benchmarks (tables|speed|ablation)"):
-            plot.draw(nothing)
+            plot(nothing)
 
 
 def test_where_everything_failed_a_chart_says_so():
@@ -149,7 +156,7 @@ def test_where_everything_failed_a_chart_says_so():
         for section in ("tables", "speed")
     ]
     of_failures = Measured(records)
-    for draw in (plot.draw for plot in PLOTS if plot.draw.__module__ != surfaces.__name__):
+    for draw in (plot for plot in PLOTS if plot.draw.__module__ != surfaces.__name__):
         with pytest.raises(NotMeasured, match=r"failed|no method has|not measured yet"):
             draw(of_failures)
 
@@ -207,7 +214,7 @@ def test_a_bar_in_a_name_is_no_column():
 def test_each_surface_has_a_page_of_its_own(tmp_path):
     V, F, _ = datasets.ellipse(3)
     measured = Measured(named("a_b", "a b"), lambda mesh: (V, F))
-    write_pages(tmp_path, MACHINE, measured, [], lambda model: None)
+    report.draw(tmp_path, MACHINE, measured)
     assert {page.name for page in tmp_path.glob("a*.html")} == {"a_b.html", "a~20b.html"}
 
 
@@ -250,7 +257,7 @@ def test_what_is_not_installed_is_told(tmp_path, monkeypatch):
 def test_the_head_of_a_column_says_what_the_boundary_is():
     made = section({name: [1] for name in ("cdcp", "lscm", "MeshLab harmonic")})
     heads = ["CDCP", "LSCM, free boundary", "MeshLab harmonic, not certified, single precision"]
-    assert next(peer_tables(made)).headings[2:] == heads
+    assert peer_table(made).headings[2:] == heads
 
 
 # -- a method of one's own -------------------------------------------------------------
@@ -310,12 +317,12 @@ def test_a_method_with_other_options_is_one_more():
 
 def section(means, flips=0.0):
     """Records of methods by their means on surfaces a, b, c, ...; None where one failed."""
+    numbers = {"sd": 1.0, "flips": flips, "seconds": 1.0}
     return Section(
-        record("abcdefgh"[k], method, mean=mean, sd=1.0, flips=flips, seconds=1.0, n=100 + k)
-        if mean
-        else record("abcdefgh"[k], method, outcome="failed", n=100 + k)
+        record("abcdefgh"[k], method, boundary=METHODS[method].boundary, n=100 + k, **of)
         for method, values in means.items()
         for k, mean in enumerate(values)
+        for of in [numbers | {"mean": mean} if mean else {"outcome": "failed"}]
     )
 
 
@@ -493,7 +500,7 @@ def index(drawn, tmp_path_factory):
     ]
     measured = Measured(records)
     folder = tmp_path_factory.mktemp("report")
-    return write_pages(folder, about, measured, [], lambda model: None)
+    return report.draw(folder, about, measured)
 
 
 @pytest.fixture(scope="module")

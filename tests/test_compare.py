@@ -179,7 +179,7 @@ def test_the_table_is_whole_on_a_terminal_of_any_width(monkeypatch, width):
     monkeypatch.setenv("COLUMNS", str(width))
     numbers = [12.345, 23.456, 178.9, 5.678, 1234, 1e-16, 123.45, 12345]
     cases = [Case("double_cover", "disk", "ok", *numbers), Case("x", "free", "ok")]
-    print_cases("[red]", [*cases, Case("fdcp", "disk", "MapError: [no] map")])
+    print_cases("[red]", [*cases, Case("fdcp", "disk", "[no] map, cdcp_igl.cut")])
     shown = Text.from_ansi(screen.getvalue()).plain.splitlines()
     title, headings, _, first, second, third, note, why = shown
     assert title.strip() == "[red]"  # no markup
@@ -191,7 +191,7 @@ def test_the_table_is_whole_on_a_terminal_of_any_width(monkeypatch, width):
     assert second.startswith("x *")
     assert third.split() == ["fdcp", *"–" * 8]
     assert note.startswith("* no disk")
-    assert why == "fdcp: MapError: [no] map"
+    assert why == "fdcp: [no] map, cdcp-igl map --cut"
     assert len(first) <= 80
 
 

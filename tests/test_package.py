@@ -16,7 +16,7 @@ FLOORS = (
     {"arrays", "cached"},
     {"defects"},
     {"errors", "printing"},
-    {"libigl", "extras", "processes"},
+    {"libigl", "extras"},
     {"surface", "io"},
     {"certificate", "distortion"},
     {"plot"},

@@ -16,7 +16,13 @@ from cdcp_igl.distortion import angle_errors
 from cdcp_igl.reference import fdcp, harmonic
 from cdcp_igl.rescue.boundary import BoundaryMethod, around, harmonic_shares
 from cdcp_igl.rescue.candidate import HarmonicMap, Provenance
-from cdcp_igl.rescue.recentering import deep_vertex, recentered
+from cdcp_igl.rescue.correction import (
+    Straightening,
+    common_shear,
+    deep_vertex,
+    recentered,
+    straighten,
+)
 from cdcp_igl.rescue.relaxation import Relaxation, softened
 from cdcp_igl.rescue.repair import (
     Neighbourhood,
@@ -25,10 +31,8 @@ from cdcp_igl.rescue.repair import (
     repaired,
     replace_interior,
 )
-from cdcp_igl.rescue.straightening import Straightening, common_shear, straighten
-from cdcp_igl.solve.factored import FactoredSurface
+from cdcp_igl.solve.factored import FactoredSurface, extended_again, harmonic_extension
 from cdcp_igl.steps.center import central_face
-from cdcp_igl.steps.extension import extended_again, harmonic_extension
 from cdcp_igl.steps.mobius import composed, mobius_transformation
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import flipped_faces
@@ -206,13 +210,13 @@ def test_the_common_shear_is_taken_out(seed):
     surface = FactoredSurface.of(mesh)
     plain, *_ = algorithm_1(surface, Steps())
     before = angle_errors(mesh, plain.f)
-    mu, possible = common_shear(mesh, plain.f, 10**6)
+    mu, possible = common_shear(plain.f, mesh.F, mesh.angles)
     f, account = straighten(mesh, plain.f, partial(harmonic_extension, surface))
     after = angle_errors(mesh, f)
     assert possible > 0.02
     assert account.gain > 0.5 * possible
     assert abs(after).mean() < 0.99 * abs(before).mean()
-    assert common_shear(mesh, f, 10**6)[1] < 0.02
+    assert common_shear(f, mesh.F, mesh.angles)[1] < 0.02
     assert account.shear == pytest.approx(abs(mu), rel=0.3)
     np.testing.assert_allclose(abs(f[mesh.loop]), 1, atol=1e-15)
 
@@ -221,7 +225,7 @@ def test_a_given_shear_is_found():
     V, F, _ = cdcp_igl.datasets.ellipse(20)
     mesh, z = DiskMesh(V, F), V[:, :2] @ [1, 1j]
     mu = 0.02 + 0.01j
-    found, share = common_shear(mesh, z + mu * z.conj(), 10**6)
+    found, share = common_shear(z + mu * z.conj(), mesh.F, mesh.angles)
     assert found == pytest.approx(mu, abs=5e-4)
     assert share > 0.98
 
@@ -300,7 +304,7 @@ def test_extending_again_finds_digits_that_the_solution_has_not():
     """Twice: nothing is found the second time but the rounding of what is there."""
     surface, harmonic = harmonic_map(*arms(20, 1))
     mesh, solved = surface.mesh, harmonic.f
-    vertex = deep_vertex(mesh, solved)
+    vertex = deep_vertex(mesh, solved, mesh.F)
     once = extended_again(surface, solved - solved[vertex])
     once -= once[vertex]
     twice = extended_again(surface, once)
@@ -314,7 +318,7 @@ def test_ordinary_maps_stay_where_they_are(real_mesh):
     V, F = real_mesh("femur_2411")
     mesh = DiskMesh(V, F)
     f = cdcp_igl.cdcp(V, F) @ [1, 1j]
-    assert deep_vertex(mesh, f) is None
+    assert deep_vertex(mesh, f, mesh.F) is None
     same, w = recentered(mesh, f, lambda f: f)
     assert same is f
     assert w == 0
@@ -324,13 +328,13 @@ def test_what_is_small_next_to_the_circle_stays_there():
     """No transformation gives it more digits than it has."""
     V, F = cdcp_igl.datasets.ellipse(10)[:2]
     f = mobius_transformation(cdcp_igl.cdcp(V, F) @ [1, 1j], 1 - 1e-13)
-    assert deep_vertex(DiskMesh(V, F), f) is None
+    assert deep_vertex(DiskMesh(V, F), f, F) is None
 
 
 def test_what_settles_on_the_circle_stays():
     surface, harmonic = harmonic_map(*arms(20, 1))
     mesh, f = surface.mesh, harmonic.f
-    vertex = deep_vertex(mesh, f)
+    vertex = deep_vertex(mesh, f, mesh.F)
     same, w = recentered(mesh, f, lambda d: d + (1 - f[vertex]))
     assert same is f
     assert w == 0

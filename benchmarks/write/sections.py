@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from statistics import median
 from typing import Any
 
 import numpy as np
 
-from ..measure.ablation import ABLATIONS
+from ..measure.ablation import ABLATIONS, ALL, RESCUES
+from ..measure.candidate import split
 from ..measure.families import FAMILIES, GIVEN, family_of
-from ..measure.mechanisms import ALL, RESCUES
 from ..measure.methods import METHODS
 from ..records.comparison import QUANTITIES, paired, ranking, summary
 from ..records.paper import PUBLISHED, published, row_of
 from ..records.results import FROM, Measured, Section, growth
 from .figures.style import STYLES, in_words, style
-from .table import NOTHING, Cell, Row, Table, best, number
+from .table import NOTHING, Cell, Content, Row, Table, best, entitled, name, number, word
 
 COLUMNS = (
     *("method", "mean °", "SD °", "max °", "area", "flips", "boundary error", "s", "s / F"),
@@ -30,6 +31,7 @@ FORMATS = {
 # Methods that are what others are measured by, or have tables of their own.
 UNITS = ("factor", "cdcp warm", "cdcp sequence", "import")
 PAIRED = ("cdcp", "cdcp refine=5")  # against which all others are tested
+COMPARED = {"mean": "mean °", "sd": "SD °", "seconds": "s"}  # in these tests
 FAMILY_TITLES = {"disk": "onto the disk", "free": "free outline", "sphere": "onto the sphere"}
 PURPOSES = {
     **{"mean": "least mean angular distortion", "sd": "least SD of it", "area": "evenest areas"},
@@ -61,154 +63,271 @@ def about(machine: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
-def tables(measured: Measured) -> Iterator[Table]:
+def tables(measured: Measured) -> list[Table]:
     """Make the tables of all sections."""
-    sections = {
-        **{"tables": _accuracy, "peers": peer_tables, "speed": _speed, "growth": _growth},
-        **{"ablation": _ablation, "rescue": rescue_tables},
-    }
-    for section, make in sections.items():
-        if section in measured.sections:
-            made = make(measured.sections[section])
-            yield from (table for table in made if table.rows)
+    sections = measured.sections
+    made = list(_accuracy(sections["tables"])) if "tables" in sections else []
+    for section, makers in {
+        "peers": (peer_table, peer_times),
+        "speed": (_unit, _multiples, _peaks, _small, _sequences),
+        "growth": (_growth,),
+        "ablation": (_ablation,),
+        "rescue": (rescue_table,),
+    }.items():
+        made += [make(sections[section]) for make in makers if section in sections]
+    return [table for table in made if table.rows]
 
 
-def cases(results: Section) -> Table:
-    """Make the table with a row for each method on each surface."""
+@entitled("cases")
+def cases(results: Section) -> Content:
+    """All cases.
+
+    Every method on every surface. Area is the mean |log of the ratio of areas|; the boundary
+    error is the largest deviation from the unit circle.
+    """
     methods = in_order(results)
-    return Table(
-        "cases",
-        "All cases",
-        "Every method on every surface. Area is the mean |log of the ratio of areas|; the boundary "
-        "error is the largest deviation from the unit circle.",
-        ["surface", "n", *COLUMNS],
-        [
-            [*model_cells(results, model), *case(results, model, method)]
-            for model in results.sizes
-            if any(results.of(model, method) for method in methods)
-            for method in methods
-        ],
-    )
+    return ["surface", "n", *COLUMNS], [
+        [*model_cells(results, model), *case(results, model, method)]
+        for model in results.sizes
+        if any(results.of(model, method) for method in methods)
+        for method in methods
+    ]
+
+
+# -- many surfaces, Tables 1 and 2 --------------------------------------------------------
 
 
 def _accuracy(results: Section) -> Iterator[Table]:
-    def paper_distortion(model: str) -> Row:
-        row = row_of(model)
-        pairs = zip(row.mean, row.sd, strict=True) if row else []
-        texts = [f"{mean:.2f} / {sd:.2f}" for mean, sd in pairs]
-        return _published(model, texts, row.mean if row else ())
-
-    def paper_seconds(model: str) -> Row:
-        row = row_of(model)
-        seconds = row.seconds if row else ()
-        return _published(model, [f"{s:.2f}" for s in seconds], seconds)
-
-    methods = in_order(results)
     if len(results.mapped) > 1:
         yield best_table(results)
-        yield summary_table(results, methods)
-        yield from (paired_table(results, base, methods) for base in PAIRED if base in methods)
+        yield summary_table(results)
+        for k, base in enumerate(PAIRED):
+            title = f"{style(base).label} against each other method"
+            yield replace(_paired(results, base), id=f"paired-{k}", title=title)
     for family, title in FAMILY_TITLES.items():
-        members = [method for method in methods if results.family[method] == family]
-        if not members:
-            continue
-        with_paper = family == "disk" and any(row_of(model) for model in results.sizes)
-        headings = ["surface", "n", *(style(method).label for method in members)]
-        headings += [f"paper: {style(m).label}" for m in PUBLISHED] * with_paper
-        yield Table(
-            f"distortion-{family}",
-            f"Table 1: angular distortion, {title}",
-            "Mean / SD over all corners in degrees, and flipped faces if there are any. A free "
-            "boundary has less to keep: compare it on angles only. Numbers of the paper in "
-            "brackets belong to its own surface, for which another of similar size stands.",
-            headings,
-            grid(
-                *(results, members, distortion_cell(results, ".3f")),
-                *([paper_distortion] * with_paper),
-            ),
-        )
-        yield Table(
-            f"time-{family}",
-            f"Table 2: seconds and memory, {title}",
-            "From arrays to map, in brackets as a multiple of T, the time of CDCP in the same "
-            "run; peak memory of the process. The paper's are of MATLAB on another machine: "
-            "compare ratios.",
-            headings,
-            grid(
-                *(results, members, seconds_cell(results, "cdcp", "T")),
-                *([paper_seconds] * with_paper),
-            ),
-        )
+        for table in (_distortion(results, family), _time(results, family)):
+            yield replace(table, id=f"{table.id}-{family}", title=f"{table.title}, {title}")
 
 
-def _published(model: str, texts: Sequence[str], values: Sequence[float]) -> Row:
+@entitled("best")
+def best_table(results: Section) -> Content:
+    """Which method for what.
+
+    Of the methods that were run on all surfaces: the median of the ratio to the best one, and on
+    which share of the surfaces it is that. No map, or one with flipped faces, is infinitely
+    worse.
+    """
+    rows = []
+    for family, title in FAMILY_TITLES.items():
+        for quantity, purpose in PURPOSES.items():
+            ranked = [
+                f"{style(method).label}: {median:.3g} ({share:.0%})"
+                for method, median, share in ranking(results, family, quantity)[:RANKED]
+            ]
+            ranked += [NOTHING] * (RANKED - len(ranked))
+            rows.append([name(f"{purpose}, {title}"), *map(word, ranked)])
+    return ["for", "first", "second", "third"], rows
+
+
+@entitled("summary")
+def summary_table(results: Section) -> Content:
+    """Over all surfaces.
+
+    Share of the surfaces that a method maps (onto the disk: certified), and without a flipped
+    face; then median (quartiles) over those that it maps: who fails on the hard ones has the
+    lower numbers. Seconds of cases that ran side by side are a hint.
+    """
+    table, rows = summary(results), []
+    for method in in_order(results):
+        of = table.loc[method]
+        row = [name(style(method).label), word(FAMILY_TITLES[results.family[method]])]
+        row.append(number(of["surfaces"], ".0f"))
+        row += [number(100 * of[share], ".3g") for share in ("mapped", "unflipped")]
+        for quantity in QUANTITIES:
+            low, middle, high = (of[f"{quantity} {q}"] for q in (0.25, 0.5, 0.75))
+            text = f"{middle:.3g} ({low:.3g}–{high:.3g})"
+            row.append(Cell(text, middle) if middle == middle else Cell(NOTHING))
+        rows.append(row)
+    columns = ["surfaces", "mapped, %", "no flips, %", "mean °", "SD °", "area", "s", "MiB"]
+    return ["method", "family", *columns], rows
+
+
+@entitled("paired")
+def _paired(results: Section, base: str) -> Content:
+    """One method against each other.
+
+    On the surfaces that both map: on how many it has less, more, or as much (to a millionth), the
+    median of the differences, and two-sided p-values of the sign test and of Wilcoxon's
+    signed-rank test. A free boundary has less to keep, and less distortion.
+    """
+    rows = []
+    for method in in_order(results) if base in results.maps else ():
+        for quantity, label in COMPARED.items() if method != base else ():
+            made = paired(results, base, method, quantity)
+            counts = [number(k, ".0f") for k in (made.lower, made.higher, made.ties)]
+            tests = [number(p, ".2g") for p in (made.median, made.sign, made.signed_rank)]
+            rows.append([name(style(method).label), word(label), *counts, *tests])
+    counted = ["less", "more", "equal"]
+    return ["against", "of", *counted, "difference", "p, sign", "p, signed rank"], rows
+
+
+@entitled("distortion")
+def _distortion(results: Section, family: str) -> Content:
+    """Table 1: angular distortion.
+
+    Mean / SD over all corners in degrees, and flipped faces if there are any. A free boundary has
+    less to keep: compare it on angles only. Numbers of the paper in brackets belong to its own
+    surface, for which another of similar size stands.
+    """
+    return _beside_the_paper(results, family, distortion_cell(results, ".3f"), "mean")
+
+
+@entitled("time")
+def _time(results: Section, family: str) -> Content:
+    """Table 2: seconds and memory.
+
+    From arrays to map, in brackets as a multiple of T, the time of CDCP in the same run; peak
+    memory of the process. The paper's are of MATLAB on another machine: compare ratios.
+    """
+    return _beside_the_paper(results, family, seconds_cell(results, "cdcp", "T"), "seconds")
+
+
+def _beside_the_paper(
+    results: Section, family: str, cell: Callable[[str, str], Cell], quantity: str
+) -> Content:
+    """Make a column for each method of a family; those of the paper map onto the disk."""
+    members = [method for method in in_order(results) if results.family[method] == family]
+    labels = [style(method).label for method in members]
+    rows = grid(results, members, cell)
+    if family == "disk" and any(row_of(model) for model in results.sizes):
+        labels += [f"paper: {style(method).label}" for method in PUBLISHED]
+        rows = [[*row, *_published(row[0].model, quantity)] for row in rows]
+    return ["surface", "n", *labels], rows
+
+
+def _published(model: str, quantity: str) -> Row:
+    """Write the paper's means and SDs or seconds, in brackets if of another surface."""
     row = row_of(model)
     if row is None:
         return [Cell(NOTHING)] * len(PUBLISHED)
+    values = getattr(row, quantity)
+    texts = [f"{value:.2f}" for value in values]
+    if quantity == "mean":
+        texts = [f"{text} / {sd:.2f}" for text, sd in zip(texts, row.sd, strict=True)]
     form = "{}" if row.own == "own" else "({})"
     return [Cell(form.format(text), value) for text, value in zip(texts, values, strict=True)]
 
 
-def _speed(results: Section) -> Iterator[Table]:
-    methods = results.methods(m for m in METHODS if m not in UNITS)
-    labels = [style(method).label for method in methods]
-    large = [model for model in results.sizes if results.of(model, "factor")]
+# -- speed ---------------------------------------------------------------------------------
+
+
+@entitled("factor")
+def _unit(results: Section) -> Content:
+    """The unit of time.
+
+    F is one CHOLMOD analysis (AMD) and factorization of the interior Laplacian, measured in the
+    same run in processes of its own. Medians (least–greatest) of fresh processes; the methods
+    take turns.
+    """  # noqa: D401 - a title
+    rows = []
+    for model in results.sizes:
+        if runs := results.of(model, "factor"):
+            parts = [run.case.details["seconds"]["analyse"] for run in runs if run.ok]
+            seconds = [run.case.seconds for run in runs]
+            row = model_cells(results, model)
+            row.append(failure_cell(results, model, "factor") or _spread(seconds, ".3g"))
+            row.append(Cell(str(len(runs))))
+            row.append(number(median(parts) if len(parts) == len(runs) else np.nan, ".2g"))
+            rows.append([*row, number(results.median(model, "factor", "memory"), ",.0f")])
+    return ["surface", "n", "F, s", "runs", "analysis, s", "peak, MiB"], rows
+
+
+@entitled("multiples")
+def _multiples(results: Section) -> Content:
+    """Time as a multiple of F."""
 
     def times(model: str, method: str) -> Cell:
         runs = results.of(model, method)
         values = [run.case.seconds / results.median(model, "factor") for run in runs]
-        spread = f"({min(values):.2f}–{max(values):.2f})" if len(values) > 1 else "(one run)"
-        return number(median(values), lambda value: f"{value:.2f} {spread}")
+        if len(values) > 1:
+            return _spread(values, ".2f")
+        return number(median(values), "{:.2f} (one run)".format)
+
+    return _in_units(results, times)
+
+
+@entitled("peak")
+def _peaks(results: Section) -> Content:
+    """Peak memory as a multiple of that of F.
+
+    Python and mesh in both.
+    """
 
     def memory(model: str, method: str) -> Cell:
         peak, unit = (results.median(model, m, "memory") for m in (method, "factor"))
         return number(peak / unit, ".2f")
 
-    yield Table(
-        "factor",
-        "The unit of time",
-        "F is one CHOLMOD analysis (AMD) and factorization of the interior Laplacian, measured in "
-        "the same run in processes of its own. Medians (least–greatest) of fresh processes; the "
-        "methods take turns.",
-        ["surface", "n", "F, s", "runs", "analysis, s", "peak, MiB"],
-        [[*model_cells(results, model), *_unit(results, model)] for model in large],
-    )
-    for id, title, text, cell in (
-        ("multiples", "Time as a multiple of F", "", times),
-        ("peak", "Peak memory as a multiple of that of F", "Python and mesh in both.", memory),
-    ):
-        rows = [row for row in grid(results, methods, cell) if row[0].model in large]
-        yield Table(id, title, text, ["surface", "n", *labels], rows)
-    yield Table(
-        "small",
-        "Once imported, and the import",
-        "Milliseconds: medians (least–greatest) of many calls of `cdcp` in one process, and of "
-        "`import cdcp_igl` in fresh processes.",
-        ["what", "ms"],
-        list(_small(results)),
-    )
-    yield Table(
-        "sequences",
-        "Sequences",
-        "The same faces with moved vertices, in one process: T is `disk_map`, S is "
-        "`DiskMapper.moved(V).map()`, which keeps the check of the faces and the analysis of the "
-        "factor. Medians.",
-        ["surface", "n", "T, s", "S, s", "S/T", "maps a second"],
-        list(_sequences(results)),
-    )
+    return _in_units(results, memory)
 
 
-def _growth(results: Section) -> Iterator[Table]:
+def _in_units(results: Section, cell: Callable[[str, str], Cell]) -> Content:
+    methods = results.methods(m for m in METHODS if m not in UNITS)
+    rows = grid(results, methods, cell)
+    measured = [row for row in rows if results.of(row[0].model, "factor")]
+    return ["surface", "n", *(style(method).label for method in methods)], measured
+
+
+@entitled("small")
+def _small(results: Section) -> Content:
+    """Once imported, and the import.
+
+    Milliseconds: medians (least–greatest) of many calls of `cdcp` in one process, and of `import
+    cdcp_igl` in fresh processes.
+    """
+    rows = []
+    for model in results.sizes:
+        for method, text in (("cdcp warm", f"`cdcp` on {model}"), ("import", "`import cdcp_igl`")):
+            ms = [1000 * run.case.seconds for run in results.of(model, method) if run.ok]
+            if ms:
+                rows.append([name(text), _spread(ms, ".4g")])
+    return ["what", "ms"], rows
+
+
+@entitled("sequences")
+def _sequences(results: Section) -> Content:
+    """Sequences.
+
+    The same faces with moved vertices, in one process: T is `disk_map`, S is
+    `DiskMapper.moved(V).map()`, which keeps the check of the faces and the analysis of the
+    factor. Medians.
+    """
+    rows = []
+    for model in results.sizes:
+        runs = [run for run in results.of(model, "cdcp sequence") if run.ok]
+        if runs:
+            S = median(run.case.seconds for run in runs)
+            T = median(run.case.details["seconds"]["afresh"] for run in runs)
+            values = number(T, ".3g"), number(S, ".3g"), number(S / T, ".2f"), number(1 / S, ".2g")
+            rows.append([*model_cells(results, model), *values])
+    return ["surface", "n", "T, s", "S, s", "S/T", "maps a second"], rows
+
+
+def _spread(values: Sequence[float], form: str) -> Cell:
+    ends = f"({min(values):{form}}–{max(values):{form}})"
+    return number(median(values), lambda value: f"{value:{form}} {ends}")
+
+
+def _growth(results: Section) -> Table:
     n = np.array(list(results.mapped.values()), dtype=float)
     columns = [("factor", "seconds"), ("cdcp", "seconds"), ("factor", "memory"), ("cdcp", "memory")]
-    values = [results.values(method, name) for method, name in columns]
+    values = [results.values(method, quantity) for method, quantity in columns]
     exponents = [growth(n, column)[0] for column in values]
     rows = [
         [*model_cells(results, model), *(number(column[i], ",.4g") for column in values)]
         for i, model in enumerate(results.mapped)
     ]
     fitted = [Cell("exponent of n", kind="name"), Cell(f"from {FROM:,}")]
-    yield Table(
+    return Table(
         "growth",
         "Growth",
         "One terrain, each triangle cut into four again and again: seconds and peak MiB of F and "
@@ -218,84 +337,43 @@ def _growth(results: Section) -> Iterator[Table]:
     )
 
 
-def _unit(results: Section, model: str) -> Row:
-    failure, runs = failure_cell(results, model, "factor"), results.of(model, "factor")
-    if failure:
-        return [failure, Cell(str(len(runs))), Cell(NOTHING), Cell(NOTHING)]
-    seconds = [run.case.seconds for run in runs]
-    return [
-        _spread(seconds, ".3g"),
-        Cell(str(len(runs))),
-        number(median(run.case.details["seconds"]["analyse"] for run in runs), ".2g"),
-        number(results.median(model, "factor", "memory"), ",.0f"),
+# -- ablation, other programs --------------------------------------------------------------
+
+
+@entitled("ablation")
+def _ablation(results: Section) -> Content:
+    """Ablation.
+
+    CDCP with one step changed and without fallbacks: mean / SD of the angular distortion in
+    degrees. "default" is torsion with a well-shaped face, whitened exterior trace, zipper, Möbius
+    for least angular distortion; the other centres are the most central face whatever its shape.
+    """
+    cell = distortion_cell(results, ".4f")
+    return ["variant", *(model_cells(results, model)[0].text for model in results.sizes)], [
+        [
+            name(variant),
+            *(failure_cell(results, m, variant) or cell(m, variant) for m in results.sizes),
+        ]
+        for variant in results.methods(ABLATIONS)
     ]
 
 
-def _spread(values: Sequence[float], form: str) -> Cell:
-    text = f"({min(values):{form}}–{max(values):{form}})"
-    return number(median(values), lambda value: f"{value:{form}} {text}")
-
-
-def _small(results: Section) -> Iterator[Row]:
-    for model in results.sizes:
-        for method, text in (("cdcp warm", f"`cdcp` on {model}"), ("import", "`import cdcp_igl`")):
-            ms = [1000 * run.case.seconds for run in results.of(model, method) if run.ok]
-            if ms:
-                yield [Cell(text, kind="text name"), _spread(ms, ".4g")]
-
-
-def _sequences(results: Section) -> Iterator[Row]:
-    for model in results.sizes:
-        runs = [run for run in results.of(model, "cdcp sequence") if run.ok]
-        if runs:
-            S = median(run.case.seconds for run in runs)
-            T = median(run.case.details["seconds"]["afresh"] for run in runs)
-            values = number(T, ".3g"), number(S, ".3g"), number(S / T, ".2f"), number(1 / S, ".2g")
-            yield [*model_cells(results, model), *values]
-
-
-def _ablation(results: Section) -> Iterator[Table]:
-    headings = ["variant", *(model_cells(results, model)[0].text for model in results.sizes)]
-
-    cell = distortion_cell(results, ".4f")
-    yield Table(
-        "ablation",
-        "Ablation",
-        "CDCP with one step changed and without fallbacks: mean / SD of the angular distortion in "
-        'degrees. "default" is torsion with a well-shaped face, whitened exterior trace, zipper, '
-        "Möbius for least angular distortion; the other centres are the most central face whatever "
-        "its shape.",
-        headings,
-        [
-            [
-                Cell(variant, kind="text name"),
-                *(failure_cell(results, m, variant) or cell(m, variant) for m in results.sizes),
-            ]
-            for variant in results.methods(ABLATIONS)
-        ],
-    )
-
-
-def rescue_tables(results: Section) -> Iterator[Table]:
+def rescue_table(results: Section) -> Table:
     """Make the table with a row for each part of the rescue that is left out."""
-    families = {
+    members = {
         family: [model for model in results.mapped if family_of(model) == family]
         for family in (*FAMILIES, GIVEN)
     }
-    families = {family: models for family, models in families.items() if models}
-    headings = [f"{family}, {len(models)}" for family, models in families.items()]
-    yield Table(
+    families = {family: models for family, models in members.items() if models}
+    return Table(
         "rescue",
         "The rescue, without each of its parts",
         "In each family of disks: valid maps; conformal maps; maps that are worse + better by more "
         f"than {CHANGED:.0%} than with all of the rescue, lost ones worse; mean angular distortion "
         "over the valid maps; seconds, a hint.",
-        ["CDCP with", *headings],
+        ["CDCP with", *(f"{family}, {len(models)}" for family, models in families.items())],
         [
-            [
-                Cell(method, kind="text name"),
-                *(_rescued(results, method, models) for models in families.values()),
-            ]
+            [name(method), *(_rescued(results, method, models) for models in families.values())]
             for method in results.methods(RESCUES)
         ],
     )
@@ -310,12 +388,8 @@ def _rescued(results: Section, method: str, models: Sequence[str]) -> Cell:
     better = np.isnan(means) < np.isnan(before)
     worse |= means > (1 + CHANGED) * before
     better |= means < (1 - CHANGED) * before
-    conformal = sum(
-        run.case.details["conformal"]
-        for model in models
-        for run in results.of(model, method)
-        if run.ok
-    )
+    runs = [run for model in models for run in results.of(model, method) if run.ok]
+    conformal = sum(run.case.details["conformal"] for run in runs)
     valid = np.isfinite(means).sum()
     mean = f"{np.nanmean(means):.2f}°" if valid else NOTHING
     seconds = np.nansum([results.median(model, method) for model in models])
@@ -323,109 +397,37 @@ def _rescued(results: Section, method: str, models: Sequence[str]) -> Cell:
     return Cell(f"{valid}; {conformal}; {changed}; {mean}; {seconds:.1f} s")
 
 
-# -- many surfaces, other programs -------------------------------------------------------
+@entitled("peers")
+def peer_table(results: Section) -> Content:
+    """Other programs: angular distortion.
+
+    Mean / SD over all corners in degrees, and flipped faces if there are any. A map with free
+    boundary is onto no disk: compare it on angles only. MeshLab's harmonic map is onto the disk,
+    but in too few digits for a certificate. SLIM, ARAP and Blender's minimum stretch keep
+    lengths, which costs angles.
+    """
+    return _beside_cdcp(results, distortion_cell(results, ".3f"))
 
 
-def best_table(results: Section) -> Table:
-    """Make the table of which method is best for what."""
-    rows = []
-    for family, title in FAMILY_TITLES.items():
-        for name, purpose in PURPOSES.items():
-            ranked = [
-                Cell(f"{style(method).label}: {median:.3g} ({share:.0%})", kind="text")
-                for method, median, share in ranking(results, family, name)[:RANKED]
-            ]
-            ranked += [Cell(NOTHING, kind="text")] * (RANKED - len(ranked))
-            rows.append([Cell(f"{purpose}, {title}", kind="text name"), *ranked])
-    return Table(
-        "best",
-        "Which method for what",
-        "Of the methods that were run on all surfaces: the median of the ratio to the best one, "
-        "and on which share of the surfaces it is that. No map, or one with flipped faces, is "
-        "infinitely worse.",
-        ["for", "first", "second", "third"],
-        rows,
-    )
+@entitled("peers-time")
+def peer_times(results: Section) -> Content:
+    """Other programs: seconds and memory.
+
+    From arrays to map, in brackets as a multiple of T, the time of CDCP; peak memory of the
+    process.
+    """
+    return _beside_cdcp(results, seconds_cell(results, "cdcp", "T"))
 
 
-def summary_table(results: Section, methods: Sequence[str]) -> Table:
-    """Make the table with a row for each method: how often, how good, how fast."""
-    table, rows = summary(results), []
-    for method in methods:
-        of = table.loc[method]
-        family = FAMILY_TITLES[results.family[method]]
-        row = [Cell(style(method).label, kind="text name"), Cell(family, kind="text")]
-        row.append(number(of["surfaces"], ".0f"))
-        row += [number(100 * of[share], ".3g") for share in ("mapped", "unflipped")]
-        for name in QUANTITIES:
-            low, middle, high = (of[f"{name} {q}"] for q in (0.25, 0.5, 0.75))
-            text = f"{middle:.3g} ({low:.3g}–{high:.3g})"
-            row.append(Cell(text, middle) if middle == middle else Cell(NOTHING))
-        rows.append(row)
-    return Table(
-        "summary",
-        "Over all surfaces",
-        "Share of the surfaces that a method maps (onto the disk: certified), and without a "
-        "flipped face; then median (quartiles) over those that it maps: who fails on the hard "
-        "ones has the lower numbers. Seconds of cases that ran side by side are a hint.",
-        [
-            *("method", "family", "surfaces", "mapped, %", "no flips, %", "mean °", "SD °"),
-            *("area", "s", "MiB"),
-        ],
-        rows,
-    )
-
-
-def paired_table(results: Section, base: str, methods: Sequence[str]) -> Table:
-    """Make the table of one method against each other, with tests."""
-    names = {"mean": "mean °", "sd": "SD °", "seconds": "s"}
-    rows = []
-    for method in (m for m in methods if m != base):
-        for name, label in names.items():
-            made = paired(results, base, method, name)
-            counts = [number(k, ".0f") for k in (made.lower, made.higher, made.ties)]
-            tests = [number(p, ".2g") for p in (made.sign, made.signed_rank)]
-            titles = [Cell(style(method).label, kind="text name"), Cell(label, kind="text")]
-            rows.append([*titles, *counts, number(made.median, ".2g"), *tests])
-    return Table(
-        f"paired-{PAIRED.index(base)}",
-        f"{style(base).label} against each other method",
-        "On the surfaces that both map: on how many it has less, more, or as much (to a "
-        "millionth), the median of the differences, and two-sided p-values of the sign test and "
-        "of Wilcoxon's signed-rank test. A free boundary has less to keep, and less distortion.",
-        ["against", "of", "less", "more", "equal", "difference", "p, sign", "p, signed rank"],
-        rows,
-    )
-
-
-def peer_tables(results: Section) -> Iterator[Table]:
-    """Make the tables of other programs."""
-
+def _beside_cdcp(results: Section, cell: Callable[[str, str], Cell]) -> Content:
     def heading(method: str) -> str:
-        label, of = style(method).label, METHODS[method]
-        free = of.boundary == "free" and "free boundary" not in label
-        marks = ["not certified" if of.onto_disk else "free boundary"] * free
-        return ", ".join([label, *marks, *["single precision"] * of.single])
+        label, of = style(method).label, METHODS.get(split(method)[0])  # none: has another name
+        if results.family[method] == "free" and "free boundary" not in label:
+            label += ", not certified" if of and of.onto_disk else ", free boundary"
+        return label + ", single precision" * bool(of and of.single)
 
     headings = ["surface", "n", *(heading(method) for method in results.maps)]
-    yield Table(
-        "peers",
-        "Other programs: angular distortion",
-        "Mean / SD over all corners in degrees, and flipped faces if there are any. A map with "
-        "free boundary is onto no disk: compare it on angles only. MeshLab's harmonic map is "
-        "onto the disk, but in too few digits for a certificate. SLIM, ARAP and Blender's "
-        "minimum stretch keep lengths, which costs angles.",
-        headings,
-        grid(results, results.maps, distortion_cell(results, ".3f")),
-    )
-    yield Table(
-        "peers-time",
-        "Other programs: seconds and memory",
-        "From arrays to map, in brackets as a multiple of T, the time of CDCP; peak memory of the "
-        "process.",
-        headings,
-        grid(results, results.maps, seconds_cell(results, "cdcp", "T")),
-    )
+    return headings, grid(results, results.maps, cell)
 
 
 # -- cells and rows ----------------------------------------------------------------------
@@ -434,10 +436,10 @@ def peer_tables(results: Section) -> Iterator[Table]:
 def case(results: Section, model: str, method: str) -> Row:
     """Make the row of a method, under `COLUMNS`."""
     outcome = results.failure(model, method) or "ok"
-    cells = [Cell(style(method).label, kind="text name")]
-    for name, form in FORMATS.items():
-        hidden = results.family[method] == "free" and name == "boundary_error"
-        cells.append(number(np.nan if hidden else results.median(model, method, name), form))
+    cells = [name(style(method).label)]
+    for quantity, form in FORMATS.items():
+        hidden = results.family[method] == "free" and quantity == "boundary_error"
+        cells.append(number(np.nan if hidden else results.median(model, method, quantity), form))
     ratio = results.median(model, method) / results.median(model, "factor")
     cells += [number(ratio, ".2f"), number(results.median(model, method, "memory"), ",.0f")]
     return [*cells, Cell(outcome, kind="text" if outcome == "ok" else "text missing")]
@@ -452,30 +454,24 @@ def in_order(results: Section) -> list[str]:
 def model_cells(results: Section, model: str) -> Row:
     """Name, what it stands for, and size."""
     row, there = published(model), results.mapped.get(model, 0)
-    name = in_words(model, there)
-    name = model if name in results.sizes else name  # another one is called so
-    name += ", opened" * (model in results.opened)
+    text = in_words(model, there)
+    text = model if text in results.sizes else text  # another one is called so
+    text += ", opened" * (model in results.opened)
     if row:
         other = f", for {row.name}" if row.own == "stand-in" else f" ({row.own})"
-        name = row.name if row.own == "own" else name + other
-    return [Cell(name, kind="text name", model=model), number(there or np.nan, ",.0f")]
+        text = row.name if row.own == "own" else text + other
+    return [replace(name(text), model=model), number(there or np.nan, ",.0f")]
 
 
-def grid(
-    results: Section,
-    methods: Sequence[str],
-    cell: Callable[[str, str], Cell],
-    paper: Callable[[str], Row] = lambda model: [],
-) -> list[Row]:
+def grid(results: Section, methods: Sequence[str], cell: Callable[[str, str], Cell]) -> list[Row]:
     """One row a model, one column a method."""
+    compared = [k for k, method in enumerate(methods) if method in PUBLISHED]
     rows = []
     for model in results.sizes:
-        if not any(results.of(model, method) for method in methods):
-            continue
-        made = [failure_cell(results, model, m) or cell(model, m) for m in methods]
-        compared = [k for k, method in enumerate(methods) if method in PUBLISHED]
-        made = best(made, compared) if len(compared) > 1 else made
-        rows.append([*model_cells(results, model), *made, *paper(model)])
+        if any(results.of(model, method) for method in methods):
+            made = [failure_cell(results, model, m) or cell(model, m) for m in methods]
+            made = best(made, compared) if len(compared) > 1 else made
+            rows.append([*model_cells(results, model), *made])
     return rows
 
 

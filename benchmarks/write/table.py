@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import ParamSpec
 
 import rich.table
 
 NOTHING = "–"
+P = ParamSpec("P")
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,7 @@ class Cell:
 
 
 Row = list[Cell]
+Content = tuple[Sequence[str], Sequence[Row]]  # of a table: headings, rows
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,34 @@ class Table:
     text: str
     headings: Sequence[str]
     rows: Sequence[Row]
+
+
+def told(function: Callable[..., object]) -> tuple[str, str]:
+    """Title and text of what a function makes: the first line of its docstring, and the rest."""
+    title, _, text = inspect.cleandoc(function.__doc__ or "").partition("\n")
+    return title.removesuffix("."), " ".join(text.split())
+
+
+def entitled(id: str) -> Callable[[Callable[P, Content]], Callable[P, Table]]:
+    """Make of a function that returns headings and rows one that returns the table."""
+
+    def decorate(function: Callable[P, Content]) -> Callable[P, Table]:
+        def table(*args: P.args, **options: P.kwargs) -> Table:
+            return Table(id, *told(function), *function(*args, **options))
+
+        return table
+
+    return decorate
+
+
+def name(text: str) -> Cell:
+    """Make the head of a row."""
+    return Cell(text, kind="text name")
+
+
+def word(text: str) -> Cell:
+    """Make a cell of text."""
+    return Cell(text, kind="text")
 
 
 def number(value: float, form: str | Callable[[float], str]) -> Cell:

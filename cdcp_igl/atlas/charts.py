@@ -24,7 +24,7 @@ from ..steps.mobius import conformal_barycenter
 from ..steps.options import Options
 from ..steps.phases import Progress
 from ..surface.filling import fill_hole
-from ..surface.topology import components_of_pairs, outer_loop
+from ..surface.topology import by_reach, components_of_pairs
 from ..surface.triangles import face_areas, vertex_areas
 from .cut_graph import Component, OpenedComponent, split_components
 from .cut_paths import branch_to, open_to_disk, straighten
@@ -293,7 +293,7 @@ def fill_holes(component: Component) -> Component:
     if len(loops) < 2:
         return component
     V, filling = component.V, []
-    outer = outer_loop(V, loops)
+    outer = by_reach(V, loops)[0]
     for loop in loops:
         faces = None if loop is outer else fill_hole(V, loop)
         if faces is not None:

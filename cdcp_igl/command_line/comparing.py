@@ -157,6 +157,8 @@ def _opened(V: Floats, F: Ints) -> tuple[Floats, Ints] | None:
 
 def print_cases(title: str, cases: Sequence[Case]) -> None:
     """Print a row a method, and below why one has no map."""
+    from ..defects import as_commands
+
     rows = []
     for case in cases:
         if case.boundary == "free" and case.outcome == "ok":
@@ -168,7 +170,7 @@ def print_cases(title: str, cases: Sequence[Case]) -> None:
         typer.echo("* no disk: a map with free boundary; compare it on angles only")
     for case in cases:
         if case.outcome != "ok":
-            typer.echo(f"{case.method}: {case.outcome}")
+            typer.echo(f"{case.method}: {as_commands(case.outcome)}")
 
 
 def _table(cases: Mapping[Path, Sequence[Case]]) -> list[dict[str, Any]]:

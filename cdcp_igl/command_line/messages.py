@@ -38,6 +38,7 @@ def exit_codes(
 
     Where `map` was to map `files`, IN and OUT, with some options, it says which ones do it.
     """
+    from ..defects import as_commands
     from ..errors import MapError, MeshError, SolverError, printable
 
     try:
@@ -53,7 +54,7 @@ def exit_codes(
     except ValueError as error:  # an option does not fit this mesh
         message, code = str(error), BAD_INPUT
     except (MapError, SolverError) as error:
-        message, code = str(error), NO_MAP
+        message, code = as_commands(str(error)), NO_MAP
     except (MissingExtra, BrokenExecutor) as error:
         message, code = str(error), FAILED
     else:

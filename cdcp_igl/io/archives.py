@@ -25,8 +25,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import Defect, MeshError
-from .damage import Damage
+from ..errors import Damage, Defect, MeshError
 
 Array = NDArray[Any]
 # Arrays by name; None are those that are no part of a mesh, and are not unpacked.

@@ -21,14 +21,13 @@ from numpy.typing import NDArray
 
 from .. import libigl
 from ..arrays import Floats, Ints, unit_size
-from ..errors import counted
+from ..errors import Damage, counted
 from ..surface.triangles import (
     corner_cotangents,
     degenerate_faces,
     face_areas,
     lost_in_single_precision,
 )
-from .damage import Damage
 from .images import Image
 from .polygons import fans, strips
 

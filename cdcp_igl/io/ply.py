@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints
-from .damage import Damage
+from ..errors import Damage
 from .polygons import fans, strips
 from .text import culprit
 

@@ -16,10 +16,9 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import Defect, MeshError
+from ..errors import Damage, Defect, MeshError
 from ..extras import from_extra
 from .archives import read_mat, read_npz
-from .damage import Damage
 from .glb import read_gltf
 from .ply import read_ply
 from .polygons import triangulated

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import Floats, Ints, distinct_rows
-from .damage import Damage
+from ..errors import Damage
 
 FACET = np.dtype([("normal", "<3f4"), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 LOOP = re.compile(rb"outer\s+loop\s" + 3 * rb"\s*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s" + rb"\s*endloop")

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import Floats, Ints
-from .damage import Damage
+from ..errors import Damage
 from .polygons import fans
 
 # Of UTF-8, read as Latin-1: every sequence of bytes is text in Latin-1, and numbers and

@@ -18,15 +18,14 @@ from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 
 from .. import __version__, libigl
-from ..arrays import Complex, Floats, Ints, Numbers, coordinates, distinct_rows, evenly_spaced_rows
+from ..arrays import Complex, Floats, Ints, Numbers, distinct_rows, evenly_spaced_rows
 from ..certificate import certificate_of, is_around
-from ..distortion import AngleDistortion, disk_map_distortion
+from ..distortion import AngleDistortion, map_distortion
 from ..errors import MapError, counted
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.conformality import judge_by, sampled_faces
-from ..rescue.recentering import deep_vertex
+from ..rescue.correction import FEW_FACES, deep_vertex, is_sheared
 from ..rescue.repair import Repair, repair_locally
-from ..rescue.straightening import FEW_FACES, is_sheared
 from ..selection import MANY_FLIPPED
 from ..solve import solvers
 from ..solve.solvers import SolverName, using
@@ -364,9 +363,9 @@ class _Mapping:
     def refuse_rescue(self, sample: Gathered, on_boundary: bool) -> None:
         """Give up where `disk_map` would correct the harmonic map, or doubt it."""
         few = sample.only(evenly_spaced_rows(self.folder.faces, FEW_FACES))
-        if is_sheared(few, sample.f, self.table[self.border]):
+        if is_sheared(sample.f, few.F, few.angles):
             self.give_up("the faces have a shear in common")
-        if deep_vertex(few, sample.f) is not None:
+        if deep_vertex(few, sample.f, few.F) is not None:
             self.give_up("a part of the surface is too small for double precision where it lies")
         if on_boundary:
             self.give_up("the central face lies at the boundary")
@@ -474,7 +473,7 @@ class _Mapping:
         near = sample.vertices[np.unique(sample.only(rows).F)]
         some = Gathered.of(self.folder, self.finished, lambda part: part.faces_at(near))
         faces = some.places(rows)
-        errors = disk_map_distortion(some.mesh, coordinates(some.f))[faces]
+        errors = map_distortion(some.mesh, some.f)[faces]
         conformality = judge_by(some.mesh, some.f, errors, faces, distortion.mean)
         if conformality.is_doubtful:
             self.give_up(f"it may not be conformal: {'; '.join(conformality.reasons)}")

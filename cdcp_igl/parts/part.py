@@ -14,10 +14,9 @@ import numpy as np
 from ..arrays import Bools, Complex, Floats, Ints
 from ..cached import cached_property
 from ..io.output import whole_file
-from ..solve.factored import FactoredSurface
+from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.center import most_central
-from ..steps.extension import harmonic_extension
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import corner_angles
 from .parting import MANIFEST

@@ -16,9 +16,8 @@ from ..arrays import Floats, Ints
 from ..certificate import Certificate, SphereCertificate, certify, certify_sphere
 from ..distortion import AngleDistortion, angle_distortion, area_distortion
 from ..errors import MapError, SolverError
-from ..pool import Pool, same_modules
+from ..pool import Pool, peak_memory, same_modules
 from ..printing import finite
-from ..processes import peak_memory
 from ..result.base import Result
 from ..sphere import SphereMap
 from ..surface.mesh import DiskMesh, SphereMesh

@@ -12,7 +12,7 @@ from ..arrays import Complex, Floats, Ints, as_complex, places
 from ..errors import MapError, SolverError, counted
 from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
-from ..solve.factored import FactoredSurface
+from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.laplacian import cotangent_laplacian
 from ..solve.solvers import factorize
 from ..steps.boundary_first import (
@@ -22,7 +22,6 @@ from ..steps.boundary_first import (
     pinned,
     scale_of_angles,
 )
-from ..steps.extension import harmonic_extension
 from ..steps.trace import edge_lengths
 from ..surface.mesh import DiskMesh
 from .certified import checked_free_map

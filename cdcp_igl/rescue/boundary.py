@@ -8,9 +8,8 @@ import numpy as np
 
 from ..arrays import Complex, Floats
 from ..errors import counted, spell
-from ..solve.factored import FactoredSurface
+from ..solve.factored import FactoredSurface, harmonic_extension
 from ..steps.circle import Rejected
-from ..steps.extension import harmonic_extension
 from ..steps.trace import boundary_flux, edge_lengths, shared_by_edges
 from ..surface.mesh import DiskMesh
 

@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, coordinates
-from ..certificate import Certificate, certify
-from ..distortion import disk_map_distortion
-from ..solve.factored import FactoredSurface
+from ..arrays import Complex, Floats, Ints, evenly_spaced_rows
+from ..certificate import Certificate, certify_disk
+from ..distortion import map_distortion
+from ..solve.factored import FactoredSurface, extended_again, harmonic_extension
 from ..steps.center import Center
-from ..steps.extension import extended_again, harmonic_extension
 from ..steps.mobius import Normalization, rotate
 from ..steps.options import Options
 from ..steps.phases import Phases
@@ -22,10 +21,9 @@ from ..surface.mesh import DiskMesh
 from .boundary import BoundaryMethod
 from .collapsed_faces import open_collapsed_faces
 from .conformality import LARGEST_DEGREES, Conformality, judge
-from .recentering import deep_vertex, recentered
+from .correction import FEW_FACES, Straightening, deep_vertex, is_sheared, recentered, straighten
 from .refine import HALVINGS, STEPS_DUE, Refinement, lower_angle_distortion
 from .repair import Repair, repair_locally
-from .straightening import Straightening, is_sheared, straighten
 
 log = logging.getLogger("cdcp_igl")
 
@@ -93,8 +91,10 @@ class HarmonicMap:
     @property
     def needs_correction(self) -> bool:
         """Whether `corrected` has anything to do."""
-        mesh = self.surface.mesh
-        return is_sheared(mesh, self.f, self.f[mesh.loop]) or deep_vertex(mesh, self.f) is not None
+        mesh, f = self.surface.mesh, self.f
+        few = evenly_spaced_rows(len(mesh.F), FEW_FACES)
+        faces = mesh.F[few]
+        return is_sheared(f, faces, mesh.angles[few]) or deep_vertex(mesh, f, faces) is not None
 
     def corrected(self, *, straightened: bool) -> HarmonicMap:
         """Take the common shear out if asked to, and move a tiny region deep inside to 0."""
@@ -130,18 +130,7 @@ class Candidate:
     def steps_due(self) -> int:
         """As `steps_due`."""
         share = self.done.repair.n_moved / len(self.f)
-        return steps_due(self.conformality, share, self.done.straightening.gain)
-
-    def is_doubtful(self, mesh: DiskMesh) -> bool:
-        """Whether another way to the circle may lead nearer to the conformal map.
-
-        It may if the faces are sheared or needles are stretched, if the scale is not smooth, or if
-        the central face lies at the boundary, where a dipole has no room. Errors that the size of
-        the faces explains are no reason.
-        """
-        return self.conformality.is_doubtful or bool(
-            mesh.on_boundary[mesh.F[self.done.center.face]].any()
-        )
+        return steps_due(self.conformality, share, self.done.straightening)
 
     def objection(self) -> str:
         """Why another map was sought after this one, or taken instead."""
@@ -152,15 +141,17 @@ class Candidate:
         return f"{name}: mean distortion {self.mean:.2f} degrees{verdict}"
 
 
-def steps_due(conformality: Conformality, repaired: float, straightened: float = 0.0) -> int:
+def steps_due(
+    conformality: Conformality, repaired: float, straightening: Straightening | None = None
+) -> int:
     """Count the steps for a map that is measurably not near the conformal one.
 
-    Repair has moved the share `repaired` of its vertices; straightening has taken out the share
-    `straightened` of its distortion.
+    Repair has moved the share `repaired` of its vertices.
     """
-    if not conformality or repaired > MUCH_REPAIRED:
+    if conformality.reasons or repaired > MUCH_REPAIRED:
         return MOST_STEPS
-    return STEPS_DUE if straightened > COARSE or conformality.excess > EXCESS else 0
+    coarse = straightening is not None and straightening.gain > COARSE
+    return STEPS_DUE if coarse or conformality.excess > EXCESS else 0
 
 
 def judged(
@@ -173,9 +164,8 @@ def judged(
     known: float = 0.0,
 ) -> Candidate:
     """Certify a map (n,), measure it, and judge it; the options as in `judge`."""
-    uv = coordinates(f)
     with phase("certificate"):
-        certificate, degrees = certify(mesh, uv), disk_map_distortion(mesh, uv)
+        certificate, degrees = certify_disk(mesh, f), map_distortion(mesh, f)
         valid = certificate.valid
         conformality = judge(mesh, f, degrees, valid=valid, closely=closely, known=known)
         return Candidate(f, done, certificate, degrees, conformality)

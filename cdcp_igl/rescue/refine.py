@@ -13,12 +13,12 @@ from scipy.sparse import csr_matrix
 from ..arrays import Complex, Floats, Ints
 from ..errors import counted
 from ..solve.cholesky import Cholesky
-from ..solve.laplacian import Laplacian
+from ..solve.laplacian import Laplacian, sum_opposite
 from ..solve.solvers import factorize
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import blocks
+from .correction import extents
 from .figures import Disk, Figure
-from .recentering import extents
 
 # A map that is measurably not near the conformal one has so many steps even if none are asked for.
 STEPS_DUE = 2
@@ -357,7 +357,7 @@ class WeightedLaplacian:
         scale = np.sqrt(self._inverse)
         self._scale = scale[self._order]
         low, high = self._edges.low, self._edges.high
-        weights = -self._edges.sum_opposite(opposite) * scale[low] * scale[high]
+        weights = -sum_opposite(self._edges, opposite) * scale[low] * scale[high]
         unit = np.full(self._n, 1 + SHIFT)
         matrix = Laplacian(low, high, weights, unit).block(self._order)
         if self._cholesky is None:

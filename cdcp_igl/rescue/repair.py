@@ -14,7 +14,7 @@ from ..errors import counted
 from ..surface.mesh import DiskMesh
 from ..surface.topology import components_of_pairs
 from ..surface.triangles import flipped_faces
-from .recentering import recentered
+from .correction import recentered
 from .relaxation import Relaxation
 
 RINGS = 10  # largest radius of a patch around a flipped face

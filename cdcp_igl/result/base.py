@@ -500,11 +500,11 @@ def valid_map(result: Kind, onto: str, remedy: str) -> Kind:
 
     The `remedy` may name what the map has, as in ``"{0.boundary}"``.
     """
-    if not result.valid:
+    if not result.certificate.valid:
         failure = f"The map is not a bijection{onto}: {result.certificate}. {remedy.format(result)}"
         raise MapError(failure, result)
-    if not result.conformal:
-        log.warning("the map is not conformal: %s", "; ".join(result.conformality.reasons))
+    if reasons := result.conformality.reasons:
+        log.warning("the map is not conformal: %s", "; ".join(reasons))
     return result
 
 

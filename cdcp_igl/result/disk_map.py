@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints, as_complex, coordinates
-from ..certificate import BOUNDARY_TOLERANCE, Certificate, certify
+from ..certificate import BOUNDARY_TOLERANCE, Certificate, certify_disk
 from ..distortion import AngleDistortion
 from ..errors import MapError
 from ..plot.layout import Layout
@@ -165,8 +165,7 @@ class DiskMap(OntoDisk, DiskBijection):
         f[self.mesh.loop] /= np.where(abs(radius - 1) < BOUNDARY_TOLERANCE / 10, 1, radius)
         f, _ = open_collapsed_faces(self.mesh, f)
         f, _ = repair_locally(self.mesh, f)
-        uv = coordinates(f)
-        certificate = certify(self.mesh, uv)
+        uv, certificate = coordinates(f), certify_disk(self.mesh, f)
         if not certificate.valid:
             refused = replace(self, uv=uv, certificate=certificate)
             raise MapError(

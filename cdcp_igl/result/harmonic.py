@@ -1,4 +1,4 @@
-"""Maps that are harmonic, then repaired, and then refined, whatever they are onto."""
+"""Bases of results other than those onto the disk, and how their maps are refined."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any, ClassVar, TypeVar
 
-from ..arrays import Complex, Ints
+from ..arrays import Complex, Floats, Ints
+from ..distortion import AngleDistortion
+from ..plot.layout import Layout
 from ..rescue.candidate import angles_lowered, steps_due
+from ..rescue.conformality import judge
 from ..rescue.figures import Figure
 from ..rescue.refine import Refinement
 from ..rescue.repair import Repair
@@ -42,6 +45,54 @@ class RefinedMap(Result):
             "refinement": self.refinement and asdict(self.refinement),
             "solver": self.solver,
         }
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class PlaneMap(Result):
+    """A map (n, 2) of a disk, scaled into the unit square by its larger side where it is packed."""
+
+    uv: Floats
+    mesh: DiskMesh
+    boundary: str
+    laplacian: str
+    repair: Repair
+    solver: str
+
+    def packed(self) -> Floats:
+        """Return the image scaled into the unit square, (n, 2): texture coordinates."""
+        low, size = self._box
+        return (self.uv - low) / size.max()
+
+    @property
+    def _box(self) -> tuple[Floats, Floats]:
+        """Lower left corner and size of the image."""
+        low = self.uv.min(axis=0)
+        return low, self.uv.max(axis=0) - low
+
+    def _surface(self) -> tuple[Floats, Ints]:
+        return self.mesh.positions, self.mesh.F
+
+    def _layout(self) -> Layout:
+        mesh, (low, size) = self.mesh, self._box
+        scale = float(size.max() / 2)
+        x, y = (low + size / 2).tolist()
+        across, up = (size / (4 * scale)).tolist()
+        uv, place = (self.uv - [x, y]) / scale, {"middle": (x, y), "origin": (across, up)}
+        return self._drawn(mesh.V, mesh.F, uv, self._key_figure(), scale=scale, **place)
+
+
+def fields_of(
+    mesh: DiskMesh, f: Complex | Floats, degrees: Floats, certificate: Any, repair: Repair
+) -> dict[str, Any]:
+    """Judge a map with angular distortion `degrees` (m, 3): the fields of a result that say so."""
+    closely = repair.n_flipped > 0
+    return {
+        "mesh": mesh,
+        "certificate": certificate,
+        "distortion": AngleDistortion.of(degrees),
+        "conformality": judge(mesh, f, degrees, valid=certificate.valid, closely=closely),
+        "repair": repair,
+    }
 
 
 Kind = TypeVar("Kind", bound=RefinedMap)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from contextlib import contextmanager
-from copy import copy
+from collections.abc import Callable
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from scipy.sparse import csc_matrix, spmatrix
 
-from ..arrays import Floats, Indices, Numbers, as_complex
+from ..arrays import Floats, Indices, Numbers
 from ..errors import SolverError
 from .threads import one_thread
 
@@ -43,21 +41,11 @@ class Cholesky(ABC):
         return f"{cls.LIBRARY} ({cls.PACKAGE}, {ordering}, {cls.MODE} mode)"
 
     def __init__(self, A: spmatrix, ordering: Ordering = "amd") -> None:
-        with self._errors(A.shape[0]):
-            converted = self._converted(_writeable(A))
-            self._analyze(converted, ordering == "natural")
-            self._factorize(converted)
+        self._guarded(self._begin, csc_matrix(A), ordering == "natural")
 
     def refactor(self, A: spmatrix) -> None:
         """Factor another matrix with the same pattern of nonzeros, in the same order."""
-        with self._errors(A.shape[0]):
-            self._factorize(self._converted(_writeable(A)))
-
-    def refactored(self, A: spmatrix) -> Cholesky:
-        """Factor another matrix like `refactor`, and keep this factorization as well."""
-        other = copy(self)
-        other.refactor(A)
-        return other
+        self._guarded(lambda A: self._factorize(self._converted(A)), csc_matrix(A))
 
     def __copy__(self) -> Self:
         """Copy the analysis, so that another matrix can be factored like this one; no factor."""
@@ -67,11 +55,11 @@ class Cholesky(ABC):
 
     def solve(self, b: Numbers) -> Numbers:
         """Solve A x = b; b is real, one or several columns, or one complex vector."""
-        with self._errors(len(b)):
-            if np.iscomplexobj(b):
-                x: Any = as_complex(self._solve(np.array([b.real, b.imag]).T))  # Fortran order
-                return x
-            return self._solve(b)
+        if not np.iscomplexobj(b):
+            return self._guarded(self._solve, b)
+        x = np.empty(len(b), dtype=complex)
+        x[:, None].view(float)[:] = self._guarded(self._solve, b[:, None].view(float))
+        return x
 
     def schur_complement(self, A: csc_matrix, k: int) -> Floats:
         """(k, k) what is left of the last k rows of A, which was factored, without the others.
@@ -79,13 +67,16 @@ class Cholesky(ABC):
         Where nothing gives the factor itself, from solutions: it is the inverse of the last block
         of the inverse.
         """
+        return self._guarded(self._schur_complement, A, k)
+
+    def _schur_complement(self, A: csc_matrix, k: int) -> Floats:
         n = len(self.permutation)
         inverse = np.empty((k, k))
         for start in range(0, k, COLUMNS):
             some = np.arange(start, min(start + COLUMNS, k))
             unit = np.zeros((n, len(some)))
             unit[n - k + some, some - start] = 1
-            inverse[:, some] = self.solve(unit)[n - k :]
+            inverse[:, some] = self._solve(unit)[n - k :]
         return np.asarray(np.linalg.inv((inverse + inverse.T) / 2), np.float64)
 
     @classmethod
@@ -95,8 +86,12 @@ class Cholesky(ABC):
         A is symmetric, and only the pattern of its lower triangle is read. Of a solver whose
         `ORDERS` is false, the order as given.
         """
-        with cls._errors(A.shape[0]):
-            return cls._order(cls._converted(_writeable(A)))
+        return cls._guarded(lambda A: cls._order(cls._converted(A)), csc_matrix(A))
+
+    def _begin(self, A: csc_matrix, natural: bool) -> None:
+        converted = self._converted(A)
+        self._analyze(converted, natural)
+        self._factorize(converted)
 
     @staticmethod
     @abstractmethod
@@ -121,15 +116,14 @@ class Cholesky(ABC):
         """See `fill_reducing_order`."""
 
     @classmethod
-    @contextmanager
-    def _errors(cls, size: int) -> Iterator[None]:
-        """Run the solver on one thread and translate its errors."""
+    def _guarded(cls, step: Callable[..., Any], A: Any, *more: Any) -> Any:
+        """Take a step, which begins with a matrix or columns A, on one thread; translate errors."""
         try:
             with one_thread():
-                yield
+                return step(A, *more)
         except cls.ERRORS as error:
             raise SolverError(
-                f"{cls.LIBRARY} ({cls.PACKAGE}) failed on a Laplacian of size {size:,}: "
+                f"{cls.LIBRARY} ({cls.PACKAGE}) failed on a Laplacian of size {A.shape[0]:,}: "
                 f"{str(error) or type(error).__name__}. If the mesh has slivers, remesh it; if "
                 "memory ran out, decimate it."
             ) from error
@@ -146,10 +140,3 @@ def trailing_block(L: csc_matrix, permutation: Indices, k: int) -> Floats:
     rows = permutation[last] - (len(permutation) - k)
     block[np.ix_(rows, rows)] = L[:, last][last].toarray()
     return block
-
-
-def _writeable(A: spmatrix) -> csc_matrix:
-    """Return A by columns, copied if it is read-only, which scikit-sparse 0.5 refuses."""
-    A = csc_matrix(A)
-    writeable = all(array.flags.writeable for array in (A.data, A.indices, A.indptr))
-    return A if writeable else A.copy()

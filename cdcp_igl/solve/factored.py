@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_matrix
 
-from ..arrays import Bools, Indices, Numbers
+from ..arrays import Bools, Complex, Indices, Numbers
 from ..cached import cached_property
 from ..surface.mesh import DiskMesh
 from .cholesky import Cholesky
 from .laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
 from .memory import require_memory
 from .ordering import elimination_order
-from .solvers import factorize
+from .solvers import solver
 
 
 class FactoredSurface:
@@ -37,16 +37,18 @@ class FactoredSurface:
         order: Indices | None = None,
     ) -> None:
         require_memory(len(mesh.V))
+        factorization = solver()
         if order is None:
             free = ~mesh.on_boundary if free is None else free
-            rows, ordering, name = elimination_order(laplacian, mesh.V, free)
+            rows, ordering, name = elimination_order(laplacian, mesh.V, free, factorization)
         else:
             rows, ordering, name = order, "natural", "given"
-        cholesky = factorize(laplacian.block(rows), ordering)
+        block = laplacian.block(rows)
+        self.solver = factorization.described(f"{name} ordering")
+        cholesky = factorization(block, ordering)
         self.mesh, self.laplacian = mesh, laplacian
         self.rows, self._cholesky = rows, cholesky
         self.order = rows[cholesky.permutation]
-        self.solver = cholesky.described(f"{name} ordering")
 
     @classmethod
     def of(cls, mesh: DiskMesh) -> FactoredSurface:
@@ -59,7 +61,8 @@ class FactoredSurface:
         other.mesh = self.mesh.moved(V)
         other.laplacian = cotangent_laplacian(other.mesh)
         other.rows, other.order, other.solver = self.rows, self.order, self.solver
-        other._cholesky = self._cholesky.refactored(other.laplacian.block(self.rows))
+        other._cholesky = self.analysis
+        other._cholesky.refactor(other.laplacian.block(self.rows))
         return other
 
     def solve(self, b: Numbers) -> Numbers:
@@ -76,8 +79,8 @@ class FactoredSurface:
         low, high = L.low[between], L.high[between]
         outwards = mesh.on_boundary[high]
         inner, outer = np.where(outwards, low, high), np.where(outwards, high, low)
-        shape = len(mesh.V), len(mesh.loop)
-        return csc_matrix((-L.weights[between], (inner, mesh.loop_index[outer])), shape)
+        entries = -L.weights[between], (inner, outer)
+        return csc_matrix(entries, (len(mesh.V), len(mesh.V)))[:, mesh.loop]
 
     @cached_property
     def delaunay(self) -> FactoredSurface:
@@ -94,3 +97,19 @@ class FactoredSurface:
         self._cholesky = self.analysis
         if "delaunay" in self.__dict__:
             self.delaunay.release()
+
+
+def harmonic_extension(surface: FactoredSurface, f_B: Complex) -> Complex:
+    """Extend boundary values (nB,) harmonically: L_II f_I = -L_IB f_B, eq. (10)."""
+    f = surface.solve(-(surface.coupling @ f_B))
+    f[surface.mesh.loop] = f_B
+    return f
+
+
+def extended_again(surface: FactoredSurface, f: Complex) -> Complex:
+    """Make the interior of a map (n,) harmonic again, by the differences of neighbours.
+
+    Where these are much smaller than f itself, and f is small, they have digits that a solution for
+    the boundary values has not. The boundary stays.
+    """
+    return f - surface.solve(surface.laplacian.times(f))

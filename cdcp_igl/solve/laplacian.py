@@ -11,6 +11,7 @@ from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, triu
 from .. import libigl
 from ..arrays import Bools, Floats, Indices, Ints, Numbers
 from ..surface.mesh import DiskMesh
+from ..surface.topology import Edges
 
 # The lengths of the sides do not determine an angle as small as this, in radians: its square is
 # below their last digit. libigl would flip edges to and fro for ever.
@@ -86,8 +87,15 @@ def cotangent_laplacian(mesh: DiskMesh, cotangents: Floats | None = None) -> Lap
     those of another metric.
     """
     edges = mesh.edges
-    weights = edges.sum_opposite(mesh.cotangents if cotangents is None else cotangents) / 2
+    weights = sum_opposite(edges, mesh.cotangents if cotangents is None else cotangents) / 2
     return Laplacian.of(edges.low, edges.high, weights, len(mesh.V))
+
+
+def sum_opposite(edges: Edges, x: Floats) -> Floats:
+    """(e,) sums of the values x (m, 3) at the corners opposite each edge."""
+    # Half-edge k m + f leaves corner k of face f, so it lies opposite corner k - 1, where
+    # that of the first is the last: counted from the end, as negative indices are.
+    return np.add.reduceat(x.T.ravel()[edges.sides - len(x)], edges.start)
 
 
 def intrinsic_delaunay_laplacian(mesh: DiskMesh) -> Laplacian:

@@ -8,12 +8,10 @@ from pathlib import Path
 
 from ..errors import SolverError
 
-# The factor of a surface of n vertices has O(n log n) entries (George 1973): 4 to 5 n log2(n) on
-# scans, terrains and grids from 50,000 to 10 million vertices, zeros of supernodes included. With
-# it the steps of the map that come after the check take 45 to 60 bytes times n log2(n) in all.
-# `python -m benchmarks speed` measures the memory of whole maps, which are 63 to 68 of these
-# units; the least of each is taken here, so that nothing is refused that would fit.
-ENTRIES = 4.0
+# The steps of the map that come after the check take 45 to 60 bytes times n log2(n) in all, as the
+# factor has O(n log n) entries (George 1973). `python -m benchmarks speed` measures the memory of
+# whole maps, which are 63 to 68 of these units; the least is taken here, so that nothing is refused
+# that would fit.
 BYTES = 45.0
 SMALLEST_CHECKED = 100_000  # vertices; fewer take less than 100 MB
 
@@ -33,11 +31,6 @@ CONTAINERS = (
         "total_inactive_file",
     ),
 )
-
-
-def factor_entries(n: int) -> float:
-    """Estimate how many entries the factor of a surface with n vertices has, at least."""
-    return ENTRIES * n * log2(n + 1)
 
 
 def require_memory(n: int) -> None:

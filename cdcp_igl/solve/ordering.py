@@ -6,9 +6,8 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from ..arrays import Bools, Floats, Indices, Ints, evenly_spaced_rows
-from .cholesky import Ordering
+from .cholesky import Cholesky, Ordering
 from .laplacian import Laplacian
-from .solvers import solver
 
 # Minimum degree is greedy; a few straight cuts first keep its fronts short. Below this many
 # vertices there is nothing to gain, and on surfaces with folds something to lose.
@@ -17,7 +16,9 @@ LEVELS = 5
 SAMPLE = 20_000  # vertices from which the cuts are found
 
 
-def elimination_order(L: Laplacian, V: Floats, free: Bools) -> tuple[Ints | Indices, Ordering, str]:
+def elimination_order(
+    L: Laplacian, V: Floats, free: Bools, solver: type[Cholesky]
+) -> tuple[Ints | Indices, Ordering, str]:
     """Find an order of the free vertices in which the factor of their Laplacian stays sparse.
 
     The places V (n, 3) matter on large meshes only, and to the map by rounding errors only.
@@ -30,11 +31,11 @@ def elimination_order(L: Laplacian, V: Floats, free: Bools) -> tuple[Ints | Indi
     P. R. Amestoy, T. A. Davis, I. S. Duff. An approximate minimum degree ordering algorithm.
     SIAM J. Matrix Anal. Appl. 17(4), 1996.
     """
-    if not solver().ORDERS:
+    if not solver.ORDERS:
         return np.flatnonzero(free), "natural", "minimum degree"
     if len(V) < LARGE:
         return np.flatnonzero(free), "amd", "AMD"
-    order = _order_by_parts(dissected(L.low, L.high, V), L.low, L.high)
+    order = _order_by_parts(dissected(L.low, L.high, V), L.low, L.high, solver)
     return order[free[order]], "natural", "nested dissection and AMD"
 
 
@@ -93,7 +94,7 @@ def _cut(V: Floats, at: Ints, axis: Ints, middle: Floats) -> Ints:
     return 2 * at + (V[np.arange(len(V)), axis[at]] > middle[at])
 
 
-def _order_by_parts(part: Indices, low: Indices, high: Indices) -> Indices:
+def _order_by_parts(part: Indices, low: Indices, high: Indices, solver: type[Cholesky]) -> Indices:
     """Order every part by minimum degree on its own: in one graph, it would jump between them."""
     vertices = np.argsort(part, kind="stable").astype(low.dtype)
     place = np.empty_like(vertices)
@@ -108,7 +109,7 @@ def _order_by_parts(part: Indices, low: Indices, high: Indices) -> Indices:
     order = np.empty_like(vertices)
     for start, end, first, last in zip(starts, ends, edges[:-1], edges[1:], strict=True):
         pattern = _pattern(low[first:last] - start, high[first:last] - start, end - start)
-        order[start:end] = vertices[start + solver().fill_reducing_order(pattern)]
+        order[start:end] = vertices[start + solver.fill_reducing_order(pattern)]
     return order
 
 

@@ -52,15 +52,13 @@ class Factorization(Cholesky):
             cholmod.solve(self._factor, x)
         return np.array(x).reshape(b.shape)
 
-    def schur_complement(self, A: csc_matrix, k: int) -> Floats:
-        """See `Cholesky`."""
-        with self._errors(len(self.permutation)):
-            with _our_options():
-                L = cholmod.getfactor(self._factor)  # which is symbolic then
-            self._factorize(self._converted(A))
-            starts, rows, entries = (np.array(x).ravel() for x in (*L.CCS[:2], L.CCS[2]))
-            block = trailing_block(csc_matrix((entries, rows, starts), L.size), self.permutation, k)
-            return block @ block.T
+    def _schur_complement(self, A: csc_matrix, k: int) -> Floats:
+        with _our_options():
+            L = cholmod.getfactor(self._factor)  # which is symbolic then
+        self._factorize(self._converted(A))
+        starts, rows, entries = (np.array(x).ravel() for x in (*L.CCS[:2], L.CCS[2]))
+        block = trailing_block(csc_matrix((entries, rows, starts), L.size), self.permutation, k)
+        return block @ block.T
 
     @staticmethod
     def _order(A: spmatrix) -> Indices:

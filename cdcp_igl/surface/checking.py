@@ -14,7 +14,7 @@ from ..errors import Defect, counted, spell
 from ..io.given import takes_meshes
 from ..io.polygons import in_polygons
 from ..printing import as_html
-from .topology import outer_loop, sewn
+from .topology import sewn
 from .validation import examine
 
 
@@ -245,7 +245,7 @@ def check(V: ArrayLike, F: ArrayLike, *, polygon_of_face: Ints | None = None) ->
     in_sheets = not surface.singular.any()
     return replace(
         report,
-        n_boundary=len(outer_loop(found.V, surface.loops)) if surface.loops else 0,
+        n_boundary=len(found.loops[0]) if found.loops else 0,
         ears=surface.ears if in_sheets else report.ears,
         chords=surface.chords if in_sheets else report.chords,
         n_components=surface.components[0],

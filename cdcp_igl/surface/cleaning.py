@@ -12,7 +12,7 @@ from ..errors import Defect, MeshError, counted
 from ..io.given import takes_meshes
 from .checking import check
 from .filling import fill_hole
-from .topology import Topology, duplicate_faces, outer_loop, sewn
+from .topology import Topology, by_reach, duplicate_faces, sewn
 from .triangles import corner_cotangents, degenerate_faces
 from .validation import repeated_corners, usable_arrays
 
@@ -188,7 +188,7 @@ class _Surface:
         loops = self._topology().loops
         if len(loops) < 2:
             return
-        outer = outer_loop(self.V, loops)
+        outer = by_reach(self.V, loops)[0]
         on_boundary = marked(len(self.V), *loops)
         given, filling = len(self.F), []
         for loop in loops:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Bools, Floats, Ints, marked, places, size_exponent
 from ..cached import cached_property
 from ..errors import Defect, MeshError, counted
-from .topology import Edges, group_by_edge, outer_loop, tails
+from .topology import Edges, group_by_edge, tails
 from .triangles import corner_angles, corner_cotangents, degenerate_faces, vertex_areas
 from .validation import Examined, checked_vertices, examine
 
@@ -65,9 +65,7 @@ class DiskMesh:
         defects = self._defects(examined)
         if examined.surface is None or defects:
             raise MeshError(*defects)
-        surface = examined.surface
-        outer = outer_loop(examined.V, surface.loops) if surface.loops else None
-        loops = sorted(surface.loops, key=lambda loop: loop is not outer)
+        surface, loops = examined.surface, examined.loops
         loop = np.concatenate([np.empty(0, np.int64), *loops])
         on_boundary = marked(surface.n, loop)
         for indices in (*loops, *vars(surface.edges).values()):
@@ -197,8 +195,8 @@ class SphereMesh(DiskMesh):
     @staticmethod
     def _defects(examined: Examined) -> tuple[Defect, ...]:
         defects = _without(examined, "closed surface", "several boundary loops")
-        loops = examined.surface.loops if examined.surface else []
-        return (Defect.of("boundary", loops=len(loops)), *defects) if loops else defects
+        n = len(examined.loops)
+        return (Defect.of("boundary", loops=n), *defects) if n else defects
 
 
 class AnnulusMesh(DiskMesh):
@@ -206,9 +204,9 @@ class AnnulusMesh(DiskMesh):
 
     @staticmethod
     def _defects(examined: Examined) -> tuple[Defect, ...]:
-        loops = examined.surface.loops if examined.surface else []
-        defects = _without(examined, *["several boundary loops"] * (len(loops) == 2))
-        return (Defect.of("one boundary loop"), *defects) if len(loops) == 1 else defects
+        n = len(examined.loops)
+        defects = _without(examined, *["several boundary loops"] * (n == 2))
+        return (Defect.of("one boundary loop"), *defects) if n == 1 else defects
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:

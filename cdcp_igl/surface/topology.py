@@ -47,13 +47,6 @@ class Edges:
         """(k, 2) vertices of some of the edges."""
         return np.column_stack([self.low[chosen], self.high[chosen]]).astype(np.int64)
 
-    def sum_opposite(self, x: Floats) -> Floats:
-        """(e,) sums of the values x (m, 3) at the corners opposite each edge."""
-        # Half-edge k m + f leaves corner k of face f, so it lies opposite corner k - 1, where
-        # that of the first is the last: counted from the end, as negative indices are.
-        opposite = x.T.ravel()[self.sides - len(x)]
-        return np.add.reduceat(opposite, self.start)
-
 
 @dataclass(frozen=True, eq=False)
 class Topology:
@@ -89,7 +82,7 @@ class Topology:
     @cached_property
     def used(self) -> Bools:
         """(n,) vertices with faces."""
-        return marked(self.n, self.F)
+        return np.bincount(self.F.ravel(), minlength=self.n) > 0
 
     @cached_property
     def ears(self) -> Ints:
@@ -110,11 +103,11 @@ class Topology:
         # Every face has three neighbours, itself where one is missing, so the adjacency can
         # be written down in CSR form without sorting. Nobody reads its entries.
         (one, other), m = self.twins, len(self.F)
-        neighbour = np.tile(np.arange(m, dtype=np.int32), 3)
-        neighbour[one], neighbour[other] = other % m, one % m
-        graph = csr_matrix(
-            (np.zeros(3 * m), neighbour.reshape(3, m).T.ravel(), np.arange(0, 3 * m + 1, 3)), (m, m)
-        )
+        face = np.tile(np.arange(m, dtype=np.int32), 3)  # of each half-edge
+        neighbour = face.copy()
+        neighbour[one], neighbour[other] = face[other], face[one]
+        starts = np.arange(0, 3 * m + 1, 3, dtype=np.int32)
+        graph = csr_matrix((np.zeros(3 * m), neighbour.reshape(3, m).T.ravel(), starts), (m, m))
         if len(breadth_first_order(graph, 0, return_predecessors=False)) == m:
             return 1, np.zeros(m, np.int32)
         return connected_components(graph, directed=False)
@@ -160,7 +153,7 @@ class Topology:
     @cached_property
     def pinched(self) -> Ints:
         """Vertices whose corners form more than one fan across twins."""
-        if self._is_plainly_a_disk or self._is_plainly_a_sphere:
+        if self._is_plain:
             return np.empty(0, np.int64)
         n_fans, fan = self.fans
         vertex_of_fan = np.empty(n_fans, np.int64)
@@ -173,29 +166,20 @@ class Topology:
         return not self.singular.any() and len(self.pinched) == 0
 
     @cached_property
-    def _is_plainly_a_disk(self) -> bool:
-        """Whether counting alone shows that the faces, once oriented, form a disk.
+    def _is_plain(self) -> bool:
+        """Whether counting alone shows that the faces, once oriented, form a disk or a sphere.
 
-        Let them hang together across edges, none with more than two faces, with a boundary
-        that is not empty and does not touch itself, and have Euler characteristic 1. With p
-        pinched vertices undone, the surface has characteristic 1 + p; but with a boundary it
-        has at most 1, and then it is a disk. So p = 0.
+        Let them hang together across edges, none with more than two faces. With p pinched vertices
+        undone, a closed surface of Euler characteristic 2 has 2 + p, but at most 2. One of
+        characteristic 1, with a boundary that does not touch itself, has 1 + p, but at most 1, and
+        then it is a disk. So p = 0.
         """
-        if self.singular.any() or len(self.border) == 0 or self.components[0] > 1:
+        if self.singular.any() or self.components[0] > 1:
             return False
+        if len(self.border) == 0:
+            return self.euler_characteristic == 2
         ends = self._border_ends.ravel()
         return self.euler_characteristic == 1 and bool(np.bincount(ends).max() == 2)
-
-    @cached_property
-    def _is_plainly_a_sphere(self) -> bool:
-        """Whether counting alone shows that the faces, once oriented, form a sphere.
-
-        As for a disk: with p pinched vertices undone, a closed surface has characteristic 2 + p,
-        but at most 2.
-        """
-        if self.singular.any() or len(self.border) > 0 or self.components[0] > 1:
-            return False
-        return self.euler_characteristic == 2
 
     # -- boundary and genus ------------------------------------------------------------
 
@@ -216,7 +200,7 @@ class Topology:
         if len(self.misoriented):
             flipped = np.isin(self.border % len(self.F), self.misoriented)
             tail, head = np.where(flipped, head, tail), np.where(flipped, tail, head)
-        if self._is_plainly_a_disk:
+        if self._is_plain and len(tail):
             loop = libigl.path(np.column_stack([tail, head]).astype(np.int64))
             return [np.roll(loop, -int(loop.argmin()))]
         return _cycles(tail, head)
@@ -310,15 +294,15 @@ def sewn(V: Floats, F: Ints) -> tuple[Ints, int]:
     return kept[group[F]], n - n_left
 
 
-def outer_loop(V: Floats, loops: list[Ints]) -> Ints:
-    """Choose the loop that reaches farthest, by the diagonal of its box.
+def by_reach(V: Floats, loops: list[Ints]) -> list[Ints]:
+    """Sort loops, that which reaches farthest first, by the diagonal of its box.
 
     In the plane it encloses all others, however long and finely resolved those are.
     """
-    if len(loops) == 1:
-        return loops[0]
+    if len(loops) < 2:
+        return loops
     positions = unit_size(V)
-    return max(loops, key=lambda loop: float(np.linalg.norm(np.ptp(positions[loop], axis=0))))
+    return sorted(loops, key=lambda loop: -float(np.linalg.norm(np.ptp(positions[loop], axis=0))))
 
 
 def components_of_pairs(rows: Indices, columns: Indices, n: int) -> tuple[int, NDArray[np.int32]]:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints, distinct_rows, size_exponent, unit_size
 from ..errors import Defect, MeshError
-from .topology import Topology, duplicate_faces, outer_loop
+from .topology import Topology, by_reach, duplicate_faces
 from .triangles import corner_cotangents, degenerate_faces
 
 
@@ -89,6 +89,7 @@ class Examined:
     V: Floats = field(default_factory=lambda: np.empty((0, 3)))  # of unit size
     exponent: int = 0  # of the power of two by which they were divided
     surface: Topology | None = None  # None if unusable, or if a corner is repeated
+    loops: list[Ints] = field(default_factory=list)  # those of the surface, the outer one first
     cotangents: Floats = field(default_factory=lambda: np.empty((0, 3)))  # if all is finite
 
 
@@ -106,12 +107,13 @@ def examine(V: ArrayLike, F: ArrayLike) -> Examined:
     found += _defects_of_edges(surface)
     if not surface.singular.any():
         found += _defects_of_a_surface(surface, given.V)
+    loops = by_reach(positions, surface.loops)
     if "non-finite coordinate" in names:
-        return Examined(n, m, tuple(found), positions, exponent, surface)
+        return Examined(n, m, tuple(found), positions, exponent, surface, loops)
     cotangents = corner_cotangents(positions, given.F)
     if len(flat := degenerate_faces(cotangents)):
         found.append(Defect.of("degenerate face", flat))
-    return Examined(n, m, tuple(found), positions, exponent, surface, cotangents)
+    return Examined(n, m, tuple(found), positions, exponent, surface, loops, cotangents)
 
 
 def _defects_of_edges(surface: Topology) -> Iterator[Defect]:
@@ -151,7 +153,7 @@ def _defects_of_a_surface(surface: Topology, V: NDArray[Any]) -> Iterator[Defect
     if len(surface.border) == 0:
         yield Defect.of("closed surface" + (", with handles" if surface.genus else ""))
     if len(surface.loops) > n_parts:
-        outer = outer_loop(V, surface.loops)
+        outer = by_reach(V, surface.loops)[0]
         holes = np.concatenate([loop for loop in surface.loops if loop is not outer])
         loops = len(surface.loops)
         yield Defect.of("several boundary loops", holes, loops=loops, outer=len(outer))

@@ -11,10 +11,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import cdcp_igl
-from cdcp_igl.solve.factored import FactoredSurface
+from cdcp_igl.solve.factored import FactoredSurface, harmonic_extension
 from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.circle import whiten_trace
-from cdcp_igl.steps.extension import harmonic_extension
 from cdcp_igl.steps.mobius import normalize
 from cdcp_igl.steps.trace import conjugate_trace
 from cdcp_igl.steps.zipper import geodesic_map

@@ -15,7 +15,7 @@ STEPS = (
     ("steps/center.py", "eqs. (13)–(15), torsion", "central face"),
     ("steps/trace.py", "Theorem 1, by the conjugate", "boundary trace h_B"),
     ("steps/zipper.py", "whitening, eqs. (1)–(6)", "f_B on the circle"),
-    ("steps/extension.py", "eq. (10)", "f on the disk"),
+    ("solve/factored.py", "eq. (10)", "f on the disk"),
     ("steps/mobius.py", "eqs. (19)–(20)", "f, least distortion"),
     ("certificate.py", "exact signs", "Certificate"),
     ("result/disk_map.py", "", "DiskMap: uv and all about it"),

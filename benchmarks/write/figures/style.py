@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from io import BytesIO
 from typing import Any
 from zlib import crc32
@@ -16,22 +17,53 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from PIL import Image
 
-from cdcp_igl.arrays import Floats
-
 from ...measure.candidate import split
-from ...records.results import FROM, NotMeasured, Section, growth
+from ...records.results import Measured, NotMeasured, Section
 
-INK, FAINT, BAND = "#222222", "#8a8a8a", "#f3f3f3"
+INK, FAINT, BAND, GRID = "#222222", "#8a8a8a", "#f3f3f3", "#dddddd"
 # M. Okabe, K. Ito. Color Universal Design, 2008.
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE = (
     *("#000000", "#e69f00", "#56b4e9", "#009e73"),
     *("#f0e442", "#0072b2", "#d55e00", "#cc79a7"),
 )
-LEAST = 100  # by which factor below the median a number may be to have its place on an axis
 DECADES = 1e3  # ratio of the ends of an axis from which on it has ticks at 1, 10, ... only
 MOST = 30  # surfaces that a figure with a row or a panel for each can show
 OWN = ("1", "2", "3", "4", "+", "|", "_")  # markers of methods that have no style
 HATCHES = ("", "///", "...", "\\\\\\", "xxx", "---", "ooo", "+++")
+
+
+LOOK: Any = {
+    **{"figure.dpi": 120, "figure.constrained_layout.use": True},
+    **{"axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": FAINT},
+    **{"axes.labelsize": 10, "axes.labelcolor": INK, "axes.titlecolor": INK},
+    **{"legend.frameon": False, "legend.fontsize": 10},
+}
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A figure that can be drawn; the docstring of what draws it is its title and caption.
+
+    Attributes
+    ----------
+    file : str
+        Name of its file.
+    draw : callable
+        From `Measured` to a figure; raises NotMeasured.
+    """
+
+    file: str
+    draw: Callable[[Measured], Figure]
+
+    def __call__(self, measured: Measured) -> Figure:
+        """Draw it."""
+        with rc_context(LOOK):
+            return self.draw(measured)
+
+
+def drawn_to(file: str) -> Callable[[Callable[[Measured], Figure]], Plot]:
+    """Make a function that draws a `Plot`."""
+    return partial(Plot, file)
 
 
 @dataclass(frozen=True)
@@ -85,12 +117,10 @@ def style(method: str) -> Style:
 
 def new(width: float, height: float, **grid: object) -> tuple[Figure, np.ndarray]:
     """Make a figure of so many inches, and its axes as a 2-D array."""
-    figure = Figure(figsize=(width, height), dpi=120, facecolor="white", layout="constrained")
+    figure = Figure(figsize=(width, height))
     FigureCanvasAgg(figure)
     panels = figure.subplots(squeeze=False, **grid)  # type: ignore[call-overload]
     for axes in panels.flat:
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.spines[["left", "bottom"]].set_color(FAINT)
         axes.tick_params(color=FAINT, labelcolor=INK, labelsize=9)
     return figure, panels
 
@@ -98,8 +128,7 @@ def new(width: float, height: float, **grid: object) -> tuple[Figure, np.ndarray
 def encode(figure: Figure, suffix: str) -> bytes:
     """Return the figure as a small file: .png of 256 colours, or .jpg for shaded surfaces."""
     whole, small = BytesIO(), BytesIO()
-    with rc_context({"hatch.linewidth": 0.5}):
-        figure.savefig(whole, format="png")
+    figure.savefig(whole, format="png")
     picture = Image.open(whole).convert("RGB")
     if suffix == ".jpg":
         picture.save(small, format="jpeg", quality=85, optimize=True)
@@ -119,43 +148,6 @@ def in_words(model: str, n: int) -> str:
     return model if "/" in model else model.removesuffix(f"_{n}").replace("_", " ")
 
 
-@dataclass(frozen=True)
-class Series:
-    """Numbers of one method.
-
-    Attributes
-    ----------
-    style : Style
-    values : (models,) float64
-        NaN where there is none.
-    spread : (2, models) float64
-        Least and greatest of the repeats.
-    failed : frozenset of str
-        Models on which the method was run and gave nothing.
-    """
-
-    style: Style
-    values: Floats
-    spread: Floats
-    failed: frozenset[str]
-
-
-def series(results: Section, methods: Iterable[str], name: str) -> list[Series]:
-    """Return the numbers called `name` of each method, for the models of the section."""
-    made = [
-        Series(
-            style(method),
-            results.values(method, name),
-            results.spread(method, name),
-            frozenset(results.failed(method)),
-        )
-        for method in methods
-    ]
-    if not any(np.isfinite(one.values).any() for one in made):
-        raise NotMeasured("every case failed")
-    return made
-
-
 def require_few(results: Section) -> None:
     """Raise NotMeasured if there are too many surfaces for a figure that shows each."""
     if len(results.mapped) > MOST:
@@ -163,77 +155,6 @@ def require_few(results: Section) -> None:
             f"{len(results.mapped):,} surfaces are too many to show each, more than {MOST}; "
             "see the figures over all of them"
         )
-
-
-def by_model(results: Section, panels: Mapping[str, list[Series]]) -> Figure:
-    """Draw a row for each model and a marker for each method, in panels side by side.
-
-    Parameters
-    ----------
-    results : Section
-    panels : mapping of str to list of Series
-        By the label of the horizontal axis, which is logarithmic.
-    """
-    require_few(results)
-    methods = max(len(plotted) for plotted in panels.values())
-    height = 1.1 + len(results.mapped) * (0.14 + 0.08 * methods)
-    figure, axes = new(3.5 + 3.75 * len(panels), height, ncols=len(panels))
-    for one, (label, plotted) in zip(axes[0], panels.items(), strict=True):
-        dots(one, results.mapped, plotted, names=one is axes[0, 0])
-        one.set_xlabel(label, fontsize=10, color=INK)
-    legend(figure, axes[0, 0], 2 + len(panels))
-    return figure
-
-
-def dots(axes: Axes, sizes: Mapping[str, int], plotted: list[Series], *, names: bool) -> None:
-    """Draw a row for each model and a marker for each method, a cross at the edge for failures."""
-    models = list(sizes)
-    row = np.arange(len(models))
-    numbers = np.concatenate([one.values for one in plotted])
-    least = np.nanmedian(numbers) / LEAST
-    for shaded in row[::2]:
-        axes.axhspan(shaded - 0.5, shaded + 0.5, color=BAND, linewidth=0, zorder=0)
-    for k, one in enumerate(plotted):
-        offset = 0.76 * ((k + 0.5) / len(plotted) - 0.5)
-        look: dict[str, Any] = {"color": one.style.color, "marker": one.style.marker, "ls": ""}
-        axes.hlines(row + offset, *one.spread.clip(least), color=one.style.color, linewidth=0.8)
-        axes.plot(one.values.clip(least), row + offset, label=one.style.label, markersize=5, **look)
-        for value, y in zip(one.values, row + offset, strict=True):
-            if value < least:
-                axes.text(least, y, f"   {value:.0e}", fontsize=6, va="center")
-        for model in one.failed:
-            axes.text(
-                *(1.008, models.index(model) + offset, "no map"),
-                transform=axes.get_yaxis_transform(),
-                fontsize=6,
-                va="center",
-                color=one.style.color,
-            )
-    log_scale(axes, "x")
-    axes.set_ylim(len(models) - 0.5, -0.5)
-    axes.grid(axis="x", color="#dddddd", linewidth=0.6)
-    axes.set_axisbelow(True)
-    labels = [model_name(model, n) for model, n in sizes.items()] if names else []
-    axes.set_yticks(row if names else [], labels)
-    axes.tick_params(axis="y", length=0)
-
-
-def trend(axes: Axes, sizes: Mapping[str, int], plotted: list[Series]) -> None:
-    """Draw numbers against n, with the fit from which the exponent in the legend is."""
-    n = np.array(list(sizes.values()), dtype=float)
-    for one in plotted:
-        p, factor = growth(n, one.values)
-        label = one.style.label
-        if np.isfinite(p):
-            label += f"  $n^{{{p:.2f}}}$"
-            ends = np.array([FROM, n.max()])
-            axes.plot(ends, factor * ends**p, color=one.style.color, linewidth=0.9)
-        look: dict[str, Any] = {"color": one.style.color, "marker": one.style.marker, "ms": 5}
-        axes.plot(n, one.values, label=label, linestyle="", **look)
-    log_scale(axes, "x", "y")
-    axes.set_xlabel("vertices n", fontsize=10, color=INK)
-    axes.grid(color="#dddddd", linewidth=0.6)
-    axes.set_axisbelow(True)
 
 
 def log_scale(axes: Axes, *names: str) -> None:
@@ -250,8 +171,6 @@ def log_scale(axes: Axes, *names: str) -> None:
 def legend(figure: Figure, axes: Axes, columns: int) -> None:
     """Put the legend of one panel above all."""
     handles, labels = axes.get_legend_handles_labels()
-    shown = figure.legend(
-        handles, labels, loc="outside upper center", ncols=columns, frameon=False, fontsize=10
-    )
+    shown = figure.legend(handles, labels, loc="outside upper center", ncols=columns)
     for handle in filter(None, shown.legend_handles):
         handle.set_alpha(1)

@@ -15,7 +15,7 @@ from cdcp_igl.surface.mesh import DiskMesh
 
 from ...measure.ablation import CENTERS
 from ...records.results import Measured, NotMeasured
-from .style import BLUE, GREEN, INK, ORANGE, RED, legend, model_name, new, require_few
+from .style import BLUE, GREEN, ORANGE, RED, drawn_to, legend, model_name, new, require_few
 
 SHOWN = ("chinese_lion", "stanford_bunny_31593", "human_brain", "left_hand")  # with centres
 LARGEST = 100_000  # vertices of a model with centres, where those are not at hand
@@ -34,13 +34,23 @@ MARKS = {
 }
 
 
+@drawn_to("figure-04-heat.png")
 def heat_times(measured: Measured) -> Figure:
-    """Figure 4: the centre for three times of heat diffusion, and by torsion."""
+    """Figure 4: the centre by heat diffusion.
+
+    The coldest face after heat has come in from the boundary for time t, and the face where the
+    torsion function is largest, which needs no t. Faint: behind the surface.
+    """
     return _centers(measured, ("heat t=1e3", "heat t=1e4", "heat t=1e5", "torsion"))
 
 
+@drawn_to("figure-09-centres.png")
 def heat_and_centroid(measured: Measured) -> Figure:
-    """Figure 9: the centre by heat, and the face nearest to the centroid."""
+    """Figure 9: the centre by heat and the centroid.
+
+    The coldest face for t = 10⁴ and the face nearest to the centroid of the surface's area.
+    Faint: behind the surface.
+    """
     return _centers(measured, ("heat t=1e4", "centroid"))
 
 
@@ -56,7 +66,7 @@ def _centers(measured: Measured, names: Sequence[str]) -> Figure:
         scene = Scene(surface.mesh.V, surface.mesh.F, PIXELS)
         axes.imshow(scene.plain())
         axes.set_axis_off()
-        axes.set_title(model_name(model, len(V)), fontsize=10, color=INK)
+        axes.set_title(model_name(model, len(V)), fontsize=10)
         for name in names:
             label, color, marker, size = MARKS[name]
             x, y, visible = _located(scene, surface.mesh.F, CENTERS[name](surface).face)
@@ -84,8 +94,13 @@ def _located(scene: Scene, F: Ints, face: int) -> tuple[float, float, bool]:
     return x, y, bool(depth > nearest - NEAR * np.ptp(scene.points[:, :2], axis=0).max())
 
 
+@drawn_to("figure-05-maps.jpg")
 def images(measured: Measured) -> Figure:
-    """Figure 5: surfaces and their disks by CDCP, coloured by the normal of the surface."""
+    """Figure 5: surfaces and their disks.
+
+    Each surface with its number of vertices, coloured by normal, and its map by CDCP in the same
+    colours, turned to match the view.
+    """
     results, _ = measured.require("tables", ("cdcp",))
     require_few(results)
     pictures = []
@@ -106,6 +121,6 @@ def images(measured: Measured) -> Figure:
         left, right = panels[row, 2 * column : 2 * column + 2]
         left.imshow(surface)
         right.imshow(disk)
-        left.set_title(name, fontsize=8, color=INK)
+        left.set_title(name, fontsize=8)
     figure.set_layout_engine("constrained", w_pad=0.01, h_pad=0.01, wspace=0.01, hspace=0.01)
     return figure

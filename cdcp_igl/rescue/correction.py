@@ -1,4 +1,8 @@
-"""Straightening: take the shear that all faces have in common out of a harmonic map."""
+"""What is corrected of a harmonic map: common shear, and a place too small for doubles.
+
+Straightening takes the shear out; recentering moves a tiny region deep inside to 0, where doubles
+are denser.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +18,16 @@ from ..steps.circle import RESOLVED
 from ..steps.least_distortion import pseudo_huber_corner
 from ..surface.mesh import DiskMesh
 
-FEW_FACES = 1_000  # enough to tell whether there is anything to gain
-MANY_FACES = 30_000  # for the gain itself
+FEW_FACES = 1_000  # enough to tell whether there is anything to correct
+MANY_FACES = 30_000  # for what is gained by straightening
 WORTH = 0.02  # of the mean angular distortion: a smaller gain is not worth two solves
 STEPS = 8  # of Gauss-Newton; one is enough but for the strongest shear
-ROUNDS = 8  # of reweighted least squares
+WEIGHTINGS = 8  # of reweighted least squares
 HALVINGS = 5
+# Faces this small by their distance from 0, and from the circle, have angles with errors of 1e-4.
+TOO_SMALL = 1e-12
+FEW = 0.01  # of the faces, with which nothing needs to be done
+ROUNDS = 3  # of extending again; the first finds most of the digits that f has not
 
 
 @dataclass(frozen=True)
@@ -66,11 +74,12 @@ def straighten(
     the circle by the angle theta = Re(a conj(zeta)^2) changes ``c[-1]`` by i a / 2 and, besides,
     ``c[3]`` alone; a is found by Gauss-Newton on the sum of the angle errors. `extend` extends
     boundary values harmonically; the map is returned as it is where less than 2 % of the errors
-    can be gained.
+    can be gained, or where arcs are too short for positions on the circle to describe them well.
     """
-    if not is_sheared(mesh, f, f[mesh.loop]):
+    few = evenly_spaced_rows(len(mesh.F), FEW_FACES)
+    shear, share = common_shear(f, mesh.F[few], mesh.angles[few])
+    if share < WORTH or increments(f[mesh.loop]).min() < RESOLVED:
         return f, Straightening()
-    shear, _ = common_shear(mesh, f, FEW_FACES)
     sample = evenly_spaced_rows(len(mesh.F), MANY_FACES)
     faces, angles = mesh.F[sample], mesh.angles[sample]
     first = last = float(abs(plane_angles(f, faces) - angles).mean())
@@ -114,25 +123,19 @@ def _straighter(
     return None
 
 
-def is_sheared(mesh: DiskMesh, f: Complex, f_B: Complex) -> bool:
-    """Whether so much shear is common to all faces that it is worth taking out.
-
-    False where arcs between boundary values are too short for positions on the circle to describe
-    them well.
-    """
-    if increments(f_B).min() < RESOLVED:
-        return False
-    return common_shear(mesh, f, FEW_FACES)[1] >= WORTH
+def is_sheared(f: Complex, F: Ints, angles: Floats) -> bool:
+    """Whether these faces have so much shear in common that it is worth taking out."""
+    return common_shear(f, F, angles)[1] >= WORTH
 
 
-def common_shear(mesh: DiskMesh, f: Complex, most: int) -> tuple[complex, float]:
+def common_shear(f: Complex, F: Ints, angles: Floats) -> tuple[complex, float]:
     """Find the shear f - mu conj(f) of the image that lowers the angular distortion most.
 
-    Returns mu, and the share of the distortion that it would remove, on `most` faces at most.
+    Returns mu, and the share of the distortion of faces F, with these angles (k, 3) on the surface,
+    that it would remove.
     """
-    sample = evenly_spaced_rows(len(mesh.F), most)
-    corners = f[mesh.F[sample]]
-    errors = plane_angles(f, mesh.F[sample]) - mesh.angles[sample]
+    corners = f[F]
+    errors = plane_angles(f, F) - angles
     response = _angle_response(corners, -corners.conj())
     mu, after = _least_errors(errors, response.imag, response.real)
     before = abs(errors).mean()
@@ -156,7 +159,7 @@ def _least_errors(errors: Floats, by_x: Floats, by_y: Floats) -> tuple[complex, 
     terms = np.array([by_x.ravel(), by_y.ravel(), errors.ravel()])
     r = terms[2]
     soft = pseudo_huber_corner(r)
-    for _ in range(ROUNDS):
+    for _ in range(WEIGHTINGS):
         weighted = terms[:2] / np.sqrt(r * r + soft * soft)
         (xx, xy, gx), (_, yy, gy) = np.einsum("ac,bc->ab", weighted, terms).tolist()
         determinant = xx * yy - xy * xy
@@ -165,3 +168,54 @@ def _least_errors(errors: Floats, by_x: Floats, by_y: Floats) -> tuple[complex, 
         x, y = (xy * gy - yy * gx) / determinant, (xy * gx - xx * gy) / determinant
         r = np.einsum("a,ac->c", [x, y, 1], terms)
     return complex(x, y), float(abs(r).mean())
+
+
+def recentered(
+    mesh: DiskMesh, f: Complex, extend_again: Callable[[Complex], Complex]
+) -> tuple[Complex, complex]:
+    """Move a region that is too small for the doubles where it lies to 0.
+
+    A surface that is closed but for a small hole, or that has its boundary at the end of a long
+    arm, is mapped to a spot around a point w; a face of size s there has errors of
+    1e-16 abs(w) / s. Differences from one of the vertices keep their digits, and psi_w, eq. (19),
+    takes them to the disk again:
+
+        psi_w(w + d) = d / (1 - abs(w)^2 - conj(w) d).
+
+    `extend_again` computes the interior of a map again, by differences of neighbours, such that
+    small parts have all their digits if they lie at 0; the boundary may be a translated circle.
+    Returns the map, the argument itself if nothing is too small, and the point w that went to 0.
+    """
+    vertex = deep_vertex(mesh, f, mesh.F[evenly_spaced_rows(len(mesh.F), FEW_FACES)])
+    if vertex is None:
+        return f, 0j
+    w, d = complex(f[vertex]), f - f[vertex]
+    for _ in range(ROUNDS):
+        d = extend_again(d)
+        w, d = w + complex(d[vertex]), d - d[vertex]
+    if not abs(w) < 1 - TOO_SMALL:  # the part lies at the circle, and not inside
+        return f, 0j
+    f = d / (1 - abs(w) ** 2 - np.conj(w) * d)
+    f[mesh.loop] /= abs(f[mesh.loop])
+    return f, w
+
+
+def deep_vertex(mesh: DiskMesh, f: Complex, faces: Ints) -> int | None:
+    """Find the interior vertex in the middle of the faces (k, 3) too small for their place.
+
+    They are far from the circle and from 0. None in the ordinary case.
+    """
+    size, distance = extents(f[faces])
+    small = size < TOO_SMALL * np.minimum(distance, 1 - distance)
+    if np.count_nonzero(small) <= FEW * len(faces):
+        return None
+    corners = f[faces[small]]
+    middle = complex(np.median(corners.real), np.median(corners.imag))
+    inside: Ints = mesh.interior
+    return int(inside[abs(f[inside] - middle).argmin()])
+
+
+def extents(corners: Complex) -> tuple[Floats, Floats]:
+    """(k,) longest edges of faces with these corners (k, 3), and their largest distances from 0."""
+    size = abs(corners - corners[:, [2, 0, 1]]).max(axis=1)
+    return size, abs(corners).max(axis=1)
