@@ -19,12 +19,11 @@ from .distortion import AngleDistortion, angle_errors, map_distortion
 from .errors import Defect, MeshError, counted
 from .io.given import takes_meshes
 from .plot.layout import Layout
-from .rescue.conformality import judge
 from .rescue.figures import Figure, Flipped
 from .rescue.repair import repaired
 from .result.base import valid_map
 from .result.bijection import Bijection
-from .result.harmonic import RefinedMap, refined, steps_of
+from .result.harmonic import RefinedMap, fields_of, refined, steps_of
 from .solve.factored import FactoredSurface
 from .solve.solvers import SolverName, using
 from .steps.options import Options
@@ -33,7 +32,7 @@ from .steps.trace import edge_lengths, shared_by_edges
 from .surface.filling import fill_hole
 from .surface.location import FaceFinder
 from .surface.mesh import AnnulusMesh, DiskMesh
-from .surface.topology import Topology, group_by_edge, tails
+from .surface.topology import Topology, by_reach, group_by_edge, tails
 from .surface.triangles import flipped_faces
 from .surface.validation import checked_surface
 
@@ -223,20 +222,16 @@ def annulus_map(
             with phase("certificate"):
                 certificate = certify_ring(mesh, f)
                 degrees = map_distortion(mesh, f)
-                closely = repair.n_flipped > 0
-                verdict = judge(mesh, f, degrees, valid=certificate.valid, closely=closely)
+                fields = fields_of(mesh, f, degrees, certificate, repair)
+                fields["distortion"] = AngleDistortion.of(degrees[:m])
             return AnnulusMap(
+                **fields,
                 uv=coordinates(f)[:n],
-                mesh=mesh,
                 modulus=float(np.sqrt(bounds[0] * bounds[1])),
                 modulus_bounds=bounds,
                 radius=float(abs(f[mesh.loops[1]]).mean()),
                 boundary=boundary,
                 filled=filled,
-                certificate=certificate,
-                distortion=AngleDistortion.of(degrees[:m]),
-                conformality=verdict,
-                repair=repair,
                 refinement=None,
                 solver=surface.solver,
                 timings=phase.seconds,
@@ -260,8 +255,7 @@ def _filled(V: ArrayLike, F: ArrayLike) -> tuple[AnnulusMesh, tuple[int, int], i
     """Fill all loops but the two that reach farthest; the vertices and faces given, and loops."""
     positions, faces = checked_surface(V, F)
     size = np.asarray(V).shape[0], len(faces)
-    loops = Topology(faces, len(positions)).loops
-    loops.sort(key=lambda loop: -float(np.linalg.norm(np.ptp(positions[loop], axis=0))))
+    loops = by_reach(positions, Topology(faces, len(positions)).loops)
     if len(loops) <= 2:
         return AnnulusMesh(V, F), size, 0
     corners, filling = np.asarray(V, dtype=np.float64), [faces]

@@ -13,16 +13,15 @@ from numpy.typing import ArrayLike
 from .algorithm import factored_surface, map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates, places
 from .certificate import OutlineCertificate, certify_outline
-from .distortion import AngleDistortion, map_distortion
+from .distortion import map_distortion
 from .errors import SolverError, spell
 from .io.given import takes_meshes
 from .rescue.candidate import PATIENT
-from .rescue.conformality import judge
 from .rescue.figures import Figure, Flipped
 from .rescue.refine import lower_angle_distortion
 from .rescue.repair import MANY, Repair, repair_locally
 from .result.base import valid_map
-from .result.harmonic import PlaneMap, RefinedMap, refined, steps_of
+from .result.harmonic import PlaneMap, RefinedMap, fields_of, refined, steps_of
 from .solve.factored import FactoredSurface, harmonic_extension
 from .solve.solvers import SolverName, using
 from .steps.boundary_first import (
@@ -380,21 +379,15 @@ def _finished(
             f, repair = repair_locally(mesh, f, most)
             certificate = certify_outline(mesh, coordinates(f))
     with phase("certificate"):
-        degrees = map_distortion(mesh, f)
+        fields = fields_of(mesh, f, map_distortion(mesh, f), certificate, repair)
         outline = f[mesh.loop]
         area = (outline.conj() * np.roll(outline, -1)).imag.sum() / 2
-        closely = repair.n_flipped > 0
-        conformality = judge(mesh, f, degrees, valid=certificate.valid, closely=closely)
     return FreeMap(
+        **fields,
         uv=coordinates(f),
-        mesh=mesh,
-        certificate=certificate,
-        distortion=AngleDistortion.of(degrees),
-        conformality=conformality,
         area_ratio=float(area / mesh.vertex_areas.sum()),
         boundary=boundary,
         laplacian=laplacian,
-        repair=repair,
         refinement=None,
         solver=surface.solver,
         timings=phase.seconds,

@@ -14,13 +14,12 @@ from scipy.special import ellipk, ellipkinc
 from .algorithm import map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from .certificate import Certificate, not_finite
-from .distortion import AngleDistortion, map_distortion
+from .distortion import map_distortion
 from .errors import MapError, SolverError, counted, spell
 from .io.given import takes_meshes
-from .rescue.conformality import judge
 from .rescue.repair import Repair, repaired
 from .result.base import valid_map
-from .result.harmonic import PlaneMap
+from .result.harmonic import PlaneMap, fields_of
 from .solve.factored import FactoredSurface, harmonic_extension
 from .solve.laplacian import LAPLACIANS, Laplacian
 from .solve.solvers import SolverName, using
@@ -309,23 +308,17 @@ def _rectangle(mesh: DiskMesh, sides: list[Ints], square: _Square, phase: Phases
             f, repair = repaired(mesh, f, on_disk=False)
     with phase("certificate"):
         certificate = certify_rectangle(mesh, sides, f, modulus)
-        degrees = map_distortion(mesh, f)
-        closely = repair.n_flipped > 0
-        conformality = judge(mesh, f, degrees, valid=certificate.valid, closely=closely)
-        if not conformality:
-            conformality = replace(conformality, remedies=(REMEDY,))
+        fields = fields_of(mesh, f, map_distortion(mesh, f), certificate, repair)
+        if not (verdict := fields["conformality"]):
+            fields["conformality"] = replace(verdict, remedies=(REMEDY,))
     return RectangleMap(
+        **fields,
         uv=coordinates(f),
-        mesh=mesh,
         modulus=modulus,
         modulus_bounds=(1 / energy_u, energy_v),
         corners=tuple(int(side[0]) for side in sides),
-        certificate=certificate,
-        distortion=AngleDistortion.of(degrees),
-        conformality=conformality,
         boundary=square.boundary,
         laplacian=square.laplacian,
-        repair=repair,
         solver=square.solver,
         timings=phase.seconds,
     )

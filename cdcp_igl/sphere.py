@@ -13,16 +13,15 @@ from numpy.typing import ArrayLike
 from .arrays import Bools, Complex, Floats, Ints, as_complex, coordinates, marked
 from .cached import cached_property
 from .certificate import SphereCertificate, certify_sphere, flipped_on_sphere
-from .distortion import AngleDistortion, area_distortion, sphere_angle_errors
+from .distortion import area_distortion, sphere_angle_errors
 from .errors import MapError, SolverError
 from .io.given import takes_meshes
 from .plot.layout import Layout
-from .rescue.conformality import judge
 from .rescue.figures import Figure, Flipped
 from .rescue.repair import MANY, POWERS, Neighbourhood, Repair, grow, repair_locally
 from .result.base import valid_map
 from .result.bijection import Bijection
-from .result.harmonic import RefinedMap, refined, steps_of
+from .result.harmonic import RefinedMap, fields_of, refined, steps_of
 from .solve.factored import FactoredSurface
 from .solve.laplacian import LAPLACIANS
 from .solve.solvers import SolverName, using
@@ -397,18 +396,13 @@ def _finished(
     with phase("certificate"):
         certificate = certify_sphere(mesh.F, P)
         degrees = np.degrees(abs(sphere_angle_errors(mesh, P, certificate.flipped)))
-        closely = repair.n_flipped > 0
-        conformality = judge(mesh, P, degrees, valid=certificate.valid, closely=closely)
+        fields = fields_of(mesh, P, degrees, certificate, repair)
     return SphereMap(
+        **fields,
         points=P,
-        mesh=mesh,
-        certificate=certificate,
-        distortion=AngleDistortion.of(degrees),
-        conformality=conformality,
         pole=pole,
         mobius=mobius or "none",
         laplacian=laplacian,
-        repair=repair,
         refinement=None,
         solver=solver,
         timings=phase.seconds,

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from benchmarks.commands import app
 from benchmarks.measure.cases import Limits, run
 from benchmarks.measure.machine import describe
-from benchmarks.measure.methods import METHODS, TABLE
+from benchmarks.measure.methods import METHODS
 from benchmarks.measure.models import Model
 from benchmarks.records.record import EDGES, Record
 from benchmarks.records.store import Work
@@ -52,8 +52,7 @@ def in_one_line(told):
 def measure(folder, names, models=(GRID,), section="tables", limits=LIMITS, **options):
     """Measure methods, each in a process of its own."""
     methods = {name: METHODS[name] for name in names}
-    options |= {"table": TABLE, "limits": limits, "work": Work(folder)}
-    return run(section, models, methods, **options)
+    return run(section, models, methods, limits=limits, work=Work(folder), **options)
 
 
 def record(model, method, section="tables", *, outcome=OK, n=100, repeat=0, histogram=(), **made):

@@ -11,7 +11,7 @@ from cdcp_igl.reference import Method, harmonic
 from cdcp_igl.reference.case import Timed
 
 
-def kills_itself(V, F):
+def kills_itself(*asked):
     os.kill(os.getpid(), signal.SIGSEGV)
 
 
@@ -51,7 +51,7 @@ def flattens_the_surface(V, F):
     return uv
 
 
-def hangs(V, F):
+def hangs(*asked):
     time.sleep(600)
 
 

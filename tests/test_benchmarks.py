@@ -16,9 +16,8 @@ from benchmark_commands import GRID, LIMITS, MACHINE, ROOT, benchmarks, measure,
 import cdcp_igl
 from benchmarks.commands import GROWTH_METHODS
 from benchmarks.measure import families, models
-from benchmarks.measure.ablation import ABLATIONS
+from benchmarks.measure.ablation import ABLATIONS, ALL, NONE, RESCUES
 from benchmarks.measure.cases import Limits
-from benchmarks.measure.mechanisms import ALL, NONE, RESCUES
 from benchmarks.measure.methods import METHODS, maps
 from benchmarks.measure.models import Model, as_disk
 from benchmarks.records.paper import PAPER

@@ -2,21 +2,20 @@
 
 import json
 import os
-import time
-from operator import attrgetter
 
 import meshes
 import numpy as np
 import pytest
 import surfaces
 from benchmark_commands import benchmarks, refused
+from failing_methods import hangs, kills_itself
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
 import cdcp_igl
+from benchmarks.measure import faults, punctures
 from benchmarks.measure import fuzzing as fuzz
-from benchmarks.measure import punctures
 from benchmarks.measure.any_surface import least_distortion
 from benchmarks.measure.faults import DRILLS, FAULT, examine
 from benchmarks.measure.punctures import Comparison, Row, opened
@@ -38,7 +37,7 @@ def _generated_surfaces(monkeypatch):
 @settings(max_examples=40)
 @given(st.integers(0, 2**31))
 def test_certified_map_or_typed_error(seed):
-    row = fuzz.examine(seed, 0)
+    row = fuzz.examine(seed, fuzz.Row(0))
     assert row.outcome not in fuzz.FAULTS, row
     if row.disk and row.stretch <= 5:
         assert row.outcome.startswith("map"), row
@@ -87,16 +86,16 @@ def test_cases_are_reproducible():
 
 
 @pytest.mark.parametrize(
-    ("answer", "seconds", "outcome"), [(time.sleep, 1, "hang"), (os._exit, 600, "crash")]
+    ("answer", "seconds", "outcome"), [(hangs, 1, "hang"), (kills_itself, 600, "crash")]
 )
 def test_what_hangs_or_crashes_is_a_row(tmp_path, answer, seconds, outcome):
-    asked, case = {600: fuzz.Row(600), 601: fuzz.Row(601)}, attrgetter("case")
-    rows = kept_answers(answer, asked, case, tmp_path, seconds, 2, Console(quiet=True))
-    assert [(row.case, row.outcome) for row in rows] == [(600, outcome), (601, outcome)]
+    asked = [fuzz.Row(0), fuzz.Row(1)]
+    rows = kept_answers(answer, asked, tmp_path, seconds, 2, Console(quiet=True))
+    assert [(row.case, row.outcome) for row in rows] == [(0, outcome), (1, outcome)]
 
 
 def test_a_case_is_refined_in_its_turn():
-    row = fuzz.examine(1, REFINED)
+    row = fuzz.examine(1, fuzz.Row(REFINED))
     assert row.refine > 0
     assert np.isfinite(row.refined)
 
@@ -257,4 +256,4 @@ def test_nothing_that_is_disturbed_hangs_or_is_half_done(tmp_path):
 
 
 def test_an_error_without_a_type_is_a_fault():
-    assert examine(1, ("no kind", 0)).outcome.startswith(FAULT)
+    assert examine(1, faults.Row("no kind", 0)).outcome.startswith(FAULT)

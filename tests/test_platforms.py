@@ -2,7 +2,6 @@
 
 import json
 import math
-import platform
 import re
 import tomllib
 from pathlib import Path
@@ -11,7 +10,7 @@ import meshes
 import numpy as np
 import pytest
 import yaml
-from commands import printed, start
+from commands import start
 
 import cdcp_igl
 from cdcp_igl.solve import memory
@@ -137,21 +136,6 @@ def test_too_little_memory_to_say_what_is_wrong(limit_address_space, tmp_path):
     limit_address_space(2**26)
     with pytest.raises(cdcp_igl.SolverError, match=r"no triangulated disk.* at least 0\.1 GiB"):
         cdcp_igl.partition((np.zeros((200_000, 3)), np.zeros((5, 2))), tmp_path / "parts")
-
-
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="others keep what they like")
-def test_the_next_map_takes_the_memory_of_the_last():
-    """Not told to keep it, the process fetches some 1,700 pages from the system again."""
-    code = """
-        import resource
-        from cdcp_igl import datasets, disk_map
-        V, F, _ = datasets.square(40)
-        for _ in range(4):
-            disk_map(V, F)
-            print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt)
-    """
-    *_, before, after = map(int, printed(code))
-    assert after - before < 400
 
 
 @pytest.mark.parametrize("side", [100, 200])

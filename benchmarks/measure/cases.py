@@ -22,6 +22,7 @@ from .candidate import Candidate
 from .methods import COST
 from .models import Model, as_disk, as_sphere
 
+TABLE = "benchmarks.measure.methods:METHODS"  # where a process finds a method
 STARTING = 50_000  # vertices on which CDCP takes as long as a process to start
 NOT_THERE = (OSError, ValueError, ImportError, MeshError, SolverError, MapError)
 
@@ -58,15 +59,12 @@ class Measurement:
     ----------
     record : Record
         Without the numbers.
-    table : str
-        Where a process finds the method, as in `run_case`.
     limits : Limits
     work : Work
         Has the surface; gets the map.
     """
 
     record: Record
-    table: str
     limits: Limits
     work: Work
 
@@ -80,7 +78,7 @@ class Measurement:
             *surface,
             time_limit=self.limits.seconds,
             memory_limit=self.limits.mib,
-            table=self.table,
+            table=TABLE,
         )
         histogram: list[int] = []
         if uv is not None:
@@ -102,7 +100,6 @@ def run(
     models: Sequence[Model],
     methods: Mapping[str, Candidate],
     *,
-    table: str,
     limits: Limits,
     work: Work,
     repeats: Callable[[str, int], int] = lambda method, n: 1,
@@ -119,9 +116,7 @@ def run(
     section : str
     models : sequence of Model
     methods : mapping of str to Candidate
-        Those of `table` that are wanted.
-    table : str
-        Where a process finds them, as in `run_case`.
+        Those of `METHODS` that are wanted.
     limits : Limits
     work : Work
     repeats : callable
@@ -157,7 +152,7 @@ def run(
                 plan += _cases(section, model, of, spheres, repeats, limits, work) if of else ()
         missing = [record for record in plan if record.key not in done]
         done |= {record.key: record for record in missing if not record.ok}
-        to_run = [Measurement(record, table, limits, work) for record in missing if record.ok]
+        to_run = [Measurement(record, limits, work) for record in missing if record.ok]
         task = bar.add_task("", total=sum(_weight(one.record) for one in to_run))
         measured = {executor.submit(one.run): one for one in to_run}
         try:

@@ -9,9 +9,8 @@ import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
-from operator import attrgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event, Thread
@@ -32,7 +31,7 @@ from cdcp_igl.io.output import remove_stale
 from cdcp_igl.solve.solvers import SOLVERS
 
 from ..records.store import WORK, code
-from .worker import Jobs, WorkFolder, kept_answers
+from .worker import Jobs, WorkFolder, answered, kept_answers
 
 SECONDS = 300.0  # after which a case hangs, on however busy a machine
 THREADS = 8
@@ -47,7 +46,7 @@ class Row:
 
     kind: str
     case: int
-    outcome: str = ""
+    outcome: str = answered("")
 
 
 def faults(
@@ -63,11 +62,9 @@ def faults(
     again.
     """
     console = Console()
-    requests = {(kind, case): Row(kind, case) for kind in DRILLS for case in range(cases)}
+    requests = [Row(kind, case) for kind in DRILLS for case in range(cases)]
     kept = (work or WORK / code()) / f"faults-{seed}"
-    known_by = attrgetter("kind", "case")
-    answer = partial(examine, seed)
-    rows = kept_answers(answer, requests, known_by, kept, SECONDS, jobs, console)
+    rows = kept_answers(partial(examine, seed), requests, kept, SECONDS, jobs, console)
     console.print(pd.DataFrame(rows).groupby(["kind", "outcome"]).size().to_string())
     bad = [row for row in rows if row.outcome.startswith((FAULT, "crash", "hang"))]
     for row in bad:
@@ -76,15 +73,14 @@ def faults(
         raise typer.Exit(1)
 
 
-def examine(seed: int, request: tuple[str, int]) -> Row:
+def examine(seed: int, row: Row) -> Row:
     """Disturb what a case says."""
-    kind, case = request
     with TemporaryDirectory() as folder:
-        rng = np.random.default_rng([seed, case])
         try:
-            return Row(kind, case, DRILLS[kind](rng, Path(folder)))
+            rng = np.random.default_rng([seed, row.case])
+            return replace(row, outcome=DRILLS[row.kind](rng, Path(folder)))
         except Exception as error:
-            return Row(kind, case, f"{FAULT}{type(error).__name__}: {error}")
+            return replace(row, outcome=f"{FAULT}{type(error).__name__}: {error}")
 
 
 # -- in this process -------------------------------------------------------------------

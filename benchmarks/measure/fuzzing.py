@@ -6,7 +6,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from operator import attrgetter
 from pathlib import Path
 from typing import Annotated
 
@@ -23,7 +22,7 @@ from cdcp_igl.certificate import certify
 from cdcp_igl.surface.mesh import DiskMesh
 
 from ..records.store import WORK, code
-from .worker import Jobs, WorkFolder, kept_answers
+from .worker import Jobs, WorkFolder, answered, kept_answers
 
 SECONDS = 600.0  # after which a case hangs, on however busy a machine
 FEWEST, MOST = 8, 4_000  # vertices of a patch
@@ -54,14 +53,14 @@ class Row:
     """What became of a case."""
 
     case: int
-    stretch: float = np.nan
-    disk: bool = False
-    outcome: str = ""
-    made: str = ""
-    message: str = ""
-    distortion: float = np.nan  # mean angular, degrees
-    refine: int = 0  # steps asked for, of a map that is there without them
-    refined: float = np.nan  # its mean angular distortion, degrees
+    stretch: float = answered(np.nan)
+    disk: bool = answered(False)
+    outcome: str = answered("")
+    made: str = answered("")
+    message: str = answered("")
+    distortion: float = answered(np.nan)  # mean angular, degrees
+    refine: int = answered(0)  # steps asked for, of a map that is there without them
+    refined: float = answered(np.nan)  # its mean angular distortion, degrees
 
 
 def fuzz(
@@ -76,11 +75,9 @@ def fuzz(
     mapped. What has been examined is kept in build/benchmarks, and not examined again.
     """
     console = Console()
-    requests = {case: Row(case, made=f"surface({seed}, {case})") for case in range(cases)}
+    requests = [Row(case, made=f"surface({seed}, {case})") for case in range(cases)]
     folder = (work or WORK / code()) / f"fuzz-{seed}"
-    known_by = attrgetter("case")
-    answer = partial(examine, seed)
-    rows = kept_answers(answer, requests, known_by, folder, SECONDS, jobs, console)
+    rows = kept_answers(partial(examine, seed), requests, folder, SECONDS, jobs, console)
     console.print(_outcomes(rows))
     for name, means in (
         ("maps", [row.distortion for row in rows if _is_mapped(row)]),
@@ -121,13 +118,13 @@ def _outcomes(rows: list[Row]) -> str:
 # -- one case --------------------------------------------------------------------------
 
 
-def examine(seed: int, case: int) -> Row:
+def examine(seed: int, asked: Row) -> Row:
     """Map the surface of a case, and judge the answer; map it refined, if that is its turn."""
-    given = surface(seed, case)
+    given = surface(seed, asked.case)
     disk = check(given.V, given.F).is_disk
-    refine = REFINE[case % len(REFINE)]
+    refine = REFINE[asked.case % len(REFINE)]
     plain = _judged(given, disk, None)
-    row = Row(case, given.stretch, disk, plain[0], given.made, *plain[1:])
+    row = Row(asked.case, given.stretch, disk, plain[0], given.made, *plain[1:])
     if not (refine and _is_mapped(row)):
         return row
     outcome, message, mean = _judged(given, disk, refine)

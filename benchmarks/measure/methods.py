@@ -28,10 +28,10 @@ from cdcp_igl.solve.laplacian import cotangent_laplacian
 from cdcp_igl.solve.solvers import factorize
 from cdcp_igl.surface.mesh import DiskMesh
 
+from .ablation import ABLATIONS, RESCUES
 from .candidate import Candidate, Methods
 from .peers import PEERS
 
-TABLE = f"{__name__}:METHODS"
 WARM_CALLS = 101
 FRAMES = 5
 
@@ -116,7 +116,7 @@ METHODS = Methods(
         "cdcp warm": Candidate(partial(_warm, cdcp), "none", "median of many calls in one process"),
         "cdcp sequence": Candidate(_sequence, "none", "DiskMapper.moved, median of five frames"),
         "import": Candidate(_import, "none", "import cdcp_igl in a fresh process"),
-        **PEERS,
+        **{**PEERS, **ABLATIONS, **RESCUES},
     }
 )
 

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import groupby
-from operator import attrgetter
 from pathlib import Path
 from time import process_time
 from typing import Annotated
@@ -25,7 +24,7 @@ from cdcp_igl.surface.mesh import DiskMesh
 
 from ..records.store import WORK, code
 from .models import digest, files_of
-from .worker import Jobs, WorkFolder, kept_answers
+from .worker import Jobs, WorkFolder, answered, kept_answers
 
 SECONDS = 600.0  # after which a map hangs
 RINGS = {"face": 0, "vertex": 1, "2-ring": 2}  # of faces around a vertex that are taken out
@@ -33,7 +32,6 @@ REFINE = (None, 5)  # as needed, and five steps
 NOT_WORSE = 1.2  # than the best of the others
 MAPPED = "map"
 TYPED = ("MapError", "SolverError")
-KNOWN_BY = attrgetter("surface", "mesh", "kind", "place", "method")  # a row of another run
 WIDE = 160  # columns of a table that is printed to a file
 
 
@@ -50,12 +48,12 @@ class Row:
     place: int
     row: int
     method: str
-    outcome: str = ""
-    mean: float = np.nan  # angular distortion, degrees
-    message: str = ""
-    vertices: int = 0
-    boundary_vertices: int = 0
-    seconds: float = np.nan  # of CPU
+    outcome: str = answered("")
+    mean: float = answered(np.nan)  # angular distortion, degrees
+    message: str = answered("")
+    vertices: int = answered(0)
+    boundary_vertices: int = answered(0)
+    seconds: float = answered(np.nan)  # of CPU
 
 
 @dataclass(frozen=True)
@@ -127,12 +125,12 @@ def punctures(
     """
     files = files_of(folder, READABLE)
     paths = {path.stem: path for path in files if _is_closed(path, most)}
-    requests = {row: row for row in _requests(paths, places, seed)}
+    requests = list(_requests(paths, places, seed))
     console = Console()
     if not console.is_terminal:
         console.width = WIDE
     kept = (work or WORK / code()) / f"punctures-{seed}"
-    rows = kept_answers(partial(examine, paths), requests, KNOWN_BY, kept, SECONDS, jobs, console)
+    rows = kept_answers(partial(examine, paths), requests, kept, SECONDS, jobs, console)
     wrong = False
     for methods in COMPARED.values():
         comparisons = list(_comparisons(rows, methods))

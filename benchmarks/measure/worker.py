@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Generic, TypeVar
 
 import numpy as np
 import typer
@@ -25,49 +25,55 @@ WorkFolder = Annotated[
     typer.Option(metavar="FOLDER", help="Of what is measured already; else in build."),
 ]
 
+Row = TypeVar("Row", bound=Any)
+
+
+def answered(before: Any) -> Any:
+    """Make a field of a row that is no part of the request, with its value before the answer."""
+    return field(default=before, compare=False)
+
 
 @dataclass(frozen=True)
-class Asked:
-    """A request as a job of the workers of a batch. Warnings are errors to its answer."""
+class Asked(Generic[Row]):
+    """A row to be filled, as a job of the workers of a batch. Warnings are errors to its answer."""
 
-    answer: Callable[[Any], Any]
-    request: Any
-    row: Any
-    name: str
+    answer: Callable[[Row], Row]
+    row: Row
     draft: str = ""
     memory: float = 0.0
 
-    def run(self) -> Any:
-        """Return the row that the request has then."""
+    @property
+    def name(self) -> str:
+        """By which messages know it."""
+        return repr(self.row)
+
+    def run(self) -> Row:
+        """Return the row that is filled."""
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # a warning is no way to report anything
-            return self.answer(self.request)
+            return self.answer(self.row)
 
-    def failed(self, error: str, message: str) -> Any:
-        """Return the row of a request that is lost, as "hang" or as "crash"."""
+    def failed(self, error: str, message: str) -> Row:
+        """Return the row if it is lost, as "hang" or as "crash"."""
         return replace(self.row, outcome="hang" if error == "TimeLimit" else "crash")
 
 
 def kept_answers(
-    answer: Callable[[Any], Any],
-    requests: Mapping[Any, Any],
-    key: Callable[[Any], Hashable],
+    answer: Callable[[Row], Row],
+    requests: Sequence[Row],
     folder: Path,
     seconds: float,
     jobs: int,
     console: Console,
-) -> list[Any]:
-    """Return the row of each request; those that a folder has are not asked for again.
+) -> list[Row]:
+    """Return the answer to each request; those that a folder has are not asked for again.
 
     Parameters
     ----------
     answer : callable
-        Of a request, returns its row, a dataclass; can be pickled, as both of these.
-    requests : mapping
-        To the row that a request has before it is answered, and, with another ``outcome``, if it
-        is lost.
-    key : callable
-        Of a row: by what it is known again.
+        Fills a row, a dataclass that compares by what is asked for alone; can be pickled, as it.
+    requests : sequence of row
+        Before they are answered; another ``outcome`` says that one is lost.
     folder : Path
         Its journal gets a line for each row.
     seconds : float
@@ -77,7 +83,6 @@ def kept_answers(
     console : Console
         For the progress bar.
     """
-    kinds = {type(row) for row in requests.values()}
     folder.mkdir(parents=True, exist_ok=True)
     pool = Pool(jobs, seconds, attempts=1, environment=same_modules())
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -86,19 +91,15 @@ def kept_answers(
         closing(pool),
         Progress(*columns, console=console, transient=True) as bar,
     ):
-        rows = {key(row): row for kind in kinds for row in _kept(folder, kind)}
-        missing = [
-            Asked(answer, request, row, repr(key(row)))
-            for request, row in requests.items()
-            if key(row) not in rows
-        ]
+        rows = {row: row for kind in set(map(type, requests)) for row in _kept(folder, kind)}
+        missing = [Asked(answer, row) for row in requests if row not in rows]
         for row in bar.track(pool.run(missing), total=len(missing)):
-            rows[key(row)] = row
+            rows[row] = row
             journal.append(json.dumps(finite(asdict(row)), ensure_ascii=False) + "\n")
-    return [rows[key(row)] for row in requests.values()]
+    return [rows[row] for row in requests]
 
 
-def _kept(folder: Path, kind: Callable[..., Any]) -> Iterator[Any]:
+def _kept(folder: Path, kind: Callable[..., Row]) -> Iterator[Row]:
     """Yield all rows, NaN for null; a half-written line does not count."""
     for line in journal_lines(folder):
         with suppress(json.JSONDecodeError):

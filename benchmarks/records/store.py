@@ -20,7 +20,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -33,7 +33,7 @@ import cdcp_igl
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.batching.journal import Journal, journal_lines
 from cdcp_igl.batching.names import Shard
-from cdcp_igl.io.output import whole_file
+from cdcp_igl.io.output import whole_file, write_text
 
 from .record import Record
 
@@ -73,21 +73,16 @@ class Work:
 
     def keep_surface(self, mesh: str, V: Floats, F: Ints) -> None:
         """Write a surface down, for the processes that map it and for the figures."""
-        with _unfinished(self.surface_path(mesh)) as file:
-            np.savez(file, V=V, F=F)
+        _save(self.surface_path(mesh), V=V, F=F)
 
     def surface(self, mesh: str) -> tuple[Floats, Ints] | None:
         """V (n, 3) and F (m, 3) of a digest, None if it is not there."""
-        path = self.surface_path(mesh)
-        if not path.exists():
-            return None
-        with np.load(path) as saved:
-            return saved["V"], saved["F"]
+        saved = _saved(self.surface_path(mesh))
+        return (saved["V"], saved["F"]) if saved else None
 
     def keep_map(self, record: Record, uv: Floats) -> None:
         """Write the map of a record down."""
-        with _unfinished(self.map_path(record)) as file:
-            np.savez(file, uv=uv)
+        _save(self.map_path(record), uv=uv)
 
     def map_path(self, record: Record) -> Path:
         """Where the map of a record of the section "tables" is kept, if it was valid."""
@@ -95,16 +90,21 @@ class Work:
 
     def map(self, record: Record) -> Floats | None:
         """(n, 2) map of a record of the section "tables", None where there is none."""
-        path = self.map_path(record)
-        if not path.exists():
-            return None
-        with np.load(path) as saved:
-            return saved["uv"]
+        saved = _saved(self.map_path(record))
+        return saved["uv"] if saved else None
 
 
-def _unfinished(path: Path) -> AbstractContextManager[Path]:
+def _save(path: Path, **arrays: np.ndarray) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    return whole_file(path)
+    with whole_file(path) as unfinished:
+        np.savez(unfinished, **arrays)  # type: ignore[arg-type]
+
+
+def _saved(path: Path) -> dict[str, np.ndarray] | None:
+    if not path.exists():
+        return None
+    with np.load(path) as file:
+        return dict(file)
 
 
 @cache
@@ -120,19 +120,15 @@ def code() -> str:
 
 def write_results(path: Path, machine: Mapping[str, Any], records: Sequence[Record]) -> None:
     """Write ``{"machine": ..., "records": [...]}``, whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     about = json.dumps(machine, ensure_ascii=False, indent=1)
     rows = ",\n".join(record.line().rstrip() for record in records)
-    with whole_file(path) as unfinished:
-        text = f'{{"machine": {about},\n"records": [\n{rows}\n]}}\n'
-        unfinished.write_text(text, encoding="utf-8")
+    write_text(path, f'{{"machine": {about},\n"records": [\n{rows}\n]}}\n')
 
 
 def write_rows(path: Path, records: Sequence[Record]) -> None:
     """Write a table with a row for each record, for other programs."""
     rows = pd.DataFrame([record.row() for record in records])
-    with whole_file(path) as unfinished:
-        rows.drop(columns=["details", "histogram"]).to_csv(unfinished, index=False)
+    write_text(path, rows.drop(columns=["details", "histogram"]).to_csv(index=False))
 
 
 def read_results(path: Path) -> tuple[dict[str, Any], list[Record]]:

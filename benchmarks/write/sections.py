@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..measure.ablation import ABLATIONS
+from ..measure.ablation import ABLATIONS, ALL, RESCUES
 from ..measure.candidate import split
 from ..measure.families import FAMILIES, GIVEN, family_of
-from ..measure.mechanisms import ALL, RESCUES
 from ..measure.methods import METHODS
 from ..records.comparison import QUANTITIES, paired, ranking, summary
 from ..records.paper import PUBLISHED, published, row_of

@@ -7,8 +7,10 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, ClassVar, TypeVar
 
 from ..arrays import Complex, Floats, Ints
+from ..distortion import AngleDistortion
 from ..plot.layout import Layout
 from ..rescue.candidate import angles_lowered, steps_due
+from ..rescue.conformality import judge
 from ..rescue.figures import Figure
 from ..rescue.refine import Refinement
 from ..rescue.repair import Repair
@@ -77,6 +79,20 @@ class PlaneMap(Result):
         across, up = (size / (4 * scale)).tolist()
         uv, place = (self.uv - [x, y]) / scale, {"middle": (x, y), "origin": (across, up)}
         return self._drawn(mesh.V, mesh.F, uv, self._key_figure(), scale=scale, **place)
+
+
+def fields_of(
+    mesh: DiskMesh, f: Complex | Floats, degrees: Floats, certificate: Any, repair: Repair
+) -> dict[str, Any]:
+    """Judge a map with angular distortion `degrees` (m, 3): the fields of a result that say so."""
+    closely = repair.n_flipped > 0
+    return {
+        "mesh": mesh,
+        "certificate": certificate,
+        "distortion": AngleDistortion.of(degrees),
+        "conformality": judge(mesh, f, degrees, valid=certificate.valid, closely=closely),
+        "repair": repair,
+    }
 
 
 Kind = TypeVar("Kind", bound=RefinedMap)

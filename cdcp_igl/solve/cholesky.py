@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from copy import copy
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -47,12 +46,6 @@ class Cholesky(ABC):
     def refactor(self, A: spmatrix) -> None:
         """Factor another matrix with the same pattern of nonzeros, in the same order."""
         self._guarded(lambda A: self._factorize(self._converted(A)), csc_matrix(A))
-
-    def refactored(self, A: spmatrix) -> Cholesky:
-        """Factor another matrix like `refactor`, and keep this factorization as well."""
-        other = copy(self)
-        other.refactor(A)
-        return other
 
     def __copy__(self) -> Self:
         """Copy the analysis, so that another matrix can be factored like this one; no factor."""

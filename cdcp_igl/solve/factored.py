@@ -61,7 +61,8 @@ class FactoredSurface:
         other.mesh = self.mesh.moved(V)
         other.laplacian = cotangent_laplacian(other.mesh)
         other.rows, other.order, other.solver = self.rows, self.order, self.solver
-        other._cholesky = self._cholesky.refactored(other.laplacian.block(self.rows))
+        other._cholesky = self.analysis
+        other._cholesky.refactor(other.laplacian.block(self.rows))
         return other
 
     def solve(self, b: Numbers) -> Numbers:

@@ -6,8 +6,6 @@ from math import inf, log2
 from mmap import mmap
 from pathlib import Path
 
-import numpy as np
-
 from ..errors import SolverError
 
 # The steps of the map that come after the check take 45 to 60 bytes times n log2(n) in all, as the
@@ -20,9 +18,6 @@ SMALLEST_CHECKED = 100_000  # vertices; fewer take less than 100 MB
 # What OpenBLAS takes with each of its threads below CHOLMOD, and a quarter of that below NumPy.
 # Where there is no address space for it, it tries for ever, or ends the process.
 BUFFER = 128 << 20  # bytes
-
-# From blocks of 32 MB on glibc does not learn how much it should keep.
-BLOCK_TO_LEARN_FROM = 31 << 20  # bytes
 
 GIB = 2**30
 # The files of control groups, of version 2 and of version 1: the limit, what is in use, and the
@@ -69,16 +64,6 @@ def require_buffers(threads: int) -> None:
             f"BLAS takes {needed >> 20:,} MB of address space, which are not to be had "
             f"(OPENBLAS_NUM_THREADS is {threads}). Raise the limit (ulimit -v)."
         ) from error
-
-
-def keep_freed_memory() -> None:
-    """Let the process keep what is freed, up to 62 MB, for the next arrays.
-
-    glibc keeps twice the largest block that was ever freed, here one of which no page is touched.
-    With less it gives memory back to the system in each map, and clears each page that returns: a
-    tenth to a fifth of the time from 10,000 to 100,000 vertices.
-    """
-    np.empty(BLOCK_TO_LEARN_FROM, np.uint8)
 
 
 def available_memory(root: Path = Path("/")) -> float:

@@ -16,7 +16,7 @@ from scipy.sparse import csc_matrix, spmatrix
 
 from ..extras import MissingExtra
 from .cholesky import Cholesky, Ordering
-from .memory import keep_freed_memory, require_buffers
+from .memory import require_buffers
 from .threads import THREADS, held_while_forking, libraries_were_loaded
 
 SolverName = Literal["scikit-sparse", "cvxopt", "scipy"]  # from the fastest to the slowest
@@ -76,7 +76,6 @@ def _load(name: str) -> type[Cholesky]:
             f"or take another: {', '.join(other for other in SOLVERS if other != name)}."
         ) from error
     libraries_were_loaded()
-    keep_freed_memory()
     loaded: type[Cholesky] = module.Factorization
     loaded(csc_matrix(UNIT))
     numpy.linalg.cholesky(UNIT)

@@ -103,11 +103,11 @@ class Topology:
         # Every face has three neighbours, itself where one is missing, so the adjacency can
         # be written down in CSR form without sorting. Nobody reads its entries.
         (one, other), m = self.twins, len(self.F)
-        neighbour = np.tile(np.arange(m, dtype=np.int32), 3)
-        neighbour[one], neighbour[other] = other % m, one % m
-        graph = csr_matrix(
-            (np.zeros(3 * m), neighbour.reshape(3, m).T.ravel(), np.arange(0, 3 * m + 1, 3)), (m, m)
-        )
+        face = np.tile(np.arange(m, dtype=np.int32), 3)  # of each half-edge
+        neighbour = face.copy()
+        neighbour[one], neighbour[other] = face[other], face[one]
+        starts = np.arange(0, 3 * m + 1, 3, dtype=np.int32)
+        graph = csr_matrix((np.zeros(3 * m), neighbour.reshape(3, m).T.ravel(), starts), (m, m))
         if len(breadth_first_order(graph, 0, return_predecessors=False)) == m:
             return 1, np.zeros(m, np.int32)
         return connected_components(graph, directed=False)
@@ -153,7 +153,7 @@ class Topology:
     @cached_property
     def pinched(self) -> Ints:
         """Vertices whose corners form more than one fan across twins."""
-        if self._is_plainly_a_disk or self._is_plainly_a_sphere:
+        if self._is_plain:
             return np.empty(0, np.int64)
         n_fans, fan = self.fans
         vertex_of_fan = np.empty(n_fans, np.int64)
@@ -166,29 +166,20 @@ class Topology:
         return not self.singular.any() and len(self.pinched) == 0
 
     @cached_property
-    def _is_plainly_a_disk(self) -> bool:
-        """Whether counting alone shows that the faces, once oriented, form a disk.
+    def _is_plain(self) -> bool:
+        """Whether counting alone shows that the faces, once oriented, form a disk or a sphere.
 
-        Let them hang together across edges, none with more than two faces, with a boundary
-        that is not empty and does not touch itself, and have Euler characteristic 1. With p
-        pinched vertices undone, the surface has characteristic 1 + p; but with a boundary it
-        has at most 1, and then it is a disk. So p = 0.
+        Let them hang together across edges, none with more than two faces. With p pinched vertices
+        undone, a closed surface of Euler characteristic 2 has 2 + p, but at most 2. One of
+        characteristic 1, with a boundary that does not touch itself, has 1 + p, but at most 1, and
+        then it is a disk. So p = 0.
         """
-        if self.singular.any() or len(self.border) == 0 or self.components[0] > 1:
+        if self.singular.any() or self.components[0] > 1:
             return False
+        if len(self.border) == 0:
+            return self.euler_characteristic == 2
         ends = self._border_ends.ravel()
         return self.euler_characteristic == 1 and bool(np.bincount(ends).max() == 2)
-
-    @cached_property
-    def _is_plainly_a_sphere(self) -> bool:
-        """Whether counting alone shows that the faces, once oriented, form a sphere.
-
-        As for a disk: with p pinched vertices undone, a closed surface has characteristic 2 + p,
-        but at most 2.
-        """
-        if self.singular.any() or len(self.border) > 0 or self.components[0] > 1:
-            return False
-        return self.euler_characteristic == 2
 
     # -- boundary and genus ------------------------------------------------------------
 
@@ -209,7 +200,7 @@ class Topology:
         if len(self.misoriented):
             flipped = np.isin(self.border % len(self.F), self.misoriented)
             tail, head = np.where(flipped, head, tail), np.where(flipped, tail, head)
-        if self._is_plainly_a_disk:
+        if self._is_plain and len(tail):
             loop = libigl.path(np.column_stack([tail, head]).astype(np.int64))
             return [np.roll(loop, -int(loop.argmin()))]
         return _cycles(tail, head)
