@@ -13,7 +13,7 @@ from .measure.families import FAMILIES, disks
 from .measure.faults import faults
 from .measure.fuzzing import fuzz
 from .measure.machine import MACHINE
-from .measure.methods import METHODS, maps
+from .measure.methods import maps
 from .measure.models import subdivided
 from .measure.mutants import mutants
 from .measure.peers import PEERS
@@ -71,8 +71,8 @@ def tables(session: Session, repeats: Repeats = 1) -> None:
     What is there already is not measured again. To start over, delete the work folder.
     """
     methods = session.wanted_methods(["factor", *maps()])
-    models = session.wanted_models()
-    _finish(session, "tables", session.run("tables", models, methods, lambda *_: repeats))
+    records = session.run("tables", session.wanted_models(), methods, lambda *_: repeats)
+    _finish(session, "tables", records)
 
 
 @app.command()
@@ -83,9 +83,7 @@ def peers(session: Session) -> None:
     Those that are not installed are told. What is there already is not measured again.
     """
     methods = session.wanted_methods((*OWN, *PEERS))
-    models = session.wanted_models(MODELS)
-    records = session.run("peers", models, methods, lambda *_: 1)
-    _finish(session, "peers", records)
+    _finish(session, "peers", session.run("peers", session.wanted_models(MODELS), methods))
 
 
 @app.command()
@@ -110,14 +108,11 @@ def speed(session: Session, repeats: Repeats = 5) -> None:
     models = session.wanted_models(SPEED_MODELS)
     if not session.models and not session.methods:
         small = session.wanted_models([SMALL_MODEL])[:1]
-        few = {name: METHODS[name] for name in SMALL_METHODS}
-        records += session.run("speed", small, few, runs)
+        records += session.run("speed", small, SMALL_METHODS, runs)
         moving = session.wanted_models(MOVING_MODELS)
-        method = {MOVING_METHOD: METHODS[MOVING_METHOD]}
-        records += session.run("speed", moving, method, runs)
+        records += session.run("speed", moving, [MOVING_METHOD], runs)
         grown = subdivided(QUICK_ROUNDS if session.tier == "quick" else ROUNDS)
-        both = {name: METHODS[name] for name in GROWTH_METHODS}
-        session.write("growth", session.run("growth", grown, both, lambda *_: 1))
+        session.write("growth", session.run("growth", grown, GROWTH_METHODS))
     records += session.run("speed", models, wanted, runs)
     _finish(session, "speed", records)
 
@@ -138,17 +133,13 @@ def ablation(
     there already is not measured again. To start over, delete the work folder.
     """
     wanted = session.wanted_methods([*ABLATIONS, *RESCUES])
-    steps = {name: method for name, method in wanted.items() if name not in RESCUES}
-    rescues = {name: method for name, method in wanted.items() if name in RESCUES}
-    if steps:
+    if steps := [name for name in wanted if name not in RESCUES]:
         models = session.wanted_models(ABLATION_MODELS)
-        records = session.run("ablation", models, steps, lambda *_: 1)
-        _finish(session, "ablation", records)
-    if rescues:
+        _finish(session, "ablation", session.run("ablation", models, steps))
+    if rescues := [name for name in wanted if name in RESCUES]:
         chosen = session.models or session.tier
         models = session.wanted_models() if chosen else disks(_known(families), count, most)
-        records = session.run("rescue", models, rescues, lambda *_: 1)
-        _finish(session, "rescue", records)
+        _finish(session, "rescue", session.run("rescue", models, rescues))
 
 
 def _known(families: str) -> list[str]:
@@ -167,15 +158,13 @@ def _finish(session: Session, section: str, records: list[Record]) -> None:
     if not console.is_terminal:
         console.width = WIDE
     results = measured.sections[section]
-    every = cases(results)
+    table, headings = cases(results), list(TOLD)
+    if section == "rescue" or len(table.rows) > LONG:
+        table = (rescue_table if section == "rescue" else summary_table)(results)
+        headings = list(table.headings)
+    console.print(printed(table, headings))
     if section == "rescue":
-        table = rescue_table(results)
-        console.print(printed(table, table.headings), table.text)
-    elif len(every.rows) <= LONG:
-        console.print(printed(every, TOLD))
-    else:
-        over_all = summary_table(results)
-        console.print(printed(over_all, over_all.headings))
+        console.print(table.text)
     if session.part is None:
         typer.echo(session.results.with_suffix(".md"))
     else:

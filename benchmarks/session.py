@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
@@ -17,11 +17,10 @@ import typer
 from rich.console import Console
 
 from cdcp_igl.batching.names import read_shard
-from cdcp_igl.io.output import whole_file
+from cdcp_igl.io.output import write_text
 from cdcp_igl.solve.solvers import solver
 
 from .measure import models as surfaces
-from .measure.candidate import Candidate
 from .measure.cases import Limits, run
 from .measure.machine import MACHINE, describe, memory_mib, pin_threads
 from .measure.methods import METHODS
@@ -100,11 +99,12 @@ class Session:
                 raise typer.BadParameter(str(error), param_hint="--models") from error
         return surfaces.by_name(default) if default else surfaces.find()
 
-    def wanted_methods(self, default: Iterable[str]) -> dict[str, Candidate]:
+    def wanted_methods(self, default: Sequence[str]) -> list[str]:
         """Choose the methods wanted, or the default."""
-        names = list(default) if self.methods in ("", "all") else _split(self.methods)
+        names = default if self.methods in ("", "all") else _split(self.methods)
+        names = [*names, *(self.method or ())]
         try:
-            return {name: METHODS[name] for name in [*names, *(self.method or ())]}
+            return [name for name in names if METHODS[name]]
         except ValueError as error:
             text = f"{error}. There are {', '.join(METHODS)}, and MODULE:FUNCTION."
             raise typer.BadParameter(text, param_hint="--methods") from error
@@ -113,15 +113,15 @@ class Session:
         self,
         section: str,
         models: Sequence[Model],
-        methods: Mapping[str, Candidate],
-        repeats: Callable[[str, int], int],
+        methods: Sequence[str],
+        repeats: Callable[[str, int], int] = lambda *_: 1,
     ) -> list[Record]:
         """Measure what is missing of a section."""
         self._check()
         pin_threads(self.threads)
         with _no_os_error("--work"):
             return run(
-                *(section, models, methods),
+                *(section, models, {name: METHODS[name] for name in methods}),
                 limits=self.limits,
                 work=self.kept,
                 repeats=repeats,
@@ -165,8 +165,7 @@ class Session:
         write_results(self.results, machine, [*others, *records])
         write_rows(self.results.with_suffix(".csv"), [*others, *records])
         measured = Measured([*others, *records])
-        with whole_file(self.results.with_suffix(".md")) as unfinished:
-            unfinished.write_text(as_markdown(machine, measured), encoding="utf-8")
+        write_text(self.results.with_suffix(".md"), as_markdown(machine, measured))
         return measured
 
 

@@ -92,7 +92,7 @@ def path(edges: Ints) -> Ints:
 
 def squared_edge_lengths(V: Floats, F: Ints) -> Floats:
     """(m, 3) squared lengths of the edges opposite each corner."""
-    squared = np.empty(F.shape)
+    squared = np.empty(F.shape, order="F")  # columns are what is computed with
     for start in range(0, len(F), SERIAL):
         part = slice(start, start + SERIAL)
         squared[part] = igl.squared_edge_lengths(V, F[part])

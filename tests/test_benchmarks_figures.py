@@ -32,6 +32,7 @@ from benchmarks.records.comparison import paired, profiles, ranking, summary
 from benchmarks.records.record import EDGES
 from benchmarks.records.results import Measured, NotMeasured, Section, growth
 from benchmarks.records.store import Work, read_results, write_results
+from benchmarks.write import report
 from benchmarks.write.figures import PLOTS, surfaces
 from benchmarks.write.figures.charts import (
     STACK,
@@ -44,7 +45,6 @@ from benchmarks.write.figures.charts import (
     table_1,
 )
 from benchmarks.write.figures.style import HATCHES, MOST, STYLES, model_name, style
-from benchmarks.write.pages import write_pages
 from benchmarks.write.sections import cases, peer_table
 from benchmarks.write.table import markdown
 from cdcp_igl import angle_distortion, check, datasets, disk_map
@@ -214,7 +214,7 @@ def test_a_bar_in_a_name_is_no_column():
 def test_each_surface_has_a_page_of_its_own(tmp_path):
     V, F, _ = datasets.ellipse(3)
     measured = Measured(named("a_b", "a b"), lambda mesh: (V, F))
-    write_pages(tmp_path, MACHINE, measured, [], lambda model: None)
+    report.draw(tmp_path, MACHINE, measured)
     assert {page.name for page in tmp_path.glob("a*.html")} == {"a_b.html", "a~20b.html"}
 
 
@@ -500,7 +500,7 @@ def index(drawn, tmp_path_factory):
     ]
     measured = Measured(records)
     folder = tmp_path_factory.mktemp("report")
-    return write_pages(folder, about, measured, [], lambda model: None)
+    return report.draw(folder, about, measured)
 
 
 @pytest.fixture(scope="module")

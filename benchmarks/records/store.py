@@ -33,7 +33,7 @@ import cdcp_igl
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.batching.journal import Journal, journal_lines
 from cdcp_igl.batching.names import Shard
-from cdcp_igl.io.output import whole_file
+from cdcp_igl.io.output import whole_file, write_text
 
 from .record import Record
 
@@ -120,19 +120,15 @@ def code() -> str:
 
 def write_results(path: Path, machine: Mapping[str, Any], records: Sequence[Record]) -> None:
     """Write ``{"machine": ..., "records": [...]}``, whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     about = json.dumps(machine, ensure_ascii=False, indent=1)
     rows = ",\n".join(record.line().rstrip() for record in records)
-    with whole_file(path) as unfinished:
-        text = f'{{"machine": {about},\n"records": [\n{rows}\n]}}\n'
-        unfinished.write_text(text, encoding="utf-8")
+    write_text(path, f'{{"machine": {about},\n"records": [\n{rows}\n]}}\n')
 
 
 def write_rows(path: Path, records: Sequence[Record]) -> None:
     """Write a table with a row for each record, for other programs."""
     rows = pd.DataFrame([record.row() for record in records])
-    with whole_file(path) as unfinished:
-        rows.drop(columns=["details", "histogram"]).to_csv(unfinished, index=False)
+    write_text(path, rows.drop(columns=["details", "histogram"]).to_csv(index=False))
 
 
 def read_results(path: Path) -> tuple[dict[str, Any], list[Record]]:

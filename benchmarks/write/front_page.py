@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from statistics import median
 
-from cdcp_igl.io.output import whole_file
+from cdcp_igl.io.output import write_text
 
 from ..records.comparison import ranking
 from ..records.results import Measured, Section
@@ -48,9 +48,7 @@ def rewrite(page: Path, file: Path) -> None:
         f"{about['cores']} cores, commit {about['commit']}, two cases side by side, by "
         f"`make bench`; [all numbers](benchmarks/results/{file.stem}.md)."
     )
-    with whole_file(page) as unfinished:
-        text = f"{head}{BEGIN}\n{markdown(table)}\n\n{note}\n{END}{tail}"
-        unfinished.write_text(text, encoding="utf-8")
+    write_text(page, f"{head}{BEGIN}\n{markdown(table)}\n\n{note}\n{END}{tail}")
 
 
 def _best(file: Path, sections: Mapping[str, Section]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, Numbers
+from ..arrays import Complex, Floats, Ints, Numbers, following
 from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
 
@@ -92,8 +92,8 @@ def shares_of_edges(flux: Numbers, length: Floats, around: Floats) -> Numbers:
     exponent = np.pi / around
     # The part of the edge that follows, at most 1 / (1 + 0): a power of a ratio may overflow.
     with np.errstate(over="ignore"):
-        following = 1 / (1 + (np.roll(length, 1) / length) ** exponent)
-    shares: Numbers = flux * following + np.roll(flux * (1 - following), -1)
+        next_edge = 1 / (1 + (np.roll(length, 1) / length) ** exponent)
+    shares: Numbers = flux * next_edge + following(flux * (1 - next_edge))
     return shares
 
 
@@ -104,5 +104,5 @@ def edge_lengths(mesh: DiskMesh, loop: Ints | None = None) -> Floats:
 
 def lengths_along(points: Floats) -> Floats:
     """(k,) distances from each of some points (k, 3) to the next, in a ring."""
-    lengths: Floats = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
+    lengths: Floats = np.linalg.norm(following(points) - points, axis=1)
     return lengths

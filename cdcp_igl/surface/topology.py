@@ -103,11 +103,11 @@ class Topology:
         # Every face has three neighbours, itself where one is missing, so the adjacency can
         # be written down in CSR form without sorting. Nobody reads its entries.
         (one, other), m = self.twins, len(self.F)
-        neighbour = np.tile(np.arange(m, dtype=np.int32), 3)
-        neighbour[one], neighbour[other] = other % m, one % m
-        graph = csr_matrix(
-            (np.zeros(3 * m), neighbour.reshape(3, m).T.ravel(), np.arange(0, 3 * m + 1, 3)), (m, m)
-        )
+        face = np.tile(np.arange(m, dtype=np.int32), 3)  # of each half-edge
+        neighbour = face.copy()
+        neighbour[one], neighbour[other] = face[other], face[one]
+        starts = np.arange(0, 3 * m + 1, 3, dtype=np.int32)
+        graph = csr_matrix((np.zeros(3 * m), neighbour.reshape(3, m).T.ravel(), starts), (m, m))
         if len(breadth_first_order(graph, 0, return_predecessors=False)) == m:
             return 1, np.zeros(m, np.int32)
         return connected_components(graph, directed=False)
