@@ -115,7 +115,9 @@ def test_the_preconditioner_stays_while_the_weights_hardly_change(monkeypatch):
     monkeypatch.setattr(
         WeightedLaplacian, "factor", lambda *args: factored.append(1) or factor(*args)
     )
-    lower_angle_distortion(mesh, f, mesh.interior, 6, 1.5)
+    local = lower_angle_distortion(mesh, f, mesh.interior, 6, 1.5, near=True)[1]
+    assert not factored  # the diagonal does as well
+    assert lower_angle_distortion(mesh, f, mesh.interior, 6, 1.5)[1].after > 0.995 * local.after
     few = len(factored)
     lower_angle_distortion(mesh, f, mesh.interior, 6, 1.2)  # whose weights change too much
     assert few == 1

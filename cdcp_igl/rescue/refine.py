@@ -31,8 +31,10 @@ CG_ITERATIONS = 3  # lower the objective to within 0.3 % of what the solved syst
 # Below this objective in degrees, what is left of the errors belongs to single faces: after the way
 # that the map has just gone and one direction by the factor, so many by the diagonal alone, each
 # a sixth of the time, bring as much; and the preconditioner stays while a step gains less than so.
-# If the map is near the conformal one, two will do, and the first step is such a cheap one, too.
-GOOD, SMOOTHING, SMOOTHING_NEAR, GOOD_GAIN = 4, 3, 2, 0.08
+GOOD, SMOOTHING, GOOD_GAIN = 4, 3, 0.08
+# Near the conformal map, the diagonal alone will do until a step gains more than that, or fails:
+# it gives directions until one brings less than this share of what all have, but at most so many.
+ENOUGH, MOST_SMOOTHING = 0.05, 40
 DAMPINGS = (0, 1, 10, 100)  # tried in turn
 # The preconditioner is used again after a step that has lowered the objective by less than this
 # share, as the weights are much the same; but not if p is smaller, as they change too much then.
@@ -128,7 +130,7 @@ def lower_angle_distortion(
     the `least` number of steps, if it is told, further ones end where there is little to gain, or
     where it is out of reach that only the share `wanted` of the objective is left, which would make
     the map conformal. They end before a step to a map that is not `accepted`, with its angle errors
-    (m, 3). Of a map that is `near` the conformal one, the first step is cheap, too. `advance` is
+    (m, 3). Of a map that is `near` the conformal one, most steps need no factor. `advance` is
     called after each step with the share that is done. Returns f itself if no step was an
     improvement, or if it has flipped faces or overlaps itself.
 
@@ -147,7 +149,7 @@ def lower_angle_distortion(
     gains: list[float] = []
     if len(order) == 0 or not figure.certificate(mesh, f, flipped).valid:
         return f, Refinement(steps, taken, "no improvement", norm, before, objective)
-    laplacian, stale = WeightedLaplacian(mesh, order, analysis), True
+    laplacian, stale, little = WeightedLaplacian(mesh, order, analysis), True, True
     while taken < steps and not stopped:
         if attempt == len(DAMPINGS):
             stopped = "no improvement"
@@ -155,8 +157,8 @@ def lower_angle_distortion(
             stopped = "time limit"
         else:
             used, last = (p, attempt), objective
-            if near and objective < GOOD:
-                directions = 1, SMOOTHING_NEAR
+            if near and little and objective < GOOD and attempt == 0:
+                directions = 0, MOST_SMOOTHING
             else:
                 directions = (CG_ITERATIONS, 0) if moved is None else (1, SMOOTHING)
             step = gauss_newton_step(
@@ -176,6 +178,7 @@ def lower_angle_distortion(
                     p = max(norm, p - LOWERING)
                 moved = found[0] - f if found[2] < GOOD else None
                 f, r, objective = found
+                little = objective >= (1 - GOOD_GAIN) * last
                 taken, attempt = taken + 1, max(attempt - 1, 0)
                 gains.append(1 - objective / last)
                 advance(taken / steps)
@@ -183,7 +186,7 @@ def lower_angle_distortion(
                     stopped = _reason_to_stop(gains, steps - taken, wanted * before / objective)
             alike = (p, attempt) == used and objective >= (1 - SMALL_GAIN) * last
             if moved is not None:
-                alike = objective >= (1 - GOOD_GAIN) * last
+                alike = little
             stale = norm < STEADY or not alike
     return f, Refinement(steps, taken, stopped, norm, before, objective)
 
@@ -265,7 +268,8 @@ def gauss_newton_step(
     `damping` is the weight of |b|^2, times that of a corner with the root mean square error: a
     face flips only where |b| is not small, and the angles of a needle hardly feel b. `laplacian`
     preconditions; unless `anew` it stays as it is: to factor it takes half the time of a step.
-    It gives as many directions as there are `iterations`, and its diagonal those of `smoothing`.
+    It gives as many directions as there are `iterations`, and its diagonal those of `smoothing`;
+    without `iterations` it is not factored, and these end when one of them brings little.
     `along` (n,), the way that a good map has just gone, comes before them if it is told.
     """
     m = len(mesh.F)
@@ -292,13 +296,16 @@ def gauss_newton_step(
         b += np.conj(turned, out=turned)
         return adjoint(b)
 
-    if anew:
+    if not iterations:
+        laplacian.weigh(beta, s)
+    elif anew:
         laplacian.factor(beta, s)
     towards: list[Callable[[Complex], Complex]] = [laplacian.solve] * iterations
     towards += [laplacian.divide] * smoothing
     if along is not None:
         towards.insert(0, lambda residual: along.copy())
-    return _conjugate_gradients(normal_matrix, -adjoint(gradient), towards, project)
+    enough = 0 if iterations else ENOUGH
+    return _conjugate_gradients(normal_matrix, -adjoint(gradient), towards, project, enough)
 
 
 def _linearize(
@@ -332,14 +339,20 @@ class WeightedLaplacian:
         self._F, self._edges, self._n, self._order = mesh.F, mesh.edges, len(mesh.V), order
         self._cholesky = analysis
 
+    def weigh(self, beta: Complex, s: Floats) -> None:
+        """Set the diagonal by weights: beta is (m, 3), s is (m,) and positive."""
+        corner = np.empty(beta.shape)
+        for part in blocks(len(s)):
+            corner[part] = s[part, None] * abs(beta[part]) ** 2
+        self._inverse = 1 / np.bincount(self._F.ravel(), corner.ravel(), self._n)
+
     def factor(self, beta: Complex, s: Floats) -> None:
-        """Set the weights: beta is (m, 3), s is (m,) and positive."""
-        opposite, corner = np.empty((3, len(s))).T, np.empty(beta.shape)
+        """Set the weights, as `weigh` does, and factor the interior block."""
+        self.weigh(beta, s)
+        opposite = np.empty((3, len(s))).T
         for part in blocks(len(s)):
             b, weight = beta[part], s[part, None]
             opposite[part] = weight * (b[:, [1, 2, 0]] * b[:, [2, 0, 1]].conj()).real
-            corner[part] = weight * abs(b) ** 2
-        self._inverse = 1 / np.bincount(self._F.ravel(), corner.ravel(), self._n)
         # A unit diagonal: entries go with 1 / area, which may range over 20 digits.
         scale = np.sqrt(self._inverse)
         self._scale = scale[self._order]
@@ -370,14 +383,15 @@ def _conjugate_gradients(
     b: Complex,
     towards: Iterable[Callable[[Complex], Complex]],
     project: Callable[[Complex], Complex],
+    enough: float = 0,
 ) -> Complex:
     """Lower x^T A x / 2 - x^T b from x = 0, inner product Re x^H y (A is real-linear).
 
     Each of `towards` makes the next direction of the residual, which b becomes, and `project` a
-    possible one of it.
+    possible one of it. The last is one that brings less than the share `enough` of what all have.
     """
     x, residual = np.zeros_like(b), b
-    direction, image, curvature = np.zeros_like(b), np.zeros_like(b), 1.0
+    direction, image, curvature, lowered = np.zeros_like(b), np.zeros_like(b), 1.0, 0.0
     for next_direction in towards:
         z = project(next_direction(residual))
         direction *= -_dot(z, image) / curvature
@@ -389,6 +403,9 @@ def _conjugate_gradients(
         alpha = _dot(direction, residual) / curvature
         x += alpha * direction
         residual -= alpha * image
+        lowered += alpha**2 * curvature
+        if alpha**2 * curvature < enough * lowered:
+            break
     return x
 
 
