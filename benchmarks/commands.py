@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from .measure.ablation import ABLATIONS, RESCUES
 from .measure.any_surface import surfaces
@@ -18,7 +17,7 @@ from .measure.models import subdivided
 from .measure.mutants import mutants
 from .measure.peers import PEERS
 from .measure.punctures import punctures
-from .measure.worker import WorkFolder
+from .measure.worker import WorkFolder, wide_console
 from .records.record import Record
 from .records.results import Measured
 from .records.store import ROOT, WORK, Work
@@ -46,7 +45,6 @@ ABLATION_MODELS = (
 
 TOLD = ("surface", "method", "mean °", "SD °", "flips", "s", "s / F", "outcome")
 LONG = 400  # rows of a table that can still be read; of a longer one its sums are printed
-WIDE = 160  # columns of a table that is printed to a file
 RESULTS = ROOT / "benchmarks" / "results"  # only `make bench` writes there
 # Beside which other programs are shown.
 OWN = ("cdcp", "cdcp refine=5", "free", "free refine=5", "lscm", "bff", "bff_disk", "abf")
@@ -154,9 +152,7 @@ def _known(families: str) -> list[str]:
 
 def _finish(session: Session, section: str, records: list[Record]) -> None:
     measured = session.write(section, records) if session.part is None else Measured(records)
-    console = Console()
-    if not console.is_terminal:
-        console.width = WIDE
+    console = wide_console()
     results = measured.sections[section]
     table, headings = cases(results), list(TOLD)
     if section == "rescue" or len(table.rows) > LONG:

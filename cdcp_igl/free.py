@@ -40,7 +40,7 @@ from .surface.mesh import DiskMesh
 # Shares of the way from the boundary with its own lengths to that of the map onto the disk, in the
 # logarithms of lengths; tried in turn where the outline overlaps itself.
 EASED = (0.06, 0.12, 0.25, 0.5, 0.75)
-EASING = 5  # steps of refinement that free the outline of a disk
+EASING = 5  # steps of refinement that free the outline of a disk, or one that was eased too far
 OWN = "own lengths"
 SUM_TOLERANCE = 1e-9  # of exterior angles, which add up to 2 pi
 # Phases of a map onto the disk that one with a free outline only has where its outline is eased.
@@ -151,8 +151,9 @@ def free_map(
     align : int, (3,) array_like or None
         What lies to the right of the centroid, as in `disk_map`.
     refine : int or None
-        Steps of refinement, as in `disk_map`, the outline free. None is as needed. Not together
-        with `boundary_scale` or `corners`, which it would not keep.
+        Steps of refinement, as in `disk_map`, the outline free. None is as needed: up to five of
+        an outline that was eased. Not together with `boundary_scale` or `corners`, which it would
+        not keep.
     refine_norm, refine_seconds, solver, progress
         As in `disk_map`.
 
@@ -222,7 +223,10 @@ def free_map_of(
     if options.refine and not is_own:
         raise ValueError("refine moves the boundary: leave it out, or boundary_scale and corners")
     best = _best_map(surface, asked, options, phase)
-    if is_own and (steps := steps_of(best, options)):
+    steps = steps_of(best, options) if is_own else 0
+    if options.refine is None and best.boundary != asked.name:
+        steps = max(steps, EASING)
+    if steps:
         plain, order = best, _order_of_all(surface)
         if not keep_factor:
             surface.release()

@@ -161,19 +161,11 @@ def test_where_everything_failed_a_chart_says_so():
             draw(of_failures)
 
 
-def measured_means(count, methods):
-    """Methods, and on how many of the surfaces each was run."""
-    numbers = {"sd": 1.0, "flips": 0, "seconds": 1.0}
-    return Measured(
-        record(f"surface {k}", method, n=100 + k, mean=1.0 + k, **numbers)
-        for method, run in methods.items()
-        for k in range(min(run, count))
-    )
-
-
 def test_a_profile_has_the_methods_that_were_run_everywhere():
     """One that was run on a few would look like one that fails on the others."""
-    figure = performance_profiles(measured_means(5, {"cdcp": 5, "fdcp": 5, "ldcp": 4}))
+    means = [1, 2, 3, 4, 5]
+    records = mapped({"cdcp": means, "fdcp": means, "ldcp": means[:-1]})
+    figure = performance_profiles(Measured(records))
     assert figure.axes[0].get_legend_handles_labels()[1] == ["FDCP", "CDCP"]
 
 
@@ -186,7 +178,7 @@ def test_a_method_of_ones_own_is_in_the_figures_of_the_tables(draw):
 
 
 def test_very_many_surfaces_are_not_drawn_one_by_one():
-    many = measured_means(MOST + 1, {"cdcp": MOST + 1})
+    many = Measured(mapped({"cdcp": [1] * (MOST + 1)}))
     for draw in (histograms, table_1, surfaces.images):
         with pytest.raises(NotMeasured, match=f"more than {MOST}"):
             draw(many)
@@ -213,18 +205,16 @@ def test_a_bar_in_a_name_is_no_column():
 
 def test_each_surface_has_a_page_of_its_own(tmp_path):
     V, F, _ = datasets.ellipse(3)
-    measured = Measured(named("a_b", "a b"), lambda mesh: (V, F))
-    report.draw(tmp_path, MACHINE, measured)
-    assert {page.name for page in tmp_path.glob("a*.html")} == {"a_b.html", "a~20b.html"}
+    records = [*named("a_b", "a b"), record("a", "without Möbius", "ablation")]
+    report.draw(tmp_path, MACHINE, Measured(records, lambda mesh: (V, F)))
+    names = {"a_b.html", "a~20b.html", "a.html"}
+    assert {page.name for page in tmp_path.glob("a*.html")} == names
 
 
-# -- other programs, methods of one's own, statistics ----------------------------------
-
+# -- other programs --------------------------------------------------------------------
 
 V, F, _ = datasets.ellipse(5)
 PLANE = Model("plane", lambda: (V, F.astype(np.int32)))
-
-# -- other programs --------------------------------------------------------------------
 
 
 def peer(folder, name):
@@ -255,9 +245,11 @@ def test_what_is_not_installed_is_told(tmp_path, monkeypatch):
 
 
 def test_the_head_of_a_column_says_what_the_boundary_is():
-    made = section({name: [1] for name in ("cdcp", "lscm", "MeshLab harmonic")})
+    made = mapped({name: [1] for name in ("cdcp", "lscm", "MeshLab harmonic")})
+    renamed = record("0", "BFF disk", boundary="free", mean=1.0)  # in older results
     heads = ["CDCP", "LSCM, free boundary", "MeshLab harmonic, not certified, single precision"]
-    assert peer_table(made).headings[2:] == heads
+    heads.append("BFF disk, free boundary")
+    assert peer_table(Section([*made, renamed])).headings[2:] == heads
 
 
 # -- a method of one's own -------------------------------------------------------------
@@ -315,15 +307,17 @@ def test_a_method_with_other_options_is_one_more():
 # -- many surfaces ---------------------------------------------------------------------
 
 
-def section(means, flips=0.0):
-    """Records of methods by their means on surfaces a, b, c, ...; None where one failed."""
+def mapped(means, flips=0.0):
+    """Records of methods by their means on one surface after the other; None where one failed."""
     numbers = {"sd": 1.0, "flips": flips, "seconds": 1.0}
-    return Section(
-        record("abcdefgh"[k], method, boundary=METHODS[method].boundary, n=100 + k, **of)
-        for method, values in means.items()
-        for k, mean in enumerate(values)
-        for of in [numbers | {"mean": mean} if mean else {"outcome": "failed"}]
-    )
+    for method, values in means.items():
+        for k, mean in enumerate(values):
+            of = numbers | {"mean": mean} if mean else {"outcome": "failed"}
+            yield record(f"{k}", method, boundary=METHODS[method].boundary, n=100 + k, **of)
+
+
+def section(means, flips=0.0):
+    return Section(mapped(means, flips))
 
 
 def test_the_summary_counts_and_sums_up():
@@ -353,7 +347,7 @@ def test_the_best_has_the_least_median_ratio_and_no_flips():
     assert [method for method, *_ in ranked] == ["cdcp", "fdcp", "ldcp"]
     assert ranked[0][1:] == (1, pytest.approx(2 / 3))
     assert ranking(section({"cdcp": [1, 2]}, flips=1.0), "disk", "mean") == []
-    closed = [record("a", "sphere", boundary="sphere", mean=1.0, flips=0)]  # of two surfaces
+    closed = [record("0", "sphere", boundary="sphere", mean=1.0, flips=0)]  # of two surfaces
     assert ranking(Section([*made.records, *closed]), "sphere", "mean") == [("sphere", 1, 1)]
 
 

@@ -17,7 +17,7 @@ from cdcp_igl.distortion import plane_angles
 from cdcp_igl.libigl import angles
 from cdcp_igl.surface.triangles import face_areas
 
-from ..write.table import Cell, Row, Table, markdown, number
+from ..write.table import Cell, Row, Table, markdown, name, number
 from .models import files_of
 
 COLUMNS = (
@@ -53,7 +53,7 @@ def _row(file: Path) -> Row:
     """Map a surface; the row notes what holds it back if it is not conformal."""
     with np.load(file) as mesh:
         V, F = mesh["V"].astype(np.float64), mesh["F"].astype(np.int64)
-    names = [Cell(file.stem, kind="text name"), Cell(f"{len(V):,}")]
+    names = [name(file.stem), Cell(f"{len(V):,}")]
     start = perf_counter()
     try:
         result = cdcp_igl.surface_map(V, F)

@@ -68,9 +68,8 @@ def files_of(folder: Path | None, kinds: Container[str]) -> list[Path]:
     return files
 
 
-def _of_size(function: Callable[[int], tuple[Floats, Ints, Floats]], resolution: int) -> Surface:
-    V, F, _ = function(resolution)
-    return V, F
+def _generated(shape: Callable[[int], tuple[Floats, Ints, Floats]], resolution: int) -> Model:
+    return Model(f"{shape.__name__}_{resolution}", lambda: shape(resolution)[:2])
 
 
 def _coarse_terrain(step: int = 8) -> Surface:
@@ -85,16 +84,16 @@ def _coarse_terrain(step: int = 8) -> Surface:
 
 
 SMALL = (
-    Model("spherical_cap_20", partial(_of_size, datasets.spherical_cap, 20)),
-    Model("ellipse_20", partial(_of_size, datasets.ellipse, 20)),
-    Model("square_20", partial(_of_size, datasets.square, 20)),
-    Model("paraboloid_20", partial(_of_size, datasets.paraboloid, 20)),
+    _generated(datasets.spherical_cap, 20),
+    _generated(datasets.ellipse, 20),
+    _generated(datasets.square, 20),
+    _generated(datasets.paraboloid, 20),
     Model("terrain_coarse", _coarse_terrain),
 )
 GENERATED = (
     *SMALL,
-    Model("square_80", partial(_of_size, datasets.square, 80)),
-    Model("paraboloid_100", partial(_of_size, datasets.paraboloid, 100)),
+    _generated(datasets.square, 80),
+    _generated(datasets.paraboloid, 100),
     Model("jacksboro_fault", partial(datasets.load, "jacksboro_fault")),
 )
 

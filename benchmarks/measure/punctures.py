@@ -13,7 +13,6 @@ from typing import Annotated
 import numpy as np
 import pandas as pd
 import typer
-from rich.console import Console
 
 from cdcp_igl import MapError, MeshError, SolverError, angle_distortion, check, disk_map
 from cdcp_igl.arrays import Floats, Ints
@@ -24,7 +23,7 @@ from cdcp_igl.surface.mesh import DiskMesh
 
 from ..records.store import WORK, code
 from .models import digest, files_of
-from .worker import Jobs, WorkFolder, answered, kept_answers
+from .worker import Jobs, WorkFolder, answered, kept_answers, wide_console
 
 SECONDS = 600.0  # after which a map hangs
 RINGS = {"face": 0, "vertex": 1, "2-ring": 2}  # of faces around a vertex that are taken out
@@ -32,7 +31,6 @@ REFINE = (None, 5)  # as needed, and five steps
 NOT_WORSE = 1.2  # than the best of the others
 MAPPED = "map"
 TYPED = ("MapError", "SolverError")
-WIDE = 160  # columns of a table that is printed to a file
 
 
 @dataclass(frozen=True)
@@ -126,9 +124,7 @@ def punctures(
     files = files_of(folder, READABLE)
     paths = {path.stem: path for path in files if _is_closed(path, most)}
     requests = list(_requests(paths, places, seed))
-    console = Console()
-    if not console.is_terminal:
-        console.width = WIDE
+    console = wide_console()
     kept = (work or WORK / code()) / f"punctures-{seed}"
     rows = kept_answers(partial(examine, paths), requests, kept, SECONDS, jobs, console)
     wrong = False

@@ -25,7 +25,16 @@ WorkFolder = Annotated[
     typer.Option(metavar="FOLDER", help="Of what is measured already; else in build."),
 ]
 
+WIDE = 160  # columns of a table that is printed to a file
 Row = TypeVar("Row", bound=Any)
+
+
+def wide_console() -> Console:
+    """Return a console whose tables are not broken where they are printed to a file."""
+    console = Console()
+    if not console.is_terminal:
+        console.width = WIDE
+    return console
 
 
 def answered(before: Any) -> Any:

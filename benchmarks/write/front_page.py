@@ -13,7 +13,7 @@ from ..records.results import Measured, Section
 from ..records.store import ROOT, read_results
 from .figures.style import style
 from .sections import FAMILY_TITLES, model_cells
-from .table import NOTHING, Cell, Table, markdown, number
+from .table import NOTHING, Cell, Table, markdown, name, number
 
 README = ROOT / "README.md"
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
@@ -89,7 +89,7 @@ def _row(results: Section, method: str) -> list[Cell]:
     times = [results.median(model, method) / results.median(model, "cdcp") for model in done]
     none = {m: Cell("no map" if results.of(m, method) else NOTHING) for m in SHOWN}
     return [
-        Cell(label, kind="text name"),
+        name(label),
         *(number(means[m], ".2f") if m in means else none[m] for m in SHOWN),
         Cell(f"{flips:,.0f}"),
         number(median(times), lambda t: f"{float(f'{t:.2g}'):,g}\N{NO-BREAK SPACE}×"),

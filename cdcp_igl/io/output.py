@@ -35,12 +35,8 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
 
     The body is given an empty file of the same type in the folder of `path`, or of what a
     symbolic link points to. At the end it replaces what is there, and keeps its permissions.
-    If the body fails, the old file stays. A device or a pipe is given to the body as it is.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written. It names `path`.
+    If the body fails, the old file stays. A device or a pipe is given to the body as it is. An
+    OSError names `path`.
     """
     unfinished = None
     try:

@@ -23,17 +23,8 @@ TIMES_ITS_FILE = 28  # the memory that a part takes while it is condensed
 class Step:
     """Something to compute of a part or of a cut, and to write: a pure function of files.
 
-    Attributes
-    ----------
-    folder : Folder
-    solver : str
-    what : callable
-        Takes the folder, the number of the part or the cut, and what is `given`; returns arrays.
-    of : int
-    given : tuple
-        Numbers and names.
-    memory : float
-        MiB that it may need.
+    `what` takes the folder, the number of the part or the cut, and what is `given`, numbers and
+    names; it returns arrays, and may need so many MiB of `memory`.
     """
 
     folder: Folder

@@ -140,20 +140,9 @@ def mean_value_weights(V: Floats, F: Ints, angles: Floats) -> csr_matrix:
 class Neighbourhood:
     """A part of a surface, in which vertices move; nothing here costs more than its size.
 
-    Attributes
-    ----------
-    vertices : (k,) ndarray of int
-        Rows of V.
-    free : (k,) bool
-        Which may move: interior vertices with all their faces inside.
-    moved : (k,) bool
-        Which have been moved.
-    reach : (k,) int
-        Rings of the patch around each vertex that is tried next, if it is at a flipped face.
-    rounds : int
-        Times that patches were tried.
-    weights : (k, k) sparse matrix
-        The mean-value weights.
+    Its `vertices` (k,) are rows of V. Those are `free` (k,) to move that lie inside with all their
+    faces; `moved` (k,) says which have been. The patch around a vertex at a flipped face that is
+    tried next has `reach` (k,) rings; `rounds` counts the tries. `weights` (k, k) are mean values.
     """
 
     def __init__(self, mesh: DiskMesh, inside: Bools, power: float = 1.0) -> None:
