@@ -50,20 +50,6 @@ def test_a_path_follows_its_edges_wherever_they_are_listed(seed):
     np.testing.assert_array_equal(np.roll(path, -path.argmin()), np.roll(loop, -loop.argmin()))
 
 
-def test_the_loop_has_the_surface_on_its_left():
-    V, F = meshes.grid()
-    for faces in (F, F[:, ::-1]):
-        loop = DiskMesh(V, faces).loop
-        sides = {(a, b) for f in faces.tolist() for a, b in zip(f, f[1:] + f[:1], strict=True)}
-        assert sides.issuperset(zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True))
-
-
-def test_a_grid_is_counterclockwise_seen_with_the_first_row_below():
-    F = libigl.grid_faces(4, 3)
-    x, y = np.meshgrid(np.arange(4.0), np.arange(3.0))
-    assert (libigl.double_areas(np.column_stack([x.ravel(), y.ravel()]), F) == 1).all()
-
-
 def test_a_vertex_without_area_has_no_normal():
     V = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5]])
     normals = libigl.vertex_normals(V, np.array([[0, 1, 2]]))

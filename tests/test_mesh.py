@@ -49,12 +49,6 @@ def test_what_a_mask_hides_is_missing():
         cdcp_igl.cdcp(V, np.ma.array(F, mask=F == 0))
 
 
-def test_two_columns_are_a_planar_mesh():
-    flat = V.copy()
-    flat[:, 2] = 0
-    np.testing.assert_array_equal(cdcp_igl.cdcp(flat[:, :2], F), cdcp_igl.cdcp(flat, F))
-
-
 @pytest.mark.parametrize(
     "mesh",
     [meshes.TRIANGLE, meshes.TWO_TRIANGLES, meshes.strip(), meshes.fan(3)],
