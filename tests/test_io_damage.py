@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import start
 from meshes import grid
 from scipy.io import savemat
 from scipy.sparse import eye
@@ -55,7 +56,6 @@ def unreadable(path):
     ("name", "text", "says"),
     [
         ("unknown.xyz", "0 0 0\n", "no known type"),
-        ("nosuffix", "", "no known type"),
         ("word.obj", OBJ + "f 1 2 x\n", "line 5: 'x' is no corner"),
         ("number.obj", "v 0 0 zero\n", "line 1: 'zero' is no number"),
         ("short.obj", "v 0 0\n", "line 1: it has too few numbers"),
@@ -63,15 +63,12 @@ def unreadable(path):
         ("before.obj", OBJ + "f -5 1 2\n", "before the first"),
         ("goes on.obj", OBJ + "f 1 2 \\\n", "goes on"),
         ("utf-16.obj", OBJ.encode("utf-16"), "no text in UTF-8"),
-        ("empty.off", "", "no vertices were found in"),
-        ("garbage.off", bytes(range(256)), "no text in UTF-8"),
         ("binary.off", "OFF BINARY\n", "first line"),
         ("word.off", "OFF\n1 0 0\n0 0 zero\n", "line 3: 'zero' is no number"),
         ("counts.off", "OFF\n1 one 0\n", "line 2: 'one' is no count"),
         ("negative.off", "OFF\n-5 1 0\n0 0 0\n", "a count is negative"),
         ("huge.off", "OFF\n99999999999 1 0\n0 0 0\n", "1 vertices and 0 faces of 99,999,999,999"),
         ("index.off", "OFF\n1 1 0\n0 0 0\n3 0 0 0.5\n", "line 4: '0.5' is no index"),
-        ("cut vertices.off", "OFF\n5 1 0\n0 0 0\n", "1 vertices and 0 faces of 5 and 1"),
         ("cut faces.off", f"OFF\n4 2 0\n{ROWS}3 0 1 2\n", "4 vertices and 1 faces of 4 and 2"),
         ("cut line.off", f"OFF\n4 1 0\n{ROWS}3 0 1", "line 7: a corner is missing"),
         ("empty.ply", "", "no vertices were found in"),
@@ -87,20 +84,13 @@ def unreadable(path):
         ("list.ply", ONE + "-3\n", "-3 entries in face"),
         ("more.ply", ONE + "3 0 1 2 3\n", "more numbers than its header says"),
         ("cut rows.ply", ONE[:-8], "2 rows of 4 in vertex"),
-        ("cut line.ply", ONE + "3 0 1\n", "0 rows of 1 in face"),
-        ("cut vertices.ply", BINARY + V.tobytes()[:-1], "3 rows of 4 in vertex"),
+        ("blank.ply", PLY.format(2, "uchar", "int") + ROWS + "3 0 1 2\n \n", "it is cut off"),
         ("cut faces.ply", BINARY + V.tobytes() + b"\3\0\0\0\0", "0 rows of 1 in face"),
         ("huge.ply", BINARY.replace(b"ex 4", b"ex 4000000000000") + V.tobytes(), "4 rows of 4,000"),
-        ("long binary.ply", BINARY + V.tobytes() + b"\0\0\0\x7f", "2,130,706,432 entries"),
-        ("empty.stl", "", "no vertices were found in"),
-        ("garbage.stl", bytes(range(256)) * 2, "cut off, or no stl"),
         ("cut.stl", BINARY_STL[:-20], "cut off, or no stl"),
         ("facet.stl", SOLID.replace("vertex 0.0 1.0 0.0\n", ""), "three"),
         ("end.stl", SOLID.replace("endsolid a", ""), "has no end"),
-        ("empty.npz", "", "no vertices were found in"),
-        ("garbage.npz", bytes(range(256)), "no zip archive"),
         ("cut.npz", b"PK\3\4", "no zip archive"),
-        ("empty.mat", "", "no vertices were found in"),
         ("garbage.mat", bytes(range(256)), "cut off, or damaged"),
         ("unknown.mat", bytes(range(1, 200)), "no MATLAB header"),
         ("v73.mat", b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM", "version 7.3"),
@@ -111,14 +101,6 @@ def test_messages_are_about_the_file(tmp_path, name, text, says, capfd):
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     assert says in unreadable(path)
     assert capfd.readouterr() == ("", "")
-
-
-@pytest.mark.parametrize("blank", ["\n", " \n", "\x1c\n", "\xa0\n"])
-def test_blank_lines_do_not_complete_a_ply_that_is_cut_off(tmp_path, blank):
-    path = tmp_path / "a.ply"
-    text = PLY.format(2, "uchar", "int") + ROWS + "3 0 1 2\n" + blank
-    path.write_bytes(text.encode("latin-1"))
-    unreadable(path)
 
 
 def test_every_truncation_of_a_file_with_counts_is_noticed(tmp_path):
@@ -141,8 +123,7 @@ def test_every_truncation_of_a_file_with_counts_is_noticed(tmp_path):
 @pytest.mark.parametrize(
     ("form", "V"),
     [
-        *((form, wrong) for form in "45" for wrong in (V + 1j, eye(4, format="csc"), "text")),
-        ("5", np.array([[V]], object)),
+        *[("4", eye(4, format="csc")), ("5", V + 1j), ("5", "text")],
     ],
 )
 def test_what_is_no_matrix_of_real_numbers_in_mat(tmp_path, form, V):
@@ -152,25 +133,18 @@ def test_what_is_no_matrix_of_real_numbers_in_mat(tmp_path, form, V):
 
 
 @pytest.mark.parametrize(
-    ("V", "says"),
+    ("name", "V", "says"),
     [
-        (np.float64(3), "V is no table, but has shape ()"),
-        (np.zeros(3), "V is no table, but has shape (3,)"),
-        (np.array(["a"]), "V is no array of real numbers"),
-        (np.array([[1j]]), "V is no array of real numbers"),
-        (np.array([{}]), "V is no array of real numbers"),
+        ("V", np.zeros(3), "V is no table, but has shape (3,)"),
+        ("V", np.array([[1j]]), "V is no array of real numbers"),
+        ("V", np.array([{}]), "V is no array of real numbers"),
+        ("points", V, "not F, points"),
     ],
 )
-def test_what_is_no_table_of_real_numbers_in_npz(tmp_path, V, says):
+def test_what_is_no_table_of_real_numbers_in_npz(tmp_path, name, V, says):
     path = tmp_path / "a.npz"
-    np.savez(path, V=V, F=F)
+    np.savez(path, F=F, **{name: V})
     assert says in unreadable(path)
-
-
-def test_an_archive_without_a_mesh_is_refused(tmp_path):
-    path = tmp_path / "a.npz"
-    np.savez(path, points=V)
-    assert "not points" in unreadable(path)
 
 
 def zipped(path, method, change=lambda data: data):
@@ -233,20 +207,14 @@ def test_bombs_are_refused_before_they_go_off(tmp_path):
 # -- what is no file -------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["folder", "folder.obj"])
-def test_a_folder_is_no_file(tmp_path, monkeypatch, name):
-    (tmp_path / name).mkdir()
-    with pytest.raises(MeshError, match=rf"{name}' is a folder\. .*cdcp_igl.batch"):
-        read_mesh(tmp_path / name)
+def test_a_folder_is_no_file_and_a_missing_file_an_os_error(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(MeshError, match=r"'\.' is a folder"):
-        read_mesh(".")
-
-
-@pytest.mark.parametrize("suffix", ["obj", "stl", "npz", "mat"])
-def test_missing_files_are_os_errors(tmp_path, suffix):
+    Path("folder.obj").mkdir()
+    for name in ("folder.obj", "."):
+        with pytest.raises(MeshError, match=rf"'{name}' is a folder\. .*cdcp_igl.batch"):
+            read_mesh(name)
     with pytest.raises(FileNotFoundError):
-        read_mesh(tmp_path / f"a.{suffix}")
+        read_mesh("a.obj")
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFOs on this system")
@@ -308,9 +276,7 @@ def test_any_wrong_byte_is_a_mesh_or_a_mesh_error(tmp_path):
     np.savez_compressed(tmp_path / "packed.npz", V=V, F=F)
     for name, form, packed in (("a", "5", False), ("packed", "5", True), ("old", "4", False)):
         savemat(tmp_path / f"{name}.mat", {"V": V, "F": F}, format=form, do_compression=packed)
-    run = subprocess.run(
-        [sys.executable, "-c", DAMAGE, str(tmp_path)], capture_output=True, text=True, timeout=300
-    )
+    run = start("-c", DAMAGE, tmp_path, timeout=300)
     assert (run.returncode, run.stderr) == (0, "")
     counts = json.loads(run.stdout)
     assert len(counts) == 12
@@ -367,7 +333,7 @@ for path in {[str(path) for path in paths]}:
     except OSError as error:
         print(error.filename)
 """
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    run = start("-c", code)
     assert run.stdout.split() == [str(path) for path in paths]
     assert [path.read_text() for path in paths] == ["old"] * len(paths)
     assert sorted(tmp_path.iterdir()) == paths
@@ -445,7 +411,6 @@ def test_errors_of_the_body_name_what_was_asked_for(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-@posix
 @pytest.mark.skipif(os.name != "posix" or os.getuid() == 0, reason="root may write everywhere")
 def test_write_protected_files_are_not_replaced(tmp_path):
     path = tmp_path / "a"
