@@ -2,6 +2,7 @@
 
 import json
 import os
+from pathlib import Path
 
 import meshes
 import numpy as np
@@ -100,19 +101,35 @@ def test_a_case_is_refined_in_its_turn():
     assert np.isfinite(row.refined)
 
 
-def test_a_killed_run_goes_on_where_it_stopped(tmp_path):
-    command = ("fuzz", "--cases", 6, "--work", tmp_path)
-    whole = benchmarks(*command)
-    assert whole.exit_code == 0
-    assert "refined maps" in whole.stdout
-    path = tmp_path / "fuzz-1" / "results.jsonl"
+@pytest.mark.parametrize(
+    ("command", "said", "told"),
+    [
+        (("fuzz", "--cases", 6), "refined maps", ["case 0: "]),
+        (
+            ("punctures", "closed", "--places", 1),
+            "sphere",
+            ["sphere less a face", f"{punctures.METHODS[0]} hang"],
+        ),
+    ],
+)
+def test_a_killed_run_goes_on_where_it_stopped(tmp_path, monkeypatch, command, said, told):
+    monkeypatch.chdir(tmp_path)
+    Path("closed").mkdir()
+    for name, (V, F) in {"sphere": surfaces.sphere(), "torus": surfaces.torus()}.items():
+        np.savez(f"closed/{name}.npz", V=V, F=F)
+    whole = benchmarks(*command, "--work", "work")
+    assert whole.exit_code == 0, whole.output
+    assert said in whole.stdout
+    assert "torus" not in whole.stdout  # it has a handle
+    (path,) = Path("work").glob("*/results.jsonl")
     lines = path.read_bytes().splitlines(keepends=True)
+    assert len(lines) in (6, len(punctures.RINGS) * len(punctures.METHODS))
     lost = lines[0].replace(json.loads(lines[0])["outcome"].encode(), b"hang")
     path.write_bytes(lost + b"".join(lines[1:3]) + lines[3][:9])  # in the middle of a line
     # What is left is examined side by side, with the same outcome.
-    again = benchmarks(*command, "--jobs", 2)
+    again = benchmarks(*command, "--work", "work", "--jobs", 2)
     assert again.exit_code == 1  # for what is lost
-    assert "case 0: " in again.stdout
+    assert all(text in again.stdout for text in told)
     assert path.read_bytes().startswith(lost)
     made = path.read_bytes().splitlines(keepends=True)
     assert set(lines[1:]) < set(made)
@@ -128,48 +145,6 @@ def test_what_is_taken_out(kind, boundary):
     W, G = opened(V, F, kind, 80)
     assert len(DiskMesh(W, G).loop) == boundary
     assert len(W) == len(V) - {"face": 0, "vertex": 1, "2-ring": 7}[kind]
-
-
-@pytest.fixture(scope="module")
-def measured(tmp_path_factory):
-    """The command for a folder with a closed surface and one with a handle; its file, its output.
-
-    One place each.
-    """
-    folder = tmp_path_factory.mktemp("closed")
-    for name, (V, F) in {"sphere": surfaces.sphere(), "torus": surfaces.torus()}.items():
-        np.savez(folder / f"{name}.npz", V=V, F=F)
-    command = ["punctures", folder, "--places", 1, "--work", folder / "work"]
-    shown = benchmarks(*command)
-    assert shown.exit_code == 0, shown.output
-    assert "torus" not in shown.stdout
-    return command, folder / "work" / "punctures-1" / "results.jsonl", shown.stdout
-
-
-def test_killed_punctures_go_on_where_they_stopped(measured):
-    command, path, shown = measured
-    lines = path.read_bytes().splitlines(keepends=True)
-    assert len(lines) == len(punctures.RINGS) * len(punctures.METHODS)
-    path.write_bytes(b"".join(lines[:-2]) + lines[-2][:9])
-    known = path.read_bytes()
-    assert benchmarks(*command, "--jobs", 2).stdout == shown
-    assert path.read_bytes().startswith(known)
-    assert len(path.read_bytes().splitlines()) == len(lines) + 1
-
-
-def test_a_fault_is_told_and_an_exit_code(measured, tmp_path):
-    command, path, _ = measured
-    text = path.read_text()
-    ours = f'"method": "{punctures.METHODS[0]}", "outcome": '
-    assert text.count(f'{ours}"map"') == 3
-    (tmp_path / path.parent.name).mkdir()
-    (tmp_path / path.parent.name / path.name).write_text(
-        text.replace(f'{ours}"map"', f'{ours}"hang"')
-    )
-    shown = benchmarks(*command[:-1], tmp_path)
-    assert shown.exit_code == 1
-    assert "sphere less a face" in shown.stdout
-    assert f"{punctures.METHODS[0]} hang" in shown.stdout
 
 
 def row(method, outcome, mean=np.nan):

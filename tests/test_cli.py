@@ -77,30 +77,24 @@ def test_options_are_those_of_the_library(cap, given, options):
     ("given", "named"),
     [
         ("map IN o.stl", "'o.stl' must end in"),
-        ("map IN o", "'o' must end in"),
         ("map IN missing/o.obj", "there is no folder 'missing'"),
         ("map IN folder.obj", "'folder.obj' is a folder"),
-        ("map IN o.obj --report r.txt", "must end in .json"),
-        ("map IN o.obj --report missing/r.json", "there is no folder"),
         ("map IN o.obj --picture p.jpg", "must end in .png or .svg or .pdf"),
         ("map IN o.obj --center middle", "center must be"),
         ("map IN o.obj --center 0 --preset paper", "sets center and mobius itself"),
         ("map IN o.obj --mobius both", "mobius must be"),
         ("map IN o.obj --preset book", "preset must be"),
         ("map IN o.obj --align up", "align must be"),
-        ("map IN o.obj --align 1,2", "align must be"),
         ("map IN o.obj --refine -1", "--refine"),
         ("map IN o.obj --refine-norm 3", "--refine-norm"),
         ("map IN second.obj third.obj", "--out-dir"),
         ("map IN --out-dir maps --cut --center 3", "must be a method"),
         ("map IN --out-dir maps --report r.json", "are for one surface"),
-        ("map IN --out-dir maps --force", "are for one surface"),
         ("batch IN maps --shard 3/2", "must be I/N"),
         ("batch IN maps --report page.txt", "must end in .html"),
         ("batch IN maps --jobs 0", "jobs"),
-        ("compare IN --methods cdcp,magic", "'magic' is not one of"),
-        ("compare IN --json r.txt", "must end in .json"),
         ("compare IN --csv r.json", "must end in .csv"),
+        ("compare IN --methods cdcp,magic", "'magic' is not one of"),
     ],
 )
 def test_bad_arguments_are_found_before_anything_is_read(tmp_path, monkeypatch, given, named):
@@ -141,10 +135,7 @@ def test_exit_codes_of_errors(capsys, error, code, said):
     with pytest.raises(typer.Exit) as ended, exit_codes(Path("scan.obj")):
         raise error
     assert (ended.value.exit_code, capsys.readouterr()) == (code, ("", said))
-
-
-def test_unexpected_errors_are_not_swallowed():
-    with pytest.raises(ZeroDivisionError), exit_codes():
+    with pytest.raises(ZeroDivisionError), exit_codes():  # what is unexpected is not swallowed
         raise ZeroDivisionError
 
 
@@ -157,9 +148,7 @@ def test_unexpected_errors_are_not_swallowed():
         ((V, F), 0, "A triangulated disk."),
         ((V, F + 1), 0, "from 1"),
         ((np.vstack([V, [[9, 9, 9]]]), F), 2, "unreferenced vertex"),
-        ((V, F[:, [0, 0, 1]]), 2, "repeated corner"),
-        ((V[:4], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]), 2, "genus 0, closed"),
-        ((V[:4], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]), 2, "map --cut"),
+        (meshes.NASTY["closed"][1:3], 2, "genus 0, closed"),
     ],
 )
 def test_check(cap, surface, code, said):
@@ -210,19 +199,16 @@ def test_checks_as_json(cap):
 # -- help, version, completion ---------------------------------------------------------
 
 
-@pytest.mark.parametrize("option", ["-h", "--help"])
 @pytest.mark.parametrize("command", [(), ("map",), ("check",), ("compare",), ("batch",)])
-def test_help(command, option):
-    result = invoke(*command, option)
+def test_help(command):
+    result = invoke(*command, "-h")
     assert result.exit_code == 0
+    assert invoke(*command, "--help").stdout == result.stdout
     assert ("Exit codes" in result.stdout) == bool(command)
 
 
-def test_version():
+def test_version_and_completion():
     assert invoke("--version").stdout == f"cdcp-igl {__version__}\n"
-
-
-def test_completion():
     environment = {"_CDCP_IGL_COMPLETE": "complete_bash"}
     environment |= {"COMP_WORDS": "cdcp-igl map --refine-", "COMP_CWORD": "2"}
     done = CliRunner().invoke(program.app, [], env=environment, prog_name="cdcp-igl")

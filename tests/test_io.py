@@ -48,14 +48,9 @@ def assert_read(path, V, F):
         (POINTS + "# a\no b\ng c\nusemtl d\nl 1 2\n  f 1 2 3 \r\n\nf\t1 3 4", TRIANGLES),
         (POINTS, np.empty((0, 3))),
         (POINTS.replace("\n", " .1 .2 .3\n") + TWO, TRIANGLES),
-        (
-            POINTS.replace("\n", " # a vertex\n") + "f 1 2 3 # a\nf 1 3 4\t#b\n",
-            TRIANGLES,
-        ),
-        (POINTS + "f 1 \\\n2 3\nf 1 3\\\n 4\n", TRIANGLES),
-        (POINTS.replace("0 1 0\n", "0 \\\n1 \\\n0\n") + TWO, TRIANGLES),
+        (POINTS.replace("\n", " # v\n") + "f 1 2 3 # a\nf 1 3 4\t#b\n", TRIANGLES),
+        (POINTS + "f 1 \\\n2 3\nf 1 3\\\n \\\n4\n", TRIANGLES),
         ((POINTS + TWO).replace("\n", "\r"), TRIANGLES),
-        ((POINTS + TWO).replace("\n", "\r\n"), TRIANGLES),
         ("\xef\xbb\xbf" + POINTS + TWO, TRIANGLES),
         (POINTS + "g Stra\xdfe\n" + TWO, TRIANGLES),
     ],
@@ -87,18 +82,9 @@ def test_off(tmp_path, text):
 
 
 @pytest.mark.parametrize("newline", ["\n", "\r", "\r\n"])
-@pytest.mark.parametrize(
-    "body",
-    [
-        ROWS + "3 0 1 2\n3 0 2 3\n",
-        ROWS + "\n3 0 1 2\n3 0 2 3\n",
-        ROWS + "3 0 1 2\n \t\n\n3 0 2 3\n",
-        "\n" + ROWS + "3 0 1 2\n\n3 0 2 3",
-    ],
-    ids=["plain", "blank line between", "inside", "before"],
-)
-def test_ply_as_text(tmp_path, newline, body):
+def test_ply_as_text_with_blank_lines(tmp_path, newline):
     path = tmp_path / "a.ply"
+    body = "\n" + ROWS + " \t\n3 0 1 2\n\n3 0 2 3"
     path.write_bytes((ply_header("ascii", 5, 2) + body).replace("\n", newline).encode())
     assert_read(path, V5, TRIANGLES)
 
