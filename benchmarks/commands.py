@@ -151,9 +151,8 @@ def _known(families: str) -> list[str]:
 
 
 def _finish(session: Session, section: str, records: list[Record]) -> None:
-    measured = session.write(section, records) if session.part is None else Measured(records)
     console = wide_console()
-    results = measured.sections[section]
+    results = session.write(section, records).sections[section]
     table, headings = cases(results), list(TOLD)
     if section == "rescue" or len(table.rows) > LONG:
         table = (rescue_table if section == "rescue" else summary_table)(results)

@@ -150,7 +150,12 @@ class Session:
             raise typer.BadParameter(str(error), param_hint="--out, --machine") from error
 
     def write(self, section: str, records: Sequence[Record]) -> Measured:
-        """Write the results of a section; those of other sections stay if the code is the same."""
+        """Write the results of a section; those of other sections stay if the code is the same.
+
+        A part of a section is not written.
+        """
+        if self.part is not None:
+            return Measured(records)
         command = shlex.join(["python", "-m", "benchmarks", *sys.argv[1:]])
         commands, others = {section: command}, []
         about, earlier = self.earlier()

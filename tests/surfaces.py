@@ -2,6 +2,7 @@
 
 import igl
 import numpy as np
+from hypothesis import strategies as st
 
 
 def voxels(seed, size=4, share=0.5, missing=0):
@@ -18,6 +19,18 @@ def voxels(seed, size=4, share=0.5, missing=0):
     F = np.delete(F, rng.permutation(_plain(F))[:missing], axis=0)
     used, faces = np.unique(F, return_inverse=True)
     return V[used] + rng.uniform(-0.2, 0.2, (len(used), 3)), faces.reshape(F.shape)
+
+
+def random_voxels(size):
+    """Such surfaces of at most so many cubes along an axis, as a strategy."""
+    share, missing = st.floats(0.2, 0.9), st.integers(0, 12)
+    return st.builds(voxels, st.integers(0, 10_000), st.integers(1, size), share, missing)
+
+
+def assert_glues_back(cut, V, F):
+    """The rows of a surface that was cut open are those of the given one."""
+    np.testing.assert_array_equal(np.asarray(V, float)[cut.vertex_index], cut.V)
+    np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
 
 
 def skin(solid):

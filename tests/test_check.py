@@ -2,12 +2,16 @@
 
 import re
 from contextlib import suppress
+from itertools import product
 from types import SimpleNamespace
 
 import meshes
 import numpy as np
 import pytest
 from surfaces import sphere, torus
+from test_clean import assert_mended
+from test_cutting import assert_cut
+from test_surface_map import assert_consistent
 from typer.main import get_command
 
 import cdcp_igl
@@ -35,13 +39,39 @@ def test_nasty_mesh_is_refused_by_name_and_index(case):
     assert not report.is_disk
     assert [d.name for d in report.defects] == [d.name for d in error.defects]
     assert f"- {defect}: " in str(report)
-
-
-@NASTY
-def test_distortion_of_a_nasty_mesh_does_not_end_the_process(case):
-    _, V, F, _ = case
-    with suppress(ValueError):
+    with suppress(ValueError):  # it does not end the process
         cdcp_igl.angle_distortion(V, F, V)
+
+
+# What the functions that mend or cut refuse besides bad arrays, and what they promise.
+CANNOT_CUT = "repeated corner", "duplicate face", "inconsistent orientation"
+MENDING = {
+    cdcp_igl.clean: (assert_mended, "degenerate face"),
+    cdcp_igl.cut: (assert_cut, "non-finite coordinate", "not orientable", *CANNOT_CUT),
+    cdcp_igl.surface_map: (
+        *(assert_consistent, "degenerate face", "non-finite coordinate", "not orientable"),
+    ),
+}
+
+
+NOT_ITS_ROWS = cdcp_igl.surface_map, "split vertices"  # it sews: test_seams_are_sewn
+
+
+@pytest.mark.parametrize(
+    ("function", "name"), [pair for pair in product(MENDING, meshes.NASTY) if pair != NOT_ITS_ROWS]
+)
+def test_nasty_meshes_are_mended_or_refused(function, name):
+    defect, V, F, rows = meshes.NASTY[name]
+    assert_promised, *refused = MENDING[function]
+    if defect in {*refused, *meshes.BAD_ARRAYS}:
+        with pytest.raises(cdcp_igl.MeshError) as raised:
+            function(V, F)
+        nothing_left = defect == "degenerate face"  # and no other one
+        assert raised.value.defect == ("nothing left" if nothing_left else defect)
+        if not nothing_left and defect != "not orientable":  # which is said of all faces
+            np.testing.assert_array_equal(raised.value.indices, rows)
+    else:
+        assert_promised(function(V, F), V, F)
 
 
 def raised_outside_of_check(folder):

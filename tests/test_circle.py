@@ -1,6 +1,7 @@
 """The boundary: its trace, the centre, the way onto the circle."""
 
 import re
+from functools import cache
 
 import meshes
 import numpy as np
@@ -44,12 +45,18 @@ def apart(f, g):
     return abs(difference(fitted.x)).max()
 
 
+@cache
+def factored(exact, resolution):
+    V, F, uv = exact(resolution)
+    return uv @ [1, 1j], FactoredSurface.of(DiskMesh(V, F))
+
+
 def on_the_circle(exact, resolution, pole, traces):
     """The boundary by the exact map with the pole at 0, and by each of the traces."""
-    V, F, uv = exact(resolution)
-    z, surface = uv @ [1, 1j], FactoredSurface.of(DiskMesh(V, F))
-    face = int(abs(z[F].mean(axis=1) - pole).argmin())
-    known = mobius_transformation(z, z[F[face]].mean())[surface.mesh.loop]
+    z, surface = factored(exact, resolution)
+    at_faces = z[surface.mesh.F].mean(axis=1)
+    face = int(abs(at_faces - pole).argmin())
+    known = mobius_transformation(z, at_faces[face])[surface.mesh.loop]
     return [known, *(whitened_geodesic_map(trace(surface, face)) for trace in traces)]
 
 

@@ -8,28 +8,21 @@ import meshes
 import numpy as np
 import pytest
 import surfaces
-import trimesh
+from batches import batch
+from commands import invoke
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_io import ply_header
-from typer.testing import CliRunner
+from test_io_texture import corner_places, corner_set
 
 import cdcp_igl
 from cdcp_igl.atlas.cut_graph import Component, cut_to_disk
 from cdcp_igl.atlas.cut_paths import open_to_disk, straight_path, straighten
-from cdcp_igl.batching import batch
-from cdcp_igl.command_line.program import app
 from cdcp_igl.io import read_polygons, write_map
 from cdcp_igl.io.polygons import fans
 from cdcp_igl.surface.topology import Topology
 
-RANDOM = st.builds(
-    surfaces.voxels,
-    seed=st.integers(0, 10_000),
-    size=st.integers(1, 5),
-    share=st.floats(0.2, 0.9),
-    missing=st.integers(0, 12),
-)
+RANDOM = surfaces.random_voxels(5)
 
 
 def assert_disks(F, n, given):
@@ -46,19 +39,21 @@ def assert_disks(F, n, given):
         assert len(component.loops) == 1
 
 
+def assert_cut(cut, V, F):
+    surfaces.assert_glues_back(cut, V, F)
+    assert_disks(cut.F, len(cut.V), F)
+
+
 @settings(max_examples=40)
 @given(RANDOM)
 def test_every_component_becomes_a_disk_and_glues_back(mesh):
     V, F = mesh
     cut = cdcp_igl.cut(V, F)
-    V_cut, F_cut, vertex_index = cut[:3]
-    np.testing.assert_array_equal(V[vertex_index], V_cut)
-    np.testing.assert_array_equal(vertex_index[F_cut], F)
-    np.testing.assert_array_equal(V_cut[: len(V)], V)
-    np.testing.assert_array_equal(np.unique(F_cut), np.arange(len(V_cut)))
-    assert_disks(F_cut, len(V_cut), F)
+    assert_cut(cut, V, F)
+    np.testing.assert_array_equal(cut.V[: len(V)], V)
+    np.testing.assert_array_equal(np.unique(cut.F), np.arange(len(cut.V)))
     # Glued along its cut edges and nowhere else it is the surface again.
-    np.testing.assert_array_equal(open_edges(F, F_cut), cut.edges)
+    np.testing.assert_array_equal(open_edges(F, cut.F), cut.edges)
     lengths = np.linalg.norm(V[cut.edges[:, 0]] - V[cut.edges[:, 1]], axis=1)
     assert cut.length == pytest.approx(lengths.sum())
 
@@ -81,9 +76,9 @@ def open_edges(F, F_cut, polygon_of_face=None):
 def test_sheets_part_into_a_manifold_however_they_meet(seed):
     rng = np.random.default_rng(seed)
     n, m = rng.integers(3, 9), rng.integers(1, 26)
-    F = [rng.permutation(n)[:3] for _ in range(m)]
-    cut = cdcp_igl.cut(rng.random((n, 3)), F, path=[])
-    np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
+    V, F = rng.random((n, 3)), [rng.permutation(n)[:3] for _ in range(m)]
+    cut = cdcp_igl.cut(V, F, path=[])
+    surfaces.assert_glues_back(cut, V, F)
     assert Topology(cut.F, len(cut.V)).is_manifold
 
 
@@ -208,32 +203,6 @@ def test_a_moebius_strip_can_be_cut_across():
     assert cdcp_igl.surface_map(*cdcp_igl.cut(V, F, path=[0, 9])[:2], merge=False).valid
 
 
-# -- what is refused -------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", meshes.NASTY)
-def test_nasty_meshes_are_cut_or_refused(name):
-    defect, V, F, rows = meshes.NASTY[name]
-    refused = {
-        *(*meshes.BAD_ARRAYS, "non-finite coordinate", "repeated corner", "duplicate face"),
-        *("inconsistent orientation", "not orientable"),
-    }
-    if defect in refused:
-        with pytest.raises(cdcp_igl.MeshError) as raised:
-            cdcp_igl.cut(V, F)
-        assert raised.value.defect == defect
-        if defect != "not orientable":  # which is said of all faces
-            np.testing.assert_array_equal(raised.value.indices, rows)
-    else:
-        cut = cdcp_igl.cut(V, F)
-        np.testing.assert_array_equal(np.asarray(V, float)[cut.vertex_index], cut.V)
-        np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
-        assert_disks(cut.F, len(cut.V), F)
-
-
-# -- quads and other polygons: cut around them, and given back as they were ------------
-
-
 # -- surfaces of polygons --------------------------------------------------------------
 
 
@@ -285,8 +254,7 @@ def test_no_polygon_is_parted_and_every_component_becomes_a_disk(mesh):
     F, whole = triangles(polygons)
     cut = cdcp_igl.cut(V, F, polygon_of_face=whole)
     assert len(open_edges(F, cut.F, whole)) == 0
-    np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
-    assert_disks(cut.F, len(cut.V), F)
+    assert_cut(cut, V, F)
 
 
 @settings(max_examples=4)
@@ -313,9 +281,7 @@ def test_any_numbers_make_disks(seed, most):
     """Also where no polygon is one: sets of faces with vertices, holes and handles inside."""
     V, F = surfaces.voxels(seed, size=3)
     whole = np.random.default_rng(seed).integers(-most, most, len(F))
-    cut = cdcp_igl.cut(V, F, polygon_of_face=whole)
-    np.testing.assert_array_equal(cut.vertex_index[cut.F], F)
-    assert_disks(cut.F, len(cut.V), F)
+    assert_cut(cdcp_igl.cut(V, F, polygon_of_face=whole), V, F)
 
 
 # -- there and back --------------------------------------------------------------------
@@ -340,17 +306,6 @@ def assert_only_texture_was_added(given, written):
     assert new == given.read_text()
 
 
-def texture_at_corners(path):
-    """The corners of all triangles, of all materials, by another reader."""
-    scene = trimesh.load(path, process=False)
-    corners = [
-        np.dstack([part.vertices[part.faces], part.visual.uv[part.faces]]).reshape(-1, 5)
-        for part in scene.geometry.values()
-    ]
-    assert len(corners) == 2
-    return {tuple(corner) for corner in np.concatenate(corners).tolist()}
-
-
 SCENES = {
     "cube": lambda: quads_of_voxels(0, 1, 1.0),
     "blocks": lambda: quads_of_voxels(5, 3, 0.5),
@@ -369,8 +324,7 @@ def test_nothing_but_texture_coordinates_is_added(name, tmp_path):
     result = cdcp_igl.surface_map(V, F, polygon_of_face=polygon_of_face)
     write_map(out, V, F, result, like=given)
     assert_only_texture_was_added(given, out)
-    expected = np.dstack([V[F], result.packed()]).reshape(-1, 5).tolist()
-    assert texture_at_corners(out) == {tuple(corner) for corner in expected}
+    assert corner_set(*corner_places(out)[:2]) == corner_set(V[F], result.packed())
 
 
 def test_nor_by_a_batch(tmp_path):
@@ -387,7 +341,7 @@ def test_polygons_on_no_disk_stay(tmp_path):
     given, out = tmp_path / "given.obj", tmp_path / "out.obj"
     own = len(V)
     write_scene(given, np.vstack([V, [9, 9, 9]]), [*polygons, polygons[7], [0, own, 0]])
-    run = CliRunner().invoke(app, ["map", str(given), str(out), "--cut"])
+    run = invoke("map", given, out, "--cut")
     assert run.exit_code == 0, run.output
     assert "left out 2 faces that repeated another" in run.output
     assert_only_texture_was_added(given, out)
@@ -423,12 +377,10 @@ def test_defects_of_faces_name_the_polygons_of_the_file(tmp_path):
     path = tmp_path / "quads.obj"
     write_scene(path, V, polygons)
     said = "2 faces are oriented unlike the others (polygons 7)"
-    out = str(tmp_path / "out.obj")
-    for command in (["check"], ["map", "--force"], ["compare", "--methods", "lscm"]):
-        arguments = [str(path), out] if "map" in command else [str(path)]
-        run = CliRunner().invoke(app, [*command, *arguments])
+    out = "--force", tmp_path / "out.obj"
+    for command, *rest in (["check"], ["map", *out], ["compare", "--methods", "lscm"]):
+        run = invoke(command, path, *rest)
         assert run.exit_code == 2
         assert said in " ".join(run.output.split())
-    run = CliRunner().invoke(app, ["check", "--json", str(path)])
-    [defect] = json.loads(run.stdout)[0]["defects"]
+    [defect] = json.loads(invoke("check", "--json", path).stdout)[0]["defects"]
     assert (defect["of"], defect["indices"]) == ("polygons", [7, 7])

@@ -67,7 +67,7 @@ def unreadable(path):
         ("word.off", "OFF\n1 0 0\n0 0 zero\n", "line 3: 'zero' is no number"),
         ("counts.off", "OFF\n1 one 0\n", "line 2: 'one' is no count"),
         ("negative.off", "OFF\n-5 1 0\n0 0 0\n", "a count is negative"),
-        ("huge.off", "OFF\n99999999999 1 0\n0 0 0\n", "1 vertices and 0 faces of 99,999,999,999"),
+        ("huge.off", "OFF\n99999999999 0 0\n0 0 0\n", "1 vertices and 0 faces of 99,999,999,999"),
         ("index.off", "OFF\n1 1 0\n0 0 0\n3 0 0 0.5\n", "line 4: '0.5' is no index"),
         ("cut faces.off", f"OFF\n4 2 0\n{ROWS}3 0 1 2\n", "4 vertices and 1 faces of 4 and 2"),
         ("cut line.off", f"OFF\n4 1 0\n{ROWS}3 0 1", "line 7: a corner is missing"),

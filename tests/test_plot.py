@@ -6,6 +6,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 from commands import printed
+from meshes import cells
 
 from cdcp_igl import cdcp, disk_map, rectangle_map, surface_map
 from cdcp_igl.plot import side_by_side
@@ -15,11 +16,9 @@ from cdcp_igl.plot.viewpoint import choose_viewpoint
 
 
 def grid(n, height):
-    x, y = (c.ravel() for c in np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n)))
-    V = np.column_stack([x, y, height(x, y)])
-    a = np.arange(n * n).reshape(n, n)[:-1, :-1].ravel()
-    F = np.vstack([np.column_stack([a, a + 1, a + n + 1]), np.column_stack([a, a + n + 1, a + n])])
-    return V, F
+    x, y, F = cells(n, n)
+    x, y = 2 * x / (n - 1) - 1, 2 * y / (n - 1) - 1
+    return np.column_stack([x, y, height(x, y)]), F
 
 
 def nearly_closed_sphere(n=24):

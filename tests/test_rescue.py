@@ -254,13 +254,14 @@ def test_what_was_straightened_much_is_refined_and_says_so():
 # -- recentering -----------------------------------------------------------------------
 
 
-def harmonic_map(V, F):
-    """The map before its normalisation, and its surface."""
-    surface = FactoredSurface.of(DiskMesh(V, F)).delaunay
+@pytest.fixture(scope="module")
+def arm():
+    """A surface with long arms, its mesh, and its map before the normalisation."""
+    surface = FactoredSurface.of(DiskMesh(*arms(20, 1))).delaunay
     center = central_face(surface)
     f = harmonic_extension(surface, around(harmonic_shares(surface, center.face)))
     done = Provenance(center=center, boundary=BoundaryMethod("harmonic measure"))
-    return surface, HarmonicMap(surface, f, done)
+    return surface, surface.mesh, HarmonicMap(surface, f, done)
 
 
 @pytest.mark.parametrize(("length", "width"), [(20, 1), (60, 3)])
@@ -284,10 +285,10 @@ def test_a_transformation_that_loses_what_is_small_is_not_applied():
     assert plain.mobius.rejected == ""
 
 
-def test_the_map_differs_by_a_mobius_transformation():
+def test_the_map_differs_by_a_mobius_transformation(arm):
     """To within the digits that the place of what is small has left."""
-    surface, harmonic = harmonic_map(*arms(20, 1))
-    mesh, before = surface.mesh, harmonic.f
+    _, mesh, harmonic = arm
+    before = harmonic.f
     assert harmonic.needs_correction
     harmonic = harmonic.corrected(straightened=True)
     assert 0 < abs(harmonic.w) < 1
@@ -300,10 +301,10 @@ def test_the_map_differs_by_a_mobius_transformation():
     assert certify(mesh, coordinates(harmonic.f)).valid
 
 
-def test_extending_again_finds_digits_that_the_solution_has_not():
+def test_extending_again_finds_digits_that_the_solution_has_not(arm):
     """Twice: nothing is found the second time but the rounding of what is there."""
-    surface, harmonic = harmonic_map(*arms(20, 1))
-    mesh, solved = surface.mesh, harmonic.f
+    surface, mesh, harmonic = arm
+    solved = harmonic.f
     vertex = deep_vertex(mesh, solved, mesh.F)
     once = extended_again(surface, solved - solved[vertex])
     once -= once[vertex]
@@ -331,9 +332,9 @@ def test_what_is_small_next_to_the_circle_stays_there():
     assert deep_vertex(DiskMesh(V, F), f, F) is None
 
 
-def test_what_settles_on_the_circle_stays():
-    surface, harmonic = harmonic_map(*arms(20, 1))
-    mesh, f = surface.mesh, harmonic.f
+def test_what_settles_on_the_circle_stays(arm):
+    _, mesh, harmonic = arm
+    f = harmonic.f
     vertex = deep_vertex(mesh, f, mesh.F)
     same, w = recentered(mesh, f, lambda d: d + (1 - f[vertex]))
     assert same is f

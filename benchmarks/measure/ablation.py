@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from typing import Any, Literal
-from unittest import mock
 
 import numpy as np
 from scipy.sparse import identity
@@ -114,6 +113,12 @@ ALL, NONE = "all mechanisms", "no mechanism"
 Without = Callable[[], AbstractContextManager[Any]]
 
 
+def _patched(owner: object, attribute: str, by: object) -> AbstractContextManager[Any]:
+    from unittest import mock  # 2 MB, which would be in the memory of every method
+
+    return mock.patch.object(owner, attribute, by)
+
+
 @contextmanager
 def _replaced(function: Callable[..., Any], by: Callable[..., Any]) -> Iterator[None]:
     """Replace a function of the library wherever it has been imported."""
@@ -121,11 +126,13 @@ def _replaced(function: Callable[..., Any], by: Callable[..., Any]) -> Iterator[
         for name, module in list(sys.modules.items()):
             if name.startswith("cdcp_igl."):
                 for attribute in [key for key, value in vars(module).items() if value is function]:
-                    stack.enter_context(mock.patch.object(module, attribute, by))
+                    stack.enter_context(_patched(module, attribute, by))
         yield
 
 
 def _without_boundary(name: str) -> AbstractContextManager[Any]:
+    from unittest import mock
+
     left = {key: boundary for key, boundary in FALLBACKS.items() if key != name}
     return mock.patch.dict(FALLBACKS, left, clear=True)
 
@@ -161,15 +168,13 @@ MECHANISMS: Mapping[str, Without] = {
     "balance of harmonic measure": partial(_replaced, _balanced, _not_balanced),
     "arc length": partial(_without_boundary, "arc length"),
     "local repair": partial(_replaced, repair_locally, _not_repaired),
-    "relaxation of what is repaired": partial(mock.patch.object, Relaxation, "sweep", _not_swept),
-    "relaxation of flipped faces": partial(
-        mock.patch.object, Neighbourhood, "relax_flipped", _not_relaxed
-    ),
+    "relaxation of what is repaired": partial(_patched, Relaxation, "sweep", _not_swept),
+    "relaxation of flipped faces": partial(_patched, Neighbourhood, "relax_flipped", _not_relaxed),
     "replacement of the interior": partial(_replaced, replace_interior, _not_repaired),
     "straightening": partial(_replaced, straighten, _not_straightened),
     "recentering": partial(_replaced, recentered, _not_moved),
     "opening of collapsed faces": partial(_replaced, open_collapsed_faces, _not_moved),
-    "refinement as needed": partial(mock.patch.object, Judged, "steps_due", 0),
+    "refinement as needed": partial(_patched, Judged, "steps_due", 0),
 }
 
 
