@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from batches import batch
 from commands import invoke
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -224,7 +225,7 @@ def test_on_the_command_line_and_in_a_batch(tmp_path):
     with np.load(tmp_path / "map.npz") as saved:
         np.testing.assert_allclose(np.linalg.norm(saved["points"], axis=1), 1)
         assert saved["uv"].shape == (len(F), 3, 2)
-    made = cdcp_igl.batch(source, tmp_path / "out", onto="sphere", refine=1)
+    made = batch(source, tmp_path / "out", onto="sphere", refine=1)
     assert [record.status for record in made.records] == ["done"]
     for wrong in (["--cut"], ["--disk"], ["--center", "heat"]):
         assert invoke("map", "--sphere", *wrong, source, tmp_path / "x.npz").exit_code == 2
