@@ -38,11 +38,6 @@ def places(rows: NDArray[Any], n: int) -> Ints:
     return place
 
 
-def following(rows: NDArray[Any]) -> NDArray[Any]:
-    """(k, ...) the next of each of some rows in a ring; np.roll takes six times as long on few."""
-    return np.concatenate([rows[1:], rows[:1]])
-
-
 def evenly_spaced_rows(m: int, most: int) -> Ints:
     """(k,) rows of at most so many of m, spread evenly."""
     return np.arange(m) if m <= most else np.linspace(0, m - 1, most).astype(np.int64)

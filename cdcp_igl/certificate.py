@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from . import libigl
-from .arrays import Bools, Complex, Floats, Ints, as_complex, coordinates, following
+from .arrays import Bools, Complex, Floats, Ints, as_complex, coordinates
 from .errors import counted, spell
 from .surface.mesh import DiskMesh
 from .surface.triangles import BLOCK, EPS, flipped_faces
@@ -273,7 +273,7 @@ def certify_outline(
     if not np.isfinite(uv).all():
         return OutlineCertificate(False, 0, np.empty((0, 2), int), np.arange(len(mesh.F)), 0)
     f = as_complex(uv)
-    edges = following(f[mesh.loop]) - f[mesh.loop]
+    edges = np.roll(f[mesh.loop], -1) - f[mesh.loop]
     turns = np.angle(edges * np.roll(edges, 1).conj()).sum() / (2 * np.pi)
     flipped, n_exact = known or flipped_faces(f, mesh.F)
     meeting = mesh.loop[meeting_edges(f[mesh.loop])]
@@ -286,7 +286,7 @@ def meeting_edges(z: Complex) -> Ints:
     Edge i leaves z[i]. Boxes around runs of edges, the halves of these and so on: only where
     two boxes overlap, runs are looked into. Whether edges meet is decided exactly.
     """
-    n, ends = len(z), np.stack([coordinates(z), coordinates(following(z))])
+    n, ends = len(z), np.stack([coordinates(z), coordinates(np.append(z[1:], z[0]))])
     depth = (n - 1).bit_length()
     low, high = np.full((2, 1 << depth, 2), np.inf) * [[[1]], [[-1]]]  # empty boxes at the end
     low[:n], high[:n] = ends.min(axis=0), ends.max(axis=0)
@@ -386,14 +386,14 @@ def around(boundary: Complex) -> tuple[int, bool]:
     # Rounding may give an arc of zero either sign, so the exact orientation of the triangles
     # with 0 decides. Only arcs of more than a half turn have clockwise triangles, too.
     n = len(boundary)
-    fan = np.column_stack([np.full(n, n), np.arange(n), following(np.arange(n))])
+    fan = np.column_stack([np.full(n, n), np.arange(n), np.append(np.arange(1, n), 0)])
     not_forward, _ = flipped_faces(np.append(boundary, 0), fan)
     return turns, turns == 1 and bool((arcs[not_forward] > 1).all())
 
 
 def increments(z: Complex) -> Floats:
     """(N,) angle from each point of a closed curve about 0 to the next, in [0, 2 pi)."""
-    return np.angle(following(z) * z.conj()) % (2 * np.pi)
+    return np.angle(np.append(z[1:], z[0]) * z.conj()) % (2 * np.pi)
 
 
 def is_around(f_B: Complex) -> bool:

@@ -103,6 +103,13 @@ def sphere(rings=10, around=16, stretch=1.0):
     return V * [1, 1, stretch], np.vstack([wall, north, south])
 
 
+def pierced_sphere():
+    """A sphere with four holes."""
+    V, F = sphere(12, 20)
+    used, faces = np.unique(F[~np.isin(F, [0, 105, 119, 200]).any(axis=1)], return_inverse=True)
+    return V[used], faces.reshape(-1, 3)
+
+
 def tube(n=24, k=12, length=4.0):
     """An open cylinder of radius 1: two boundary loops."""
     s, t = parameters(n, k)

@@ -309,8 +309,6 @@ def test_folders_and_patterns(scans, tmp_path):
     for nothing in (f"{scans}/*.stl", out.parent / "below" / ".hidden" / "none*.obj"):
         with pytest.raises(ValueError, match="no surface there"):
             surface_files([nothing], out)
-    with pytest.raises(ValueError, match="folder of the results"):
-        surface_files([scans], scans)
 
 
 def test_results_that_a_pattern_matches_are_not_mapped(scans):

@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from batches import batch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import TRIANGLE, TWO_TRIANGLES, cells, fan, grid, rugged, strip
@@ -277,14 +278,14 @@ def test_a_mapper_makes_the_same_map_and_keeps_its_factor():
 def test_in_batches(tmp_path):
     V, F = grid(9, 11)
     np.savez(tmp_path / "surface.npz", V=V, F=F)
-    (record,) = cdcp_igl.batch([tmp_path], tmp_path / "maps", free=True, refine=1).records
+    (record,) = batch([tmp_path], tmp_path / "maps", free=True, refine=1).records
     assert (record.status, record.boundary) == ("done", "own lengths")
     with np.load(tmp_path / "maps" / "surface.npz") as saved:
         np.testing.assert_array_equal(saved["uv"], cdcp_igl.free_map(V, F, refine=1).uv)
-    cdcp_igl.batch([tmp_path / "surface.npz"], tmp_path / "charts", free=True, cut=True)
+    batch([tmp_path / "surface.npz"], tmp_path / "charts", free=True, cut=True)
     with np.load(tmp_path / "charts" / "surface.npz") as saved:
         expected = cdcp_igl.surface_map(V, F, outline="free")
         np.testing.assert_array_equal(saved["uv"], expected.uv)
     for options in ({"disk": True}, {"center": 3}):
         with pytest.raises(ValueError, match=r"leave out|has no center"):
-            cdcp_igl.batch([tmp_path], tmp_path / "others", free=True, **options)
+            batch([tmp_path], tmp_path / "others", free=True, **options)

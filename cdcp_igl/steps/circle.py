@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..arrays import Complex, following
+from ..arrays import Complex
 from ..certificate import increments, is_around
 from .zipper import geodesic_map
 
@@ -38,7 +38,7 @@ def whitened_geodesic_map(trace: Complex) -> Complex:
     z = whiten_trace(trace)
     n_per_edge = -(-ENOUGH_POINTS // len(z))
     along = np.arange(n_per_edge) / n_per_edge
-    polygon = np.outer(z, 1 - along) + np.outer(following(z), along)
+    polygon = np.outer(z, 1 - along) + np.outer(np.append(z[1:], z[0]), along)
     return geodesic_map(polygon.ravel())[::n_per_edge]
 
 
@@ -70,10 +70,10 @@ def _turns_back(trace: Complex) -> bool:
 
     Next to a circle, a chord turns from the one before by half of both arcs.
     """
-    edge = following(trace) - trace
+    edge = np.append(trace[1:], trace[0]) - trace
     length = abs(edge)
-    half_arcs = np.pi * (length + following(length)) / max(length.sum(), SMALLEST_TRACE)
-    turn = following(edge) * edge.conj() * np.exp(1j * half_arcs)
+    half_arcs = np.pi * (length + np.roll(length, -1)) / max(length.sum(), SMALLEST_TRACE)
+    turn = np.roll(edge, -1) * edge.conj() * np.exp(1j * half_arcs)
     return bool((turn.real < 0).any())
 
 
@@ -105,7 +105,7 @@ def _whitened(z: Complex) -> Complex:
 def _area_and_centroid(z: Complex) -> tuple[float, complex]:
     origin = z.mean()  # near the polygon, so that the products below do not cancel
     z = z - origin
-    after = following(z)
+    after = np.append(z[1:], z[0])
     cross = (z.conj() * after).imag
     area = cross.sum() / 2
     return area, origin + (cross * (z + after)).sum() / (6 * area)
@@ -113,7 +113,7 @@ def _area_and_centroid(z: Complex) -> tuple[float, complex]:
 
 def _anisotropy(z: Complex) -> complex:
     """Integral of z^2 over integral of |z|^2, both over the enclosed area."""
-    after = following(z)
+    after = np.append(z[1:], z[0])
     cross = (z.conj() * after).imag
     squares = (cross * (z * z + z * after + after * after)).sum()
     moduli = (cross * (abs(z) ** 2 + (z.conj() * after).real + abs(after) ** 2)).sum()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, Numbers, following
+from ..arrays import Complex, Floats, Ints, Numbers
 from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
 
@@ -93,7 +93,7 @@ def shares_of_edges(flux: Numbers, length: Floats, around: Floats) -> Numbers:
     # The part of the edge that follows, at most 1 / (1 + 0): a power of a ratio may overflow.
     with np.errstate(over="ignore"):
         next_edge = 1 / (1 + (np.roll(length, 1) / length) ** exponent)
-    shares: Numbers = flux * next_edge + following(flux * (1 - next_edge))
+    shares: Numbers = flux * next_edge + np.roll(flux * (1 - next_edge), -1)
     return shares
 
 
@@ -104,5 +104,5 @@ def edge_lengths(mesh: DiskMesh, loop: Ints | None = None) -> Floats:
 
 def lengths_along(points: Floats) -> Floats:
     """(k,) distances from each of some points (k, 3) to the next, in a ring."""
-    lengths: Floats = np.linalg.norm(following(points) - points, axis=1)
+    lengths: Floats = np.linalg.norm(np.concatenate([points[1:], points[:1]]) - points, axis=1)
     return lengths

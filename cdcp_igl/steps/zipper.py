@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Bools, Complex, Floats, Numbers, following
+from ..arrays import Bools, Complex, Floats, Numbers
 
 COINCIDENT = 1e-8  # points closer than this to the one before, by the size of the curve
 PINCHED = 1e-14  # the flattest geodesic arc that double precision can open
@@ -44,7 +44,7 @@ def geodesic_map(z: Complex) -> Complex:
     conformal mapping. SIAM J. Numer. Anal. 45(6), 2007.
     """
     # Start at the longest edge, which two points describe worst; of several, at the first.
-    lengths = abs(following(z) - z)
+    lengths = abs(np.append(z[1:], z[0]) - z)
     first = int((lengths >= (1 - 1e-9) * lengths.max()).argmax())
     curve = np.roll(z, -first)
     steps: Floats = np.abs(np.diff(curve, prepend=curve[-1]))
