@@ -77,6 +77,7 @@ def test_options_are_those_of_the_library(cap, given, options):
     ("given", "named"),
     [
         ("map IN o.stl", "'o.stl' must end in"),
+        ("map IN o", "'o' must end in"),
         ("map IN missing/o.obj", "there is no folder 'missing'"),
         ("map IN folder.obj", "'folder.obj' is a folder"),
         ("map IN o.obj --picture p.jpg", "must end in .png or .svg or .pdf"),
@@ -90,6 +91,7 @@ def test_options_are_those_of_the_library(cap, given, options):
         ("map IN second.obj third.obj", "--out-dir"),
         ("map IN --out-dir maps --cut --center 3", "must be a method"),
         ("map IN --out-dir maps --report r.json", "are for one surface"),
+        ("map IN --out-dir maps --force", "are for one surface"),
         ("batch IN maps --shard 3/2", "must be I/N"),
         ("batch IN maps --report page.txt", "must end in .html"),
         ("batch IN maps --jobs 0", "jobs"),

@@ -39,9 +39,6 @@ def test_data_directory_comes_first(tmp_path, monkeypatch):
     np.testing.assert_array_equal(datasets.load("chinese_lion")[0], V)
     np.testing.assert_array_equal(datasets.load("mine")[0], 2 * V)
     np.testing.assert_array_equal(datasets.load("mine.npz")[0], 2 * V)
-
-
-def test_data_directory_that_does_not_exist(tmp_path, monkeypatch):
     monkeypatch.setenv("CDCP_IGL_DATA", str(tmp_path / "nowhere"))
     with pytest.raises(FileNotFoundError, match="CDCP_IGL_DATA"):
         datasets.load("chinese_lion")

@@ -137,7 +137,7 @@ def test_what_is_no_matrix_of_real_numbers_in_mat(tmp_path, form, V):
     [
         ("V", np.zeros(3), "V is no table, but has shape (3,)"),
         ("V", np.array([[1j]]), "V is no array of real numbers"),
-        ("V", np.array([{}]), "V is no array of real numbers"),
+        ("V", np.array([{}]), "V is no array of real numbers, or cut off"),  # no pickle
         ("points", V, "not F, points"),
     ],
 )
