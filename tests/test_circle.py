@@ -173,6 +173,9 @@ def test_slivers_at_the_center_are_avoided():
     chosen, literal = (center_of(V, F, "torsion", well_shaped) for well_shaped in (True, False))
     smallest = np.degrees(internal_angles(V, F).min(axis=1))
     assert smallest[literal.face] < 20 < smallest[chosen.face]
+    paper = cdcp_igl.disk_map(V, F, preset="paper")
+    assert paper.center.face == center_of(V, F, "heat", well_shaped=False).face
+    assert smallest[paper.center.face] < 20
 
 
 def test_given_face():

@@ -8,6 +8,7 @@ import pytest
 from commands import invoke
 
 import cdcp_igl
+from cdcp_igl.surface.filling import least_triangulation
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas
 
@@ -44,6 +45,27 @@ def test_a_disk_comes_back_as_it_is_even_if_vertices_coincide():
     np.testing.assert_array_equal(G, F)
     np.testing.assert_array_equal(vertex_index, np.arange(len(V)))
     np.testing.assert_array_equal(face_index, np.arange(len(F)))
+
+
+def triangulations(first, last):
+    """All of the polygon's corners from the first to the last."""
+    if last == first + 1:
+        return [[]]
+    return [
+        [*before, (first, middle, last), *behind]
+        for middle in range(first + 1, last)
+        for before in triangulations(first, middle)
+        for behind in triangulations(middle, last)
+    ]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_triangulation_of_a_hole_has_less_area(seed):
+    points = np.random.default_rng(seed).normal(size=(7, 3))
+    areas = [face_areas(points, np.array(faces)).sum() for faces in triangulations(0, 6)]
+    assert len(areas) == 42
+    area = face_areas(points, least_triangulation(points)).sum()
+    assert area == pytest.approx(min(areas), rel=1e-12)
 
 
 @pytest.mark.parametrize("columns", [2, 3])

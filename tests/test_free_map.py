@@ -289,3 +289,11 @@ def test_in_batches(tmp_path):
     for options in ({"disk": True}, {"center": 3}):
         with pytest.raises(ValueError, match=r"leave out|has no center"):
             batch([tmp_path], tmp_path / "others", free=True, **options)
+
+
+def test_a_vertex_lies_to_the_right():
+    V, F = grid(6, 4)
+    for vertex in DiskMesh(V, F).loop[[0, 5, 9]].tolist():
+        u, v = cdcp_igl.free_map(V, F, align=vertex).uv[vertex]
+        assert u > 0
+        assert abs(v) < 1e-12
