@@ -96,11 +96,11 @@ def rescue(
             break
     candidates = [candidate for _, candidate in tried]
     if all(candidate.conformality.sheared for candidate in candidates):
-        candidates += [
-            _repaired_at_any_cost(harmonic, failed, options, phase)
-            for harmonic, failed in tried
-            if not failed.certificate.valid
-        ]
+        for harmonic, failed in sorted(tried, key=lambda pair: pair[1].rank):
+            if not failed.certificate.valid:
+                candidates.append(_repaired_at_any_cost(harmonic, failed, options, phase))
+                if candidates[-1].conformality:
+                    break
     candidates.sort(key=lambda candidate: candidate.rank)
     best, *others = candidates
     rejected += dict.fromkeys(other.objection() for other in others)
