@@ -38,13 +38,12 @@ def draw():
     axes.set_axis_off()
     style = {"color": INK, "va": "center", "fontsize": 10}
     axes.text(1.35, -0.45, "V (n, 3), F (m, 3)", ha="center", **style)
-    rows = {module: row for row, (module, _, _) in enumerate(STEPS)}
-    for module, row in rows.items():
+    for row, (module, what, handed_on) in enumerate(STEPS):
         _arrow(axes, (1.35, row - (0.25 if row == 0 else 0.42)), (1.35, row))
         _box(axes, 1.35, row + 0.28, module, BOX)
-        _, what, handed_on = STEPS[row]
         axes.text(2.75, row + 0.2, handed_on, weight="bold", **style)
         axes.text(2.75, row + 0.48, what, **(style | {"fontsize": 8.5}))
+    rows = {module: row for row, (module, _, _) in enumerate(STEPS)}
     first, last = (rows[module] for module in PAPER)
     axes.plot([5.35, 5.45, 5.45, 5.35], [first, first, last + 0.6, last + 0.6], color=INK, lw=1)
     axes.text(5.6, (first + last + 0.6) / 2, "Algorithm 1: algorithm.py", **style)
