@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import dijkstra
 from .arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from .cached import cached_property
 from .certificate import Certificate, certify_ring
-from .distortion import AngleDistortion, angle_errors, map_distortion
+from .distortion import angle_errors, map_distortion
 from .errors import Defect, MeshError, counted
 from .io.given import takes_meshes
 from .plot.layout import Layout
@@ -221,9 +221,7 @@ def annulus_map(
                 f, repair = repaired(mesh, f, on_disk=False)
             with phase("certificate"):
                 certificate = certify_ring(mesh, f)
-                degrees = map_distortion(mesh, f)
-                fields = fields_of(mesh, f, degrees, certificate, repair)
-                fields["distortion"] = AngleDistortion.of(degrees[:m])
+                fields = fields_of(mesh, f, map_distortion(mesh, f), certificate, repair, m)
             return AnnulusMap(
                 **fields,
                 uv=coordinates(f)[:n],

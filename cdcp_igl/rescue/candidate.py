@@ -130,7 +130,7 @@ class Candidate:
     def steps_due(self) -> int:
         """As `steps_due`."""
         share = self.done.repair.n_moved / len(self.f)
-        return steps_due(self.conformality, share, self.done.straightening)
+        return steps_due(self.conformality, share, self.done.straightening.gain)
 
     def objection(self) -> str:
         """Why another map was sought after this one, or taken instead."""
@@ -141,17 +141,15 @@ class Candidate:
         return f"{name}: mean distortion {self.mean:.2f} degrees{verdict}"
 
 
-def steps_due(
-    conformality: Conformality, repaired: float, straightening: Straightening | None = None
-) -> int:
+def steps_due(conformality: Conformality, repaired: float, straightened: float = 0.0) -> int:
     """Count the steps for a map that is measurably not near the conformal one.
 
-    Repair has moved the share `repaired` of its vertices.
+    Repair has moved the share `repaired` of its vertices; straightening has taken out the share
+    `straightened` of its distortion.
     """
     if conformality.reasons or repaired > MUCH_REPAIRED:
         return MOST_STEPS
-    coarse = straightening is not None and straightening.gain > COARSE
-    return STEPS_DUE if coarse or conformality.excess > EXCESS else 0
+    return STEPS_DUE if straightened > COARSE or conformality.excess > EXCESS else 0
 
 
 def judged(

@@ -82,14 +82,22 @@ class PlaneMap(Result):
 
 
 def fields_of(
-    mesh: DiskMesh, f: Complex | Floats, degrees: Floats, certificate: Any, repair: Repair
+    mesh: DiskMesh,
+    f: Complex | Floats,
+    degrees: Floats,
+    certificate: Any,
+    repair: Repair,
+    given: int | None = None,
 ) -> dict[str, Any]:
-    """Judge a map with angular distortion `degrees` (m, 3): the fields of a result that say so."""
+    """Judge a map with angular distortion `degrees` (m, 3): the fields of a result that say so.
+
+    The distortion is that of the first faces, as many as were `given`, if others fill holes.
+    """
     closely = repair.n_flipped > 0
     return {
         "mesh": mesh,
         "certificate": certificate,
-        "distortion": AngleDistortion.of(degrees),
+        "distortion": AngleDistortion.of(degrees[:given]),
         "conformality": judge(mesh, f, degrees, valid=certificate.valid, closely=closely),
         "repair": repair,
     }
