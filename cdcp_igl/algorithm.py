@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from .arrays import Complex, Floats
 from .io.given import takes_meshes
 from .rescue.boundary import BoundaryMethod
-from .rescue.candidate import HarmonicMap, Provenance, judged
+from .rescue.harmonic_map import HarmonicMap, Provenance
 from .result.disk_map import DiskMap
-from .selection import finish, inscribed, is_good, rescue
+from .selection import finish, inscribed, is_good, judged, rescue
 from .solve.factored import FactoredSurface, harmonic_extension
 from .solve.laplacian import cotangent_laplacian
 from .solve.solvers import SolverName, using
@@ -223,9 +223,9 @@ def map_of(
             known.clear()
             known[options.first_steps] = harmonic
         f = rotate(surface.mesh, f, options.align)
-        best = judged(surface.mesh, f, replace(harmonic.done, mobius=mobius), phase)
+        best = judged(surface, f, replace(harmonic.done, mobius=mobius), phase)
         if not is_good(best, harmonic, options):
-            best = rescue(surface, best.done.center, harmonic, options, phase)
+            best = rescue(surface, best.center, harmonic, options, phase)
     return finish(surface, best, options, phase, keep_factor=known is not None)
 
 

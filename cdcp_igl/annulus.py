@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +22,7 @@ from .rescue.figures import Figure, Flipped
 from .rescue.repair import repaired
 from .result.base import valid_map
 from .result.bijection import Bijection
-from .result.harmonic import RefinedMap, fields_of, refined, steps_of
+from .result.making import MadeMap, best_of, fields_of, refined, steps_of
 from .solve.factored import FactoredSurface
 from .solve.solvers import SolverName, using
 from .steps.options import Options
@@ -45,7 +44,7 @@ REMEDY = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AnnulusMap(RefinedMap, Bijection):
+class AnnulusMap(MadeMap, Bijection):
     """A conformal map onto a ring around 0. Printing it gives a summary.
 
     Attributes
@@ -116,9 +115,6 @@ class AnnulusMap(RefinedMap, Bijection):
             *(filled if self.filled else []),
             *super()._steps(),
         ]
-
-    def _details(self) -> dict[str, Any]:
-        return super()._details() | {"modulus_bounds": list(self.modulus_bounds)}
 
     def _surface(self) -> tuple[Floats, Ints]:
         return self.mesh.positions[: len(self.uv)], self._faces
@@ -215,13 +211,14 @@ def annulus_map(
         with phase("trace"):
             strip, bounds = ring_map(surface)
 
-        def finished(strip: Complex, boundary: str) -> AnnulusMap:
+        def finished(strip: Complex, known: float = 0.0, *, boundary: str) -> AnnulusMap:
             with phase("repair"):
                 f = np.exp(strip - 1j * strip.imag[mesh.loops[0][0]])
                 f, repair = repaired(mesh, f, on_disk=False)
             with phase("certificate"):
                 certificate = certify_ring(mesh, f)
-                fields = fields_of(mesh, f, map_distortion(mesh, f), certificate, repair, m)
+                degrees = map_distortion(mesh, f)
+                fields = fields_of(mesh, f, degrees, certificate, repair, given=m, known=known)
             return AnnulusMap(
                 **fields,
                 uv=coordinates(f)[:n],
@@ -230,19 +227,16 @@ def annulus_map(
                 radius=float(abs(f[mesh.loops[1]]).mean()),
                 boundary=boundary,
                 filled=filled,
-                refinement=None,
                 solver=surface.solver,
                 timings=phase.seconds,
                 _whole=coordinates(f),
                 _n_faces=m,
             )
 
-        for boundary, trial in _strips(surface, strip):
-            best = finished(trial, boundary)
-            if best.valid:
-                break
+        ways = (partial(finished, f, boundary=name) for name, f in _strips(surface, strip))
+        best = best_of(ways, lambda made: made.valid)
         if steps := steps_of(best, options):
-            f, made = np.log(as_complex(best._images)), partial(finished, boundary=boundary)
+            f, made = np.log(as_complex(best._images)), partial(finished, boundary=best.boundary)
             best = refined(best, f, Ring(), surface.order, steps, made, options, phase)
     best = valid_map(best, " onto the ring", REMEDY)
     phase.done()
@@ -368,6 +362,10 @@ class Ring(Figure):
     def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Certificate:
         """Verify a map f (n,) whose `flipped` faces are known."""
         return certify_ring(mesh, np.exp(f), flipped)
+
+    def image(self, f: Complex) -> Complex:
+        """Points of the ring, (n,)."""
+        return np.exp(f)
 
     def errors(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Floats:
         """(m, 3) signed angle errors in radians."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,12 +16,11 @@ from .certificate import OutlineCertificate, certify_outline
 from .distortion import map_distortion
 from .errors import SolverError, spell
 from .io.given import takes_meshes
-from .rescue.candidate import PATIENT
 from .rescue.figures import Figure, Flipped
 from .rescue.refine import lower_angle_distortion
 from .rescue.repair import MANY, Repair, repair_locally
 from .result.base import valid_map
-from .result.harmonic import PlaneMap, RefinedMap, fields_of, refined, steps_of
+from .result.making import PATIENT, PlaneMap, best_of, fields_of, refined, steps_of
 from .solve.factored import FactoredSurface, harmonic_extension
 from .solve.solvers import SolverName, using
 from .steps.boundary_first import (
@@ -48,7 +47,7 @@ OF_THE_DISK = ("center", "trace", "circle", "mobius")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FreeMap(RefinedMap, PlaneMap):
+class FreeMap(PlaneMap):
     """A conformal map with a free outline. Printing it gives a summary.
 
     Attributes
@@ -94,6 +93,7 @@ class FreeMap(RefinedMap, PlaneMap):
 
     _kind = "free"
     _plane = "Plane"
+    _reported = ("boundary", "laplacian", "area_ratio")
 
     def _steps(self) -> list[tuple[str, str]]:
         return [
@@ -101,14 +101,6 @@ class FreeMap(RefinedMap, PlaneMap):
             ("area", f"{self.area_ratio:.4g} times that of the surface"),
             *super()._steps(),
         ]
-
-    def _details(self) -> dict[str, Any]:
-        return {
-            "boundary": self.boundary,
-            "laplacian": self.laplacian,
-            "area_ratio": self.area_ratio,
-            **super()._details(),
-        }
 
 
 @takes_meshes
@@ -231,9 +223,9 @@ def free_map_of(
         if not keep_factor:
             surface.release()
 
-        def finished(f: Complex) -> FreeMap:
+        def finished(f: Complex, known: float) -> FreeMap:
             kind = plain.boundary, plain.laplacian, asked.length
-            return _finished(surface, f, *kind, options, phase)
+            return _finished(surface, f, *kind, options, phase, known)
 
         f = as_complex(plain.uv)
         best = refined(plain, f, Outline(), order, steps, finished, options, phase)
@@ -293,23 +285,22 @@ def _best_map(
     surface: FactoredSurface, asked: _Boundary, options: Options, phase: Phases
 ) -> FreeMap:
     """Try one way after the other until a map is conformal; the best, valid or not."""
-    found: list[FreeMap] = []
-    for ways in (_plain_maps, _eased_maps):
-        for f, boundary, laplacian in ways(surface, asked, options, phase):
-            found.append(_finished(surface, f, boundary, laplacian, asked.length, options, phase))
-            if found[-1].conformal:
-                return found[-1]
-        if asked.name != OWN or any(made.valid for made in found):
-            break
-    return min(found, key=lambda made: (not made.valid, made.distortion.mean))
+
+    def ways(of: Ways) -> Iterator[Callable[[], FreeMap]]:
+        for f, name, laplacian in of:
+            yield partial(_finished, surface, f, name, laplacian, asked.length, options, phase)
+
+    best = best_of(ways(_plain_maps(surface, asked, phase)))
+    if asked.name != OWN or best.valid:
+        return best
+    eased = ways(_eased_maps(surface, asked, options, phase))
+    return best_of([lambda: best, *eased])
 
 
 Ways = Iterator[tuple[Complex, str, str]]
 
 
-def _plain_maps(
-    surface: FactoredSurface, asked: _Boundary, options: Options, phase: Phases
-) -> Ways:
+def _plain_maps(surface: FactoredSurface, asked: _Boundary, phase: Phases) -> Ways:
     """Yield the maps with the boundary as asked, on both Laplacians."""
     yield _laid_out(surface, asked, phase), asked.name, "cotangent"
     with suppress(SolverError):
@@ -362,6 +353,7 @@ def _finished(
     length: float,
     options: Options,
     phase: Phases,
+    known: float = 0.0,
 ) -> FreeMap:
     """Turn a map (n,) and scale it to the length of its outline; repair, certify and judge it.
 
@@ -379,7 +371,7 @@ def _finished(
             f, repair = repair_locally(mesh, f, most)
             certificate = certify_outline(mesh, coordinates(f))
     with phase("certificate"):
-        fields = fields_of(mesh, f, map_distortion(mesh, f), certificate, repair)
+        fields = fields_of(mesh, f, map_distortion(mesh, f), certificate, repair, known=known)
         outline = f[mesh.loop]
         area = (outline.conj() * np.roll(outline, -1)).imag.sum() / 2
     return FreeMap(
@@ -388,7 +380,6 @@ def _finished(
         area_ratio=float(area / mesh.vertex_areas.sum()),
         boundary=boundary,
         laplacian=laplacian,
-        refinement=None,
         solver=surface.solver,
         timings=phase.seconds,
     )

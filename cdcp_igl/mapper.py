@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from .algorithm import map_of
 from .free import FreeMap, free_map_of
 from .io.given import takes_meshes
-from .rescue.candidate import HarmonicMap
+from .rescue.harmonic_map import HarmonicMap
 from .result.disk_map import DiskMap
 from .solve.factored import FactoredSurface
 from .solve.solvers import SolverName, using

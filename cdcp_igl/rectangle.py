@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,11 +14,11 @@ from .algorithm import map_of
 from .arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from .certificate import Certificate, not_finite
 from .distortion import map_distortion
-from .errors import MapError, SolverError, counted, spell
+from .errors import counted, spell
 from .io.given import takes_meshes
 from .rescue.repair import Repair, repaired
 from .result.base import valid_map
-from .result.harmonic import PlaneMap, fields_of
+from .result.making import PlaneMap, best_of, fields_of
 from .solve.factored import FactoredSurface, harmonic_extension
 from .solve.laplacian import LAPLACIANS, Laplacian
 from .solve.solvers import SolverName, using
@@ -84,6 +83,7 @@ class RectangleMap(PlaneMap):
 
     _kind = "rectangle"
     _plane = "Rectangle"
+    _reported = ("modulus", "modulus_bounds", "corners", "boundary", "laplacian")
 
     def _key_figure(self) -> str:
         return f"modulus {self.modulus:.6g}"
@@ -93,20 +93,8 @@ class RectangleMap(PlaneMap):
         return [
             ("modulus", f"{self.modulus:.8g}, from {low:.8g} to {high:.8g}"),
             ("boundary", f"{self.boundary}, {self.laplacian} Laplacian"),
-            ("repair", str(self.repair)),
-            ("solver", self.solver),
+            *super()._steps(),
         ]
-
-    def _details(self) -> dict[str, Any]:
-        return {
-            "modulus": self.modulus,
-            "modulus_bounds": list(self.modulus_bounds),
-            "corners": list(self.corners),
-            "boundary": self.boundary,
-            "laplacian": self.laplacian,
-            "repaired_faces": self.repair.n_flipped,
-            "solver": self.solver,
-        }
 
 
 @takes_meshes
@@ -224,19 +212,19 @@ def _refuse_chords(mesh: DiskMesh, sides: list[Ints]) -> None:
 def _best_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleMap:
     """Try one way after the other until a map is conformal; the best, valid or not."""
     ways: list[Callable[[DiskMesh, list[Ints], Phases], _Square]]
-    ways, found = [*(partial(_sliding, name) for name in LAPLACIANS), _by_disk_map], []
-    for way in ways:
-        try:
-            found.append(_rectangle(mesh, sides, way(mesh, sides, phase), phase))
-        except (SolverError, MapError) as error:
-            failure = error
+    ways = [*(partial(_sliding, name) for name in LAPLACIANS), _by_disk_map]
+    found: list[RectangleMap] = []
+
+    def enough(made: RectangleMap) -> bool:
         # Flipped faces that were repaired are worth another Laplacian, not a map onto the disk.
-        conformal = [result for result in found if result.conformal]
-        if conformal and (len(found) > 1 or conformal[0].repair.n_flipped == 0):
-            break
-    if not found:
-        raise failure
-    return min(found, key=lambda result: (not result.valid, result.distortion.mean))
+        found.append(made)
+        conformal = [one for one in found if one.conformal]
+        return bool(conformal) and (len(found) > 1 or conformal[0].repair.n_flipped == 0)
+
+    def made(way: Callable[[DiskMesh, list[Ints], Phases], _Square]) -> RectangleMap:
+        return _rectangle(mesh, sides, way(mesh, sides, phase), phase)
+
+    return best_of((partial(made, way) for way in ways), enough)
 
 
 def _sliding(name: str, mesh: DiskMesh, sides: list[Ints], phase: Phases) -> _Square:

@@ -9,14 +9,17 @@ from functools import partial
 
 import numpy as np
 
-from .arrays import Complex, coordinates
-from .distortion import AngleDistortion
+from .arrays import Complex, as_complex, coordinates
+from .certificate import certify_disk
+from .distortion import AngleDistortion, map_distortion
 from .rescue.boundary import FALLBACKS, BoundaryMethod, by_inscribed_angles
-from .rescue.candidate import Candidate, HarmonicMap, Provenance, judged, refined
 from .rescue.collapsed_faces import open_collapsed_faces
+from .rescue.harmonic_map import HarmonicMap, Provenance, provenance
+from .rescue.refine import DISK
 from .rescue.repair import Repair, repair_locally, repaired, replace_interior
 from .result.base import valid_map
 from .result.disk_map import DiskMap
+from .result.making import fields_of, refined, steps_of
 from .solve.factored import FactoredSurface, extended_again, harmonic_extension
 from .steps.center import Center
 from .steps.circle import Rejected
@@ -41,13 +44,13 @@ REMEDY = (
 Repairing = Callable[[DiskMesh, Complex], tuple[Complex, Repair]]
 
 
-def is_good(first: Candidate, harmonic: HarmonicMap, options: Options) -> bool:
+def is_good(first: DiskMap, harmonic: HarmonicMap, options: Options) -> bool:
     """Whether the map of Algorithm 1 needs no rescue."""
     done = options.preset == "paper" or not harmonic.needs_correction
-    return done and not _is_doubtful(first, options, harmonic.surface.mesh)
+    return done and not _is_doubtful(first, options)
 
 
-def _is_doubtful(candidate: Candidate, options: Options, mesh: DiskMesh) -> bool:
+def _is_doubtful(candidate: DiskMap, options: Options) -> bool:
     """Whether another way to the circle may lead nearer to the conformal map.
 
     It may if the map is doubtful itself, or if the central face lies at the boundary, where a
@@ -55,13 +58,12 @@ def _is_doubtful(candidate: Candidate, options: Options, mesh: DiskMesh) -> bool
     """
     if options.preset == "paper":
         return candidate.conformality.sheared
-    at_boundary = mesh.on_boundary[mesh.F[candidate.done.center.face]].any()
+    mesh = candidate.mesh
+    at_boundary = mesh.on_boundary[mesh.F[candidate.center.face]].any()
     return candidate.conformality.is_doubtful or bool(at_boundary)
 
 
-def inscribed(
-    surface: FactoredSurface, center: Center, options: Options, phase: Phases
-) -> Candidate:
+def inscribed(surface: FactoredSurface, center: Center, options: Options, phase: Phases) -> DiskMap:
     """Map a surface without interior vertices, all of whose faces are inscribed in the circle."""
     with phase("circle"):
         f = by_inscribed_angles(surface.mesh)
@@ -76,13 +78,13 @@ def rescue(
     first: HarmonicMap | Rejected,
     options: Options,
     phase: Phases,
-) -> Candidate:
+) -> DiskMap:
     """Find a better map than the one of Algorithm 1, or one where it has none.
 
     The boundary by the trace, else by harmonic measure, else by arc length; then the interior
     without flipped faces. The best valid map is returned, or else the best that there is.
     """
-    tried: list[tuple[HarmonicMap, Candidate]] = []
+    tried: list[tuple[HarmonicMap, DiskMap]] = []
     rejected: list[str] = []
     for harmonic in _harmonic_maps(surface, center, first, phase):
         if isinstance(harmonic, Rejected):
@@ -92,22 +94,30 @@ def rescue(
             harmonic = harmonic.corrected(straightened=options.preset is None)
         candidate = _normalized(harmonic, options, phase)
         tried.append((harmonic, candidate))
-        if not _is_doubtful(candidate, options, surface.mesh):
+        if not _is_doubtful(candidate, options):
             break
     candidates = [candidate for _, candidate in tried]
     if all(candidate.conformality.sheared for candidate in candidates):
         for harmonic, failed in sorted(tried, key=lambda pair: pair[1].rank):
-            if not failed.certificate.valid:
+            if not failed.valid:
                 candidates.append(_repaired_at_any_cost(harmonic, failed, options, phase))
-                if candidates[-1].conformality:
+                if candidates[-1].conformal:
                     break
     candidates.sort(key=lambda candidate: candidate.rank)
     best, *others = candidates
-    rejected += dict.fromkeys(other.objection() for other in others)
+    rejected += dict.fromkeys(map(_objection, others))
     for objection in rejected:
-        log.info("boundary by %s, rejected %s", best.done.boundary.name, objection)
-    boundary = replace(best.done.boundary, rejected=tuple(rejected))
-    return replace(best, done=replace(best.done, boundary=boundary))
+        log.info("boundary by %s, rejected %s", best.boundary.name, objection)
+    return replace(best, boundary=replace(best.boundary, rejected=tuple(rejected)))
+
+
+def _objection(made: DiskMap) -> str:
+    """Say why another map was sought after this one, or taken instead."""
+    name = made.boundary.name
+    if not made.valid:
+        return f"{name}: no certificate"
+    verdict = "" if made.conformal else ", not conformal"
+    return f"{name}: mean distortion {made.distortion.mean:.2f} degrees{verdict}"
 
 
 def _harmonic_maps(
@@ -129,7 +139,7 @@ def _harmonic_maps(
         yield HarmonicMap(surface.delaunay, f, Provenance(center=center, boundary=method))
 
 
-def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> Candidate:
+def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> DiskMap:
     """Apply the Möbius transformation, unless the map is better without it; repair, and judge.
 
     A transformed map that repair was tried on, which may be in vain, or that has moved a small part
@@ -138,26 +148,26 @@ def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> Candi
     repairing = partial(repair_locally, most=MANY_FLIPPED * len(harmonic.surface.mesh.F))
     method = options.mobius_method
     candidate = _finished(harmonic, method, options, phase, repairing)
-    if method is None or not (harmonic.w or candidate.done.repair.rounds):
+    if method is None or not (harmonic.w or candidate.repair.rounds):
         return candidate
     plain = _finished(harmonic, None, options, phase, repairing)
     price = PRICE_OF_AREA if method == "area" else 1
-    if (*plain.rank[:2], price * plain.mean) < candidate.rank:
-        given = candidate.done.mobius
+    if (*plain.rank[:2], price * plain.distortion.mean) < candidate.rank:
+        given = candidate.mobius
         rejected = replace(given, w=harmonic.w, rejected=given.rejected or "repair")
-        return replace(plain, done=replace(plain.done, mobius=rejected))
+        return replace(plain, mobius=rejected)
     return candidate
 
 
 def _repaired_at_any_cost(
-    harmonic: HarmonicMap, failed: Candidate, options: Options, phase: Phases
-) -> Candidate:
+    harmonic: HarmonicMap, failed: DiskMap, options: Options, phase: Phases
+) -> DiskMap:
     """Find a valid map with this boundary, without a Möbius transformation."""
-    repairing = replace_interior if failed.done.repair.rounds else repaired
+    repairing = replace_interior if failed.repair.rounds else repaired
     candidate = _finished(harmonic, None, options, phase, repairing)
     if options.mobius_method is not None:
         rejected = Normalization(options.mobius_method, 0j, "repair")
-        candidate = replace(candidate, done=replace(candidate.done, mobius=rejected))
+        candidate = replace(candidate, mobius=rejected)
     return candidate
 
 
@@ -167,7 +177,7 @@ def _finished(
     options: Options,
     phase: Phases,
     repairing: Repairing,
-) -> Candidate:
+) -> DiskMap:
     """Do the last step of Algorithm 1 and what rounding asks for, repair the map, and judge it."""
     mesh, n_opened = harmonic.surface.mesh, 0
 
@@ -185,12 +195,32 @@ def _finished(
         log.info("%s", repair)
     boundary = replace(harmonic.done.boundary, n_opened=n_opened)
     done = replace(harmonic.done, boundary=boundary, mobius=mobius, repair=repair)
-    return judged(mesh, f, done, phase, closely=repair.n_flipped > 0)
+    return judged(harmonic.surface, f, done, phase)
+
+
+def judged(
+    surface: FactoredSurface, f: Complex, done: Provenance, phase: Phases, known: float = 0.0
+) -> DiskMap:
+    """Certify a map (n,), measure it, and judge it; for `known` see `judge`."""
+    mesh = surface.mesh
+    with phase("certificate"):
+        degrees = map_distortion(mesh, f)
+        fields = fields_of(mesh, f, degrees, certify_disk(mesh, f), done.repair, known=known)
+        of_free_faces = fields["distortion"]
+        if 0 < len(mesh.inscribed) < len(mesh.F):
+            of_free_faces = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
+    return DiskMap(
+        **(vars(done) | fields),
+        uv=coordinates(f),
+        distortion_of_free_faces=of_free_faces,
+        solver=surface.solver,
+        timings=phase.seconds,
+    )
 
 
 def finish(
     surface: FactoredSurface,
-    best: Candidate,
+    best: DiskMap,
     options: Options,
     phase: Phases,
     *,
@@ -201,46 +231,38 @@ def finish(
     Unless `keep_factor`, refinement, which makes a factor of its own, begins by giving back the
     memory of the surface's.
     """
-    mesh = surface.mesh
-    steps = options.refine or 0
-    if options.refine != 0 and options.preset is None and len(mesh.interior):
-        steps = max(steps, best.steps_due)
-    if steps and best.certificate.valid:
+    mesh, plain = surface.mesh, best
+    due = options.preset is None and len(mesh.interior) > 0
+    if steps := steps_of(plain, options, due=due):
         if not keep_factor:
             surface.release()
-        best = refined(surface, best, steps, options, phase)
-    result = _disk_map(surface, best, phase)
-    result = valid_map(result, " onto the disk", REMEDY)
-    phase.done()
-    return result
 
+        def finished(f: Complex, known: float) -> DiskMap:
+            with phase("repair"):
+                # Rotated only once, at the end: a rotation rounds all coordinates.
+                f, _ = open_collapsed_faces(mesh, rotate(mesh, f, options.align))
+                f, repair = repair_locally(mesh, f)
+            moved = max(plain.repair.n_moved, repair.n_moved)
+            done = provenance(plain, repair=replace(plain.repair, n_moved=moved))
+            return judged(surface, f, done, phase, known)
 
-def _disk_map(surface: FactoredSurface, best: Candidate, phase: Phases) -> DiskMap:
-    mesh, conformality = surface.mesh, best.conformality
+        near = {"analysis": surface.analysis, "near": not plain.steps_due}
+        f, order = as_complex(plain.uv), surface.rows
+        best = refined(plain, f, DISK, order, steps, finished, options, phase, **near)
     with phase("distortion"):
-        distortion = of_free_faces = AngleDistortion.of(best.degrees)
-        if 0 < len(mesh.inscribed) < len(mesh.F):
-            of_free_faces = AngleDistortion.of(np.delete(best.degrees, mesh.inscribed, axis=0))
-    if conformality.reasons:
-        causes = tuple(_causes(best.done, len(mesh.V)))
-        conformality = replace(conformality, reasons=conformality.reasons + causes)
-    return DiskMap(
-        uv=coordinates(best.f),
-        mesh=mesh,
-        certificate=best.certificate,
-        conformality=conformality,
-        distortion=distortion,
-        distortion_of_free_faces=of_free_faces,
-        solver=surface.solver,
-        timings=phase.seconds,
-        **vars(best.done),
-    )
+        if best.conformality.reasons:
+            reasons = (*best.conformality.reasons, *_causes(best))
+            best = replace(best, conformality=replace(best.conformality, reasons=reasons))
+    best = valid_map(replace(best, solver=surface.solver), " onto the disk", REMEDY)
+    phase.done()
+    return best
 
 
-def _causes(done: Provenance, n: int) -> Iterator[str]:
+def _causes(done: DiskMap) -> Iterator[str]:
     """Say what may have kept a map from being conformal."""
     if done.boundary.name == "arc length":
         yield "the boundary lies by arc length"
         yield from (reason for reason in done.boundary.rejected if "crowding" in reason)
+    n = len(done.mesh.V)
     if done.repair.n_moved > REPAIRED_SHARE * n:
         yield f"repair of flipped faces moved {done.repair.n_moved / n:.0%} of the vertices"

@@ -4,24 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Bools, Complex, Floats, Ints, as_complex, coordinates, marked
+from .arrays import Bools, Complex, Floats, Indices, Ints, as_complex, coordinates, marked
 from .cached import cached_property
 from .certificate import SphereCertificate, certify_sphere, flipped_on_sphere
 from .distortion import area_distortion, sphere_angle_errors
-from .errors import MapError, SolverError
+from .errors import MapError
 from .io.given import takes_meshes
 from .plot.layout import Layout
 from .rescue.figures import Figure, Flipped
 from .rescue.repair import MANY, POWERS, Neighbourhood, Repair, grow, repair_locally
 from .result.base import valid_map
 from .result.bijection import Bijection
-from .result.harmonic import RefinedMap, fields_of, refined, steps_of
+from .result.making import MadeMap, best_of, fields_of, refined, steps_of
 from .solve.factored import FactoredSurface
 from .solve.laplacian import LAPLACIANS
 from .solve.solvers import SolverName, using
@@ -45,7 +46,7 @@ FEW, MOST_RINGS, MOST_MOVES, MOST_PLANES = 100, 6, 20_000, 20
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SphereMap(RefinedMap, Bijection):
+class SphereMap(MadeMap, Bijection):
     """A conformal map onto the unit sphere. Printing it gives a summary.
 
     Attributes
@@ -334,39 +335,37 @@ def _best_map(
     phase: Phases,
 ) -> SphereMap:
     """Try one way after the other until a map is conformal; the best, refined, valid or not."""
-    found = []
-    for name, laplacian in LAPLACIANS.items():
-        try:
-            with phase("laplacian"):
-                L = laplacian(mesh)
-            with phase("factor"):
-                surface = FactoredSurface(mesh, L, np.arange(len(mesh.V)) > 0)  # eq. (18), pinned
-        except SolverError as error:
-            failure = error
-            continue
+
+    def by_dipole(name: str) -> SphereMap:
+        with phase("laplacian"):
+            L = LAPLACIANS[name](mesh)
+        with phase("factor"):
+            surface = FactoredSurface(mesh, L, np.arange(len(mesh.V)) > 0)  # eq. (18), pinned
+        orders.append(surface.order)
         with phase("trace"):
             P, pole = dipole_map(surface)
-        found.append(_finished(mesh, P, pole, name, surface.solver, mobius, align, phase))
-        if found[-1].conformal and found[-1].repair.n_flipped == 0:
-            break
-    if not found:
-        raise failure
-    if not any(result.valid for result in found):
-        last = found[-1]
+        return _finished(mesh, P, pole, name, surface.solver, mobius, align, phase)
+
+    orders = list[Indices]()
+    best = best_of(
+        (partial(by_dipole, name) for name in LAPLACIANS),
+        lambda made: made.conformal and made.repair.n_flipped == 0,
+    )
+    if not best.valid:
         with phase("repair"):
-            P = _mean_value_map(mesh, last.pole)
-        found.append(_finished(mesh, P, last.pole, "mean value", last.solver, None, align, phase))
-    best = min(found, key=lambda result: (not result.valid, result.distortion.mean))
+            P = _mean_value_map(mesh, best.pole)
+        whole = _finished(mesh, P, best.pole, "mean value", best.solver, None, align, phase)
+        best = min(best, whole, key=lambda made: made.rank)
     steps, sphere = steps_of(best, options), Sphere(best.points, best.pole)
     if steps == 0:
         return best
 
-    def finished(z: Complex) -> SphereMap:
+    def finished(z: Complex, known: float) -> SphereMap:
         kind = best.pole, best.laplacian, best.solver
-        lowered = _finished(mesh, sphere.points(z), *kind, None, None, phase)
+        lowered = _finished(mesh, sphere.points(z), *kind, None, None, phase, known)
         return replace(lowered, mobius=best.mobius)
 
-    z, order = sphere.plane(best.points), np.append(surface.order, 0)
+    z, order = sphere.plane(best.points), np.append(orders[-1], 0)
     order = order[order != best.pole]
     return refined(best, z, sphere, order, steps, finished, options, phase)
 
@@ -380,6 +379,7 @@ def _finished(
     mobius: Literal["area"] | None,
     align: tuple[Ints, Floats] | None,
     phase: Phases,
+    known: float = 0.0,
 ) -> SphereMap:
     """Normalise a map, repair it, certify and judge it."""
     mass = mesh.vertex_areas
@@ -396,14 +396,13 @@ def _finished(
     with phase("certificate"):
         certificate = certify_sphere(mesh.F, P)
         degrees = np.degrees(abs(sphere_angle_errors(mesh, P, certificate.flipped)))
-        fields = fields_of(mesh, P, degrees, certificate, repair)
+        fields = fields_of(mesh, P, degrees, certificate, repair, known=known)
     return SphereMap(
         **fields,
         points=P,
         pole=pole,
         mobius=mobius or "none",
         laplacian=laplacian,
-        refinement=None,
         solver=solver,
         timings=phase.seconds,
     )
@@ -681,6 +680,10 @@ class Sphere(Figure):
         z: Complex = (x + 1j * y) / np.where(height > 0, np.maximum(outside, 1e-300), 1 - height)
         z[self._pole] = AT_INFINITY
         return z
+
+    def image(self, f: Complex) -> Floats:
+        """Points of the sphere, (n, 3)."""
+        return self.points(f)
 
     def points(self, z: Complex) -> Floats:
         """(n, 3) points with these coordinates."""

@@ -15,7 +15,6 @@ from cdcp_igl.certificate import certify, is_around
 from cdcp_igl.distortion import angle_errors
 from cdcp_igl.reference import fdcp, harmonic
 from cdcp_igl.rescue.boundary import BoundaryMethod, around, harmonic_shares
-from cdcp_igl.rescue.candidate import HarmonicMap, Provenance
 from cdcp_igl.rescue.correction import (
     Straightening,
     common_shear,
@@ -23,6 +22,7 @@ from cdcp_igl.rescue.correction import (
     recentered,
     straighten,
 )
+from cdcp_igl.rescue.harmonic_map import HarmonicMap, Provenance
 from cdcp_igl.rescue.relaxation import Relaxation, softened
 from cdcp_igl.rescue.repair import (
     Neighbourhood,

@@ -17,7 +17,6 @@ from cdcp_igl.arrays import Complex, Floats, Ints
 from cdcp_igl.errors import MapError
 from cdcp_igl.reference.certified import certified_disk_map
 from cdcp_igl.rescue.boundary import FALLBACKS, _balanced
-from cdcp_igl.rescue.candidate import Candidate as Judged
 from cdcp_igl.rescue.collapsed_faces import open_collapsed_faces
 from cdcp_igl.rescue.correction import Straightening, recentered, straighten
 from cdcp_igl.rescue.relaxation import Relaxation
@@ -174,7 +173,7 @@ MECHANISMS: Mapping[str, Without] = {
     "straightening": partial(_replaced, straighten, _not_straightened),
     "recentering": partial(_replaced, recentered, _not_moved),
     "opening of collapsed faces": partial(_replaced, open_collapsed_faces, _not_moved),
-    "refinement as needed": partial(_patched, Judged, "steps_due", 0),
+    "refinement as needed": partial(_patched, DiskMap, "steps_due", 0),
 }
 
 

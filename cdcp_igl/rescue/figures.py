@@ -23,6 +23,10 @@ class Figure(ABC):
     def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Verified:
         """Verify a map f (n,) whose `flipped` faces are known."""
 
+    def image(self, f: Complex) -> Complex | Floats:
+        """Points of the figure, (n,) in the plane or (n, 3) in space, of a map f (n,)."""
+        return f
+
     def errors(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Floats:
         """(m, 3) signed angle errors in radians of a map f (n,) whose `flipped` faces are known."""
         return angle_errors(mesh, f)

@@ -47,6 +47,14 @@ class Repair:
     n_moved: int = 0
     rounds: int = 0
 
+    def report(self) -> dict[str, int]:
+        """Return it as JSON types."""
+        return {
+            "flipped_faces": self.n_flipped,
+            "moved_vertices": self.n_moved,
+            "rounds": self.rounds,
+        }
+
     def __str__(self) -> str:
         if self.n_flipped == 0:
             return "not needed"

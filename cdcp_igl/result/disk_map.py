@@ -13,12 +13,13 @@ from ..certificate import BOUNDARY_TOLERANCE, Certificate, certify_disk
 from ..distortion import AngleDistortion
 from ..errors import MapError
 from ..plot.layout import Layout
-from ..rescue.candidate import Provenance
 from ..rescue.collapsed_faces import open_collapsed_faces
+from ..rescue.harmonic_map import Provenance
 from ..rescue.repair import repair_locally
 from .base import Result
 from .bijection import DiskBijection
 from .landmarks import landmark_automorphism
+from .making import MadeMap
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -69,11 +70,7 @@ class OntoDisk(Result, Provenance):
                 "opened_faces": self.boundary.n_opened,
             },
             "straightening": asdict(self.straightening),
-            "repair": {
-                "flipped_faces": self.repair.n_flipped,
-                "moved_vertices": self.repair.n_moved,
-                "rounds": self.repair.rounds,
-            },
+            "repair": self.repair.report(),
             "mobius": {
                 "method": self.mobius.method,
                 "w": [self.mobius.w.real, self.mobius.w.imag],
@@ -85,7 +82,7 @@ class OntoDisk(Result, Provenance):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class DiskMap(OntoDisk, DiskBijection):
+class DiskMap(OntoDisk, DiskBijection, MadeMap):
     """A disk conformal map. Printing it gives a summary.
 
     Attributes
@@ -115,6 +112,10 @@ class DiskMap(OntoDisk, DiskBijection):
     >>> float(abs(result.uv - exact).max()) < 0.01
     True
     """
+
+    @property
+    def _straightened(self) -> float:  # type: ignore[override]
+        return self.straightening.gain
 
     def register(self, to: DiskMap, landmarks: ArrayLike) -> Floats:
         """Lay the map over that of another surface, by landmarks.

@@ -1,0 +1,224 @@
+"""How results are made, onto whatever figure: judged, the best of several, and refined."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, replace
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+
+from ..arrays import Complex, Floats, Ints
+from ..distortion import AngleDistortion
+from ..errors import MapError, SolverError
+from ..plot.layout import Layout
+from ..rescue.conformality import LARGEST_DEGREES, judge
+from ..rescue.figures import Figure
+from ..rescue.refine import HALVINGS, STEPS_DUE, Refinement, lower_angle_distortion
+from ..rescue.repair import Repair
+from ..steps.options import Options
+from ..steps.phases import Phases
+from ..surface.mesh import DiskMesh
+from .base import Result
+
+log = logging.getLogger("cdcp_igl")
+
+# A harmonic map is refined, even if no steps are asked for, where it is not near the conformal one:
+# straightening has removed more than the share COARSE of the distortion, as the boundary has few
+# vertices, or the errors are more than EXCESS times what the scale explains.
+COARSE = 0.2
+EXCESS = 1.05
+# A map that is not conformal, or in which repair has moved more than this share of the vertices,
+# is refined by up to MOST_STEPS, each halved up to PATIENT times. They are counted, not timed, as
+# equal inputs have equal outputs; they take most of the time of a surface that is hard.
+MUCH_REPAIRED = 0.1
+MOST_STEPS = 60
+PATIENT = 12
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class MadeMap(Result):
+    """A map of one mesh, with what was done about flipped faces, and about the distortion."""
+
+    mesh: DiskMesh
+    repair: Repair
+    refinement: Refinement | None = None
+    solver: str
+
+    _reported: ClassVar[tuple[str, ...]] = ()  # attributes that only this kind of map has
+    _straightened: ClassVar[float] = 0.0  # the share of the distortion that was taken out before
+
+    @property
+    def rank(self) -> tuple[bool, bool, float]:
+        """Valid maps come first, of these the conformal ones, then those of low mean distortion."""
+        return not self.valid, not self.conformal, self.distortion.mean
+
+    @property
+    def steps_due(self) -> int:
+        """Steps of refinement for a map that is measurably not near the conformal one."""
+        repaired = self.repair.n_moved / len(self.mesh.V)
+        if self.conformality.reasons or repaired > MUCH_REPAIRED:
+            return MOST_STEPS
+        coarse = self._straightened > COARSE or self.conformality.excess > EXCESS
+        return STEPS_DUE if coarse else 0
+
+    def _steps(self) -> list[tuple[str, str]]:
+        return [
+            ("repair", str(self.repair)),
+            ("refinement", str(self.refinement or "not asked for")),
+            ("solver", self.solver),
+        ]
+
+    def _details(self) -> dict[str, Any]:
+        plain = {name: getattr(self, name) for name in self._reported}
+        return {
+            **{name: list(x) if isinstance(x, tuple) else x for name, x in plain.items()},
+            "repair": self.repair.report(),
+            "refinement": self.refinement and asdict(self.refinement),
+            "solver": self.solver,
+        }
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class PlaneMap(MadeMap):
+    """A map (n, 2) of a disk, scaled into the unit square by its larger side where it is packed."""
+
+    uv: Floats
+    boundary: str
+    laplacian: str
+
+    def packed(self) -> Floats:
+        """Return the image scaled into the unit square, (n, 2): texture coordinates."""
+        low, size = self._box
+        return (self.uv - low) / size.max()
+
+    @property
+    def _box(self) -> tuple[Floats, Floats]:
+        """Lower left corner and size of the image."""
+        low = self.uv.min(axis=0)
+        return low, self.uv.max(axis=0) - low
+
+    def _surface(self) -> tuple[Floats, Ints]:
+        return self.mesh.positions, self.mesh.F
+
+    def _layout(self) -> Layout:
+        mesh, (low, size) = self.mesh, self._box
+        scale = float(size.max() / 2)
+        x, y = (low + size / 2).tolist()
+        across, up = (size / (4 * scale)).tolist()
+        uv, place = (self.uv - [x, y]) / scale, {"middle": (x, y), "origin": (across, up)}
+        return self._drawn(mesh.V, mesh.F, uv, self._key_figure(), scale=scale, **place)
+
+
+def fields_of(
+    mesh: DiskMesh,
+    f: Complex | Floats,
+    degrees: Floats,
+    certificate: Any,
+    repair: Repair,
+    *,
+    given: int | None = None,
+    known: float = 0.0,
+) -> dict[str, Any]:
+    """Judge a map with angular distortion `degrees` (m, 3): the fields of a result that say so.
+
+    The distortion is that of the first faces, as many as were `given`, if others fill holes. For
+    `known` see `judge`.
+    """
+    how: dict[str, Any] = {"closely": repair.n_flipped > 0, "known": known}
+    return {
+        "mesh": mesh,
+        "certificate": certificate,
+        "distortion": AngleDistortion.of(degrees[:given]),
+        "conformality": judge(mesh, f, degrees, valid=certificate.valid, **how),
+        "repair": repair,
+    }
+
+
+Kind = TypeVar("Kind", bound=MadeMap)
+
+
+def best_of(
+    ways: Iterable[Callable[[], Kind]],
+    enough: Callable[[Kind], bool] = lambda made: made.conformal,
+) -> Kind:
+    """Try one way after the other until a map is good enough; the best one, valid or not.
+
+    A way without a map (SolverError, MapError) is passed over, unless there is no other.
+    """
+    found, failure = list[Kind](), None
+    for way in ways:
+        try:
+            found.append(way())
+        except (SolverError, MapError) as error:
+            failure = error
+            continue
+        if enough(found[-1]):
+            break
+    if failure and not found:
+        raise failure
+    return min(found, key=lambda made: made.rank)
+
+
+def steps_of(plain: MadeMap, options: Options, *, due: bool = True) -> int:
+    """Count the steps of refinement of a map: as many as are asked for, or are due."""
+    if not plain.valid or options.refine == 0:
+        return 0
+    return max(options.refine or 0, plain.steps_due if due else 0)
+
+
+def refined(
+    plain: Kind,
+    f: Complex,
+    figure: Figure,
+    order: Ints,
+    steps: int,
+    finished: Callable[[Complex, float], Kind],
+    options: Options,
+    phase: Phases,
+    **more: Any,
+) -> Kind:
+    """Lower the angular distortion of a valid map by so many steps.
+
+    It is f (n,) in the coordinate of its `figure`; `finished` repairs, certifies and judges such a
+    map, the mean error that is no shear being known. For `order` and `more` see
+    `lower_angle_distortion`. No step takes a map that is conformal to one that is not. Where
+    rounding at the end does, or flips faces, the plain one is returned.
+    """
+    mesh, verdict, repair = plain.mesh, plain.conformality, plain.repair
+    conformal, known = plain.conformal, 0.0 if verdict.sheared else plain.distortion.mean
+
+    def no_less_conformal(f: Complex, r: Floats) -> bool:
+        nonlocal conformal, known
+        degrees, before = np.degrees(abs(r)), conformal
+        mean, closely = float(degrees.mean()), repair.n_flipped > 0
+        conformal = mean <= LARGEST_DEGREES and bool(
+            judge(mesh, figure.image(f), degrees, closely=closely, known=known)
+        )
+        if conformal:
+            known = max(known, mean)
+        return conformal or not before
+
+    with phase("refine") as advance:
+        f, refinement = lower_angle_distortion(
+            *(mesh, f, order, steps, options.refine_norm),
+            seconds=options.refine_seconds,
+            halvings=PATIENT if steps >= MOST_STEPS else HALVINGS,
+            least=options.refine or STEPS_DUE,
+            wanted=verdict.wanted,
+            figure=figure,
+            accepted=no_less_conformal,
+            advance=advance,
+            **more,
+        )
+    if refinement.stopped:
+        log.info("refinement: %s", refinement)
+    if refinement.steps == 0:
+        return replace(plain, refinement=refinement)
+    better = finished(f, known)
+    if better.rank[:2] > plain.rank[:2]:
+        stopped = "not conformal" if better.valid else "no certificate"
+        return replace(plain, refinement=refinement.undone(stopped))
+    repair = replace(repair, n_moved=max(repair.n_moved, better.repair.n_moved))
+    return replace(better, refinement=refinement, repair=repair)
