@@ -16,8 +16,8 @@ from typing import Annotated, Any, get_type_hints
 import typer
 from rich.console import Console
 
-from cdcp_igl.batching.names import read_shard
 from cdcp_igl.io.output import write_text
+from cdcp_igl.scale.batching.names import read_shard
 from cdcp_igl.solve.solvers import solver
 
 from .measure import models as surfaces

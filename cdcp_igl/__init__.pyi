@@ -1,27 +1,28 @@
 from . import datasets, io, plot, reference
-from .algorithm import cdcp, disk_map
-from .annulus import AnnulusMap, annulus_map
 from .atlas.cutting import Cut, cut
 from .atlas.surface import SurfaceMap, surface_map
-from .batching import Batch, batch
-from .certificate import Certificate, OutlineCertificate, SphereCertificate
-from .distortion import (
+from .errors import Defect, MapError, MeshError, SolverError
+from .maps.annulus import AnnulusMap, annulus_map
+from .maps.disk import cdcp, disk_map
+from .maps.free import FreeMap, free_map
+from .maps.mapper import DiskMapper
+from .maps.rectangle import RectangleMap, rectangle_map
+from .maps.sphere import SphereMap, sphere_map
+from .result.disk_map import DiskMap
+from .scale.batching import Batch, batch
+from .scale.parts import PartsMap, partition, parts_map
+from .surface.checking import MeshReport, check
+from .surface.cleaning import Cleaned, clean
+from .verdict.certificate import Certificate, SphereCertificate
+from .verdict.conformality import Conformality
+from .verdict.distortion import (
     AngleDistortion,
     angle_distortion,
     area_distortion,
     conformal_factor,
     quasi_conformal_dilatation,
 )
-from .errors import Defect, MapError, MeshError, SolverError
-from .free import FreeMap, free_map
-from .mapper import DiskMapper
-from .parts import PartsMap, partition, parts_map
-from .rectangle import RectangleMap, rectangle_map
-from .rescue.conformality import Conformality
-from .result.disk_map import DiskMap
-from .sphere import SphereMap, sphere_map
-from .surface.checking import MeshReport, check
-from .surface.cleaning import Cleaned, clean
+from .verdict.outline import OutlineCertificate
 
 __all__ = [
     "AngleDistortion",

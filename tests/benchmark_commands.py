@@ -16,8 +16,8 @@ from benchmarks.measure.methods import METHODS
 from benchmarks.measure.models import Model
 from benchmarks.records.record import EDGES, Record
 from benchmarks.records.store import Work
+from cdcp_igl.phases import PHASES
 from cdcp_igl.reference.case import OK, Case
-from cdcp_igl.steps.phases import PHASES
 
 ROOT = Path(__file__).parents[1]
 GRID = Model("grid", lambda: meshes.grid(8, 9))

@@ -7,8 +7,8 @@ from commands import invoke
 from surfaces import pierced_sphere, ring
 
 import cdcp_igl
-from cdcp_igl.certificate import certify_ring
 from cdcp_igl.surface.mesh import AnnulusMesh
+from cdcp_igl.verdict.certificate import certify_ring
 
 
 @pytest.mark.parametrize(

@@ -14,10 +14,10 @@ from batches import batch, contents, lines, write_surfaces, write_torn
 from commands import invoke
 
 import cdcp_igl
-from cdcp_igl.batching import Record, journal
-from cdcp_igl.batching.names import result_names, surface_files
 from cdcp_igl.errors import printable
 from cdcp_igl.io import read_mesh, write_map
+from cdcp_igl.scale.batching import Record, journal
+from cdcp_igl.scale.batching.names import result_names, surface_files
 
 
 @pytest.fixture

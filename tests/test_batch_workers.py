@@ -19,10 +19,11 @@ from batches import batch as in_this_process
 from commands import ROOT, start
 
 from benchmarks.measure.faults import children
-from cdcp_igl import datasets, pool
-from cdcp_igl.batching import batch
-from cdcp_igl.batching.work import memory_needed
+from cdcp_igl import datasets
 from cdcp_igl.reference.case import run_case
+from cdcp_igl.scale import pool
+from cdcp_igl.scale.batching import batch
+from cdcp_igl.scale.batching.work import memory_needed
 
 
 @pytest.fixture

@@ -27,9 +27,9 @@ from benchmarks.records.store import Work, read_results, write_results
 from benchmarks.write import front_page, sections
 from benchmarks.write.report import as_markdown
 from benchmarks.write.sections import tables
-from cdcp_igl.certificate import certify, certify_sphere
 from cdcp_igl.reference import harmonic
 from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.verdict.certificate import certify, certify_sphere
 
 V, F = GRID.load()
 WITHOUT = "without harmonic measure"

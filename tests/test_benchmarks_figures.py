@@ -48,12 +48,12 @@ from benchmarks.write.figures.style import HATCHES, MOST, STYLES, model_name, st
 from benchmarks.write.sections import cases, peer_table
 from benchmarks.write.table import markdown
 from cdcp_igl import angle_distortion, check, datasets, disk_map
-from cdcp_igl.certificate import certify
+from cdcp_igl.phases import PHASES
 from cdcp_igl.plot.scene import Scene
 from cdcp_igl.reference import bff, harmonic
 from cdcp_igl.reference.case import Case
-from cdcp_igl.steps.phases import PHASES
 from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.verdict.certificate import certify
 
 
 def test_distortion_is_painted_where_it_is():

@@ -12,8 +12,8 @@ from meshes import TRIANGLE, corridor, fan, grid, strip
 from surfaces import pierced_sphere, ring, sphere
 
 import cdcp_igl
-from cdcp_igl.certificate import certify_sphere
 from cdcp_igl.result.landmarks import Automorphism, landmark_automorphism
+from cdcp_igl.verdict.certificate import certify_sphere
 
 
 @pytest.fixture(scope="module")

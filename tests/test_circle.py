@@ -12,7 +12,6 @@ from surfaces import capped_tube
 
 import cdcp_igl
 from cdcp_igl import datasets, disk_map
-from cdcp_igl.certificate import increments, is_around
 from cdcp_igl.datasets import spherical_cap
 from cdcp_igl.rescue.boundary import FALLBACKS, harmonic_shares
 from cdcp_igl.rescue.collapsed_faces import open_collapsed_faces
@@ -26,6 +25,7 @@ from cdcp_igl.steps.trace import boundary_trace, conjugate_trace, face_dipole
 from cdcp_igl.steps.zipper import geodesic_map, open_arcs, open_blocks
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import flipped_faces
+from cdcp_igl.verdict.certificate import increments, is_around
 
 TRACES = [conjugate_trace, boundary_trace]
 EXACT = [datasets.spherical_cap, datasets.ellipse, datasets.square, datasets.paraboloid]

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 import cdcp_igl
 from cdcp_igl import datasets
-from cdcp_igl.distortion import angle_errors
 from cdcp_igl.reference import harmonic
-from cdcp_igl.rescue.conformality import dilatation, explained_errors, judge
 from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.verdict.conformality import dilatation, explained_errors, judge
+from cdcp_igl.verdict.distortion import angle_errors
 
 V, F = meshes.grid()
 UV = cdcp_igl.cdcp(V, F)

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from meshes import TRIANGLE, TWO_TRIANGLES, cells, fan, grid, rugged, strip
 
 import cdcp_igl
-from cdcp_igl.certificate import certify_outline, meeting_edges
 from cdcp_igl.datasets import ellipse, paraboloid, spherical_cap
-from cdcp_igl.distortion import plane_angles
-from cdcp_igl.free import Outline
-from cdcp_igl.rescue.refine import WeightedLaplacian, gauss_newton_step
+from cdcp_igl.refine.refinement import WeightedLaplacian, gauss_newton_step
+from cdcp_igl.refine.targets import Outline
 from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.verdict.distortion import plane_angles
+from cdcp_igl.verdict.outline import certify_outline, meeting_edges
 
 # Mean and SD of the angular distortion in degrees, at most: with no step, which is at or below
 # LSCM, and with five, below Blender's angle-based unwrapping, whose means are the third column.
@@ -156,7 +156,7 @@ def test_a_step_with_a_free_outline_is_that_of_the_normal_equations():
     J = np.array([(angles(x) - angles(-x)) / (2 * h) for x in h * np.eye(2 * len(z))]).T
     direct = np.linalg.lstsq(J, -r.ravel(), rcond=1e-8)[0]
     laplacian = WeightedLaplacian(mesh, np.arange(len(z)))
-    step = gauss_newton_step(mesh, z, r, 2, 0, laplacian, 60, figure=Outline()).view(float)
+    step = gauss_newton_step(mesh, z, r, 2, 0, laplacian, 60, target=Outline()).view(float)
     np.testing.assert_allclose(J @ step, J @ direct, atol=1e-7)
 
 

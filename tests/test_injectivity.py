@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import cdcp_igl
-from cdcp_igl.certificate import certify
 from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.verdict.certificate import certify
 
 MESH = DiskMesh(*meshes.grid())
 UV = cdcp_igl.cdcp(*meshes.grid())

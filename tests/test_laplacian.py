@@ -9,13 +9,13 @@ import pytest
 import cdcp_igl
 from cdcp_igl import libigl
 from cdcp_igl.datasets import square
-from cdcp_igl.distortion import angle_distortion
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
 from cdcp_igl.solve.ordering import LARGE, dissected
 from cdcp_igl.solve.solvers import solver, using
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import corner_cotangents, degenerate_faces, face_areas
+from cdcp_igl.verdict.distortion import angle_distortion
 
 
 def test_the_main_path_computes_with_libigl(monkeypatch):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.mapper import DiskMapper
+from cdcp_igl.maps.mapper import DiskMapper
 
 V, F = meshes.grid(9, 11)
 ONCE = {"check", "laplacian", "factor"}

@@ -7,7 +7,6 @@ from igl import internal_angles
 from scipy.spatial.transform import Rotation
 
 import cdcp_igl
-from cdcp_igl.distortion import plane_angles
 from cdcp_igl.steps.least_distortion import (
     AngleErrors,
     angle_change,
@@ -17,6 +16,7 @@ from cdcp_igl.steps.least_distortion import (
 )
 from cdcp_igl.steps.mobius import conformal_barycenter, mobius_transformation
 from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.verdict.distortion import plane_angles
 
 V, F = meshes.grid(10, 12)
 UV = cdcp_igl.cdcp(V, F)

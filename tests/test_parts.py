@@ -445,7 +445,7 @@ def test_a_fraction_of_the_memory(real_mesh, tmp_path):
         "disk_map(np.load('V.npy'), np.load('F.npy'), refine=0).center.face",
         "parts_map('parts').center.face",
     )
-    code = "import numpy as np; from cdcp_igl import *; from cdcp_igl.pool import peak_memory"
+    code = "import numpy as np; from cdcp_igl import *; from cdcp_igl.scale.pool import peak_memory"
     one, parts = (
         start("-c", f"{code}; print({call}, peak_memory())", cwd=tmp_path).stdout.split()
         for call in calls

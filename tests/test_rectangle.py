@@ -10,7 +10,7 @@ from scipy.spatial import Delaunay
 from surfaces import capped_tube
 
 import cdcp_igl
-from cdcp_igl.rectangle import along_side, certify_rectangle
+from cdcp_igl.maps.rectangle import along_side, certify_rectangle
 from cdcp_igl.surface.mesh import DiskMesh
 
 REAL = ["camelhead_11381", "femur_2411", "human_face_17157", "nefertiti_299"]

@@ -14,7 +14,6 @@ from hypothesis.extra import numpy as hnp
 import cdcp_igl
 from cdcp_igl import MapError, MeshError, angle_distortion, sphere_map
 from cdcp_igl.algorithm import Steps, algorithm_1
-from cdcp_igl.certificate import certify, certify_sphere
 from cdcp_igl.datasets import paraboloid, spherical_cap, spheroid, square
 from cdcp_igl.reference import (
     METHODS,
@@ -36,6 +35,7 @@ from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.trace import boundary_trace
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.topology import Topology
+from cdcp_igl.verdict.certificate import certify, certify_sphere
 
 
 def saddle():

@@ -6,10 +6,7 @@ import pytest
 
 import cdcp_igl
 from cdcp_igl.arrays import coordinates
-from cdcp_igl.certificate import certify
-from cdcp_igl.distortion import plane_angles
-from cdcp_igl.rescue.figures import Disk
-from cdcp_igl.rescue.refine import (
+from cdcp_igl.refine.refinement import (
     HALVINGS,
     WeightedLaplacian,
     _reason_to_stop,
@@ -17,7 +14,10 @@ from cdcp_igl.rescue.refine import (
     lower_angle_distortion,
     search_along,
 )
+from cdcp_igl.refine.targets import Disk
 from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.verdict.certificate import certify
+from cdcp_igl.verdict.distortion import plane_angles
 
 V, F = meshes.grid(9, 11)
 MESH = DiskMesh(V, F)

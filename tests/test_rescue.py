@@ -11,8 +11,6 @@ import cdcp_igl
 from benchmarks.measure.punctures import RINGS, opened, row_to_open
 from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.arrays import coordinates
-from cdcp_igl.certificate import certify, is_around
-from cdcp_igl.distortion import angle_errors
 from cdcp_igl.reference import fdcp, harmonic
 from cdcp_igl.rescue.boundary import BoundaryMethod, around, harmonic_shares
 from cdcp_igl.rescue.correction import (
@@ -36,6 +34,8 @@ from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.mobius import composed, mobius_transformation
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import flipped_faces
+from cdcp_igl.verdict.certificate import certify, is_around
+from cdcp_igl.verdict.distortion import angle_errors
 
 V, F = meshes.grid(10, 12)
 MESH = DiskMesh(V, F)

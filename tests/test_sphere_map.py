@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from surfaces import skin, sphere
 
 import cdcp_igl
-from cdcp_igl.certificate import certify_sphere
 from cdcp_igl.reference import flash
-from cdcp_igl.sphere import Sphere
+from cdcp_igl.refine.targets import Sphere
 from cdcp_igl.surface.mesh import SphereMesh
+from cdcp_igl.verdict.certificate import certify_sphere
 
 # Mean angular distortion in degrees, rounded up; the belt has needles that cross the sphere.
 CLOSED = {

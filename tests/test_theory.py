@@ -8,8 +8,6 @@ from scipy.sparse.linalg import spsolve
 
 from cdcp_igl import angle_distortion
 from cdcp_igl.algorithm import Steps, algorithm_1
-from cdcp_igl.certificate import certify
-from cdcp_igl.distortion import angle_errors
 from cdcp_igl.reference import (
     abf,
     bff,
@@ -29,6 +27,8 @@ from cdcp_igl.steps.circle import whiten_trace
 from cdcp_igl.steps.trace import boundary_trace, face_dipole
 from cdcp_igl.steps.zipper import geodesic_map
 from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.verdict.certificate import certify
+from cdcp_igl.verdict.distortion import angle_errors
 
 LION, FACE, BRAIN = "chinese_lion_17334", "human_face_17157", "human_brain_48463"
 

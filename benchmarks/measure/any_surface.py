@@ -13,9 +13,9 @@ import typer
 import cdcp_igl
 from cdcp_igl import MeshError, SurfaceMap
 from cdcp_igl.arrays import as_complex
-from cdcp_igl.distortion import plane_angles
 from cdcp_igl.libigl import angles
 from cdcp_igl.surface.triangles import face_areas
+from cdcp_igl.verdict.distortion import plane_angles
 
 from ..write.table import Cell, Row, Table, markdown, name, number
 from .models import files_of

@@ -11,8 +11,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from cdcp_igl import MapError, MeshError, SolverError, angle_distortion
-from cdcp_igl.batching.names import Shard, shard_of
 from cdcp_igl.reference.case import OK, TOO_LARGE, TOO_LONG, Case, run_case
+from cdcp_igl.scale.batching.names import Shard, shard_of
 from cdcp_igl.solve.solvers import solver
 from cdcp_igl.surface.mesh import DiskMesh
 

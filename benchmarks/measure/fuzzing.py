@@ -18,8 +18,8 @@ from scipy.sparse.csgraph import breadth_first_order
 
 from cdcp_igl import MapError, MeshError, SolverError, check, clean, datasets, disk_map, libigl
 from cdcp_igl.arrays import Floats, Ints
-from cdcp_igl.certificate import certify
 from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.verdict.certificate import certify
 
 from ..records.store import WORK, code
 from .worker import Jobs, WorkFolder, answered, kept_answers

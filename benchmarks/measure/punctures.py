@@ -16,10 +16,10 @@ import typer
 
 from cdcp_igl import MapError, MeshError, SolverError, angle_distortion, check, disk_map
 from cdcp_igl.arrays import Floats, Ints
-from cdcp_igl.certificate import certify
 from cdcp_igl.io import READABLE, read_mesh
 from cdcp_igl.reference import fdcp, harmonic
 from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.verdict.certificate import certify
 
 from ..records.store import WORK, code
 from .models import digest, files_of

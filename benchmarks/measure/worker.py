@@ -15,9 +15,9 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
-from cdcp_igl.batching.journal import Journal, journal_lines
-from cdcp_igl.pool import Pool, same_modules
 from cdcp_igl.printing import finite
+from cdcp_igl.scale.batching.journal import Journal, journal_lines
+from cdcp_igl.scale.pool import Pool, same_modules
 
 Jobs = Annotated[int, typer.Option(min=1, help="Cases side by side.")]
 WorkFolder = Annotated[

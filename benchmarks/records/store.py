@@ -9,10 +9,10 @@ in one table, whatever the commit is called::
     surfaces/MESH.npz            V and F of every surface, by their digest
     maps/RECORD.npz              uv (n, 2) float64, of the section "tables", by `Record.digest`
 
-The lines are the journals of a batch, `cdcp_igl.batching`. A run that was killed goes on where
-it stopped: what has a line is not measured again. To start over, delete the folder. The finished
-results, ``MACHINE.json``, hold the records of the last call of each command together with the
-machine they are from; ``MACHINE.csv`` has them as a table, without what is no number or word.
+The lines are the journals of a batch, `cdcp_igl.scale.batching`. A run that was killed goes on
+where it stopped: what has a line is not measured again. To start over, delete the folder. The
+finished results, ``MACHINE.json``, hold the records of the last call of each command together with
+the machine they are from; ``MACHINE.csv`` has them as a table, without what is no number or word.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ import pandas as pd
 
 import cdcp_igl
 from cdcp_igl.arrays import Floats, Ints
-from cdcp_igl.batching.journal import Journal, journal_lines
-from cdcp_igl.batching.names import Shard
 from cdcp_igl.io.output import whole_file, write_text
+from cdcp_igl.scale.batching.journal import Journal, journal_lines
+from cdcp_igl.scale.batching.names import Shard
 
 from .record import Record
 

@@ -12,20 +12,20 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from ..algorithm import disk_map
 from ..arrays import Bools, Floats, Ints, as_complex, coordinates, places
-from ..certificate import certify
-from ..distortion import conformal_factor
 from ..errors import MapError
-from ..free import FreeMap, free_map
+from ..maps.disk import disk_map
+from ..maps.free import FreeMap, free_map
+from ..options import Options
+from ..phases import Progress
 from ..rescue.boundary import by_inscribed_angles
 from ..result.disk_map import DiskMap
 from ..steps.mobius import conformal_barycenter
-from ..steps.options import Options
-from ..steps.phases import Progress
 from ..surface.filling import fill_hole
 from ..surface.topology import by_reach, components_of_pairs
 from ..surface.triangles import face_areas, vertex_areas
+from ..verdict.certificate import certify
+from ..verdict.distortion import conformal_factor
 from .cut_graph import Component, OpenedComponent, split_components
 from .cut_paths import branch_to, open_to_disk, straighten
 

@@ -12,21 +12,22 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, unit_size
 from ..cached import cached_property
-from ..certificate import Certificate, OutlineCertificate, together
-from ..distortion import AngleDistortion, plane_angles
 from ..errors import counted
-from ..free import FreeMap
 from ..io.given import takes_meshes
+from ..maps.free import FreeMap
+from ..options import Options
+from ..phases import Progress
 from ..plot.layout import Layout
-from ..rescue.conformality import Conformality
 from ..result.base import Result
 from ..result.disk_map import DiskMap
 from ..solve.solvers import SolverName
 from ..steps.center import CenterMethod
-from ..steps.options import Options
-from ..steps.phases import Progress
 from ..surface.triangles import corner_angles, corner_cotangents, face_areas, oriented_areas
 from ..surface.validation import usable_arrays
+from ..verdict.certificate import Certificate, together
+from ..verdict.conformality import Conformality
+from ..verdict.distortion import AngleDistortion, plane_angles
+from ..verdict.outline import OutlineCertificate
 from .charts import Chart, Limits, Outline, charts_of
 from .cut_graph import split_components
 from .cutting import Cut, cut_along

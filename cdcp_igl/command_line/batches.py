@@ -18,7 +18,7 @@ from .options import QUIET, SURFACES, file_option, takes_map_options
 from .screen import print_table, progress_bar
 
 if TYPE_CHECKING:
-    from ..batching import Batch
+    from ..scale.batching import Batch
 
 LONG = 100  # rows of a table that can still be read
 WORST = 20  # of a longer one: the maps with the largest distortion
@@ -63,7 +63,7 @@ def batch_command(
     Exit codes: 0 all are mapped; 1 a file could not be written, or an extra is missing;
     2 a bad argument; 4 some are not mapped.
     """
-    from ..batching.names import read_shard
+    from ..scale.batching.names import read_shard
 
     with exit_codes(), executor_at(scheduler) as executor:
         run_batch(
@@ -84,9 +84,9 @@ def batch_command(
 
 def run_batch(inputs: Sequence[str | Path], out: Path, *, quiet: bool, **options: Any) -> None:
     """Run `batch` and show what it has done; typer.Exit, with its code, if not all are mapped."""
-    from ..batching import batch
     from ..defects import as_commands
     from ..errors import printable
+    from ..scale.batching import batch
 
     with exit_codes(), writing(KEPT), _progress(quiet) as progress:
         made = batch(inputs, out, progress=progress, **options)

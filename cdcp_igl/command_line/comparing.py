@@ -60,13 +60,13 @@ def compare_command(
     Exit codes: 0 all rows are there; 1 a file could not be written, or an extra is missing;
     2 bad input; 4 some meshes were left out.
     """
-    from ..algorithm import disk_map
     from ..errors import printable
     from ..io import read_polygons
     from ..io.output import whole_file, write_table, write_text
     from ..io.polygons import naming_polygons
+    from ..maps.disk import disk_map
+    from ..maps.sphere import sphere_map
     from ..reference.case import run_case
-    from ..sphere import sphere_map
 
     chosen = [name.strip() for name in methods.split(",")] if methods else []
     if unknown := [name for name in chosen if name not in METHODS]:

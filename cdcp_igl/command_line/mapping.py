@@ -90,7 +90,7 @@ def map_command(
     from ..errors import printable
     from ..io import read_polygons
     from ..io.output import whole_file, write_text
-    from ..one_file import Settings, map_one
+    from ..scale.one_file import Settings, map_one
 
     name, notes = printable(source.name), list[str]()
     tried = [f"--{flag}" for flag in ("clean", "cut") if options[flag]]

@@ -32,7 +32,7 @@ def partition_command(
     Exit codes: 0 it is parted; 1 a file could not be written; 2 bad input.
     """
     from ..errors import printable
-    from ..parts import partition
+    from ..scale.parts import partition
 
     with exit_codes(), progress_bar() as progress:
         partition(source, folder, parts, progress=progress)
@@ -66,7 +66,7 @@ def map_parts(
         names = ", ".join(f"--{name.replace('_', '-')}" for name in sorted(others))
         raise typer.BadParameter(f"{names}: not for a surface in parts.")
     from ..errors import printable
-    from ..parts import parts_map
+    from ..scale.parts import parts_map
 
     chosen = {name: value for name, value in options.items() if name in OPTIONS}
     with exit_codes(), executor_at(where[1]) as executor:

@@ -14,8 +14,8 @@ import typer
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from ..phases import Progress
     from ..printing import Pairs
-    from ..steps.phases import Progress
 
 PATIENCE = 1.0  # seconds before the bar appears
 PIPE = 120  # columns where there is no terminal

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Floats, Ints
-from ..distortion import AngleDistortion
+from ..verdict.distortion import AngleDistortion
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,9 @@ from textwrap import fill
 import numpy as np
 
 from ..arrays import Floats, Ints
-from ..distortion import AngleDistortion, angle_distortion
 from ..errors import counted
 from ..extras import from_extra
+from ..verdict.distortion import AngleDistortion, angle_distortion
 from .layout import Layout
 from .raster import Bytes
 from .scene import Extent, Scene

@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike
 
 from .. import libigl
 from ..arrays import Floats, Ints, as_complex, coordinates
-from ..distortion import angle_distortion
 from ..extras import from_extra
 from ..surface.validation import checked_surface
+from ..verdict.distortion import angle_distortion
 from .raster import Bytes, frame, rasterize
 from .viewpoint import choose_viewpoint
 

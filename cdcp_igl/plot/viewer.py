@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints, as_complex, places
-from ..distortion import angle_distortion, conformal_factor
 from ..extras import from_extra
 from ..io.output import write_text
 from ..surface.location import z_order
 from ..surface.topology import group_by_edge, heads, tails
 from ..surface.triangles import vertex_areas
+from ..verdict.distortion import angle_distortion, conformal_factor
 from .layout import Layout
 from .pictures import side_by_side
 from .scene import angle_to_view, vertex_normals

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
-from ..certificate import Certificate, SphereCertificate, certify, certify_sphere
-from ..distortion import AngleDistortion, angle_distortion, area_distortion
 from ..errors import MapError, SolverError
-from ..pool import Pool, peak_memory, same_modules
+from ..maps.sphere import SphereMap
 from ..printing import finite
 from ..result.base import Result
-from ..sphere import SphereMap
+from ..scale.pool import Pool, peak_memory, same_modules
 from ..surface.mesh import DiskMesh, SphereMesh
+from ..verdict.certificate import Certificate, SphereCertificate, certify, certify_sphere
+from ..verdict.distortion import AngleDistortion, angle_distortion, area_distortion
 
 OK = "ok"
 TOO_LONG, TOO_LARGE = "no result within", "more than"  # begin the outcomes of the two limits

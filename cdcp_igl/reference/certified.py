@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..arrays import Complex, Floats, coordinates
-from ..certificate import Certificate, SphereCertificate, certify, certify_sphere
 from ..errors import MapError
 from ..surface.mesh import DiskMesh, SphereMesh
+from ..verdict.certificate import Certificate, SphereCertificate, certify, certify_sphere
 
 
 @dataclass(frozen=True, eq=False)

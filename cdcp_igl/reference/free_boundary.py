@@ -11,17 +11,17 @@ from .. import libigl
 from ..arrays import Complex, Floats, Ints, as_complex, places
 from ..errors import MapError, SolverError, counted
 from ..io.given import takes_meshes
-from ..rescue.boundary import arc_length_map
-from ..solve.factored import FactoredSurface, harmonic_extension
-from ..solve.laplacian import cotangent_laplacian
-from ..solve.solvers import factorize
-from ..steps.boundary_first import (
+from ..maps.boundary_first import (
     angles_of_scale,
     closed_curve,
     edge_means,
     pinned,
     scale_of_angles,
 )
+from ..rescue.boundary import arc_length_map
+from ..solve.factored import FactoredSurface, harmonic_extension
+from ..solve.laplacian import cotangent_laplacian
+from ..solve.solvers import factorize
 from ..steps.trace import edge_lengths
 from ..surface.mesh import DiskMesh
 from .certified import checked_free_map

@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix
 from ..arrays import Complex, Floats, Ints
 from ..io.given import takes_meshes
 from ..solve.laplacian import cotangent_laplacian
-from ..sphere import from_plane
+from ..steps.stereographic import from_plane
 from ..surface.mesh import DiskMesh, SphereMesh
 from .certified import certified_disk_map, certified_sphere_map
 from .dirichlet import Dirichlet

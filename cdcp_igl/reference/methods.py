@@ -10,10 +10,10 @@ from typing import Literal
 
 from numpy.typing import ArrayLike
 
-from ..algorithm import cdcp
 from ..arrays import Floats
 from ..io.given import takes_meshes
-from ..sphere import sphere_map
+from ..maps.disk import cdcp
+from ..maps.sphere import sphere_map
 from .conformal_equivalence import ricci
 from .doubled import double_cover
 from .fast import fdcp

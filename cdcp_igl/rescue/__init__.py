@@ -1,1 +1,1 @@
-"""What steps in where Algorithm 1 fails, and how far a map is from conformal."""
+"""What steps in where Algorithm 1 fails: other boundaries, repair, what doubles cannot hold."""

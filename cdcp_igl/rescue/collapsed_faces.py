@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Complex, Ints, coordinates
-from ..certificate import increments
 from ..libigl import is_counterclockwise
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import flipped_faces
+from ..verdict.certificate import increments
 
 LAST_DIGIT = 2.0**-53  # of a coordinate between 1/2 and 1
 MOST = 1e-13  # that a corner may leave the circle by; a certificate allows 1e-12

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Complex, Floats, Ints, evenly_spaced_rows
-from ..certificate import increments, is_around
-from ..distortion import plane_angles
 from ..steps.circle import RESOLVED
 from ..steps.least_distortion import pseudo_huber_corner
 from ..surface.mesh import DiskMesh
+from ..verdict.certificate import increments, is_around
+from ..verdict.distortion import plane_angles
 
 FEW_FACES = 1_000  # enough to tell whether there is anything to correct
 MANY_FACES = 30_000  # for what is gained by straightening

@@ -12,7 +12,6 @@ from ..steps.center import Center
 from ..steps.mobius import Normalization
 from .boundary import BoundaryMethod
 from .correction import FEW_FACES, Straightening, deep_vertex, is_sheared, recentered, straighten
-from .refine import Refinement
 from .repair import Repair
 
 
@@ -32,9 +31,6 @@ class Provenance:
         The Möbius transformation (19) that was applied, or why none was.
     repair : Repair
         What was done about faces that the harmonic map had flipped.
-    refinement : Refinement or None
-        How far the angular distortion was lowered beyond that of the harmonic map;
-        None if no step was asked for and none was due.
     """
 
     center: Center
@@ -42,7 +38,6 @@ class Provenance:
     straightening: Straightening = field(default_factory=Straightening)
     mobius: Normalization = field(default_factory=Normalization)
     repair: Repair = field(default_factory=Repair)
-    refinement: Refinement | None = None
 
 
 def provenance(of: Provenance, **changed: Any) -> Provenance:

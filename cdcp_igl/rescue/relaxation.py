@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Bools, Complex, Floats, Ints, places
-from ..distortion import wirtinger_derivative
+from ..verdict.distortion import wirtinger_derivative
 
 HALVINGS = 12  # of a vertex's step
 HALVINGS_AT_FLIPPED = 4  # of that of a vertex at a flipped face: shorter ones hardly ever help

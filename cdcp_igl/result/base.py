@@ -16,15 +16,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints
-from ..certificate import Certificate, OutlineCertificate, SphereCertificate
-from ..distortion import AngleDistortion, area_distortion
 from ..errors import MapError, counted, spell
 from ..io.given import FromFile
 from ..plot.layout import Layout
 from ..plot.raster import sample
 from ..printing import Pairs, as_html, as_text
-from ..rescue.conformality import Conformality
 from ..surface.triangles import face_areas, lost_in_single_precision
+from ..verdict.certificate import Certificate, SphereCertificate
+from ..verdict.conformality import Conformality
+from ..verdict.distortion import AngleDistortion, area_distortion
+from ..verdict.outline import OutlineCertificate
 
 log = logging.getLogger("cdcp_igl")
 

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints, as_complex, coordinates
-from ..certificate import BOUNDARY_TOLERANCE, Certificate, certify_disk
-from ..distortion import AngleDistortion
 from ..errors import MapError
 from ..plot.layout import Layout
+from ..refine.refinement import Refinement
 from ..rescue.collapsed_faces import open_collapsed_faces
 from ..rescue.harmonic_map import Provenance
 from ..rescue.repair import repair_locally
+from ..verdict.certificate import BOUNDARY_TOLERANCE, Certificate, certify_disk
+from ..verdict.distortion import AngleDistortion
 from .base import Result
 from .bijection import DiskBijection
 from .landmarks import landmark_automorphism
@@ -31,6 +32,7 @@ class OntoDisk(Result, Provenance):
 
     certificate: Certificate
     distortion_of_free_faces: AngleDistortion
+    refinement: Refinement | None = None
     solver: str
 
     _kind = "disk"

@@ -1,4 +1,4 @@
-"""How results are made, onto whatever figure: judged, the best of several, and refined."""
+"""How results are made, onto whatever target: judged, the best of several, and refined."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from ..arrays import Complex, Floats, Ints
-from ..distortion import AngleDistortion
 from ..errors import MapError, SolverError
+from ..options import Options
+from ..phases import Phases
 from ..plot.layout import Layout
-from ..rescue.conformality import LARGEST_DEGREES, judge
-from ..rescue.figures import Figure
-from ..rescue.refine import HALVINGS, STEPS_DUE, Refinement, lower_angle_distortion
+from ..refine.refinement import HALVINGS, STEPS_DUE, Refinement, lower_angle_distortion
+from ..refine.targets import Target
 from ..rescue.repair import Repair
-from ..steps.options import Options
-from ..steps.phases import Phases
 from ..surface.mesh import DiskMesh
+from ..verdict.conformality import LARGEST_DEGREES, judge
+from ..verdict.distortion import AngleDistortion
 from .base import Result
 
 log = logging.getLogger("cdcp_igl")
@@ -171,7 +171,7 @@ def steps_of(plain: MadeMap, options: Options, *, due: bool = True) -> int:
 def refined(
     plain: Kind,
     f: Complex,
-    figure: Figure,
+    target: Target,
     order: Ints,
     steps: int,
     finished: Callable[[Complex, float], Kind],
@@ -181,7 +181,7 @@ def refined(
 ) -> Kind:
     """Lower the angular distortion of a valid map by so many steps.
 
-    It is f (n,) in the coordinate of its `figure`; `finished` repairs, certifies and judges such a
+    It is f (n,) in the coordinate of its `target`; `finished` repairs, certifies and judges such a
     map, the mean error that is no shear being known. For `order` and `more` see
     `lower_angle_distortion`. No step takes a map that is conformal to one that is not. Where
     rounding at the end does, or flips faces, the plain one is returned.
@@ -194,7 +194,7 @@ def refined(
         degrees, before = np.degrees(abs(r)), conformal
         mean, closely = float(degrees.mean()), repair.n_flipped > 0
         conformal = mean <= LARGEST_DEGREES and bool(
-            judge(mesh, figure.image(f), degrees, closely=closely, known=known)
+            judge(mesh, target.image(f), degrees, closely=closely, known=known)
         )
         if conformal:
             known = max(known, mean)
@@ -207,7 +207,7 @@ def refined(
             halvings=PATIENT if steps >= MOST_STEPS else HALVINGS,
             least=options.refine or STEPS_DUE,
             wanted=verdict.wanted,
-            figure=figure,
+            target=target,
             accepted=no_less_conformal,
             advance=advance,
             **more,

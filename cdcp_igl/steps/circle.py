@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..arrays import Complex
-from ..certificate import increments, is_around
+from ..verdict.certificate import increments, is_around
 from .zipper import geodesic_map
 
 # On nefertiti_299 (34 boundary vertices) subdivision lowers the mean angular distortion

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..arrays import Complex, Floats, Ints, evenly_spaced_rows
-from ..distortion import angles_between, plane_angles
+from ..verdict.distortion import angles_between, plane_angles
 
 # Faces on which Newton's method judges w: one in 32, but some 10,000 at least; and few of them at
 # first, to come near. On 13 scans, the mean angular distortion is within 1e-4 degrees of that with

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Complex, Floats, Ints
-from ..certificate import is_around
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import flipped_faces
+from ..verdict.certificate import is_around
 from .least_distortion import (
     AngleErrors,
     faces_to_judge_by,

@@ -17,7 +17,7 @@ STEPS = (
     ("steps/zipper.py", "whitening, eqs. (1)–(6)", "f_B on the circle"),
     ("solve/factored.py", "eq. (10)", "f on the disk"),
     ("steps/mobius.py", "eqs. (19)–(20)", "f, least distortion"),
-    ("certificate.py", "exact signs", "Certificate"),
+    ("verdict/certificate.py", "exact signs", "Certificate"),
     ("result/disk_map.py", "", "DiskMap: uv and all about it"),
 )
 RESCUE = (
@@ -48,7 +48,7 @@ def draw():
     axes.plot([5.35, 5.45, 5.45, 5.35], [first, first, last + 0.6, last + 0.6], color=INK, lw=1)
     axes.text(5.6, (first + last + 0.6) / 2, "Algorithm 1: algorithm.py", **style)
     folder, text = RESCUE
-    judged = rows["certificate.py"] + 0.28
+    judged = rows["verdict/certificate.py"] + 0.28
     _box(axes, 6.2, judged, folder, BESIDE)
     axes.text(6.75, judged, text, **(style | {"fontsize": 8.5}))
     _arrow(axes, (4.4, judged - 0.08), (5.8, judged - 0.08))

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cdcp_igl.batching.work import Task
+from cdcp_igl.scale.batching.work import Task
 
 real = Task.run
 

@@ -1,0 +1,351 @@
+"""A surface with two boundary loops, mapped conformally onto a ring between two circles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from ..arrays import Complex, Floats, Ints, as_complex, coordinates, marked
+from ..cached import cached_property
+from ..errors import Defect, MeshError, counted
+from ..io.given import takes_meshes
+from ..options import Options
+from ..phases import Phases, Progress
+from ..plot.layout import Layout
+from ..refine.targets import Ring
+from ..rescue.repair import repaired
+from ..result.base import valid_map
+from ..result.bijection import Bijection
+from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
+from ..solve.factored import FactoredSurface
+from ..solve.solvers import SolverName, using
+from ..steps.trace import edge_lengths, shared_by_edges
+from ..surface.filling import fill_hole
+from ..surface.location import FaceFinder
+from ..surface.mesh import AnnulusMesh, DiskMesh
+from ..surface.topology import Topology, by_reach, group_by_edge, tails
+from ..surface.validation import checked_surface
+from ..verdict.certificate import Certificate, certify_ring
+from ..verdict.distortion import map_distortion
+
+LEAST_SHARE = 1e-9  # of a turn, for each edge of a loop
+WIDER = (1, 2, 4, 8)  # times the modulus, in turn, where straight edges cross the inner circle
+REMEDY = (
+    "Parts of it may be too small for double precision: cut the surface, or fill a hole "
+    "(cdcp_igl.surface_map)"
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AnnulusMap(MadeMap, Bijection):
+    """A conformal map onto a ring around 0. Printing it gives a summary.
+
+    Attributes
+    ----------
+    uv : (n, 2) float64
+        Row i is the image of row i of V, between the circles of radius `radius` and 1. The vertex
+        of smallest index of the loop that reaches farthest lies at (1, 0).
+    mesh : AnnulusMesh
+        The surface; holes that were filled come last.
+    modulus : float
+        log(1 / inner radius) / (2 pi) of the exact map, a conformal invariant of the surface: of
+        a cylinder, its length by its circumference.
+    modulus_bounds : (float, float)
+        Between which the modulus of the polyhedral surface lies, but for rounding: the logarithm
+        of the radius and the angle are trial functions in Dirichlet's principle. `modulus` is
+        their geometric mean.
+    radius : float
+        Of the inner circle. Its logarithm is near -2 pi times the modulus: such that all that flows
+        through the one flows around the other, or as refinement has left it.
+    boundary : str
+        ``"flux"``: angles on the loops are what flows through them. Where that leaves flipped
+        faces, ``"arc length"``, or a ring with a smaller inner circle than it should have, as
+        ``"flux, 2 times as wide"``: not conformal, but by refinement.
+    filled : int
+        Boundary loops beyond two that were filled; those faces are not in the results.
+    certificate : Certificate
+        As of a `DiskMap`, with both circles in place of one: errors are relative to the radius.
+    conformality, distortion, repair, refinement, solver, timings
+        As of a `DiskMap`.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
+    >>> cdcp_igl.annulus_map(V[1:], F[F.min(axis=1) > 0] - 1).filled
+    0
+    """
+
+    uv: Floats
+    mesh: AnnulusMesh
+    modulus: float
+    modulus_bounds: tuple[float, float]
+    radius: float
+    boundary: str
+    filled: int
+    certificate: Certificate
+    _whole: Floats  # with the images of vertices that fill holes
+    _n_faces: int
+
+    _kind = "annulus"
+    _plane = "Ring"
+    _reported = ("modulus", "modulus_bounds", "radius", "boundary", "filled")
+
+    def packed(self) -> Floats:
+        """Return the square around the ring, scaled to the unit square: texture coordinates."""
+        return (self.uv + 1) / 2
+
+    def _key_figure(self) -> str:
+        return f"modulus {self.modulus:.6g}"
+
+    def _steps(self) -> list[tuple[str, str]]:
+        low, high = self.modulus_bounds
+        filled = [("change", f"filled {counted(self.filled, 'hole', 'holes')}")]
+        return [
+            ("modulus", f"{self.modulus:.8g}, from {low:.8g} to {high:.8g}"),
+            ("inner radius", f"{self.radius:.6g}"),
+            ("boundary", self.boundary),
+            *(filled if self.filled else []),
+            *super()._steps(),
+        ]
+
+    def _surface(self) -> tuple[Floats, Ints]:
+        return self.mesh.positions[: len(self.uv)], self._faces
+
+    @property
+    def _images(self) -> Floats:
+        return self._whole
+
+    @property
+    def _faces(self) -> Ints:
+        return self.mesh.F[: self._n_faces]
+
+    @cached_property
+    def _finder(self) -> FaceFinder:
+        if not self.valid:
+            raise ValueError("the map is no bijection onto the ring: points have no one place")
+        # Triangles around 0 make a disk of the ring.
+        clockwise, middle = self.mesh.loops[1], len(self.mesh.V)
+        around = [np.roll(clockwise, -1), clockwise, np.full(len(clockwise), middle)]
+        F = np.vstack([self.mesh.F, np.column_stack(around)])
+        edges = group_by_edge(tails(F, middle + 1), middle + 1)
+        return FaceFinder(F, edges, np.append(as_complex(self._images), 0), self._n_faces)
+
+    def _layout(self) -> Layout:
+        V = self.mesh.V[: len(self.uv)]
+        return self._drawn(V, self._faces, self.uv, self._key_figure())
+
+
+@takes_meshes
+def annulus_map(
+    V: ArrayLike,
+    F: ArrayLike,
+    *,
+    refine: int | None = None,
+    refine_norm: float = 1.5,
+    refine_seconds: float = np.inf,
+    solver: SolverName | None = None,
+    progress: Progress | None = None,
+) -> AnnulusMap:
+    """Map a triangulated surface with two boundary loops conformally onto a ring.
+
+    The loop that reaches farthest goes to the unit circle, the next one to the inner circle, whose
+    radius is found with the map; other loops are filled for the time of the map. The logarithm of
+    the radius is the harmonic function that is constant on both loops, the angle its conjugate:
+    on the loops it is what flows through them, inside it is harmonic, too. Both have one factor.
+
+    Parameters
+    ----------
+    V, F, refine, refine_norm, refine_seconds, solver, progress
+        As in `disk_map`; refinement moves the inner circle, too.
+
+    Returns
+    -------
+    AnnulusMap
+
+    Raises
+    ------
+    MeshError
+        If the surface is closed, has one boundary loop, a handle or several components, or is no
+        mesh; or if a face has all three corners on the loop that goes to the inner circle.
+    MapError
+        If the map is no bijection; it is the ``result``.
+    SolverError, ValueError, ImportError
+        As `disk_map`.
+
+    References
+    ----------
+    L. V. Ahlfors. Conformal Invariants. McGraw-Hill, 1973. Chapter 4.
+    H. Hakula, A. Rasila, M. Vuorinen. On moduli of rings and quadrilaterals: algorithms and
+    experiments. SIAM J. Sci. Comput. 33(1), 2011.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(20)
+    >>> result = cdcp_igl.annulus_map(V[1:], F[F.min(axis=1) > 0] - 1)
+    >>> low, high = result.modulus_bounds
+    >>> result.valid, low < result.modulus < high
+    (True, True)
+    """
+    options = Options(
+        refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds, solver=solver
+    )
+    phase = Phases(progress, refine or 0, skipped=("center", "circle", "extension", "mobius"))
+    with using(solver):
+        with phase("check"):
+            mesh, (n, m), filled = _filled(V, F)
+            inscribed = marked(len(mesh.V), mesh.loops[1])[mesh.F].all(axis=1)
+            if inscribed.any():
+                rows = np.flatnonzero(inscribed)
+                raise MeshError(Defect.of("face on the inner circle", rows))
+        with phase("factor"):
+            surface = FactoredSurface.of(mesh)
+        with phase("trace"):
+            strip, bounds = ring_map(surface)
+
+        def finished(strip: Complex, known: float = 0.0, *, boundary: str) -> AnnulusMap:
+            with phase("repair"):
+                f = np.exp(strip - 1j * strip.imag[mesh.loops[0][0]])
+                f, repair = repaired(mesh, f, on_disk=False)
+            with phase("certificate"):
+                certificate = certify_ring(mesh, f)
+                degrees = map_distortion(mesh, f)
+                fields = fields_of(mesh, f, degrees, certificate, repair, given=m, known=known)
+            return AnnulusMap(
+                **fields,
+                uv=coordinates(f)[:n],
+                modulus=float(np.sqrt(bounds[0] * bounds[1])),
+                modulus_bounds=bounds,
+                radius=float(abs(f[mesh.loops[1]]).mean()),
+                boundary=boundary,
+                filled=filled,
+                solver=surface.solver,
+                timings=phase.seconds,
+                _whole=coordinates(f),
+                _n_faces=m,
+            )
+
+        ways = (partial(finished, f, boundary=name) for name, f in _strips(surface, strip))
+        best = best_of(ways, lambda made: made.valid)
+        if steps := steps_of(best, options):
+            f, made = np.log(as_complex(best._images)), partial(finished, boundary=best.boundary)
+            best = refined(best, f, Ring(), surface.order, steps, made, options, phase)
+    best = valid_map(best, " onto the ring", REMEDY)
+    phase.done()
+    return best
+
+
+def _filled(V: ArrayLike, F: ArrayLike) -> tuple[AnnulusMesh, tuple[int, int], int]:
+    """Fill all loops but the two that reach farthest; the vertices and faces given, and loops."""
+    positions, faces = checked_surface(V, F)
+    size = np.asarray(V).shape[0], len(faces)
+    loops = by_reach(positions, Topology(faces, len(positions)).loops)
+    if len(loops) <= 2:
+        return AnnulusMesh(V, F), size, 0
+    corners, filling = np.asarray(V, dtype=np.float64), [faces]
+    for loop in loops[2:]:
+        if (patch := fill_hole(positions, loop)) is not None:
+            if patch.max() == len(corners):
+                corners = np.vstack([corners, corners[loop].mean(axis=0)])
+                positions = np.vstack([positions, positions[loop].mean(axis=0)])
+            filling.append(patch)
+    return AnnulusMesh(corners, np.vstack(filling)), size, len(filling) - 1
+
+
+def _strips(surface: FactoredSurface, strip: Complex) -> Iterator[tuple[str, Complex]]:
+    """Yield a map to a strip (n,), and others that may be valid where it is not, with their names.
+
+    No edge of a ring turns by pi or more around 0, and none crosses the inner circle.
+    """
+    for name in ("flux", "arc length"):
+        if name == "arc length":
+            strip, _ = ring_map(surface, by_length=True)
+        for wider in WIDER:
+            changed = f", {wider} times as wide" if wider > 1 else ""
+            yield name + changed, wider * strip.real + 1j * strip.imag
+
+
+def ring_map(
+    surface: FactoredSurface, *, by_length: bool = False
+) -> tuple[Complex, tuple[float, float]]:
+    """Map an annulus to a strip (n,), the logarithm of a ring around 0; bounds of its modulus.
+
+    The angles on the loops are what flows through them, or, which is not conformal, their lengths.
+
+    As much flows through the real part as around it, 2 pi, so that far from the loops there is no
+    shear. The mean of the bounds of the modulus would lay a loop's errors on the whole surface.
+    """
+    mesh, L = surface.mesh, surface.laplacian
+    one = marked(len(mesh.V), mesh.loops[1]).astype(float)
+    u = one - surface.solve(L.matrix() @ one)
+    flux = L.matrix() @ u
+    energy = float(u @ flux)
+    starts, jump = _branch_cut(mesh)
+    angle, forwards = _loop_angles(mesh, starts, None if by_length else flux)
+    if not forwards:  # through edges of obtuse faces
+        D = surface.delaunay.laplacian.matrix()
+        flux = D @ (one - surface.delaunay.solve(D @ one))
+        angle, _ = _loop_angles(mesh, starts, flux)
+    flow = L.weights * (angle[L.high] - angle[L.low] + jump)
+    sources = np.bincount(L.high, flow, len(u)) - np.bincount(L.low, flow, len(u))
+    angle -= surface.solve(sources.astype(np.float64))
+    # The inner circle may be turned against the outer one: as the energy is least.
+    change = u[L.high] - u[L.low]
+    angle -= (L.weights * change) @ (angle[L.high] - angle[L.low] + jump) / energy * u
+    turns = (angle[L.high] - angle[L.low] + jump) / (2 * np.pi)
+    bounds = 1 / energy, float(L.weights @ turns**2)
+    return -2 * np.pi / energy * u + 1j * angle, bounds
+
+
+def _loop_angles(mesh: DiskMesh, starts: list[int], flux: Floats | None) -> tuple[Floats, bool]:
+    """Angles (n,) along both loops; whether all go forward. The inner loop runs clockwise.
+
+    They are by the flux (n,) through their edges, or by the lengths of these.
+    """
+    angle, forwards = np.zeros(len(mesh.V)), True
+    for loop, first, turn in zip(mesh.loops, starts, (2 * np.pi, -2 * np.pi), strict=True):
+        lengths = edge_lengths(mesh, loop)
+        shares = lengths if flux is None else shared_by_edges(mesh, loop, flux[loop])
+        shares = shares / shares.sum()
+        forwards &= bool((shares > 0).all())
+        start = -int(np.flatnonzero(loop == first)[0])
+        shares = np.roll(np.maximum(shares, LEAST_SHARE), start)
+        passed = np.append(0, np.cumsum(shares[:-1])) / shares.sum()
+        angle[np.roll(loop, start)] = turn * passed % (2 * np.pi)
+    return angle, forwards
+
+
+def _branch_cut(mesh: DiskMesh) -> tuple[list[int], Floats]:
+    """Cut the angle through a strip of faces, from loop to loop.
+
+    Returns where it is 0 on either loop, and (e,) by what it jumps along edges, from low to high.
+    """
+    m, edges = len(mesh.F), mesh.edges
+    tail, head = mesh.F.T.ravel(), np.roll(mesh.F, -1, axis=1).T.ravel()
+    one, other = (sides.astype(np.int64) for sides in edges.twins)
+    # The half-edge of the first face that leads to the second one; 0 is none.
+    rows, columns = np.append(one, other) % m, np.append(other, one) % m
+    leads = csr_matrix((np.append(one, other) + 1, (rows, columns)), (m, m))
+    border = edges.border.astype(np.int64)
+    outer, inner = (border[np.isin(tail[border], loop)] for loop in mesh.loops)
+    distance, before, _ = dijkstra(
+        leads, indices=outer % m, unweighted=True, min_only=True, return_predecessors=True
+    )
+    last = int(inner[distance[inner % m].argmin()])
+    strip = [last % m]
+    while before[strip[-1]] >= 0:
+        strip.append(int(before[strip[-1]]))
+    first = int(outer[outer % m == strip[-1]][0])
+    turns = np.zeros(3 * m)
+    turns[np.append(last, leads[strip[1:], strip[:-1]] - 1)] = -2 * np.pi
+    turns[np.append(first, leads[strip[:-1], strip[1:]] - 1)] = 2 * np.pi
+    side = edges.sides[edges.start]
+    jump = np.where(tail[side] == edges.low, turns[side], -turns[side])
+    return [int(head[first]), int(tail[last])], jump

@@ -1,0 +1,396 @@
+"""A disk mapped conformally to the plane with a free outline and its own scale."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Complex, Floats, Ints, as_complex, coordinates, places
+from ..errors import SolverError, spell
+from ..io.given import takes_meshes
+from ..options import Options
+from ..phases import Phases, Progress
+from ..refine.refinement import lower_angle_distortion
+from ..refine.targets import Outline
+from ..rescue.repair import MANY, Repair, repair_locally
+from ..result.base import valid_map
+from ..result.making import PATIENT, PlaneMap, best_of, fields_of, refined, steps_of
+from ..solve.factored import FactoredSurface, harmonic_extension
+from ..solve.solvers import SolverName, using
+from ..steps.mobius import rotate
+from ..steps.trace import edge_lengths
+from ..surface.mesh import DiskMesh
+from ..verdict.distortion import map_distortion
+from ..verdict.outline import OutlineCertificate, certify_outline
+from .boundary_first import (
+    angles_of_scale,
+    closed_curve,
+    edge_means,
+    pinned,
+    scale_of_angles,
+)
+from .disk import factored_surface, map_of
+
+# Shares of the way from the boundary with its own lengths to that of the map onto the disk, in the
+# logarithms of lengths; tried in turn where the outline overlaps itself.
+EASED = (0.06, 0.12, 0.25, 0.5, 0.75)
+EASING = 5  # steps of refinement that free the outline of a disk, or one that was eased too far
+OWN = "own lengths"
+SUM_TOLERANCE = 1e-9  # of exterior angles, which add up to 2 pi
+# Phases of a map onto the disk that one with a free outline only has where its outline is eased.
+OF_THE_DISK = ("center", "trace", "circle", "mobius")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FreeMap(PlaneMap):
+    """A conformal map with a free outline. Printing it gives a summary.
+
+    Attributes
+    ----------
+    uv : (n, 2) float64
+        Row i is the image of row i of V, in the unit of V. The outline is as long as the boundary,
+        or as the lengths that were asked for. The centroid of the surface, or what was at the
+        centre of the disk, is at (0, 0), before refinement; what `align` named lies to its right.
+    mesh : DiskMesh
+        The surface.
+    certificate : OutlineCertificate
+        What was verified about `uv`: no face is flipped, the outline is simple.
+    conformality, distortion, timings
+        As of every `Result`; the seconds include those of maps that were not taken.
+    area_ratio : float
+        Area of the image by that of the surface.
+    boundary : str
+        ``"own lengths"``, ``"given scale"`` or ``"given angles"``. Where the outline would
+        overlap itself, or flipped faces be left: ``"eased by 25%"``, or 50 or 75, so far towards
+        the lengths that it has on the disk; or ``"eased from the disk"`` by refinement.
+    laplacian : str
+        ``"cotangent"``; or, where that gives no valid map, or none that is conformal,
+        ``"intrinsic Delaunay"``.
+    repair : Repair
+        What was done about flipped faces.
+    refinement : Refinement or None
+        How far the angular distortion was lowered, with the outline free to change; None if no
+        step was asked for and none was due.
+    solver : str
+        Sparse solver, version, ordering and mode.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(20)
+    >>> result = cdcp_igl.free_map(V, F)
+    >>> result.valid, result.boundary
+    (True, 'own lengths')
+    """
+
+    certificate: OutlineCertificate
+    area_ratio: float
+
+    _kind = "free"
+    _plane = "Plane"
+    _reported = ("boundary", "laplacian", "area_ratio")
+
+    def _steps(self) -> list[tuple[str, str]]:
+        return [
+            ("boundary", f"{self.boundary}, {self.laplacian} Laplacian"),
+            ("area", f"{self.area_ratio:.4g} times that of the surface"),
+            *super()._steps(),
+        ]
+
+
+@takes_meshes
+def free_map(
+    V: ArrayLike,
+    F: ArrayLike,
+    *,
+    boundary_scale: ArrayLike | None = None,
+    corners: Mapping[int, float] | None = None,
+    align: int | ArrayLike | None = None,
+    refine: int | None = None,
+    refine_norm: float = 1.5,
+    refine_seconds: float = np.inf,
+    solver: SolverName | None = None,
+    progress: Progress | None = None,
+) -> FreeMap:
+    """Map a triangulated disk conformally to the plane, with the outline that distorts least.
+
+    Of all conformal maps the one that keeps the lengths of the boundary has the least variation
+    of scale. Its exterior angles follow from that by one system of equations, and they and the
+    lengths tell the outline; the coordinates inside are harmonic. With the factor of a map onto
+    the disk it takes two more solves. Refinement then moves the outline, too.
+
+    An outline that overlaps itself is eased: its lengths go towards those that it has on the disk,
+    as far as needed. ``result.boundary`` says so.
+
+    Parameters
+    ----------
+    V : (n, 3) or (n, 2) array_like of real numbers
+        Vertex positions, in any unit.
+    F : (m, 3) array_like of integers
+        Corners of the faces, counterclockwise seen from outside.
+    boundary_scale : (n,) array_like of positive numbers, optional
+        How many times longer the boundary is to be in the plane, at each vertex; an edge gets the
+        geometric mean of its ends. Rows inside do not matter. Lengths are reached but for what
+        closes the outline.
+    corners : mapping of int to float, optional
+        Exterior angles in radians at boundary vertices; elsewhere the outline is straight. They
+        add up to 2 pi: a polygon.
+    align : int, (3,) array_like or None
+        What lies to the right of the centroid, as in `disk_map`.
+    refine : int or None
+        Steps of refinement, as in `disk_map`, the outline free. None is as needed: up to five of
+        an outline that was eased. Not together with `boundary_scale` or `corners`, which it would
+        not keep.
+    refine_norm, refine_seconds, solver, progress
+        As in `disk_map`.
+
+    Returns
+    -------
+    FreeMap
+
+    Raises
+    ------
+    MeshError
+        If the mesh is not a triangulated disk.
+    SolverError
+        If the Laplacian cannot be factored.
+    MapError
+        If no map is a bijection onto a simple polygon. Its ``result`` is the one of least
+        distortion, whose certificate says where the outline overlaps itself.
+    ValueError
+        If an option is not one of those above.
+    ImportError
+        If the solver that was asked for is not installed.
+
+    References
+    ----------
+    R. Sawhney, K. Crane. Boundary first flattening. ACM Trans. Graph. 37(1), 2018. There one
+    coordinate is the harmonic conjugate of the other; here both are harmonic.
+
+    Examples
+    --------
+    What is flat keeps its shape and its size, unless another scale is asked for:
+
+    >>> import numpy as np
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.square(10)
+    >>> result = cdcp_igl.free_map(V, F, align=[1, 0, 0])
+    >>> bool(abs(result.uv - V[:, :2]).max() < 1e-12)
+    True
+    >>> twice = cdcp_igl.free_map(V, F, boundary_scale=np.full(len(V), 2))
+    >>> round(twice.area_ratio, 9)
+    4.0
+    """
+    options = Options(
+        align=align,
+        refine=refine,
+        refine_norm=refine_norm,
+        refine_seconds=refine_seconds,
+        solver=solver,
+    )
+    phase = Phases(progress, refine or 0, skipped=OF_THE_DISK)
+    with using(solver):
+        surface = factored_surface(V, F, options, phase)
+        return free_map_of(surface, boundary_scale, corners, options, phase)
+
+
+def free_map_of(
+    surface: FactoredSurface,
+    boundary_scale: ArrayLike | None,
+    corners: Mapping[int, float] | None,
+    options: Options,
+    phase: Phases,
+    *,
+    keep_factor: bool = False,
+) -> FreeMap:
+    """Map a factored surface, as `free_map` does; the factor is kept if that is asked for."""
+    mesh = surface.mesh
+    asked = _boundary(mesh, boundary_scale, corners)
+    is_own = asked.name == OWN
+    if options.refine and not is_own:
+        raise ValueError("refine moves the boundary: leave it out, or boundary_scale and corners")
+    best = _best_map(surface, asked, options, phase)
+    steps = steps_of(best, options) if is_own else 0
+    if options.refine is None and best.boundary != asked.name:
+        steps = max(steps, EASING)
+    if steps:
+        plain, order = best, _order_of_all(surface)
+        if not keep_factor:
+            surface.release()
+
+        def finished(f: Complex, known: float) -> FreeMap:
+            kind = plain.boundary, plain.laplacian, asked.length
+            return _finished(surface, f, *kind, options, phase, known)
+
+        f = as_complex(plain.uv)
+        best = refined(plain, f, Outline(), order, steps, finished, options, phase)
+    best = replace(best, uv=mesh.in_given_unit(best.uv))
+    remedy = "give other lengths or angles of the boundary"
+    if is_own:
+        remedy = "cut the surface where it is long or branches (cdcp_igl.cut)"
+    best = valid_map(best, "", f"To have one, {remedy}")
+    phase.done()
+    return best
+
+
+@dataclass(frozen=True)
+class _Boundary:
+    """How to lay out the boundary: by the logarithm u_B of its scale, or by exterior angles, (nB,).
+
+    `length` is that of the outline in the unit of ``mesh.V``.
+    """
+
+    name: str
+    length: float
+    u_B: Floats
+    angles: Floats | None = None
+
+
+def _boundary(
+    mesh: DiskMesh, boundary_scale: ArrayLike | None, corners: Mapping[int, float] | None
+) -> _Boundary:
+    """Check what is asked of the boundary; ValueError if it cannot be had."""
+    n, loop, length = len(mesh.V), mesh.loop, edge_lengths(mesh)
+    if boundary_scale is not None and corners is not None:
+        raise ValueError("of boundary_scale and corners only one is possible")
+    if boundary_scale is not None:
+        scale = np.asarray(boundary_scale, dtype=np.float64)
+        if scale.shape != (n,):
+            raise ValueError(f"boundary_scale has shape {scale.shape}; it must be ({n},)")
+        if not (np.isfinite(scale[loop]) & (scale[loop] > 0)).all():
+            raise ValueError("boundary_scale must be positive and finite on the boundary")
+        u_B = np.log(scale[loop])
+        return _Boundary("given scale", float(length @ np.exp(edge_means(u_B))), u_B)
+    if corners is None:
+        return _Boundary(OWN, float(length.sum()), np.zeros(len(loop)))
+    rows, given = np.array(list(corners)), np.array([*corners.values()], dtype=np.float64)
+    if rows.dtype.kind not in "iu" or not np.isin(rows, loop).all():
+        raise ValueError(f"corners must be boundary vertices, not {spell(rows)}")
+    if not (abs(given) < np.pi).all() or not abs(given.sum() - 2 * np.pi) <= SUM_TOLERANCE:
+        raise ValueError(
+            "the exterior angles at the corners must be radians between -pi and pi that add up to "
+            f"2 pi; they add up to {given.sum():.9g}"
+        )
+    angles = np.zeros(len(loop))
+    angles[mesh.loop_index[rows]] = given
+    return _Boundary("given angles", float(length.sum()), 0 * angles, angles)
+
+
+def _best_map(
+    surface: FactoredSurface, asked: _Boundary, options: Options, phase: Phases
+) -> FreeMap:
+    """Try one way after the other until a map is conformal; the best, valid or not."""
+
+    def ways(of: Ways) -> Iterator[Callable[[], FreeMap]]:
+        for f, name, laplacian in of:
+            yield partial(_finished, surface, f, name, laplacian, asked.length, options, phase)
+
+    best = best_of(ways(_plain_maps(surface, asked, phase)))
+    if asked.name != OWN or best.valid:
+        return best
+    eased = ways(_eased_maps(surface, asked, options, phase))
+    return best_of([lambda: best, *eased])
+
+
+Ways = Iterator[tuple[Complex, str, str]]
+
+
+def _plain_maps(surface: FactoredSurface, asked: _Boundary, phase: Phases) -> Ways:
+    """Yield the maps with the boundary as asked, on both Laplacians."""
+    yield _laid_out(surface, asked, phase), asked.name, "cotangent"
+    with suppress(SolverError):
+        with phase("factor"):
+            delaunay = surface.delaunay
+        yield _laid_out(delaunay, asked, phase), asked.name, "intrinsic Delaunay"
+
+
+def _eased_maps(
+    surface: FactoredSurface, asked: _Boundary, options: Options, phase: Phases
+) -> Ways:
+    """Yield maps whose outlines are nearer and nearer to that of the disk, and this last."""
+    with phase("circle"):
+        disk = map_of(surface, Options(refine=0), Phases(), known={})
+    f = as_complex(disk.uv)
+    f_B = f[surface.mesh.loop]
+    scale = np.log(abs(np.roll(f_B, -1) - f_B) / edge_lengths(surface.mesh))
+    u_B = (scale + np.roll(scale, 1)) / 2
+    with suppress(SolverError):
+        for share in EASED:
+            eased = replace(asked, name=f"eased by {share:.0%}", u_B=share * (u_B - u_B.mean()))
+            yield _laid_out(surface.delaunay, eased, phase), eased.name, "intrinsic Delaunay"
+    with phase("refine"):
+        f, _ = lower_angle_distortion(
+            *(surface.mesh, f, _order_of_all(surface), EASING, options.refine_norm),
+            halvings=PATIENT,
+            target=Outline(),
+        )
+    yield f, "eased from the disk", disk.boundary.laplacian
+
+
+def _laid_out(surface: FactoredSurface, boundary: _Boundary, phase: Phases) -> Complex:
+    """Lay out the boundary, and the interior harmonically, its centroid at 0."""
+    mesh = surface.mesh
+    with phase("extension"):
+        angles, u_B = boundary.angles, boundary.u_B
+        if angles is None:
+            angles = angles_of_scale(surface, u_B)
+        else:
+            u_B = scale_of_angles(pinned(surface), angles)
+        f = harmonic_extension(surface, closed_curve(mesh, u_B, angles))
+        return f - np.average(f, weights=mesh.vertex_areas)
+
+
+def _finished(
+    surface: FactoredSurface,
+    f: Complex,
+    boundary: str,
+    laplacian: str,
+    length: float,
+    options: Options,
+    phase: Phases,
+    known: float = 0.0,
+) -> FreeMap:
+    """Turn a map (n,) and scale it to the length of its outline; repair, certify and judge it.
+
+    It is in the unit of ``mesh.V``.
+    """
+    mesh = surface.mesh
+    with phase("repair"):
+        f = rotate(mesh, f, options.align, on_circle=False)
+        outline = f[mesh.loop]
+        f = f * (length / abs(np.roll(outline, -1) - outline).sum())
+        certificate, repair = certify_outline(mesh, coordinates(f)), Repair()
+        if len(certificate.flipped):
+            # The outline stays where it is: one that overlaps itself is beyond repair.
+            most = MANY * len(mesh.F) if certificate.simple else 0
+            f, repair = repair_locally(mesh, f, most)
+            certificate = certify_outline(mesh, coordinates(f))
+    with phase("certificate"):
+        fields = fields_of(mesh, f, map_distortion(mesh, f), certificate, repair, known=known)
+        outline = f[mesh.loop]
+        area = (outline.conj() * np.roll(outline, -1)).imag.sum() / 2
+    return FreeMap(
+        **fields,
+        uv=coordinates(f),
+        area_ratio=float(area / mesh.vertex_areas.sum()),
+        boundary=boundary,
+        laplacian=laplacian,
+        solver=surface.solver,
+        timings=phase.seconds,
+    )
+
+
+def _order_of_all(surface: FactoredSurface) -> Ints:
+    """(n,) vertices in the order of elimination, those of the boundary after what they touch."""
+    mesh, edges = surface.mesh, surface.mesh.edges
+    rank = places(surface.order, len(mesh.V))
+    key = rank.copy()
+    for one, other in ((edges.low, edges.high), (edges.high, edges.low)):
+        outer = np.flatnonzero(mesh.on_boundary[one])
+        np.maximum.at(key, one[outer], rank[other[outer]])
+    return np.lexsort([mesh.on_boundary, key])

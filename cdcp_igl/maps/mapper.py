@@ -1,0 +1,182 @@
+"""The prefactored object: maps one surface again and again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..io.given import takes_meshes
+from ..options import Options
+from ..phases import Phases, Progress
+from ..rescue.harmonic_map import HarmonicMap
+from ..result.disk_map import DiskMap
+from ..solve.factored import FactoredSurface
+from ..solve.solvers import SolverName, using
+from ..steps.center import CenterMethod
+from ..surface.mesh import DiskMesh
+from .disk import map_of
+from .free import FreeMap, free_map_of
+
+
+class DiskMapper:
+    """A surface, checked and factored, to be mapped onto the disk more than once.
+
+    Checks and factorization, most of the time of `disk_map`, are done once, here. Another
+    centre then costs three solves and the boundary; another Möbius transformation,
+    alignment or refinement starts from the last harmonic map, if it has the same centre.
+
+    It can be pickled and copied, and be sent to other processes so; the factor is made again
+    on arrival.
+
+    Parameters
+    ----------
+    V, F, solver
+        As in `disk_map`; the solver is for all maps.
+
+    Attributes
+    ----------
+    mesh : DiskMesh
+        The checked surface.
+
+    Raises
+    ------
+    MeshError, SolverError, ValueError, ImportError
+        As `disk_map`.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(20)
+    >>> mapper = cdcp_igl.DiskMapper(V, F)
+    >>> conformal, even = mapper.map(), mapper.map(mobius="area")
+    >>> sorted(set(conformal.timings) - set(even.timings))
+    ['center', 'circle', 'extension', 'trace']
+    >>> stretched = mapper.moved(V * [1, 1, 2]).map()
+    >>> stretched.certificate.valid
+    True
+    """
+
+    @takes_meshes
+    def __init__(self, V: ArrayLike, F: ArrayLike, *, solver: SolverName | None = None) -> None:
+        mesh = DiskMesh(V, F)
+        self._solver = solver
+        with using(solver):
+            self._surface = FactoredSurface.of(mesh)
+        self._known: dict[object, HarmonicMap] = {}
+
+    @property
+    def mesh(self) -> DiskMesh:
+        """The checked surface."""
+        return self._surface.mesh
+
+    def map(
+        self,
+        *,
+        center: CenterMethod | int = "torsion",
+        mobius: Literal["angle", "area"] | None = "angle",
+        align: int | ArrayLike | None = None,
+        refine: int | None = None,
+        refine_norm: float = 1.5,
+        refine_seconds: float = np.inf,
+        preset: Literal["paper"] | None = None,
+        progress: Progress | None = None,
+    ) -> DiskMap:
+        """Map the surface; the same map as `disk_map` with these options.
+
+        Parameters
+        ----------
+        center, mobius, align, refine, refine_norm, refine_seconds, preset, progress
+            As in `disk_map`.
+
+        Returns
+        -------
+        DiskMap
+            Its ``timings`` have the phases that this call went through.
+
+        Raises
+        ------
+        SolverError, MapError, ValueError
+            As `disk_map`.
+        """
+        options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
+        options.check_rows(len(self.mesh.F), self.mesh.loop)
+        skipped = ["check", "laplacian", "factor"]
+        if options.first_steps in self._known:
+            skipped += ["center", "trace", "circle", "extension"]
+        phase = Phases(progress, refine or 0, skipped)
+        with using(self._solver):
+            return map_of(self._surface, options, phase, known=self._known)
+
+    def free(
+        self,
+        *,
+        boundary_scale: ArrayLike | None = None,
+        corners: Mapping[int, float] | None = None,
+        align: int | ArrayLike | None = None,
+        refine: int | None = None,
+        refine_norm: float = 1.5,
+        refine_seconds: float = np.inf,
+        progress: Progress | None = None,
+    ) -> FreeMap:
+        """Map the surface with a free outline; the same map as `free_map` with these options.
+
+        Parameters
+        ----------
+        boundary_scale, corners, align, refine, refine_norm, refine_seconds, progress
+            As in `free_map`.
+
+        Returns
+        -------
+        FreeMap
+
+        Raises
+        ------
+        SolverError, MapError, ValueError
+            As `free_map`.
+        """
+        options = Options(
+            align=align, refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds
+        )
+        options.check_rows(len(self.mesh.F), self.mesh.loop)
+        phase = Phases(progress, refine or 0, skipped=("check", "laplacian", "factor"))
+        with using(self._solver):
+            return free_map_of(
+                self._surface, boundary_scale, corners, options, phase, keep_factor=True
+            )
+
+    def moved(self, V: ArrayLike) -> DiskMapper:
+        """Take the same faces with moved vertices: no topological checks, no new ordering.
+
+        Parameters
+        ----------
+        V : (n, 3) or (n, 2) array_like of real numbers
+            As many rows as before; row i is the new place of vertex i.
+
+        Returns
+        -------
+        DiskMapper
+            This one stays as it is.
+
+        Raises
+        ------
+        MeshError
+            If V has another number of rows, is not finite, or makes a face degenerate.
+        SolverError
+            If the Laplacian cannot be factored.
+        """
+        other = DiskMapper.__new__(DiskMapper)
+        other._solver = self._solver
+        other._surface = self._surface.moved(V)
+        other._known = {}
+        return other
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # The factor is in memory of the solver: another process makes its own on arrival.
+        return partial(DiskMapper, solver=self._solver), (self.mesh.positions, self.mesh.F)
+
+    def __repr__(self) -> str:
+        return f"DiskMapper({self.mesh!r})"

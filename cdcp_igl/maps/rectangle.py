@@ -1,0 +1,342 @@
+"""A disk with four corners, mapped conformally onto a rectangle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import ellipk, ellipkinc
+
+from ..arrays import Complex, Floats, Ints, as_complex, coordinates, marked
+from ..errors import counted, spell
+from ..io.given import takes_meshes
+from ..options import Options
+from ..phases import Phases, Progress
+from ..rescue.repair import Repair, repaired
+from ..result.base import valid_map
+from ..result.making import PlaneMap, best_of, fields_of
+from ..solve.factored import FactoredSurface, harmonic_extension
+from ..solve.laplacian import LAPLACIANS, Laplacian
+from ..solve.solvers import SolverName, using
+from ..surface.mesh import DiskMesh
+from ..surface.triangles import flipped_faces
+from ..verdict.certificate import Certificate, not_finite
+from ..verdict.distortion import map_distortion
+from .disk import map_of
+
+# Phases of a map onto the disk, which a map onto a rectangle has only where its sides cannot slide.
+OF_THE_DISK = ("center", "trace", "circle", "extension", "mobius", "refine")
+REMEDY = "choose corners where the boundary has corners, or refine the faces there"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RectangleMap(PlaneMap):
+    """A conformal map onto a rectangle. Printing it gives a summary.
+
+    Attributes
+    ----------
+    uv : (n, 2) float64
+        Row i is the image of row i of V, in the rectangle from (0, 0) to (modulus, 1).
+    mesh : DiskMesh
+        The surface.
+    modulus : float
+        Width by height, a conformal invariant of the surface with its corners.
+    modulus_bounds : (float, float)
+        Between which the modulus of the polyhedral surface lies, but for rounding: both
+        coordinates are trial functions in Dirichlet's principle. `modulus` is their
+        geometric mean.
+    corners : tuple of int
+        The vertices at (0, 0), (modulus, 0), (modulus, 1) and (0, 1).
+    certificate : Certificate
+        As of a `DiskMap`, with the sides of the rectangle in place of the circle.
+    conformality, distortion, timings
+        As of every `Result`; the seconds include those of maps that were not taken, "circle" is
+        the map onto the disk.
+    boundary : str
+        ``"sliding"``: there is no flux across the sides along which a coordinate varies. Or,
+        where that does not lead to a conformal map and this distorts less, ``"disk map"``: the
+        sides are placed as `disk_map` and elliptic integrals tell, for obtuse faces at a side may
+        make vertices on it change places.
+    laplacian : str
+        ``"cotangent"``; or, where that flipped faces, or its map is not conformal, and this
+        distorts less, ``"intrinsic Delaunay"``.
+    repair, solver
+        As of a `DiskMap`.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.square(5)
+    >>> ends = [-1, -1], [1, -1], [1, 1], [-1, 1]
+    >>> corners = [abs(V[:, :2] - end).sum(axis=1).argmin() for end in ends]
+    >>> cdcp_igl.rectangle_map(V, F, corners)
+    RectangleMap(121 vertices: valid, modulus 1)
+    """
+
+    certificate: Certificate
+    modulus: float
+    modulus_bounds: tuple[float, float]
+    corners: tuple[int, ...]
+
+    _kind = "rectangle"
+    _plane = "Rectangle"
+    _reported = ("modulus", "modulus_bounds", "corners", "boundary", "laplacian")
+
+    def _key_figure(self) -> str:
+        return f"modulus {self.modulus:.6g}"
+
+    def _steps(self) -> list[tuple[str, str]]:
+        low, high = self.modulus_bounds
+        return [
+            ("modulus", f"{self.modulus:.8g}, from {low:.8g} to {high:.8g}"),
+            ("boundary", f"{self.boundary}, {self.laplacian} Laplacian"),
+            *super()._steps(),
+        ]
+
+
+@takes_meshes
+def rectangle_map(
+    V: ArrayLike,
+    F: ArrayLike,
+    corners: ArrayLike,
+    *,
+    solver: SolverName | None = None,
+    progress: Progress | None = None,
+) -> RectangleMap:
+    """Map a triangulated disk with four corners conformally onto a rectangle.
+
+    Its width is found with the map, its height is 1. The coordinates are the harmonic
+    functions with values 0 and 1 on two opposite sides, whose derivative across the other
+    two vanishes; their energies give the modulus and bounds for it. Vertices slide along the
+    sides. Where that does not lead to a conformal map, the sides are placed as a map onto the
+    disk tells. The image is a bijection onto the rectangle, certified as a map onto the disk is.
+
+    Parameters
+    ----------
+    V, F, solver, progress
+        As in `disk_map`.
+    corners : (4,) array_like of integers
+        Boundary vertices in counterclockwise order (the surface on the left), which go to
+        (0, 0), (modulus, 0), (modulus, 1) and (0, 1).
+
+    Returns
+    -------
+    RectangleMap
+
+    Raises
+    ------
+    ValueError
+        If the corners are no four boundary vertices in this order, or an edge inside joins
+        two vertices of one side: what it cuts off would become a segment of that side.
+    MapError
+        If no map is a bijection; the one of least distortion is its ``result``.
+    MeshError, SolverError, ImportError
+        As `disk_map`.
+
+    References
+    ----------
+    L. V. Ahlfors. Conformal Invariants. McGraw-Hill, 1973. Chapter 4: the modulus of a
+    quadrilateral by Dirichlet's principle.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V = [[0, 0], [6, 0], [6, 2], [0, 2], [3, 1]]
+    >>> F = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
+    >>> result = cdcp_igl.rectangle_map(V, F, [0, 1, 2, 3])
+    >>> result.valid, round(result.modulus, 12)
+    (True, 3.0)
+    """
+    phase = Phases(progress, skipped=OF_THE_DISK)
+    with using(solver):
+        with phase("check"):
+            mesh = DiskMesh(V, F)
+            sides = _boundary_sides(mesh, corners)
+            _refuse_chords(mesh, sides)
+        best = _best_map(mesh, sides, phase)
+    remedy = "Parts of it may be too small for double precision: choose corners farther apart"
+    best = valid_map(best, " onto the rectangle", remedy)
+    phase.done()
+    return best
+
+
+@dataclass(frozen=True, eq=False)
+class _Square:
+    """A map onto the unit square with harmonic coordinates, and what it was made by."""
+
+    f: Complex
+    L: Laplacian
+    laplacian: str
+    boundary: str
+    solver: str
+
+
+def _boundary_sides(mesh: DiskMesh, corners: ArrayLike) -> list[Ints]:
+    """Split the boundary loop: the vertices of each side with its corners, in order."""
+    chosen = np.asarray(corners)
+    if chosen.shape != (4,) or chosen.dtype.kind not in "iu":
+        raise ValueError(f"corners must be four vertices, not {corners!r}")
+    loop_index, nB = mesh.loop_index, len(mesh.loop)
+    if not ((chosen >= 0) & (chosen < len(loop_index))).all() or (loop_index[chosen] < 0).any():
+        raise ValueError(f"corners={chosen.tolist()} must be boundary vertices")
+    starts = loop_index[chosen]
+    n_edges = (np.roll(starts, -1) - starts) % nB
+    if (n_edges == 0).any() or n_edges.sum() != nB:
+        order = mesh.loop[np.sort(starts)].tolist()
+        raise ValueError(
+            f"corners={chosen.tolist()} must be four vertices in the order of the boundary, "
+            f"the surface on the left, which is {order}"
+        )
+    return [
+        mesh.loop[(start + np.arange(count + 1)) % nB]
+        for start, count in zip(starts, n_edges, strict=True)
+    ]
+
+
+def _refuse_chords(mesh: DiskMesh, sides: list[Ints]) -> None:
+    """Raise ValueError for edges inside that join two vertices of one side."""
+    for number, side in enumerate(sides, 1):
+        chords = mesh.edges.ends(mesh.edges.chords(marked(len(mesh.V), side)))
+        if len(chords):
+            found = counted(len(chords), "edge inside joins", "edges inside join")
+            raise ValueError(
+                f"{found} two vertices of side {number}, so that the faces cut off would have no "
+                f"area in a rectangle: {spell(chords)}. Choose a corner among these faces, or "
+                "split the edges."
+            )
+
+
+def _best_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleMap:
+    """Try one way after the other until a map is conformal; the best, valid or not."""
+    ways: list[Callable[[DiskMesh, list[Ints], Phases], _Square]]
+    ways = [*(partial(_sliding, name) for name in LAPLACIANS), _by_disk_map]
+    found: list[RectangleMap] = []
+
+    def enough(made: RectangleMap) -> bool:
+        # Flipped faces that were repaired are worth another Laplacian, not a map onto the disk.
+        found.append(made)
+        conformal = [one for one in found if one.conformal]
+        return bool(conformal) and (len(found) > 1 or conformal[0].repair.n_flipped == 0)
+
+    def made(way: Callable[[DiskMesh, list[Ints], Phases], _Square]) -> RectangleMap:
+        return _rectangle(mesh, sides, way(mesh, sides, phase), phase)
+
+    return best_of((partial(made, way) for way in ways), enough)
+
+
+def _sliding(name: str, mesh: DiskMesh, sides: list[Ints], phase: Phases) -> _Square:
+    """Solve for both coordinates, with no flux across the sides along which they vary."""
+    bottom, right, top, left = sides
+    with phase("laplacian"):
+        L = LAPLACIANS[name](mesh)
+    with phase("factor"):
+        u, solver = _harmonic(mesh, L, zero=left, one=right)
+        v, _ = _harmonic(mesh, L, zero=bottom, one=top)
+    return _Square(u + 1j * v, L, name, "sliding", solver)
+
+
+def _harmonic(mesh: DiskMesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floats, str]:
+    """(n,) harmonic function with these values on two sides, and what solved for it."""
+    value, free = np.zeros(len(mesh.V)), np.ones(len(mesh.V), dtype=bool)
+    value[one] = 1
+    free[zero] = free[one] = False
+    surface = FactoredSurface(mesh, L, free)
+    return value + surface.solve(-(L.matrix() @ value)), surface.solver
+
+
+def _by_disk_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> _Square:
+    """Place the boundary as a map onto the disk tells, and both coordinates as harmonic."""
+    with phase("factor"):
+        surface = FactoredSurface.of(mesh)
+    with phase("circle"):
+        disk = map_of(surface, Options(), Phases(), known={})
+    with phase("extension"):
+        z, f = as_complex(disk.uv), np.empty(len(mesh.V), dtype=complex)
+        corners = z[[side[0] for side in sides]]
+        for number, side in enumerate(sides):
+            start, along = (0, 1, 1 + 1j, 1j)[number], 1j**number
+            f[side[:-1]] = start + along * along_side(z[side[:-1]], np.roll(corners, -number))
+        f = harmonic_extension(surface, f[mesh.loop])
+    return _Square(f, surface.laplacian, "cotangent", "disk map", surface.solver)
+
+
+def along_side(z: Complex, corners: Complex) -> Floats:
+    """Where the conformal map of the disk onto a rectangle takes an arc between two corners.
+
+    The points z (k,) lie on the arc from the first corner to the second; the `corners` (4,) go
+    counterclockwise around the unit circle. Returns (k,) numbers, 0 at the first and 1 at the
+    second corner (L. V. Ahlfors. Complex Analysis. McGraw-Hill, 1979. Chapter 6, sect. 2.3).
+    """
+    a, b, c, d = corners
+    # In the half-plane the corners lie at -1, 1, 1/k and -1/k; chords on the circle tell k, and
+    # with it root = (1 - k) / (1 + k) (Ptolemy).
+    across = abs(c - a) * abs(d - b)
+    root = np.sqrt(abs(c - b) * abs(a - d) / across)
+    k = abs(b - a) * abs(d - c) / across / (1 + root) ** 2
+    with np.errstate(divide="ignore"):
+        ratio = abs(z - a) / abs(z - b) * abs(c - b) / abs(c - a) / root  # (1 + x) / (1 - x)
+    amplitude = 2 * np.arctan(np.sqrt(ratio)) - np.pi / 2  # arcsin x
+    return (1 + ellipkinc(amplitude, k * k) / ellipk(k * k)) / 2
+
+
+def _rectangle(mesh: DiskMesh, sides: list[Ints], square: _Square, phase: Phases) -> RectangleMap:
+    """Scale a map onto the unit square to the modulus, repair it, and certify."""
+    u, v, matrix = square.f.real, square.f.imag, square.L.matrix()
+    # The energy of the one with values 0 and 1 is height by width, that of the other width by
+    # height, and each at most too large.
+    energy_u, energy_v = float(u @ (matrix @ u)), float(v @ (matrix @ v))
+    modulus = float(np.sqrt(energy_v / energy_u))
+    f = modulus * u + 1j * v
+    repair = Repair()
+    with phase("repair"):
+        if _is_monotone(sides, f):
+            f, repair = repaired(mesh, f, on_disk=False)
+    with phase("certificate"):
+        certificate = certify_rectangle(mesh, sides, f, modulus)
+        fields = fields_of(mesh, f, map_distortion(mesh, f), certificate, repair)
+        if not (verdict := fields["conformality"]):
+            fields["conformality"] = replace(verdict, remedies=(REMEDY,))
+    return RectangleMap(
+        **fields,
+        uv=coordinates(f),
+        modulus=modulus,
+        modulus_bounds=(1 / energy_u, energy_v),
+        corners=tuple(int(side[0]) for side in sides),
+        boundary=square.boundary,
+        laplacian=square.laplacian,
+        solver=square.solver,
+        timings=phase.seconds,
+    )
+
+
+def certify_rectangle(mesh: DiskMesh, sides: list[Ints], f: Complex, modulus: float) -> Certificate:
+    """Verify a map (n,) onto the rectangle, as `certify` does of one onto the disk."""
+    if not np.isfinite(f).all():
+        return not_finite(mesh)
+    bottom, right, top, left = sides
+    off = f.imag[bottom], f.real[right] - modulus, f.imag[top] - 1, f.real[left]
+    from_middle = f[mesh.loop] - (modulus + 1j) / 2
+    turns = np.angle(np.roll(from_middle, -1) * from_middle.conj())
+    flipped, n_exact = flipped_faces(f, mesh.F)
+    return Certificate(
+        finite=True,
+        boundary_error=float(abs(np.concatenate(off)).max()),
+        boundary_monotone=_is_monotone(sides, f),
+        winding_number=round(turns.sum() / (2 * np.pi)),
+        flipped=flipped,
+        n_exact=n_exact,
+    )
+
+
+def _is_monotone(sides: list[Ints], f: Complex) -> bool:
+    """Whether each side is run through forwards, no two vertices in one place."""
+    bottom, right, top, left = sides
+    return bool(
+        (np.diff(f.real[bottom]) > 0).all()
+        and (np.diff(f.imag[right]) > 0).all()
+        and (np.diff(f.real[top]) < 0).all()
+        and (np.diff(f.imag[left]) < 0).all()
+    )

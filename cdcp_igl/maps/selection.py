@@ -1,0 +1,211 @@
+"""Which map is returned: that of Algorithm 1 if it is good, else the best that the rescue finds."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from ..arrays import Complex, coordinates
+from ..options import Options
+from ..phases import Phases
+from ..rescue.boundary import FALLBACKS, BoundaryMethod, by_inscribed_angles
+from ..rescue.collapsed_faces import open_collapsed_faces
+from ..rescue.harmonic_map import HarmonicMap, Provenance
+from ..rescue.repair import Repair, repair_locally, repaired, replace_interior
+from ..result.disk_map import DiskMap
+from ..result.making import fields_of
+from ..solve.factored import FactoredSurface, extended_again, harmonic_extension
+from ..steps.center import Center
+from ..steps.circle import Rejected
+from ..steps.mobius import MobiusMethod, Normalization, composed, normalize, rotate
+from ..surface.mesh import DiskMesh
+from ..verdict.certificate import certify_disk
+from ..verdict.distortion import AngleDistortion, map_distortion
+
+log = logging.getLogger("cdcp_igl")
+
+# If a larger share of the faces is flipped, other maps are tried before repair: on slivers, those
+# of the intrinsic Delaunay Laplacian have a hundredth of the flipped faces of the cotangent one.
+MANY_FLIPPED = 0.003
+# Even area, if it was asked for, may raise the angular distortion by so much.
+PRICE_OF_AREA = 1.05
+
+Repairing = Callable[[DiskMesh, Complex], tuple[Complex, Repair]]
+
+
+def is_good(first: DiskMap, harmonic: HarmonicMap, options: Options) -> bool:
+    """Whether the map of Algorithm 1 needs no rescue."""
+    done = options.preset == "paper" or not harmonic.needs_correction
+    return done and not _is_doubtful(first, options)
+
+
+def _is_doubtful(candidate: DiskMap, options: Options) -> bool:
+    """Whether another way to the circle may lead nearer to the conformal map.
+
+    It may if the map is doubtful itself, or if the central face lies at the boundary, where a
+    dipole has no room. Errors that the size of the faces explains are no reason.
+    """
+    if options.preset == "paper":
+        return candidate.conformality.sheared
+    mesh = candidate.mesh
+    at_boundary = mesh.on_boundary[mesh.F[candidate.center.face]].any()
+    return candidate.conformality.is_doubtful or bool(at_boundary)
+
+
+def inscribed(surface: FactoredSurface, center: Center, options: Options, phase: Phases) -> DiskMap:
+    """Map a surface without interior vertices, all of whose faces are inscribed in the circle."""
+    with phase("circle"):
+        f = by_inscribed_angles(surface.mesh)
+    done = Provenance(center=center, boundary=BoundaryMethod("inscribed angles"))
+    harmonic = HarmonicMap(surface, f, done)
+    return _finished(harmonic, options.mobius_method, options, phase, repair_locally)
+
+
+def rescue(
+    surface: FactoredSurface,
+    center: Center,
+    first: HarmonicMap | Rejected,
+    options: Options,
+    phase: Phases,
+) -> DiskMap:
+    """Find a better map than the one of Algorithm 1, or one where it has none.
+
+    The boundary by the trace, else by harmonic measure, else by arc length; then the interior
+    without flipped faces. The best valid map is returned, or else the best that there is.
+    """
+    tried: list[tuple[HarmonicMap, DiskMap]] = []
+    rejected: list[str] = []
+    for harmonic in _harmonic_maps(surface, center, first, phase):
+        if isinstance(harmonic, Rejected):
+            rejected.append(str(harmonic))
+            continue
+        with phase("extension"):
+            harmonic = harmonic.corrected(straightened=options.preset is None)
+        candidate = _normalized(harmonic, options, phase)
+        tried.append((harmonic, candidate))
+        if not _is_doubtful(candidate, options):
+            break
+    candidates = [candidate for _, candidate in tried]
+    if all(candidate.conformality.sheared for candidate in candidates):
+        for harmonic, failed in sorted(tried, key=lambda pair: pair[1].rank):
+            if not failed.valid:
+                candidates.append(_repaired_at_any_cost(harmonic, failed, options, phase))
+                if candidates[-1].conformal:
+                    break
+    candidates.sort(key=lambda candidate: candidate.rank)
+    best, *others = candidates
+    rejected += dict.fromkeys(map(_objection, others))
+    for objection in rejected:
+        log.info("boundary by %s, rejected %s", best.boundary.name, objection)
+    return replace(best, boundary=replace(best.boundary, rejected=tuple(rejected)))
+
+
+def _objection(made: DiskMap) -> str:
+    """Say why another map was sought after this one, or taken instead."""
+    name = made.boundary.name
+    if not made.valid:
+        return f"{name}: no certificate"
+    verdict = "" if made.conformal else ", not conformal"
+    return f"{name}: mean distortion {made.distortion.mean:.2f} degrees{verdict}"
+
+
+def _harmonic_maps(
+    surface: FactoredSurface, center: Center, first: HarmonicMap | Rejected, phase: Phases
+) -> Iterator[HarmonicMap | Rejected]:
+    """Yield the map of Algorithm 1, then those of other boundaries on the Delaunay Laplacian."""
+    yield first
+    for name, boundary in FALLBACKS.items():
+        try:
+            with phase("circle"):
+                f_B = boundary(surface, center.face)
+        except Rejected as reason:
+            yield reason
+            continue
+        with phase("extension"):
+            f = harmonic_extension(surface.delaunay, f_B)  # (10)
+            f = extended_again(surface.delaunay, f)
+        method = BoundaryMethod(name, laplacian="intrinsic Delaunay")
+        yield HarmonicMap(surface.delaunay, f, Provenance(center=center, boundary=method))
+
+
+def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> DiskMap:
+    """Apply the Möbius transformation, unless the map is better without it; repair, and judge.
+
+    A transformed map that repair was tried on, which may be in vain, or that has moved a small part
+    of the surface away from 0, is held against the map without the transformation.
+    """
+    repairing = partial(repair_locally, most=MANY_FLIPPED * len(harmonic.surface.mesh.F))
+    method = options.mobius_method
+    candidate = _finished(harmonic, method, options, phase, repairing)
+    if method is None or not (harmonic.w or candidate.repair.rounds):
+        return candidate
+    plain = _finished(harmonic, None, options, phase, repairing)
+    price = PRICE_OF_AREA if method == "area" else 1
+    if (*plain.rank[:2], price * plain.distortion.mean) < candidate.rank:
+        given = candidate.mobius
+        rejected = replace(given, w=harmonic.w, rejected=given.rejected or "repair")
+        return replace(plain, mobius=rejected)
+    return candidate
+
+
+def _repaired_at_any_cost(
+    harmonic: HarmonicMap, failed: DiskMap, options: Options, phase: Phases
+) -> DiskMap:
+    """Find a valid map with this boundary, without a Möbius transformation."""
+    repairing = replace_interior if failed.repair.rounds else repaired
+    candidate = _finished(harmonic, None, options, phase, repairing)
+    if options.mobius_method is not None:
+        rejected = Normalization(options.mobius_method, 0j, "repair")
+        candidate = replace(candidate, mobius=rejected)
+    return candidate
+
+
+def _finished(
+    harmonic: HarmonicMap,
+    method: MobiusMethod | None,
+    options: Options,
+    phase: Phases,
+    repairing: Repairing,
+) -> DiskMap:
+    """Do the last step of Algorithm 1 and what rounding asks for, repair the map, and judge it."""
+    mesh, n_opened = harmonic.surface.mesh, 0
+
+    def placed(f: Complex) -> Complex:
+        nonlocal n_opened
+        f, n_opened = open_collapsed_faces(mesh, rotate(mesh, f, options.align))
+        return f
+
+    with phase("mobius"):
+        f, mobius = normalize(mesh, harmonic.f, method, placed)  # (19), (20)
+    mobius = replace(mobius, w=composed(harmonic.w, mobius.w))
+    with phase("repair"):
+        f, repair = repairing(mesh, f)
+    if repair.n_flipped:
+        log.info("%s", repair)
+    boundary = replace(harmonic.done.boundary, n_opened=n_opened)
+    done = replace(harmonic.done, boundary=boundary, mobius=mobius, repair=repair)
+    return judged(harmonic.surface, f, done, phase)
+
+
+def judged(
+    surface: FactoredSurface, f: Complex, done: Provenance, phase: Phases, known: float = 0.0
+) -> DiskMap:
+    """Certify a map (n,), measure it, and judge it; for `known` see `judge`."""
+    mesh = surface.mesh
+    with phase("certificate"):
+        degrees = map_distortion(mesh, f)
+        fields = fields_of(mesh, f, degrees, certify_disk(mesh, f), done.repair, known=known)
+        of_free_faces = fields["distortion"]
+        if 0 < len(mesh.inscribed) < len(mesh.F):
+            of_free_faces = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
+    return DiskMap(
+        **(vars(done) | fields),
+        uv=coordinates(f),
+        distortion_of_free_faces=of_free_faces,
+        solver=surface.solver,
+        timings=phase.seconds,
+    )

@@ -1,0 +1,406 @@
+"""A closed surface of genus 0, mapped conformally onto the unit sphere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Bools, Complex, Floats, Indices, Ints, as_complex
+from ..cached import cached_property
+from ..errors import MapError
+from ..io.given import takes_meshes
+from ..options import Options
+from ..phases import Phases, Progress
+from ..plot.layout import Layout
+from ..refine.targets import Sphere
+from ..rescue.untangling import mean_value_map, repaired_on_sphere
+from ..result.base import valid_map
+from ..result.bijection import Bijection
+from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
+from ..solve.factored import FactoredSurface
+from ..solve.laplacian import LAPLACIANS
+from ..solve.solvers import SolverName, using
+from ..steps.dipole import dipole_map
+from ..steps.stereographic import conformal_barycenter, moved_to_center, rotation
+from ..surface.location import SphereFinder
+from ..surface.mesh import SphereMesh
+from ..surface.triangles import oriented_areas
+from ..verdict.certificate import SphereCertificate, certify_sphere
+from ..verdict.distortion import area_distortion, sphere_angle_errors
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SphereMap(MadeMap, Bijection):
+    """A conformal map onto the unit sphere. Printing it gives a summary.
+
+    Attributes
+    ----------
+    points : (n, 3) float64
+        Row i is the image of row i of V, on the unit sphere. Faces are counterclockwise seen from
+        outside.
+    uv : (m, 3, 2) float64
+        A chart for pictures and textures: the corners of each face on one of two hemispheres,
+        upper and lower, in stereographic projection side by side: around (-1, 0) and (1, 0).
+    mesh : SphereMesh
+        The surface.
+    certificate : SphereCertificate
+        What was verified about `points`.
+    distortion : AngleDistortion
+        Mean, SD and maximum of the angular distortion in degrees, between the faces of the surface
+        and the straight triangles with their corners on the sphere.
+    pole : int
+        The vertex that carried the dipole.
+    mobius : {"area", "none"}
+        What chose the Möbius transformation of the sphere.
+    laplacian : str
+        ``"cotangent"``; or, where that flipped faces, or its map is not conformal, and this
+        distorts less, ``"intrinsic Delaunay"``; or ``"mean value"`` where parts of the surface are
+        too small on the sphere for double precision, and had to be enlarged.
+    conformality, repair, refinement, solver, timings
+        As of a `DiskMap`.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, exact = cdcp_igl.datasets.spheroid(4, height=1.5)
+    >>> result = cdcp_igl.sphere_map(V, F)
+    >>> result.valid, result.conformal, bool(abs(result.points - exact).max() < 0.02)
+    (True, True, True)
+    """
+
+    points: Floats
+    mesh: SphereMesh
+    certificate: SphereCertificate
+    pole: int
+    mobius: str
+    laplacian: str
+
+    _kind = "sphere"
+    _plane = "Sphere"
+    _reported = ("pole", "laplacian", "mobius")
+
+    @cached_property
+    def uv(self) -> Floats:  # type: ignore[override]
+        """(m, 3, 2) the chart of two hemispheres."""
+        corners, side = self.points[self.mesh.F], np.where(self._upper, 1, -1)[:, None]
+        scale = 1 + side * corners[..., 2]
+        x, y = corners[..., 0] / scale, side * corners[..., 1] / scale
+        return np.stack([x - side, y], axis=2)
+
+    @cached_property
+    def _upper(self) -> Bools:
+        """(m,) faces turned upwards: the pole below is outside of their circles on the sphere."""
+        return oriented_areas(as_complex(self.points[:, :2]), self.mesh.F)[0] > 0
+
+    def packed(self) -> Floats:
+        """Return the chart `uv` scaled into the unit square, (m, 3, 2): texture coordinates."""
+        return 0.5 + self.uv / (2 * self._reach)
+
+    def apply(self, face: ArrayLike, barycentric: ArrayLike) -> Floats:
+        """Map points of the surface to the unit sphere, as `Bijection.apply`: (..., 3)."""
+        straight = super().apply(face, barycentric)
+        return straight / np.linalg.norm(straight, axis=-1)[..., None]
+
+    def register(self, to: SphereMap, landmarks: ArrayLike) -> Floats:
+        """Lay the map over that of another surface, by landmarks.
+
+        Both spheres are centred, so that the landmarks have their conformal barycentre at 0; then
+        this one is turned to bring them nearest. The result does not depend on the normalisation
+        of the two maps. Of two landmarks only the rotation is sought.
+
+        Parameters
+        ----------
+        to : SphereMap
+            Of the other surface.
+        landmarks : (k, 2) array_like of integers
+            In each row a vertex of this surface and the vertex of the other that corresponds to
+            it; at least two rows.
+
+        Returns
+        -------
+        (n, 3) float64
+            The vertices of this surface on the sphere of the other, still a certified map:
+            ``to.interpolate(values, points)`` carries what lives on the other surface to them.
+
+        Raises
+        ------
+        ValueError
+            If `landmarks` is none of that.
+        MapError
+            If the landmarks ask for so strong a transformation that faces are flipped. Its
+            ``result`` is this map with the points and the certificate that were refused.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spheroid(3, 2)
+        >>> one, other = cdcp_igl.sphere_map(V, F, mobius=None), cdcp_igl.sphere_map(V, F)
+        >>> points = one.register(other, [[5, 5], [70, 70], [200, 200]])
+        >>> bool(abs(points - other.points).max() < 1e-6)
+        True
+        """
+        here, there = self._landmarks(to, landmarks)
+        w, v = (
+            conformal_barycenter(P, np.ones(len(P))) if len(P) > 2 else np.zeros(3)
+            for P in (here, there)
+        )
+        turn = rotation(moved_to_center(here, w), moved_to_center(there, v))
+        P = moved_to_center(moved_to_center(self.points, w) @ turn, -v)
+        P, _ = repaired_on_sphere(self.mesh, P / np.linalg.norm(P, axis=1)[:, None])
+        certificate = certify_sphere(self.mesh.F, P)
+        if not certificate.valid:
+            refused = replace(self, points=P, certificate=certificate)
+            raise MapError(
+                "Moved to the landmarks, the map is not a bijection onto the sphere: "
+                f"{certificate}. Choose other landmarks",
+                refused,
+            )
+        return P
+
+    def area_distortion(self) -> Floats:
+        """Logarithm of the area on the sphere by that on the surface, as fractions of their totals.
+
+        Returns
+        -------
+        (m,) float64
+            Of each face; the area is that of the straight triangle with its corners on the sphere.
+        """
+        return area_distortion(self.mesh.V, self.mesh.F, self.points)
+
+    @property
+    def _images(self) -> Floats:
+        return self.points
+
+    @cached_property
+    def _finder(self) -> SphereFinder:
+        if not self.valid:
+            raise ValueError("the map is no bijection onto the sphere: points have no one place")
+        return SphereFinder(self.mesh.F, self.mesh.edges, self.points)
+
+    def _located(self, points: Floats) -> tuple[Ints, Floats]:
+        length = np.linalg.norm(points, axis=1)[:, None]
+        if not length.all():
+            raise ValueError("uv must not be 0, the middle of the sphere")
+        return self._finder.locate(points / length)
+
+    @property
+    def _reach(self) -> float:
+        return float(abs(self.uv).max())
+
+    def _steps(self) -> list[tuple[str, str]]:
+        return [
+            ("dipole", f"at vertex {self.pole:,}"),
+            ("Laplacian", self.laplacian),
+            ("Möbius", "centre of mass at 0" if self.mobius == "area" else "none"),
+            *super()._steps(),
+        ]
+
+    def _surface(self) -> tuple[Floats, Ints]:
+        return self.mesh.positions, self.mesh.F
+
+    def _layout(self) -> Layout:
+        # A vertex comes twice where its faces are on both hemispheres.
+        name, corner = np.unique(2 * self.mesh.F + self._upper[:, None], return_inverse=True)
+        uv = np.empty((len(name), 2))
+        F = corner.reshape(-1, 3)
+        uv[F] = self.uv / self._reach
+        rows = name // 2
+        also = {"scale": self._reach, "ball": self.points[rows], "vertices": rows}
+        return self._drawn(self.mesh.V[rows], F, uv, **also)
+
+
+@takes_meshes
+def sphere_map(
+    V: ArrayLike,
+    F: ArrayLike,
+    *,
+    mobius: Literal["area"] | None = "area",
+    align: Mapping[int, ArrayLike] | None = None,
+    refine: int | None = None,
+    refine_norm: float = 1.5,
+    refine_seconds: float = np.inf,
+    solver: SolverName | None = None,
+    progress: Progress | None = None,
+) -> SphereMap:
+    """Map a closed triangulated surface of genus 0 conformally onto the unit sphere.
+
+    Eq. (18) of the paper, which maps the double cover of a disk, on the surface itself: a harmonic
+    function with a dipole, then stereographic projection. Here the dipole is spread over the
+    neighbours of a vertex such that it has no moments of second order, which makes the map one of
+    second order in the length of edges wherever it is.
+
+    Parameters
+    ----------
+    V, F
+        As in `disk_map`, of a closed surface.
+    mobius : {"area"} or None
+        ``"area"`` puts the centre of mass of the image at 0, masses being areas on the surface:
+        the conformal barycentre, which evens out the area, and does not depend on the mesh. None
+        leaves the pole of the dipole at (0, 0, 1). Refinement comes later.
+    align : mapping of int to (3,) array_like, optional
+        Directions from the centre in which vertices shall lie: the sphere is turned to bring them
+        near, after `mobius`. Without it, the sphere is turned to match the surface in space; not
+        if `mobius` is None.
+    refine, refine_norm, refine_seconds, solver, progress
+        As in `disk_map`; of refinement, the vertex `SphereMap.pole` stays.
+
+    Returns
+    -------
+    SphereMap
+
+    Raises
+    ------
+    MeshError
+        If the surface is not closed, has a handle or several components, or is no mesh.
+    MapError
+        If no map is a bijection; the one of least distortion is its ``result``.
+    SolverError, ValueError, ImportError
+        As `disk_map`.
+
+    References
+    ----------
+    S. Haker et al. Conformal surface parameterization for texture mapping. IEEE Trans. Vis.
+    Comput. Graph. 6(2), 2000.
+    J. Cantarella, H. Schumacher. Computing the conformal barycenter. SIAM J. Appl. Algebra
+    Geometry 6(3), 2022.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
+    >>> F = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]
+    >>> cdcp_igl.sphere_map(V, F).points.round(6) + 0
+    array([[ 1.,  0.,  0.],
+           [-1.,  0.,  0.],
+           [ 0.,  1.,  0.],
+           [ 0., -1.,  0.],
+           [ 0.,  0.,  1.],
+           [ 0.,  0., -1.]])
+    """
+    if mobius not in ("area", None):
+        raise ValueError(f'of a sphere, mobius must be "area" or None, not {mobius!r}')
+    options = Options(
+        refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds, solver=solver
+    )
+    phase = Phases(progress, refine or 0, skipped=("center", "circle", "extension"))
+    with using(solver):
+        with phase("check"):
+            mesh = SphereMesh(V, F)
+            directions = None if align is None else _directions(align, len(mesh.V))
+        best = _best_map(mesh, mobius, directions, options, phase)
+    remedy = (
+        "Parts of it may be too small for double precision: cut the surface (cdcp_igl.surface_map)"
+    )
+    best = valid_map(best, " onto the sphere", remedy)
+    phase.done()
+    return best
+
+
+def _directions(align: Mapping[int, ArrayLike], n: int) -> tuple[Ints, Floats]:
+    """Read `align`: the vertices, and their directions (k, 3)."""
+    try:
+        vertices = np.array(list(align), dtype=np.int64)
+        directions = np.array(list(align.values()), dtype=np.float64).reshape(-1, 3)
+    except (TypeError, ValueError, AttributeError):
+        raise ValueError(f"align must give 3-vectors for vertices, not {align!r}") from None
+    if not (len(vertices) and ((vertices >= 0) & (vertices < n)).all()):
+        raise ValueError(f"align must give directions of vertices in 0..{n - 1}")
+    lengths = np.linalg.norm(directions, axis=1)
+    if not (np.isfinite(lengths).all() and lengths.all()):
+        raise ValueError("align must give finite directions, not 0")
+    return vertices, directions / lengths[:, None]
+
+
+def _best_map(
+    mesh: SphereMesh,
+    mobius: Literal["area"] | None,
+    align: tuple[Ints, Floats] | None,
+    options: Options,
+    phase: Phases,
+) -> SphereMap:
+    """Try one way after the other until a map is conformal; the best, refined, valid or not."""
+
+    def by_dipole(name: str) -> SphereMap:
+        with phase("laplacian"):
+            L = LAPLACIANS[name](mesh)
+        with phase("factor"):
+            surface = FactoredSurface(mesh, L, np.arange(len(mesh.V)) > 0)  # eq. (18), pinned
+        orders.append(surface.order)
+        with phase("trace"):
+            P, pole = dipole_map(surface)
+        return _finished(mesh, P, pole, name, surface.solver, mobius, align, phase)
+
+    orders = list[Indices]()
+    best = best_of(
+        (partial(by_dipole, name) for name in LAPLACIANS),
+        lambda made: made.conformal and made.repair.n_flipped == 0,
+    )
+    if not best.valid:
+        with phase("repair"):
+            P = mean_value_map(mesh, best.pole)
+        whole = _finished(mesh, P, best.pole, "mean value", best.solver, None, align, phase)
+        best = min(best, whole, key=lambda made: made.rank)
+    steps, sphere = steps_of(best, options), Sphere(best.points, best.pole)
+    if steps == 0:
+        return best
+
+    def finished(z: Complex, known: float) -> SphereMap:
+        kind = best.pole, best.laplacian, best.solver
+        lowered = _finished(mesh, sphere.points(z), *kind, None, None, phase, known)
+        return replace(lowered, mobius=best.mobius)
+
+    z, order = sphere.plane(best.points), np.append(orders[-1], 0)
+    order = order[order != best.pole]
+    return refined(best, z, sphere, order, steps, finished, options, phase)
+
+
+def _finished(
+    mesh: SphereMesh,
+    P: Floats,
+    pole: int,
+    laplacian: str,
+    solver: str,
+    mobius: Literal["area"] | None,
+    align: tuple[Ints, Floats] | None,
+    phase: Phases,
+    known: float = 0.0,
+) -> SphereMap:
+    """Normalise a map, repair it, certify and judge it."""
+    mass = mesh.vertex_areas
+    with phase("mobius"):
+        if mobius:
+            P = moved_to_center(P, conformal_barycenter(P, mass))
+        if align is not None:
+            P = P @ rotation(P[align[0]], align[1])
+        elif mobius:
+            P = P @ rotation(P * mass[:, None], mesh.V - np.average(mesh.V, axis=0, weights=mass))
+        P /= np.linalg.norm(P, axis=1)[:, None]
+    with phase("repair"):
+        P, repair = repaired_on_sphere(mesh, P)
+    with phase("certificate"):
+        certificate = certify_sphere(mesh.F, P)
+        degrees = np.degrees(abs(sphere_angle_errors(mesh, P, certificate.flipped)))
+        fields = fields_of(mesh, P, degrees, certificate, repair, known=known)
+    return SphereMap(
+        **fields,
+        points=P,
+        pole=pole,
+        mobius=mobius or "none",
+        laplacian=laplacian,
+        solver=solver,
+        timings=phase.seconds,
+    )
+
+
+# -- eq. (18) -------------------------------------------------------------------------------------
+
+
+# -- Möbius transformations of the sphere ---------------------------------------------------------
+
+
+# -- flipped faces --------------------------------------------------------------------------------

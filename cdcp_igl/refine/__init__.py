@@ -1,0 +1,1 @@
+"""Lowering the distortion of a map that is valid, onto whatever target."""

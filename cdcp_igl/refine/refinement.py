@@ -1,0 +1,419 @@
+"""Refinement beyond the harmonic map: reweighted Gauss-Newton on the corner angles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import partial
+from time import perf_counter
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from ..arrays import Complex, Floats, Ints
+from ..errors import counted
+from ..rescue.correction import extents
+from ..solve.cholesky import Cholesky
+from ..solve.laplacian import Laplacian, sum_opposite
+from ..solve.solvers import factorize
+from ..surface.mesh import DiskMesh
+from ..surface.triangles import blocks
+from .targets import Disk, Target
+
+# A map that is measurably not near the conformal one has so many steps even if none are asked for.
+STEPS_DUE = 2
+# Further steps are taken while one of the last three lowers the objective by this share.
+PATIENCE, WORTH = 3, 0.003
+# After so many steps one can tell, to within this factor, whether they will make a map conformal.
+FEW_STEPS, HOPE = 10, 3
+ROUNDING = np.radians(0.1)  # below this angle |r|^p is rounded off to a parabola
+CG_ITERATIONS = 3  # lower the objective to within 0.3 % of what the solved system would
+# Below this objective in degrees, what is left of the errors belongs to single faces: after the way
+# that the map has just gone and one direction by the factor, so many by the diagonal alone, each
+# a sixth of the time, bring as much; and the preconditioner stays while a step gains less than so.
+GOOD, SMOOTHING, GOOD_GAIN = 4, 3, 0.08
+# Near the conformal map, the diagonal alone will do until a step gains more than that, or fails:
+# it gives directions until one brings less than this share of what all have, but at most so many.
+ENOUGH, MOST_SMOOTHING = 0.05, 40
+DAMPINGS = (0, 1, 10, 100)  # tried in turn
+# The preconditioner is used again after a step that has lowered the objective by less than this
+# share, as the weights are much the same; but not if p is smaller, as they change too much then.
+SMALL_GAIN, STEADY = 0.02, 1.5
+LOWERING = 0.5  # of p from 2 to the norm, with each step that needs no damping
+SHIFT = 1e-10  # of the unit diagonal: keeps rounding from an indefinite matrix
+
+HALVINGS = 6  # of a step, before it is computed again with more damping
+# The corners of a face that a step flips go a shorter part of it; where this part is too long, too,
+# they stay where they are.
+SMALLEST_SCALE = 0.03
+# The corners of faces smaller than this, by their distance from 0, stay at once: rounding flips
+# these faces however short the step is.
+TINY = 1e-14
+
+DISK = Disk()
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """What was done to lower the angular distortion beyond that of the harmonic map.
+
+    Attributes
+    ----------
+    asked : int
+        Steps that were allowed, at least 1: as many as were asked for, or were due.
+    steps : int
+        Steps that were taken.
+    stopped : str
+        Why they are fewer: ``"no improvement"``; of steps that were not asked for,
+        ``"little to gain"``, or ``"out of reach"`` if they cannot make the map conformal;
+        ``"no certificate"`` of the map that they led to, or ``"not conformal"`` if the next step
+        would take this from the map; or ``"time limit"``. Empty if they are not fewer.
+    norm : float
+        The exponent p.
+    before, after : float
+        The objective in degrees: the power mean, with exponent p, of the angle errors of
+        all corners, each at least 0.1 degree.
+    """
+
+    asked: int
+    steps: int
+    stopped: str
+    norm: float
+    before: float
+    after: float
+
+    def undone(self, why: str) -> Refinement:
+        """Account for steps that were taken back."""
+        return replace(self, steps=0, stopped=why, after=self.before)
+
+    def __str__(self) -> str:
+        if self.steps == 0:
+            return self.stopped
+        note = f" ({self.stopped})" if self.stopped else ""
+        asked = counted(self.asked, "step", "steps")
+        return (
+            f"{self.steps} of {asked}{note}, angle errors in the {self.norm:g}-norm "
+            f"from {self.before:.4f} to {self.after:.4f} degrees"
+        )
+
+
+def lower_angle_distortion(
+    mesh: DiskMesh,
+    f: Complex,
+    order: Ints,
+    steps: int,
+    norm: float,
+    *,
+    seconds: float = np.inf,
+    analysis: Cholesky | None = None,
+    halvings: int = HALVINGS,
+    least: int | None = None,
+    wanted: float = 0.0,
+    near: bool = False,
+    target: Target = DISK,
+    accepted: Callable[[Complex, Floats], bool] = lambda f, r: True,
+    advance: Callable[[float], None] = lambda done: None,
+) -> tuple[Complex, Refinement]:
+    """Lower the sum of |angle error|^p over all corners; the image stays the `target` that it is.
+
+    Gauss-Newton with iteratively reweighted least squares. A step that flips a face or does
+    not lower the objective is halved, where it flips or everywhere, and then computed again with
+    Levenberg-Marquardt damping of the shear of every face; when the strongest damping does not
+    help, the refinement ends. The weights begin with those of p = 2, which bring the large
+    errors down that a smaller p would take for outliers; each step without damping lowers p
+    until it is the norm, from 1 to 2.
+
+    `order` are the interior vertices, or all that move if there is no circle on which others slide,
+    in a fill-reducing order, or in that of an `analysis` of their Laplacian.
+    After so many `seconds` no step is begun. A step is halved up to `halvings` times before it is
+    computed again with more damping; more of them are slower, and help where a map is bad. After
+    the `least` number of steps, if it is told, further ones end where there is little to gain, or
+    where it is out of reach that only the share `wanted` of the objective is left, which would make
+    the map conformal. They end before a step to a map that is not `accepted`, with its angle errors
+    (m, 3). Of a map that is `near` the conformal one, most steps need no factor. `advance` is
+    called after each step with the share that is done. Returns f itself if no step was an
+    improvement, or if it has flipped faces or overlaps itself.
+
+    References
+    ----------
+    P. W. Holland, R. E. Welsch. Robust regression using iteratively reweighted
+    least-squares. Communications in Statistics 6(9), 1977.
+    """
+    deadline = perf_counter() + seconds
+    measure = partial(_power_mean, p=norm)
+    flipped = target.flipped(mesh.F, f)
+    r = target.errors(mesh, f, flipped)
+    before = objective = measure(r)
+    taken, attempt, p, stopped = 0, 0, 2.0, ""
+    moved: Complex | None = None
+    gains: list[float] = []
+    if len(order) == 0 or not target.certificate(mesh, f, flipped).valid:
+        return f, Refinement(steps, taken, "no improvement", norm, before, objective)
+    laplacian, stale, little = WeightedLaplacian(mesh, order, analysis), True, True
+    while taken < steps and not stopped:
+        if attempt == len(DAMPINGS):
+            stopped = "no improvement"
+        elif perf_counter() >= deadline:
+            stopped = "time limit"
+        else:
+            used, last = (p, attempt), objective
+            if near and little and objective < GOOD and attempt == 0:
+                directions = 0, MOST_SMOOTHING
+            else:
+                directions = (CG_ITERATIONS, 0) if moved is None else (1, SMOOTHING)
+            step = gauss_newton_step(
+                *(mesh, f, r, p, DAMPINGS[attempt], laplacian),
+                *directions,
+                anew=stale,
+                along=moved,
+                target=target,
+            )
+            found = search_along(mesh, f, step, measure, objective, halvings, target)
+            if found is None:
+                attempt, moved = attempt + 1, None
+            elif not accepted(*found[:2]):
+                stopped = "not conformal"
+            else:
+                if attempt == 0:
+                    p = max(norm, p - LOWERING)
+                moved = found[0] - f if found[2] < GOOD else None
+                f, r, objective = found
+                little = objective >= (1 - GOOD_GAIN) * last
+                taken, attempt = taken + 1, max(attempt - 1, 0)
+                gains.append(1 - objective / last)
+                advance(taken / steps)
+                if least is not None and least <= taken < steps:
+                    stopped = _reason_to_stop(gains, steps - taken, wanted * before / objective)
+            alike = (p, attempt) == used and objective >= (1 - SMALL_GAIN) * last
+            if moved is not None:
+                alike = little
+            stale = norm < STEADY or not alike
+    return f, Refinement(steps, taken, stopped, norm, before, objective)
+
+
+def search_along(
+    mesh: DiskMesh,
+    f: Complex,
+    step: Complex,
+    measure: Callable[[Floats], float],
+    objective: float,
+    halvings: int,
+    target: Target,
+) -> tuple[Complex, Floats, float] | None:
+    """Halve a step until the objective falls, and at faces that it flips until it does not.
+
+    The step (n,) is tangential to the `target`; `measure` takes angle errors (m, 3) to the
+    objective. Returns the map, its angle errors and its objective; None if nothing helps.
+    """
+    scale = np.ones(len(f))
+    for _ in range(halvings):
+        trial = target.moved(mesh, f, scale * step)
+        flipped = target.flipped(mesh.F, trial)
+        if len(flipped[0]):
+            faces = mesh.F[flipped[0]]
+            corners = np.unique(faces)
+            scale[corners] = np.where(scale[corners] > SMALLEST_SCALE, scale[corners] / 2, 0)
+            size, distance = extents(f[faces])
+            scale[faces[size < TINY * distance]] = 0
+            continue
+        r = target.errors(mesh, trial, flipped)
+        value = measure(r)
+        if value < objective and target.certificate(mesh, trial, flipped).valid:
+            return trial, r, value
+        scale /= 2
+    return None
+
+
+def _reason_to_stop(gains: list[float], left: int, wanted: float) -> str:
+    """Say why further steps are not worth their time; empty if they may be.
+
+    `gains` are the shares of the objective that each step has removed, `left` is how many more
+    there can be, and `wanted` the share of the objective that is to be left in the end.
+    """
+    best = max(gains[-PATIENCE:])
+    if len(gains) >= PATIENCE and best < WORTH:
+        return "little to gain"
+    hopeless = len(gains) >= FEW_STEPS and (1 - best) ** left > HOPE * wanted
+    return "out of reach" if hopeless else ""
+
+
+def gauss_newton_step(
+    mesh: DiskMesh,
+    f: Complex,
+    r: Floats,
+    p: float,
+    damping: float,
+    laplacian: WeightedLaplacian,
+    iterations: int = CG_ITERATIONS,
+    smoothing: int = 0,
+    *,
+    anew: bool = True,
+    along: Complex | None = None,
+    target: Target = DISK,
+) -> Complex:
+    """Find the displacement (n,) that lowers sum w (r + dr)^2, w = |r|^(p-2), by CG.
+
+    A displacement of the corners of a plane face is dz = a z + b conj(z) + const, and only
+    the shear b = sum beta_v dz_v, linear in the displacements, changes the angles:
+    an edge e turns by Im(a + b conj(e) / e), hence
+
+        dr_c = Im(b g_c),  g_c = conj(e_k) / e_k - conj(e_j) / e_j
+
+    with e_j, e_k the edges at corner c. With the complex numbers b = B dz of all faces, the
+    normal equations are B^H H B dz = -B^H sum_c w_c r_c i conj(g_c), where
+    H(b) = (s + damping) b + conj(t b), s = sum_c w_c |g_c|^2 / 2, t = -sum_c w_c g_c^2 / 2.
+    On the boundary of the disk dz is a real multiple of i z: it slides on the circle. On a
+    `target` in space, beta also turns dz into the plane of the face.
+
+    `damping` is the weight of |b|^2, times that of a corner with the root mean square error: a
+    face flips only where |b| is not small, and the angles of a needle hardly feel b. `laplacian`
+    preconditions; unless `anew` it stays as it is: to factor it takes half the time of a step.
+    It gives as many directions as there are `iterations`, and its diagonal those of `smoothing`;
+    without `iterations` it is not factored, and these end when one of them brings little.
+    `along` (n,), the way that a good map has just gone, comes before them if it is told.
+    """
+    m = len(mesh.F)
+    beta, s = np.empty((m, 3), complex), np.empty(m)
+    t, gradient = np.empty((2, m), complex)
+    for part in blocks(m):
+        beta.T[:, part], s[part], t[part], gradient[part] = _linearize(
+            *target.corners(f, mesh.F[part]), r[part].T, p
+        )
+    if damping:
+        s += damping * (r * r).mean() ** (p / 2 - 1)
+    rows = np.arange(0, 3 * m + 1, 3)  # b = sum beta_v dz_v
+    B = csr_matrix((beta.ravel(), mesh.F.ravel(), rows), (m, len(mesh.V)))
+    B_H = B.conj().T
+    project = partial(target.tangential, mesh, f)
+
+    def adjoint(b: Complex) -> Complex:
+        return project(B_H @ b)
+
+    def normal_matrix(x: Complex) -> Complex:
+        b = B @ x
+        turned = t * b
+        b *= s
+        b += np.conj(turned, out=turned)
+        return adjoint(b)
+
+    if not iterations:
+        laplacian.weigh(beta, s)
+    elif anew:
+        laplacian.factor(beta, s)
+    towards: list[Callable[[Complex], Complex]] = [laplacian.solve] * iterations
+    towards += [laplacian.divide] * smoothing
+    if along is not None:
+        towards.insert(0, lambda residual: along.copy())
+    enough = 0 if iterations else ENOUGH
+    return _conjugate_gradients(normal_matrix, -adjoint(gradient), towards, project, enough)
+
+
+def _linearize(
+    corner: Complex, turn: Complex | float, r: Floats, p: float
+) -> tuple[Complex, Floats, Complex, Complex]:
+    """Compute beta (3, k), s, t and the gradient in b (k,) of k faces, by corner."""
+    e = corner[[2, 0, 1]] - corner[[1, 2, 0]]  # opposite the corners
+    # Times reciprocals, as it takes long to divide complex numbers.
+    beta = turn * e * (0.5j * (1 / (e[0].conj() * e[1]).imag))
+    q = e.conj()
+    q *= q * (1 / (e.real * e.real + e.imag * e.imag))  # conj(e) / e
+    g = q[[1, 2, 0]] - q[[2, 0, 1]]
+    wg = (r * r + ROUNDING**2) ** (p / 2 - 1) * g
+    s = (wg.real * g.real + wg.imag * g.imag).sum(axis=0) / 2
+    return beta, s, (wg * g).sum(axis=0) / -2, 1j * (r * wg).sum(axis=0).conj()
+
+
+class WeightedLaplacian:
+    """The Laplacian with face weights s: its interior block, factored, and its diagonal.
+
+    B^H diag(s) B is the normal matrix without its second, conjugate-linear term. Its real
+    part is the Laplacian sum_f s / 4 grad.grad of the plane triangles, one matrix for both
+    coordinates. The diagonal does for the boundary: with 3 iterations the whole matrix,
+    whose inverse ignores the circle, is worse than a boundary that stays, and the
+    boundary block along the tangents is no better. `order` are the interior vertices, or all of
+    them where the outline is free, at least one, in a fill-reducing order or that of an `analysis`
+    of the pattern, which is taken over.
+    """
+
+    def __init__(self, mesh: DiskMesh, order: Ints, analysis: Cholesky | None = None) -> None:
+        self._F, self._edges, self._n, self._order = mesh.F, mesh.edges, len(mesh.V), order
+        self._cholesky = analysis
+
+    def weigh(self, beta: Complex, s: Floats) -> None:
+        """Set the diagonal by weights: beta is (m, 3), s is (m,) and positive."""
+        corner = np.empty(beta.shape)
+        for part in blocks(len(s)):
+            corner[part] = s[part, None] * abs(beta[part]) ** 2
+        self._inverse = 1 / np.bincount(self._F.ravel(), corner.ravel(), self._n)
+
+    def factor(self, beta: Complex, s: Floats) -> None:
+        """Set the weights, as `weigh` does, and factor the interior block."""
+        self.weigh(beta, s)
+        opposite = np.empty((3, len(s))).T
+        for part in blocks(len(s)):
+            b, weight = beta[part], s[part, None]
+            opposite[part] = weight * (b[:, [1, 2, 0]] * b[:, [2, 0, 1]].conj()).real
+        # A unit diagonal: entries go with 1 / area, which may range over 20 digits.
+        scale = np.sqrt(self._inverse)
+        self._scale = scale[self._order]
+        low, high = self._edges.low, self._edges.high
+        weights = -sum_opposite(self._edges, opposite) * scale[low] * scale[high]
+        unit = np.full(self._n, 1 + SHIFT)
+        matrix = Laplacian(low, high, weights, unit).block(self._order)
+        if self._cholesky is None:
+            self._cholesky = factorize(matrix, ordering="natural")
+        else:  # the pattern is that of the edges, whatever the weights
+            self._cholesky.refactor(matrix)
+
+    def solve(self, x: Complex) -> Complex:
+        """Solve with the weights set last."""
+        if self._cholesky is None:
+            raise ValueError("the weights have not been set: call factor first")
+        y = self.divide(x)
+        y[self._order] = self._scale * self._cholesky.solve(self._scale * x[self._order])
+        return y
+
+    def divide(self, x: Complex) -> Complex:
+        """Divide by the diagonal of the weights set last."""
+        return x * self._inverse
+
+
+def _conjugate_gradients(
+    A: Callable[[Complex], Complex],
+    b: Complex,
+    towards: Iterable[Callable[[Complex], Complex]],
+    project: Callable[[Complex], Complex],
+    enough: float = 0,
+) -> Complex:
+    """Lower x^T A x / 2 - x^T b from x = 0, inner product Re x^H y (A is real-linear).
+
+    Each of `towards` makes the next direction of the residual, which b becomes, and `project` a
+    possible one of it. The last is one that brings less than the share `enough` of what all have.
+    """
+    x, residual = np.zeros_like(b), b
+    direction, image, curvature, lowered = np.zeros_like(b), np.zeros_like(b), 1.0, 0.0
+    for next_direction in towards:
+        z = project(next_direction(residual))
+        direction *= -_dot(z, image) / curvature
+        direction += z
+        image = A(direction)
+        curvature = _dot(direction, image)
+        if curvature == 0:  # solved exactly
+            break
+        alpha = _dot(direction, residual) / curvature
+        x += alpha * direction
+        residual -= alpha * image
+        lowered += alpha**2 * curvature
+        if alpha**2 * curvature < enough * lowered:
+            break
+    return x
+
+
+def _dot(x: Complex, y: Complex) -> float:
+    """Re x^H y, in an order of summation that no number of threads changes, unlike BLAS's."""
+    return float(np.einsum("i,i", x.view(float), y.view(float)))
+
+
+def _power_mean(r: Floats, p: float) -> float:
+    """(mean |r|^p)^(1/p) in degrees, rounded off at 0.1 degree."""
+    return float(np.degrees(((r * r + ROUNDING**2) ** (p / 2)).mean() ** (1 / p)))

@@ -1,0 +1,1 @@
+"""Many surfaces, or one that is larger than memory. No map is made here."""

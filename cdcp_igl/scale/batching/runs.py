@@ -1,0 +1,341 @@
+"""`batch`: what is left to do, done and written down."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+import shutil
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ...errors import counted, printable
+from ...io import WRITABLE
+from ...io.output import try_to_write, whole_file
+from ..one_file import Settings
+from ..pool import Pool
+from .executors import run_on
+from .journal import (
+    DONE,
+    REFUSED,
+    SUMMARY_BEGINS,
+    Journal,
+    Record,
+    read_journals,
+    write_summary,
+)
+from .names import located, result_names, shard_of, surface_files
+from .page import PAGE_BEGINS, report_page
+from .work import Task
+
+SAME = "same"
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """What became of the surfaces of a batch. Printing it gives a summary.
+
+    Attributes
+    ----------
+    folder : Path
+        Of the results.
+    records : tuple of Record
+        One for each surface, in their order; those of former runs included.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import cdcp_igl
+    >>> empty = cdcp_igl.scale.batching.Batch(Path("results"), ())
+    >>> empty.done, empty.failed
+    ((), ())
+    """
+
+    folder: Path
+    records: tuple[Record, ...]
+
+    @property
+    def done(self) -> tuple[Record, ...]:
+        """The surfaces that are mapped."""
+        return tuple(record for record in self.records if record.status == DONE)
+
+    @property
+    def failed(self) -> tuple[Record, ...]:
+        """The others."""
+        return tuple(record for record in self.records if record.status != DONE)
+
+    def __str__(self) -> str:
+        surfaces = counted(len(self.records), "surface", "surfaces")
+        lines = [f"{len(self.done):,} of {surfaces} mapped"]
+        if self.done:
+            mean = np.array([record.mean for record in self.done])
+            flips = sum(record.flips for record in self.done)
+            worse = sum(not record.conformal for record in self.done)
+            lines += [
+                f"  mean angular distortion {np.median(mean):.3f}° in the median, "
+                f"{mean.max():.3f}° at most",
+                f"  {counted(flips, 'flipped face', 'flipped faces')}, "
+                f"{counted(worse, 'map', 'maps')} not conformal",
+            ]
+        lines += [
+            f"  {count:,} {error}"
+            for error, count in Counter(record.error for record in self.failed).most_common()
+        ]
+        return "\n".join(lines)
+
+
+def batch(
+    files: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+    out: str | os.PathLike[str],
+    *,
+    jobs: int = 1,
+    executor: Any = None,
+    format: str = "npz",
+    disk: bool = False,
+    clean: bool = False,
+    cut: bool = False,
+    free: bool = False,
+    onto: Literal["sphere", "annulus"] | None = None,
+    retry: bool = False,
+    time_limit: float = np.inf,
+    memory_limit: float = np.inf,
+    shard: tuple[int, int] | None = None,
+    report: str | os.PathLike[str] | None = None,
+    progress: Callable[[int, int, int], None] | None = None,
+    **options: Any,
+) -> Batch:
+    """Map many surfaces, each to a file, and lose nothing.
+
+    Each result has a line in ``results.jsonl``, with a digest of its bytes, before it appears, and
+    appears whole or not at all. Run again after whatever has happened, a batch goes on where it
+    was; the results are those of an undisturbed run. A file that is there already is replaced only
+    if a batch has made it from the same surface with the same options, and nobody has changed it.
+
+    A result has the name of its surface where no other one given has it, else its folders as well.
+    So give a batch that is to go on the same folders as before, or always the one above them.
+
+    Parameters
+    ----------
+    files : path-like or iterable of path-like
+        Surfaces; folders, for all surfaces in them and below; patterns like ``"scans/*.obj"``.
+    out : path-like
+        Folder of the results, made if need be: ``NAME.npz`` for each surface, with folders
+        where names would be the same, ``results.jsonl`` and ``summary.csv``.
+    jobs : int
+        Processes of this machine that map surfaces side by side. A surface that crashes its
+        process is tried three times; others do not suffer. Large surfaces wait for each other
+        where memory would not do for both.
+    executor : concurrent.futures.Executor or dask.distributed.Client, optional
+        Maps the surfaces instead, perhaps on many machines that share the file system.
+    format : {"npz", "obj", "ply", "glb", "same"}
+        Type of the results, see `cdcp_igl.io.write_map`; ``"same"`` for that of each surface, and
+        obj where it is none of these.
+    disk : bool
+        Texture coordinates in the unit disk, not in the unit square.
+    clean : bool
+        Clean each surface first, see `cdcp_igl.clean`. A result has what is left of the surface,
+        in its order.
+    cut : bool
+        Map surfaces that are no disks as well, see `cdcp_igl.surface_map`.
+    free : bool
+        Map with free outlines, see `cdcp_igl.free_map`.
+    onto : {"sphere", "annulus"} or None
+        Map closed surfaces onto the sphere, see `cdcp_igl.sphere_map`, or those with two boundary
+        loops onto rings, see `cdcp_igl.annulus_map`.
+    retry : bool
+        Try again what failed in a former run.
+    time_limit, memory_limit : float
+        Seconds and resident MiB for each surface, with `jobs` only. A surface beyond them has
+        failed.
+    shard : (int, int), optional
+        Part i of n, from 1: every n-th surface, with a ``results.i-of-n.jsonl``; for job arrays
+        that write to one folder.
+    report : path-like, optional
+        An HTML page to write, with a histogram and a table.
+    progress : callable, optional
+        Called as ``progress(done, failed, total)``, at first with what former runs have done.
+    **options
+        Those of `cdcp_igl.disk_map`, `cdcp_igl.surface_map` or `cdcp_igl.free_map`.
+
+    Returns
+    -------
+    Batch
+
+    Raises
+    ------
+    ValueError
+        If an option is none of those allowed, or there is no surface. Nothing was done then.
+    OSError
+        If the folder or a result cannot be written, or another batch is writing there. What is
+        done is kept.
+    BrokenExecutor
+        If no worker can be started, or the executor takes no more surfaces. What is done is kept.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(8)
+    >>> with TemporaryDirectory() as folder:
+    ...     for name, surface in (("cap", F), ("torn", F[1:])):
+    ...         np.savez(Path(folder, name), V=V, F=surface)
+    ...     made = cdcp_igl.batch([folder], Path(folder, "maps"))
+    >>> [(record.name, record.status, record.error) for record in made.records]
+    [('cap', 'done', ''), ('torn', 'failed', 'MeshError')]
+    """
+    settings = Settings(disk, clean, cut, free, onto, options)
+    _check_format(format)
+    if executor is not None and (jobs, time_limit, memory_limit) != (1, np.inf, np.inf):
+        raise ValueError("jobs and limits are those of the executor; give one or the other")
+    if jobs < 1:
+        raise ValueError(f"jobs must be 1 or more, not {jobs!r}")
+    folder = located(Path(out))
+    sources = surface_files(files, folder)
+    if not sources:
+        raise ValueError("there is no surface to map")
+    digest = _digest_of_options(settings, format)
+    named = list(zip(result_names(sources), sources, strict=True))
+    mine = shard_of(named, shard)
+    folder.mkdir(parents=True, exist_ok=True)
+    summary_file = folder / "summary.csv"
+    _refuse_another(summary_file, SUMMARY_BEGINS, "is no summary of a batch")
+    if report is not None:
+        _refuse_another(Path(report), PAGE_BEGINS, "is no report of a batch")
+        try_to_write(Path(report))
+    with Journal(folder, shard) as journal, _unfinished_folder(journal) as unfinished:
+        tasks = [
+            _task(name, source, folder / name, format, unfinished, settings, digest)
+            for name, source in mine
+        ]
+        history = read_journals(folder, digest)
+        records = {
+            task.name: history[task.name][-1]
+            for task in tasks
+            if task.name in history and task.is_done(history[task.name][-1], retry)
+        }
+        count = Counter(record.status for record in records.values())
+
+        def tell() -> None:
+            if progress is not None:
+                progress(count[DONE], count.total() - count[DONE], len(tasks))
+
+        def write_down(record: Record) -> None:
+            journal.append(record.line())
+            records[record.name] = record
+            count[record.status] += 1
+            tell()
+
+        tell()
+        try:
+            left = {}
+            for task in tasks:
+                if task.name in records:
+                    continue
+                if refusal := task.refusal(history.get(task.name, ())):
+                    write_down(refusal)
+                else:
+                    left[task.name] = task
+            to_map = list(left.values())
+            pool = Pool(jobs, time_limit, memory_limit)
+            made = pool.run(to_map) if executor is None else run_on(executor, to_map)
+            with closing(pool), closing(made):
+                for record in made:
+                    _finish(left[record.name], record, history.get(record.name, ()), write_down)
+        finally:
+            latest = read_journals(folder, digest)  # with those of other shards
+            if not summary_file.exists() or count.total() > count[REFUSED]:
+                write_summary(summary_file, (latest[name][-1] for name in sorted(latest)))
+    done = Batch(folder, tuple(records[task.name] for task in tasks))
+    if report is not None:
+        page = report_page(f"Maps in {printable(folder.name)}", str(done), done.records)
+        with whole_file(report) as file:
+            file.write_bytes(page.encode())
+    return done
+
+
+def _digest_of_options(settings: Settings, format: str) -> str:
+    text = json.dumps(
+        asdict(settings) | {"format": format},
+        sort_keys=True,
+        default=lambda array: np.asarray(array).tolist(),
+    )
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _refuse_another(path: Path, beginning: str, what: str) -> None:
+    """Raise FileExistsError if there is a file that does not begin as ours do."""
+    if not path.is_file():
+        return
+    with path.open("rb") as file:
+        is_ours = file.read(len(beginning)) == beginning.encode()
+    if not is_ours:
+        reason = f"{what}; move it, or name another place"
+        raise FileExistsError(errno.EEXIST, reason, os.fspath(path))
+
+
+@contextmanager
+def _unfinished_folder(journal: Journal) -> Iterator[Path]:
+    """Make an empty folder for what is not finished, and remove it at the end."""
+    path = journal.path.with_name(f".{journal.path.stem}.unfinished")
+    _remove(path)  # of a run that was killed
+    path.mkdir(exist_ok=True)
+    try:
+        yield path
+    finally:
+        _remove(path)
+
+
+def _remove(path: Path) -> None:
+    """Remove a folder, into which a task that an executor repeats may still want to write."""
+    renamed = path.with_suffix(".removed")
+    with suppress(OSError):
+        path.rename(renamed)
+    for left in (path, renamed):
+        shutil.rmtree(left, ignore_errors=True)
+
+
+def _check_format(format: str) -> None:
+    formats = [*(suffix[1:] for suffix in WRITABLE), SAME]
+    if format not in formats:
+        raise ValueError(f"format must be one of {', '.join(formats)}, not {format!r}")
+
+
+def _task(
+    name: str,
+    source: Path,
+    result: Path,
+    format: str,
+    unfinished: Path,
+    settings: Settings,
+    digest: str,
+) -> Task:
+    """Name the files of a surface, whose result is to be `result` with a suffix."""
+    suffix = f".{format}"
+    if format == SAME:
+        suffix = source.suffix if source.suffix.lower() in WRITABLE else ".obj"
+    # Not the name of the result, which may be as long as names can be.
+    draft = hashlib.sha256(f"{digest} {name}".encode(errors="surrogateescape")).hexdigest()
+    target, draft = f"{result}{suffix}", f"{unfinished / draft}{suffix}"
+    return Task(name, str(source), target, draft, settings, digest)
+
+
+def _finish(
+    task: Task,
+    record: Record,
+    history: Sequence[Record],
+    write_down: Callable[[Record], None],
+) -> None:
+    """Write down what a worker has made, and put the result into its place."""
+    refusal = task.refusal(history) if record.status == DONE else None  # of what has come since
+    write_down(refusal or record)  # first, so that each result that is there has a line
+    if record.status == DONE and refusal is None:
+        task.move_draft()
