@@ -16,7 +16,7 @@ demo: setup
 test: setup
 	$(PYTHON) -m pytest -n auto --dist loadfile
 
-# Without what takes long: under two minutes.
+# Without what takes long.
 test-quick: setup
 	$(PYTHON) -m pytest -n auto --dist loadfile -m 'not slow'
 
@@ -25,7 +25,7 @@ lint: setup
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m mypy
 
-# What benchmarks/results has: about an hour. What is measured already is kept. Times come
+# What benchmarks/results has. What is measured already is kept. Times come
 # first, alone; then two cases run side by side, and theirs are a hint.
 bench: setup
 	$(PYTHON) -m benchmarks speed --repeats 3 --out benchmarks/results

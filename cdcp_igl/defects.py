@@ -181,14 +181,14 @@ DEFECTS = {
         by=(CLEAN, CUT),
     ),
     "several components": Row(
-        "{parts:,} components, the largest with {largest:,} of {faces:,} faces",
+        "{components:,} components, the largest with {largest:,} of {faces:,} faces",
         "{clean} keeps the largest, {surface_map} maps each of them.",
         by=(CLEAN, CUT),
     ),
     "several components, coinciding": Row(
-        "{parts:,} components, the largest with {largest:,} of {faces:,} faces",
+        "{components:,} components, the largest with {largest:,} of {faces:,} faces",
         "{clean} keeps the largest, {surface_map} maps each of them. Some vertices coincide: both "
-        "merge them along seams, which may join the parts.",
+        "merge them along seams, which may join the components.",
         by=(CLEAN, CUT),
     ),
     "non-manifold vertex": Row(

@@ -16,7 +16,7 @@ _SHOWN = 8  # indices spelled out in a message; the attribute holds them all
 
 @dataclass(frozen=True, eq=False)
 class Defect:
-    """One thing that keeps the input from being a triangulated disk.
+    """One thing that keeps the input from being mapped: what is wrong, where, and what to do.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Defect:
 
 
 class MeshError(ValueError):
-    """The input is not a triangulated disk.
+    """The input is not a surface of the kind that is asked for, or no triangle mesh at all.
 
     Attributes
     ----------
@@ -132,13 +132,13 @@ class SolverError(RuntimeError):
 
 
 class MapError(RuntimeError):
-    """There is no certified bijection onto the disk to return.
+    """There is no certified bijection to return.
 
     Attributes
     ----------
     result : object or None
-        The map as it is, ``uv``, with the ``certificate`` that says what is wrong with it: the
-        DiskMap, or a ReferenceMap from the methods of `cdcp_igl.reference`.
+        The map as it is, with the ``certificate`` that says what is wrong with it: what the
+        function returns if all is well, or a ReferenceMap from a method of `cdcp_igl.reference`.
 
     Examples
     --------

@@ -105,7 +105,7 @@ def test_each_surface_in_its_own_format(tmp_path, out):
         ({"cut": True, "center": 3}, "must be a method"),
         ({"cut": True, "align": 3}, "must be a direction"),
         ({"fill": 0.1}, "only a surface that is cut has fill"),
-        ({"spread": 1}, "has spread$"),
+        ({"scale_variation": 1}, "has scale_variation$"),
     ],
 )
 def test_bad_options(scans, out, options, message):

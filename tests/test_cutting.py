@@ -263,7 +263,7 @@ def test_nor_is_one_parted_by_a_map(mesh, fill):
     """Whose cut grows."""
     V, polygons = mesh
     F, whole = triangles(polygons)
-    result = cdcp_igl.surface_map(V, F, polygon_of_face=whole, fill=fill, spread=0.7)
+    result = cdcp_igl.surface_map(V, F, polygon_of_face=whole, fill=fill, scale_variation=0.7)
     assert result.valid
     assert len(open_edges(F, result.cut.F, whole)) == 0
 

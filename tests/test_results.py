@@ -54,7 +54,7 @@ def test_what_is_lost_in_single_precision(tmp_path, caplog):
     assert f"{lost} faces have no area" in caplog.text
     assert f"{lost / len(F):.2g} of the surface" in caplog.text
     caplog.clear()
-    atlas = cdcp_igl.surface_map(V, F, spread=np.inf)
+    atlas = cdcp_igl.surface_map(V, F, scale_variation=np.inf)
     faces, share = atlas.lost_in_single_precision()
     assert f"in single precision {faces} faces without area, {share:.2g} of" in caplog.text
     caplog.clear()
@@ -106,7 +106,7 @@ def test_a_map_that_is_not_conformal_says_which_disk_and_why():
     several = cdcp_igl.surface_map(
         np.vstack([square - 30, np.column_stack([V, 0 * V[:, 0]])]),
         np.vstack([G, F + len(square)]),
-        spread=np.inf,
+        scale_variation=np.inf,
         refine=0,
     )
     worst = np.argmax([disk.distortion.mean for disk in several.charts])

@@ -65,7 +65,7 @@ def test_duplicates_have_the_images_of_their_twins():
 )
 def test_a_disk_is_mapped_as_by_disk_map(options):
     V, F = meshes.grid()
-    result = cdcp_igl.surface_map(V, F, spread=np.inf, **options)
+    result = cdcp_igl.surface_map(V, F, scale_variation=np.inf, **options)
     expected = cdcp_igl.disk_map(V, F, **options)
     assert result.changes == ()
     assert_consistent(result, V, F)
@@ -213,9 +213,9 @@ def test_filled_holes_distort_less_than_cuts_to_them(holes, real_mesh):
 
 def test_a_hole_at_the_end_of_a_branch_is_filled_and_cut_through(long_tube):
     V, F, grown = long_tube
-    whole = cdcp_igl.surface_map(V, F, spread=np.inf)
+    whole = cdcp_igl.surface_map(V, F, scale_variation=np.inf)
     assert len(whole.cut.edges) == 0 < len(grown.cut.edges)
-    assert grown.spread < whole.spread / 2
+    assert grown.scale_variation < whole.scale_variation / 2
 
 
 def test_a_tiny_boundary_is_cut_on_before_the_first_map():
@@ -223,7 +223,7 @@ def test_a_tiny_boundary_is_cut_on_before_the_first_map():
     V, F = surfaces.sphere(rings=20, around=20, stretch=3)
     result = cdcp_igl.surface_map(V, F[1:], progress=lambda phase, _: seen.append(phase))
     assert seen.count("factor") == 1
-    assert result.spread < 1
+    assert result.scale_variation < 1
 
 
 def test_growing_evens_out_the_scale():
@@ -231,9 +231,9 @@ def test_growing_evens_out_the_scale():
     V, F = surfaces.sphere(rings=40, around=40)
     radius = 1 + 4 * sum(np.exp(8 * (V @ tip - 1)) for tip in np.eye(3))
     V = V * radius[:, None]
-    once = cdcp_igl.surface_map(V, F, spread=np.inf)
-    grown = cdcp_igl.surface_map(V, F, spread=0.5)
-    assert grown.spread < once.spread
+    once = cdcp_igl.surface_map(V, F, scale_variation=np.inf)
+    grown = cdcp_igl.surface_map(V, F, scale_variation=0.5)
+    assert grown.scale_variation < once.scale_variation
     assert grown.cut.length > once.cut.length
     area = face_areas(V, F)
     distortions = [cdcp_igl.area_distortion(r.cut.V, r.cut.F, r.uv_cut) for r in (once, grown)]
@@ -241,12 +241,13 @@ def test_growing_evens_out_the_scale():
     assert after < before
 
 
-def test_spread_does_not_depend_on_the_moebius_transformation():
+def test_scale_variation_does_not_depend_on_the_moebius_transformation():
     V, F = surfaces.torus()
     by_angle, by_area = (
-        cdcp_igl.surface_map(V, F, mobius=mobius, spread=np.inf) for mobius in ("angle", "area")
+        cdcp_igl.surface_map(V, F, mobius=mobius, scale_variation=np.inf)
+        for mobius in ("angle", "area")
     )
-    assert by_angle.spread == pytest.approx(by_area.spread, rel=1e-6)
+    assert by_angle.scale_variation == pytest.approx(by_area.scale_variation, rel=1e-6)
 
 
 # -- packing ---------------------------------------------------------------------------
@@ -298,7 +299,7 @@ def test_free_outlines_keep_the_scale_and_the_size():
     free, disk = (cdcp_igl.surface_map(V, F, outline=outline) for outline in ("free", "disk"))
     assert_consistent(free, V, F)
     assert (len(free.charts), free.conformal) == (1, True)
-    assert free.spread < disk.spread / 2
+    assert free.scale_variation < disk.scale_variation / 2
     assert free.distortion.mean < disk.distortion.mean
     packed = free.packed()
     assert -1e-12 < packed.min() < packed.max() < 1 + 1e-12
@@ -310,7 +311,7 @@ def test_a_strip_is_parted_until_its_scale_is_even():
     V, F = meshes.corridor(8, 10)
     charts = {most: cdcp_igl.surface_map(V, F, max_charts=most) for most in (1, 2, None)}
     assert [len(result.charts) for result in charts.values()][:2] == [1, 2]
-    assert charts[1].spread > charts[2].spread > 1 >= charts[None].spread
+    assert charts[1].scale_variation > charts[2].scale_variation > 1 >= charts[None].scale_variation
     for result in charts.values():
         assert_consistent(result, V, F)
         assert result.face_chart.min() == 0
@@ -324,7 +325,7 @@ def test_limbs_are_parted_from_the_rest():
     x, y, _ = V[F].mean(axis=1).T
     assert len(result.charts) == 4
     assert len(set(result.face_chart[[x.argmin(), x.argmax(), y.argmax()]])) == 3
-    assert result.spread <= 1
+    assert result.scale_variation <= 1
     assert len(cdcp_igl.surface_map(V, F, max_charts=3).charts) <= 3
 
 

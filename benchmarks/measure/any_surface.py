@@ -22,14 +22,14 @@ from .models import files_of
 
 COLUMNS = (
     *("surface", "vertices", "disks", "valid", "conformal", "cut edges", "cut length"),
-    *("mean", "SD", "least mean", "spread", "area SD", "seconds", "by disk_map"),
+    *("mean", "SD", "least mean", "scale variation", "area SD", "seconds", "by disk_map"),
 )
 
 NOTE = """
 Angular distortion in degrees. Cut length by the square root of the area. Least mean: no map onto
-disks with this cut can be below it, by the angles around the vertices. Spread: standard deviation
-of the conformal factor. Area SD: that of the logarithm of the scale of area, over the area. By
-disk_map: seconds by those of one `disk_map` of the opened components, in the same run.
+disks with this cut can be below it, by the angles around the vertices. Scale variation: standard
+deviation of the conformal factor. Area SD: that of the logarithm of the scale of area, over the
+area. By disk_map: seconds by those of one `disk_map` of the opened components, in the same run.
 """
 
 
@@ -77,7 +77,7 @@ def _row(file: Path) -> Row:
         number(result.distortion.mean, ".2f"),
         number(result.distortion.sd, ".2f"),
         number(least_distortion(result), ".2f"),
-        number(result.spread, ".2f"),
+        number(result.scale_variation, ".2f"),
         number(area_sd, ".2f"),
         number(seconds, ".2f"),
         number(seconds / alone, ".1f"),

@@ -32,12 +32,12 @@ from .cut_paths import branch_to, open_to_disk, straighten
 # A round of growth is kept if it lowers the scale variation, or the angle error, by more than this
 # share.
 GAIN = 0.03
-# Where a cut that has grown leaves the spread at more than this many times what is asked for, or
-# has halved it, it does not grow on, and the component is parted. No later round has made up for
-# more than 1.33, or lowered what had been halved.
+# Where a cut that has grown leaves the scale variation at more than this many times what is asked
+# for, or has halved it, it does not grow on, and the component is parted. No later round has made
+# up for more than 1.33, or lowered what had been halved.
 HOPELESS = 1.4
-# A component that is cut to be a disk, and has a spread of more than this many times what is asked
-# for, is parted before its cut grows. No growth has made up for more than 1.99.
+# A component that is cut to be a disk, and whose scale varies more than this many times what is
+# asked for, is parted before its cut grows. No growth has made up for more than 1.99.
 LOST = 2.0
 # The map has shrunk a part of the surface if lengths there are shorter than on the average by this
 # power of e.
@@ -74,7 +74,7 @@ class Limits:
 
     outline: Outline
     fill: bool
-    spread: float
+    scale_variation: float
     max_charts: float
 
     @property
@@ -93,7 +93,7 @@ class Chart:
     factor: Floats  # (n,) conformal factor, on a disk with the conformal barycentre at 0
     # Its mean and standard deviation over the area, without what fills holes.
     average: float
-    spread: float
+    scale_variation: float
     # (k,) the deviation before the cut had grown, if it has, or where that would be in vain.
     level: Floats | None = None
     is_lost: bool = False  # its cut grows only if it cannot be parted
@@ -111,14 +111,14 @@ class Chart:
     @property
     def unevenness(self) -> tuple[bool, bool, float]:
         """What more charts are to lower: no valid map is worse than one that is not conformal."""
-        return bool(self.failure), not self.map.conformal, self.spread
+        return bool(self.failure), not self.map.conformal, self.scale_variation
 
     def gains_on(self, other: Chart) -> bool:
         """Whether the scale is more even; or the angles are better where they were not good."""
         if other.failure:
             return not self.failure
         if other.map.conformal:
-            return self.map.conformal and self.spread < (1 - GAIN) * other.spread
+            return self.map.conformal and self.scale_variation < (1 - GAIN) * other.scale_variation
         return self.map.distortion.mean < (1 - GAIN) * other.map.distortion.mean
 
 
@@ -149,7 +149,7 @@ def _made_like(chart: Chart, component: Component, options: Options) -> Chart | 
 
     A face alone may have other angles: its map is a similarity.
     """
-    disk, spread = chart.map, chart.spread
+    disk, variation = chart.map, chart.scale_variation
     if not isinstance(disk, DiskMap):
         return None
     if chart.opened.component.n_filled:
@@ -159,7 +159,7 @@ def _made_like(chart: Chart, component: Component, options: Options) -> Chart | 
         mesh = disk.mesh.moved(component.V)
         uv = coordinates(by_inscribed_angles(mesh))
         # The barycentre is 0 in the equilateral triangle, where the scale is 1 / sin^2.
-        spread = float(2 * np.log(np.sin(mesh.angles)).std())
+        variation = float(2 * np.log(np.sin(mesh.angles)).std())
     elif _same_angles(component, chart.opened.component):
         mesh, uv = disk.mesh.moved(opened.positions), disk.uv
     else:
@@ -168,7 +168,7 @@ def _made_like(chart: Chart, component: Component, options: Options) -> Chart | 
     if not certificate.valid:
         return None
     disk = replace(disk, mesh=mesh, uv=uv, certificate=certificate, timings={})
-    return replace(chart, opened=opened, map=disk, spread=spread)
+    return replace(chart, opened=opened, map=disk, scale_variation=variation)
 
 
 def _same_angles(one: Component, other: Component) -> bool:
@@ -191,7 +191,7 @@ def _charts(
         worst = waiting.pop()
         parts = [worst.opened.component]
         most = limits.max_charts - len(waiting) - len(charts)
-        is_uneven = worst.unevenness > (False, False, limits.spread)
+        is_uneven = worst.unevenness > (False, False, limits.scale_variation)
         if most > 1 and is_uneven:
             parts = parted(worst, most)
         if len(parts) > 1:
@@ -219,10 +219,10 @@ def _mapped(
 ) -> Chart:
     """Open a component to a disk and map it; let the cut grow, unless it is lost."""
     opened = open_to_disk(fill_holes(component) if limits.fill else component)
-    if limits.spread < np.inf:
+    if limits.scale_variation < np.inf:
         opened = lead_away(opened)
     first = _chart(opened, options, limits.outline, progress)
-    is_far = limits.parts_early and first.spread > LOST * limits.spread
+    is_far = limits.parts_early and first.scale_variation > LOST * limits.scale_variation
     if is_far and len(opened.cut_edges) and len(component.rows) >= LEAST_FACES:
         return replace(first, level=first.deviation, is_lost=True)
     return _grown(first, options, limits, progress)
@@ -232,7 +232,8 @@ def _grown(first: Chart, options: Options, limits: Limits, progress: Progress | 
     """Grow the cut of a component while that evens out the scale."""
     best = replace(first, is_lost=False)
     is_small = len(first.opened.component.rows) < LEAST_FACES
-    while best.spread > limits.spread or not (best.map.conformal or limits.spread == np.inf):
+    asked = limits.scale_variation
+    while best.scale_variation > asked or not (best.map.conformal or asked == np.inf):
         longer = grow(best)
         if longer is best.opened:
             break
@@ -240,9 +241,9 @@ def _grown(first: Chart, options: Options, limits: Limits, progress: Progress | 
         if not grown.gains_on(best):
             break
         best = replace(grown, level=first.deviation)
-        if is_small or (limits.max_charts > 1 and best.spread > HOPELESS * limits.spread):
+        if is_small or (limits.max_charts > 1 and best.scale_variation > HOPELESS * asked):
             break
-        if limits.parts_early and 2 * best.spread < first.spread:
+        if limits.parts_early and 2 * best.scale_variation < first.scale_variation:
             break
     return best
 
@@ -270,8 +271,8 @@ def _chart(
     else:
         factor = _centered_factor(V, F, made.uv, area)
     average = float(np.average(factor, weights=area))
-    spread = float(np.sqrt(np.average((factor - average) ** 2, weights=area)))
-    return Chart(opened, made, failure, factor, average, spread)
+    variation = float(np.sqrt(np.average((factor - average) ** 2, weights=area)))
+    return Chart(opened, made, failure, factor, average, variation)
 
 
 def _centered_factor(V: Floats, F: Ints, uv: Floats, area: Floats) -> Floats:
@@ -332,9 +333,9 @@ def grow(chart: Chart) -> OpenedComponent:
     if len(shrunk) == 0:
         return opened
     inside = opened.graph(np.ones(len(opened.tail)))[shrunk][:, shrunk]
-    n_parts, part = connected_components(inside, directed=False)
-    order = np.lexsort((factor[shrunk], part))
-    tips = shrunk[order[np.searchsorted(part[order], np.arange(n_parts))]]
+    count, region = connected_components(inside, directed=False)
+    order = np.lexsort((factor[shrunk], region))
+    tips = shrunk[order[np.searchsorted(region[order], np.arange(count))]]
     grown = opened
     for tip in tips[np.argsort(factor[tips])][:MOST_BRANCHES]:
         grown = branch_to(grown, int(tip))
@@ -392,10 +393,10 @@ def limbs(component: Component, level: Floats) -> Bools:
     area = face_areas(component.V, component.F)
     low = _mean_of_polygons(component, level) < -LIMB
     for side in (True, False, True):
-        count, part = _regions(component, low)
-        small = np.bincount(part, area, count) < LEAST_LIMB * area.sum()
-        small |= np.bincount(part, minlength=count) < LEAST_FACES
-        low[(low == side) & small[part]] = not side
+        count, region = _regions(component, low)
+        small = np.bincount(region, area, count) < LEAST_LIMB * area.sum()
+        small |= np.bincount(region, minlength=count) < LEAST_FACES
+        low[(low == side) & small[region]] = not side
     return low & ~low.all()
 
 
@@ -423,7 +424,7 @@ def narrow_side(component: Component) -> Bools:
         return np.zeros(m, dtype=bool)
     low = level <= level[order[np.where(possible, line / smaller, np.inf).argmin()]]
     for side in (True, False):  # what is not joined to the rest of its side goes to the other one
-        count, part = _regions(component, low)
-        largest = np.bincount(part[low == side], area[low == side], count).argmax()
-        low[part != largest] = not side
+        count, region = _regions(component, low)
+        largest = np.bincount(region[low == side], area[low == side], count).argmax()
+        low[region != largest] = not side
     return low

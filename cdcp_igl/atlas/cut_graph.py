@@ -199,9 +199,9 @@ class OpenedComponent:
     def loop(self) -> Ints:
         """(n,) number of the boundary loop of each vertex from 0, -1 in the interior."""
         tail, head = self.tail[self.is_cut], self.head[self.is_cut]
-        _, part = components_of_pairs(tail, head, self.n)
+        _, component = components_of_pairs(tail, head, self.n)
         loop = np.full(self.n, -1)
-        loop[self.on_boundary] = np.unique(part[self.on_boundary], return_inverse=True)[1]
+        loop[self.on_boundary] = np.unique(component[self.on_boundary], return_inverse=True)[1]
         return loop
 
     @cached_property
@@ -268,9 +268,9 @@ class OpenedComponent:
 
 def split_components(V: Floats, F: Ints, sheets: Ints, polygon: Ints) -> Iterator[Component]:
     """Take an oriented manifold apart; `sheets` (m, 3) numbers its vertices, F those of V."""
-    count, part = Topology(sheets, int(sheets.max()) + 1).components
-    order = np.argsort(part, kind="stable")
-    for rows in np.split(order, np.cumsum(np.bincount(part, minlength=count))[:-1]):
+    count, component = Topology(sheets, int(sheets.max()) + 1).components
+    order = np.argsort(component, kind="stable")
+    for rows in np.split(order, np.cumsum(np.bincount(component, minlength=count))[:-1]):
         _, first, corner = np.unique(sheets[rows], return_index=True, return_inverse=True)
         vertex = F[rows].ravel()[first]
         order = np.argsort(vertex, kind="stable")  # as in V

@@ -112,10 +112,10 @@ def orient(F: Ints, named: Ints) -> Ints:
     surface = Topology(F, int(F.max()) + 1)
     if surface.misoriented is not None:
         return surface.misoriented
-    _, part = surface.components
+    _, component = surface.components
     one_sided = [
         rows
-        for rows in (np.flatnonzero(part == k) for k in range(int(part.max()) + 1))
+        for rows in (np.flatnonzero(component == k) for k in range(int(component.max()) + 1))
         if Topology(F[rows], surface.n).misoriented is None
     ]
     rows = np.sort(named[np.concatenate(one_sided)])

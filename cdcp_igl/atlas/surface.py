@@ -67,10 +67,10 @@ class SurfaceMap(Result):
         mean distortion. Of several charts, the reasons name it.
     distortion : AngleDistortion
         Of the given faces, all charts together.
-    spread : float
+    scale_variation : float
         Standard deviation over the area of the conformal factor, the logarithm of the scale,
         on a disk with the conformal barycentre at 0; the largest of all charts.
-    spread_asked : float
+    scale_variation_asked : float
         What it was to be at most.
     shares : (k,) float64
         Share of each chart in the area of the surface.
@@ -97,8 +97,8 @@ class SurfaceMap(Result):
     cut: Cut
     changes: tuple[str, ...]
     certificate: Certificate | OutlineCertificate
-    spread: float
-    spread_asked: float
+    scale_variation: float
+    scale_variation_asked: float
     shares: Floats
 
     _kind = "surface"
@@ -143,20 +143,22 @@ class SurfaceMap(Result):
 
     def _steps(self) -> list[tuple[str, str]]:
         return [
-            ("scale variation", self._scale_variation),
+            ("scale variation", self._variation),
             ("length of the cut", f"{self.cut.length:.4g}"),
             *(("change", change) for change in self.changes),
         ]
 
     @property
-    def _scale_variation(self) -> str:
-        within = self.spread <= self.spread_asked
-        return f"{self.spread:.2f}" + ("" if within else f", asked for: {self.spread_asked:g}")
+    def _variation(self) -> str:
+        within = self.scale_variation <= self.scale_variation_asked
+        return f"{self.scale_variation:.2f}" + (
+            "" if within else f", asked for: {self.scale_variation_asked:g}"
+        )
 
     def _details(self) -> dict[str, Any]:
         return {
-            "spread": self.spread,
-            "spread_asked": self.spread_asked,
+            "scale_variation": self.scale_variation,
+            "scale_variation_asked": self.scale_variation_asked,
             "cut_length": self.cut.length,
             "changes": list(self.changes),
             "charts": [chart.report() for chart in self.charts],
@@ -198,7 +200,7 @@ def surface_map(
     merge: bool = True,
     outline: Outline = "disk",
     fill: bool = True,
-    spread: float = 1.0,
+    scale_variation: float = 1.0,
     max_charts: int | None = None,
     center: CenterMethod = "torsion",
     mobius: Literal["angle", "area"] | None = "angle",
@@ -235,12 +237,12 @@ def surface_map(
     fill : bool
         Fill all boundary loops but the outermost of each component while mapping; those faces
         are not returned. It distorts less than a cut to them. False cuts.
-    spread : float
+    scale_variation : float
         Grow the cut until the standard deviation of the conformal factor is at most this and
         the map is conformal, and then part the component, or until nothing is gained: see
-        ``SurfaceMap.spread``. Where the first growth leaves more than 1.4 times this, it is parted
-        at once; onto disks also where that halves it, and before any growth where it has to be cut
-        and has more than twice this. Parting ends with the first part that is no better than the
+        ``SurfaceMap.scale_variation``. Where the first growth leaves more than 1.4 times this, it
+        is parted at once; onto disks also where that halves it, and before any growth where it has
+        to be cut and has more than twice this. Parting ends with the first part that is no better than the
         whole and cannot be parted. With infinity, no cut grows and nothing is parted.
     max_charts : int, optional
         So many charts a component has at most; as many as are needed by default.
@@ -281,8 +283,8 @@ def surface_map(
         raise ValueError("center, mobius and preset are for disks, not for free outlines")
     if max_charts is not None and not max_charts >= 1:
         raise ValueError(f"max_charts must be 1 or more, or None, not {max_charts!r}")
-    if not spread >= 0:
-        raise ValueError(f"spread must be 0 or more, not {spread!r}")
+    if not scale_variation >= 0:
+        raise ValueError(f"scale_variation must be 0 or more, not {scale_variation!r}")
     if not isinstance(center, str):
         raise ValueError(f"center must be a method, since each disk has a face, not {center!r}")
     if align is not None and np.ndim(align) == 0:
@@ -291,7 +293,7 @@ def surface_map(
     start = perf_counter()
     given, faces = usable_arrays(V, F)
     sheets = oriented_sheets(given, faces, polygon_of_face, merge)
-    limits = Limits(outline, fill, spread, max_charts or np.inf)
+    limits = Limits(outline, fill, scale_variation, max_charts or np.inf)
     charts, done = [], 0.0
     known: dict[bytes, list[Chart]] = {}
     for component in split_components(sheets.V, sheets.F, sheets.vertices, sheets.polygon):
@@ -301,11 +303,11 @@ def surface_map(
         done += share
     if progress:
         progress("done", 1.0)
-    made = _together(given.astype(np.float64), sheets, charts, spread)
+    made = _together(given.astype(np.float64), sheets, charts, scale_variation)
     mapping = sum(made.timings.values())
     made = replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
-    if made.spread > spread:
-        log.warning("scale variation %s", made._scale_variation)
+    if made.scale_variation > scale_variation:
+        log.warning("scale variation %s", made._variation)
     if lost := made._lost:
         log.warning("in single precision %s", lost)
     return made
@@ -340,7 +342,7 @@ def _frame(chart: DiskMap | FreeMap, share: float) -> tuple[complex, complex, co
     return factor, low, high - low
 
 
-def _together(V: Floats, sheets: Sheets, charts: list[Chart], spread: float) -> SurfaceMap:
+def _together(V: Floats, sheets: Sheets, charts: list[Chart], scale_variation: float) -> SurfaceMap:
     """Put the maps of all components back into the rows of the given faces."""
     F = sheets.given
     uv, face_chart = np.full((len(F), 3, 2), np.nan), np.full(len(F), -1)
@@ -372,8 +374,8 @@ def _together(V: Floats, sheets: Sheets, charts: list[Chart], spread: float) -> 
         certificate=together([made.certificate for made in maps]),
         conformality=_worst_conformality(maps),
         distortion=distortion,
-        spread=max(chart.spread for chart in charts),
-        spread_asked=spread,
+        scale_variation=max(chart.scale_variation for chart in charts),
+        scale_variation_asked=scale_variation,
         shares=areas / areas.sum(),
         timings=_sum_of_seconds(maps),
     )

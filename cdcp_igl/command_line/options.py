@@ -56,8 +56,8 @@ def _map_options(
     cut: bool = typer.Option(
         False,
         "--cut",
-        help="Map a surface that is no disk: closed, with handles, holes or several parts. Equal "
-        "vertices are merged along seams, it is cut open, and each part mapped; texture "
+        help="Map a surface that is no disk: closed, with handles, holes or several components. "
+        "Equal vertices are merged along seams, it is cut open, and each component mapped; texture "
         "coordinates show the disks side by side. With --free, the charts have free outlines.",
     ),
     free: bool = typer.Option(
@@ -76,7 +76,7 @@ def _map_options(
         "--annulus",
         help="Map a surface with two boundary loops onto a ring; more loops are filled meanwhile.",
     ),
-    spread: float | None = typer.Option(
+    scale_variation: float | None = typer.Option(
         None,
         metavar="S",
         min=0,
@@ -124,7 +124,7 @@ def _map_options(
 ) -> dict[str, Any]:
     """Return the flags, `onto`, and those options of the map that were given."""
     options = {
-        "spread": spread,
+        "scale_variation": scale_variation,
         "max_charts": max_charts,
         "center": int(center) if center and center.isdecimal() else center,
         "mobius": mobius,

@@ -40,7 +40,7 @@ def load(name: str) -> tuple[Floats, Ints]:
           that the papers on disk conformal maps use;
         - any other of `NAMES`: models that are known in the field. Names that begin with
           ``closed``, ``handles``, ``loops``, ``parts`` and ``defects`` are no disks: closed of
-          genus 0, closed with handles, with several boundary loops, of several parts, and with
+          genus 0, closed with handles, with several boundary loops, of several components, and with
           edges of three faces and the like. Like the scans, they are downloaded once, checked
           by SHA-256 and cached (needs the extra ``data``). The terms are those of the
           repositories that they come from;

@@ -57,11 +57,11 @@ def write_map(
         is replaced once the new one is complete.
     V, F
         As in `disk_map`, whatever surface they are.
-    uv : (n, 2) array_like, (m, 3, 2) array_like, DiskMap, FreeMap, SurfaceMap or RectangleMap
+    uv : (n, 2) array_like, (m, 3, 2) array_like or a map
         Map onto the unit disk, for each vertex or for each corner of the faces. Faces with NaN
         at all corners are on no disk: in an obj file they have no texture coordinates, else
-        zeros. Of a SurfaceMap, its charts side by side become texture coordinates, of a
-        RectangleMap or FreeMap, the image scaled (``packed()``).
+        zeros. What a function of this library returns may be any map: where it is not onto the
+        disk, its ``packed()`` become texture coordinates.
     disk : bool
         Leave texture coordinates as they are, in the unit disk, rather than in the unit
         square ((uv + 1) / 2), where texturing programs expect them.

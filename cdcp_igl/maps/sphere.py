@@ -26,7 +26,7 @@ from ..solve.factored import FactoredSurface
 from ..solve.laplacian import LAPLACIANS
 from ..solve.solvers import SolverName, using
 from ..steps.dipole import dipole_map
-from ..steps.stereographic import conformal_barycenter, moved_to_center, rotation
+from ..steps.stereographic import spherical_barycenter, moved_to_center, rotation
 from ..surface.location import SphereFinder
 from ..surface.mesh import SphereMesh
 from ..surface.triangles import oriented_areas
@@ -146,7 +146,7 @@ class SphereMap(MadeMap, Bijection):
         """
         here, there = self._landmarks(to, landmarks)
         w, v = (
-            conformal_barycenter(P, np.ones(len(P))) if len(P) > 2 else np.zeros(3)
+            spherical_barycenter(P, np.ones(len(P))) if len(P) > 2 else np.zeros(3)
             for P in (here, there)
         )
         turn = rotation(moved_to_center(here, w), moved_to_center(there, v))
@@ -374,7 +374,7 @@ def _finished(
     mass = mesh.vertex_areas
     with phase("mobius"):
         if mobius:
-            P = moved_to_center(P, conformal_barycenter(P, mass))
+            P = moved_to_center(P, spherical_barycenter(P, mass))
         if align is not None:
             P = P @ rotation(P[align[0]], align[1])
         elif mobius:

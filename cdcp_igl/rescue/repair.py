@@ -181,17 +181,17 @@ class Neighbourhood:
         while len(flipped) and self.reach[self.F[flipped]].max() <= rings:
             at_flipped = np.unique(self.F[flipped])
             patch = self.free & self._within(at_flipped, self.reach)
-            part = _connected(self.F, patch)
+            component = _connected(self.F, patch)
             trial = self.combine(g, patch)
             if self.rounds:  # mean values have left faces flipped, or flipped others
                 around = self.free & grow(self.F, patch, 2)
                 trial = Relaxation(self.V, self.F, around).sweep(trial, SWEEPS)
             # Flipped faces by patch; the first count is that of faces without one.
             counts = [
-                np.bincount(part[self.F[rows]].max(axis=1) + 1, minlength=part.max() + 2)
+                np.bincount(component[self.F[rows]].max(axis=1) + 1, minlength=component.max() + 2)
                 for rows in (flipped, self.flipped(trial))
             ]
-            better = (counts[1] < counts[0])[part + 1] & patch
+            better = (counts[1] < counts[0])[component + 1] & patch
             g = np.where(better, trial, g)
             self.moved |= better
             before, flipped = flipped, self.flipped(g)
@@ -267,11 +267,11 @@ def grow(F: Ints, vertices: Bools, rings: int) -> Bools:
 
 
 def _connected(F: Ints, patch: Bools) -> Ints:
-    """(n,) numbers of the connected parts of a set of vertices; -1 elsewhere."""
+    """(n,) numbers of the components of a set of vertices; -1 elsewhere."""
     size = int(np.count_nonzero(patch))
-    part = np.full(len(patch), -1)
-    part[patch] = np.arange(size)
-    i, j = part[F].ravel(), part[np.roll(F, -1, axis=1)].ravel()
+    component = np.full(len(patch), -1)
+    component[patch] = np.arange(size)
+    i, j = component[F].ravel(), component[np.roll(F, -1, axis=1)].ravel()
     inside = (i >= 0) & (j >= 0)
-    part[patch] = components_of_pairs(i[inside], j[inside], size)[1]
-    return part
+    component[patch] = components_of_pairs(i[inside], j[inside], size)[1]
+    return component

@@ -31,7 +31,7 @@ from ..surface.cleaning import clean
 Array = NDArray[Any]
 
 # Options that `surface_map` has and `disk_map` has not, and those that `free_map` has not.
-ONLY_OF_CUT = ("fill", "spread", "max_charts")
+ONLY_OF_CUT = ("fill", "scale_variation", "max_charts")
 ONLY_OF_DISKS = ("center", "mobius", "preset")
 # What a surface may be mapped onto, besides disks, and the options of that.
 REFINED = {"refine", "refine_norm", "refine_seconds", "solver"}
@@ -103,7 +103,7 @@ class Mapped:
 
     @property
     def maps(self) -> tuple[DiskMap | FreeMap, ...]:
-        """The maps, that of the part with most faces first."""
+        """The maps, that of the component with most faces first."""
         if isinstance(self.result, SurfaceMap):
             return self.result.charts
         return (self.result,) if isinstance(self.result, DiskMap | FreeMap) else ()

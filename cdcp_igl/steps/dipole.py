@@ -8,7 +8,7 @@ from ..arrays import Complex, Floats, Ints
 from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import vertex_areas
-from .stereographic import conformal_barycenter, from_plane, moved_to_center
+from .stereographic import spherical_barycenter, from_plane, moved_to_center
 
 WELL_SHAPED = np.radians(20)  # the smallest angle around the vertex of the dipole, if there is one
 NEAR = 2.0  # |h| in a cap around the dipole, 20 % of the sphere, which is solved again
@@ -29,7 +29,7 @@ def dipole_map(surface: FactoredSurface) -> tuple[Floats, int]:
     few = np.bincount(mesh.F.ravel()) < 5  # neighbours: the dipole would not be free of moments
     smallest[few] /= np.pi
     P = from_plane(_dipole_solution(surface, int(smallest.argmax())), -1)
-    P = moved_to_center(P, conformal_barycenter(P, mass))
+    P = moved_to_center(P, spherical_barycenter(P, mass))
     growth = vertex_areas(P, mesh.F) / mass
     growth[smallest < min(WELL_SHAPED, smallest.max())] = 0
     pole = int(growth.argmax())

@@ -28,7 +28,7 @@ def moved_to_center(P: Floats, w: Floats) -> Floats:
     return ((1 - w @ w) * from_w - square * w) / (square + (1 - w @ w) * within)
 
 
-def conformal_barycenter(P: Floats, mass: Floats) -> Floats:
+def spherical_barycenter(P: Floats, mass: Floats) -> Floats:
     """Find w (3,) that puts the centre of mass of ``moved_to_center(P, w)`` at 0: Newton's method.
 
     See Cantarella and Schumacher 2022, in `sphere_map`.

@@ -77,14 +77,14 @@ class MeshReport:
         """The class of the surface in words, whatever other defects it has."""
         if self.n_components == 0:
             return "not a triangle mesh"
-        parts = f"{self.n_components:,} components, " if self.n_components > 1 else ""
+        several = f"{self.n_components:,} components, " if self.n_components > 1 else ""
         if self.n_loops is None or self.genus is None:
             one_sided = "not orientable" in {defect.name for defect in self.defects}
-            return parts + ("one-sided" if one_sided else "not a manifold")
-        if not parts and (self.genus, self.n_loops) == (0, 1):
+            return several + ("one-sided" if one_sided else "not a manifold")
+        if not several and (self.genus, self.n_loops) == (0, 1):
             return "disk"
         loops = counted(self.n_loops, "boundary loop", "boundary loops")
-        return f"{parts}genus {self.genus:,}, {loops if self.n_loops else 'closed'}"
+        return f"{several}genus {self.genus:,}, {loops if self.n_loops else 'closed'}"
 
     @property
     def next_step(self) -> str:

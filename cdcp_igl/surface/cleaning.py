@@ -168,8 +168,8 @@ class _Surface:
         self._say(int(surplus.sum()), "split off {} where fans of faces met", "vertex", "vertices")
 
     def keep_largest_component(self) -> None:
-        _, part = self._topology().components
-        smaller = np.flatnonzero(part != np.bincount(part).argmax())
+        _, component = self._topology().components
+        smaller = np.flatnonzero(component != np.bincount(component).argmax())
         self._drop_faces(smaller, "of smaller components")
 
     def orient(self) -> None:

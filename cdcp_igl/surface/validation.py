@@ -135,24 +135,24 @@ def _defects_of_a_surface(surface: Topology, V: NDArray[Any]) -> Iterator[Defect
         yield Defect.of("not orientable")
     elif len(surface.misoriented):
         yield Defect.of("inconsistent orientation", surface.misoriented)
-    n_parts, part = surface.components
-    if n_parts > 1:
-        sizes = np.bincount(part)
+    count, component = surface.components
+    if count > 1:
+        sizes = np.bincount(component)
         finite = V[np.isfinite(V).all(axis=1)]
         coincide = len(distinct_rows(finite)[0]) < len(finite)
         yield Defect.of(
             "several components" + (", coinciding" if coincide else ""),
-            np.flatnonzero(part != sizes.argmax()),
-            parts=n_parts,
+            np.flatnonzero(component != sizes.argmax()),
+            components=count,
             largest=sizes.max(),
-            faces=len(part),
+            faces=len(component),
         )
     if len(surface.pinched):
         yield Defect.of("non-manifold vertex", surface.pinched)
         return
     if len(surface.border) == 0:
         yield Defect.of("closed surface" + (", with handles" if surface.genus else ""))
-    if len(surface.loops) > n_parts:
+    if len(surface.loops) > count:
         outer = by_reach(V, surface.loops)[0]
         holes = np.concatenate([loop for loop in surface.loops if loop is not outer])
         loops = len(surface.loops)

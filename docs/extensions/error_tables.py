@@ -21,7 +21,7 @@ CALLS = (
     "disk_map(V, F, refine=1, refine_seconds=-1)",
     'disk_map(V, F, preset="fast")',
     'disk_map(V, F, preset="paper", center="heat")',
-    "surface_map(V, F, spread=-1)",
+    "surface_map(V, F, scale_variation=-1)",
     "surface_map(V, F, center=3)",
     "surface_map(V, F, align=0)",
     'cut(V, F, path="around")',

@@ -45,7 +45,7 @@ from ...surface.topology import components_of_pairs
 from ...verdict.certificate import certificate_of, is_around
 from ...verdict.conformality import judge_by, sampled_faces
 from ...verdict.distortion import AngleDistortion, map_distortion
-from . import steps
+from . import tasks
 from .part import Arrays, Folder, Gathered, Part, among, named
 from .parting import Table, refuse
 from .result import RESULT, PartsMap
@@ -188,7 +188,7 @@ class _Mapping:
 
     def check(self, advance: Callable[[float], None]) -> None:
         """Find the boundary loop; MeshError if the surface is no disk."""
-        loop = self.loop(self.engine.run(steps.examine, advance=advance))
+        loop = self.loop(self.engine.run(tasks.examine, advance=advance))
         self.options.check_rows(self.folder.faces, loop)
         self.folder.write("loop", loop=loop)
         align = self.options.align  # first on the loop, if no other vertex is named
@@ -237,10 +237,10 @@ class _Mapping:
     def factor(self, advance: Callable[[float], None]) -> None:
         """Condense the parts, and eliminate the seams, level by level from the leaves."""
         memory = self.require_room()
-        self.condensed = self.engine.run(steps.eliminate, advance=advance)
+        self.condensed = self.engine.run(tasks.eliminate, advance=advance)
         for level in range(self.folder.levels, 0, -1):
             cuts = [node for node in self.folder.cuts if node.bit_length() == level]
-            self.engine.run(steps.merge, of=cuts, memory=memory)
+            self.engine.run(tasks.merge, of=cuts, memory=memory)
             for node in cuts:
                 for side in (2 * node, 2 * node + 1):
                     self.folder.file(f"schur-{side}").unlink(missing_ok=True)
@@ -269,7 +269,7 @@ class _Mapping:
             *(f"{x:,.0f}" for x in (written / 2**20, most, self.engine.memory)),
         )
         self.written, left = written, shutil.disk_usage(self.folder.work).free
-        if written > left and not self.folder.has(named(steps.merge, 1)):
+        if written > left and not self.folder.has(named(tasks.merge, 1)):
             reason = f"{written / 2**30:,.1f} GiB are needed and {left / 2**30:,.1f} GiB are free"
             raise OSError(errno.ENOSPC, reason, str(self.folder.work))
         return most
@@ -281,11 +281,11 @@ class _Mapping:
         """
         x, cuts = g[:, None].view(float), self.folder.cuts
         for node in reversed(cuts):
-            here, rest, L11, L21 = self.folder.read(named(steps.merge, node)).values()
+            here, rest, L11, L21 = self.folder.read(named(tasks.merge, node)).values()
             x[here] = solve_triangular(L11, x[here], lower=True, check_finite=False)
             x[rest] -= L21 @ x[here]
         for node in cuts:
-            here, rest, L11, L21 = self.folder.read(named(steps.merge, node)).values()
+            here, rest, L11, L21 = self.folder.read(named(tasks.merge, node)).values()
             y = x[here] - L21.T @ x[rest]
             x[here] = solve_triangular(L11, y, lower=True, trans="T", check_finite=False)
         return g
@@ -310,7 +310,7 @@ class _Mapping:
         for k in np.argsort(-bound, kind="stable").tolist():
             if len(central) >= CANDIDATES and bound[k] < central[-CANDIDATES]:
                 break
-            found |= self.engine.run(steps.central, of=[self.folder.parts[k]])
+            found |= self.engine.run(tasks.central, of=[self.folder.parts[k]])
             central = np.sort(np.concatenate(self.folder.each(found, "central")[0]))
         return self.most_central(found)
 
@@ -323,7 +323,7 @@ class _Mapping:
         """Boundary values (nB,), Theorem 1; and whether the face has a vertex on the boundary."""
         parts = self.folder.parts
         home = [p for p in parts if face in self.folder.read(f"part-{p}", "faces")["faces"]]
-        [name] = self.engine.run(steps.dipole, face, of=home).values()
+        [name] = self.engine.run(tasks.dipole, face, of=home).values()
         dipole, g = self.folder.read(name), np.zeros(self.size, complex)
         g[dipole["rows"]] = -dipole["flux"]
         self.solve(g)
@@ -351,7 +351,7 @@ class _Mapping:
             g[here] -= side @ g[there]
         self.face, self.table = face, self.solve(g)
         self.folder.write(f"values-{face}", table=g)
-        self.extended = self.engine.run(steps.extend, face, advance=advance)
+        self.extended = self.engine.run(tasks.extend, face, advance=advance)
 
     def sample(self) -> Gathered:
         """Gather the faces by which `disk_map` judges a map, and chooses w."""
@@ -401,7 +401,7 @@ class _Mapping:
 
     def moments(self, w: complex, *direction: float) -> tuple[Complex, Floats]:
         """Sum the moments of the parts, and take the extremes of their heights."""
-        names = self.engine.run(steps.moments, self.face, w, *direction)
+        names = self.engine.run(tasks.moments, self.face, w, *direction)
         moments, heights = self.folder.each(names, "moments", "heights")
         return np.sum(moments, axis=0), np.concatenate(heights)
 
@@ -432,7 +432,7 @@ class _Mapping:
         """Finish some parts with the values of seams, boundary and vertices that have moved."""
         digest = crc32(b"".join(np.asarray(x).tobytes() for x in final.values()))
         self.folder.write(values := f"final-{digest:08x}", **final)
-        return self.engine.run(steps.finish, self.face, values, of=of)
+        return self.engine.run(tasks.finish, self.face, values, of=of)
 
     def repair(self) -> Repair:
         """Repair flipped faces, if they are few, in their parts and those beside them."""

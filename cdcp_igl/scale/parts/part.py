@@ -137,7 +137,7 @@ class Part:
         return self.known >= self._folder.seams
 
     @cached_property
-    def piece(self) -> DiskMesh:
+    def mesh(self) -> DiskMesh:
         """The part as a mesh, whose boundary are its seams and then the boundary."""
         seam = (self.known >= 0) & ~self.on_boundary
         rim = np.concatenate([np.flatnonzero(seam), np.flatnonzero(self.on_boundary)])
@@ -146,13 +146,13 @@ class Part:
     @property
     def rows(self) -> Ints:
         """(k,) where seams and boundary of the part are in the table of the whole."""
-        return self.known[self.piece.loop]
+        return self.known[self.mesh.loop]
 
     @cached_property
     def factored(self) -> FactoredSurface:
         """What is inside, factored in the order that was found when the part was condensed."""
         order = self._folder.read(f"eliminate-{self._p}", "order")["order"]
-        return FactoredSurface(self.piece, cotangent_laplacian(self.piece), order=order)
+        return FactoredSurface(self.mesh, cotangent_laplacian(self.mesh), order=order)
 
     @property
     def sources(self) -> Floats:
@@ -174,7 +174,7 @@ class Part:
         u = within + harmonic_extension(self.factored, self.given("torsion"))
         i, j, k = u[self.F.T]
         best = most_central(central := i + j + k)
-        smallest = corner_angles(self.piece.cotangents[best]).min(axis=1)
+        smallest = corner_angles(self.mesh.cotangents[best]).min(axis=1)
         return {"central": central[best], "candidates": self.faces[best], "smallest": smallest}
 
 

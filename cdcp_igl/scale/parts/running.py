@@ -1,4 +1,4 @@
-"""Steps of a map in parts, run here, by processes, or by an executor: the same files by each."""
+"""Tasks of a map in parts, run here, by processes, or by an executor: the same files by each."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TIMES_ITS_FILE = 28  # the memory that a part takes while it is condensed
 
 
 @dataclass(frozen=True)
-class Step:
+class Task:
     """Something to compute of a part or of a cut, and to write: a pure function of files.
 
     `what` takes the folder, the number of the part or the cut, and what is `given`, numbers and
@@ -62,7 +62,7 @@ class Step:
 
 
 class Engine:
-    """What runs steps: this process, so many others, or an executor."""
+    """What runs tasks: this process, so many others, or an executor."""
 
     def __init__(self, folder: Folder, executor: Any, solver: SolverName | None) -> None:
         self.folder, self._solver, self._executor = folder, solver, executor
@@ -78,27 +78,27 @@ class Engine:
         memory: float | None = None,
         advance: Callable[[float], None] = lambda done: None,
     ) -> dict[int, str]:
-        """Run a step for all parts, or for some parts or cuts: the names of their results.
+        """Run a task for all parts, or for some parts or cuts: the names of their results.
 
         The first thing that goes wrong is raised. What is there already is not computed again.
         """
         need = MIB_OF_PYTHON + (self.memory if memory is None else memory)
         numbers = self.folder.parts if of is None else of
-        steps = [Step(self.folder, self._solver, what, k, given, need) for k in numbers]
-        left = [step for step in steps if not self.folder.has(step.name)]
+        tasks = [Task(self.folder, self._solver, what, k, given, need) for k in numbers]
+        left = [task for task in tasks if not self.folder.has(task.name)]
         with closing(self._answers(left)) as answers:
             for done, answer in enumerate(answers, 1):
                 if isinstance(answer, Exception):
                     raise answer
                 advance(done / len(left))
-        return {step.of: step.name for step in steps}
+        return {task.of: task.name for task in tasks}
 
-    def _answers(self, steps: Sequence[Step]) -> Any:
+    def _answers(self, tasks: Sequence[Task]) -> Any:
         if self._pool is not None:
-            return self._pool.run(steps)
+            return self._pool.run(tasks)
         if self._executor is not None:
-            return run_on(self._executor, steps)
-        return (step.run() for step in steps)
+            return run_on(self._executor, tasks)
+        return (task.run() for task in tasks)
 
     def close(self) -> None:
         """End the processes."""

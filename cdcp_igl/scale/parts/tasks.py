@@ -66,8 +66,8 @@ def eliminate(folder: Folder, p: int) -> Arrays:
     the trace needs: the block of the seams and the boundary, positions, and angles around them.
     """
     part = Part(folder, p)
-    loop, rows = part.piece.loop, part.rows
-    condensed = Condensed(cotangent_laplacian(part.piece), part.V, loop)
+    loop, rows = part.mesh.loop, part.rows
+    condensed = Condensed(cotangent_laplacian(part.mesh), part.V, loop)
     u, torsion = condensed.solve(part.sources)
     k = np.count_nonzero(rows < folder.seams)
     folder.write(f"schur-{folder.n_leaves + p}", rows=rows[:k], schur=condensed.schur[:k, :k])
@@ -78,7 +78,7 @@ def eliminate(folder: Folder, p: int) -> Arrays:
         "order": condensed.order,
         "side": condensed.schur[:k, k:],
         "positions": part.V[loop],
-        "around": np.bincount(part.F.ravel(), part.piece.angles.ravel(), len(part.V))[loop],
+        "around": np.bincount(part.F.ravel(), part.mesh.angles.ravel(), len(part.V))[loop],
     }
 
 
@@ -122,7 +122,7 @@ def dipole(folder: Folder, p: int, face: int) -> Arrays:
     row = int(np.searchsorted(part.faces, face))
     return {
         "rows": part.rows,
-        "flux": boundary_flux(part.factored, face_dipole(part.piece, row)),
+        "flux": boundary_flux(part.factored, face_dipole(part.mesh, row)),
         "on_boundary": part.on_boundary[part.F[row]].any(),
     }
 
@@ -150,14 +150,14 @@ def finish(folder: Folder, p: int, face: int, values: str) -> Arrays:
     part, given = Part(folder, p), folder.read(values, "w", "turn", "vertices", "moved")
     f = folder.read(named(extend, p, face), "f")["f"]
     f = mobius_transformation(f, complex(given["w"])) / given["turn"]
-    f[part.piece.loop] = part.given(values)
+    f[part.mesh.loop] = part.given(values)
     moved = given["vertices"].astype(int)
     f[among(moved, part.vertices)] = given["moved"][among(part.vertices, moved)]
     uv = coordinates(f)
     if not np.isfinite(uv).all():
         raise MapError(f"The map of part {p} is not finite. If the mesh has slivers, remesh it.")
     flipped, n_exact = flipped_faces(f, part.F)
-    degrees = map_distortion(part.piece, f)
+    degrees = map_distortion(part.mesh, f)
     inscribed = part.on_boundary[part.F].all(axis=1)
     lost, areas = lost_in_single_precision((uv + 1) / 2, part.F), face_areas(part.V, part.F)
     return {
