@@ -92,7 +92,9 @@ CALLS = {
     "align": "surface_map(*torus, align=3)",
     "outline": "surface_map(*torus, outline='round')",
     "max_charts": "surface_map(*torus, max_charts=0)",
-    "scale_variation": "surface_map(*torus, scale_variation=-1); surface_map(*torus, scale_variation=nan)",
+    "scale_variation": (
+        "surface_map(*torus, scale_variation=-1); surface_map(*torus, scale_variation=nan)"
+    ),
     "for disks": "surface_map(*torus, outline='free', mobius='area')",
     "path must be": (
         "cut(*torus, path=[0.5, 1.5]); cut(*torus, path=[[0, 1, 2]]); "

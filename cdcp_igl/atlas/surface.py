@@ -150,10 +150,8 @@ class SurfaceMap(Result):
 
     @property
     def _variation(self) -> str:
-        within = self.scale_variation <= self.scale_variation_asked
-        return f"{self.scale_variation:.2f}" + (
-            "" if within else f", asked for: {self.scale_variation_asked:g}"
-        )
+        said, asked = f"{self.scale_variation:.2f}", self.scale_variation_asked
+        return said if self.scale_variation <= asked else f"{said}, asked for: {asked:g}"
 
     def _details(self) -> dict[str, Any]:
         return {
@@ -242,8 +240,8 @@ def surface_map(
         the map is conformal, and then part the component, or until nothing is gained: see
         ``SurfaceMap.scale_variation``. Where the first growth leaves more than 1.4 times this, it
         is parted at once; onto disks also where that halves it, and before any growth where it has
-        to be cut and has more than twice this. Parting ends with the first part that is no better than the
-        whole and cannot be parted. With infinity, no cut grows and nothing is parted.
+        to be cut and has more than twice this. Parting ends with the first part that is no better
+        than the whole and cannot be parted. With infinity, no cut grows and nothing is parted.
     max_charts : int, optional
         So many charts a component has at most; as many as are needed by default.
     center, mobius, refine, refine_norm, refine_seconds, preset, solver, progress

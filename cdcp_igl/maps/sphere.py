@@ -26,7 +26,7 @@ from ..solve.factored import FactoredSurface
 from ..solve.laplacian import LAPLACIANS
 from ..solve.solvers import SolverName, using
 from ..steps.dipole import dipole_map
-from ..steps.stereographic import spherical_barycenter, moved_to_center, rotation
+from ..steps.stereographic import moved_to_center, rotation, spherical_barycenter
 from ..surface.location import SphereFinder
 from ..surface.mesh import SphereMesh
 from ..surface.triangles import oriented_areas

@@ -8,7 +8,7 @@ from ..arrays import Complex, Floats, Ints
 from ..solve.factored import FactoredSurface
 from ..surface.mesh import DiskMesh
 from ..surface.triangles import vertex_areas
-from .stereographic import spherical_barycenter, from_plane, moved_to_center
+from .stereographic import from_plane, moved_to_center, spherical_barycenter
 
 WELL_SHAPED = np.radians(20)  # the smallest angle around the vertex of the dipole, if there is one
 NEAR = 2.0  # |h| in a cap around the dipole, 20 % of the sphere, which is solved again
