@@ -28,7 +28,7 @@ from ..solve.solvers import SolverName, using
 from ..steps.trace import edge_lengths, shared_by_edges
 from ..surface.filling import fill_hole
 from ..surface.location import FaceFinder
-from ..surface.mesh import AnnulusMesh, DiskMesh
+from ..surface.mesh import AnnulusMesh, Mesh
 from ..surface.topology import Topology, by_reach, group_by_edge, tails
 from ..surface.validation import checked_surface
 from ..verdict.certificate import Certificate, certify_ring
@@ -304,7 +304,7 @@ def ring_map(
     return -2 * np.pi / energy * u + 1j * angle, bounds
 
 
-def _loop_angles(mesh: DiskMesh, starts: list[int], flux: Floats | None) -> tuple[Floats, bool]:
+def _loop_angles(mesh: Mesh, starts: list[int], flux: Floats | None) -> tuple[Floats, bool]:
     """Angles (n,) along both loops; whether all go forward. The inner loop runs clockwise.
 
     They are by the flux (n,) through their edges, or by the lengths of these.
@@ -322,7 +322,7 @@ def _loop_angles(mesh: DiskMesh, starts: list[int], flux: Floats | None) -> tupl
     return angle, forwards
 
 
-def _branch_cut(mesh: DiskMesh) -> tuple[list[int], Floats]:
+def _branch_cut(mesh: Mesh) -> tuple[list[int], Floats]:
     """Cut the angle through a strip of faces, from loop to loop.
 
     Returns where it is 0 on either loop, and (e,) by what it jumps along edges, from low to high.

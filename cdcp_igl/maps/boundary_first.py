@@ -15,10 +15,10 @@ import numpy as np
 from ..arrays import Complex, Floats, marked
 from ..solve.factored import FactoredSurface
 from ..steps.trace import boundary_flux, edge_lengths
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 
 
-def curvatures(mesh: DiskMesh) -> Floats:
+def curvatures(mesh: Mesh) -> Floats:
     """(n,) angle defects inside, and on the boundary exterior angles; they add up to 2 pi."""
     around = np.bincount(mesh.F.ravel(), mesh.angles.ravel(), len(mesh.V))
     return np.where(mesh.on_boundary, np.pi, 2 * np.pi) - around
@@ -52,7 +52,7 @@ def pinned(surface: FactoredSurface) -> FactoredSurface:
     return FactoredSurface(mesh, surface.laplacian, ~marked(len(mesh.V), mesh.loop[0]))
 
 
-def closed_curve(mesh: DiskMesh, u_B: Floats, angles: Floats) -> Complex:
+def closed_curve(mesh: Mesh, u_B: Floats, angles: Floats) -> Complex:
     """(nB,) points of a closed polygon with these exterior angles, scaled by nearly exp(u_B).
 
     It is closed by the change of lengths that is least, its squares weighted by 1 / length.

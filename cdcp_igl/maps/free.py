@@ -24,7 +24,7 @@ from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.solvers import SolverName, using
 from ..steps.mobius import rotate
 from ..steps.trace import edge_lengths
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from ..verdict.distortion import map_distortion
 from ..verdict.outline import OutlineCertificate, certify_outline
 from .boundary_first import (
@@ -252,7 +252,7 @@ class _Boundary:
 
 
 def _boundary(
-    mesh: DiskMesh, boundary_scale: ArrayLike | None, corners: Mapping[int, float] | None
+    mesh: Mesh, boundary_scale: ArrayLike | None, corners: Mapping[int, float] | None
 ) -> _Boundary:
     """Check what is asked of the boundary; ValueError if it cannot be had."""
     n, loop, length = len(mesh.V), mesh.loop, edge_lengths(mesh)

@@ -17,7 +17,7 @@ from ..result.disk_map import DiskMap
 from ..solve.factored import FactoredSurface
 from ..solve.solvers import SolverName, using
 from ..steps.center import CenterMethod
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import DiskMesh, Mesh
 from .disk import map_of
 from .free import FreeMap, free_map_of
 
@@ -69,7 +69,7 @@ class DiskMapper:
         self._known: dict[object, HarmonicMap] = {}
 
     @property
-    def mesh(self) -> DiskMesh:
+    def mesh(self) -> Mesh:
         """The checked surface."""
         return self._surface.mesh
 

@@ -21,7 +21,7 @@ from ..result.making import PlaneMap, best_of, fields_of
 from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.laplacian import LAPLACIANS, Laplacian
 from ..solve.solvers import SolverName, using
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import DiskMesh, Mesh
 from ..surface.triangles import flipped_faces
 from ..verdict.certificate import Certificate, not_finite
 from ..verdict.distortion import map_distortion
@@ -174,7 +174,7 @@ class _Square:
     solver: str
 
 
-def _boundary_sides(mesh: DiskMesh, corners: ArrayLike) -> list[Ints]:
+def _boundary_sides(mesh: Mesh, corners: ArrayLike) -> list[Ints]:
     """Split the boundary loop: the vertices of each side with its corners, in order."""
     chosen = np.asarray(corners)
     if chosen.shape != (4,) or chosen.dtype.kind not in "iu":
@@ -196,7 +196,7 @@ def _boundary_sides(mesh: DiskMesh, corners: ArrayLike) -> list[Ints]:
     ]
 
 
-def _refuse_chords(mesh: DiskMesh, sides: list[Ints]) -> None:
+def _refuse_chords(mesh: Mesh, sides: list[Ints]) -> None:
     """Raise ValueError for edges inside that join two vertices of one side."""
     for number, side in enumerate(sides, 1):
         chords = mesh.edges.ends(mesh.edges.chords(marked(len(mesh.V), side)))
@@ -209,9 +209,9 @@ def _refuse_chords(mesh: DiskMesh, sides: list[Ints]) -> None:
             )
 
 
-def _best_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleMap:
+def _best_map(mesh: Mesh, sides: list[Ints], phase: Phases) -> RectangleMap:
     """Try one way after the other until a map is conformal; the best, valid or not."""
-    ways: list[Callable[[DiskMesh, list[Ints], Phases], _Square]]
+    ways: list[Callable[[Mesh, list[Ints], Phases], _Square]]
     ways = [*(partial(_sliding, name) for name in LAPLACIANS), _by_disk_map]
     found: list[RectangleMap] = []
 
@@ -221,13 +221,13 @@ def _best_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> RectangleMap:
         conformal = [one for one in found if one.conformal]
         return bool(conformal) and (len(found) > 1 or conformal[0].repair.n_flipped == 0)
 
-    def made(way: Callable[[DiskMesh, list[Ints], Phases], _Square]) -> RectangleMap:
+    def made(way: Callable[[Mesh, list[Ints], Phases], _Square]) -> RectangleMap:
         return _rectangle(mesh, sides, way(mesh, sides, phase), phase)
 
     return best_of((partial(made, way) for way in ways), enough)
 
 
-def _sliding(name: str, mesh: DiskMesh, sides: list[Ints], phase: Phases) -> _Square:
+def _sliding(name: str, mesh: Mesh, sides: list[Ints], phase: Phases) -> _Square:
     """Solve for both coordinates, with no flux across the sides along which they vary."""
     bottom, right, top, left = sides
     with phase("laplacian"):
@@ -238,7 +238,7 @@ def _sliding(name: str, mesh: DiskMesh, sides: list[Ints], phase: Phases) -> _Sq
     return _Square(u + 1j * v, L, name, "sliding", solver)
 
 
-def _harmonic(mesh: DiskMesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floats, str]:
+def _harmonic(mesh: Mesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floats, str]:
     """(n,) harmonic function with these values on two sides, and what solved for it."""
     value, free = np.zeros(len(mesh.V)), np.ones(len(mesh.V), dtype=bool)
     value[one] = 1
@@ -247,7 +247,7 @@ def _harmonic(mesh: DiskMesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floa
     return value + surface.solve(-(L.matrix() @ value)), surface.solver
 
 
-def _by_disk_map(mesh: DiskMesh, sides: list[Ints], phase: Phases) -> _Square:
+def _by_disk_map(mesh: Mesh, sides: list[Ints], phase: Phases) -> _Square:
     """Place the boundary as a map onto the disk tells, and both coordinates as harmonic."""
     with phase("factor"):
         surface = FactoredSurface.of(mesh)
@@ -282,7 +282,7 @@ def along_side(z: Complex, corners: Complex) -> Floats:
     return (1 + ellipkinc(amplitude, k * k) / ellipk(k * k)) / 2
 
 
-def _rectangle(mesh: DiskMesh, sides: list[Ints], square: _Square, phase: Phases) -> RectangleMap:
+def _rectangle(mesh: Mesh, sides: list[Ints], square: _Square, phase: Phases) -> RectangleMap:
     """Scale a map onto the unit square to the modulus, repair it, and certify."""
     u, v, matrix = square.f.real, square.f.imag, square.L.matrix()
     # The energy of the one with values 0 and 1 is height by width, that of the other width by
@@ -312,7 +312,7 @@ def _rectangle(mesh: DiskMesh, sides: list[Ints], square: _Square, phase: Phases
     )
 
 
-def certify_rectangle(mesh: DiskMesh, sides: list[Ints], f: Complex, modulus: float) -> Certificate:
+def certify_rectangle(mesh: Mesh, sides: list[Ints], f: Complex, modulus: float) -> Certificate:
     """Verify a map (n,) onto the rectangle, as `certify` does of one onto the disk."""
     if not np.isfinite(f).all():
         return not_finite(mesh)

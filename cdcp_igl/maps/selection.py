@@ -22,7 +22,7 @@ from ..solve.factored import FactoredSurface, extended_again, harmonic_extension
 from ..steps.center import Center
 from ..steps.circle import Rejected
 from ..steps.mobius import MobiusMethod, Normalization, composed, normalize, rotate
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from ..verdict.certificate import certify_disk
 from ..verdict.distortion import AngleDistortion, map_distortion
 
@@ -34,7 +34,7 @@ MANY_FLIPPED = 0.003
 # Even area, if it was asked for, may raise the angular distortion by so much.
 PRICE_OF_AREA = 1.05
 
-Repairing = Callable[[DiskMesh, Complex], tuple[Complex, Repair]]
+Repairing = Callable[[Mesh, Complex], tuple[Complex, Repair]]
 
 
 def is_good(first: DiskMap, harmonic: HarmonicMap, options: Options) -> bool:

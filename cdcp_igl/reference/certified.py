@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..arrays import Complex, Floats, coordinates
 from ..errors import MapError
-from ..surface.mesh import DiskMesh, SphereMesh
+from ..surface.mesh import Mesh
 from ..verdict.certificate import Certificate, SphereCertificate, certify, certify_sphere
 
 
@@ -26,7 +26,7 @@ class ReferenceMap:
     --------
     >>> import numpy as np
     >>> from cdcp_igl.reference import ReferenceMap
-    >>> from cdcp_igl.surface.mesh import DiskMesh
+    >>> from cdcp_igl.surface.mesh import DiskMesh, Mesh
     >>> mesh = DiskMesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]])
     >>> ReferenceMap.of(mesh, np.array([0, 1j, 1])).certificate.flipped
     array([0])
@@ -36,13 +36,13 @@ class ReferenceMap:
     certificate: Certificate | SphereCertificate
 
     @classmethod
-    def of(cls, mesh: DiskMesh, f: Complex) -> ReferenceMap:
+    def of(cls, mesh: Mesh, f: Complex) -> ReferenceMap:
         """Certify a map f (n,)."""
         uv = coordinates(f)
         return cls(uv, certify(mesh, uv))
 
 
-def certified_disk_map(mesh: DiskMesh, f: Complex) -> Floats:
+def certified_disk_map(mesh: Mesh, f: Complex) -> Floats:
     """Return a map as (n, 2) coordinates; MapError if it is no bijection onto the disk."""
     result = ReferenceMap.of(mesh, f)
     if not result.certificate.valid:
@@ -50,7 +50,7 @@ def certified_disk_map(mesh: DiskMesh, f: Complex) -> Floats:
     return result.uv
 
 
-def certified_sphere_map(mesh: SphereMesh, P: Floats) -> Floats:
+def certified_sphere_map(mesh: Mesh, P: Floats) -> Floats:
     """Return a map (n, 3); MapError if it is no bijection onto the sphere."""
     result = ReferenceMap(P, certify_sphere(mesh.F, P))
     if not result.certificate.valid:
@@ -58,7 +58,7 @@ def certified_sphere_map(mesh: SphereMesh, P: Floats) -> Floats:
     return P
 
 
-def checked_free_map(mesh: DiskMesh, f: Complex) -> Floats:
+def checked_free_map(mesh: Mesh, f: Complex) -> Floats:
     """Return a map with free boundary as (n, 2) coordinates; MapError if it is none at all.
 
     It may overlap itself and flip faces, but not all of them, and is finite.

@@ -11,7 +11,7 @@ from ..errors import MapError, counted
 from ..io.given import takes_meshes
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.mobius import normalize
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import DiskMesh, Mesh
 from .certified import certified_disk_map
 from .dirichlet import Dirichlet
 from .free_boundary import least_squares_layout
@@ -87,7 +87,7 @@ def ricci(V: ArrayLike, F: ArrayLike) -> Floats:
     return certified_disk_map(mesh, f)
 
 
-def _sent_to_infinity(mesh: DiskMesh) -> int:
+def _sent_to_infinity(mesh: Mesh) -> int:
     """Choose the widest boundary vertex without chords that seems to lie in no circumcircle.
 
     The inversion there would turn that face over; of faces next to its own, cotangents tell.
@@ -105,7 +105,7 @@ def _sent_to_infinity(mesh: DiskMesh) -> int:
     return int(np.where(possible, around, 0).argmax())
 
 
-def _flat_angles(mesh: DiskMesh, fixed: Ints) -> Floats:
+def _flat_angles(mesh: Mesh, fixed: Ints) -> Floats:
     """(m, 3) angles of the flat metric with a straight boundary, but at vertices where u is 0."""
     n = len(mesh.V)
     length = np.sqrt(libigl.squared_edge_lengths(mesh.V, mesh.F))

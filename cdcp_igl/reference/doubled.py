@@ -19,7 +19,7 @@ from ..rescue.repair import repaired
 from ..solve.factored import FactoredSurface
 from ..steps.circle import Rejected
 from ..steps.trace import face_dipole
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import DiskMesh, Mesh
 from .certified import certified_disk_map
 from .dirichlet import Dirichlet
 
@@ -78,12 +78,12 @@ def double_cover_trace(surface: FactoredSurface, face: int) -> Complex:
     return Dirichlet(doubled_laplacian(mesh, L), pin).solve(np.zeros(1), r)[mesh.loop]
 
 
-def doubled_faces(mesh: DiskMesh) -> Ints:
+def doubled_faces(mesh: Mesh) -> Ints:
     """(2m, 3) the faces, then their mirror images with the corners in reverse order."""
     return np.vstack([mesh.F, _mirror_images(mesh)[mesh.F[:, ::-1]]])
 
 
-def doubled_laplacian(mesh: DiskMesh, L: csr_matrix) -> csr_matrix:
+def doubled_laplacian(mesh: Mesh, L: csr_matrix) -> csr_matrix:
     """Assemble the Laplacian of the doubly covered surface from that of the surface.
 
     Both sheets have the same edge lengths, hence the same weights; they add up on the
@@ -96,7 +96,7 @@ def doubled_laplacian(mesh: DiskMesh, L: csr_matrix) -> csr_matrix:
     return coo_matrix((np.tile(sheet.data, 2), (rows, columns)), (size, size)).tocsr()
 
 
-def _mirror_images(mesh: DiskMesh) -> Ints:
+def _mirror_images(mesh: Mesh) -> Ints:
     """(n,) the mirror image of each vertex; a boundary vertex is its own."""
     image = np.arange(len(mesh.V))
     image[mesh.interior] = len(mesh.V) + np.arange(len(mesh.interior))

@@ -10,7 +10,7 @@ from ..arrays import Complex, Floats, Ints
 from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
 from ..solve.laplacian import cotangent_laplacian
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import DiskMesh, Mesh
 from .beltrami import beltrami_coefficient, linear_beltrami_solver
 from .certified import certified_disk_map
 from .dirichlet import Dirichlet
@@ -72,7 +72,7 @@ def fdcp(V: ArrayLike, F: ArrayLike, *, mirror_factor: float = 1 / 3) -> Floats:
         return certified_disk_map(mesh, _fdcp(mesh, mirror_factor))
 
 
-def _fdcp(mesh: DiskMesh, mirror_factor: float) -> Complex:
+def _fdcp(mesh: Mesh, mirror_factor: float) -> Complex:
     B = mesh.loop
     L = cotangent_laplacian(mesh).matrix()
     disk_problem = Dirichlet(L, B)
@@ -90,7 +90,7 @@ def _fdcp(mesh: DiskMesh, mirror_factor: float) -> Complex:
     return z / z[B[0]]
 
 
-def _best_edge_to_one(mesh: DiskMesh, z: Complex) -> Complex:
+def _best_edge_to_one(mesh: Mesh, z: Complex) -> Complex:
     """Turn the disk until the least distorted boundary edge has its middle at 1."""
     mu = np.zeros(len(z), dtype=complex)
     np.add.at(mu, mesh.F, beltrami_coefficient(z, mesh.F, mesh.V)[:, None])
@@ -103,7 +103,7 @@ def _best_edge_to_one(mesh: DiskMesh, z: Complex) -> Complex:
     return z * (abs(middle) / middle)
 
 
-def _north_step(mesh: DiskMesh, L: csr_matrix, z: Complex) -> Complex:
+def _north_step(mesh: Mesh, L: csr_matrix, z: Complex) -> Complex:
     """Let all but the vertices near 1, which are large in the half-plane, find their place."""
     g = 1j * (1 + z) / (1 - z)
     g.imag[mesh.loop] = 0
@@ -117,7 +117,7 @@ def _north_step(mesh: DiskMesh, L: csr_matrix, z: Complex) -> Complex:
     return (g - 1j) / (g + 1j)
 
 
-def _south_step(mesh: DiskMesh, z: Complex, mu: Complex, mirror_factor: float) -> Complex:
+def _south_step(mesh: Mesh, z: Complex, mu: Complex, mirror_factor: float) -> Complex:
     """Compose with a map of the doubled disk that has the same coefficient on both sheets."""
     mirrored = 1 / np.where(abs(z) < NEAR_ZERO, NEAR_ZERO, z).conj()
     p = np.concatenate([z, mirrored[mesh.interior]])

@@ -23,7 +23,7 @@ from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.laplacian import cotangent_laplacian
 from ..solve.solvers import factorize
 from ..steps.trace import edge_lengths
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import DiskMesh, Mesh
 from .certified import checked_free_map
 from .dirichlet import Dirichlet
 
@@ -77,7 +77,7 @@ def lscm(V: ArrayLike, F: ArrayLike) -> Floats:
     return checked_free_map(mesh, as_complex(uv))
 
 
-def _two_far_vertices(mesh: DiskMesh) -> Ints:
+def _two_far_vertices(mesh: Mesh) -> Ints:
     """Of the boundary: the farthest from its first vertex, and the farthest from that."""
 
     def farthest(vertex: int) -> int:
@@ -316,7 +316,7 @@ def abf(V: ArrayLike, F: ArrayLike, *, linear: bool = False) -> Floats:
     raise MapError(f"Angle-based flattening: no plane mesh after {MAX_STEPS} steps")
 
 
-def least_squares_layout(mesh: DiskMesh, angles: Floats) -> Complex:
+def least_squares_layout(mesh: Mesh, angles: Floats) -> Complex:
     """Lay faces with other angles (m, 3) out in the plane (n,), as nearly as they fit together.
 
     As `lscm`, two far boundary vertices lie at 0 and 1.
@@ -328,7 +328,7 @@ def least_squares_layout(mesh: DiskMesh, angles: Floats) -> Complex:
     return u + 1j * v
 
 
-def conformal_energy(mesh: DiskMesh, cotangents: Floats) -> csr_matrix:
+def conformal_energy(mesh: Mesh, cotangents: Floats) -> csr_matrix:
     """(2n, 2n) matrix of twice the Dirichlet energy minus the area, of vectors [u; v].
 
     The cotangents (m, 3) of the corners may be those of another metric.

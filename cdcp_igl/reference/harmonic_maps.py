@@ -13,7 +13,7 @@ from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.mobius import conformal_barycenter, mobius_transformation
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import DiskMesh, Mesh
 from ..surface.triangles import vertex_areas
 from .certified import certified_disk_map
 from .dirichlet import Dirichlet
@@ -118,7 +118,7 @@ def cem(V: ArrayLike, F: ArrayLike) -> Floats:
         return certified_disk_map(mesh, _cem(mesh))
 
 
-def _cem(mesh: DiskMesh) -> Complex:
+def _cem(mesh: Mesh) -> Complex:
     B, I = mesh.loop, mesh.interior  # noqa: E741
     L = cotangent_laplacian(mesh).matrix()
     interior_problem, boundary_problem = Dirichlet(L, B), Dirichlet(L, I)

@@ -12,7 +12,7 @@ from ..arrays import Complex, Floats, Ints
 from ..io.given import takes_meshes
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.stereographic import from_plane
-from ..surface.mesh import DiskMesh, SphereMesh
+from ..surface.mesh import DiskMesh, Mesh, SphereMesh
 from .certified import certified_disk_map, certified_sphere_map
 from .dirichlet import Dirichlet
 from .doubled import doubled_laplacian
@@ -141,7 +141,7 @@ def _south_step(L: csr_matrix, z: Complex, pinned: int) -> Complex:
     return Dirichlet(L, far).solve(z[far])
 
 
-def most_regular_face(mesh: DiskMesh) -> tuple[Ints, Complex]:
+def most_regular_face(mesh: Mesh) -> tuple[Ints, Complex]:
     """Corners of the face nearest to equilateral, and a similar triangle in the plane."""
     p = mesh.V[mesh.F]
     lengths = np.linalg.norm(np.roll(p, -1, axis=1) - p, axis=2)

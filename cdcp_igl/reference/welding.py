@@ -16,7 +16,7 @@ from ..rescue.boundary import arc_length_map
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.mobius import normalize
 from ..steps.zipper import open_blocks
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import DiskMesh, Mesh
 from ..surface.topology import components_of_pairs
 from .certified import certified_disk_map
 from .dirichlet import Dirichlet
@@ -79,7 +79,7 @@ def pgcp(V: ArrayLike, F: ArrayLike, *, parts: int = 4) -> Floats:
     return certified_disk_map(mesh, f)
 
 
-def _onto_the_disk(mesh: DiskMesh, z: Complex) -> Complex:
+def _onto_the_disk(mesh: Mesh, z: Complex) -> Complex:
     """Take the boundary to the circle and the seams into it (n,), NaN elsewhere."""
     B, seams = mesh.loop, np.flatnonzero(np.isfinite(z) & ~mesh.on_boundary)
     if not len(seams):
@@ -95,7 +95,7 @@ def _onto_the_disk(mesh: DiskMesh, z: Complex) -> Complex:
     return z
 
 
-def _flattened(mesh: DiskMesh, parts: int) -> Complex:
+def _flattened(mesh: Mesh, parts: int) -> Complex:
     """(n,) the boundary and the seams in the plane, joined; NaN elsewhere."""
     z = np.full(len(mesh.V), np.nan, dtype=complex)
     if parts == 1 or len(mesh.F) == 1:
@@ -110,7 +110,7 @@ def _flattened(mesh: DiskMesh, parts: int) -> Complex:
     return _welded(sides[0], sides[1], path)
 
 
-def _path_across(mesh: DiskMesh) -> Ints:
+def _path_across(mesh: Mesh) -> Ints:
     """Vertices of a path through the interior, from a boundary vertex to one far from it.
 
     It is the shortest path in a harmonic map.
@@ -131,7 +131,7 @@ def _path_across(mesh: DiskMesh) -> Ints:
     return np.array(path)
 
 
-def _sides(mesh: DiskMesh, path: Ints) -> tuple[Ints, Ints]:
+def _sides(mesh: Mesh, path: Ints) -> tuple[Ints, Ints]:
     """Faces on the left and on the right of a path across."""
     m, edges = len(mesh.F), mesh.edges
     place = places(path, len(mesh.V))[edges.ends(edges.valence == 2)]

@@ -16,7 +16,7 @@ from ..rescue.correction import extents
 from ..solve.cholesky import Cholesky
 from ..solve.laplacian import Laplacian, sum_opposite
 from ..solve.solvers import factorize
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from ..surface.triangles import blocks
 from .targets import Disk, Target
 
@@ -98,7 +98,7 @@ class Refinement:
 
 
 def lower_angle_distortion(
-    mesh: DiskMesh,
+    mesh: Mesh,
     f: Complex,
     order: Ints,
     steps: int,
@@ -192,7 +192,7 @@ def lower_angle_distortion(
 
 
 def search_along(
-    mesh: DiskMesh,
+    mesh: Mesh,
     f: Complex,
     step: Complex,
     measure: Callable[[Floats], float],
@@ -238,7 +238,7 @@ def _reason_to_stop(gains: list[float], left: int, wanted: float) -> str:
 
 
 def gauss_newton_step(
-    mesh: DiskMesh,
+    mesh: Mesh,
     f: Complex,
     r: Floats,
     p: float,
@@ -335,7 +335,7 @@ class WeightedLaplacian:
     of the pattern, which is taken over.
     """
 
-    def __init__(self, mesh: DiskMesh, order: Ints, analysis: Cholesky | None = None) -> None:
+    def __init__(self, mesh: Mesh, order: Ints, analysis: Cholesky | None = None) -> None:
         self._F, self._edges, self._n, self._order = mesh.F, mesh.edges, len(mesh.V), order
         self._cholesky = analysis
 

@@ -9,7 +9,7 @@ import numpy as np
 from ..arrays import Complex, Floats, Ints, coordinates
 from ..rescue.collapsed_faces import open_collapsed_faces
 from ..steps.stereographic import axes_along, from_plane
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from ..surface.triangles import flipped_faces
 from ..verdict.certificate import (
     Certificate,
@@ -30,14 +30,14 @@ class Target(ABC):
     """What a surface is mapped onto; here in the plane, and every vertex may go anywhere."""
 
     @abstractmethod
-    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Verified:
+    def certificate(self, mesh: Mesh, f: Complex, flipped: Flipped) -> Verified:
         """Verify a map f (n,) whose `flipped` faces are known."""
 
     def image(self, f: Complex) -> Complex | Floats:
         """Points of the target, (n,) in the plane or (n, 3) in space, of a map f (n,)."""
         return f
 
-    def errors(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Floats:
+    def errors(self, mesh: Mesh, f: Complex, flipped: Flipped) -> Floats:
         """(m, 3) signed angle errors in radians of a map f (n,) whose `flipped` faces are known."""
         return angle_errors(mesh, f)
 
@@ -45,11 +45,11 @@ class Target(ABC):
         """Faces that are not positively oriented, exactly, and how many were in doubt."""
         return flipped_faces(f, F)
 
-    def moved(self, mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
+    def moved(self, mesh: Mesh, f: Complex, step: Complex) -> Complex:
         """Move a map by a displacement (n,)."""
         return f + step
 
-    def tangential(self, mesh: DiskMesh, f: Complex, x: Complex) -> Complex:
+    def tangential(self, mesh: Mesh, f: Complex, x: Complex) -> Complex:
         """Project displacements x (n,), in place, to those that are possible."""
         return x
 
@@ -64,11 +64,11 @@ class Target(ABC):
 class Disk(Target):
     """The unit disk: boundary vertices slide on the circle."""
 
-    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Certificate:
+    def certificate(self, mesh: Mesh, f: Complex, flipped: Flipped) -> Certificate:
         """Verify a map f (n,) whose `flipped` faces are known."""
         return certificate_of(f[mesh.loop], *flipped)
 
-    def moved(self, mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
+    def moved(self, mesh: Mesh, f: Complex, step: Complex) -> Complex:
         """Move a map by a displacement; the boundary by its angle, so that it stays on the circle.
 
         What has no displacement stays to the last bit.
@@ -79,7 +79,7 @@ class Disk(Target):
         moved[sliding] = boundary / abs(boundary)
         return open_collapsed_faces(mesh, moved)[0]
 
-    def tangential(self, mesh: DiskMesh, f: Complex, x: Complex) -> Complex:
+    def tangential(self, mesh: Mesh, f: Complex, x: Complex) -> Complex:
         """Project displacements x (n,), in place, to those that are possible."""
         tangent = 1j * f[mesh.loop]
         x[mesh.loop] = (x[mesh.loop] * tangent.conj()).real * tangent
@@ -89,7 +89,7 @@ class Disk(Target):
 class Outline(Target):
     """A free outline: every vertex moves, as long as the outline is simple."""
 
-    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> OutlineCertificate:
+    def certificate(self, mesh: Mesh, f: Complex, flipped: Flipped) -> OutlineCertificate:
         """Verify a map f (n,) whose `flipped` faces are known."""
         return certify_outline(mesh, coordinates(f), flipped)
 
@@ -101,7 +101,7 @@ class Ring(Target):
     strip is cut open does not matter.
     """
 
-    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Certificate:
+    def certificate(self, mesh: Mesh, f: Complex, flipped: Flipped) -> Certificate:
         """Verify a map f (n,) whose `flipped` faces are known."""
         return certify_ring(mesh, np.exp(f), flipped)
 
@@ -109,7 +109,7 @@ class Ring(Target):
         """Points of the ring, (n,)."""
         return np.exp(f)
 
-    def errors(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Floats:
+    def errors(self, mesh: Mesh, f: Complex, flipped: Flipped) -> Floats:
         """(m, 3) signed angle errors in radians."""
         return angle_errors(mesh, np.exp(f))
 
@@ -117,13 +117,13 @@ class Ring(Target):
         """Faces that are not positively oriented, exactly, and how many were in doubt."""
         return flipped_faces(np.exp(f), F)
 
-    def moved(self, mesh: DiskMesh, f: Complex, step: Complex) -> Complex:
+    def moved(self, mesh: Mesh, f: Complex, step: Complex) -> Complex:
         """Move a map by a displacement (n,), if all of the inner circle moves by the same."""
         moved, inner = f + step, mesh.loops[1]
         moved.real[inner] = moved.real[inner].mean()
         return moved
 
-    def tangential(self, mesh: DiskMesh, f: Complex, x: Complex) -> Complex:
+    def tangential(self, mesh: Mesh, f: Complex, x: Complex) -> Complex:
         """Project displacements x (n,), in place, to those that are possible."""
         outer, inner = mesh.loops
         x.real[outer], x.real[inner] = 0, x.real[inner].mean()
@@ -173,15 +173,15 @@ class Sphere(Target):
         """Faces that are not positively oriented, exactly, and how many were in doubt."""
         return flipped_on_sphere(self.points(f), F)
 
-    def errors(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> Floats:
+    def errors(self, mesh: Mesh, f: Complex, flipped: Flipped) -> Floats:
         """(m, 3) signed angle errors in radians."""
         return sphere_angle_errors(mesh, self.points(f), flipped[0])
 
-    def certificate(self, mesh: DiskMesh, f: Complex, flipped: Flipped) -> SphereCertificate:
+    def certificate(self, mesh: Mesh, f: Complex, flipped: Flipped) -> SphereCertificate:
         """Verify a map f (n,) whose `flipped` faces are known."""
         return certify_sphere(mesh.F, self.points(f), flipped)
 
-    def tangential(self, mesh: DiskMesh, f: Complex, x: Complex) -> Complex:
+    def tangential(self, mesh: Mesh, f: Complex, x: Complex) -> Complex:
         """Let the pole stay."""
         x[self._pole] = 0
         return x

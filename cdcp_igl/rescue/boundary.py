@@ -11,7 +11,7 @@ from ..errors import counted, spell
 from ..solve.factored import FactoredSurface, harmonic_extension
 from ..steps.circle import Rejected
 from ..steps.trace import boundary_flux, edge_lengths, shared_by_edges
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 
 # A boundary is crowded if more than MANY_CROWDED of its edges get less than the share CROWDED of
 # the circle, which is a third of the distance between doubles. On a corridor n times longer than
@@ -123,12 +123,12 @@ def by_arc_length(surface: FactoredSurface, face: int) -> Complex:
     return arc_length_map(surface.mesh)
 
 
-def arc_length_map(mesh: DiskMesh) -> Complex:
+def arc_length_map(mesh: Mesh) -> Complex:
     """(nB,) boundary vertices around the circle in proportion to their distances, from 1."""
     return around(edge_lengths(mesh))
 
 
-def by_inscribed_angles(mesh: DiskMesh) -> Complex:
+def by_inscribed_angles(mesh: Mesh) -> Complex:
     """Place the vertices (n,) of a mesh without interior ones so that its angles change least.
 
     All faces are inscribed in the circle, so that each angle is half the arc that the other side

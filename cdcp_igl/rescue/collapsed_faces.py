@@ -6,7 +6,7 @@ import numpy as np
 
 from ..arrays import Complex, Ints, coordinates
 from ..libigl import is_counterclockwise
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from ..surface.triangles import flipped_faces
 from ..verdict.certificate import increments
 
@@ -15,7 +15,7 @@ MOST = 1e-13  # that a corner may leave the circle by; a certificate allows 1e-1
 ROUNDS = 8  # as a raised corner may be that of another face; then give up
 
 
-def open_collapsed_faces(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
+def open_collapsed_faces(mesh: Mesh, f: Complex) -> tuple[Complex, int]:
     """Move corners of collapsed inscribed faces outwards, by no more than rounding errors.
 
     A triangle inscribed in the unit circle with arcs p and q, both short, is p q / 2 high. In a
@@ -40,12 +40,12 @@ def open_collapsed_faces(mesh: DiskMesh, f: Complex) -> tuple[Complex, int]:
     return f, n_collapsed
 
 
-def _collapsed(mesh: DiskMesh, f: Complex) -> Ints:
+def _collapsed(mesh: Mesh, f: Complex) -> Ints:
     """Rows of ``mesh.inscribed`` whose faces are not positively oriented."""
     return flipped_faces(f, mesh.F[mesh.inscribed])[0]
 
 
-def _tips(mesh: DiskMesh, f: Complex) -> tuple[Ints, Complex]:
+def _tips(mesh: Mesh, f: Complex) -> tuple[Ints, Complex]:
     """(k,) corner opposite the longest arc of each inscribed face; length of the other two."""
     angle = np.append(0, np.cumsum(increments(f[mesh.loop])))
     corners = np.sort(mesh.loop_index[mesh.F[mesh.inscribed]], axis=1)

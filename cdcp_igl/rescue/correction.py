@@ -14,7 +14,7 @@ import numpy as np
 from ..arrays import Complex, Floats, Ints, evenly_spaced_rows
 from ..steps.circle import RESOLVED
 from ..steps.least_distortion import pseudo_huber_corner
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from ..verdict.certificate import increments, is_around
 from ..verdict.distortion import plane_angles
 
@@ -61,7 +61,7 @@ class Straightening:
 
 
 def straighten(
-    mesh: DiskMesh, f: Complex, extend: Callable[[Complex], Complex]
+    mesh: Mesh, f: Complex, extend: Callable[[Complex], Complex]
 ) -> tuple[Complex, Straightening]:
     """Move the boundary along the circle such that the interior is not sheared as a whole.
 
@@ -95,7 +95,7 @@ def straighten(
 
 
 def _straighter(
-    mesh: DiskMesh,
+    mesh: Mesh,
     f: Complex,
     extend: Callable[[Complex], Complex],
     faces: Ints,
@@ -171,7 +171,7 @@ def _least_errors(errors: Floats, by_x: Floats, by_y: Floats) -> tuple[complex, 
 
 
 def recentered(
-    mesh: DiskMesh, f: Complex, extend_again: Callable[[Complex], Complex]
+    mesh: Mesh, f: Complex, extend_again: Callable[[Complex], Complex]
 ) -> tuple[Complex, complex]:
     """Move a region that is too small for the doubles where it lies to 0.
 
@@ -200,7 +200,7 @@ def recentered(
     return f, w
 
 
-def deep_vertex(mesh: DiskMesh, f: Complex, faces: Ints) -> int | None:
+def deep_vertex(mesh: Mesh, f: Complex, faces: Ints) -> int | None:
     """Find the interior vertex in the middle of the faces (k, 3) too small for their place.
 
     They are far from the circle and from 0. None in the ordinary case.

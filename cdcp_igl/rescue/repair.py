@@ -11,7 +11,7 @@ from scipy.sparse.linalg import splu
 
 from ..arrays import Bools, Complex, Floats, Ints, as_complex, marked
 from ..errors import counted
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from ..surface.topology import components_of_pairs
 from ..surface.triangles import flipped_faces
 from .correction import recentered
@@ -65,7 +65,7 @@ class Repair:
         return f"{flipped}, {moved} moved in {counted(self.rounds, 'round', 'rounds')}"
 
 
-def repaired(mesh: DiskMesh, f: Complex, *, on_disk: bool = True) -> tuple[Complex, Repair]:
+def repaired(mesh: Mesh, f: Complex, *, on_disk: bool = True) -> tuple[Complex, Repair]:
     """Make every face positively oriented, at whatever cost.
 
     Where `repair_locally` cannot, because of many flipped faces or stubborn ones, the whole
@@ -84,7 +84,7 @@ def repaired(mesh: DiskMesh, f: Complex, *, on_disk: bool = True) -> tuple[Compl
     return f, Repair(whole.n_flipped, whole.n_moved, repair.rounds + whole.rounds)
 
 
-def replace_interior(mesh: DiskMesh, f: Complex, *, on_disk: bool = True) -> tuple[Complex, Repair]:
+def replace_interior(mesh: Mesh, f: Complex, *, on_disk: bool = True) -> tuple[Complex, Repair]:
     """Set the whole interior to mean values and relax it; otherwise as `repaired`.
 
     Where these crowd too much for double precision, the weights differ less. Where most of the
@@ -104,7 +104,7 @@ def replace_interior(mesh: DiskMesh, f: Complex, *, on_disk: bool = True) -> tup
     return g, Repair(len(flipped), len(mesh.interior), rounds)
 
 
-def repair_locally(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:
+def repair_locally(mesh: Mesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:
     """Repair flipped faces by moving vertices near them and no others.
 
     Cotangents of obtuse angles are negative, and a harmonic map with negative weights may
@@ -153,7 +153,7 @@ class Neighbourhood:
     tried next has `reach` (k,) rings; `rounds` counts the tries. `weights` (k, k) are mean values.
     """
 
-    def __init__(self, mesh: DiskMesh, inside: Bools, power: float = 1.0) -> None:
+    def __init__(self, mesh: Mesh, inside: Bools, power: float = 1.0) -> None:
         faces = np.flatnonzero(inside[mesh.F].all(axis=1))
         self.vertices, corners = np.unique(mesh.F[faces], return_inverse=True)
         self.F: Ints = corners.reshape(-1, 3)

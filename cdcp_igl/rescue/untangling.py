@@ -9,7 +9,7 @@ import numpy as np
 from ..arrays import Floats, coordinates, marked
 from ..steps.dipole import median, star
 from ..steps.stereographic import axes_along
-from ..surface.mesh import SphereMesh
+from ..surface.mesh import Mesh
 from ..verdict.certificate import flipped_on_sphere
 from .repair import MANY, POWERS, Neighbourhood, Repair, grow, repair_locally
 
@@ -19,7 +19,7 @@ CHARTS = 200  # of them
 FEW, MOST_RINGS, MOST_MOVES, MOST_PLANES = 100, 6, 20_000, 20
 
 
-def repaired_on_sphere(mesh: SphereMesh, P: Floats) -> tuple[Floats, Repair]:
+def repaired_on_sphere(mesh: Mesh, P: Floats) -> tuple[Floats, Repair]:
     """Repair flipped faces by moving vertices near them, one part of the sphere after the other.
 
     A part is seen in central projection, which keeps the orientation of its triangles.
@@ -51,7 +51,7 @@ def repaired_on_sphere(mesh: SphereMesh, P: Floats) -> tuple[Floats, Repair]:
     return Q, Repair(n_flipped, int(moved.sum()), rounds)
 
 
-def _untangled(mesh: SphereMesh, P: Floats) -> Floats:
+def _untangled(mesh: Mesh, P: Floats) -> Floats:
     """Move vertices at flipped faces to where they see their neighbours best, one by one.
 
     All faces of a vertex are positively oriented if it lies on one side of planes through 0 and the
@@ -98,7 +98,7 @@ def _deepest(normals: Floats) -> Floats:
     return centers[(centers @ normals.T).min(axis=1).argmax()]
 
 
-def mean_value_map(mesh: SphereMesh, pole: int) -> Floats:
+def mean_value_map(mesh: Mesh, pole: int) -> Floats:
     """Map the surface without its pole into the plane by mean values, and onto the sphere.
 
     Positive weights and a convex boundary, the neighbours of the pole, give an embedding (Floater's

@@ -13,7 +13,7 @@ from ..arrays import Complex, Floats, Ints, as_complex, coordinates, unit_size
 from ..cached import cached_property
 from ..errors import counted
 from ..surface.location import FaceFinder
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from ..surface.triangles import corner_cotangents, degenerate_faces
 from .base import Result, real_values
 
@@ -39,7 +39,7 @@ class Bijection(Result):
         The surface.
     """
 
-    mesh: DiskMesh
+    mesh: Mesh
 
     @property
     @abstractmethod

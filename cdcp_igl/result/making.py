@@ -17,7 +17,7 @@ from ..plot.layout import Layout
 from ..refine.refinement import HALVINGS, STEPS_DUE, Refinement, lower_angle_distortion
 from ..refine.targets import Target
 from ..rescue.repair import Repair
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from ..verdict.conformality import LARGEST_DEGREES, judge
 from ..verdict.distortion import AngleDistortion
 from .base import Result
@@ -41,7 +41,7 @@ PATIENT = 12
 class MadeMap(Result):
     """A map of one mesh, with what was done about flipped faces, and about the distortion."""
 
-    mesh: DiskMesh
+    mesh: Mesh
     repair: Repair
     refinement: Refinement | None = None
     solver: str
@@ -112,7 +112,7 @@ class PlaneMap(MadeMap):
 
 
 def fields_of(
-    mesh: DiskMesh,
+    mesh: Mesh,
     f: Complex | Floats,
     degrees: Floats,
     certificate: Any,

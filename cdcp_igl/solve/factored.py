@@ -10,7 +10,7 @@ from scipy.sparse import csc_matrix
 
 from ..arrays import Bools, Complex, Indices, Numbers
 from ..cached import cached_property
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from .cholesky import Cholesky
 from .laplacian import Laplacian, cotangent_laplacian, intrinsic_delaunay_laplacian
 from .memory import require_memory
@@ -31,7 +31,7 @@ class FactoredSurface:
 
     def __init__(
         self,
-        mesh: DiskMesh,
+        mesh: Mesh,
         laplacian: Laplacian,
         free: Bools | None = None,
         order: Indices | None = None,
@@ -51,7 +51,7 @@ class FactoredSurface:
         self.order = rows[cholesky.permutation]
 
     @classmethod
-    def of(cls, mesh: DiskMesh) -> FactoredSurface:
+    def of(cls, mesh: Mesh) -> FactoredSurface:
         """Factor the cotangent Laplacian of a mesh."""
         return cls(mesh, cotangent_laplacian(mesh))
 

@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, triu
 
 from .. import libigl
 from ..arrays import Bools, Floats, Indices, Ints, Numbers
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from ..surface.topology import Edges
 
 # The lengths of the sides do not determine an angle as small as this, in radians: its square is
@@ -79,7 +79,7 @@ def _without_duplicates(entries: Floats, rows: Indices, columns: Indices, n: int
     return matrix
 
 
-def cotangent_laplacian(mesh: DiskMesh, cotangents: Floats | None = None) -> Laplacian:
+def cotangent_laplacian(mesh: Mesh, cotangents: Floats | None = None) -> Laplacian:
     """Compute the positive semidefinite cotangent Laplacian, eq. (8).
 
     L_ij = -(cot a_ij + cot b_ij) / 2 on edges, rows sum to zero; the negative of
@@ -98,7 +98,7 @@ def sum_opposite(edges: Edges, x: Floats) -> Floats:
     return np.add.reduceat(x.T.ravel()[edges.sides - len(x)], edges.start)
 
 
-def intrinsic_delaunay_laplacian(mesh: DiskMesh) -> Laplacian:
+def intrinsic_delaunay_laplacian(mesh: Mesh) -> Laplacian:
     """Compute the cotangent Laplacian of the intrinsic Delaunay triangulation.
 
     The same surface, vertices and boundary with edges flipped until no interior edge has
@@ -123,7 +123,7 @@ def intrinsic_delaunay_laplacian(mesh: DiskMesh) -> Laplacian:
     return Laplacian.of(above.row, above.col, above.data, n)
 
 
-def _half_cotangents(mesh: DiskMesh, faces: Bools) -> csr_matrix:
+def _half_cotangents(mesh: Mesh, faces: Bools) -> csr_matrix:
     """(n, n) what faces give to the weights of their edges, above the diagonal."""
     F, n = mesh.F[faces], len(mesh.V)
     tails, heads = F[:, [1, 2, 0]].ravel(), F[:, [2, 0, 1]].ravel()
@@ -131,7 +131,7 @@ def _half_cotangents(mesh: DiskMesh, faces: Bools) -> csr_matrix:
     return coo_matrix((mesh.cotangents[faces].ravel() / 2, ends), (n, n)).tocsr()
 
 
-LAPLACIANS: dict[str, Callable[[DiskMesh], Laplacian]] = {
+LAPLACIANS: dict[str, Callable[[Mesh], Laplacian]] = {
     "cotangent": cotangent_laplacian,
     "intrinsic Delaunay": intrinsic_delaunay_laplacian,
 }

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..arrays import Complex, Floats, Ints
 from ..solve.factored import FactoredSurface
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from ..surface.triangles import vertex_areas
 from .stereographic import from_plane, moved_to_center, spherical_barycenter
 
@@ -64,7 +64,7 @@ def median(x: Floats, mass: Floats) -> float:
     return float(x[order[np.searchsorted(total, total[-1] / 2)]])
 
 
-def vertex_dipole(mesh: DiskMesh, vertex: int) -> Complex:
+def vertex_dipole(mesh: Mesh, vertex: int) -> Complex:
     """Right-hand side (n,) of eq. (18): the derivative of a point mass at a vertex.
 
     With coordinates w of its neighbours, in which the angles around the vertex add up to 2 pi, it
@@ -80,7 +80,7 @@ def vertex_dipole(mesh: DiskMesh, vertex: int) -> Complex:
     return r
 
 
-def star(mesh: DiskMesh, vertex: int) -> tuple[Ints, Complex]:
+def star(mesh: Mesh, vertex: int) -> tuple[Ints, Complex]:
     """Neighbours (k,) of a vertex in order, and coordinates whose angles add up to 2 pi."""
     faces, corner = np.nonzero(np.equal(mesh.F, vertex))
     following = dict(zip(mesh.F[faces, corner - 2].tolist(), range(len(faces)), strict=True))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Complex, Floats, Ints
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from ..surface.triangles import flipped_faces
 from ..verdict.certificate import is_around
 from .least_distortion import (
@@ -53,7 +53,7 @@ class Normalization:
 
 
 def normalize(
-    mesh: DiskMesh,
+    mesh: Mesh,
     f: Complex,
     method: MobiusMethod | None,
     finished: Callable[[Complex], Complex] = lambda f: f,
@@ -170,7 +170,7 @@ def barycenter_by_moments(moments: Callable[[complex], tuple[complex, complex]])
 
 
 def rotate(
-    mesh: DiskMesh, f: Complex, align: int | ArrayLike | None, *, on_circle: bool = True
+    mesh: Mesh, f: Complex, align: int | ArrayLike | None, *, on_circle: bool = True
 ) -> Complex:
     """Turn a map (n,) about 0.
 
@@ -202,7 +202,7 @@ def check_slope(align: ArrayLike, moment: complex, most: float) -> None:
         raise ValueError(f"align={align!r}: the surface has no slope in this direction")
 
 
-def at_one(mesh: DiskMesh, f: Complex, vertex: int) -> Complex:
+def at_one(mesh: Mesh, f: Complex, vertex: int) -> Complex:
     """Put a boundary vertex at 1, and the boundary on the circle to the last bit."""
     f = f / f[vertex]
     f[mesh.loop] /= abs(f[mesh.loop])

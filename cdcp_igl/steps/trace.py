@@ -6,7 +6,7 @@ import numpy as np
 
 from ..arrays import Complex, Floats, Ints, Numbers
 from ..solve.factored import FactoredSurface
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 
 
 def conjugate_trace(surface: FactoredSurface, face: int) -> Complex:
@@ -46,7 +46,7 @@ def boundary_trace(surface: FactoredSurface, face: int) -> Complex:
     return pinned.solve(face_dipole(mesh, face))[mesh.loop]
 
 
-def face_dipole(mesh: DiskMesh, face: int) -> Complex:
+def face_dipole(mesh: Mesh, face: int) -> Complex:
     """Right-hand side (n,) of eq. (18): the derivative of a point mass on one face.
 
     Zero off the face, which is sent to infinity; sums to zero. Scaled by |v_j - v_i|, on which the
@@ -75,7 +75,7 @@ def boundary_flux(surface: FactoredSurface, r: Numbers) -> Numbers:
     return g @ surface.coupling - r[surface.mesh.loop]
 
 
-def shared_by_edges(mesh: DiskMesh, loop: Ints, flux: Numbers) -> Numbers:
+def shared_by_edges(mesh: Mesh, loop: Ints, flux: Numbers) -> Numbers:
     """Flux through each edge (k,) of a boundary loop (k,), by that of the vertices.
 
     What leaves at a vertex belongs to both its edges. Next to a corner of angle a, where the
@@ -97,7 +97,7 @@ def shares_of_edges(flux: Numbers, length: Floats, around: Floats) -> Numbers:
     return shares
 
 
-def edge_lengths(mesh: DiskMesh, loop: Ints | None = None) -> Floats:
+def edge_lengths(mesh: Mesh, loop: Ints | None = None) -> Floats:
     """(k,) lengths of the edges of a boundary loop (k,), if not of all, to the next vertex."""
     return lengths_along(mesh.V[mesh.loop if loop is None else loop])
 

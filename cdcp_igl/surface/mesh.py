@@ -1,4 +1,4 @@
-"""The checked input: a triangulated topological disk."""
+"""The checked input: a triangulated disk, annulus or sphere."""
 
 from __future__ import annotations
 
@@ -18,27 +18,22 @@ from .validation import Examined, checked_vertices, examine
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class DiskMesh:
-    """A triangulated disk: checked, indexed, immutable.
+class Mesh:
+    """Triangles and their boundary: indexed, immutable. What all maps and solvers take.
 
-    The only way into the algorithm. One component, every edge on one or two faces,
-    consistently oriented, every vertex a manifold vertex, one boundary loop, Euler
-    characteristic 1, every vertex used, coordinates finite, no degenerate face. Subclasses, which
-    the same solvers take, differ from that in the number of loops.
-
-    V and F are as in `disk_map`. MeshError names the defect, the offending rows and the remedy, and
-    lists the other defects.
+    Made directly, it is a part of a surface, of any topology, and nothing is checked: V (n, 3) and
+    F as below, and the `rim`, in any order. Its subclasses check a whole surface of their kind.
 
     Attributes
     ----------
     V : (n, 3) float64, read-only
         The positions, scaled by a power of two (which is exact) so that the largest
-        coordinate lies between 1/2 and 1.
+        coordinate lies between 1/2 and 1; of a part in the unit of its surface.
     F : (m, 3) int64, read-only
         The faces.
     loops : tuple of int64 arrays, read-only
         Boundary vertices of each loop in order, the surface on their left, from the smallest
-        index; the loop that reaches farthest comes first.
+        index; the loop that reaches farthest comes first. None of a part.
     loop : (nB,) int64, read-only
         The boundary vertices, one loop after the other.
     interior : (nI,) int64, read-only
@@ -60,31 +55,26 @@ class DiskMesh:
     cotangents: Floats
     _exponent: int
 
-    def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
-        examined = examine(V, F)
-        defects = self._defects(examined)
+    def __init__(self, V: Floats, F: Ints, rim: Ints) -> None:
+        vars(self).update(loops=(), _exponent=0)
+        self._index(V, F, rim, corner_cotangents(V, F))
+
+    def _take(self, examined: Examined, defects: tuple[Defect, ...]) -> None:
+        """Be a surface that was examined, unless it has these defects: MeshError."""
         if examined.surface is None or defects:
             raise MeshError(*defects)
-        surface, loops = examined.surface, examined.loops
-        loop = np.concatenate([np.empty(0, np.int64), *loops])
-        on_boundary = marked(surface.n, loop)
+        surface, loops = examined.surface, tuple(examined.loops)
         for indices in (*loops, *vars(surface.edges).values()):
             _read_only(indices)
-        known = {"loops": tuple(loops), "edges": surface.edges, "_exponent": examined.exponent}
-        vars(self).update(known)
-        self._set(
-            V=examined.V,
-            F=surface.F,
-            loop=loop,
-            interior=np.flatnonzero(~on_boundary),
-            on_boundary=on_boundary,
-            cotangents=examined.cotangents,
-        )
+        vars(self).update(loops=loops, edges=surface.edges, _exponent=examined.exponent)
+        loop = np.concatenate([np.empty(0, np.int64), *loops])
+        self._index(examined.V, surface.F, loop, examined.cotangents)
 
-    @staticmethod
-    def _defects(examined: Examined) -> tuple[Defect, ...]:
-        """Return what keeps the surface from being of this kind."""
-        return examined.defects
+    def _index(self, V: Floats, F: Ints, loop: Ints, cotangents: Floats) -> None:
+        on_boundary = marked(len(V), loop)
+        interior = np.flatnonzero(~on_boundary)
+        self._set(V=V, F=F, loop=loop, interior=interior, on_boundary=on_boundary)
+        self._set(cotangents=cotangents)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         # Arrays that were pickled come back writeable.
@@ -154,7 +144,7 @@ class DiskMesh:
         vars(mesh)["_exponent"] = size_exponent(np.asarray(V))
         return mesh
 
-    def part(self, faces: Ints) -> tuple[DiskMesh, Ints]:
+    def part(self, faces: Ints) -> tuple[Mesh, Ints]:
         """Return some of the faces as a mesh, of any topology, and the rows of its vertices here.
 
         Vertices with other faces, too, count as its boundary, in no order.
@@ -163,24 +153,7 @@ class DiskMesh:
         F, n = corners.reshape(-1, 3), len(vertices)
         whole = np.bincount(self.F.ravel(), minlength=len(self.V))[vertices]
         rim = (np.bincount(F.ravel(), minlength=n) < whole) | self.on_boundary[vertices]
-        return DiskMesh.piece(self.V[vertices], F, np.flatnonzero(rim)), vertices
-
-    @staticmethod
-    def piece(V: Floats, F: Ints, rim: Ints) -> DiskMesh:
-        """Take faces of any topology as a mesh, whose boundary is the `rim`, in any order.
-
-        V (n, 3) are positions in the unit of another mesh.
-        """
-        mesh, on_boundary = object.__new__(DiskMesh), marked(len(V), rim)
-        mesh._set(
-            V=V,
-            F=F,
-            loop=rim,
-            interior=np.flatnonzero(~on_boundary),
-            on_boundary=on_boundary,
-            cotangents=corner_cotangents(V, F),
-        )
-        return mesh
+        return Mesh(self.V[vertices], F, np.flatnonzero(rim)), vertices
 
     def __repr__(self) -> str:
         return (
@@ -189,24 +162,40 @@ class DiskMesh:
         )
 
 
-class SphereMesh(DiskMesh):
-    """A triangulated sphere: no boundary loop, and no handle."""
+class DiskMesh(Mesh):
+    """A triangulated disk: the only way into Algorithm 1.
 
-    @staticmethod
-    def _defects(examined: Examined) -> tuple[Defect, ...]:
+    One component, every edge on one or two faces, consistently oriented, every vertex a manifold
+    vertex, one boundary loop, Euler characteristic 1, every vertex used, coordinates finite, no
+    degenerate face.
+
+    V and F are as in `disk_map`. MeshError names the defect, the offending rows and the remedy, and
+    lists the other defects.
+    """
+
+    def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
+        examined = examine(V, F)
+        self._take(examined, examined.defects)
+
+
+class SphereMesh(Mesh):
+    """A triangulated sphere: no boundary loop, and no handle; else like a DiskMesh."""
+
+    def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
+        examined = examine(V, F)
         defects = _without(examined, "closed surface", "several boundary loops")
         n = len(examined.loops)
-        return (Defect.of("boundary", loops=n), *defects) if n else defects
+        self._take(examined, (Defect.of("boundary", loops=n), *defects) if n else defects)
 
 
-class AnnulusMesh(DiskMesh):
-    """A triangulated annulus: two boundary loops, and no handle."""
+class AnnulusMesh(Mesh):
+    """A triangulated annulus: two boundary loops, and no handle; else like a DiskMesh."""
 
-    @staticmethod
-    def _defects(examined: Examined) -> tuple[Defect, ...]:
+    def __init__(self, V: ArrayLike, F: ArrayLike) -> None:
+        examined = examine(V, F)
         n = len(examined.loops)
         defects = _without(examined, *["several boundary loops"] * (n == 2))
-        return (Defect.of("one boundary loop"), *defects) if n == 1 else defects
+        self._take(examined, (Defect.of("one boundary loop"), *defects) if n == 1 else defects)
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:

@@ -13,7 +13,7 @@ import numpy as np
 from .. import libigl
 from ..arrays import Complex, Floats, Ints, as_complex
 from ..errors import counted
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from ..surface.triangles import EPS, flipped_faces
 
 BOUNDARY_TOLERANCE = 1e-12
@@ -219,12 +219,12 @@ def together(each: Sequence[Kind]) -> Kind:
     return type(each[0])(**{n: TOGETHER[n]([getattr(one, n) for one in each]) for n in names})
 
 
-def certify(mesh: DiskMesh, uv: Floats) -> Certificate:
+def certify(mesh: Mesh, uv: Floats) -> Certificate:
     """Verify a map (n, 2) of a mesh onto the unit disk."""
     return certify_disk(mesh, as_complex(uv))
 
 
-def certify_disk(mesh: DiskMesh, f: Complex) -> Certificate:
+def certify_disk(mesh: Mesh, f: Complex) -> Certificate:
     """Verify a map (n,) of a mesh onto the unit disk."""
     if not np.isfinite(f).all():
         return not_finite(mesh)
@@ -244,7 +244,7 @@ def certificate_of(boundary: Complex, flipped: Ints, n_exact: int) -> Certificat
     )
 
 
-def certify_ring(mesh: DiskMesh, f: Complex, known: tuple[Ints, int] | None = None) -> Certificate:
+def certify_ring(mesh: Mesh, f: Complex, known: tuple[Ints, int] | None = None) -> Certificate:
     """Verify a map (n,) onto a ring; errors at its inner circle are relative to the radius.
 
     `flipped_faces` of it may be `known`.
@@ -259,7 +259,7 @@ def certify_ring(mesh: DiskMesh, f: Complex, known: tuple[Ints, int] | None = No
     return together([certificate_of(outer, *flipped), certificate_of(inner, none, 0)])
 
 
-def not_finite(mesh: DiskMesh) -> Certificate:
+def not_finite(mesh: Mesh) -> Certificate:
     """Return the certificate of a map that is not finite: all faces count as flipped."""
     return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)
 

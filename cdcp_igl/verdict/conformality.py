@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import libigl
 from ..arrays import Complex, Floats, Ints, marked
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from .distortion import face_dilatation
 
 NEGLIGIBLE_DEGREES = 1.0  # mean error that no one sees, whatever its cause
@@ -97,7 +97,7 @@ NOT_VALID = Conformality(True, ("it is not valid",))
 
 
 def judge(
-    mesh: DiskMesh,
+    mesh: Mesh,
     f: Complex | Floats,
     degrees: Floats,
     *,
@@ -118,7 +118,7 @@ def judge(
 
 
 def judge_by(
-    mesh: DiskMesh,
+    mesh: Mesh,
     f: Complex | Floats,
     degrees: Floats,
     faces: Ints,
@@ -163,7 +163,7 @@ def judge_by(
     return Conformality(sheared, tuple(reasons), tuple(remedies), excess, stretch, wanted)
 
 
-def dilatation(mesh: DiskMesh, f: Complex | Floats, faces: Ints) -> float:
+def dilatation(mesh: Mesh, f: Complex | Floats, faces: Ints) -> float:
     """Geometric mean, by area, of the dilatation K of some faces: 1 where no angle changes."""
     F = mesh.F[faces]
     log_K = np.log(face_dilatation(mesh.V, F, f))
@@ -172,7 +172,7 @@ def dilatation(mesh: DiskMesh, f: Complex | Floats, faces: Ints) -> float:
     return float(np.exp(np.average(log_K[known], weights=area))) if known.any() else 1.0
 
 
-def explained_errors(mesh: DiskMesh, f: Complex | Floats, faces: Ints) -> Floats:
+def explained_errors(mesh: Mesh, f: Complex | Floats, faces: Ints) -> Floats:
     """Find the changes (k, 3) of the angles of some faces, in radians, that the scale explains.
 
     On every face, three factors u at the corners take the lengths of the surface to those of
@@ -204,7 +204,7 @@ def explained_errors(mesh: DiskMesh, f: Complex | Floats, faces: Ints) -> Floats
     return np.arccos(np.clip(cosine, -1, 1)).T - mesh.angles[faces]
 
 
-def _edge_scales(mesh: DiskMesh, f: Complex | Floats, F: Ints) -> Floats:
+def _edge_scales(mesh: Mesh, f: Complex | Floats, F: Ints) -> Floats:
     """(3, k) logarithms of the length on the disk by that on the surface, opposite corners."""
     i, j, k = f.take(F.T, axis=0)
     edges = np.array([j - k, k - i, i - j])

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from .. import libigl
 from ..arrays import Bools, Complex, Floats, Ints, as_complex, size_exponent
 from ..io.given import takes_meshes
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from ..surface.triangles import blocks, face_areas, hat_gradients, opposite_edges, oriented_areas
 from ..surface.validation import checked_surface, checked_vertices
 
@@ -268,19 +268,19 @@ def _signed_angles(P: Floats, F: Ints, flipped: Bools | Ints) -> Floats:
     return angles
 
 
-def sphere_angle_errors(mesh: DiskMesh, P: Floats, flipped: Ints) -> Floats:
+def sphere_angle_errors(mesh: Mesh, P: Floats, flipped: Ints) -> Floats:
     """(m, 3) as `angle_errors`, of a map (n, 3) onto the sphere whose faces are straight."""
     return _signed_angles(P, mesh.F, flipped) - mesh.angles
 
 
-def map_distortion(mesh: DiskMesh, f: Complex) -> Floats:
+def map_distortion(mesh: Mesh, f: Complex) -> Floats:
     """(m, 3) `angle_distortion` of a map f (n,) without collapsed faces, in a fifth of the time."""
     errors = angle_errors(mesh, f)
     np.abs(errors, out=errors)  # in place: new pages take as long as the angles
     return np.degrees(errors, out=errors)
 
 
-def angle_errors(mesh: DiskMesh, f: Complex) -> Floats:
+def angle_errors(mesh: Mesh, f: Complex) -> Floats:
     """(m, 3) corner angles of a map f (n,) minus those of the surface, in radians."""
     errors = np.empty_like(mesh.angles)
     for part in blocks(len(errors)):

@@ -9,7 +9,7 @@ import numpy as np
 from .. import libigl
 from ..arrays import Bools, Complex, Floats, Ints, as_complex, coordinates
 from ..errors import spell
-from ..surface.mesh import DiskMesh
+from ..surface.mesh import Mesh
 from ..surface.triangles import BLOCK, flipped_faces
 from .certificate import Verified
 
@@ -63,7 +63,7 @@ class OutlineCertificate(Verified):
 
 
 def certify_outline(
-    mesh: DiskMesh, uv: Floats, known: tuple[Ints, int] | None = None
+    mesh: Mesh, uv: Floats, known: tuple[Ints, int] | None = None
 ) -> OutlineCertificate:
     """Verify a map (n, 2) of a mesh with a free outline; `flipped_faces` of it may be `known`."""
     if not np.isfinite(uv).all():

@@ -40,7 +40,7 @@ from ...steps.mobius import (
     mobius_transformation,
 )
 from ...steps.trace import lengths_along, shares_of_edges, trace_of_shares
-from ...surface.mesh import DiskMesh
+from ...surface.mesh import Mesh
 from ...surface.topology import components_of_pairs
 from ...verdict.certificate import certificate_of, is_around
 from ...verdict.conformality import judge_by, sampled_faces
@@ -446,7 +446,7 @@ class _Mapping:
             near = dict(compress(self.finished.items(), beside))
             some = Gathered.of(self.folder, near, lambda part: slice(None))
             rim = np.unique(some.mesh.edges.ends(some.mesh.edges.valence == 1))
-            f, repair = repair_locally(DiskMesh.piece(some.mesh.V, some.mesh.F, rim), some.f)
+            f, repair = repair_locally(Mesh(some.mesh.V, some.mesh.F, rim), some.f)
             rounds += repair.rounds
             changed = np.flatnonzero(f != some.f)
             moved |= zip(some.vertices[changed].tolist(), f[changed].tolist(), strict=True)

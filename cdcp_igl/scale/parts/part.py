@@ -17,7 +17,7 @@ from ...io.output import whole_file
 from ...solve.factored import FactoredSurface, harmonic_extension
 from ...solve.laplacian import cotangent_laplacian
 from ...steps.center import most_central
-from ...surface.mesh import DiskMesh
+from ...surface.mesh import Mesh
 from ...surface.triangles import corner_angles
 from .parting import MANIFEST
 
@@ -137,11 +137,11 @@ class Part:
         return self.known >= self._folder.seams
 
     @cached_property
-    def mesh(self) -> DiskMesh:
+    def mesh(self) -> Mesh:
         """The part as a mesh, whose boundary are its seams and then the boundary."""
         seam = (self.known >= 0) & ~self.on_boundary
         rim = np.concatenate([np.flatnonzero(seam), np.flatnonzero(self.on_boundary)])
-        return DiskMesh.piece(self.V, self.F, rim)
+        return Mesh(self.V, self.F, rim)
 
     @property
     def rows(self) -> Ints:
@@ -187,7 +187,7 @@ class Gathered:
 
     rows: Ints
     vertices: Ints
-    mesh: DiskMesh
+    mesh: Mesh
     f: Complex
 
     @classmethod
@@ -210,15 +210,15 @@ class Gathered:
         positions, f = np.empty((len(vertices), 3)), np.empty(len(vertices), complex)
         positions[F], f[F] = V, f_corners
         border = np.flatnonzero(np.isin(vertices, folder.read("loop")["loop"]))
-        return cls(rows[order], vertices, DiskMesh.piece(positions, F[order], border), f)
+        return cls(rows[order], vertices, Mesh(positions, F[order], border), f)
 
     def places(self, rows: Ints) -> Ints:
         """Find faces of the whole."""
         return np.searchsorted(self.rows, rows)
 
-    def only(self, rows: Ints) -> DiskMesh:
+    def only(self, rows: Ints) -> Mesh:
         """Take some faces of the whole as a mesh with the same vertices."""
-        return DiskMesh.piece(self.mesh.V, self.mesh.F[self.places(rows)], self.mesh.loop)
+        return Mesh(self.mesh.V, self.mesh.F[self.places(rows)], self.mesh.loop)
 
 
 def among(some: Ints, rows: Ints) -> Bools:
