@@ -47,9 +47,9 @@ def unknowns(dz):
 
 def jacobian():
     """Derivatives of the angles by all unknowns, by differences."""
-    h, columns = 1e-6, []
-    for step in h * np.eye(2 * len(MESH.interior) + len(MESH.loop)):
-        columns.append((errors(slid(Z, step)) - errors(slid(Z, -step))).ravel() / (2 * h))
+    h = 1e-6
+    steps = h * np.eye(2 * len(MESH.interior) + len(MESH.loop))
+    columns = [(errors(slid(Z, step)) - errors(slid(Z, -step))).ravel() / (2 * h) for step in steps]
     return np.array(columns).T
 
 

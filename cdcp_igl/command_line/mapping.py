@@ -8,7 +8,6 @@ from typing import Any
 
 import typer
 
-from ..extras import from_extra
 from .batches import SCHEDULER, run_batch
 from .messages import check_targets, exit_codes, writing
 from .options import (
@@ -97,9 +96,6 @@ def map_command(
     with exit_codes(files=files, tried=tried):
         flags = ("disk", "clean", "cut", "free", "onto")
         settings = Settings(**{flag: options.pop(flag) for flag in flags}, options=options)
-        if picture or view:
-            with from_extra("plot"):
-                import matplotlib  # noqa: F401
         check_targets((out, report, picture, view), [source], force)
         with progress_bar() as progress:
             progress("read", 0)

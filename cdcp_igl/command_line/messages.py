@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from ..extras import MissingExtra
+from ..extras import MissingExtra, from_extra
+from .options import PICTURES
 
 if TYPE_CHECKING:
     from ..errors import Defect
@@ -89,6 +90,9 @@ def check_targets(targets: Iterable[Path | None], sources: Iterable[Path], force
     from ..io.output import try_to_write
 
     for path in filter(None, targets):
+        if path.suffix.lower() in (".html", *PICTURES):
+            with from_extra("plot"):
+                import matplotlib  # noqa: F401
         if os.path.isfile(path):  # and no error where a name is too long to be one
             message = "" if force else f"{printable(path)} is there; --force replaces it."
             if any(os.path.exists(source) and path.samefile(source) for source in sources):

@@ -144,18 +144,7 @@ def read_polygons(
     array([0, 0])
     """
     path = Path(path)
-    if path.is_dir():
-        raise MeshError(Defect.of("unreadable file, a folder", path=str(path)))
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        raise _unreadable(f"{path.name!r} is of no known type; readable are {' '.join(READABLE)}")
-    if "\0" in str(path):
-        raise _unreadable(f"{path.name!r} is no name of a file, as it holds a zero")
-    if not stat.S_ISREG(path.stat().st_mode):  # to open a FIFO may take for ever
-        raise _unreadable(f"{path.name!r} is a device, a FIFO or a socket")
-    with path.open("rb") as file:  # OSError if it is forbidden; later ones mean damage
-        if not file.read(1):
-            raise _empty(path)
+    reader = _reader_of(path)
     try:
         V, F, *polygons = reader(path)
     except Damage as error:
@@ -175,6 +164,23 @@ def read_polygons(
         if note:
             note("The faces count vertices from 1, as in MATLAB; 1 was subtracted.")
     return V, F, polygons[0] if polygons else np.arange(len(F))
+
+
+def _reader_of(path: Path) -> Callable[[Path], tuple[Array, ...]]:
+    """Find the reader of a file by its suffix; see that there is one, with something in it."""
+    if path.is_dir():
+        raise MeshError(Defect.of("unreadable file, a folder", path=str(path)))
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise _unreadable(f"{path.name!r} is of no known type; readable are {' '.join(READABLE)}")
+    if "\0" in str(path):
+        raise _unreadable(f"{path.name!r} is no name of a file, as it holds a zero")
+    if not stat.S_ISREG(path.stat().st_mode):  # to open a FIFO may take for ever
+        raise _unreadable(f"{path.name!r} is a device, a FIFO or a socket")
+    with path.open("rb") as file:  # OSError if it is forbidden; later ones mean damage
+        if not file.read(1):
+            raise _empty(path)
+    return reader
 
 
 def _unreadable(reason: str) -> MeshError:

@@ -8,9 +8,10 @@ import json
 import os
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -216,50 +217,74 @@ def batch(
             _task(name, source, folder / name, format, unfinished, settings, digest)
             for name, source in mine
         ]
-        history = read_journals(folder, digest)
-        records = {
-            task.name: history[task.name][-1]
-            for task in tasks
-            if task.name in history and task.is_done(history[task.name][-1], retry)
-        }
-        count = Counter(record.status for record in records.values())
-
-        def tell() -> None:
-            if progress is not None:
-                progress(count[DONE], count.total() - count[DONE], len(tasks))
-
-        def write_down(record: Record) -> None:
-            journal.append(record.line())
-            records[record.name] = record
-            count[record.status] += 1
-            tell()
-
-        tell()
+        run = _Run(journal, tasks, read_journals(folder, digest), retry, progress)
         try:
-            left = {}
-            for task in tasks:
-                if task.name in records:
-                    continue
-                if refusal := task.refusal(history.get(task.name, ())):
-                    write_down(refusal)
-                else:
-                    left[task.name] = task
-            to_map = list(left.values())
-            pool = Pool(jobs, time_limit, memory_limit)
-            made = pool.run(to_map) if executor is None else run_on(executor, to_map)
-            with closing(pool), closing(made):
-                for record in made:
-                    _finish(left[record.name], record, history.get(record.name, ()), write_down)
+            with closing(Pool(jobs, time_limit, memory_limit)) as pool:
+                run.map(pool.run if executor is None else partial(run_on, executor))
         finally:
             latest = read_journals(folder, digest)  # with those of other shards
-            if not summary_file.exists() or count.total() > count[REFUSED]:
+            if not summary_file.exists() or run.count.total() > run.count[REFUSED]:
                 write_summary(summary_file, (latest[name][-1] for name in sorted(latest)))
-    done = Batch(folder, tuple(records[task.name] for task in tasks))
+    done = Batch(folder, tuple(run.records[task.name] for task in tasks))
     if report is not None:
         page = report_page(f"Maps in {printable(folder.name)}", str(done), done.records)
         with whole_file(report) as file:
             file.write_bytes(page.encode())
     return done
+
+
+class _Run:
+    """A batch while it runs: the records of what is done, `history` included, and what is left."""
+
+    def __init__(
+        self,
+        journal: Journal,
+        tasks: Sequence[Task],
+        history: Mapping[str, Sequence[Record]],
+        retry: bool,
+        progress: Callable[[int, int, int], None] | None,
+    ) -> None:
+        self._journal, self._tasks, self._history = journal, tasks, history
+        self._progress = progress
+        self.records = {
+            task.name: history[task.name][-1]
+            for task in tasks
+            if task.name in history and task.is_done(history[task.name][-1], retry)
+        }
+        self.count = Counter(record.status for record in self.records.values())
+
+    def map(self, by: Callable[[Sequence[Task]], Generator[Record]]) -> None:
+        """Map what is left by workers, and put each result into its place."""
+        self._tell()
+        left = {}
+        for task in self._tasks:
+            if task.name in self.records:
+                continue
+            if refusal := self._refusal(task):
+                self._write_down(refusal)
+            else:
+                left[task.name] = task
+        with closing(by(list(left.values()))) as made:
+            for record in made:
+                # What has come since is not replaced either.
+                refusal = self._refusal(left[record.name]) if record.status == DONE else None
+                self._write_down(refusal or record)  # first: each result there has a line
+                if record.status == DONE and refusal is None:
+                    left[record.name].move_draft()
+
+    def _refusal(self, task: Task) -> Record | None:
+        return task.refusal(self._history.get(task.name, ()))
+
+    def _write_down(self, record: Record) -> None:
+        self._journal.append(record.line())
+        self.records[record.name] = record
+        self.count[record.status] += 1
+        self._tell()
+
+    def _tell(self) -> None:
+        if self._progress is not None:
+            done = self.count[DONE]
+            self._progress(done, self.count.total() - done, len(self._tasks))
 
 
 def _digest_of_options(settings: Settings, format: str) -> str:
@@ -326,16 +351,3 @@ def _task(
     draft = hashlib.sha256(f"{digest} {name}".encode(errors="surrogateescape")).hexdigest()
     target, draft = f"{result}{suffix}", f"{unfinished / draft}{suffix}"
     return Task(name, str(source), target, draft, settings, digest)
-
-
-def _finish(
-    task: Task,
-    record: Record,
-    history: Sequence[Record],
-    write_down: Callable[[Record], None],
-) -> None:
-    """Write down what a worker has made, and put the result into its place."""
-    refusal = task.refusal(history) if record.status == DONE else None  # of what has come since
-    write_down(refusal or record)  # first, so that each result that is there has a line
-    if record.status == DONE and refusal is None:
-        task.move_draft()
