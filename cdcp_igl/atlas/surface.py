@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .. import libigl
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, unit_size
 from ..cached import cached_property
 from ..errors import counted
@@ -22,11 +23,11 @@ from ..result.base import Result
 from ..result.disk_map import DiskMap
 from ..solve.solvers import SolverName
 from ..steps.center import CenterMethod
-from ..surface.triangles import corner_angles, corner_cotangents, face_areas, oriented_areas
+from ..surface.triangles import face_areas, oriented_areas
 from ..surface.validation import usable_arrays
 from ..verdict.certificate import Certificate, together
 from ..verdict.conformality import Conformality
-from ..verdict.distortion import AngleDistortion, plane_angles
+from ..verdict.distortion import AngleDistortion, reported_distortion
 from ..verdict.outline import OutlineCertificate
 from .charts import Chart, Limits, Outline, charts_of
 from .cut_graph import split_components
@@ -100,8 +101,14 @@ class SurfaceMap(Result):
     scale_variation: float
     scale_variation_asked: float
     shares: Floats
+    _angles: AngleDistortion
 
     _kind = "surface"
+
+    @property
+    def distortion(self) -> AngleDistortion:
+        """Mean, SD and maximum of the angular distortion of the given faces."""
+        return self._angles
 
     @cached_property
     def uv_cut(self) -> Floats:
@@ -352,7 +359,7 @@ def _together(V: Floats, sheets: Sheets, charts: list[Chart], scale_variation: f
         count += chart.opened.n
     mapped = np.flatnonzero(face_chart >= 0)
     areas = np.bincount(face_chart[mapped], face_areas(sheets.V, F[mapped]))
-    distortion = _distortion(sheets, uv[sheets.rows])
+    angles = _distortion(sheets, uv[sheets.rows])
     flipped = sheets.rows[sheets.flipped]
     for array in (corners, uv):
         array[flipped] = array[flipped, ::-1]
@@ -371,7 +378,7 @@ def _together(V: Floats, sheets: Sheets, charts: list[Chart], scale_variation: f
         changes=tuple(changes),
         certificate=together([made.certificate for made in maps]),
         conformality=_worst_conformality(maps),
-        distortion=distortion,
+        _angles=angles,
         scale_variation=max(chart.scale_variation for chart in charts),
         scale_variation_asked=scale_variation,
         shares=areas / areas.sum(),
@@ -381,10 +388,10 @@ def _together(V: Floats, sheets: Sheets, charts: list[Chart], scale_variation: f
 
 def _distortion(sheets: Sheets, uv: Floats) -> AngleDistortion:
     """Measure the images (m, 3, 2) of the corners of all faces."""
-    z = as_complex(uv.reshape(-1, 2))
-    errors = plane_angles(z, np.arange(len(z)).reshape(-1, 3))
-    errors -= corner_angles(corner_cotangents(sheets.V, sheets.F))
-    return AngleDistortion.of(np.degrees(abs(errors)))
+    image, faces = uv.reshape(-1, 2), np.arange(uv.size // 2).reshape(-1, 3)
+    flipped = libigl.double_areas(image, faces) < 0
+    V = sheets.V[sheets.F.ravel()]
+    return AngleDistortion.of(reported_distortion(V, faces, image, flipped))
 
 
 def _worst_conformality(maps: list[DiskMap | FreeMap]) -> Conformality:

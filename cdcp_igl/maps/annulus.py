@@ -217,7 +217,7 @@ def annulus_map(
             with phase("certificate"):
                 certificate = certify_ring(mesh, f)
                 degrees = map_distortion(mesh, f)
-                fields = fields_of(mesh, f, degrees, certificate, repair, given=m, known=known)
+                fields = fields_of(mesh, f, degrees, certificate, repair, known=known)
             return AnnulusMap(
                 **fields,
                 uv=coordinates(f)[:n],

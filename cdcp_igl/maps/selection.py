@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from ..arrays import Complex, coordinates
 from ..options import Options
 from ..phases import Phases
@@ -24,7 +22,7 @@ from ..steps.circle import Rejected
 from ..steps.mobius import MobiusMethod, Normalization, composed, normalize, rotate
 from ..surface.mesh import Mesh
 from ..verdict.certificate import certify_disk
-from ..verdict.distortion import AngleDistortion, map_distortion
+from ..verdict.distortion import map_distortion
 
 log = logging.getLogger("cdcp_igl")
 
@@ -197,15 +195,11 @@ def judged(
     """Certify a map (n,), measure it, and judge it; for `known` see `judge`."""
     mesh = surface.mesh
     with phase("certificate"):
-        degrees = map_distortion(mesh, f)
-        fields = fields_of(mesh, f, degrees, certify_disk(mesh, f), done.repair, known=known)
-        of_free_faces = fields["distortion"]
-        if 0 < len(mesh.inscribed) < len(mesh.F):
-            of_free_faces = AngleDistortion.of(np.delete(degrees, mesh.inscribed, axis=0))
+        degrees, certificate = map_distortion(mesh, f), certify_disk(mesh, f)
+        fields = fields_of(mesh, f, degrees, certificate, done.repair, known=known)
     return DiskMap(
         **(vars(done) | fields),
         uv=coordinates(f),
-        distortion_of_free_faces=of_free_faces,
         solver=surface.solver,
         timings=phase.seconds,
     )

@@ -71,7 +71,7 @@ class HarmonicMap:
         mesh, f = self.surface.mesh, self.f
         few = evenly_spaced_rows(len(mesh.F), FEW_FACES)
         faces = mesh.F[few]
-        return is_sheared(f, faces, mesh.angles[few]) or deep_vertex(mesh, f, faces) is not None
+        return is_sheared(f, faces, mesh.angles_of(few)) or deep_vertex(mesh, f, faces) is not None
 
     def corrected(self, *, straightened: bool) -> HarmonicMap:
         """Take the common shear out if asked to, and move a tiny region deep inside to 0."""

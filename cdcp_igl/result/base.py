@@ -51,18 +51,22 @@ class Result(FromFile, ABC):
         Whether the map is what a conformal map of this mesh should be; if not, the reasons
         and what would help.
     distortion : AngleDistortion
-        Mean, SD and maximum of the angular distortion (7) in degrees.
+        Mean, SD and maximum of the angular distortion (7) in degrees, of libigl's angles.
     timings : dict of str to float
         Seconds per phase.
     """
 
     certificate: Certificate | OutlineCertificate | SphereCertificate
     conformality: Conformality
-    distortion: AngleDistortion
     timings: dict[str, float]
 
     _kind: ClassVar[str]  # of map, as it is called when it is printed
     _plane: ClassVar[str]  # what the image is called
+
+    @property
+    @abstractmethod
+    def distortion(self) -> AngleDistortion:
+        """Of the angles, see above: libigl's, reckoned when they are first read."""
 
     @property
     def valid(self) -> bool:

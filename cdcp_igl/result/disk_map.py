@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints, as_complex, coordinates
+from ..cached import cached_property
 from ..errors import MapError
 from ..plot.layout import Layout
 from ..refine.refinement import Refinement
@@ -25,18 +27,19 @@ from .making import MadeMap
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class OntoDisk(Result, Provenance):
-    """A map onto the disk with how it came about: a DiskMap or a PartsMap.
-
-    `distortion_of_free_faces` is without those inscribed in the circle.
-    """
+    """A map onto the disk with how it came about: a DiskMap or a PartsMap."""
 
     certificate: Certificate
-    distortion_of_free_faces: AngleDistortion
     refinement: Refinement | None = None
     solver: str
 
     _kind = "disk"
     _plane = "Disk"
+
+    @property
+    @abstractmethod
+    def distortion_of_free_faces(self) -> AngleDistortion:
+        """Of the angles, without faces inscribed in the circle."""
 
     def packed(self) -> Floats:
         """Return the square around the disk, scaled to the unit square: texture coordinates."""
@@ -114,6 +117,14 @@ class DiskMap(OntoDisk, DiskBijection, MadeMap):
     >>> float(abs(result.uv - exact).max()) < 0.01
     True
     """
+
+    @cached_property
+    def distortion_of_free_faces(self) -> AngleDistortion:
+        """Mean, SD and maximum without the faces that the circle fixes."""
+        inscribed = self.mesh.inscribed
+        if not 0 < len(inscribed) < len(self.mesh.F):
+            return self.distortion
+        return AngleDistortion.of(np.delete(self._degrees(), inscribed, axis=0))
 
     @property
     def _straightened(self) -> float:  # type: ignore[override]

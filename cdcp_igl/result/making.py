@@ -10,6 +10,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from ..arrays import Complex, Floats, Ints
+from ..cached import cached_property
 from ..errors import MapError, SolverError
 from ..options import Options
 from ..phases import Phases
@@ -19,7 +20,7 @@ from ..refine.targets import Target
 from ..rescue.repair import Repair
 from ..surface.mesh import Mesh
 from ..verdict.conformality import LARGEST_DEGREES, judge
-from ..verdict.distortion import AngleDistortion
+from ..verdict.distortion import AngleDistortion, reported_distortion
 from .base import Result
 
 log = logging.getLogger("cdcp_igl")
@@ -48,6 +49,22 @@ class MadeMap(Result):
 
     _reported: ClassVar[tuple[str, ...]] = ()  # attributes that only this kind of map has
     _straightened: ClassVar[float] = 0.0  # the share of the distortion that was taken out before
+
+    @cached_property
+    def distortion(self) -> AngleDistortion:
+        """Mean, SD and maximum of the angular distortion of the given faces."""
+        return AngleDistortion.of(self._degrees())
+
+    def _degrees(self) -> Floats:
+        """(m, 3) angular distortion of the given faces."""
+        F = self._surface()[1]
+        flipped = self.certificate.flipped
+        return reported_distortion(self.mesh.V, F, self._images, flipped[flipped < len(F)])
+
+    @property
+    def _images(self) -> Floats:
+        """Images of the vertices of `mesh`: (n, 2), or (n, 3) on the sphere."""
+        return self.uv
 
     @property
     def rank(self) -> tuple[bool, bool, float]:
@@ -118,19 +135,16 @@ def fields_of(
     certificate: Any,
     repair: Repair,
     *,
-    given: int | None = None,
     known: float = 0.0,
 ) -> dict[str, Any]:
     """Judge a map with angular distortion `degrees` (m, 3): the fields of a result that say so.
 
-    The distortion is that of the first faces, as many as were `given`, if others fill holes. For
-    `known` see `judge`.
+    For `known` see `judge`.
     """
     how: dict[str, Any] = {"closely": repair.n_flipped > 0, "known": known}
     return {
         "mesh": mesh,
         "certificate": certificate,
-        "distortion": AngleDistortion.of(degrees[:given]),
         "conformality": judge(mesh, f, degrees, valid=certificate.valid, **how),
         "repair": repair,
     }
@@ -158,7 +172,7 @@ def best_of(
             break
     if failure and not found:
         raise failure
-    return min(found, key=lambda made: made.rank)
+    return min(found, key=lambda made: made.rank) if found[1:] else found[0]
 
 
 def steps_of(plain: MadeMap, options: Options, *, due: bool = True) -> int:
@@ -217,7 +231,7 @@ def refined(
     if refinement.steps == 0:
         return replace(plain, refinement=refinement)
     better = finished(f, known)
-    if better.rank[:2] > plain.rank[:2]:
+    if (better.valid, better.conformal) < (plain.valid, plain.conformal):
         stopped = "not conformal" if better.valid else "no certificate"
         return replace(plain, refinement=refinement.undone(stopped))
     repair = replace(repair, n_moved=max(repair.n_moved, better.repair.n_moved))

@@ -53,8 +53,8 @@ def central_face(
     central = centrality(surface, center)
     if not well_shaped:
         return Center(center, int(central.argmax()))
-    angles, faces = surface.mesh.angles, most_central(central)
-    smallest = angles[faces].min(axis=1)
+    faces = most_central(central)
+    smallest = surface.mesh.angles_of(faces).min(axis=1)
     return Center(center, first_well_shaped(central[faces], faces, smallest))
 
 

@@ -71,7 +71,7 @@ def normalize(
     if method is None:
         return finished(f), Normalization("none", 0j)
     faces = faces_to_judge_by(len(mesh.F))
-    errors = AngleErrors.of(mesh.F[faces], f, mesh.angles[faces])
+    errors = AngleErrors.of(mesh.F[faces], f, mesh.angles_of(faces))
     before = errors.mean(0j)
     if method == "angle":
         w = least_angle_distortion(errors)

@@ -7,6 +7,7 @@ import numpy as np
 from ..arrays import Complex, Floats, Ints, Numbers
 from ..solve.factored import FactoredSurface
 from ..surface.mesh import Mesh
+from ..surface.triangles import corner_angles
 
 
 def conjugate_trace(surface: FactoredSurface, face: int) -> Complex:
@@ -83,7 +84,8 @@ def shared_by_edges(mesh: Mesh, loop: Ints, flux: Numbers) -> Numbers:
     power pi/a: to the lengths themselves where the boundary is straight.
     """
     corners = np.flatnonzero(mesh.on_boundary.take(mesh.F.T))
-    around = np.bincount(mesh.F.T.flat[corners], mesh.angles.T.flat[corners])
+    angles = corner_angles(mesh.cotangents.T.flat[corners])
+    around = np.bincount(mesh.F.T.flat[corners], angles)
     return shares_of_edges(flux, edge_lengths(mesh, loop), np.asarray(around[loop], np.float64))
 
 

@@ -106,6 +106,10 @@ class Mesh:
         """(m, 3) corner angles of the surface in radians, column k at corner k; read-only."""
         return _read_only(corner_angles(self.cotangents))
 
+    def angles_of(self, faces: Ints) -> Floats:
+        """(k, 3) corner angles of some faces, in radians: for few of them, not all are reckoned."""
+        return corner_angles(self.cotangents[faces])
+
     @cached_property
     def vertex_areas(self) -> Floats:
         """(n,) a third of the sum of the areas of the faces at each vertex; read-only."""

@@ -201,7 +201,7 @@ def explained_errors(mesh: Mesh, f: Complex | Floats, faces: Ints) -> Floats:
     square = libigl.squared_edge_lengths(mesh.V, F).T * [j * k, k * i, i * j]
     i, j, k = np.sqrt(square)
     cosine = (square.sum(axis=0) - 2 * square) / (2 * np.array([j * k, k * i, i * j]))
-    return np.arccos(np.clip(cosine, -1, 1)).T - mesh.angles[faces]
+    return np.arccos(np.clip(cosine, -1, 1)).T - mesh.angles_of(faces)
 
 
 def _edge_scales(mesh: Mesh, f: Complex | Floats, F: Ints) -> Floats:

@@ -90,7 +90,7 @@ def angle_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     positions, faces, image = _surface_and_points(V, F, uv, (2, 3))
     plane = image.shape[1] == 2
     size = libigl.double_areas(image, faces) if plane else np.linalg.det(image[faces])
-    return np.degrees(abs(_signed_angles(image, faces, size < 0) - _angles(positions, faces)))
+    return reported_distortion(positions, faces, image, size < 0)
 
 
 @takes_meshes
@@ -273,11 +273,33 @@ def sphere_angle_errors(mesh: Mesh, P: Floats, flipped: Ints) -> Floats:
     return _signed_angles(P, mesh.F, flipped) - mesh.angles
 
 
+def reported_distortion(V: Floats, F: Ints, image: Floats, flipped: Bools | Ints) -> Floats:
+    """(m, 3) `angle_distortion` by libigl's angles, the `flipped` faces being known."""
+    return np.degrees(abs(_signed_angles(image, F, flipped) - _angles(V, F)))
+
+
 def map_distortion(mesh: Mesh, f: Complex) -> Floats:
-    """(m, 3) `angle_distortion` of a map f (n,) without collapsed faces, in a fifth of the time."""
-    errors = angle_errors(mesh, f)
+    """(m, 3) `angle_distortion` of a map f (n,) without collapsed faces, in a fifth of the time.
+
+    With c the cotangent on the surface and p, q the edges at the corner in the plane, the error is
+    the argument of (c + i) conj(p) q, up to conjugation, which is small where the error is: no
+    angle of the surface is needed, and digits are not lost.
+    """
+    errors = np.empty((3, len(mesh.F)))
+    for part in blocks(len(mesh.F)):
+        i, j, k = f.take(mesh.F[part].T)
+        u, v, w = j - i, k - j, i - k  # each leaves its corner
+        twice_area = u.real * v.imag - u.imag * v.real
+        sides = (u, w), (v, u), (w, v)
+        for (p, q), c, out in zip(sides, mesh.cotangents[part].T, errors[:, part], strict=True):
+            cosine = -(p.real * q.real + p.imag * q.imag)
+            sine, cosine = c * twice_area - cosine, c * cosine + twice_area
+            if cosine.min() > 0:
+                np.arctan(sine / cosine, out=out)  # in half the time
+            else:
+                np.arctan2(sine, cosine, out=out)
     np.abs(errors, out=errors)  # in place: new pages take as long as the angles
-    return np.degrees(errors, out=errors)
+    return np.degrees(errors, out=errors).T
 
 
 def angle_errors(mesh: Mesh, f: Complex) -> Floats:

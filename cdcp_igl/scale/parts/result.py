@@ -20,6 +20,7 @@ from ...io.output import whole_file, write_text
 from ...plot.layout import Layout
 from ...printing import as_html
 from ...result.disk_map import OntoDisk
+from ...verdict.distortion import AngleDistortion
 from .part import Arrays, Folder
 from .parting import ROWS
 
@@ -60,6 +61,8 @@ class PartsMap(OntoDisk):
     folder: Folder
     lost: tuple[int, float]
     moved_bytes: int
+    _angles: AngleDistortion
+    _free_angles: AngleDistortion
 
     @classmethod
     def read(cls, folder: Folder) -> PartsMap:
@@ -103,6 +106,16 @@ class PartsMap(OntoDisk):
                 )
                 raise FileNotFoundError(errno.ENOENT, reason, error.filename) from error
             yield part, uv
+
+    @property
+    def distortion(self) -> AngleDistortion:
+        """Mean, SD and maximum of the angular distortion of the whole."""
+        return self._angles
+
+    @property
+    def distortion_of_free_faces(self) -> AngleDistortion:
+        """Mean, SD and maximum without the faces that the circle fixes."""
+        return self._free_angles
 
     @cached_property
     def uv(self) -> Floats:  # type: ignore[override]

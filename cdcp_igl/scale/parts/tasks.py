@@ -29,7 +29,7 @@ from ...surface.triangles import (
     lost_in_single_precision,
     vertex_areas,
 )
-from ...verdict.distortion import map_distortion
+from ...verdict.distortion import reported_distortion
 from .part import Arrays, Folder, Part, among, named
 
 
@@ -157,7 +157,7 @@ def finish(folder: Folder, p: int, face: int, values: str) -> Arrays:
     if not np.isfinite(uv).all():
         raise MapError(f"The map of part {p} is not finite. If the mesh has slivers, remesh it.")
     flipped, n_exact = flipped_faces(f, part.F)
-    degrees = map_distortion(part.mesh, f)
+    degrees = reported_distortion(part.V, part.F, uv, flipped)
     inscribed = part.on_boundary[part.F].all(axis=1)
     lost, areas = lost_in_single_precision((uv + 1) / 2, part.F), face_areas(part.V, part.F)
     return {
