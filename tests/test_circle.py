@@ -7,13 +7,13 @@ import meshes
 import numpy as np
 import pytest
 from igl import internal_angles
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, nnls
 from surfaces import capped_tube
 
 import cdcp_igl
 from cdcp_igl import datasets, disk_map
 from cdcp_igl.datasets import spherical_cap
-from cdcp_igl.rescue.boundary import FALLBACKS, harmonic_shares
+from cdcp_igl.rescue.boundary import FALLBACKS, around, by_inscribed_angles, harmonic_shares
 from cdcp_igl.rescue.collapsed_faces import open_collapsed_faces
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.laplacian import Laplacian, cotangent_laplacian
@@ -328,6 +328,29 @@ def test_without_interior_vertices_no_map_changes_angles_less(height):
     for _ in range(20):
         other = np.arctan2(*result.uv.T[::-1]) + 1e-3 * rng.normal(size=n)
         assert squares(np.column_stack([np.cos(other), np.sin(other)])) > squares(result.uv)
+
+
+@pytest.mark.parametrize("height", [0, 0.3, 2])
+def test_arcs_without_interior_vertices_are_the_least_squares_of_all_that_are_positive(height):
+    """The oracle is dense: a column for each arc, whose halves add up to pi."""
+    rng = np.random.default_rng(int(10 * height))
+    for n in (3, 7, 20, 60):
+        F, sides = [], [(0, n - 1)]
+        for i, j in sides:
+            if j - i > 1:
+                k = int(rng.integers(i + 1, j))
+                F.append((i, k, j))
+                sides += [(i, k), (k, j)]
+        turn = 2 * np.pi * np.arange(n) / n
+        V = np.column_stack([np.cos(turn), np.sin(turn), height * rng.normal(size=n)])
+        mesh = DiskMesh(V, F)
+        first, last = (mesh.loop_index[np.roll(mesh.F, -k, axis=1)].ravel() for k in (1, 2))
+        behind = (np.arange(n) - first[:, None]) % n < ((last - first) % n)[:, None]
+        least = min(1e-3 * np.pi / n, mesh.angles.min())
+        system = np.vstack([behind, np.full(n, 1e4)])
+        wanted = np.append(mesh.angles.ravel(), 1e4 * np.pi)
+        arcs = nnls(system, wanted - least * system.sum(axis=1))[0] + least
+        np.testing.assert_allclose(by_inscribed_angles(mesh)[mesh.loop], around(arcs), atol=1e-6)
 
 
 WAYS = ["geodesic", "harmonic measure", "arc length"]

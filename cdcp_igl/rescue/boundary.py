@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csc_matrix, csr_matrix
 
 from ..arrays import Complex, Floats
 from ..errors import counted, spell
 from ..solve.factored import FactoredSurface, harmonic_extension
+from ..solve.solvers import factorize
 from ..steps.circle import Rejected
 from ..steps.trace import boundary_flux, edge_lengths, shared_by_edges
 from ..surface.mesh import Mesh
@@ -29,8 +31,8 @@ UNREACHED = 0.1
 
 # Of a mesh without interior vertices no arc is shorter than this share of the average one.
 LEAST_ARC = 1e-3
-# The weight of the equation that all arcs go once around, beside those of the angles.
-ALL_AROUND = 1e4
+MOST_TRIES = 3  # to bring the number of wrong arcs down, before they are exchanged one by one
+ROUNDING = 1e-13  # of half the circle
 
 
 @dataclass(frozen=True)
@@ -132,22 +134,56 @@ def by_inscribed_angles(mesh: Mesh) -> Complex:
     """Place the vertices (n,) of a mesh without interior ones so that its angles change least.
 
     All faces are inscribed in the circle, so that each angle is half the arc that the other side
-    of its face cuts off: it is linear in the arcs. So they are found by least squares, and no
-    other map is better.
+    of its face cuts off: the difference of two places on half the circle. So they are found by
+    least squares, whose normal matrix is the Laplacian of the edges, and no other map is better.
     """
-    from scipy.optimize import nnls  # slow to import, and used here alone
-
-    n = len(mesh.loop)
     first, last = (mesh.loop_index[np.roll(mesh.F, -k, axis=1)].ravel() for k in (1, 2))
-    behind = (np.arange(n) - first[:, None]) % n < ((last - first) % n)[:, None]
-    least = min(LEAST_ARC * np.pi / n, mesh.angles.min())
-    # The last row: all halves of arcs add up to pi.
-    system = np.vstack([behind, np.full(n, ALL_AROUND)])
-    wanted = np.append(mesh.angles.ravel(), ALL_AROUND * np.pi)
-    arcs, _ = nnls(system, wanted - least * system.sum(axis=1))
+    angles, n = mesh.angles.ravel(), len(mesh.loop)
+    # From the smaller of two places to the larger; what lies beyond the first is the rest of pi.
+    wanted = np.where(first < last, angles, np.pi - angles)
+    least = min(LEAST_ARC * np.pi / n, angles.min())
+    rows = np.arange(len(wanted)).repeat(2)
+    ends = np.sort([first, last], axis=0).T.ravel()
+    differences = csr_matrix((np.tile([-1.0, 1.0], len(wanted)), (rows, ends)), (len(wanted), n))
     f = np.empty(n, dtype=np.complex128)
-    f[mesh.loop] = around(arcs + least)
+    f[mesh.loop] = around(np.diff(_places(differences, wanted, least), append=np.pi))
     return f
+
+
+def _places(differences: csr_matrix, wanted: Floats, least: float) -> Floats:
+    """Places (n,) from 0 up to pi, each at least so far from the next, by least squares.
+
+    Arcs that would be shorter are held, those that pull at what holds them are let go, all at once,
+    and one by one where that does not bring their number down: block principal pivoting. Places
+    between which arcs are held move together.
+
+    References
+    ----------
+    L. F. Portugal, J. J. Júdice, L. N. Vicente. A comparison of block pivoting and interior-point
+    algorithms for linear least squares problems with nonnegative variables. Math. Comp. 63, 1994.
+    """
+    n = differences.shape[1]
+    held, fewest, tries = np.zeros(n, dtype=bool), n + 1, MOST_TRIES
+    while True:
+        free = np.flatnonzero(~held)
+        group = np.searchsorted(free, np.arange(n))  # the last is that of pi, the first that of 0
+        place = least * (np.arange(n) - np.append(0, free + 1)[group])
+        place[group == len(free)] = np.pi - least * (n - np.flatnonzero(group == len(free)))
+        moving = np.flatnonzero((group > 0) & (group < len(free)))
+        if len(moving):
+            ones = np.ones(len(moving)), (moving, group[moving] - 1)
+            together = differences @ csr_matrix(ones, (n, len(free) - 1))
+            rest = together.T @ (wanted - differences @ place)
+            place[moving] += factorize(csc_matrix(together.T @ together)).solve(rest)[ones[1][1]]
+        pull = np.cumsum(differences.T @ (differences @ place - wanted))
+        pull -= pull[free[0]]
+        short = ~held & (np.diff(place, append=np.pi) < least - ROUNDING)
+        wrong = np.flatnonzero(short | (held & (pull > ROUNDING)))
+        if len(wrong) == 0:
+            return place
+        tries = MOST_TRIES if len(wrong) < fewest else tries - 1
+        fewest = min(fewest, len(wrong))
+        held[wrong if tries > 0 else wrong[-1]] ^= True
 
 
 # In the order in which they are tried.
