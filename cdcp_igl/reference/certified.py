@@ -1,13 +1,45 @@
-"""What a reference method has to pass before its map is returned."""
+"""What the reference methods share: what is told of them, and what their maps have to pass."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from dataclasses import dataclass
+from inspect import getdoc
+from typing import Any, TypeVar
 
 from ..arrays import Complex, Floats, coordinates
 from ..errors import MapError
+from ..io.given import takes_meshes
 from ..surface.mesh import Mesh
 from ..verdict.certificate import Certificate, SphereCertificate, certify, certify_sphere
+
+Method = TypeVar("Method", bound=Callable[..., Any])
+
+
+def like(model: Callable[..., Any]) -> Callable[[Method], Method]:
+    """Let a method tell what it has in common with another in the words of that one.
+
+    What it takes and raises is added to that of the model; other sections that it lacks are those
+    of the model.
+    """
+
+    def told(method: Method) -> Method:
+        own, given = _sections(method), _sections(model)
+        for name in {"Parameters", "Raises"} & own.keys() & given.keys():
+            own[name] = f"{given[name]}\n{own[name]}"
+        method.__doc__ = "\n\n".join((given | own).values()).replace(
+            f".{model.__name__}(", f".{method.__name__}("
+        )
+        return takes_meshes(method)
+
+    return told
+
+
+def _sections(method: Callable[..., Any]) -> dict[str, str]:
+    """Take a docstring apart, by the names of its sections; the first one has none."""
+    text = getdoc(method) or ""
+    ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +58,7 @@ class ReferenceMap:
     --------
     >>> import numpy as np
     >>> from cdcp_igl.reference import ReferenceMap
-    >>> from cdcp_igl.surface.mesh import DiskMesh, Mesh
+    >>> from cdcp_igl.surface.mesh import DiskMesh
     >>> mesh = DiskMesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]])
     >>> ReferenceMap.of(mesh, np.array([0, 1j, 1])).certificate.flipped
     array([0])
