@@ -3,10 +3,11 @@
 from .beltrami import beltrami_coefficient
 from .certified import ReferenceMap
 from .conformal_equivalence import ricci
+from .dirichlet import harmonic
 from .doubled import double_cover
 from .fast import fdcp
 from .free_boundary import abf, bff, lscm, spectral
-from .harmonic_maps import cem, harmonic, heat_flow
+from .harmonic_maps import cem, heat_flow
 from .linear import flash, ldcp
 from .methods import METHODS, Method
 from .welding import pgcp

@@ -18,28 +18,26 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 def like(model: Callable[..., Any]) -> Callable[[Method], Method]:
-    """Let a method tell what it has in common with another in the words of that one.
+    """Let a docstring leave out what another one says, too: V, F, the map, the errors.
 
-    What it takes and raises is added to that of the model; other sections that it lacks are those
-    of the model.
+    Sections that it lacks are those of the model; its parameters come after V and F.
     """
 
     def told(method: Method) -> Method:
-        own, given = _sections(method), _sections(model)
-        for name in {"Parameters", "Raises"} & own.keys() & given.keys():
-            own[name] = f"{given[name]}\n{own[name]}"
-        method.__doc__ = "\n\n".join((given | own).values()).replace(
-            f".{model.__name__}(", f".{method.__name__}("
-        )
+        given, own = _sections(model), _sections(method)
+        if "Parameters" in own:
+            own["Parameters"] = "\n".join([given["Parameters"], *own["Parameters"].split("\n")[2:]])
+        text = "\n\n".join((given | own).values())
+        method.__doc__ = text.replace(f".{model.__name__}(", f".{method.__name__}(")
         return takes_meshes(method)
 
     return told
 
 
 def _sections(method: Callable[..., Any]) -> dict[str, str]:
-    """Take a docstring apart, by the names of its sections; the first one has none."""
-    text = getdoc(method) or ""
-    ...
+    """Take a docstring apart at the titles of its sections; what is before them has none."""
+    before, *sections = re.split(r"\n\n(?=\w+\n-+\n)", getdoc(method) or "")
+    return {"": before} | {section.partition("\n")[0]: section for section in sections}
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,11 @@ from numpy.typing import ArrayLike
 from .. import libigl
 from ..arrays import Floats, Ints, places
 from ..errors import MapError, counted
-from ..io.given import takes_meshes
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.mobius import normalize
 from ..surface.mesh import DiskMesh, Mesh
-from .certified import certified_disk_map
-from .dirichlet import Dirichlet
+from .certified import certified_disk_map, like
+from .dirichlet import Dirichlet, harmonic
 from .free_boundary import least_squares_layout
 
 TOLERANCE = 1e-9  # of what the angles around a vertex lack, in radians
@@ -23,7 +22,7 @@ DELAUNAY = 0.1  # weight of an edge that stays Delaunay, as the angles change by
 BROKEN = 0.01  # what stands for the Hessian of faces without area, which is 0, by that at u = 0
 
 
-@takes_meshes
+@like(harmonic)
 def ricci(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk onto the unit disk, discretely conformally (Springborn et al. 2008).
 
@@ -34,23 +33,9 @@ def ricci(V: ArrayLike, F: ArrayLike) -> Floats:
     right already. The u of such a metric minimise a convex energy, by Newton's method: this is
     discrete Ricci flow, without the flow. Laid out, the half-plane becomes the disk, and k returns.
 
-    Edges are not flipped. There may be no such map then, which is an error.
-
-    Parameters
-    ----------
-    V, F
-        As in `harmonic`.
-
-    Returns
-    -------
-    (n, 2) float64
-        As of `harmonic`.
-
-    Raises
-    ------
-    MeshError, SolverError, MapError
-        As `harmonic`; MapError, too, if Newton's method does not converge, if faces break the
-        triangle inequality, or if each boundary vertex has an edge through the interior to another.
+    Edges are not flipped. There may be no such map then: MapError if Newton's method does not
+    converge, if faces break the triangle inequality, or if each boundary vertex has an edge through
+    the interior to another.
 
     References
     ----------
@@ -59,13 +44,6 @@ def ricci(V: ArrayLike, F: ArrayLike) -> Floats:
 
     M. Jin, J. Kim, F. Luo, X. Gu. Discrete surface Ricci flow. IEEE Trans. Vis. Comput. Graph.
     14(5), 2008.
-
-    Examples
-    --------
-    >>> import cdcp_igl
-    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
-    >>> cdcp_igl.reference.ricci(V, F).shape
-    (217, 2)
     """
     mesh = DiskMesh(V, F)
     n, k = len(mesh.V), _sent_to_infinity(mesh)

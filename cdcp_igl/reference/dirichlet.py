@@ -1,12 +1,18 @@
-"""The Dirichlet problem of a Laplacian."""
+"""The Dirichlet problem of a Laplacian, and the harmonic map by arc length."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 
-from ..arrays import Complex, Floats, Ints
+from .. import libigl
+from ..arrays import Complex, Floats, Ints, as_complex, coordinates
+from ..io.given import takes_meshes
+from ..rescue.boundary import arc_length_map
 from ..solve.solvers import factorize
+from ..surface.mesh import DiskMesh
+from .certified import certified_disk_map
 
 
 class Dirichlet:
@@ -30,3 +36,49 @@ class Dirichlet:
         if len(self._free):
             u[self._free] = self._factor.solve((r - self._L @ u)[self._free])
         return u
+
+
+@takes_meshes
+def harmonic(V: ArrayLike, F: ArrayLike) -> Floats:
+    """Map a triangulated disk harmonically onto the unit disk, the boundary by arc length.
+
+    Onto the disk, but not conformal: nothing makes the boundary fit the angles.
+
+    Parameters
+    ----------
+    V : (n, 3) or (n, 2) array_like of real numbers
+        Vertex positions, in any unit.
+    F : (m, 3) array_like of integers
+        Corners of the faces, counterclockwise seen from outside.
+
+    Returns
+    -------
+    (n, 2) float64
+        Rows as in V, faces counterclockwise, the boundary vertex of smallest index at
+        (1, 0).
+
+    Raises
+    ------
+    MeshError
+        If the input is not a triangulated disk.
+    SolverError
+        If a Laplacian cannot be factored.
+    MapError
+        If the map is not a bijection onto the disk; its ``result`` is a `ReferenceMap`.
+
+    References
+    ----------
+    M. Eck, T. DeRose, T. Duchamp, H. Hoppe, M. Lounsbery, W. Stuetzle. Multiresolution
+    analysis of arbitrary meshes. SIGGRAPH 1995.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
+    >>> cdcp_igl.reference.harmonic(V, F).shape
+    (217, 2)
+    """
+    mesh = DiskMesh(V, F)
+    f_B = coordinates(arc_length_map(mesh))
+    uv = libigl.harmonic(mesh.V, mesh.F, mesh.loop, f_B)
+    return certified_disk_map(mesh, as_complex(uv))

@@ -14,36 +14,20 @@ from scipy.sparse import coo_matrix, csr_matrix
 from ..algorithm import Steps, algorithm_1
 from ..arrays import Complex, Floats, Ints
 from ..errors import MapError
-from ..io.given import takes_meshes
 from ..rescue.repair import repaired
 from ..solve.factored import FactoredSurface
 from ..steps.circle import Rejected
 from ..steps.trace import face_dipole
 from ..surface.mesh import DiskMesh, Mesh
-from .certified import certified_disk_map
-from .dirichlet import Dirichlet
+from .certified import certified_disk_map, like
+from .dirichlet import Dirichlet, harmonic
 
 
-@takes_meshes
+@like(harmonic)
 def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk as `cdcp` does, with the trace of eq. (17) instead of (18).
 
     By Theorem 1 the result is the same; it takes a system of nearly twice the size.
-
-    Parameters
-    ----------
-    V, F
-        As in `harmonic`.
-
-    Returns
-    -------
-    (n, 2) float64
-        As of `harmonic`.
-
-    Raises
-    ------
-    MeshError, SolverError, MapError
-        As `harmonic`.
 
     References
     ----------

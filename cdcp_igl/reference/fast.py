@@ -7,13 +7,12 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 
 from ..arrays import Complex, Floats, Ints
-from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
 from ..solve.laplacian import cotangent_laplacian
 from ..surface.mesh import DiskMesh, Mesh
 from .beltrami import beltrami_coefficient, linear_beltrami_solver
-from .certified import certified_disk_map
-from .dirichlet import Dirichlet
+from .certified import certified_disk_map, like
+from .dirichlet import Dirichlet, harmonic
 from .doubled import doubled_faces
 
 FEWEST = 100  # vertices to pin, if there are that many
@@ -22,7 +21,7 @@ TOLERANCE = 1e-5  # change of the mean |mu|
 NEAR_ZERO = 1e-8  # a vertex at 0 has its mirror image at infinity; 1e8 is far enough
 
 
-@takes_meshes
+@like(harmonic)
 def fdcp(V: ArrayLike, F: ArrayLike, *, mirror_factor: float = 1 / 3) -> Floats:
     """Map a triangulated disk conformally onto the unit disk, Choi and Lui 2015.
 
@@ -34,35 +33,14 @@ def fdcp(V: ArrayLike, F: ArrayLike, *, mirror_factor: float = 1 / 3) -> Floats:
 
     Parameters
     ----------
-    V, F
-        As in `harmonic`.
     mirror_factor : float
         Scales the Beltrami coefficient of the mirrored sheet: 1/3 as in the published
-        program, or 1 as in theory; from 0 to 1.
-
-    Returns
-    -------
-    (n, 2) float64
-        As of `harmonic`.
-
-    Raises
-    ------
-    MeshError, SolverError, MapError
-        As `harmonic`.
-    ValueError
-        If `mirror_factor` is out of range.
+        program, or 1 as in theory; from 0 to 1, else ValueError.
 
     References
     ----------
     P. T. Choi, L. M. Lui. Fast disk conformal parameterization of simply-connected open
     surfaces. J. Sci. Comput. 65, 2015.
-
-    Examples
-    --------
-    >>> import cdcp_igl
-    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
-    >>> cdcp_igl.reference.fdcp(V, F).shape
-    (217, 2)
     """
     if not 0 <= mirror_factor <= 1:
         raise ValueError(f"mirror_factor must lie between 0 and 1, not {mirror_factor!r}")

@@ -10,7 +10,6 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 from .. import libigl
 from ..arrays import Complex, Floats, Ints, as_complex, places
 from ..errors import MapError, SolverError, counted
-from ..io.given import takes_meshes
 from ..maps.boundary_first import (
     angles_of_scale,
     closed_curve,
@@ -24,8 +23,8 @@ from ..solve.laplacian import cotangent_laplacian
 from ..solve.solvers import factorize
 from ..steps.trace import edge_lengths
 from ..surface.mesh import DiskMesh, Mesh
-from .certified import checked_free_map
-from .dirichlet import Dirichlet
+from .certified import checked_free_map, like
+from .dirichlet import Dirichlet, harmonic
 
 ROUNDS = 10  # of `bff` towards a disk
 ANGLE_TOLERANCE = 1e-8  # of what the constraints of `abf` lack, in radians
@@ -33,17 +32,12 @@ MAX_STEPS = 50  # of `abf`; the Human Brain takes 6
 SHIFT = 1e-9  # makes the energy definite; its own eigenvalues have no unit
 
 
-@takes_meshes
+@like(harmonic)
 def lscm(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk to the plane, conformally in the least squares sense, by libigl.
 
     The boundary is free but for two pins. The map may overlap itself and flip faces. To be
     compared on angles only.
-
-    Parameters
-    ----------
-    V, F
-        As in `harmonic`.
 
     Returns
     -------
@@ -54,6 +48,8 @@ def lscm(V: ArrayLike, F: ArrayLike) -> Floats:
     ------
     MeshError
         If the input is not a triangulated disk.
+    SolverError
+        If a matrix cannot be factored.
     MapError
         If the map is not finite or has collapsed; its ``result`` is a `ReferenceMap`.
 
@@ -87,7 +83,7 @@ def _two_far_vertices(mesh: Mesh) -> Ints:
     return np.array([first, farthest(first)])
 
 
-@takes_meshes
+@like(lscm)
 def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk to the plane by the eigenvector of least conformal energy.
 
@@ -97,12 +93,8 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     The map minimises Dirichlet energy minus area (by libigl), among those whose
     boundary vertices have their mean at 0 and squares that sum to 1. (libigl's own
     ``igl.spectra.lscm`` measures the size of the whole map instead, by vertex areas, which
-    distorts angles more on surfaces with large changes of scale.)
-
-    Parameters
-    ----------
-    V, F
-        As in `harmonic`.
+    distorts angles more on surfaces with large changes of scale.) SolverError, too, if the
+    eigensolver fails.
 
     Returns
     -------
@@ -110,27 +102,10 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
         Rows as in V, faces counterclockwise but for flips, the boundary vertex of smallest
         index on the positive real axis.
 
-    Raises
-    ------
-    MeshError, MapError
-        As `lscm`.
-    SolverError
-        If the energy's matrix cannot be factored, or the eigensolver fails.
-
     References
     ----------
     P. Mullen, Y. Tong, P. Alliez, M. Desbrun. Spectral conformal parameterization.
     Comput. Graph. Forum 27(5), 2008.
-
-    Examples
-    --------
-    A plane mesh keeps its angles:
-
-    >>> import cdcp_igl
-    >>> V, F, _ = cdcp_igl.datasets.square(4)
-    >>> uv = cdcp_igl.reference.spectral(V, F)
-    >>> bool(cdcp_igl.angle_distortion(V, F, uv).max() < 1e-4)
-    True
     """
     mesh = DiskMesh(V, F)
     n, nB = len(mesh.V), len(mesh.loop)
@@ -167,7 +142,7 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     return checked_free_map(mesh, f)
 
 
-@takes_meshes
+@like(lscm)
 def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
     """Map a triangulated disk to the plane, boundary first.
 
@@ -180,8 +155,6 @@ def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
 
     Parameters
     ----------
-    V, F
-        As in `harmonic`.
     disk : bool
         Near a disk: the exterior angles are proportional to the lengths, in ten rounds; both
         coordinates are harmonic. The boundary leaves the circle by some 1e-3 of its radius.
@@ -192,26 +165,9 @@ def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
         Rows as in V, faces counterclockwise but for flips, the boundary vertex of smallest index
         at (0, 0), the unit that of V up to a power of two.
 
-    Raises
-    ------
-    MeshError, MapError
-        As `lscm`.
-    SolverError
-        If a Laplacian cannot be factored.
-
     References
     ----------
     R. Sawhney, K. Crane. Boundary first flattening. ACM Trans. Graph. 37(1), 2018.
-
-    Examples
-    --------
-    A plane mesh keeps its angles:
-
-    >>> import cdcp_igl
-    >>> V, F, _ = cdcp_igl.datasets.square(4)
-    >>> uv = cdcp_igl.reference.bff(V, F)
-    >>> bool(cdcp_igl.angle_distortion(V, F, uv).max() < 1e-4)
-    True
     """
     mesh = DiskMesh(V, F)
     surface = FactoredSurface.of(mesh)
@@ -230,7 +186,7 @@ def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
     return checked_free_map(mesh, harmonic_extension(surface, closed_curve(mesh, u_B, angles)))
 
 
-@takes_meshes
+@like(lscm)
 def abf(V: ArrayLike, F: ArrayLike, *, linear: bool = False) -> Floats:
     """Map a triangulated disk to the plane with the corner angles nearest to its own (ABF).
 
@@ -241,28 +197,14 @@ def abf(V: ArrayLike, F: ArrayLike, *, linear: bool = False) -> Floats:
     the same. Newton's method leaves out the curvature of the constraints, as ABF++ does, and with
     the logarithms of Zayer et al. its first step is their linear ABF.
 
-    The map may overlap itself. To be compared on angles only.
+    The map may overlap itself. To be compared on angles only. MapError if an angle is not positive,
+    or the constraints are not satisfied after 50 steps.
 
     Parameters
     ----------
-    V, F
-        As in `harmonic`.
     linear : bool
         Whether to take the first step only: the angles are those of a plane mesh to first order,
         and the map has them as nearly as it can.
-
-    Returns
-    -------
-    (n, 2) float64
-        As of `lscm`.
-
-    Raises
-    ------
-    MeshError, SolverError
-        As `harmonic`.
-    MapError
-        If an angle is not positive, or the constraints are not satisfied after 50 steps; or as
-        `lscm`.
 
     References
     ----------
@@ -271,16 +213,6 @@ def abf(V: ArrayLike, F: ArrayLike, *, linear: bool = False) -> Floats:
 
     R. Zayer, B. Lévy, H.-P. Seidel. Linear angle based parameterization. Symposium on Geometry
     Processing, 2007.
-
-    Examples
-    --------
-    A plane mesh keeps its angles:
-
-    >>> import cdcp_igl
-    >>> V, F, _ = cdcp_igl.datasets.square(4)
-    >>> uv = cdcp_igl.reference.abf(V, F)
-    >>> bool(cdcp_igl.angle_distortion(V, F, uv).max() < 1e-4)
-    True
     """
     mesh = DiskMesh(V, F)
     m, nI = len(mesh.F), len(mesh.interior)

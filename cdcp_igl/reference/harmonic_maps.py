@@ -1,4 +1,4 @@
-"""Harmonic maps: by arc length, in turn with the boundary, and of the double cover by diffusion."""
+"""Harmonic maps made conformal: in turn with the boundary, and of the double cover by diffusion."""
 
 from __future__ import annotations
 
@@ -6,17 +6,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import diags
 
-from .. import libigl
-from ..arrays import Complex, Floats, as_complex, coordinates
+from ..arrays import Complex, Floats
 from ..errors import MapError
-from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.mobius import conformal_barycenter, mobius_transformation
 from ..surface.mesh import DiskMesh, Mesh
 from ..surface.triangles import vertex_areas
-from .certified import certified_disk_map
-from .dirichlet import Dirichlet
+from .certified import certified_disk_map, like
+from .dirichlet import Dirichlet, harmonic
 from .doubled import doubled_laplacian
 from .linear import most_regular_face, to_cube_roots_of_unity
 
@@ -28,87 +26,19 @@ FLOW_TOLERANCE = 1e-8  # of what a step takes from the harmonic energy, near tha
 FLOW_STEPS = 200  # the Chinese Lion takes 5
 
 
-@takes_meshes
-def harmonic(V: ArrayLike, F: ArrayLike) -> Floats:
-    """Map a triangulated disk harmonically onto the unit disk, the boundary by arc length.
-
-    Onto the disk, but not conformal: nothing makes the boundary fit the angles.
-
-    Parameters
-    ----------
-    V : (n, 3) or (n, 2) array_like of real numbers
-        Vertex positions, in any unit.
-    F : (m, 3) array_like of integers
-        Corners of the faces, counterclockwise seen from outside.
-
-    Returns
-    -------
-    (n, 2) float64
-        Rows as in V, faces counterclockwise, the boundary vertex of smallest index at
-        (1, 0).
-
-    Raises
-    ------
-    MeshError
-        If the input is not a triangulated disk.
-    SolverError
-        If a Laplacian cannot be factored.
-    MapError
-        If the map is not a bijection onto the disk; its ``result`` is a `ReferenceMap`.
-
-    References
-    ----------
-    M. Eck, T. DeRose, T. Duchamp, H. Hoppe, M. Lounsbery, W. Stuetzle. Multiresolution
-    analysis of arbitrary meshes. SIGGRAPH 1995.
-
-    Examples
-    --------
-    >>> import cdcp_igl
-    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
-    >>> cdcp_igl.reference.harmonic(V, F).shape
-    (217, 2)
-    """
-    mesh = DiskMesh(V, F)
-    f_B = coordinates(arc_length_map(mesh))
-    uv = libigl.harmonic(mesh.V, mesh.F, mesh.loop, f_B)
-    return certified_disk_map(mesh, as_complex(uv))
-
-
-@takes_meshes
+@like(harmonic)
 def cem(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk conformally onto the unit disk, Yueh, Lin, Wu and Yau 2017.
 
     Conformal energy is Dirichlet energy minus area. For a given boundary, the interior minimises
     it; for the interior reflected at the circle, the boundary does. That is then centred and
-    pushed back onto the circle, and so in turn until the energy falls no more.
-
-    Parameters
-    ----------
-    V, F
-        As in `harmonic`.
-
-    Returns
-    -------
-    (n, 2) float64
-        As of `harmonic`.
-
-    Raises
-    ------
-    MeshError, SolverError, MapError
-        As `harmonic`; MapError, too, if there is no interior vertex, or if the energy still falls
-        after 500 rounds.
+    pushed back onto the circle, and so in turn until the energy falls no more. MapError if there is
+    no interior vertex, or if the energy still falls after 500 rounds.
 
     References
     ----------
     M.-H. Yueh, W.-W. Lin, C.-T. Wu, S.-T. Yau. An efficient energy minimization for conformal
     parameterizations. J. Sci. Comput. 73, 2017.
-
-    Examples
-    --------
-    >>> import cdcp_igl
-    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
-    >>> cdcp_igl.reference.cem(V, F).shape
-    (217, 2)
     """
     mesh = DiskMesh(V, F)
     if not len(mesh.interior):
@@ -139,7 +69,7 @@ def _cem(mesh: Mesh) -> Complex:
     raise MapError(f"The conformal energy still falls after {MAX_ROUNDS} rounds")
 
 
-@takes_meshes
+@like(harmonic)
 def heat_flow(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk conformally onto the unit disk, by the heat flow of Gu and Yau 2002.
 
@@ -150,22 +80,8 @@ def heat_flow(V: ArrayLike, F: ArrayLike) -> Floats:
     back the centre of mass, here that of the disk in the equator's plane.
 
     The start and so all that follows is symmetric at the equator, on which the boundary lies. One
-    sheet is enough: nothing of x and y flows through the boundary, and z is 0 there.
-
-    Parameters
-    ----------
-    V, F
-        As in `harmonic`.
-
-    Returns
-    -------
-    (n, 2) float64
-        As of `harmonic`.
-
-    Raises
-    ------
-    MeshError, SolverError, MapError
-        As `harmonic`; MapError, too, if the energy still falls after 200 steps.
+    sheet is enough: nothing of x and y flows through the boundary, and z is 0 there. MapError if
+    the energy still falls after 200 steps.
 
     References
     ----------
@@ -173,13 +89,6 @@ def heat_flow(V: ArrayLike, F: ArrayLike) -> Floats:
 
     S. Haker, S. Angenent, A. Tannenbaum, R. Kikinis, G. Sapiro, M. Halle. Conformal surface
     parameterization for texture mapping. IEEE Trans. Vis. Comput. Graph. 6(2), 2000.
-
-    Examples
-    --------
-    >>> import cdcp_igl
-    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
-    >>> cdcp_igl.reference.heat_flow(V, F).shape
-    (217, 2)
     """
     mesh = DiskMesh(V, F)
     B = mesh.loop

@@ -13,12 +13,12 @@ from ..io.given import takes_meshes
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.stereographic import from_plane
 from ..surface.mesh import DiskMesh, Mesh, SphereMesh
-from .certified import certified_disk_map, certified_sphere_map
-from .dirichlet import Dirichlet
+from .certified import certified_disk_map, certified_sphere_map, like
+from .dirichlet import Dirichlet, harmonic
 from .doubled import doubled_laplacian
 
 
-@takes_meshes
+@like(harmonic)
 def ldcp(V: ArrayLike, F: ArrayLike, *, pinned: int = 50) -> Floats:
     """Map a triangulated disk conformally onto the unit disk, Choi and Lui 2018.
 
@@ -33,34 +33,13 @@ def ldcp(V: ArrayLike, F: ArrayLike, *, pinned: int = 50) -> Floats:
 
     Parameters
     ----------
-    V, F
-        As in `harmonic`.
     pinned : int
-        Number of vertices pinned in the south step, at least 3.
-
-    Returns
-    -------
-    (n, 2) float64
-        As of `harmonic`.
-
-    Raises
-    ------
-    MeshError, SolverError, MapError
-        As `harmonic`.
-    ValueError
-        If `pinned` is too small.
+        Number of vertices pinned in the south step, at least 3, else ValueError.
 
     References
     ----------
     G. P. T. Choi, L. M. Lui. A linear formulation for disk conformal parameterization of
     simply-connected open surfaces. Adv. Comput. Math. 44, 2018.
-
-    Examples
-    --------
-    >>> import cdcp_igl
-    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
-    >>> cdcp_igl.reference.ldcp(V, F).shape
-    (217, 2)
     """
     if index(pinned) < 3:
         raise ValueError(f"pinned must be at least 3, not {pinned!r}")

@@ -15,10 +15,11 @@ from ..io.given import takes_meshes
 from ..maps.disk import cdcp
 from ..maps.sphere import sphere_map
 from .conformal_equivalence import ricci
+from .dirichlet import harmonic
 from .doubled import double_cover
 from .fast import fdcp
 from .free_boundary import abf, bff, lscm, spectral
-from .harmonic_maps import cem, harmonic, heat_flow
+from .harmonic_maps import cem, heat_flow
 from .linear import flash, ldcp
 from .welding import pgcp
 

@@ -11,19 +11,18 @@ from scipy.sparse.csgraph import dijkstra
 
 from ..arrays import Complex, Floats, Ints, places
 from ..errors import MapError
-from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.mobius import normalize
 from ..steps.zipper import open_blocks
 from ..surface.mesh import DiskMesh, Mesh
 from ..surface.topology import components_of_pairs
-from .certified import certified_disk_map
-from .dirichlet import Dirichlet
+from .certified import certified_disk_map, like
+from .dirichlet import Dirichlet, harmonic
 from .free_boundary import least_squares_layout
 
 
-@takes_meshes
+@like(harmonic)
 def pgcp(V: ArrayLike, F: ArrayLike, *, parts: int = 4) -> Floats:
     """Map a triangulated disk conformally onto the unit disk, by parts (Choi et al. 2020).
 
@@ -32,39 +31,18 @@ def pgcp(V: ArrayLike, F: ArrayLike, *, parts: int = 4) -> Floats:
     the outlines of two halves are joined: conformal maps of the halves take what they share to the
     same places. They are those of the zipper, by which each side of the seam is opened into a line,
     and what undoes it, for both lines at once. The outline of the whole is opened into that of the
-    disk in the same way. At last, each part is harmonic between its seams.
+    disk in the same way. At last, each part is harmonic between its seams. MapError if no seam goes
+    through an interior vertex, or if the parts cannot be joined.
 
     Parameters
     ----------
-    V, F
-        As in `harmonic`.
     parts : int
-        How many, at least 2.
-
-    Returns
-    -------
-    (n, 2) float64
-        As of `harmonic`.
-
-    Raises
-    ------
-    MeshError, SolverError, MapError
-        As `harmonic`; MapError, too, if no seam goes through an interior vertex, or if the parts
-        cannot be joined.
-    ValueError
-        If there are too few parts.
+        How many, at least 2, else ValueError.
 
     References
     ----------
     G. P. T. Choi, Y. Leung-Liu, X. Gu, L. M. Lui. Parallelizable global conformal parameterization
     of simply-connected surfaces via partial welding. SIAM J. Imaging Sci. 13(3), 2020.
-
-    Examples
-    --------
-    >>> import cdcp_igl
-    >>> V, F, _ = cdcp_igl.datasets.paraboloid(8)
-    >>> cdcp_igl.reference.pgcp(V, F).shape
-    (217, 2)
     """
     if index(parts) < 2:
         raise ValueError(f"parts must be at least 2, not {parts!r}")
