@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -144,51 +145,80 @@ def lower_angle_distortion(
     flipped = target.flipped(mesh.F, f)
     r = target.errors(mesh, f, flipped)
     before = objective = measure(r)
-    taken, attempt, p, stopped = 0, 0, 2.0, ""
-    moved: Complex | None = None
-    gains: list[float] = []
+    schedule, gains, stopped = Schedule(norm, near), list[float](), ""
     if len(order) == 0 or not target.certificate(mesh, f, flipped).valid:
-        return f, Refinement(steps, taken, "no improvement", norm, before, objective)
-    laplacian, stale, little = WeightedLaplacian(mesh, order, analysis), True, True
-    while taken < steps and not stopped:
-        if attempt == len(DAMPINGS):
+        return f, Refinement(steps, 0, "no improvement", norm, before, objective)
+    laplacian = WeightedLaplacian(mesh, order, analysis)
+    while len(gains) < steps and not stopped:
+        if schedule.attempt == len(DAMPINGS):
             stopped = "no improvement"
-        elif perf_counter() >= deadline:
+            break
+        if perf_counter() >= deadline:
             stopped = "time limit"
+            break
+        weights, directions = schedule.weights, schedule.directions(objective)
+        how: dict[str, Any] = {"anew": schedule.stale, "along": schedule.along, "target": target}
+        step = gauss_newton_step(mesh, f, r, *weights, laplacian, *directions, **how)
+        found = search_along(mesh, f, step, measure, objective, halvings, target)
+        if found is None:
+            schedule.failed()
+        elif not accepted(*found[:2]):
+            stopped = "not conformal"
         else:
-            used, last = (p, attempt), objective
-            if near and little and objective < GOOD and attempt == 0:
-                directions = 0, MOST_SMOOTHING
-            else:
-                directions = (CG_ITERATIONS, 0) if moved is None else (1, SMOOTHING)
-            step = gauss_newton_step(
-                *(mesh, f, r, p, DAMPINGS[attempt], laplacian),
-                *directions,
-                anew=stale,
-                along=moved,
-                target=target,
-            )
-            found = search_along(mesh, f, step, measure, objective, halvings, target)
-            if found is None:
-                attempt, moved = attempt + 1, None
-            elif not accepted(*found[:2]):
-                stopped = "not conformal"
-            else:
-                if attempt == 0:
-                    p = max(norm, p - LOWERING)
-                moved = found[0] - f if found[2] < GOOD else None
-                f, r, objective = found
-                little = objective >= (1 - GOOD_GAIN) * last
-                taken, attempt = taken + 1, max(attempt - 1, 0)
-                gains.append(1 - objective / last)
-                advance(taken / steps)
-                if least is not None and least <= taken < steps:
-                    stopped = _reason_to_stop(gains, steps - taken, wanted * before / objective)
-            alike = (p, attempt) == used and objective >= (1 - SMALL_GAIN) * last
-            if moved is not None:
-                alike = little
-            stale = norm < STEADY or not alike
-    return f, Refinement(steps, taken, stopped, norm, before, objective)
+            schedule.went(found[0] - f, objective, found[2])
+            gains.append(1 - found[2] / objective)
+            f, r, objective = found
+            advance(len(gains) / steps)
+            if least is not None and least <= len(gains) < steps:
+                stopped = _reason_to_stop(gains, steps - len(gains), wanted * before / objective)
+    return f, Refinement(steps, len(gains), stopped, norm, before, objective)
+
+
+class Schedule:
+    """How the next step is found: its exponent and damping, its directions, a factor or none.
+
+    Attributes
+    ----------
+    attempt : int
+        Which of the dampings is next; there is none after the strongest.
+    stale : bool
+        The preconditioner is no longer that of the weights.
+    along : (n,) complex128 or None
+        The way that a good map has just gone.
+    """
+
+    def __init__(self, norm: float, near: bool) -> None:
+        self._norm, self._near, self._p, self._little = norm, near, 2.0, True
+        self.attempt, self.stale = 0, True
+        self.along: Complex | None = None
+
+    @property
+    def weights(self) -> tuple[float, float]:
+        """The exponent p, and the damping."""
+        return self._p, DAMPINGS[self.attempt]
+
+    def directions(self, objective: float) -> tuple[int, int]:
+        """How many directions the factor gives, and how many the diagonal."""
+        if self._near and self._little and objective < GOOD and self.attempt == 0:
+            return 0, MOST_SMOOTHING
+        return (CG_ITERATIONS, 0) if self.along is None else (1, SMOOTHING)
+
+    def failed(self) -> None:
+        """Take more damping: the step was none."""
+        self.attempt, self.along, self.stale = self.attempt + 1, None, True
+
+    def went(self, way: Complex, before: float, after: float) -> None:
+        """Take account of a step (n,) and of what it did to the objective."""
+        used = self._p, self.attempt
+        if self.attempt == 0:
+            self._p = max(self._norm, self._p - LOWERING)
+        self.attempt = max(self.attempt - 1, 0)
+        self.along = way if after < GOOD else None
+        self._little = after >= (1 - GOOD_GAIN) * before
+        alike = (self._p, self.attempt) == used and after >= (1 - SMALL_GAIN) * before
+        if self.along is not None:
+            alike = self._little
+        self.stale = self._norm < STEADY or not alike
 
 
 def search_along(
