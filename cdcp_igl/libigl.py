@@ -99,6 +99,19 @@ def squared_edge_lengths(V: Floats, F: Ints) -> Floats:
     return squared
 
 
+class Tree:
+    """A tree of boxes around faces in space; faces may be flat, and lie in one plane."""
+
+    def __init__(self, V: Floats, F: Ints) -> None:
+        self._given, self._boxes = (V, F), igl.AABB()
+        self._boxes.init(V, F)
+
+    def nearest(self, points: Floats) -> Ints:
+        """(k,) the nearest face of each point (k, 3)."""
+        _, face, _ = self._boxes.squared_distance(*self._given, points)
+        return face.astype(np.int64)
+
+
 def upsample(V: Floats, F: Ints) -> tuple[Floats, Ints]:
     """Split each face into four at the middles of its edges."""
     V, F = igl.upsample(V, F)

@@ -73,7 +73,7 @@ def test_winding_twice():
     assert certificate.winding_number == 2
     assert len(certificate.flipped) == 0  # only the winding number gives it away
     assert not certificate.valid
-    twice = replace(cdcp_igl.disk_map(*meshes.fan(9)), uv=around(2))
+    twice = replace(cdcp_igl.disk_map(*meshes.fan(9)), uv=around(2), certificate=certificate)
     with pytest.raises(ValueError, match="no bijection"):
         twice.invert([0, 0])
 

@@ -15,7 +15,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 FLOORS = (
     {"arrays", "cached"},
     {"defects"},
-    {"errors", "printing"},
+    {"errors", "printing", "fields"},
     {"libigl", "extras"},
     {"surface", "io"},
     {"verdict"},

@@ -10,7 +10,7 @@ from scipy.spatial import Delaunay
 from surfaces import capped_tube
 
 import cdcp_igl
-from cdcp_igl.maps.rectangle import along_side, certify_rectangle
+from cdcp_igl.maps.rectangle import along_side
 from cdcp_igl.surface.mesh import DiskMesh
 
 REAL = ["camelhead_11381", "femur_2411", "human_face_17157", "nefertiti_299"]
@@ -149,7 +149,7 @@ def test_the_certificate_is_of_the_coordinates():
     sides = [row, 7 + column, 47 - row, 40 - column]
 
     def certificate(f):
-        return certify_rectangle(mesh, sides, f, modulus)
+        return certify_rectangle(mesh, sides, f)
 
     assert certificate(f).valid
     assert certificate(f).winding_number == 1

@@ -14,15 +14,17 @@ from .. import libigl
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, unit_size
 from ..cached import cached_property
 from ..errors import counted
+from ..fields import Field, Method
 from ..io.given import takes_meshes
 from ..maps.free import FreeMap
 from ..options import Options
 from ..phases import Progress
 from ..plot.layout import Layout
-from ..result.base import Result
+from ..result.bijection import Bijection
 from ..result.disk_map import DiskMap
 from ..solve.solvers import SolverName
 from ..steps.center import CenterMethod
+from ..surface.location import FaceFinder
 from ..surface.triangles import face_areas, oriented_areas
 from ..surface.validation import usable_arrays
 from ..verdict.certificate import Certificate, together
@@ -39,7 +41,7 @@ log = logging.getLogger("cdcp_igl")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SurfaceMap(Result):
+class SurfaceMap(Bijection):
     """A map of a surface onto charts, disks or with free outlines; printing it gives a summary.
 
     Attributes
@@ -174,17 +176,49 @@ class SurfaceMap(Result):
         used, row = np.unique(self.cut.vertex_index, return_inverse=True)
         return self.cut.V[: len(used)], row[self.cut.F]  # copies along the cut come last
 
-    def _layout(self) -> Layout:
-        cut = self.cut
-        faces = np.flatnonzero(self.face_chart >= 0)  # the others have no area, or are there twice
-        F, uv = cut.F[faces], np.zeros((len(cut.V), 2))
-        uv[F] = 2 * self.packed()[faces] - 1
+    @property
+    def _faces(self) -> Ints:
+        return self.cut.vertex_index[self.cut.F]
+
+    def _corner_images(self, face: Ints) -> Floats:
+        return self.packed()[face]
+
+    def _field(self, values: ArrayLike, method: Method | None = None) -> Field:
+        # Of vertices that no face uses, the last ones may be there or not.
+        n = int(self.cut.vertex_index.max()) + 1
+        return Field.of(values, method).of_vertices(n, unused=True)
+
+    @cached_property
+    def _charted(self) -> tuple[Ints, Ints, Floats]:
+        """(k,) the faces in charts, (k, 3) their corners as the charts have them, (n, 2) places.
+
+        Other faces have no area, or are there twice; flipped faces of the surface are turned.
+        """
+        faces, uv = np.flatnonzero(self.face_chart >= 0), np.zeros((len(self.cut.V), 2))
+        F = self.cut.F[faces]
+        uv[F] = self.packed()[faces]
         area, _ = oriented_areas(as_complex(uv), F)
+        return faces, np.where((area < 0)[:, None], F[:, ::-1], F), uv
+
+    @cached_property
+    def _finder(self) -> FaceFinder:
+        _, F, uv = self._charted
+        return FaceFinder(F, as_complex(uv))
+
+    def _located(self, points: Floats) -> tuple[Ints, Floats]:
+        faces, F, _ = self._charted
+        found, barycentric, _ = self._finder.locate(as_complex(points))
+        face = np.where(found < 0, -1, faces[found])
+        turned = F[found, 0] != self.cut.F[face, 0]
+        barycentric[turned] = barycentric[turned, ::-1]
+        return face, barycentric
+
+    def _layout(self) -> Layout:
+        cut, (faces, F, uv) = self.cut, self._charted
         return Layout(
             V=unit_size(cut.V),
-            # Flipped faces of the surface are drawn as the disks have them.
-            F=np.where((area < 0)[:, None], F[:, ::-1], F),
-            uv=uv,
+            F=F,
+            uv=2 * uv - 1,
             vertices=cut.vertex_index,
             faces=faces,
             plane=self._plural if len(self.charts) > 1 else self._plural.split()[1].capitalize(),

@@ -12,7 +12,6 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, marked
-from ..cached import cached_property
 from ..errors import Defect, MeshError, counted
 from ..io.given import takes_meshes
 from ..options import Options
@@ -21,15 +20,13 @@ from ..plot.layout import Layout
 from ..refine.targets import Ring
 from ..rescue.repair import repaired
 from ..result.base import valid_map
-from ..result.bijection import Bijection
 from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface
 from ..solve.solvers import SolverName, using
 from ..steps.trace import edge_lengths, shared_by_edges
 from ..surface.filling import fill_hole
-from ..surface.location import FaceFinder
 from ..surface.mesh import AnnulusMesh, Mesh
-from ..surface.topology import Topology, by_reach, group_by_edge, tails
+from ..surface.topology import Topology, by_reach
 from ..surface.validation import checked_surface
 from ..verdict.certificate import Certificate, certify_ring
 from ..verdict.distortion import map_distortion
@@ -43,7 +40,7 @@ REMEDY = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AnnulusMap(MadeMap, Bijection):
+class AnnulusMap(MadeMap):
     """A conformal map onto a ring around 0. Printing it gives a summary.
 
     Attributes
@@ -119,23 +116,8 @@ class AnnulusMap(MadeMap, Bijection):
         return self.mesh.positions[: len(self.uv)], self._faces
 
     @property
-    def _images(self) -> Floats:
-        return self._whole
-
-    @property
     def _faces(self) -> Ints:
         return self.mesh.F[: self._n_faces]
-
-    @cached_property
-    def _finder(self) -> FaceFinder:
-        if not self.valid:
-            raise ValueError("the map is no bijection onto the ring: points have no one place")
-        # Triangles around 0 make a disk of the ring.
-        clockwise, middle = self.mesh.loops[1], len(self.mesh.V)
-        around = [np.roll(clockwise, -1), clockwise, np.full(len(clockwise), middle)]
-        F = np.vstack([self.mesh.F, np.column_stack(around)])
-        edges = group_by_edge(tails(F, middle + 1), middle + 1)
-        return FaceFinder(F, edges, np.append(as_complex(self._images), 0), self._n_faces)
 
     def _layout(self) -> Layout:
         V = self.mesh.V[: len(self.uv)]
@@ -235,7 +217,7 @@ def annulus_map(
         ways = (partial(finished, f, boundary=name) for name, f in _strips(surface, strip))
         best = best_of(ways, lambda made: made.valid)
         if steps := steps_of(best, options):
-            f, made = np.log(as_complex(best._images)), partial(finished, boundary=best.boundary)
+            f, made = np.log(as_complex(best._whole)), partial(finished, boundary=best.boundary)
             best = refined(best, f, Ring(), surface.order, steps, made, options, phase)
     best = valid_map(best, " onto the ring", REMEDY)
     phase.done()

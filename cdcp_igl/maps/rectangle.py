@@ -22,8 +22,7 @@ from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.laplacian import LAPLACIANS, Laplacian
 from ..solve.solvers import SolverName, using
 from ..surface.mesh import DiskMesh, Mesh
-from ..surface.triangles import flipped_faces
-from ..verdict.certificate import Certificate, not_finite
+from ..verdict.certificate import Certificate, along_sides, certify_rectangle
 from ..verdict.distortion import map_distortion
 from .disk import map_of
 
@@ -292,10 +291,10 @@ def _rectangle(mesh: Mesh, sides: list[Ints], square: _Square, phase: Phases) ->
     f = modulus * u + 1j * v
     repair = Repair()
     with phase("repair"):
-        if _is_monotone(sides, f):
+        if along_sides(sides, f):
             f, repair = repaired(mesh, f, on_disk=False)
     with phase("certificate"):
-        certificate = certify_rectangle(mesh, sides, f, modulus)
+        certificate = certify_rectangle(mesh, sides, f)
         fields = fields_of(mesh, f, map_distortion(mesh, f), certificate, repair)
         if not (verdict := fields["conformality"]):
             fields["conformality"] = replace(verdict, remedies=(REMEDY,))
@@ -309,34 +308,4 @@ def _rectangle(mesh: Mesh, sides: list[Ints], square: _Square, phase: Phases) ->
         laplacian=square.laplacian,
         solver=square.solver,
         timings=phase.seconds,
-    )
-
-
-def certify_rectangle(mesh: Mesh, sides: list[Ints], f: Complex, modulus: float) -> Certificate:
-    """Verify a map (n,) onto the rectangle, as `certify` does of one onto the disk."""
-    if not np.isfinite(f).all():
-        return not_finite(mesh)
-    bottom, right, top, left = sides
-    off = f.imag[bottom], f.real[right] - modulus, f.imag[top] - 1, f.real[left]
-    from_middle = f[mesh.loop] - (modulus + 1j) / 2
-    turns = np.angle(np.roll(from_middle, -1) * from_middle.conj())
-    flipped, n_exact = flipped_faces(f, mesh.F)
-    return Certificate(
-        finite=True,
-        boundary_error=float(abs(np.concatenate(off)).max()),
-        boundary_monotone=_is_monotone(sides, f),
-        winding_number=round(turns.sum() / (2 * np.pi)),
-        flipped=flipped,
-        n_exact=n_exact,
-    )
-
-
-def _is_monotone(sides: list[Ints], f: Complex) -> bool:
-    """Whether each side is run through forwards, no two vertices in one place."""
-    bottom, right, top, left = sides
-    return bool(
-        (np.diff(f.real[bottom]) > 0).all()
-        and (np.diff(f.imag[right]) > 0).all()
-        and (np.diff(f.real[top]) < 0).all()
-        and (np.diff(f.imag[left]) < 0).all()
     )

@@ -20,7 +20,6 @@ from ..plot.layout import Layout
 from ..refine.targets import Sphere
 from ..rescue.untangling import mean_value_map, repaired_on_sphere
 from ..result.base import valid_map
-from ..result.bijection import Bijection
 from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface
 from ..solve.laplacian import LAPLACIANS
@@ -35,7 +34,7 @@ from ..verdict.distortion import area_distortion, sphere_angle_errors
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SphereMap(MadeMap, Bijection):
+class SphereMap(MadeMap):
     """A conformal map onto the unit sphere. Printing it gives a summary.
 
     Attributes
@@ -83,6 +82,7 @@ class SphereMap(MadeMap, Bijection):
     _kind = "sphere"
     _plane = "Sphere"
     _reported = ("pole", "laplacian", "mobius")
+    _columns = 3
 
     @cached_property
     def uv(self) -> Floats:  # type: ignore[override]
@@ -178,15 +178,13 @@ class SphereMap(MadeMap, Bijection):
 
     @cached_property
     def _finder(self) -> SphereFinder:
-        if not self.valid:
-            raise ValueError("the map is no bijection onto the sphere: points have no one place")
-        return SphereFinder(self.mesh.F, self.mesh.edges, self.points)
+        return SphereFinder(self.mesh.F, self.points, self.mesh.edges)
 
     def _located(self, points: Floats) -> tuple[Ints, Floats]:
         length = np.linalg.norm(points, axis=1)[:, None]
         if not length.all():
             raise ValueError("uv must not be 0, the middle of the sphere")
-        return self._finder.locate(points / length)
+        return self._finder.locate(points / length)[:2]
 
     @property
     def _reach(self) -> float:

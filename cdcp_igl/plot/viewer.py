@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints, as_complex, places
 from ..extras import from_extra
+from ..fields import Field
 from ..io.output import write_text
 from ..surface.location import z_order
 from ..surface.topology import group_by_edge, heads, tails
@@ -213,7 +214,7 @@ def _given(fields: Mapping[str, ArrayLike], vertices: Ints) -> list[tuple[dict[s
 
 def _at_vertices(name: str, given: ArrayLike, vertices: Ints, shape: tuple[int, ...]) -> Floats:
     """Return what was given at the vertices that are drawn; ValueError if it has another shape."""
-    values, n = np.asarray(given, dtype=np.float64), int(vertices.max()) + 1
+    values, n = Field.of(given).values, int(vertices.max()) + 1
     # Of vertices that no face uses, the last ones may be there or not.
     if values.ndim != 1 + len(shape) or values.shape[1:] != shape or len(values) < n:
         raise ValueError(f"{name} has shape {values.shape}; it must be {(n, *shape)}")

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats, Ints
 from ..errors import MapError, counted, spell
+from ..fields import Field, Method
 from ..io.given import FromFile
 from ..plot.layout import Layout
 from ..plot.raster import sample
@@ -89,13 +90,13 @@ class Result(FromFile, ABC):
     def packed(self) -> Floats:
         """Return the map scaled into the unit square: texture coordinates, shaped as `uv`."""
 
-    def bake(self, values: ArrayLike, size: int = 1024) -> Floats:
+    def bake(self, values: ArrayLike, size: int = 1024, *, method: Method | None = None) -> Floats:
         """Bake values at the vertices, such as colours, to an image of the unit square.
 
         Parameters
         ----------
-        values : (n, ...) array_like
-            A row a vertex of the given mesh.
+        values, method
+            As in `interpolate`.
         size : int
             Pixels along each side of the square, where the map lies as in `packed`.
 
@@ -120,22 +121,17 @@ class Result(FromFile, ABC):
         """
         from scipy.ndimage import distance_transform_edt  # slow to import, and used here alone
 
-        layout, at_vertices = self._layout(), real_values(values)
-        n = int(layout.vertices.max()) + 1
-        # Of vertices that no face uses, the last ones may be there or not.
-        if at_vertices.ndim == 0 or len(at_vertices) < n:
-            raise ValueError(f"values has shape {at_vertices.shape}; it must have {n} rows")
+        layout, field = self._layout(), self._field(values, method)
         if not size >= 1:
             raise ValueError(f"size must be at least 1, not {size!r}")
         left, bottom = -2 * layout.origin[0], -2 * layout.origin[1]  # of the unit square
         raster = sample(layout.uv, layout.F, size, (left, left + 2, bottom, bottom + 2))
-        if not raster.seen.any():
+        if not (seen := raster.seen).any():
             raise ValueError(f"no pixel lies on the surface: size must be larger than {size}")
-        image = np.zeros((size, size, *at_vertices.shape[1:]))
-        image[raster.seen] = raster.at_vertices(at_vertices[layout.vertices])
-        row, column = distance_transform_edt(
-            ~raster.seen, return_distances=False, return_indices=True
-        )
+        image = np.zeros((size, size, *field.values.shape[1:]))
+        corners = layout.vertices[layout.F[raster.face[seen]]]
+        image[seen] = field.at(corners, raster.weights[seen])
+        row, column = distance_transform_edt(~seen, return_distances=False, return_indices=True)
         return image[row, column]
 
     def area_distortion(self) -> Floats:
@@ -476,6 +472,10 @@ class Result(FromFile, ABC):
     def _surface(self) -> tuple[Floats, Ints]:
         """Return V and F as they are saved, in the unit in which they were given."""
 
+    def _field(self, values: ArrayLike, method: Method | None = None) -> Field:
+        """Take values at the vertices; ValueError if they are none."""
+        return Field.of(values, method).of_vertices(self._size()[0])
+
     def _size(self) -> tuple[int, int]:
         """Return the numbers of vertices and faces."""
         V, F = self._surface()
@@ -511,13 +511,6 @@ def valid_map(result: Kind, onto: str, remedy: str) -> Kind:
     if reasons := result.conformality.reasons:
         log.warning("the map is not conformal: %s", "; ".join(reasons))
     return result
-
-
-def real_values(values: ArrayLike) -> Floats:
-    """Return values as float64; ValueError if they are complex."""
-    if np.iscomplexobj(values):
-        raise ValueError("values must be real; of complex ones give both parts, as two columns")
-    return np.asarray(values, dtype=np.float64)
 
 
 def _flattened(report: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

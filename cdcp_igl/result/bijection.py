@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,10 +13,10 @@ from numpy.typing import ArrayLike
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, unit_size
 from ..cached import cached_property
 from ..errors import counted
+from ..fields import Field, Method
 from ..surface.location import FaceFinder
-from ..surface.mesh import Mesh
 from ..surface.triangles import corner_cotangents, degenerate_faces
-from .base import Result, real_values
+from .base import Result
 
 log = logging.getLogger("cdcp_igl")
 
@@ -28,33 +29,32 @@ SUM_TOLERANCE = 1e-6  # barycentric coordinates that add up to 1 no better are a
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bijection(Result):
-    """A map of a surface onto a polygon, a ring between two, or the sphere, there and back.
+    """A map of a surface onto its image in the plane, or the sphere, there and back.
 
     A point of the surface is a face and barycentric coordinates in it; the map is linear on
-    every face. That onto the sphere is linear, and then goes along the ray from 0.
-
-    Attributes
-    ----------
-    mesh : DiskMesh, AnnulusMesh or SphereMesh
-        The surface.
+    every face. That onto the sphere is linear, and then goes along the ray from 0. The plane is
+    that of `uv`; of a SurfaceMap, whose charts lie on one another there, that of `packed`.
     """
 
-    mesh: Mesh
+    _columns: ClassVar[int] = 2  # of the images
 
     @property
     @abstractmethod
-    def _images(self) -> Floats:
-        """The images (n, 2) or (n, 3) of the vertices."""
-
-    @property
-    @abstractmethod
-    def _finder(self) -> FaceFinder:
-        """Locates points among them."""
-
-    @property
     def _faces(self) -> Ints:
         """Those that were given."""
-        return self.mesh.F
+
+    @property
+    def _images(self) -> Floats:
+        """The images (n, 2) or (n, 3) of the vertices."""
+        return self.uv
+
+    @cached_property
+    def _finder(self) -> FaceFinder:
+        """Locates points among them."""
+        return FaceFinder(self._faces, as_complex(self._images), inscribed=True)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: x for name, x in vars(self).items() if name != "_finder"}  # trees stay here
 
     def apply(self, face: ArrayLike, barycentric: ArrayLike) -> Floats:
         """Map points of the surface to the plane, or to the sphere.
@@ -69,7 +69,8 @@ class Bijection(Result):
         Returns
         -------
         (..., 2) float64
-            Of a SphereMap (..., 3), on the unit sphere. See `invert` for an example.
+            Of a SphereMap (..., 3), on the unit sphere; of a SurfaceMap, where `packed` lays them.
+            See `invert` for an example.
 
         Raises
         ------
@@ -82,11 +83,11 @@ class Bijection(Result):
                 f"face must be integers and barycentric have three columns for each; they are "
                 f"{rows.dtype} {rows.shape} and {weights.shape}"
             )
-        if rows.size and not (rows.min() >= 0 and rows.max() < len(self._faces)):
-            raise ValueError(f"faces must lie in 0..{len(self._faces) - 1}")
+        if rows.size and not (rows.min() >= 0 and rows.max() < self._size()[1]):
+            raise ValueError(f"faces must lie in 0..{self._size()[1] - 1}")
         if not (abs(weights.sum(axis=-1) - 1) <= SUM_TOLERANCE).all():
             raise ValueError("barycentric coordinates must add up to 1")
-        return np.einsum("...k,...kc->...c", weights, self._images[self._faces[rows]])
+        return np.einsum("...k,...kc->...c", weights, self._corner_images(rows))
 
     def invert(self, uv: ArrayLike) -> tuple[Ints, Floats]:
         """Find the points of the surface whose images are given.
@@ -94,16 +95,19 @@ class Bijection(Result):
         Parameters
         ----------
         uv : (..., 2) array_like
-            Points of the plane. Of a SphereMap (..., 3), directions from 0 of any length but 0.
+            Points of the plane. Of a SphereMap (..., 3), directions from 0 of any length but 0; of
+            a SurfaceMap, points of the unit square, where `packed` lays the charts.
 
         Returns
         -------
         face : (...) int64
-            -1 outside of the unit disk and in holes. Of a point on an edge or on a vertex, one of
-            the faces there.
+            -1 outside of the image and in holes. Of a point on an edge or on a vertex, one of
+            the faces there. Points within 1e-6 of the rim are taken to it, so that coordinates in
+            single precision, or with six digits, have a place; the unit is the largest
+            coordinate.
         barycentric : (..., 3) float64
-            Not negative; NaN where there is no face. The surface covers the polygon
-            inscribed in the circle: points between an edge of it and its arc are taken to
+            Not negative; NaN where there is no face. Maps onto the disk and the ring cover the
+            polygon inscribed in the circle: points between an edge of it and its arc are taken to
             the nearest point of the edge, so that all of the disk has a place on the surface.
 
         Raises
@@ -123,28 +127,36 @@ class Bijection(Result):
         >>> print(face[1])
         -1
         """
-        points, columns = np.asarray(uv, dtype=np.float64), self._images.shape[1]
-        if points.ndim == 0 or points.shape[-1] != columns:
-            raise ValueError(f"uv has shape {points.shape}; it must have {columns} columns")
+        points = np.asarray(uv, dtype=np.float64)
+        if points.ndim == 0 or points.shape[-1] != self._columns:
+            raise ValueError(f"uv has shape {points.shape}; it must have {self._columns} columns")
         if not np.isfinite(points).all():
             raise ValueError("uv must be finite")
-        face, barycentric = self._located(points.reshape(-1, columns))
+        if not self.valid:
+            raise ValueError("the map is no bijection: points have no one place on the surface")
+        face, barycentric = self._located(points.reshape(-1, self._columns))
         return face.reshape(points.shape[:-1]), barycentric.reshape(*points.shape[:-1], 3)
 
-    def interpolate(self, values: ArrayLike, uv: ArrayLike) -> Floats:
+    def interpolate(
+        self, values: ArrayLike, uv: ArrayLike, *, method: Method | None = None
+    ) -> Floats:
         """Interpolate values at the vertices to points of the plane, or of the sphere.
 
         Parameters
         ----------
         values : (n, ...) array_like
-            A row a vertex: positions, colours, a field.
+            A row a vertex of the given mesh: positions, colours, a field, labels. What is masked
+            is NaN.
         uv : (..., 2) array_like
             Points as in `invert`.
+        method : {"linear", "nearest"}, optional
+            Between the corners of a face linear, or as at the nearest of them by barycentric
+            coordinates: the default of integers and truth values, which are labels.
 
         Returns
         -------
         (..., ...) float64
-            NaN where there is no face.
+            NaN where there is no face, and where a corner that counts is NaN.
 
         Raises
         ------
@@ -158,16 +170,23 @@ class Bijection(Result):
         >>> abs(cdcp_igl.disk_map(V, F).interpolate(V, [0, 0])).round(2)
         array([0., 0., 1.])
         """
-        at_vertices = self._field(values)
+        field = self._field(values, method)
         face, barycentric = self.invert(uv)
         # Where there is no face, those of the last one, with weights that are NaN.
-        corners = at_vertices[self._faces[face.ravel()]]
-        found = np.einsum("pk,pk...->p...", barycentric.reshape(-1, 3), corners)
-        return found.reshape(face.shape + at_vertices.shape[1:])
+        found = field.at(self._corners(face.ravel()), barycentric.reshape(-1, 3))
+        return found.reshape(face.shape + field.values.shape[1:])
+
+    def _corners(self, face: Ints) -> Ints:
+        """Vertices (..., 3) of faces, rows of the given mesh."""
+        return self._faces[face]
+
+    def _corner_images(self, face: Ints) -> Floats:
+        """Images (..., 3, c) of the corners of faces."""
+        return self._images[self._faces[face]]
 
     def _located(self, points: Floats) -> tuple[Ints, Floats]:
         """Locate points (k, 2) or (k, 3)."""
-        return self._finder.locate(as_complex(points))
+        return self._finder.locate(as_complex(points))[:2]
 
     def _landmarks(self, to: Bijection, landmarks: ArrayLike) -> tuple[Floats, Floats]:
         """Images of landmarks in this map and in the other; ValueError if they are none."""
@@ -179,12 +198,6 @@ class Bijection(Result):
         if min(len(np.unique(column)) for column in pairs.T) < 2:
             raise ValueError("two landmarks or more are needed, at different vertices")
         return self._images[pairs[:, 0]], to._images[pairs[:, 1]]
-
-    def _field(self, values: ArrayLike) -> Floats:
-        at_vertices, n = real_values(values), self._size()[0]
-        if at_vertices.ndim == 0 or len(at_vertices) != n:
-            raise ValueError(f"values has shape {at_vertices.shape}; it must have {n} rows")
-        return at_vertices
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -198,20 +211,24 @@ class DiskBijection(Bijection):
     """
 
     uv: Floats
+    mesh: Mesh
 
-    def pull_back(self, values: ArrayLike) -> Floats:
+    def pull_back(self, values: ArrayLike, *, method: Method | None = None) -> Floats:
         """Pull an image of the disk back to the vertices of the surface.
 
         Parameters
         ----------
         values : (height, width, ...) array_like
             Over the square from (-1, -1) to (1, 1), the top row at v = 1: a texture, or
-            samples of a function of the disk at the centres of the pixels.
+            samples of a function of the disk at the centres of the pixels. What is masked is NaN.
+        method : {"linear", "nearest"}, optional
+            Between the pixels bilinear, or as the nearest: the default of integers and truth
+            values.
 
         Returns
         -------
         (n, ...) float64
-            At each vertex the value at its image, bilinear between the pixels. A function g
+            At each vertex the value at its image. A function g
             that can be evaluated anywhere needs no image: ``g(result.uv)``.
 
         Raises
@@ -228,10 +245,12 @@ class DiskBijection(Bijection):
         >>> bool(abs(heights - V[:, 2]).max() < 0.01)
         True
         """
-        image = real_values(values)
-        if image.ndim < 2 or image.size == 0:
-            raise ValueError(f"values has shape {image.shape}; it must be (height, width, ...)")
-        return _bilinear(image, self._z)
+        image = Field.of(values, method)
+        shape = image.values.shape
+        if len(shape) < 2 or image.values.size == 0:
+            raise ValueError(f"values has shape {shape}; it must be (height, width, ...)")
+        pixels = replace(image, values=image.values.reshape(-1, *shape[2:]))
+        return pixels.at(*_bilinear(shape[0], shape[1], self._z))
 
     def remesh(self, side: float) -> tuple[Floats, Ints, Floats]:
         """Mesh the surface anew by a regular mesh of the disk.
@@ -287,35 +306,29 @@ class DiskBijection(Bijection):
             log.warning("%s no area, between a boundary edge and its arc", faces)
         return W, F, uv
 
-    @property
-    def _images(self) -> Floats:
-        return self.uv
+    @cached_property
+    def _finder(self) -> FaceFinder:
+        return FaceFinder(self.mesh.F, self._z, self.mesh.edges, inscribed=True)
 
     @cached_property
     def _z(self) -> Complex:
         return as_complex(self.uv)
 
-    @cached_property
-    def _finder(self) -> FaceFinder:
-        return FaceFinder(self.mesh.F, self.mesh.edges, self._z, len(self.mesh.F))
 
-
-def _bilinear(image: Floats, z: Complex) -> Floats:
-    """(k, ...) values at points z (k,) of an image (height, width, ...) of the square from -1 to 1.
+def _bilinear(height: int, width: int, z: Complex) -> tuple[Ints, Floats]:
+    """(k, 4) pixels around points z (k,) of the square from -1 to 1, row by row, and weights.
 
     The top row lies at v = 1. Between the rim and the outermost pixel centres, these count.
     """
-    height, width = image.shape[:2]
     row = np.clip((1 - z.imag) / 2 * height - 0.5, 0, height - 1)
     column = np.clip((1 + z.real) / 2 * width - 0.5, 0, width - 1)
     top, left = row.astype(np.int64), column.astype(np.int64)
     bottom, right = np.minimum(top + 1, height - 1), np.minimum(left + 1, width - 1)
-    down, across = (
-        share.reshape(-1, *[1] * (image.ndim - 2)) for share in (row - top, column - left)
-    )
-    above = (1 - across) * image[top, left] + across * image[top, right]
-    below = (1 - across) * image[bottom, left] + across * image[bottom, right]
-    return (1 - down) * above + down * below
+    down, across = row - top, column - left
+    above, below = top * width, bottom * width
+    corners = [above + left, above + right, below + left, below + right]
+    weights = [(1 - down) * (1 - across), (1 - down) * across, down * (1 - across), down * across]
+    return np.stack(corners, axis=1), np.stack(weights, axis=1)
 
 
 def even_ring(side: float) -> Complex:

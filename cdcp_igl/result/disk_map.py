@@ -19,14 +19,13 @@ from ..rescue.harmonic_map import Provenance
 from ..rescue.repair import repair_locally
 from ..verdict.certificate import BOUNDARY_TOLERANCE, Certificate, certify_disk
 from ..verdict.distortion import AngleDistortion
-from .base import Result
-from .bijection import DiskBijection
+from .bijection import Bijection, DiskBijection
 from .landmarks import landmark_automorphism
 from .making import MadeMap
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class OntoDisk(Result, Provenance):
+class OntoDisk(Bijection, Provenance):
     """A map onto the disk with how it came about: a DiskMap or a PartsMap."""
 
     certificate: Certificate

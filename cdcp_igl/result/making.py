@@ -9,7 +9,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints
+from ..arrays import Complex, Floats, Ints, as_complex, size_exponent
 from ..cached import cached_property
 from ..errors import MapError, SolverError
 from ..options import Options
@@ -18,10 +18,11 @@ from ..plot.layout import Layout
 from ..refine.refinement import HALVINGS, STEPS_DUE, Refinement, lower_angle_distortion
 from ..refine.targets import Target
 from ..rescue.repair import Repair
+from ..surface.location import FaceFinder
 from ..surface.mesh import Mesh
 from ..verdict.conformality import LARGEST_DEGREES, judge
 from ..verdict.distortion import AngleDistortion, reported_distortion
-from .base import Result
+from .bijection import Bijection
 
 log = logging.getLogger("cdcp_igl")
 
@@ -39,7 +40,7 @@ PATIENT = 12
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class MadeMap(Result):
+class MadeMap(Bijection):
     """A map of one mesh, with what was done about flipped faces, and about the distortion."""
 
     mesh: Mesh
@@ -65,6 +66,10 @@ class MadeMap(Result):
     def _images(self) -> Floats:
         """Images of the vertices of `mesh`: (n, 2), or (n, 3) on the sphere."""
         return self.uv
+
+    @property
+    def _faces(self) -> Ints:
+        return self.mesh.F
 
     @property
     def rank(self) -> tuple[bool, bool, float]:
@@ -115,6 +120,17 @@ class PlaneMap(MadeMap):
         """Lower left corner and size of the image."""
         low = self.uv.min(axis=0)
         return low, self.uv.max(axis=0) - low
+
+    @cached_property
+    def _finder(self) -> FaceFinder:
+        return FaceFinder(self._faces, self._scaled(self.uv), self.mesh.edges)
+
+    def _located(self, points: Floats) -> tuple[Ints, Floats]:
+        return self._finder.locate(self._scaled(points))[:2]
+
+    def _scaled(self, points: Floats) -> Complex:
+        """(k,) points in a unit in which the coordinates of the map are at most 1, exactly."""
+        return as_complex(np.ldexp(points, -size_exponent(self.uv)))
 
     def _surface(self) -> tuple[Floats, Ints]:
         return self.mesh.positions, self.mesh.F

@@ -1,4 +1,4 @@
-"""The face of the disk, the ring or the sphere in which a point lies, and where in it."""
+"""The face of a map in which a point lies, and where in it: in the plane, and on the sphere."""
 
 from __future__ import annotations
 
@@ -7,50 +7,76 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Complex, Floats, Ints, as_complex
-from .topology import Edges
-from .triangles import EPS, oriented_areas, spanned_areas
+from .. import libigl
+from ..arrays import Bools, Complex, Floats, Ints, as_complex, coordinates
+from ..cached import cached_property
+from .topology import Edges, group_by_edge, tails
+from .triangles import EPS, spanned_areas
 
 Codes = NDArray[np.uint64]
 
 BITS = 31  # of each coordinate in a Morton code: a cell of 1e-9
 ONE_POINT = 1e-12  # size of a face by its distance
-ON_CIRCLE = 1e-12  # points this far outside the circle have left it by rounding
+ON_CIRCLE = 1e-12  # vertices this near the circle lie on it
+RIM = 1e-6  # points this near are taken to the rim: they have single precision, or six digits
 RESOLUTION = 2.0**-52  # of coordinates in the disk
 BLOCK = 1 << 17  # points that walk at a time: their arrays stay in the cache
 AHEAD = 16  # of so many points that are close together, the first is located before the others
 
 
 class FaceFinder:
-    """Locates points in a certified map onto the disk.
+    """Locates points in a certified map z (n,) to the plane, whose coordinates are at most 1.
 
     A walk: from a face nearby, across an edge that has the point on its other side, until
     there is none. The edge is drawn by lot where there are two, so that no walk goes in
     circles. A point counts as beyond an edge where the sign of the orientation is certain, so
     that each point on an edge or a vertex is in one of the faces there.
 
-    Faces from row `shown` on fill holes, and no points are located in them but on the rim of the
-    others. ValueError if the map z (n,) is no bijection onto the polygon inscribed in the unit
-    circle: a face is flipped, or the faces cover more than the disk.
+    The image need not be convex, and rounding turns the edges of crowded faces: of points whose
+    walk leaves it, or is long, the nearest of all faces is searched in a tree of boxes. They are
+    taken to it if they are nearly there; if the map is `inscribed` in the unit circle, those
+    between an edge with both ends on it and its arc, too.
 
     O. Devillers, S. Pion, M. Teillaud. Walking in a triangulation. Int. J. Found. Comput.
     Sci. 13(2), 2002.
     """
 
-    def __init__(self, F: Ints, edges: Edges, z: Complex, shown: int) -> None:
-        area, error = oriented_areas(z, F)
-        if (area < -error).any() or area.sum() > 2 * np.pi * (1 + ON_CIRCLE):
-            raise ValueError("the map is no bijection onto the disk: points have no one place")
-        self._angles, self._rim = _rim(F, edges, z)
-        self._index(F, edges, z, shown)
+    _reach = RIM  # how far from the nearest face points may be
 
-    def _index(self, F: Ints, edges: Edges, images: Floats | Complex, shown: int) -> None:
-        self._F, self._shown = F, shown
-        self._corners: Any = images[F]  # real ones of the sphere
-        self._across = _faces_across(F, edges)
-        codes = _morton(self._key(self._corners.mean(axis=1)))
+    def __init__(
+        self, F: Ints, z: Complex, edges: Edges | None = None, *, inscribed: bool = False
+    ) -> None:
+        self._inscribed = inscribed
+        uv, corners = coordinates(z), z[F]
+        # An arc is no higher over its chord than a quarter of the square of that.
+        longest = float(abs(corners - np.roll(corners, 1, axis=1)).max())
+        margin = RIM + inscribed * longest**2 / 4
+        self._low, self._high = uv[F].min(axis=(0, 1)) - margin, uv[F].max(axis=(0, 1)) + margin
+        self._index(F, np.column_stack([uv, np.zeros(len(z))]), corners, edges)
+
+    def _index(self, F: Ints, P: Floats, corners: Any, edges: Edges | None) -> None:
+        self._F, self._P, self._corners = F, P, corners  # real ones of the sphere
+        n = len(P)
+        self._across = _faces_across(F, edges or group_by_edge(tails(F, n), n))
+        codes = _morton(self._key(corners.mean(axis=1)))
         self._start = np.argsort(codes, kind="stable")
         self._codes = codes[self._start]
+        # A walk from nearby crosses fewer faces; one across all of a mesh as many, about.
+        self._most = 100 + 10 * int(np.sqrt(len(F)))
+
+    @cached_property
+    def _tree(self) -> libigl.Tree:
+        return libigl.Tree(self._P, self._F)
+
+    def _near(self, points: Complex) -> Ints:
+        """Find the points that are not too far away: their rows."""
+        uv = coordinates(points)
+        near = ((self._low <= uv) & (uv <= self._high)).all(axis=1)
+        return np.flatnonzero(near & (abs(points) <= 1 + RIM) if self._inscribed else near)
+
+    def _in_space(self, points: Complex) -> Floats:
+        """(k, 3) where points are in the tree of boxes."""
+        return np.column_stack([points.real, points.imag, np.zeros(len(points))])
 
     def _key(self, points: Complex) -> Complex:
         """(k,) points of the disk by which those that are near are found."""
@@ -60,93 +86,80 @@ class FaceFinder:
         """(k, 3) corners of faces as seen from a point each: it is 0 in the plane."""
         return corners - points[:, None]
 
-    def _outset(self, points: Complex) -> Ints:
-        """(k,) faces from which the way to points leads through no smaller ones: outer ones."""
-        return self._below(points) // 3
+    def locate(self, points: Complex) -> tuple[Ints, Floats, Floats]:
+        """Find the face (k,) of points, barycentric coordinates (k, 3) in it, and how far it is.
 
-    def locate(self, points: Complex) -> tuple[Ints, Floats]:
-        """Find the face (k,) of each point and its barycentric coordinates (k, 3) in it.
-
-        The points are finite. Outside of the unit disk there is face -1, with NaN. Coordinates are
-        not negative, and rows sum to 1; between a boundary edge and its arc they are those of the
-        nearest point of the edge.
+        The points are finite. Where there is no face, it is -1, with NaN, and the distance (k,)
+        infinite; it is 0 within a face. Coordinates are not negative, and rows sum to 1.
         """
         face = np.full(len(points), -1)
-        barycentric = np.full((len(points), 3), np.nan)
-        keys = self._key(points)
-        inside = np.flatnonzero(abs(keys) <= 1 + ON_CIRCLE)
-        codes = _morton(keys[inside])
+        barycentric, away = np.full((len(points), 3), np.nan), np.full(len(points), np.inf)
+        near = self._near(points)
+        codes = _morton(self._key(points[near]))
         # In this order, neighbours in the plane are neighbours in memory.
         order = np.argsort(codes, kind="stable")
-        inside, codes = inside[order], codes[order]
+        near, codes = near[order], codes[order]
         lots = np.random.default_rng(0)
-        for first in range(0, len(inside), BLOCK):
-            rows = inside[first : first + BLOCK]
+        for first in range(0, len(near), BLOCK):
+            rows = near[first : first + BLOCK]
             nearest = np.searchsorted(self._codes, codes[first : first + BLOCK])
             start = self._start[np.minimum(nearest, len(self._start) - 1)]
-            if len(inside) > len(self._start):  # neighbours are nearer than centres of long faces
+            if len(near) > len(self._start):  # neighbours are nearer than centres of long faces
                 sent, _ = self._walk(points[rows[::AHEAD]], start[::AHEAD], lots)
+                sent = np.where(sent < 0, start[::AHEAD], sent)
                 start = np.repeat(sent, AHEAD)[: len(rows)]
             face[rows], barycentric[rows] = self._walk(points[rows], start, lots)
-        hidden = np.flatnonzero(face >= self._shown)
-        face[hidden], barycentric[hidden] = self._on_rim(face[hidden], barycentric[hidden])
-        return face, barycentric
+        away[face >= 0] = 0
+        lost = near[face[near] < 0]
+        face[lost], barycentric[lost], away[lost] = self._nearest(points[lost])
+        return face, barycentric, away
 
-    def _on_rim(self, hidden: Ints, barycentric: Floats) -> tuple[Ints, Floats]:
-        """Take points of faces that fill a hole to one beside it, if they lie on its rim."""
-        weights, F = np.where(barycentric > ON_CIRCLE, barycentric, 0), self._F
-        face_at = np.full(self._F.max() + 1, -1)
-        face_at[F[: self._shown]] = np.arange(self._shown)[:, None]
-        at_vertex = (weights > 0).sum(axis=1) == 1
-        beside = np.where(
-            at_vertex,
-            face_at[F[hidden, weights.argmax(axis=1)]],
-            self._across[hidden, weights.argmin(axis=1)],
-        )
-        on_rim = (weights.min(axis=1) == 0) & (beside >= 0) & (beside < self._shown)
-        same = F[beside][:, :, None] == F[hidden][:, None]
-        weights = (same * weights[:, None]).sum(axis=2)
-        weights /= np.where(on_rim, weights.sum(axis=1), np.nan)[:, None]
-        return np.where(on_rim, beside, -1), weights
-
-    def _walk(self, points: Complex, face: Ints, lots: np.random.Generator) -> tuple[Ints, Floats]:
-        """Walk from the given faces to those of the points."""
-        barycentric = np.empty((len(points), 3))
+    def _walk(self, points: Complex, at: Ints, lots: np.random.Generator) -> tuple[Ints, Floats]:
+        """Walk from the given faces to those of the points; -1 where a walk has not arrived."""
+        face, barycentric = np.full(len(points), -1), np.full((len(points), 3), np.nan)
         on_way = np.arange(len(points))
-        while len(on_way):
-            seen = self._seen(self._corners[face[on_way]], points[on_way])
+        for _ in range(self._most):
+            if len(on_way) == 0:
+                break
+            seen = self._seen(self._corners[at], points[on_way])
             areas, beyond = _orientations(seen)
             blocked = np.asarray(beyond.any(axis=1))
-            # Faces so small and far away that they seem to be one point hold no other.
             there = np.flatnonzero(~blocked)
-            there = there[areas[there].max(axis=1) < 4 * ONE_POINT]  # as all of these are
-            reach = abs(seen[there] - np.roll(seen[there], 1, axis=1)).max(axis=1)
-            strayed = there[reach < ONE_POINT * abs(seen[there]).max(axis=1)]
-            blocked[strayed] = True
-            arrived, ahead = np.flatnonzero(~blocked), np.flatnonzero(blocked)
-            barycentric[on_way[arrived]] = _weights(seen[arrived], areas[arrived])
+            # Faces so small and far away that they seem to be one point hold no other.
+            small = there[areas[there].max(axis=1) < 4 * ONE_POINT]  # as all of these are
+            size = abs(seen[small] - np.roll(seen[small], 1, axis=1)).max(axis=1)
+            strayed = small[size < ONE_POINT * abs(seen[small]).max(axis=1)]
+            there = np.setdiff1d(there, strayed, assume_unique=True)
+            face[on_way[there]] = at[there]
+            barycentric[on_way[there]] = _weights(seen[there], areas[there])
 
+            ahead = np.flatnonzero(blocked)
             edge = (beyond[ahead] * lots.random((len(ahead), 3))).argmax(axis=1)
-            rows = on_way[ahead]
-            following = self._across[face[rows], edge]
-            again = np.searchsorted(ahead, strayed)
-            following[again] = self._outset(points[rows[again]])
-            out = np.flatnonzero(following < 0)
-            nearest = _nearest_on_edge(seen[ahead[out]], edge[out])
-            # Where the boundary is crowded, rounding turns its edges, and their lines cut through
-            # the disk. Only the edge below the arc that the point is nearest to sends it out.
-            below = self._below(self._key(points[rows[out]]))
-            follows = below != 3 * face[rows[out]] + edge[out]
-            follows &= nearest.max(axis=1) == 1  # not beside this edge
-            following[out[follows]] = below[follows] // 3
-            barycentric[rows[out]] = nearest
-            on_way = rows[following >= 0]
-            face[on_way] = following[following >= 0]
+            following = self._across[at[ahead], edge]
+            inside = following >= 0
+            on_way, at = on_way[ahead[inside]], following[inside]
         return face, barycentric
 
-    def _below(self, points: Complex) -> Ints:
-        """(k,) the boundary edge in the direction of each point: 3 times its face, plus corner."""
-        return self._rim[np.searchsorted(self._angles, np.angle(points), side="right") - 1]
+    def _nearest(self, points: Complex) -> tuple[Ints, Floats, Floats]:
+        """Locate points in the nearest of all faces, if that is near enough, as `locate` does."""
+        if len(points) == 0:
+            return np.empty(0, np.int64), np.empty((0, 3)), np.empty(0)
+        face = self._tree.nearest(self._in_space(points))
+        corners = self._corners[face]
+        seen = self._seen(corners, points)
+        areas, beyond = _orientations(seen)
+        with np.errstate(invalid="ignore"):
+            barycentric = _weights(seen, areas)
+        out = np.flatnonzero(beyond.any(axis=1))
+        on_edges = np.stack([_nearest_on_edge(seen[out], k) for k in range(3)])
+        edge = abs((on_edges * seen[out]).sum(axis=2)).argmin(axis=0)
+        barycentric[out] = on_edges[edge, np.arange(len(out))]
+        away = abs((barycentric * seen).sum(axis=1))
+        far = ~(away <= self._reach)
+        if self._inscribed:
+            far &= ~((abs(corners) > 1 - ON_CIRCLE) | (barycentric == 0)).all(axis=1)
+        face[far], barycentric[far], away[far] = -1, np.nan, np.inf
+        return face, barycentric, away
 
 
 class SphereFinder(FaceFinder):
@@ -157,13 +170,17 @@ class SphereFinder(FaceFinder):
     the ray from 0 meets the straight triangle.
     """
 
-    def __init__(self, F: Ints, edges: Edges, P: Floats) -> None:
-        self._angles, self._rim = np.empty(0), np.empty(0, np.int64)
-        self._index(F, edges, P, len(F))
-        self._largest = int(np.linalg.norm(P[F] - P[np.roll(F, 1, axis=1)], axis=2).max(1).argmax())
+    _reach = np.inf
 
-    def _outset(self, points: Floats) -> Ints:  # type: ignore[override]
-        return np.full(len(points), self._largest)
+    def __init__(self, F: Ints, P: Floats, edges: Edges) -> None:
+        self._inscribed = False
+        self._index(F, P, P[F], edges)
+
+    def _near(self, points: Floats) -> Ints:  # type: ignore[override]
+        return np.arange(len(points))
+
+    def _in_space(self, points: Floats) -> Floats:  # type: ignore[override]
+        return points
 
     def _key(self, points: Floats) -> Complex:  # type: ignore[override]
         # Lambert's azimuthal projection, of equal area.
@@ -193,14 +210,6 @@ def _faces_across(F: Ints, edges: Edges) -> Ints:
     across[one], across[other] = other % m, one % m
     # Half-edge k m + f leaves corner k of face f, so it lies opposite corner k - 1.
     return np.roll(across.reshape(3, m), -1, axis=0).T.copy()
-
-
-def _rim(F: Ints, edges: Edges, z: Complex) -> tuple[Floats, Ints]:
-    """Where on the circle each boundary edge begins, ascending, and 3 face + opposite corner."""
-    corner, face = np.divmod(edges.border.astype(np.int64), len(F))
-    angles = np.angle(z[F[face, corner]])
-    order = np.argsort(angles)
-    return angles[order], (3 * face + (corner - 1) % 3)[order]
 
 
 def _orientations(seen: Complex) -> tuple[Floats, Bools]:
@@ -234,14 +243,13 @@ def _weights(seen: Complex, areas: Floats) -> Floats:
     return weights
 
 
-def _nearest_on_edge(seen: Complex, edge: Ints) -> Floats:
-    """(k, 3) barycentric coordinates of the point nearest to the origin on an edge."""
-    rows = np.arange(len(seen))
-    tail, head = (edge + 1) % 3, (edge + 2) % 3
-    a, along = seen[rows, tail], seen[rows, head] - seen[rows, tail]
-    share = np.clip(-(a * along.conj()).real / abs(along) ** 2, 0, 1)
+def _nearest_on_edge(seen: Complex, corner: int) -> Floats:
+    """(k, 3) barycentric coordinates of the point nearest to the origin on the edge opposite."""
+    tail, head = seen[:, corner - 2], seen[:, corner - 1]
+    along = head - tail
     barycentric = np.zeros(seen.shape)
-    barycentric[rows, tail], barycentric[rows, head] = 1 - share, share
+    share = np.clip(-(tail * along.conj()).real / abs(along) ** 2, 0, 1)
+    barycentric[:, corner - 2], barycentric[:, corner - 1] = 1 - share, share
     return barycentric
 
 

@@ -259,6 +259,36 @@ def certify_ring(mesh: Mesh, f: Complex, known: tuple[Ints, int] | None = None) 
     return together([certificate_of(outer, *flipped), certificate_of(inner, none, 0)])
 
 
+def certify_rectangle(
+    mesh: Mesh, sides: Sequence[Ints], f: Complex, known: tuple[Ints, int] | None = None
+) -> Certificate:
+    """Verify a map (n,) onto a rectangle with the corners 0 and i, as `certify` onto the disk.
+
+    Its width is where the third corner lies. `flipped_faces` of it may be `known`.
+    """
+    if not np.isfinite(f).all():
+        return not_finite(mesh)
+    bottom, right, top, left = sides
+    width = f.real[top[0]]
+    off = f.imag[bottom], f.real[right] - width, f.imag[top] - 1, f.real[left]
+    from_middle = f[mesh.loop] - (width + 1j) / 2
+    turns = np.angle(np.roll(from_middle, -1) * from_middle.conj())
+    flipped, n_exact = known or flipped_faces(f, mesh.F)
+    return Certificate(
+        finite=True,
+        boundary_error=float(abs(np.concatenate(off)).max()),
+        boundary_monotone=along_sides(sides, f),
+        winding_number=round(turns.sum() / (2 * np.pi)),
+        flipped=flipped,
+        n_exact=n_exact,
+    )
+
+
+def along_sides(sides: Sequence[Ints], f: Complex) -> bool:
+    """Whether each side of a rectangle is run through forwards, no two vertices in one place."""
+    return all((np.diff((f[side] * (-1j) ** k).real) > 0).all() for k, side in enumerate(sides))
+
+
 def not_finite(mesh: Mesh) -> Certificate:
     """Return the certificate of a map that is not finite: all faces count as flipped."""
     return Certificate(False, np.inf, False, 0, np.arange(len(mesh.F)), 0)

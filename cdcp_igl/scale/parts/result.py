@@ -14,12 +14,13 @@ from typing import Any, get_type_hints
 import numpy as np
 from numpy.lib.format import open_memmap
 
-from ...arrays import Floats, Ints, coordinates
+from ...arrays import Floats, Ints, as_complex, coordinates
 from ...cached import cached_property
 from ...io.output import whole_file, write_text
 from ...plot.layout import Layout
 from ...printing import as_html
 from ...result.disk_map import OntoDisk
+from ...surface.location import FaceFinder
 from ...verdict.distortion import AngleDistortion
 from .part import Arrays, Folder
 from .parting import ROWS
@@ -175,6 +176,25 @@ class PartsMap(OntoDisk):
     def lost_in_single_precision(self) -> tuple[int, float]:
         """As of a DiskMap: measured when the map is certified."""
         return self.lost
+
+    @property
+    def _faces(self) -> Ints:
+        F = np.empty((self.folder.faces, 3), np.int64)
+        for part, _ in self._parts("vertices", "faces", "F"):
+            F[part["faces"]] = part["vertices"][part["F"]]
+        return F
+
+    def _located(self, points: Floats) -> tuple[Ints, Floats]:
+        """Locate points in each part, and take the nearest."""
+        face, barycentric = np.full(len(points), -1), np.full((len(points), 3), np.nan)
+        away = np.full(len(points), np.inf)
+        for part, uv in self._parts("faces", "F"):
+            finder = FaceFinder(part["F"], as_complex(uv), inscribed=True)
+            found, weights, distance = finder.locate(as_complex(points))
+            here = np.flatnonzero(distance < away)
+            face[here], barycentric[here] = part["faces"][found[here]], weights[here]
+            away[here] = distance[here]
+        return face, barycentric
 
     def _subject(self) -> str:
         return f"{self.folder.vertices:,} vertices in {len(self.folder.parts)} parts"
