@@ -15,6 +15,7 @@ from ..cached import cached_property
 from ..errors import counted
 from ..fields import Field, Method
 from ..surface.location import FaceFinder
+from ..surface.mesh import Mesh
 from ..surface.triangles import corner_cotangents, degenerate_faces
 from .base import Result
 

@@ -1,0 +1,125 @@
+"""Every map by every method of its result: what one of them can, all can, or say why not."""
+
+import pickle
+
+import numpy as np
+import pytest
+from meshes import grid
+from surfaces import pierced_sphere
+
+import cdcp_igl
+from cdcp_igl.result.base import Result
+from cdcp_igl.result.bijection import Bijection
+
+SHEET = grid(12, 15)
+DOME = cdcp_igl.datasets.spherical_cap(8)[:2]
+BALL = cdcp_igl.datasets.spheroid(2, 2)[:2]
+
+
+def in_parts(V, F, **options):
+    return cdcp_igl.parts_map(options.pop("folder"), **options)
+
+
+# What makes each, with what it needs.
+MAPS = {
+    "DiskMap": (cdcp_igl.disk_map, DOME, {}),
+    "FreeMap": (cdcp_igl.free_map, DOME, {}),
+    "RectangleMap": (cdcp_igl.rectangle_map, SHEET, {"corners": [0, 14, 179, 165]}),
+    "AnnulusMap": (cdcp_igl.annulus_map, pierced_sphere(), {}),
+    "SphereMap": (cdcp_igl.sphere_map, BALL, {}),
+    "SurfaceMap": (cdcp_igl.surface_map, BALL, {}),
+    "PartsMap": (in_parts, SHEET, {}),
+}
+
+
+def kinds(base):
+    """All classes of results that are no bases of others."""
+    for kind in base.__subclasses__():
+        yield from kinds(kind)
+        if not kind.__subclasses__():
+            yield kind
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Each map by its name, once, with the phases that it has reported."""
+    found = {}
+
+    def make(name, **options):
+        function, (V, F, *_), needed = MAPS[name]
+        if name == "PartsMap":
+            needed = {"folder": tmp_path_factory.mktemp("parts") / "sheet"}
+            cdcp_igl.partition((V, F), needed["folder"], parts=4)
+        if name not in found or options:
+            found[name] = function(V, F, **needed, **options)
+        return V, F, found[name]
+
+    return make
+
+
+def test_the_table_has_all_maps():
+    assert set(MAPS) == {kind.__name__ for kind in kinds(Result)}
+    assert all(issubclass(kind, Bijection) for kind in kinds(Result))
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_points_go_there_and_back(made, name):
+    V, F, result = made(name)
+    rng = np.random.default_rng(5)
+    face = rng.integers(len(F), size=400)
+    barycentric = rng.dirichlet([1, 1, 1], 400)
+    barycentric[:100] = np.eye(3)[rng.integers(3, size=100)]  # at vertices, so at the rim, too
+    there = result.apply(face, barycentric)
+    digits = 10.0 ** (6 - np.ceil(np.log10(abs(there).max())))
+    for points in (there, there.astype(np.float32), np.round(there * digits) / digits):
+        found, weights = result.invert(points)
+        assert found.min() >= 0
+        assert weights.min() >= 0
+        assert abs(result.apply(found, weights) - points).max() < 2e-6 * abs(there).max()
+    found, weights = result.invert(there)
+    assert abs(result.apply(found, weights) - there).max() < 1e-15 * abs(there).max() * 4
+    assert (found == face)[100:].mean() > 0.99
+    # The same place of the surface, unless the point lies on a cut.
+    where = np.einsum("kc,kcx->kx", barycentric, V[F[face]])
+    assert abs(result.interpolate(V, there)[:, : V.shape[1]] - where)[100:].max() < 1e-9
+    if there.shape[1] == 2:
+        assert (result.invert(there.max(axis=0) + np.array([0.01, 1]))[0] == -1).all()
+        assert np.isnan(result.interpolate(V, [1e300, 0])).all()
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_labels_masks_and_gaps_are_no_smooth_fields(made, name):
+    V, F, result = made(name)
+    rng = np.random.default_rng(6)
+    face, barycentric = rng.integers(len(F), size=900), rng.dirichlet([1, 1, 1], 900)
+    points = result.apply(face, barycentric)
+    label = np.array([3, 17, 40])[rng.integers(3, size=len(V))]
+    for labels in (label, label > 10, np.ma.array(label)):
+        for found in (result.interpolate(labels, points), result.bake(labels, 64)):
+            assert set(np.unique(found)) <= set(np.unique(labels))
+    nearest = label[F[face, barycentric.argmax(axis=1)]]
+    assert (result.interpolate(label, points) == nearest).mean() > 0.99
+    mean = (barycentric * label[F[face]]).sum(axis=1)
+    np.testing.assert_allclose(result.interpolate(label, points, method="linear"), mean, 1e-6)
+    masked = np.ma.masked_equal(np.where(np.arange(len(V)) == F[7, 0], -9999.0, V[:, 0]), -9999)
+    assert np.nanmin(result.interpolate(masked, points)) >= V[:, 0].min()
+    assert np.nanmin(result.bake(masked, 64)) >= V[:, 0].min()
+    assert result.view_html(fields={"height": masked, "label": label})
+    # What does not count is not read.
+    corners = result.apply(np.full(3, 7), np.eye(3))
+    values = result.interpolate(masked, corners)
+    if name != "SurfaceMap":  # where a point may lie on a cut
+        assert np.isnan(values).tolist() == [True, False, False]
+    with pytest.raises(ValueError, match="rows"):
+        result.interpolate(V[:-1], points)
+    with pytest.raises(ValueError, match='"linear" or "nearest"'):
+        result.interpolate(V, points, method="cubic")
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_a_map_is_pickled_without_what_it_has_looked_up(made, name):
+    _, _, result = made(name)
+    points = result.apply([3, 5], [[0.2, 0.3, 0.5]] * 2)
+    other = pickle.loads(pickle.dumps(result))
+    assert str(other) == str(result)
+    np.testing.assert_array_equal(other.invert(points)[0], result.invert(points)[0])
