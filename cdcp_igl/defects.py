@@ -112,7 +112,7 @@ DEFECTS = {
     "no surface": Row(
         "{type} is no surface: it has no vertices, points or V, or no faces, triangles, cells or F",
         "Pass V and F; or in their place a tuple (V, F), the path of a file, or a mesh of trimesh, "
-        "Open3D, PyVista or meshio.",
+        "Open3D, PyVista, meshio, nilearn or LaPy.",
     ),
     "no surface, but another": Row(
         "{type} has no triangles or polygons of its own, but mesh.{method}() has",

@@ -83,7 +83,7 @@ def raised_outside_of_check(folder):
     yield lambda: cdcp_igl.annulus_map(*meshes.ear_at_a_hole()[:2])
     yield lambda: cdcp_igl.disk_map(*torus())
     yield lambda: cdcp_igl.check(V)
-    yield lambda: cdcp_igl.check(SimpleNamespace(to_mesh=None))
+    yield lambda: cdcp_igl.check(SimpleNamespace(to_legacy=None))
     yield lambda: cdcp_igl.cdcp(V, F.ravel())
     yield lambda: cdcp_igl.cdcp(V, [SimpleNamespace(type="triangle", data=F)])
     np.savez(folder / "columns.npz", V=V.T, F=F.T)

@@ -62,10 +62,18 @@ OBJ = "".join("v {} {} {}\n".format(*row) for row in V.tolist())
 OBJ += "".join(f"f {' '.join(map(str, row + 1))}\n" for row in QUADS)
 TURN = [0, 0, 0.6, 0.8]  # a quaternion: the angle whose half has the cosine 0.8
 TURNED = V @ [[0.28, 0.96, 0], [-0.96, 0.28, 0], [0, 0, 1]]
+SCENE = trimesh.Scene()
+ROTATION = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])  # by which the scene has the mesh turned
+SCENE.add_geometry(
+    trimesh.Trimesh(V, F, process=False), transform=np.pad(ROTATION, (0, 1)) + np.diag([0, 0, 0, 1])
+)
 
 # One object in place of V and F, and the disk that it is; or the surface, and how many disks.
 DISKS = {
     "trimesh": (trimesh.Trimesh(V, F, process=False), V, F),
+    "a scene of trimesh": (SCENE, V @ ROTATION.T, F),
+    "LaPy": (SimpleNamespace(v=V, t=F), V, F),
+    "nilearn": (SimpleNamespace(coordinates=V, faces=F), V, F),
     "Open3D": (SimpleNamespace(vertices=V.tolist(), triangles=F.tolist()), V, F),
     "PyVista": (SimpleNamespace(points=V, faces=flat(*F)), V, F),
     "PyVista, polygons": (SimpleNamespace(points=V, faces=flat(*QUADS[:6], *F[12:])), V, F),
@@ -100,7 +108,7 @@ SURFACES = {
 REFUSED = {
     "an array": (V, "is no surface"),
     "nothing": (None, "NoneType is no surface"),
-    "a scene": (SimpleNamespace(geometry={}, to_mesh=None), "to_mesh()"),
+    "an empty scene": (trimesh.Scene(), "V has shape (0, 3)"),
     "tensors": (SimpleNamespace(vertex={}, triangle={}, to_legacy=None), "to_legacy()"),
     "tetrahedra": (
         SimpleNamespace(points=V, cells=flat(range(4)), celltypes=[10], extract_surface=None),

@@ -93,7 +93,7 @@ def _surfaces() -> list[tuple[Floats, Ints]]:
 
 
 def _mapped(surface: int, solver: str) -> Floats:
-    return cdcp(*_surfaces()[surface], solver=solver)  # type: ignore[arg-type]
+    return cdcp(*_surfaces()[surface], solver=solver)  # type: ignore[call-overload]
 
 
 _undisturbed = cache(_mapped)
@@ -166,7 +166,7 @@ def _address_space(rng: np.random.Generator, folder: Path) -> str:
         size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         most = size + int(2 ** rng.uniform(16, 30))
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
-        _exit_with(lambda: len(cdcp(V, F, solver=solver)) > 0)  # type: ignore[arg-type]
+        _exit_with(lambda: len(cdcp(V, F, solver=solver)) > 0)  # type: ignore[call-overload]
     ended = _waited(child)
     typed = {0: "mapped", TYPED: "SolverError or MapError", NO_MEMORY: "MemoryError"}
     return typed.get(ended, f"{FAULT}child ended with {ended}")

@@ -11,9 +11,10 @@ from functools import wraps
 from inspect import signature
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, Concatenate, ParamSpec, Protocol, TypeAlias, TypeVar, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
 from ..errors import Defect, MeshError
@@ -22,13 +23,17 @@ from .reading import Array, read_polygons
 
 log = logging.getLogger("cdcp_igl")
 
-Function = TypeVar("Function", bound=Callable[..., Any])
+Name: TypeAlias = str | PathLike[str]
+Options = ParamSpec("Options")
+Made = TypeVar("Made", covariant=True)
 
 # trimesh has vertices and faces, Open3D vertices and triangles, PyVista points and faces, meshio
-# points and cells, and what `clean` and `cut` return V and F.
-VERTICES, FACES = ("vertices", "points", "V"), ("faces", "triangles", "cells", "F")
-# Methods of scenes, tensors and grids that give such a mesh.
-INSTEAD = ("to_mesh", "to_legacy", "extract_surface")
+# points and cells, nilearn coordinates and faces, LaPy v and t, what `clean` and `cut` return V
+# and F.
+VERTICES = ("vertices", "points", "coordinates", "V", "v")
+FACES = ("faces", "triangles", "cells", "F", "t")
+# Methods of tensors and grids that give such a mesh.
+INSTEAD = ("to_legacy", "extract_surface")
 POLYGONS_OF_VTK = (5, 7, 9)  # triangles, polygons, quads
 
 
@@ -39,7 +44,39 @@ class FromFile:
     source: Path | None = None
 
 
-def takes_meshes(function: Function) -> Function:
+class OfSurface(Protocol[Options, Made]):
+    """A function of V and F, or of one object in their place, which may be of any type."""
+
+    @overload
+    def __call__(
+        self, V: ArrayLike, F: ArrayLike, *more: Options.args, **options: Options.kwargs
+    ) -> Made: ...
+    @overload
+    def __call__(self, mesh: object, *more: Options.args, **options: Options.kwargs) -> Made: ...
+
+
+class ToFile(Protocol[Options, Made]):
+    """A function of a path and then of V and F, or of one object in their place."""
+
+    @overload
+    def __call__(
+        self, path: Name, V: ArrayLike, F: ArrayLike, *more: Options.args, **options: Options.kwargs
+    ) -> Made: ...
+    @overload
+    def __call__(
+        self, path: Name, mesh: object, *more: Options.args, **options: Options.kwargs
+    ) -> Made: ...
+
+
+@overload
+def takes_meshes(  # type: ignore[overload-overlap]  # a path might be an array, for who sees types
+    function: Callable[Concatenate[ArrayLike, ArrayLike, Options], Made],
+) -> OfSurface[Options, Made]: ...
+@overload
+def takes_meshes(
+    function: Callable[Concatenate[Name, ArrayLike, ArrayLike, Options], Made],
+) -> ToFile[Options, Made]: ...
+def takes_meshes(function: Callable[..., Any]) -> Any:
     """Let one object stand in the place of the arguments V and F.
 
     Polygons are triangulated; errors name them, and a function that takes `polygon_of_face` is
@@ -64,11 +101,11 @@ def takes_meshes(function: Function) -> Function:
             object.__setattr__(made, "source", Path(given))  # which may be frozen
         return made
 
-    return cast("Function", run)
+    return run
 
 
 def _is_mesh(given: Any) -> bool:
-    if isinstance(given, str | PathLike) or any(hasattr(given, name) for name in VERTICES):
+    if isinstance(given, str | PathLike) or any(hasattr(given, x) for x in (*VERTICES, "to_mesh")):
         return True
     return isinstance(given, tuple) and len(given) == 2 and np.ndim(given[0]) == 2
 
@@ -79,6 +116,8 @@ def surface_of(mesh: Any) -> tuple[Array, Array, Ints]:
         return read_polygons(mesh, log.warning)
     if isinstance(mesh, tuple) and len(mesh) == 2:
         return mesh[0], *triangulated(mesh[1])
+    if not any(hasattr(mesh, name) for name in VERTICES) and hasattr(mesh, "to_mesh"):
+        mesh = mesh.to_mesh()  # a scene of trimesh: its meshes in one, each where it stands
     V, faces = (
         next((getattr(mesh, name) for name in names if hasattr(mesh, name)), None)
         for names in (VERTICES, FACES)

@@ -104,7 +104,7 @@ def disk_map(
     ----------
     V : (n, 3) or (n, 2) array_like of real numbers
         Vertex positions, in any unit. Two columns are a planar mesh. In place of V and F: the
-        path of a file, a tuple, or a mesh of trimesh, Open3D, PyVista or meshio.
+        path of a file, a tuple, or a mesh of trimesh, Open3D, PyVista, meshio, nilearn or LaPy.
     F : (m, 3) array_like of integers
         Corners of the faces, counterclockwise seen from outside: one component, one
         boundary loop, no handle.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,7 +60,11 @@ class DiskMapper:
     True
     """
 
-    @takes_meshes
+    @overload
+    def __init__(self, V: ArrayLike, F: ArrayLike, *, solver: SolverName | None = None) -> None: ...
+    @overload
+    def __init__(self, mesh: object, *, solver: SolverName | None = None) -> None: ...
+    @takes_meshes  # type: ignore[arg-type, misc]
     def __init__(self, V: ArrayLike, F: ArrayLike, *, solver: SolverName | None = None) -> None:
         mesh = DiskMesh(V, F)
         self._solver = solver

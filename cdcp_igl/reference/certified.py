@@ -6,24 +6,29 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from inspect import getdoc
-from typing import Any, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeAlias
+
+from numpy.typing import ArrayLike
 
 from ..arrays import Complex, Floats, coordinates
 from ..errors import MapError
-from ..io.given import takes_meshes
+from ..io.given import OfSurface, takes_meshes
 from ..surface.mesh import Mesh
 from ..verdict.certificate import Certificate, SphereCertificate, certify, certify_sphere
 
-Method = TypeVar("Method", bound=Callable[..., Any])
+Options = ParamSpec("Options")
+Reference: TypeAlias = Callable[Concatenate[ArrayLike, ArrayLike, Options], Floats]
 
 
-def like(model: Callable[..., Any]) -> Callable[[Method], Method]:
+def like(
+    model: Callable[..., Any],
+) -> Callable[[Reference[Options]], OfSurface[Options, Floats]]:
     """Let a docstring leave out what another one says, too: V, F, the map, the errors.
 
     Sections that it lacks are those of the model; its parameters come after V and F.
     """
 
-    def told(method: Method) -> Method:
+    def told(method: Reference[Options]) -> OfSurface[Options, Floats]:
         given, own = _sections(model), _sections(method)
         if "Parameters" in own:
             own["Parameters"] = "\n".join([given["Parameters"], *own["Parameters"].split("\n")[2:]])
