@@ -6,6 +6,8 @@ import inspect
 import re
 import runpy
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import igl
@@ -227,3 +229,57 @@ def test_the_printed_result(real_mesh):
         assert shown[:22] == label
         if label.strip() not in ("solver", "seconds"):  # of the machine
             assert shown == line
+
+
+# -- what is told is typed -------------------------------------------------------------
+
+TYPED = """# pyright: standard, reportUnknownArgumentType=true, reportUnknownVariableType=true
+# pyright: reportUnknownMemberType=true
+from typing import Any, assert_type
+
+import numpy as np
+from numpy.typing import NDArray
+
+import cdcp_igl
+
+assert_type(cdcp_igl.surface_map("a.glb").packed(), NDArray[np.float64])
+assert_type(cdcp_igl.DiskMapper("a.glb").map(), cdcp_igl.DiskMap)
+"""
+KNOWN = """
+def block_{}(
+    V: NDArray[np.float64], F: NDArray[np.int64], V_later: NDArray[np.float64],
+    result: cdcp_igl.DiskMap, corners: list[int], anything: Any,
+) -> None:
+    {}
+"""
+
+
+def calls_with_one_object():
+    for module, name in (param.values for param in public_names()):
+        called = getattr(importlib.import_module(module), name)
+        if not inspect.isfunction(called) and name != "DiskMapper":
+            continue
+        parameters = inspect.signature(called).parameters.values()
+        needed = [each.name for each in parameters if each.default is each.empty]
+        if {"V", "F"} <= set(needed):
+            needed.remove("F")
+            objects = ('"a.obj"' if each == "V" else "anything" for each in needed)
+            yield f"{module}.{name}({', '.join(objects)})"
+
+
+@pytest.mark.parametrize("checker", ["mypy", "basedpyright"])  # pyright as a wheel
+def test_readme_and_one_object_in_place_of_two_are_typed(tmp_path, checker):
+    code = [
+        [line.removeprefix(">>> ") for line in block.splitlines() if line[:3] == block[:3] == ">>>"]
+        or block.splitlines()
+        for block in blocks("python")
+    ]
+    code.append(list(calls_with_one_object()))
+    assert len(code[-1]) > 20
+    file = tmp_path / "readme.py"
+    functions = (KNOWN.format(k, "\n    ".join(lines)) for k, lines in enumerate(code))
+    file.write_text(TYPED + "".join(functions), encoding="utf-8")
+    options = {"mypy": ["--strict"], "basedpyright": ["--pythonpath", sys.executable]}[checker]
+    command = [sys.executable, "-m", checker, *options, str(file)]
+    ran = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
