@@ -1,5 +1,6 @@
 """Maps with a free outline: what is flat, caps, cones, given boundaries, and overlaps."""
 
+import itertools
 import pickle
 from fractions import Fraction
 
@@ -178,6 +179,35 @@ def test_refinement_frees_the_outline_and_keeps_its_length():
 def test_what_is_not_conformal_is_refined_as_needed():
     V, F = rugged(0)
     assert cdcp_igl.free_map(V, F).refinement.steps > 0
+
+
+def walk(n, *corners):
+    """Vertices of a grid of n by n along straight lines between corners (i, j)."""
+    runs = [
+        np.linspace(a, b, max(map(abs, np.subtract(b, a))) + 1)[:-1]
+        for a, b in itertools.pairwise(corners)
+    ]
+    return (np.vstack([*runs, corners[-1:]]).round().astype(int)) @ [n, 1]
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [(0, 8), (8, 8)],
+        [(0, 4), (12, 4), (12, 12), (4, 12)],
+        [(0, 2), (14, 2), (14, 14), (3, 14), (3, 5), (11, 5), (11, 11), (7, 7)],
+    ],
+    ids=["slit", "hook", "spiral"],
+)
+@pytest.mark.parametrize("size", [1, 1e-6])
+def test_what_is_flat_keeps_its_shape_along_any_slit(corners, size):
+    """Both sides of it lie in the same place, which is no overlap."""
+    x, y, F = cells(17, 17)
+    V = np.column_stack([x, y]) * size
+    opened = cdcp_igl.cut(V, F, walk(17, *corners))
+    result = cdcp_igl.free_map(opened.V, opened.F)
+    assert result.boundary == "own lengths"
+    assert error(result, opened.V) < 1e-9 * size
 
 
 # -- overlaps --------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -36,11 +36,13 @@ from .boundary_first import (
 )
 from .disk import factored_surface, map_of
 
-# Shares of the way from the boundary with its own lengths to that of the map onto the disk, in the
-# logarithms of lengths; tried in turn where the outline overlaps itself.
-EASED = (0.06, 0.12, 0.25, 0.5, 0.75)
+# An outline that touches itself, as both sides of a slit do, is set apart by so much of its size:
+# the least that rounding lets be.
+APART = (1e-13, 1e-12, 1e-11, 1e-10)
+# The first share of easing, towards the lengths that the boundary has on the disk.
+EASED = 1 / 64
 EASING = 5  # steps of refinement that free the outline of a disk, or one that was eased too far
-OWN = "own lengths"
+OWN, DELAUNAY = "own lengths", "intrinsic Delaunay"
 SUM_TOLERANCE = 1e-9  # of exterior angles, which add up to 2 pi
 # Phases of a map onto the disk that one with a free outline only has where its outline is eased.
 OF_THE_DISK = ("center", "trace", "circle", "mobius")
@@ -66,8 +68,8 @@ class FreeMap(PlaneMap):
         Area of the image by that of the surface.
     boundary : str
         ``"own lengths"``, ``"given scale"`` or ``"given angles"``. Where the outline would
-        overlap itself, or flipped faces be left: ``"eased by 25%"``, or 50 or 75, so far towards
-        the lengths that it has on the disk; or ``"eased from the disk"`` by refinement.
+        overlap itself, or flipped faces be left: ``"eased by 25%"``, so far towards the lengths
+        that it has on the disk; or ``"eased from the disk"`` by refinement.
     laplacian : str
         ``"cotangent"``; or, where that gives no valid map, or none that is conformal,
         ``"intrinsic Delaunay"``.
@@ -125,7 +127,8 @@ def free_map(
     the disk it takes two more solves. Refinement then moves the outline, too.
 
     An outline that overlaps itself is eased: its lengths go towards those that it has on the disk,
-    as far as needed. ``result.boundary`` says so.
+    as far as needed. ``result.boundary`` says so. One that only touches itself, like the sides of a
+    slit, is set apart by what rounding needs, at most 1e-10 of its size.
 
     Parameters
     ----------
@@ -286,50 +289,54 @@ def _best_map(
 ) -> FreeMap:
     """Try one way after the other until a map is conformal; the best, valid or not."""
 
-    def ways(of: Ways) -> Iterator[Callable[[], FreeMap]]:
-        for f, name, laplacian in of:
-            yield partial(_finished, surface, f, name, laplacian, asked.length, options, phase)
+    def finished(f: Complex, name: str, laplacian: str) -> FreeMap:
+        return _finished(surface, f, name, laplacian, asked.length, options, phase)
 
-    best = best_of(ways(_plain_maps(surface, asked, phase)))
-    if asked.name != OWN or best.valid:
+    plain = best_of(partial(finished, *way) for way in _plain_maps(surface, asked, phase))
+    if asked.name != OWN or plain.valid:
+        return plain
+    with phase("circle"):
+        disk = map_of(surface, Options(refine=0), Phases(), known={})
+
+    def eased() -> FreeMap:
+        """Return the valid map that is eased least, by bisection of the logarithms of lengths."""
+        f_B = as_complex(disk.uv)[surface.mesh.loop]
+        scale = np.log(abs(np.roll(f_B, -1) - f_B) / edge_lengths(surface.mesh))
+        u_B = (scale + np.roll(scale, 1)) / 2
+        low, high, best = 0.0, EASED, plain
+        while high - low > high / 4:
+            # As long as none is valid, twice the share; then the middle of the last two.
+            share = (low + high) / 2 if best.valid else high
+            way = replace(asked, name=f"eased by {share:.0%}", u_B=share * (u_B - u_B.mean()))
+            made = finished(_laid_out(surface.delaunay, way, phase), way.name, DELAUNAY)
+            if made.valid:
+                best, high = made, share
+            else:
+                low, high = share, max(high, min(2 * share, 1.0))
         return best
-    eased = ways(_eased_maps(surface, asked, options, phase))
-    return best_of([lambda: best, *eased])
+
+    def from_the_disk() -> FreeMap:
+        with phase("refine"):
+            f, _ = lower_angle_distortion(
+                *(surface.mesh, as_complex(disk.uv), _order_of_all(surface)),
+                *(EASING, options.refine_norm),
+                halvings=PATIENT,
+                target=Outline(),
+            )
+        return finished(f, "eased from the disk", disk.boundary.laplacian)
+
+    return best_of([eased, from_the_disk])
 
 
-Ways = Iterator[tuple[Complex, str, str]]
-
-
-def _plain_maps(surface: FactoredSurface, asked: _Boundary, phase: Phases) -> Ways:
+def _plain_maps(
+    surface: FactoredSurface, asked: _Boundary, phase: Phases
+) -> Iterator[tuple[Complex, str, str]]:
     """Yield the maps with the boundary as asked, on both Laplacians."""
     yield _laid_out(surface, asked, phase), asked.name, "cotangent"
     with suppress(SolverError):
         with phase("factor"):
             delaunay = surface.delaunay
-        yield _laid_out(delaunay, asked, phase), asked.name, "intrinsic Delaunay"
-
-
-def _eased_maps(
-    surface: FactoredSurface, asked: _Boundary, options: Options, phase: Phases
-) -> Ways:
-    """Yield maps whose outlines are nearer and nearer to that of the disk, and this last."""
-    with phase("circle"):
-        disk = map_of(surface, Options(refine=0), Phases(), known={})
-    f = as_complex(disk.uv)
-    f_B = f[surface.mesh.loop]
-    scale = np.log(abs(np.roll(f_B, -1) - f_B) / edge_lengths(surface.mesh))
-    u_B = (scale + np.roll(scale, 1)) / 2
-    with suppress(SolverError):
-        for share in EASED:
-            eased = replace(asked, name=f"eased by {share:.0%}", u_B=share * (u_B - u_B.mean()))
-            yield _laid_out(surface.delaunay, eased, phase), eased.name, "intrinsic Delaunay"
-    with phase("refine"):
-        f, _ = lower_angle_distortion(
-            *(surface.mesh, f, _order_of_all(surface), EASING, options.refine_norm),
-            halvings=PATIENT,
-            target=Outline(),
-        )
-    yield f, "eased from the disk", disk.boundary.laplacian
+        yield _laid_out(delaunay, asked, phase), asked.name, DELAUNAY
 
 
 def _laid_out(surface: FactoredSurface, boundary: _Boundary, phase: Phases) -> Complex:
@@ -364,7 +371,7 @@ def _finished(
         f = rotate(mesh, f, options.align, on_circle=False)
         outline = f[mesh.loop]
         f = f * (length / abs(np.roll(outline, -1) - outline).sum())
-        certificate, repair = certify_outline(mesh, coordinates(f)), Repair()
+        f, certificate, repair = *_set_apart(mesh, f), Repair()
         if len(certificate.flipped):
             # The outline stays where it is: one that overlaps itself is beyond repair.
             most = MANY * len(mesh.F) if certificate.simple else 0
@@ -383,6 +390,23 @@ def _finished(
         solver=surface.solver,
         timings=phase.seconds,
     )
+
+
+def _set_apart(mesh: Mesh, f: Complex) -> tuple[Complex, OutlineCertificate]:
+    """Certify a map (n,); one whose outline only touches itself, its sides set apart."""
+    certificate = touching = certify_outline(mesh, coordinates(f))
+    if not len(touching.meeting):
+        return f, touching
+    outline = f[mesh.loop]
+    along = np.exp(1j * np.angle(np.roll(outline, -1) - outline))
+    inward = 1j * (along + np.roll(along, 1)) / 2
+    for share in APART:
+        apart = f.copy()
+        apart[mesh.loop] += share * abs(outline).max() * inward
+        certificate = certify_outline(mesh, coordinates(apart))
+        if certificate.simple:
+            return apart, certificate
+    return f, touching
 
 
 def _order_of_all(surface: FactoredSurface) -> Ints:
