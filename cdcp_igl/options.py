@@ -28,27 +28,27 @@ class Options:
     solver: SolverName | None = None
 
     def __post_init__(self) -> None:
-        if not (self.center in METHODS if isinstance(self.center, str) else _whole(self.center)):
+        if not (self.center in METHODS if isinstance(self.center, str) else is_whole(self.center)):
             known = ", ".join(f'"{method}"' for method in METHODS)
             raise ValueError(f"center must be {known} or a row of F, not {self.center!r}")
         if self.preset not in (None, "paper"):
             raise ValueError(f'preset must be "paper" or None, not {self.preset!r}')
         if self.mobius not in ("angle", "area", None):
             raise ValueError(f'mobius must be "angle", "area" or None, not {self.mobius!r}')
-        if self.refine is not None and not (_whole(self.refine) and self.refine >= 0):
+        if self.refine is not None and not (is_whole(self.refine) and self.refine >= 0):
             raise ValueError(
                 "refine must be a number of steps, 0 or more, or None (as needed), "
                 f"not {self.refine!r}"
             )
-        if not (_real(self.refine_norm) and 1 <= self.refine_norm <= 2):
+        if not (is_real(self.refine_norm) and 1 <= self.refine_norm <= 2):
             raise ValueError(f"refine_norm must be from 1 to 2, not {self.refine_norm!r}")
-        if not (_real(self.refine_seconds) and self.refine_seconds >= 0):
+        if not (is_real(self.refine_seconds) and self.refine_seconds >= 0):
             raise ValueError(f"refine_seconds must be 0 or more, not {self.refine_seconds!r}")
         if self.solver is not None:
             checked(self.solver)
         if self.preset and (self.center, self.mobius) != ("torsion", "angle"):
             raise ValueError('preset="paper" sets center and mobius itself')
-        if self.align is not None and not _whole(self.align):
+        if self.align is not None and not is_whole(self.align):
             direction = np.asarray(self.align)
             if direction.shape != (3,) or direction.dtype.kind not in "iuf":
                 raise ValueError(
@@ -61,7 +61,7 @@ class Options:
         """Raise ValueError if `center` or `align` is none of m faces or of the boundary loop."""
         if not isinstance(self.center, str) and not 0 <= self.center < m:
             raise ValueError(f"center is face {self.center}; the mesh has faces 0..{m - 1}")
-        if _whole(self.align) and self.align not in loop:
+        if is_whole(self.align) and self.align not in loop:
             raise ValueError(f"align={self.align} is not a boundary vertex")
 
     @property
@@ -75,9 +75,11 @@ class Options:
         return self.center, self.preset
 
 
-def _whole(value: object) -> bool:
+def is_whole(value: object) -> bool:
+    """Whether a value is an integer, and no truth value."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
-def _real(value: object) -> bool:
-    return _whole(value) or isinstance(value, float | np.floating)
+def is_real(value: object) -> bool:
+    """Whether a value is a real number, perhaps infinite, and no truth value."""
+    return is_whole(value) or isinstance(value, float | np.floating)

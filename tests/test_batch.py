@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -38,7 +39,7 @@ def test_the_results_are_those_of_a_loop(scans, out):
             np.testing.assert_array_equal(saved["uv"], expected.uv)
         assert (record.mean, record.sd) == (expected.distortion.mean, expected.distortion.sd)
         assert record.area == np.abs(expected.area_distortion()).mean()
-        assert (record.vertices, record.faces, record.disks) == (len(V), len(F), 1)
+        assert (record.vertices, record.faces, record.charts) == (len(V), len(F), 1)
         assert (record.flips, record.conformal) == (0, expected.conformal)
         assert record.boundary == expected.report()["boundary"]["method"]
         assert 20 < record.memory < 2000
@@ -104,8 +105,6 @@ def test_each_surface_in_its_own_format(tmp_path, out):
         ({"executor": object(), "time_limit": 1}, "executor"),
         ({"cut": True, "center": 3}, "must be a method"),
         ({"cut": True, "align": 3}, "must be a direction"),
-        ({"fill": 0.1}, "only a surface that is cut has fill"),
-        ({"scale_variation": 1}, "has scale_variation$"),
     ],
 )
 def test_bad_options(scans, out, options, message):
@@ -200,17 +199,43 @@ def test_results_of_other_options_or_surfaces_are_not_overwritten(scans, out):
     made = batch([scans], out, mobius="area")
     assert {record.status for record in made.records} == {"refused"}
     assert (out / "summary.csv").read_bytes() == summary
+    meanwhile = batch(write_surfaces(scans / "more", 4), out, mobius="area", shard=(4, 4))
+    assert [record.status for record in meanwhile.records] == ["done"]
+    rows = (out / "summary.csv").read_text().splitlines()
+    assert [row.partition(",")[0] for row in rows[1:]] == [
+        *("surface_000", "surface_001", "surface_002", "surface_003")
+    ]
+    assert rows[1:4] == summary.decode().splitlines()[1:]
+    (out / "surface_003.npz").unlink()
+    shutil.rmtree(scans / "more")
     np.savez(scans / "surface_000.npz", **dict(zip("VF", meshes.grid(9, 9), strict=True)))
     assert [record.name for record in batch([scans], out).failed] == ["surface_000"]
     assert contents(out) == before
 
 
-def test_the_surface_is_never_replaced(scans):
+@pytest.mark.parametrize("force", [False, True])
+def test_the_surface_is_never_replaced(scans, force):
     before = contents(scans)
-    made = batch(sorted(scans.glob("*.npz")), scans)
+    made = batch(sorted(scans.glob("*.npz")), scans, force=force)
     assert {record.status for record in made.records} == {"refused"}
     assert "is the surface itself" in made.records[0].message
     assert contents(scans) == before
+
+
+def test_by_force_what_is_there_is_replaced(scans, tmp_path, out):
+    page = tmp_path / "page.html"
+    expected = contents(batch([scans], tmp_path / "expected", mobius="area").folder)
+    batch([scans], out)
+    (out / "surface_001.npz").write_bytes(b"thesis")
+    for file in (out / "summary.csv", page):
+        file.write_text("thesis")
+    arguments = ("batch", scans, out, "--mobius", "area", "--report", page)
+    refused = invoke(*arguments)
+    assert (refused.exit_code, refused.stderr[-9:]) == (1, "by force\n")
+    assert invoke(*arguments, "--force").exit_code == 0
+    assert contents(out) == expected
+    assert "thesis" not in page.read_text() + (out / "summary.csv").read_text()
+    assert invoke("map", scans / "surface_000.npz", "--out-dir", out, "--force").exit_code == 0
 
 
 def test_shards_share_the_work(scans, tmp_path, out):

@@ -31,7 +31,7 @@ def test_surfaces_that_are_no_disks(kinds, tmp_path):
     made = batch([kinds], tmp_path / "maps", cut=True, refine=1, solver="scipy")
     assert made.failed == ()
     records = {record.name: record for record in made.records}
-    disks = {name: record.disks for name, record in records.items()}
+    disks = {name: record.charts for name, record in records.items()}
     assert disks == {"surface_000": 1, "surface_001": 1, "two": 2, "closed": 1}
     assert all(np.isfinite(record.area) for record in made.records)
     assert any("cut open" in change for change in records["closed"].changes)

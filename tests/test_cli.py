@@ -91,7 +91,6 @@ def test_options_are_those_of_the_library(cap, given, options):
         ("map IN second.obj third.obj", "--out-dir"),
         ("map IN --out-dir maps --cut --center 3", "must be a method"),
         ("map IN --out-dir maps --report r.json", "are for one surface"),
-        ("map IN --out-dir maps --force", "are for one surface"),
         ("batch IN maps --shard 3/2", "must be I/N"),
         ("batch IN maps --report page.txt", "must end in .html"),
         ("batch IN maps --jobs 0", "jobs"),

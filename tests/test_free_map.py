@@ -317,7 +317,7 @@ def test_in_batches(tmp_path):
         expected = cdcp_igl.surface_map(V, F, outline="free")
         np.testing.assert_array_equal(saved["uv"], expected.uv)
     for options in ({"disk": True}, {"center": 3}):
-        with pytest.raises(ValueError, match=r"leave out|has no center"):
+        with pytest.raises(ValueError, match=r"leave out|center: no option"):
             batch([tmp_path], tmp_path / "others", free=True, **options)
 
 

@@ -91,9 +91,15 @@ CALLS = {
     "center": "surface_map(*torus, center=3)",
     "align": "surface_map(*torus, align=3)",
     "outline": "surface_map(*torus, outline='round')",
-    "max_charts": "surface_map(*torus, max_charts=0)",
+    "max_charts": "surface_map(*torus, max_charts=0); surface_map(*torus, max_charts=1.5)",
+    "must be True or False": "surface_map(*torus, merge='x'); surface_map(*torus, fill=0.1)",
+    "progress must be": (
+        "disk_map(V, F, progress=[]); surface_map(*torus, progress=[]); "
+        "batch('none', 'none', progress=[]); partition((V, F), 'none', progress=[])"
+    ),
     "scale_variation": (
-        "surface_map(*torus, scale_variation=-1); surface_map(*torus, scale_variation=nan)"
+        "surface_map(*torus, scale_variation=-1); surface_map(*torus, scale_variation=nan); "
+        "surface_map(*torus, scale_variation=2**70)"
     ),
     "for disks": "surface_map(*torus, outline='free', mobius='area')",
     "path must be": (
@@ -123,8 +129,10 @@ CALLS = {
     ),
     r"must be \(81,\)": "free_map(*square, boundary_scale=[1, 2])",
     "positive and finite": "free_map(*square, boundary_scale=0 * square[0][:, 0])",
-    "boundary vertices, not 40": "free_map(*square, corners={40: 6.28})",
-    "boundary vertices": "free_map(*square, corners={})",
+    "boundary vertices, not 40": (
+        "free_map(*square, corners=dict.fromkeys([40, *rim[1:]], np.pi / 2))"
+    ),
+    "boundary vertices": "free_map(*square, corners={}); free_map(*square, corners=rim)",
     "radians .* add up to 360": "free_map(*square, corners={0: 90, 1: 270})",
     "only one": (
         "free_map(*square, corners=dict.fromkeys(rim, 1.57), boundary_scale=square[0][:, 0] + 2)"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from inspect import signature
 from typing import Literal
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..arrays import Bools, Floats, Ints, as_complex, coordinates, places
 from ..errors import MapError
 from ..maps.disk import disk_map
 from ..maps.free import FreeMap, free_map
-from ..options import Options
+from ..options import Options, is_real, is_whole
 from ..phases import Progress
 from ..rescue.boundary import by_inscribed_angles
 from ..result.disk_map import DiskMap
@@ -51,8 +52,6 @@ SHORT = 0.25
 MOST_BRANCHES = 8
 # Angles, in radians, that differ by rounding only.
 SAME_ANGLE = 1e-9
-# The options of `disk_map` that `free_map` has, too.
-OF_FREE_MAPS = ("align", "refine", "refine_norm", "refine_seconds", "solver")
 # A component of fewer faces is not parted, and its cut grows once: of 80 boxes, tubes and
 # icosahedra, one gained by a second time. Others are parted where each side has this share of the
 # area.
@@ -61,6 +60,8 @@ LEAST_SHARE = 0.1
 # A limb is shorter on the map than the average by this power of e, and has this share of the area.
 LIMB = 1.5
 LEAST_LIMB = 0.03
+# The scale varies by less than this, as it is a logarithm of doubles.
+MOST_VARIATION = 709
 # Where an edge has collapsed the conformal factor is minus infinity: counted as this.
 LEAST_FACTOR = -50.0
 
@@ -76,6 +77,19 @@ class Limits:
     fill: bool
     scale_variation: float
     max_charts: float
+
+    def __post_init__(self) -> None:
+        if self.outline not in ("disk", "free"):
+            raise ValueError(f'outline must be "disk" or "free", not {self.outline!r}')
+        if not isinstance(self.fill, bool | np.bool_):
+            raise ValueError(f"fill must be True or False, not {self.fill!r}")
+        most, asked = self.max_charts, self.scale_variation
+        if not (most == np.inf or (is_whole(most) and most >= 1)):
+            raise ValueError(f"max_charts must be 1, 2, ... or None, not {most!r}")
+        if not (is_real(asked) and (0 <= asked < MOST_VARIATION or asked == np.inf)):
+            raise ValueError(
+                f"scale_variation must be from 0 to {MOST_VARIATION}, or infinite, not {asked!r}"
+            )
 
     @property
     def parts_early(self) -> bool:
@@ -256,7 +270,8 @@ def _chart(
     made: object
     try:
         if outline == "free":
-            free = {name: getattr(options, name) for name in OF_FREE_MAPS}
+            taken = vars(options).keys() & signature(free_map).parameters.keys()
+            free = {name: getattr(options, name) for name in taken}
             made = free_map(V, F, progress=progress, **free)
         else:
             made = disk_map(V, F, progress=progress, **vars(options))

@@ -18,7 +18,7 @@ from ..fields import Field, Method
 from ..io.given import takes_meshes
 from ..maps.free import FreeMap
 from ..options import Options
-from ..phases import Progress
+from ..phases import Progress, check_progress
 from ..plot.layout import Layout
 from ..result.bijection import Bijection
 from ..result.disk_map import DiskMap
@@ -316,23 +316,20 @@ def surface_map(
     >>> result.valid, result.uv.shape, result.changes
     (True, (4, 3, 2), ('cut open along 2 edges',))
     """
-    if outline not in ("disk", "free"):
-        raise ValueError(f'outline must be "disk" or "free", not {outline!r}')
+    limits = Limits(outline, fill, scale_variation, np.inf if max_charts is None else max_charts)
     if outline == "free" and (center, mobius, preset) != ("torsion", "angle", None):
         raise ValueError("center, mobius and preset are for disks, not for free outlines")
-    if max_charts is not None and not max_charts >= 1:
-        raise ValueError(f"max_charts must be 1 or more, or None, not {max_charts!r}")
-    if not scale_variation >= 0:
-        raise ValueError(f"scale_variation must be 0 or more, not {scale_variation!r}")
+    if not isinstance(merge, bool | np.bool_):
+        raise ValueError(f"merge must be True or False, not {merge!r}")
     if not isinstance(center, str):
         raise ValueError(f"center must be a method, since each disk has a face, not {center!r}")
     if align is not None and np.ndim(align) == 0:
         raise ValueError(f"align must be a direction in space or None, not {align!r}")
+    check_progress(progress)
     options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset, solver)
     start = perf_counter()
     given, faces = usable_arrays(V, F)
     sheets = oriented_sheets(given, faces, polygon_of_face, merge)
-    limits = Limits(outline, fill, scale_variation, max_charts or np.inf)
     charts, done = [], 0.0
     known: dict[bytes, list[Chart]] = {}
     for component in split_components(sheets.V, sheets.F, sheets.vertices, sheets.polygon):

@@ -14,7 +14,7 @@ import typer
 
 from ..extras import from_extra
 from .messages import FAILED, SOME_FAILED, exit_codes, writing
-from .options import QUIET, SURFACES, file_option, takes_map_options
+from .options import FORCE, QUIET, SURFACES, file_option, takes_map_options
 from .screen import print_table, progress_bar
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ def batch_command(
     retry: bool = typer.Option(False, "--retry", help="Try again what failed in a former run."),
     time_limit: float = typer.Option(inf, metavar="SECONDS", min=0, help="For each surface."),
     memory_limit: float = typer.Option(inf, metavar="MIB", min=0, help="For each surface."),
+    force: bool = FORCE,
     shard: str | None = typer.Option(
         None, metavar="I/N", help="Map part I of N only: for job arrays."
     ),
@@ -74,6 +75,7 @@ def batch_command(
             executor=executor,
             format=format,
             retry=retry,
+            force=force,
             time_limit=time_limit,
             memory_limit=memory_limit,
             shard=shard and read_shard(shard),

@@ -59,7 +59,8 @@ def map_command(
 ) -> None:
     """Map a triangulated disk conformally onto the unit disk.
 
-    Other surfaces take --cut, --sphere or --annulus; `check` says which.
+    Other surfaces take --cut, --sphere or --annulus; `check` says which. A disk goes elsewhere by
+    --free or --rectangle.
 
     A folder that `partition` has made is mapped in parts, to OUT.npy: u and v of each vertex. Run
     again, it goes on where it was.
@@ -71,9 +72,9 @@ def map_command(
     2 bad input; 3 no valid map; 4 with --out-dir, some have failed.
     """
     if out_dir:
-        if force or report or picture or view:
-            raise typer.BadParameter("--force, --report, --picture and --view are for one surface.")
-        run_batch(files, out_dir, quiet=quiet, format="same", **options)
+        if report or picture or view:
+            raise typer.BadParameter("--report, --picture and --view are for one surface.")
+        run_batch(files, out_dir, quiet=quiet, format="same", force=force, **options)
         return
     if len(files) != 2:
         raise typer.BadParameter("give IN and OUT; several surfaces need --out-dir DIR.")
@@ -89,13 +90,13 @@ def map_command(
     from ..errors import printable
     from ..io import read_polygons
     from ..io.output import whole_file, write_text
-    from ..scale.one_file import Settings, map_one
+    from ..scale.one_file import FLAGS, Settings, map_one
 
     name, notes = printable(source.name), list[str]()
     tried = [f"--{flag}" for flag in ("clean", "cut") if options[flag]]
     with exit_codes(files=files, tried=tried):
-        flags = ("disk", "clean", "cut", "free", "onto")
-        settings = Settings(**{flag: options.pop(flag) for flag in flags}, options=options)
+        flags = {flag: options.pop(flag) for flag in (*FLAGS, "onto")}
+        settings = Settings(**flags, options=options)
         check_targets((out, report, picture, view), [source], force)
         with progress_bar() as progress:
             progress("read", 0)

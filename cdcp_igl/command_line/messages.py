@@ -27,6 +27,8 @@ def writing(remedy: str = "") -> Iterator[None]:
     try:
         yield
     except OSError as error:
+        if isinstance(error, FileExistsError):  # and nothing has been done
+            remedy = ""
         typer.echo(f"Not written: {reason(error)}{remedy}", err=True)
         raise typer.Exit(FAILED) from error
 

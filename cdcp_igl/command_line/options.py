@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
+from typer.core import TyperCommand, TyperOption
 
 # Those of `io`, spelled out: `--help` shows them, and must not wait for NumPy.
 READABLE = (".glb", ".gltf", ".mat", ".npz", ".obj", ".off", ".ply", ".stl", ".vtk", ".vtu")
@@ -17,8 +18,50 @@ PICTURES = (".png", ".svg", ".pdf")
 SURFACES = " ".join(READABLE)
 
 INPUTS = typer.Argument(metavar="IN...", help=f"Triangulated surfaces ({SURFACES}).")
+# What `--help` lists together, and in which order; what is in no group comes last.
+GROUPS = {
+    "What to map": ("clean", "cut", "no_merge", "no_fill", "scale_variation", "max_charts"),
+    "Onto what": ("free", "sphere", "annulus", "rectangle", "center", "mobius", "align", "preset"),
+    "Quality": ("refine", "refine_norm", "refine_seconds"),
+    "Output": (
+        *("disk", "out_dir", "format", "force", "report", "json_file", "csv_file"),
+        *("picture", "view", "quiet"),
+    ),
+    "Run": ("jobs", "scheduler", "shard", "retry", "time_limit", "memory_limit", "methods"),
+}
+
 QUIET = typer.Option(False, "--quiet", "-q", help="Print nothing but what went wrong.")
 FORCE = typer.Option(False, "--force", help="Replace files that are there.")
+
+
+class Command(TyperCommand):
+    """A command that lists its options in groups, and refuses a value in the words of its option.
+
+    On a terminal and in a pipe alike, which is why the panels of Rich are not asked for.
+    """
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """List arguments and options."""
+        groups: dict[str, list[Any]] = {"Arguments": [], **{name: [] for name in GROUPS}}
+        for parameter in self.get_params(ctx):
+            other = "Arguments" if parameter.param_type_name == "argument" else "Options"
+            among = next((name for name in GROUPS if parameter.name in GROUPS[name]), other)
+            groups.setdefault(among, []).append(parameter.get_help_record(ctx))
+        for name, records in groups.items():
+            if records:
+                with formatter.section(name):
+                    formatter.write_dl(records)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the arguments."""
+        try:
+            return super().parse_args(ctx, args)
+        except typer.BadParameter as error:
+            option = error.param
+            if isinstance(option, TyperOption) and option.callback is None:
+                said = (option.get_help_record(ctx) or ("", ""))[1]
+                error.message = f"it takes {option.metavar}. {said}"
+            raise
 
 
 def verify_target(path: Path, suffixes: tuple[str, ...]) -> None:
@@ -43,9 +86,6 @@ def file_option(name: str, example: str, suffixes: tuple[str, ...], help: str) -
 
 
 def _map_options(
-    disk: bool = typer.Option(
-        False, "--disk", help="Texture coordinates in the unit disk, not in [0, 1]^2."
-    ),
     clean: bool = typer.Option(
         False,
         "--clean",
@@ -56,9 +96,25 @@ def _map_options(
     cut: bool = typer.Option(
         False,
         "--cut",
-        help="Map a surface that is no disk: closed, with handles, holes or several components. "
-        "Equal vertices are merged along seams, it is cut open, and each component mapped; texture "
-        "coordinates show the disks side by side. With --free, the charts have free outlines.",
+        help="Map a surface that is no disk: closed, with handles, holes or several parts. Equal "
+        "vertices are merged along seams, it is cut open, and each part mapped; texture "
+        "coordinates show the charts side by side, disks or, with --free, others.",
+    ),
+    no_merge: bool = typer.Option(
+        False, "--no-merge", help="With --cut, leave equal vertices along seams apart."
+    ),
+    no_fill: bool = typer.Option(
+        False, "--no-fill", help="With --cut, cut to holes; they are filled meanwhile otherwise."
+    ),
+    scale_variation: float | None = typer.Option(
+        None,
+        metavar="S",
+        min=0,
+        help="With --cut, part a component whose scale varies more than this (the standard "
+        "deviation of its logarithm). [default: 1]",
+    ),
+    max_charts: int | None = typer.Option(
+        None, metavar="N", min=1, help="With --cut, so many charts a component at most."
     ),
     free: bool = typer.Option(
         False,
@@ -76,15 +132,11 @@ def _map_options(
         "--annulus",
         help="Map a surface with two boundary loops onto a ring; more loops are filled meanwhile.",
     ),
-    scale_variation: float | None = typer.Option(
+    rectangle: str | None = typer.Option(
         None,
-        metavar="S",
-        min=0,
-        help="With --cut, part a component whose scale varies more than this (the standard "
-        "deviation of its logarithm). [default: 1]",
-    ),
-    max_charts: int | None = typer.Option(
-        None, metavar="N", min=1, help="With --cut, so many charts a component at most."
+        metavar="A,B,C,D",
+        help="Map onto a rectangle with these boundary vertices, counted from 0, in its corners, "
+        "from the lower left one on, the surface to the left.",
     ),
     center: str | None = typer.Option(
         None,
@@ -102,6 +154,9 @@ def _map_options(
         help="What lies to the right: a boundary vertex counted from 0, or a direction in space. "
         "[default: the first boundary vertex]",
     ),
+    preset: str | None = typer.Option(
+        None, metavar="paper", help="Follow the paper; sets --center and --mobius itself."
+    ),
     refine: int | None = typer.Option(
         None,
         metavar="N",
@@ -118,37 +173,39 @@ def _map_options(
     refine_seconds: float | None = typer.Option(
         None, metavar="S", min=0, help="Begin no step of refinement after S seconds."
     ),
-    preset: str | None = typer.Option(
-        None, metavar="paper", help="Follow the paper; sets --center and --mobius itself."
+    disk: bool = typer.Option(
+        False, "--disk", help="Texture coordinates in the unit disk, not in [0, 1]^2."
     ),
 ) -> dict[str, Any]:
     """Return the flags, `onto`, and those options of the map that were given."""
+    onto = {"sphere": sphere, "annulus": annulus, "rectangle": rectangle}
+    if len(chosen := [name for name in onto if onto[name]]) > 1:
+        raise typer.BadParameter(f"--{' and --'.join(chosen)}: give one of them.")
     options = {
+        "merge": False if no_merge else None,
+        "fill": False if no_fill else None,
         "scale_variation": scale_variation,
         "max_charts": max_charts,
+        "corners": rectangle and _numbers(rectangle, int),
         "center": int(center) if center and center.isdecimal() else center,
         "mobius": mobius,
-        "align": align and _row_or_direction(align),
+        "align": align and (int(align) if align.isdecimal() else _numbers(align, float)),
+        "preset": preset,
         "refine": refine,
         "refine_norm": refine_norm,
         "refine_seconds": refine_seconds,
-        "preset": preset,
     }
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     if mobius == "none":
         given["mobius"] = None
-    if sphere and annulus:
-        raise typer.BadParameter("--sphere and --annulus: give one of them.")
-    onto = "sphere" if sphere else "annulus" if annulus else None
-    return {"disk": disk, "clean": clean, "cut": cut, "free": free, "onto": onto, **given}
+    flags = {"disk": disk, "clean": clean, "cut": cut, "free": free}
+    return {**flags, "onto": next(iter(chosen), None), **given}
 
 
-def _row_or_direction(text: str) -> int | list[float] | str:
-    """Read VERTEX or X,Y,Z; what is neither is left for the map to refuse."""
-    if text.isdecimal():
-        return int(text)
+def _numbers(text: str, kind: type) -> list[Any] | str:
+    """Read numbers between commas; what is none is left for the map to refuse."""
     try:
-        return [float(number) for number in text.split(",")]
+        return [kind(number) for number in text.split(",")]
     except ValueError:
         return text
 

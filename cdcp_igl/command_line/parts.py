@@ -12,8 +12,6 @@ from .messages import check_targets, exit_codes, writing
 from .options import QUIET, verify_target
 from .screen import progress_bar, show_pairs
 
-OPTIONS = {"center", "mobius", "align"}
-
 
 def partition_command(
     source: Path = typer.Argument(
@@ -61,15 +59,14 @@ def map_parts(
     `outputs` are a report, a picture and a page; `where` are how many processes, and a scheduler.
     """
     verify_target(out, (".npy",))
-    given = {name for name, value in options.items() if value or name in OPTIONS}
-    if others := given - OPTIONS:
-        names = ", ".join(f"--{name.replace('_', '-')}" for name in sorted(others))
-        raise typer.BadParameter(f"{names}: not for a surface in parts.")
     from ..errors import printable
+    from ..scale.one_file import FLAGS, refuse_unknown
     from ..scale.parts import parts_map
 
-    chosen = {name: value for name, value in options.items() if name in OPTIONS}
+    unset = [flag for flag in (*FLAGS, "onto") if not options[flag]]
+    chosen = {name: value for name, value in options.items() if name not in unset}
     with exit_codes(), executor_at(where[1]) as executor:
+        refuse_unknown("parts", parts_map, chosen)
         check_targets((out, *outputs), [], force)
         with progress_bar() as progress, writing(KEPT):
             result = parts_map(folder, executor=executor or where[0], progress=progress, **chosen)

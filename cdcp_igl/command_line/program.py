@@ -11,6 +11,7 @@ from .batches import batch_command
 from .checking import check_command
 from .comparing import compare_command
 from .mapping import map_command
+from .options import Command
 from .parts import partition_command
 
 app = typer.Typer(
@@ -37,8 +38,17 @@ def cdcp_igl(
     """Disk conformal maps of triangulated surfaces: accurate, fast, certified."""
 
 
-app.command("check")(check_command)
-app.command("map")(map_command)
-app.command("compare")(compare_command)
-app.command("batch")(batch_command)
-app.command("partition")(partition_command)
+MAP_EXAMPLES = """\b
+Examples:
+  cdcp-igl map face.obj disk.obj --refine 5 --report face.json --view face.html
+  cdcp-igl map statue.obj charts.obj --clean --cut --free"""
+BATCH_EXAMPLES = """\b
+Examples:
+  cdcp-igl batch scans maps --jobs 4 --report maps.html
+  cdcp-igl batch 'eggs/*.ply' spheres --sphere --time-limit 600"""
+
+app.command("check", cls=Command)(check_command)
+app.command("map", cls=Command, epilog=MAP_EXAMPLES)(map_command)
+app.command("compare", cls=Command)(compare_command)
+app.command("batch", cls=Command, epilog=BATCH_EXAMPLES)(batch_command)
+app.command("partition", cls=Command)(partition_command)

@@ -196,6 +196,7 @@ def free_map(
         refine_seconds=refine_seconds,
         solver=solver,
     )
+    check_boundary(boundary_scale, corners, refine)
     phase = Phases(progress, refine or 0, skipped=OF_THE_DISK)
     with using(solver):
         surface = factored_surface(V, F, options, phase)
@@ -215,8 +216,6 @@ def free_map_of(
     mesh = surface.mesh
     asked = _boundary(mesh, boundary_scale, corners)
     is_own = asked.name == OWN
-    if options.refine and not is_own:
-        raise ValueError("refine moves the boundary: leave it out, or boundary_scale and corners")
     best = _best_map(surface, asked, options, phase)
     steps = steps_of(best, options) if is_own else 0
     if options.refine is None and best.boundary != asked.name:
@@ -241,6 +240,28 @@ def free_map_of(
     return best
 
 
+def check_boundary(
+    boundary_scale: ArrayLike | None, corners: Mapping[int, float] | None, refine: int | None
+) -> None:
+    """Check what is asked of the boundary, as far as that takes no mesh; ValueError."""
+    if boundary_scale is not None and corners is not None:
+        raise ValueError("of boundary_scale and corners only one is possible")
+    if refine and (boundary_scale is not None or corners is not None):
+        raise ValueError("refine moves the boundary: leave it out, or boundary_scale and corners")
+    if boundary_scale is not None and np.ndim(boundary_scale) != 1:
+        raise ValueError(f"boundary_scale must have a number a vertex, not be {boundary_scale!r}")
+    if corners is None:
+        return
+    if not isinstance(corners, Mapping) or not corners:
+        raise ValueError(f"corners must give angles at boundary vertices, not {corners!r}")
+    given = np.array([*corners.values()], dtype=np.float64)
+    if not (abs(given) < np.pi).all() or not abs(given.sum() - 2 * np.pi) <= SUM_TOLERANCE:
+        raise ValueError(
+            "the exterior angles at the corners must be radians between -pi and pi that add up to "
+            f"2 pi; they add up to {given.sum():.9g}"
+        )
+
+
 @dataclass(frozen=True)
 class _Boundary:
     """How to lay out the boundary: by the logarithm u_B of its scale, or by exterior angles, (nB,).
@@ -259,8 +280,6 @@ def _boundary(
 ) -> _Boundary:
     """Check what is asked of the boundary; ValueError if it cannot be had."""
     n, loop, length = len(mesh.V), mesh.loop, edge_lengths(mesh)
-    if boundary_scale is not None and corners is not None:
-        raise ValueError("of boundary_scale and corners only one is possible")
     if boundary_scale is not None:
         scale = np.asarray(boundary_scale, dtype=np.float64)
         if scale.shape != (n,):
@@ -271,16 +290,11 @@ def _boundary(
         return _Boundary("given scale", float(length @ np.exp(edge_means(u_B))), u_B)
     if corners is None:
         return _Boundary(OWN, float(length.sum()), np.zeros(len(loop)))
-    rows, given = np.array(list(corners)), np.array([*corners.values()], dtype=np.float64)
+    rows = np.array(list(corners))
     if rows.dtype.kind not in "iu" or not np.isin(rows, loop).all():
         raise ValueError(f"corners must be boundary vertices, not {spell(rows)}")
-    if not (abs(given) < np.pi).all() or not abs(given.sum() - 2 * np.pi) <= SUM_TOLERANCE:
-        raise ValueError(
-            "the exterior angles at the corners must be radians between -pi and pi that add up to "
-            f"2 pi; they add up to {given.sum():.9g}"
-        )
     angles = np.zeros(len(loop))
-    angles[mesh.loop_index[rows]] = given
+    angles[mesh.loop_index[rows]] = [*corners.values()]
     return _Boundary("given angles", float(length.sum()), 0 * angles, angles)
 
 

@@ -19,7 +19,11 @@ from ..solve.solvers import SolverName, using
 from ..steps.center import CenterMethod
 from ..surface.mesh import DiskMesh, Mesh
 from .disk import map_of
-from .free import FreeMap, free_map_of
+from .free import OF_THE_DISK, FreeMap, check_boundary, free_map_of
+
+# Phases of maps that a mapper has behind it from the beginning, or once it has a harmonic map.
+BEFORE = ("check", "laplacian", "factor")
+HARMONIC = ("center", "trace", "circle", "extension")
 
 
 class DiskMapper:
@@ -108,10 +112,8 @@ class DiskMapper:
         """
         options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
         options.check_rows(len(self.mesh.F), self.mesh.loop)
-        skipped = ["check", "laplacian", "factor"]
-        if options.first_steps in self._known:
-            skipped += ["center", "trace", "circle", "extension"]
-        phase = Phases(progress, refine or 0, skipped)
+        known = options.first_steps in self._known
+        phase = Phases(progress, refine or 0, BEFORE + HARMONIC * known)
         with using(self._solver):
             return map_of(self._surface, options, phase, known=self._known)
 
@@ -145,8 +147,9 @@ class DiskMapper:
         options = Options(
             align=align, refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds
         )
+        check_boundary(boundary_scale, corners, refine)
         options.check_rows(len(self.mesh.F), self.mesh.loop)
-        phase = Phases(progress, refine or 0, skipped=("check", "laplacian", "factor"))
+        phase = Phases(progress, refine or 0, (*BEFORE, *OF_THE_DISK))
         with using(self._solver):
             return free_map_of(
                 self._surface, boundary_scale, corners, options, phase, keep_factor=True

@@ -149,11 +149,14 @@ def rectangle_map(
     >>> result.valid, round(result.modulus, 12)
     (True, 3.0)
     """
+    chosen = np.asarray(corners)
+    if chosen.shape != (4,) or chosen.dtype.kind not in "iu":
+        raise ValueError(f"corners must be four vertices, not {corners!r}")
     phase = Phases(progress, skipped=OF_THE_DISK)
     with using(solver):
         with phase("check"):
             mesh = DiskMesh(V, F)
-            sides = _boundary_sides(mesh, corners)
+            sides = _boundary_sides(mesh, chosen)
             _refuse_chords(mesh, sides)
         best = _best_map(mesh, sides, phase)
     remedy = "Parts of it may be too small for double precision: choose corners farther apart"
@@ -173,11 +176,8 @@ class _Square:
     solver: str
 
 
-def _boundary_sides(mesh: Mesh, corners: ArrayLike) -> list[Ints]:
+def _boundary_sides(mesh: Mesh, chosen: Ints) -> list[Ints]:
     """Split the boundary loop: the vertices of each side with its corners, in order."""
-    chosen = np.asarray(corners)
-    if chosen.shape != (4,) or chosen.dtype.kind not in "iu":
-        raise ValueError(f"corners must be four vertices, not {corners!r}")
     loop_index, nB = mesh.loop_index, len(mesh.loop)
     if not ((chosen >= 0) & (chosen < len(loop_index))).all() or (loop_index[chosen] < 0).any():
         raise ValueError(f"corners={chosen.tolist()} must be boundary vertices")

@@ -285,11 +285,13 @@ def sphere_map(
     options = Options(
         refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds, solver=solver
     )
+    directions = None if align is None else _directions(align)
     phase = Phases(progress, refine or 0, skipped=("center", "circle", "extension"))
     with using(solver):
         with phase("check"):
             mesh = SphereMesh(V, F)
-            directions = None if align is None else _directions(align, len(mesh.V))
+            if directions and directions[0].max() >= len(mesh.V):
+                raise ValueError(f"align must give directions of vertices in 0..{len(mesh.V) - 1}")
         best = _best_map(mesh, mobius, directions, options, phase)
     remedy = (
         "Parts of it may be too small for double precision: cut the surface (cdcp_igl.surface_map)"
@@ -299,15 +301,15 @@ def sphere_map(
     return best
 
 
-def _directions(align: Mapping[int, ArrayLike], n: int) -> tuple[Ints, Floats]:
+def _directions(align: Mapping[int, ArrayLike]) -> tuple[Ints, Floats]:
     """Read `align`: the vertices, and their directions (k, 3)."""
     try:
         vertices = np.array(list(align), dtype=np.int64)
         directions = np.array(list(align.values()), dtype=np.float64).reshape(-1, 3)
     except (TypeError, ValueError, AttributeError):
         raise ValueError(f"align must give 3-vectors for vertices, not {align!r}") from None
-    if not (len(vertices) and ((vertices >= 0) & (vertices < n)).all()):
-        raise ValueError(f"align must give directions of vertices in 0..{n - 1}")
+    if not (len(vertices) and (vertices >= 0).all()):
+        raise ValueError(f"align must give directions of vertices, not {align!r}")
     lengths = np.linalg.norm(directions, axis=1)
     if not (np.isfinite(lengths).all() and lengths.all()):
         raise ValueError("align must give finite directions, not 0")

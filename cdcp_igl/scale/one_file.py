@@ -5,8 +5,11 @@ The command ``map`` and the workers of a batch both go this way.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -14,41 +17,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Ints
-from ..atlas.charts import Outline
 from ..atlas.surface import SurfaceMap, surface_map
+from ..errors import MeshError
 from ..io import write_map
 from ..io.output import whole_file
 from ..io.polygons import naming_polygons
-from ..maps.annulus import AnnulusMap, annulus_map
+from ..maps.annulus import annulus_map
 from ..maps.disk import disk_map
-from ..maps.free import FreeMap, free_map
+from ..maps.free import free_map
+from ..maps.rectangle import rectangle_map
 from ..maps.sphere import SphereMap, sphere_map
-from ..options import Options
 from ..phases import Progress
+from ..result.base import Result
 from ..result.disk_map import DiskMap
 from ..surface.cleaning import clean
 
 Array = NDArray[Any]
 
-# Options that `surface_map` has and `disk_map` has not, and those that `free_map` has not.
-ONLY_OF_CUT = ("fill", "scale_variation", "max_charts")
-ONLY_OF_DISKS = ("center", "mobius", "preset")
-# What a surface may be mapped onto, besides disks, and the options of that.
-REFINED = {"refine", "refine_norm", "refine_seconds", "solver"}
-TARGETS: dict[str, tuple[Callable[..., SphereMap | AnnulusMap], set[str]]] = {
-    "annulus": (annulus_map, REFINED),
-    "sphere": (sphere_map, REFINED | {"mobius"}),
+# The maps that a file can be mapped by, and which flags of `Settings` mean something to each. What
+# else it takes is in its signature.
+MAPS: dict[str, tuple[Callable[..., Result], set[str]]] = {
+    "disk": (disk_map, {"disk", "clean"}),
+    "free": (free_map, {"free", "clean"}),
+    "surface": (surface_map, {"cut", "disk", "free", "clean"}),
+    "sphere": (sphere_map, {"clean"}),
+    "annulus": (annulus_map, set()),  # cleaning would fill its holes
+    "rectangle": (rectangle_map, {"clean"}),
 }
+ONTO = ("sphere", "annulus", "rectangle")
+FLAGS = ("disk", "clean", "cut", "free")
+# Arguments that are no options: the surface, what the file and the flags say, and who is told.
+OWN = ("V", "F", "folder", "polygon_of_face", "outline", "executor", "progress")
+NOTHING = np.empty((0, 3)), np.empty((0, 3), np.int64), np.empty(0, np.int64)
 
 
 @dataclass(frozen=True)
 class Settings:
     """What decides how a surface is mapped and written; ValueError if something is not allowed.
 
-    With `disk`, texture coordinates lie in the unit disk, not in the unit square. The `options`
-    are those of `disk_map`; with `cut`, of `surface_map`, which maps surfaces that are no disks;
-    with `free`, of `free_map`, and with both the charts have free outlines; or those of what maps
-    `onto` something else, one of `TARGETS`.
+    With `disk`, texture coordinates lie in the unit disk, not in the unit square. A surface that
+    is to be `cut` is mapped onto charts, which are disks or have `free` outlines, as a disk may
+    have; or a surface is mapped `onto` something else. The `options` are those of this map.
     """
 
     disk: bool = False
@@ -59,29 +68,50 @@ class Settings:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.onto is not None:
-            self._check_target(self.onto)
-            return
-        if self.free and self.disk:
+        if self.onto not in (None, *ONTO):
+            raise ValueError(f"onto must be one of {', '.join(ONTO)}, not {self.onto!r}")
+        if self.disk and self.free:
             raise ValueError("with a free outline there is no disk; leave out disk")
-        if self.free and (of_disks := [name for name in ONLY_OF_DISKS if name in self.options]):
-            raise ValueError(f"a map with a free outline has no {' and no '.join(of_disks)}")
-        of_map = {name: value for name, value in self.options.items() if name not in ONLY_OF_CUT}
-        checked = Options(**of_map)
-        if self.cut and not isinstance(checked.center, str):
-            raise ValueError("center must be a method, not a face, where surfaces are cut")
-        if self.cut and isinstance(checked.align, int | np.integer):
-            raise ValueError("align must be a direction, not a vertex, where surfaces are cut")
-        if not self.cut and (of_cut := [name for name in ONLY_OF_CUT if name in self.options]):
-            raise ValueError(f"only a surface that is cut has {' and '.join(of_cut)}")
+        function, flags = MAPS[self.kind]
+        given = [*(name for name in FLAGS if getattr(self, name)), *self.options]
+        refuse_unknown(self.kind, function, given, flags)
+        if self.clean and "boundary_scale" in self.options:
+            raise ValueError("boundary_scale is by rows, which clean changes; leave out one")
+        with suppress(MeshError):  # of no surface, which comes when the options have been looked at
+            self.map(*NOTHING)
 
-    def _check_target(self, onto: str) -> None:
-        if onto not in TARGETS:
-            raise ValueError(f"onto must be one of {', '.join(TARGETS)}, not {onto!r}")
-        cleaned = ("clean",) if onto == "annulus" else ()  # which would fill the holes
-        others = [name for name in ("disk", "cut", "free", *cleaned) if getattr(self, name)]
-        if others := others + sorted(set(self.options) - TARGETS[onto][1]):
-            raise ValueError(f"{', '.join(others)}: no option of a map onto the {onto}")
+    @property
+    def kind(self) -> str:
+        """Which of the maps it is."""
+        return self.onto or ("surface" if self.cut else "free" if self.free else "disk")
+
+    def map(
+        self, V: Array, F: Array, polygon_of_face: Array, progress: Progress | None = None
+    ) -> Result:
+        """Map a surface; the errors are those of `disk_map` and its kin."""
+        own: dict[str, Any] = {"progress": progress}
+        if self.cut:
+            outline = "free" if self.free else "disk"
+            own |= {"polygon_of_face": polygon_of_face, "outline": outline}
+        return MAPS[self.kind][0](V, F, **own, **self.options)
+
+
+def refuse_unknown(
+    kind: str, function: Callable[..., Any], given: Collection[str], flags: Collection[str] = ()
+) -> None:
+    """Raise ValueError for what a map does not take, with the nearest name, or what it lacks."""
+    options = [one for one in signature(function).parameters.values() if one.name not in OWN]
+    known = [*flags, *(option.name for option in options)]
+    if unknown := [name for name in given if name not in known]:
+        first, hint = unknown[0], ""
+        if others := [name for name in MAPS if first in signature(MAPS[name][0]).parameters]:
+            hint = f"; the {' or '.join(others)} map has it" if first not in OWN else ""
+        elif near := get_close_matches(first, known, 1):
+            hint = f"; did you mean {near[0]}?"
+        raise ValueError(f"{', '.join(unknown)}: no option of the {kind} map{hint}")
+    needed = [option.name for option in options if option.default is option.empty]
+    if missing := [name for name in needed if name not in given]:
+        raise ValueError(f"the {kind} map needs {', '.join(missing)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,19 +124,12 @@ class Mapped:
 
     V: Array
     F: Array
-    result: DiskMap | FreeMap | SurfaceMap | SphereMap | AnnulusMap
+    result: Result
     changes: tuple[str, ...]  # before the map, a sentence each
     n_written: int  # vertices that are written; the others fill holes
     written: Ints  # faces that are written; the others fill holes, or are on no disk
     indices: dict[str, Any]
     as_read: bool = True  # whether nothing was changed by cleaning
-
-    @property
-    def maps(self) -> tuple[DiskMap | FreeMap, ...]:
-        """The maps, that of the component with most faces first."""
-        if isinstance(self.result, SurfaceMap):
-            return self.result.charts
-        return (self.result,) if isinstance(self.result, DiskMap | FreeMap) else ()
 
     def write(self, target: Path, source: Path, settings: Settings) -> None:
         """Write the map in the format of its suffix; OSError if the file cannot be written.
@@ -133,15 +156,16 @@ class Mapped:
     def measures(self) -> dict[str, Any]:
         """Return what the record of a batch has of the map."""
         result = self.result
+        charts = result.charts if isinstance(result, SurfaceMap) else (result,)
         return {
-            "disks": len(self.maps),
+            "charts": len(charts),
             "flips": len(result.certificate.flipped),
             "mean": result.distortion.mean,
             "sd": result.distortion.sd,
             "area": float(np.abs(result.area_distortion()).mean()),
             "conformal": result.conformal,
             "reasons": "; ".join(result.conformality.reasons),
-            "boundary": ", ".join(dict.fromkeys(_boundary(map_) for map_ in self.maps)),
+            "boundary": ", ".join(dict.fromkeys(map(_boundary, charts))),
         }
 
     def report(self) -> dict[str, Any]:
@@ -149,8 +173,11 @@ class Mapped:
         return self.result.report() | ({"changes": list(self.changes)} if self.changes else {})
 
 
-def _boundary(map_: DiskMap | FreeMap) -> str:
-    return map_.boundary.name if isinstance(map_, DiskMap) else map_.boundary
+def _boundary(chart: Any) -> str:
+    """How the boundary of a map was laid out."""
+    if isinstance(chart, SphereMap):
+        return "none"
+    return chart.boundary.name if isinstance(chart, DiskMap) else chart.boundary
 
 
 def map_one(
@@ -166,17 +193,18 @@ def map_one(
     """
     if not settings.clean:
         with naming_polygons(polygon_of_face):
-            return _map(V, F, polygon_of_face, settings, settings.options, progress)
+            return _map(V, F, polygon_of_face, settings, progress)
     cleaned = clean(V, F)  # which numbers the faces anew
     vertex_index, face_index = cleaned.vertex_index, cleaned.face_index
     n, m = int((vertex_index >= 0).sum()), int((face_index >= 0).sum())  # the filling comes last
     filling = polygon_of_face.max() + np.arange(1, len(face_index) - m + 1)
     polygon = np.append(polygon_of_face[face_index[:m]], filling)
-    options = dict(settings.options)
-    for name, kind, index in (("align", "vertex", vertex_index), ("center", "face", face_index)):
-        if isinstance(row := options.get(name), int | np.integer):  # of the file
-            options[name] = _row_after_cleaning(index, row, f"{name} is {kind} {row}")
-    mapped = _map(cleaned.V, cleaned.F, polygon, settings, options, progress)
+    options = {
+        name: _after_cleaning(name, value, face_index if name == "center" else vertex_index)
+        for name, value in settings.options.items()
+    }
+    settings = replace(settings, options=options)
+    mapped = _map(cleaned.V, cleaned.F, polygon, settings, progress)
     kept = mapped.written < m
     indices = {name: rows[kept] for name, rows in mapped.indices.items()}
     indices |= {"vertex_index": vertex_index[:n], "face_index": face_index[mapped.written[kept]]}
@@ -191,11 +219,20 @@ def map_one(
     )
 
 
-def _row_after_cleaning(index: Ints, row: int | np.integer, what: str) -> int:
-    """Find a given row among those that are left; ValueError if it is not there."""
-    rows = np.flatnonzero(index == row)
+def _after_cleaning(name: str, value: Any, index: Ints) -> Any:
+    """Find the rows of the file that an option names among those left; ValueError if one is not."""
+    if name not in ("align", "center", "corners"):
+        return value
+    if isinstance(value, Mapping):
+        return {_after_cleaning(name, row, index): value[row] for row in value}
+    if name == "corners" and np.ndim(value) == 1:
+        return [_after_cleaning(name, row, index) for row in value]
+    if not isinstance(value, int | np.integer):
+        return value
+    rows = np.flatnonzero(index == value)
     if not len(rows):
-        raise ValueError(f"{what}, which is not in the cleaned surface")
+        kind = "face" if name == "center" else "vertex"
+        raise ValueError(f"{name} is {kind} {value}, which is not in the cleaned surface")
     return int(rows[0])
 
 
@@ -204,22 +241,13 @@ def _map(
     F: Array,
     polygon_of_face: Array,
     settings: Settings,
-    options: Mapping[str, Any],
     progress: Progress | None,
 ) -> Mapped:
-    if not settings.cut:
-        function: Callable[..., DiskMap | FreeMap | SphereMap | AnnulusMap]
-        function = free_map if settings.free else disk_map
-        if settings.onto:
-            function = TARGETS[settings.onto][0]
-        result = function(V, F, progress=progress, **options)
+    result = settings.map(V, F, polygon_of_face, progress)
+    if not isinstance(result, SurfaceMap):
         return Mapped(V, F, result, (), len(V), np.arange(len(F)), {})
-    outline: Outline = "free" if settings.free else "disk"
-    cut = surface_map(
-        V, F, polygon_of_face=polygon_of_face, outline=outline, progress=progress, **options
-    )
-    rows = np.flatnonzero(cut.face_chart >= 0)
+    rows = np.flatnonzero(result.face_chart >= 0)
     left_out = len(F) - len(rows)
     note = (f"faces in no chart: {left_out:,}",) if left_out else ()
-    indices = {"face_index": rows, "face_chart": cut.face_chart[rows]}
-    return Mapped(V, F, cut, (*cut.changes, *note), len(V), rows, indices)
+    indices = {"face_index": rows, "face_chart": result.face_chart[rows]}
+    return Mapped(V, F, result, (*result.changes, *note), len(V), rows, indices)

@@ -51,14 +51,14 @@ class Record:
     changes: tuple[str, ...] = ()  #: on reading and cleaning, a sentence each
     vertices: int = 0  #: of the surface as it was given
     faces: int = 0
-    disks: int = 0  #: it was mapped to
+    charts: int = 0  #: that it was mapped onto; 1 unless it was cut
     flips: int = 0  #: faces that are not positively oriented
     mean: float = math.nan  #: angular distortion in degrees; NaN, as below, if there is no map
     sd: float = math.nan
     area: float = math.nan  #: area distortion, mean of |log of the ratio of areas|
     conformal: bool = False  #: whether it is what a conformal map should be, see `DiskMap`
     reasons: str = ""  #: why it is not
-    boundary: str = ""  #: how it got onto the circle
+    boundary: str = ""  #: how it was laid out; of a sphere "none"
     seconds: float = math.nan  #: from reading to writing
     memory: float = math.nan  #: peak resident MiB of the process meanwhile, Python included
 
@@ -147,19 +147,25 @@ def journal_lines(folder: Path) -> Iterator[str]:
             yield from file
 
 
-def read_journals(folder: Path, options_digest: str) -> dict[str, list[Record]]:
-    """Return the records of each name made with these options, from all journals, latest last."""
+def read_journals(folder: Path, options_digest: str | None = None) -> dict[str, list[Record]]:
+    """Return the records of each name, latest last, from all journals; all, or of some options."""
     records: dict[str, list[Record]] = {}
     for line in journal_lines(folder):
         try:
             record = Record.from_line(line)
         except ValueError:  # cut off
             continue
-        if record.options_digest == options_digest:
+        if options_digest in (None, record.options_digest):
             records.setdefault(record.name, []).append(record)
     for of_name in records.values():
         of_name.sort(key=lambda record: record.finished)
     return records
+
+
+def latest_records(folder: Path) -> Iterator[Record]:
+    """Yield the latest record of each name, sorted; that of a refusal only where it is alone."""
+    for _, records in sorted(read_journals(folder).items()):
+        yield max(records, key=lambda record: (record.status != REFUSED, record.finished))
 
 
 SUMMARY_BEGINS = "name,input,"

@@ -27,7 +27,7 @@ WIDTH, HEIGHT, MARGIN = 720, 200, 24  # of the histogram
 
 COLUMNS = (  # of the table: heading, attribute of the record, format
     ("vertices", "vertices", ",d"),
-    ("disks", "disks", ",d"),
+    ("charts", "charts", ",d"),
     ("mean °", "mean", ".3f"),
     ("SD °", "sd", ".3f"),
     ("area", "area", ".3f"),

@@ -11,7 +11,9 @@ from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass
+from difflib import get_close_matches
 from functools import partial
+from inspect import signature
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,15 +22,16 @@ import numpy as np
 from ...errors import counted, printable
 from ...io import WRITABLE
 from ...io.output import try_to_write, whole_file
+from ...phases import check_progress
 from ..one_file import Settings
 from ..pool import Pool
 from .executors import run_on
 from .journal import (
     DONE,
-    REFUSED,
     SUMMARY_BEGINS,
     Journal,
     Record,
+    latest_records,
     read_journals,
     write_summary,
 )
@@ -37,6 +40,7 @@ from .page import PAGE_BEGINS, report_page
 from .work import Task
 
 SAME = "same"
+ALIKE = 0.75  # are two names of which one is misspelt
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +107,9 @@ def batch(
     clean: bool = False,
     cut: bool = False,
     free: bool = False,
-    onto: Literal["sphere", "annulus"] | None = None,
+    onto: Literal["sphere", "annulus", "rectangle"] | None = None,
     retry: bool = False,
+    force: bool = False,
     time_limit: float = np.inf,
     memory_limit: float = np.inf,
     shard: tuple[int, int] | None = None,
@@ -147,11 +152,14 @@ def batch(
         Map surfaces that are no disks as well, see `cdcp_igl.surface_map`.
     free : bool
         Map with free outlines, see `cdcp_igl.free_map`.
-    onto : {"sphere", "annulus"} or None
-        Map closed surfaces onto the sphere, see `cdcp_igl.sphere_map`, or those with two boundary
-        loops onto rings, see `cdcp_igl.annulus_map`.
+    onto : {"sphere", "annulus", "rectangle"} or None
+        Map closed surfaces onto the sphere, see `cdcp_igl.sphere_map`; those with two boundary
+        loops onto rings, see `cdcp_igl.annulus_map`; or disks onto rectangles, see
+        `cdcp_igl.rectangle_map`, by the `corners` that all of them have.
     retry : bool
         Try again what failed in a former run.
+    force : bool
+        Replace what is there and was not made by a batch like this, but for the surfaces.
     time_limit, memory_limit : float
         Seconds and resident MiB for each surface, with `jobs` only. A surface beyond them has
         failed.
@@ -163,7 +171,7 @@ def batch(
     progress : callable, optional
         Called as ``progress(done, failed, total)``, at first with what former runs have done.
     **options
-        Those of `cdcp_igl.disk_map`, `cdcp_igl.surface_map` or `cdcp_igl.free_map`.
+        Those of the map that is made: `cdcp_igl.disk_map`, or that of `cut`, `free` or `onto`.
 
     Returns
     -------
@@ -172,7 +180,7 @@ def batch(
     Raises
     ------
     ValueError
-        If an option is none of those allowed, or there is no surface. Nothing was done then.
+        If an option is none that the map takes, or there is no surface. Nothing was done then.
     OSError
         If the folder or a result cannot be written, or another batch is writing there. What is
         done is kept.
@@ -193,6 +201,10 @@ def batch(
     >>> [(record.name, record.status, record.error) for record in made.records]
     [('cap', 'done', ''), ('torn', 'failed', 'MeshError')]
     """
+    check_progress(progress)
+    for name in options:
+        if meant := get_close_matches(name, signature(batch).parameters, 1, ALIKE):
+            raise ValueError(f"{name}: no option of batch; did you mean {meant[0]}?")
     settings = Settings(disk, clean, cut, free, onto, options)
     _check_format(format)
     if executor is not None and (jobs, time_limit, memory_limit) != (1, np.inf, np.inf):
@@ -208,23 +220,24 @@ def batch(
     mine = shard_of(named, shard)
     folder.mkdir(parents=True, exist_ok=True)
     summary_file = folder / "summary.csv"
-    _refuse_another(summary_file, SUMMARY_BEGINS, "is no summary of a batch")
+    if not force:
+        _refuse_another(summary_file, SUMMARY_BEGINS, "is no summary of a batch")
     if report is not None:
-        _refuse_another(Path(report), PAGE_BEGINS, "is no report of a batch")
+        if not force:
+            _refuse_another(Path(report), PAGE_BEGINS, "is no report of a batch")
         try_to_write(Path(report))
     with Journal(folder, shard) as journal, _unfinished_folder(journal) as unfinished:
         tasks = [
             _task(name, source, folder / name, format, unfinished, settings, digest)
             for name, source in mine
         ]
-        run = _Run(journal, tasks, read_journals(folder, digest), retry, progress)
+        run = _Run(journal, tasks, read_journals(folder, digest), retry, force, progress)
         try:
             with closing(Pool(jobs, time_limit, memory_limit)) as pool:
                 run.map(pool.run if executor is None else partial(run_on, executor))
         finally:
-            latest = read_journals(folder, digest)  # with those of other shards
-            if not summary_file.exists() or run.count.total() > run.count[REFUSED]:
-                write_summary(summary_file, (latest[name][-1] for name in sorted(latest)))
+            # With those of other shards, and of other batches whose results are here.
+            write_summary(summary_file, latest_records(folder))
     done = Batch(folder, tuple(run.records[task.name] for task in tasks))
     if report is not None:
         page = report_page(f"Maps in {printable(folder.name)}", str(done), done.records)
@@ -242,10 +255,11 @@ class _Run:
         tasks: Sequence[Task],
         history: Mapping[str, Sequence[Record]],
         retry: bool,
+        force: bool,
         progress: Callable[[int, int, int], None] | None,
     ) -> None:
         self._journal, self._tasks, self._history = journal, tasks, history
-        self._progress = progress
+        self._force, self._progress = force, progress
         self.records = {
             task.name: history[task.name][-1]
             for task in tasks
@@ -273,7 +287,7 @@ class _Run:
                     left[record.name].move_draft()
 
     def _refusal(self, task: Task) -> Record | None:
-        return task.refusal(self._history.get(task.name, ()))
+        return task.refusal(self._history.get(task.name, ()), self._force)
 
     def _write_down(self, record: Record) -> None:
         self._journal.append(record.line())
@@ -288,12 +302,15 @@ class _Run:
 
 
 def _digest_of_options(settings: Settings, format: str) -> str:
-    text = json.dumps(
-        asdict(settings) | {"format": format},
-        sort_keys=True,
-        default=lambda array: np.asarray(array).tolist(),
-    )
+    text = json.dumps(_plain(asdict(settings) | {"format": format}), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _plain(value: Any) -> Any:
+    """Make JSON types of options, which may be arrays, or mappings of integers."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(given) for key, given in value.items()}
+    return np.asarray(value).tolist()
 
 
 def _refuse_another(path: Path, beginning: str, what: str) -> None:
@@ -303,7 +320,7 @@ def _refuse_another(path: Path, beginning: str, what: str) -> None:
     with path.open("rb") as file:
         is_ours = file.read(len(beginning)) == beginning.encode()
     if not is_ours:
-        reason = f"{what}; move it, or name another place"
+        reason = f"{what}; move it, name another place, or replace it by force"
         raise FileExistsError(errno.EEXIST, reason, os.fspath(path))
 
 

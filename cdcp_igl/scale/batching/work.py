@@ -76,11 +76,11 @@ class Task:
             return os.path.isfile(self.target) and _digest(self.target) == record.output_digest
         return record.status == FAILED and not retry
 
-    def refusal(self, history: Sequence[Record]) -> Record | None:
+    def refusal(self, history: Sequence[Record], force: bool) -> Record | None:
         """Refuse the surface if what has the name of its result must not be replaced.
 
-        It may if it is empty, or if `history`, the records of this name, says that it was made
-        from the surface as it is now, and nobody has changed it.
+        It may by `force`, unless it is the surface; if it is empty; or if `history`, the records of
+        this name, says that it was made from the surface as it is now, and nobody has changed it.
         """
         if not (os.path.lexists(self.target) and os.access(self.source, os.R_OK)):
             return None  # if the surface cannot be read, its worker will say so
@@ -88,6 +88,8 @@ class Task:
         if os.path.exists(self.target) and os.path.samefile(self.source, self.target):
             message = f"{target} is the surface itself; give the result another place."
             return self.record(REFUSED, "FileExistsError", message)
+        if force:
+            return None
         if os.path.isfile(self.target):
             digests = _digest(self.source), _digest(self.target)
             made = [(record.input_digest, record.output_digest) for record in history]
@@ -95,7 +97,8 @@ class Task:
                 return None
         message = (
             f"{target} is there, and was not made from {printable(Path(self.source).name)} "
-            "with these options, or has been changed; move it, or take another folder."
+            "with these options, or has been changed; move it, take another folder, or replace it "
+            "by force."
         )
         return self.record(REFUSED, "FileExistsError", message)
 

@@ -6,7 +6,7 @@ import errno
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import log2
 from os import PathLike
@@ -20,6 +20,7 @@ from ...arrays import Ints, evenly_spaced_rows, size_exponent, unit_size
 from ...errors import MeshError
 from ...io import read_mesh
 from ...io.ply import triangles_of_ply
+from ...phases import Progress, check_progress
 from ...solve.memory import BYTES, available_memory, require
 from ...solve.ordering import SAMPLE, cuts, sides
 from ...surface.validation import examine, repeated_corners
@@ -43,7 +44,7 @@ def partition(
     folder: str | PathLike[str],
     parts: int | None = None,
     *,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Path:
     """Part the faces of a surface by planes, for `parts_map`.
 
@@ -94,6 +95,7 @@ def partition(
     ...     result.certificate.valid, result.uv.shape
     (True, (331, 2))
     """
+    check_progress(progress)
     V, F = _tables(source)
     if parts is not None and not (1 <= parts <= MOST_PARTS and parts & (parts - 1) == 0):
         raise ValueError(f"parts must be a power of 2 up to {MOST_PARTS:,}, not {parts!r}")
@@ -180,7 +182,7 @@ class _Parting:
     F: Table
     levels: int
     folder: Path
-    progress: Callable[[str, float], None]
+    progress: Progress
 
     def run(self) -> None:
         """Write the parts, the seams, and what there is."""
