@@ -1,0 +1,383 @@
+"""Angles, lengths or areas: Newton's method for the shear and the scale of every face.
+
+With the singular values s1 >= s2 of a map f on a face, let s = log(s1 / s2) and q = log(s1 s2). The
+sum over the faces, by area on the surface, of (e - 1) / k^2 is minimised,
+
+    e = (1 + u (cosh ks - 1)) (1 + v (cosh kq - 1)),   u = min(1, 2 - 2t),  v = min(1, 2t):
+
+t = 0 keeps angles, t = 1/2 lengths, for 4 cosh s cosh q = s1^2 + s2^2 + 1/s1^2 + 1/s2^2 is the
+symmetric Dirichlet energy, and t = 1 areas. It is infinite where a face collapses.
+
+A displacement of the corners of a face is dz = a z + b conj(z) + const in the image: b shears, a
+scales and turns. To second order, with p = b conj(f_z f_zbar) / |f_z f_zbar|, as a shear moves
+f_zbar / f_z by a translation of the hyperbolic plane,
+
+    ds = 2 Re p + 2 coth(s) (Im p)^2 - 2 Re a Re p + 2 Im a Im p,   dq = 2 Re a - Re a^2 - |b|^2.
+
+So the Hessian falls into two blocks a face, for (Re a, Re p) and (Im a, Im p). e is convex in
+(s, q): far from the minimum the terms that are always positive are taken, near it the whole, its
+negative eigenvalues at 0.
+
+References
+----------
+K. Hormann, G. Greiner. MIPS: an efficient global parametrization method. Curve and Surface Design,
+1999: t = 0.
+
+J. Smith, S. Schaefer. Bijective parameterization with free boundaries. ACM Trans. Graph. 34(4),
+2015: t = 1/2, and steps that end before the first face collapses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from operator import length_hint
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from ..arrays import Complex, Floats, Ints
+from ..solve.cholesky import Cholesky
+from ..surface.mesh import Mesh
+from ..surface.triangles import blocks, face_areas
+from ..verdict.distortion import wirtinger_derivative
+from .refinement import WeightedLaplacian, _conjugate_gradients, _dot
+from .targets import Disk, Outline, Target
+
+# First a part of k, as a step for cosh(kx) shortens x by 1 / k at most; and at t <= 1/2, as above
+# faces could shear at first as much as they like.
+SOFT, FIRST_STEPS, STEPS = 0.1, 60, 30
+# A step that gains less than so ends those that are soft, those that are far from the minimum, or
+# all; unless it is short, as a face was about to flip: then its gain says nothing.
+LITTLE, NEAR, WORTH, SHORT = 0.1, 0.03, 1e-3, 0.5
+# Directions of CG at most, and the share of what all have gained that ends them: soft or not.
+DIRECTIONS, ENOUGH_OF_SOFT, ENOUGH = 12, 1e-2, 1e-3
+SPARE = 6  # further directions than with a factor that is new, before another is made
+TRIALS, SUFFICIENT = 16, 1e-4  # of the length of a step, which lowers by this share of its slope
+SHARE, SHARE_OF_SLIDING = 0.9, 0.5  # of the way to the first flip; where the boundary turns
+# A face with all corners on the circle has the shape that this gives it, and counts little.
+INSCRIBED = 0.01
+ISOMETRIC = 1e-20  # of the energy: rounding
+
+PLANE = Outline()
+
+
+@dataclass(frozen=True, eq=False)
+class Energy:
+    """What it costs a map that faces change their shape and their size.
+
+    Attributes
+    ----------
+    F : (m, 3) int64
+    area, weight : (m,) float64
+        Of the faces at rest, and how much they count; the weights add up to 1.
+    derivative : (3, m) complex128
+        See `wirtinger_derivative`, of the faces at rest.
+    t, k : (m,) float64
+        What each face keeps, and how steeply the cost grows.
+    """
+
+    F: Ints
+    area: Floats
+    weight: Floats
+    derivative: Complex
+    t: Floats
+    k: Floats
+
+    @classmethod
+    def of(cls, mesh: Mesh, t: float, k: float = 1.0, target: Target = PLANE) -> Energy:
+        """Let a surface keep t; on the disk, in the size that has the area of the disk."""
+        F, area, ones = mesh.F, face_areas(mesh.V, mesh.F), np.ones(len(mesh.F))
+        derivative, held = wirtinger_derivative(mesh.V, F).T, 0 * ones
+        if isinstance(target, Disk):
+            scale = np.pi / area.sum()
+            area, derivative = scale * area, derivative / np.sqrt(scale)
+            held[mesh.inscribed] = 1
+        weight, k_of = area * np.where(held, INSCRIBED, 1), k * np.where(held, SOFT, 1)
+        return cls(F, area, weight / area.sum(), derivative, t * ones, k_of)
+
+    @property
+    def softened(self) -> Energy:
+        """The energy that goes first."""
+        return replace(self, t=np.minimum(self.t, 0.5), k=SOFT * self.k)
+
+    def value(self, f: Complex) -> float:
+        """Sum up the energy of a map (n,) without flipped faces."""
+        total = 0.0
+        with np.errstate(over="ignore"):
+            for part in blocks(len(self.F)):
+                s, q, _ = self.stretch(f, part)
+                (S, *_), (Q, *_) = self._factors(s, q, part)
+                total += float((self.weight[part] / self.k[part] ** 2) @ (S + Q + S * Q))
+        return total
+
+    def stretch(self, f: Complex, part: slice) -> tuple[Floats, Floats, Complex]:
+        """Compute s, q and f_z f_zbar, (k,), of some faces of a map (n,)."""
+        z = f.take(self.F[part].T)
+        (x, y), (one, other) = z[1:] - z[0], self.derivative[1:, part]
+        f_z, f_zbar = one * x + other * y, one.conj() * x + other.conj() * y
+        area = np.maximum((x.conj() * y).imag / 2, np.finfo(float).tiny)
+        q = np.log(area / self.area[part])
+        return np.maximum(2 * np.log(abs(f_z) + abs(f_zbar)) - q, 0), q, f_z * f_zbar
+
+    def _factors(self, s: Floats, q: Floats, part: slice) -> tuple[list[Floats], list[Floats]]:
+        """Compute both factors of e, less 1, with their derivatives by s, and by q."""
+        t, k = self.t[part], self.k[part]
+        weights = np.minimum(1, 2 - 2 * t), np.minimum(1, 2 * t)
+        S, Q = (
+            [2 * w * np.sinh(k * x / 2) ** 2, w * k * np.sinh(k * x), w * k**2 * np.cosh(k * x)]
+            for w, x in zip(weights, (s, q), strict=True)
+        )
+        return S, Q
+
+    def quadratic(self, f: Complex, *, whole: bool) -> Quadratic:
+        """Expand the energy at a map (n,); the `whole` Hessian, or what is always positive."""
+        m = len(self.F)
+        beta, turn = np.empty((m, 3), complex), np.empty(m, complex)
+        slope, real, imaginary = np.empty((2, m)), np.empty((3, m)), np.zeros((3, m))
+        for part in blocks(m):
+            e = f.take(self.F[part].T)
+            e = e[[2, 0, 1]] - e[[1, 2, 0]]
+            beta.T[:, part] = e * (0.5j / (e[0].conj() * e[1]).imag)
+            s, q, product = self.stretch(f, part)
+            size = abs(product)
+            ones = np.ones_like(product)
+            turn[part] = np.divide(product.conj(), size, out=ones, where=size > 0)
+            (S, S_s, S_ss), (Q, Q_q, Q_qq) = self._factors(s, q, part)
+            w = self.weight[part] / self.k[part] ** 2
+            e_s, e_q, e_sq = w * (1 + Q) * S_s, w * (1 + S) * Q_q, w * S_s * Q_q
+            e_ss, e_qq = w * (1 + Q) * S_ss, w * (1 + S) * Q_qq
+            across = np.divide(e_s, np.tanh(s), out=e_ss.copy(), where=s > 1e-6)
+            slope[:, part] = 2 * e_q, 2 * e_s
+            if whole:
+                real[:, part] = _clamped(4 * e_qq - 2 * e_q, 4 * e_ss - 2 * e_q, 4 * e_sq - 2 * e_s)
+                imaginary[:, part] = _clamped(2 * e_q, 4 * across - 2 * e_q, 2 * e_s)
+            else:
+                real[:, part] = 4 * e_qq, 4 * e_ss, 0 * e_ss
+                imaginary[1, part] = 4 * across
+        rows = np.arange(0, 3 * m + 1, 3)
+        B = csr_matrix((beta.ravel(), self.F.ravel(), rows), (m, len(f)))
+        return Quadratic(beta, B, B.conj(), turn, slope, real, imaginary)
+
+
+def _clamped(x: Floats, y: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
+    """Take the negative eigenvalues of symmetric matrices [[x, c], [c, y]] for 0."""
+    middle, half = (x + y) / 2, (x - y) / 2
+    radius = np.hypot(half, c)
+    high, low = np.maximum(middle + radius, 0), np.maximum(middle - radius, 0)
+    mean, part = (high + low) / 2, (high - low) / (2 * np.where(radius > 0, radius, 1))
+    return mean + part * half, mean - part * half, part * c
+
+
+@dataclass(frozen=True, eq=False)
+class Quadratic:
+    """The energy near a map: its slope, and two symmetric blocks a face.
+
+    a = A dz and p = turn B dz, with A = conj(B). The blocks [[x, c], [c, y]], rows of (3, m), are
+    for (Re a, Re p) and (Im a, Im p).
+    """
+
+    beta: Complex  # (m, 3) the entries of B
+    B: csr_matrix
+    A: csr_matrix
+    turn: Complex  # (m,)
+    slope: Floats  # (2, m) along Re a and Re p
+    real: Floats
+    imaginary: Floats
+
+    @property
+    def weights(self) -> Floats:
+        """(m,) means of the blocks: those of the Laplacian that is nearest."""
+        weights: Floats = (self.real[:2].sum(axis=0) + self.imaginary[:2].sum(axis=0)) / 2
+        return weights
+
+    def _back(self, a: Complex | Floats, p: Complex | Floats) -> Complex:
+        x: Complex = self.B.T @ a
+        x += self.A.T @ (self.turn.conj() * p)
+        return x
+
+    def gradient(self) -> Complex:
+        """(n,) the gradient by the displacements of the vertices."""
+        return self._back(*self.slope)
+
+    def times(self, dz: Complex) -> Complex:
+        """(n,) the Hessian times displacements (n,)."""
+        a, p = self.A @ dz, self.turn * (self.B @ dz)
+        (x, y, c), (X, Y, C) = self.real, self.imaginary
+        to_a = x * a.real + c * p.real + 1j * (X * a.imag + C * p.imag)
+        return self._back(to_a, c * a.real + y * p.real + 1j * (C * a.imag + Y * p.imag))
+
+
+@dataclass(frozen=True)
+class Descent:
+    """How a map came by what it keeps: steps, factors, energy at the end.
+
+    It is `done` if a step gained too little, rather than that there were no more.
+    """
+
+    steps: int
+    factors: int
+    value: float
+    done: bool
+
+
+class Newton:
+    """Newton's method on an energy: a map, what moves of it, and what preconditions it.
+
+    Attributes
+    ----------
+    f : (n,) complex128
+        The map, without flipped faces; `descend` moves it.
+    steps, factors : int
+        How many it took.
+    done : bool
+        Whether the last descent ended with a step that gained little.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        f: Complex,
+        order: Ints,
+        target: Target = PLANE,
+        *,
+        analysis: Cholesky | None = None,
+        held: Ints | None = None,
+    ) -> None:
+        self._mesh, self._target, self._held = mesh, target, held
+        self._laplacian = WeightedLaplacian(mesh, order, analysis)
+        self._share = SHARE_OF_SLIDING if isinstance(target, Disk) else SHARE
+        self.f, self.steps, self.factors, self.done = f, 0, 0, False
+
+    def lower(self, energy: Energy, *, soft: bool = True, steps: int = STEPS) -> float:
+        """Go down to the minimum, the `soft` energy first; return the energy there."""
+        if soft:
+            self.descend(energy.softened, FIRST_STEPS, far=True)
+        return self.descend(energy, steps)
+
+    def descend(self, energy: Energy, steps: int = STEPS, *, far: bool = False) -> float:
+        """Go down while it is worth it; `far` from the minimum only roughly."""
+        value, whole, anew, failed, least = energy.value(self.f), False, True, False, 0
+        self.done = value < ISOMETRIC
+        enough, worth = (ENOUGH_OF_SOFT, LITTLE) if far else (ENOUGH, WORTH)
+        for _ in range(steps):
+            if self.done:
+                break
+            quadratic = energy.quadratic(self.f, whole=whole)
+            if anew:
+                self._laplacian.factor(quadratic.beta, quadratic.weights)
+                self.factors += 1
+            step, slope, used = self._direction(quadratic, enough)
+            least = used if anew else least
+            found = self._search(energy, step, slope, value)
+            if found is None:
+                if anew and not whole:
+                    break
+                whole, anew, failed = False, True, True
+                continue
+            gain, value, length = 1 - found[0] / value, found[0], found[1]
+            self.f, self.steps = found[2], self.steps + 1
+            self.done = value < ISOMETRIC or (length > SHORT and gain < worth)
+            was, near = whole, gain < NEAR
+            whole = not far and not failed and (whole or near)
+            solved = used < min(DIRECTIONS, least + SPARE + 1)
+            anew = not (was and whole and near and solved)
+        return value
+
+    def _direction(self, quadratic: Quadratic, enough: float) -> tuple[Complex, float, int]:
+        """Find a direction (n,) by CG, the slope along it, and how often CG took the factor."""
+        gradient = self._possible(quadratic.gradient())
+        towards = iter([self._laplacian.solve] * DIRECTIONS)
+        step = _conjugate_gradients(
+            lambda dz: self._possible(quadratic.times(dz)),
+            *(-gradient, towards, self._possible, enough),
+        )
+        return step, _dot(gradient, step), DIRECTIONS - length_hint(towards)
+
+    def _possible(self, x: Complex) -> Complex:
+        x = self._target.tangential(self._mesh, self.f, x)
+        if self._held is not None:
+            x[self._held] = 0
+        return x
+
+    def _search(
+        self, energy: Energy, step: Complex, slope: float, value: float
+    ) -> tuple[float, float, Complex] | None:
+        """Go along a step, back by parabolas or on by doubling: energy, length and map, or None."""
+        limit = self._share * way_to_flip(energy.F, self.f, step)
+        length, found = min(1.0, limit), None
+        for _ in range(TRIALS):
+            trial = self._target.moved(self._mesh, self.f, length * step)
+            lowest, lower = 0.5, False  # where the parabola is lowest, by the length
+            if len(self._target.flipped(energy.F, trial)[0]) == 0:
+                there = energy.value(trial)
+                bend = (there - value) / length - slope
+                lowest = -slope / (2 * bend) if bend > 0 else 2.0
+                lower = there <= value + SUFFICIENT * length * slope
+            if found is not None and not (lower and there < found[0]):
+                return found
+            if lower:
+                longer = found is not None and length > found[1]
+                found = there, length, trial
+                at_end = lowest >= 1.5 and (2 * length > limit or length < 1)
+                if 0.75 < lowest < 1.5 or at_end or (lowest <= 0.75 and longer):
+                    return found
+            length *= 2 if lower and lowest >= 1.5 else min(max(lowest, 0.1), 0.75)
+        return found
+
+
+def way_to_flip(F: Ints, f: Complex, step: Complex) -> float:
+    """Find the multiple of a step (n,) at which the first face of a map (n,) has no area."""
+    nearest = np.inf
+    for part in blocks(len(F)):
+        (x, y), (u, v) = (z[1:] - z[0] for z in (f.take(F[part].T), step.take(F[part].T)))
+        a, b, c = ((p.conj() * q).imag for p, q in ((u, v), (x, v), (x, y)))
+        b += (u.conj() * y).imag
+        with np.errstate(all="ignore"):
+            root = np.sqrt(b * b - 4 * a * c)  # NaN where the area stays positive
+            roots = np.concatenate([2 * c / (-b + root), 2 * c / (-b - root)])
+        nearest = min(nearest, roots[roots > 0].min(initial=np.inf))
+    return float(nearest)
+
+
+def resized(energy: Energy, f: Complex) -> Complex:
+    """Scale a map (n,) so that its sum of cosh(s) cosh(q), by area, is least."""
+    shrink = grow = 0.0
+    for part in blocks(len(energy.F)):
+        s, q, _ = energy.stretch(f, part)
+        weight = energy.weight[part] * np.cosh(s)
+        shrink += float(weight @ np.exp(-q))
+        grow += float(weight @ np.exp(q))
+    return f * (shrink / grow) ** 0.25
+
+
+def balanced(
+    mesh: Mesh,
+    f: Complex,
+    order: Ints,
+    t: float,
+    target: Target = PLANE,
+    *,
+    k: float = 1.0,
+    analysis: Cholesky | None = None,
+    near: bool = False,
+    steps: int = STEPS,
+) -> tuple[Complex, Descent]:
+    """Let a map f (n,) without flipped faces keep t; no face flips on the way.
+
+    A conformal map is to have any size; one of a `near` t is gone on from as it is.
+    `order` and `analysis` are as of `lower_angle_distortion`. Where the steps do not end of
+    themselves, they go on from t = 1/2, and the lower map is taken.
+    """
+    energy = Energy.of(mesh, t, k, target)
+    if not near and not isinstance(target, Disk):
+        f = resized(energy, f)
+    newton = Newton(mesh, f, order, target, analysis=analysis)
+    value = newton.lower(energy, soft=not near, steps=steps)
+    if not (near or newton.done or t == 0.5):
+        best, newton.f = newton.f, f
+        newton.lower(Energy.of(mesh, 0.5, k, target), steps=steps)
+        other = newton.descend(energy, steps)
+        if other < value:
+            best, value = newton.f, other
+        newton.f = best
+    return newton.f, Descent(newton.steps, newton.factors, value, newton.done)
