@@ -12,7 +12,7 @@ from .result.disk_map import DiskMap
 from .scale.batching import Batch, batch
 from .scale.parts import PartsMap, partition, parts_map
 from .surface.checking import MeshReport, check
-from .surface.cleaning import Cleaned, clean
+from .surface.cleaning import Cleaned, clean, submesh
 from .verdict.certificate import Certificate, SphereCertificate
 from .verdict.conformality import Conformality
 from .verdict.distortion import (
@@ -66,6 +66,7 @@ __all__ = [
     "rectangle_map",
     "reference",
     "sphere_map",
+    "submesh",
     "surface_map",
 ]
 

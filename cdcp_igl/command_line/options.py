@@ -12,7 +12,10 @@ import typer
 from typer.core import TyperCommand, TyperOption
 
 # Those of `io`, spelled out: `--help` shows them, and must not wait for NumPy.
-READABLE = (".glb", ".gltf", ".mat", ".npz", ".obj", ".off", ".ply", ".stl", ".vtk", ".vtu")
+READABLE = (
+    *(".gii", ".glb", ".gltf", ".mat", ".npz", ".obj", ".off", ".ply", ".stl", ".vtk", ".vtu"),
+    ".gii.gz",
+)
 WRITABLE = (".glb", ".npz", ".obj", ".ply")
 PICTURES = (".png", ".svg", ".pdf")
 SURFACES = " ".join(READABLE)

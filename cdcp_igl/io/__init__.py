@@ -8,12 +8,15 @@ cannot read.
 """
 
 from .reading import READABLE, read_mesh, read_polygons
+from .values import read_patch, read_values
 from .writing import WRITABLE, write_map
 
 __all__ = [
     "READABLE",
     "WRITABLE",
     "read_mesh",
+    "read_patch",
     "read_polygons",
+    "read_values",
     "write_map",
 ]

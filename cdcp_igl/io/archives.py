@@ -57,7 +57,7 @@ def _vertices_and_faces(found: Found) -> tuple[Array, Array]:
     raise Damage(f"it must hold V and F (or v and f), not {', '.join(found) or 'nothing'}")
 
 
-def _check_unpacking(name: str, size: int, packed: int) -> None:
+def check_unpacking(name: str, size: int, packed: int) -> None:
     """Refuse what would unpack to much more than a mesh does; sizes in bytes."""
     if size > max(NEVER_REFUSED, MOST_PACKED * packed):
         raise Damage(
@@ -85,7 +85,7 @@ def read_npz(path: Path) -> tuple[Array, Array]:
             if name in READ:
                 if info.flag_bits & ENCRYPTED:
                     raise Damage(f"{name} is encrypted")
-                _check_unpacking(name, info.file_size, info.compress_size)
+                check_unpacking(name, info.file_size, info.compress_size)
                 data = BytesIO(archive.read(info))
                 try:
                     found[name] = npy.read_array(data, allow_pickle=False)
@@ -182,7 +182,7 @@ def _variable(element: Element, order: str) -> tuple[str, Array | None]:
     if name not in READ:
         return name, None
     if packed:
-        _check_unpacking(name, size, len(data))
+        check_unpacking(name, size, len(data))
         whole = zlib.decompressobj()
         data = memoryview(whole.decompress(data, size + 8))[8:]
         if len(data) != size or whole.decompress(whole.unconsumed_tail, 1) or not whole.eof:

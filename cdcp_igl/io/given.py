@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
-from ..errors import Defect, MeshError
+from ..errors import Damage, Defect, MeshError
+from .neuro import gifti_surface
 from .polygons import naming_polygons, triangulated
 from .reading import Array, read_polygons
 
@@ -38,10 +39,64 @@ POLYGONS_OF_VTK = (5, 7, 9)  # triangles, polygons, quads
 
 
 class FromFile:
-    """A map of a surface, which knows the file that was given in its place."""
+    """A map of a surface, which knows the file that was given, and of which part it is the map.
+
+    Attributes
+    ----------
+    source : Path or None
+        The file.
+    given_rows : ((n,) int64, int) or None
+        The row of the whole surface that each vertex comes from, -1 for a new one, and how many
+        rows that has: of what `submesh` and `clean` return. None if all was mapped.
+    """
 
     uv: Floats
     source: Path | None = None
+    given_rows: tuple[Ints, int] | None = None
+
+    def to_given(self, values: ArrayLike, fill: float | None = None) -> Array:
+        """Carry values at the vertices back to the rows of the surface that this is a part of.
+
+        Parameters
+        ----------
+        values : (n, ...) array_like
+            A row for each vertex that was mapped, such as `uv`.
+        fill : number, optional
+            Where nothing was mapped: NaN for real numbers, -1 for integers, which are labels, and
+            False for truth values.
+
+        Returns
+        -------
+        (k, ...) ndarray
+            A row for each vertex of the surface as `submesh` or `clean` was given it, of the type
+            of `values`.
+
+        Raises
+        ------
+        ValueError
+            If `values` has another number of rows, or `fill` does not fit its type.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
+        >>> part = cdcp_igl.submesh(V, F, vertices=V[:, 0] < 0.3)
+        >>> result = cdcp_igl.disk_map(part)
+        >>> uv = result.to_given(result.uv)
+        >>> len(uv) == len(V), bool(np.isnan(uv[V[:, 0] >= 0.3]).all())
+        (True, True)
+        """
+        given = np.array(values)
+        if self.given_rows is None:
+            return given
+        rows, size = self.given_rows
+        if given.ndim == 0 or len(given) != len(rows):
+            raise ValueError(f"values has shape {given.shape}; {len(rows)} vertices were mapped")
+        if fill is None:
+            fill = {"b": False, "i": -1, "u": 0}.get(given.dtype.kind, np.nan)
+        whole = np.full((size, *given.shape[1:]), fill, given.dtype)
+        whole[rows[rows >= 0]] = given[rows >= 0]
+        return whole
 
 
 class OfSurface(Protocol[Options, Made]):
@@ -97,15 +152,34 @@ def takes_meshes(function: Callable[..., Any]) -> Any:
             options.setdefault("polygon_of_face", polygon_of_face)
         with naming_polygons(polygon_of_face):
             made = function(*args[:at], V, F, *args[at + 1 :], **options)
-        if isinstance(made, FromFile) and isinstance(given, str | PathLike):
-            object.__setattr__(made, "source", Path(given))  # which may be frozen
-        return made
+        source = Path(given) if isinstance(given, str | PathLike) else None
+        return _told_of(made, given, getattr(given, "source", source))
 
     return run
 
 
+def _told_of(made: Any, given: Any, source: Path | None) -> Any:
+    """Tell a map, or what `clean` returns, of the file and of the rows of the whole surface."""
+    is_part = hasattr(given, "n_given")
+    if isinstance(made, FromFile):
+        object.__setattr__(made, "source", source)  # which may be frozen
+        if is_part:
+            object.__setattr__(made, "given_rows", (given.vertex_index, given.n_given))
+    elif hasattr(made, "n_given"):
+        made = made._replace(source=source)
+        if is_part:
+            before, rows = (given.vertex_index, given.face_index), made[2:4]
+            vertices, faces = (
+                np.where(index >= 0, first[index], -1)
+                for first, index in zip(before, rows, strict=True)
+            )
+            made = made._replace(vertex_index=vertices, face_index=faces, n_given=given.n_given)
+    return made
+
+
 def _is_mesh(given: Any) -> bool:
-    if isinstance(given, str | PathLike) or any(hasattr(given, x) for x in (*VERTICES, "to_mesh")):
+    known = (*VERTICES, "to_mesh", "darrays")  # the last of a GIFTI image
+    if isinstance(given, str | PathLike) or any(hasattr(given, name) for name in known):
         return True
     return isinstance(given, tuple) and len(given) == 2 and np.ndim(given[0]) == 2
 
@@ -115,6 +189,12 @@ def surface_of(mesh: Any) -> tuple[Array, Array, Ints]:
     if isinstance(mesh, str | PathLike):
         return read_polygons(mesh, log.warning)
     if isinstance(mesh, tuple) and len(mesh) == 2:
+        return mesh[0], *triangulated(mesh[1])
+    if hasattr(mesh, "darrays"):
+        try:
+            mesh = gifti_surface(mesh)
+        except Damage as error:
+            raise MeshError(Defect.of("unreadable file", reason=f"{error}")) from None
         return mesh[0], *triangulated(mesh[1])
     if not any(hasattr(mesh, name) for name in VERTICES) and hasattr(mesh, "to_mesh"):
         mesh = mesh.to_mesh()  # a scene of trimesh: its meshes in one, each where it stands

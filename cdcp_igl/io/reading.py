@@ -5,7 +5,8 @@ from __future__ import annotations
 import stat
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from lzma import LZMAError
 from os import PathLike
 from pathlib import Path
@@ -20,6 +21,7 @@ from ..errors import Damage, Defect, MeshError
 from ..extras import from_extra
 from .archives import read_mat, read_npz
 from .glb import read_gltf
+from .neuro import read_neuro, reads_as_neuro
 from .ply import read_ply
 from .polygons import triangulated
 from .stl import read_stl
@@ -41,6 +43,7 @@ def read_vtk(path: Path) -> tuple[Array, Array, Array]:
 
 # V and F, and where faces may be polygons, which of these each triangle is a part of.
 READERS: dict[str, Callable[[Path], tuple[Array, ...]]] = {
+    ".gii": read_neuro,
     ".glb": read_gltf,
     ".gltf": read_gltf,
     ".mat": read_mat,
@@ -52,7 +55,7 @@ READERS: dict[str, Callable[[Path], tuple[Array, ...]]] = {
     ".vtk": read_vtk,
     ".vtu": read_vtk,
 }
-READABLE = tuple(READERS)
+READABLE = (*READERS, ".gii.gz")
 
 # What libraries below the readers raise on bytes that they do not understand.
 DAMAGE = (
@@ -72,7 +75,8 @@ def read_mesh(
     ----------
     path : path-like
         A file named .obj, .off, .ply, .stl, .glb or .gltf; .npz or .mat with V and F (or v and
-        f); or .vtk or .vtu, for which meshio must be installed.
+        f); or .vtk or .vtu, for which meshio must be installed; or, with nibabel, .gii or .gii.gz,
+        and surfaces of FreeSurfer, of whatever name.
     note : callable, optional
         Told, in a sentence, what was changed on reading.
 
@@ -144,17 +148,16 @@ def read_polygons(
     array([0, 0])
     """
     path = Path(path)
-    reader = _reader_of(path)
-    try:
+    if path.is_dir():
+        raise MeshError(Defect.of("unreadable file, a folder", path=str(path)))
+    reader = READERS.get(path.suffix.lower())
+    if reader is None and path.is_file() and reads_as_neuro(path):
+        reader = read_neuro
+    if reader is None:
+        known = f"{' '.join(READABLE)}, and surfaces of FreeSurfer"
+        raise _unreadable(f"{path.name!r} is of no known type; readable are {known}")
+    with reading(path):
         V, F, *polygons = reader(path)
-    except Damage as error:
-        raise _damaged(path, str(error)) from None
-    except MemoryError as error:
-        raise _damaged(path, "it does not fit into the memory") from error
-    except MeshError:
-        raise
-    except DAMAGE as error:
-        raise _damaged(path, "it is cut off, or damaged") from error
     if len(V) == 0:
         raise _empty(path)
     if path.suffix.lower() in (".npz", ".mat") and _counts_from_one(V, F):
@@ -166,13 +169,9 @@ def read_polygons(
     return V, F, polygons[0] if polygons else np.arange(len(F))
 
 
-def _reader_of(path: Path) -> Callable[[Path], tuple[Array, ...]]:
-    """Find the reader of a file by its suffix; see that there is one, with something in it."""
-    if path.is_dir():
-        raise MeshError(Defect.of("unreadable file, a folder", path=str(path)))
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        raise _unreadable(f"{path.name!r} is of no known type; readable are {' '.join(READABLE)}")
+@contextmanager
+def reading(path: Path) -> Iterator[Path]:
+    """Let the body read a file in which there is something; MeshError names it if it is damaged."""
     if "\0" in str(path):
         raise _unreadable(f"{path.name!r} is no name of a file, as it holds a zero")
     if not stat.S_ISREG(path.stat().st_mode):  # to open a FIFO may take for ever
@@ -180,7 +179,16 @@ def _reader_of(path: Path) -> Callable[[Path], tuple[Array, ...]]:
     with path.open("rb") as file:  # OSError if it is forbidden; later ones mean damage
         if not file.read(1):
             raise _empty(path)
-    return reader
+    try:
+        yield path
+    except Damage as error:
+        raise _damaged(path, str(error)) from None
+    except MemoryError as error:
+        raise _damaged(path, "it does not fit into the memory") from error
+    except MeshError:
+        raise
+    except DAMAGE as error:
+        raise _damaged(path, "it is cut off, or damaged") from error
 
 
 def _unreadable(reason: str) -> MeshError:

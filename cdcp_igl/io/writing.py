@@ -16,6 +16,7 @@ from .archives import write_npz
 from .given import takes_meshes
 from .glb import write_glb
 from .images import Image, checkerboard, read_image, write_material
+from .neuro import SPHERE, neuro_type, write_neuro
 from .obj import write_like, write_obj
 from .output import whole_file
 from .ply import write_ply
@@ -53,8 +54,11 @@ def write_map(
     ----------
     path : path-like
         Named .npz (V, F and uv as given), .obj or .ply (uv as texture coordinates, to the
-        last bit), or .glb (in single precision, with normals and an image). An existing file
-        is replaced once the new one is complete.
+        last bit), or .glb (in single precision, with normals and an image); or a surface whose
+        vertices lie where the map takes them, with nibabel: .gii, .gii.gz, or FreeSurfer's
+        ``lh.NAME`` and, of a part, ``lh.NAME.patch.flat``, all in the rows of the surface that
+        was given, z = 0 in the plane and a radius of 100 on the sphere. An existing file is
+        replaced once the new one is complete.
     V, F
         As in `disk_map`, whatever surface they are.
     uv : (n, 2) array_like, (m, 3, 2) array_like or a map
@@ -69,7 +73,8 @@ def write_map(
         The obj file that V and F were read from, to write an obj file that differs from it
         in texture coordinates only: polygons, groups, materials, normals, colours and
         comments stay. Polygons that were cut open within are written as triangles; there are
-        none if `surface_map` was given `polygon_of_face`, see `read_polygons`.
+        none if `surface_map` was given `polygon_of_face`, see `read_polygons`. Of FreeSurfer's
+        and GIFTI files, the volume and the metadata are kept.
     image : path-like, optional
         A PNG or JPEG file to show on the surface, or ``"checkerboard"``, which is what a
         glb file has if nothing else is named. For an obj file, a .mtl file and the image are
@@ -102,6 +107,11 @@ def write_map(
     _check_options(path, suffix, like, image)
     checked_vertices(V)
     given, faces = usable_arrays(V, F)
+    if suffix not in WRITABLE:
+        surface = _as_surface(uv, faces)
+        with whole_file(path) as unfinished:
+            write_neuro(path, unfinished, *surface, None if like is None else Path(like))
+        return
     plane = _map(uv, len(given), len(faces), in_square=suffix != ".npz" and not disk)
     if suffix == ".npz":
         with whole_file(path) as unfinished:
@@ -138,14 +148,40 @@ def _check_options(
 ) -> None:
     if "\0" in str(path):
         raise ValueError(f"{path.name!r} holds a zero and is no name of a file.")
-    if suffix not in WRITABLE:
-        raise ValueError(f"{path.name!r} is of no known type. Writable: {' '.join(WRITABLE)}")
-    if like is not None and {suffix, Path(like).suffix.lower()} != {".obj"}:
+    neuro = suffix not in WRITABLE and neuro_type(path)
+    if suffix not in WRITABLE and not neuro:
+        known = f"{' '.join(WRITABLE)} .gii .gii.gz, and lh.NAME and rh.NAME of FreeSurfer"
+        raise ValueError(f"{path.name!r} is of no known type. Writable: {known}")
+    if like is not None and not neuro and {suffix, Path(like).suffix.lower()} != {".obj"}:
         raise ValueError("like= is for obj files: the given one, and the one to write.")
     if image is not None and suffix not in (".glb", ".obj"):
         raise ValueError(f"A {suffix} file shows no image: write .glb or .obj.")
     if image is not None and like is not None:
         raise ValueError("Of like= and image= only one is possible: materials stay with like=.")
+
+
+def _as_surface(uv: ArrayLike | MapResult, F: Ints) -> tuple[Floats, Ints, Ints]:
+    """Places (n, 3), faces, and which vertices were mapped, in the rows of the surface as given.
+
+    A sphere has FreeSurfer's radius; in the plane, z is 0.
+    """
+    n = int(F.max()) + 1
+    rows, size = getattr(uv, "given_rows", None) or (np.arange(n), n)
+    if (points := getattr(uv, "points", None)) is not None:
+        places = SPHERE * np.asarray(points)
+    else:
+        plane = np.asarray(uv.uv if isinstance(uv, MapResult) else uv, dtype=np.float64)
+        if plane.ndim != 2 or plane.shape[1] != 2:
+            raise ValueError(
+                f"uv has shape {plane.shape}: such a file has one place for each vertex. Of a "
+                "surface that was cut open, write .obj, .ply or .glb"
+            )
+        places = np.column_stack([plane, np.zeros(len(plane))])
+    vertices = rows[rows >= 0]
+    P = np.zeros((size, 3))
+    P[vertices] = places[: len(rows)][rows >= 0]
+    whole = rows[F]
+    return P, whole[(whole >= 0).all(axis=1)], vertices
 
 
 def _map(uv: ArrayLike | MapResult, n: int, m: int, *, in_square: bool) -> Floats:

@@ -221,11 +221,15 @@ class Result(FromFile, ABC):
             If it cannot be written; nothing is left behind.
         """
         from ..io import WRITABLE, read_mesh, write_map
+        from ..io.neuro import neuro_type
         from ..io.output import whole_file, write_text
 
-        suffix = Path(path).suffix.lower()
-        if suffix in WRITABLE:
-            (V, F), like = self._surface(), self.source
+        suffix, neuro = Path(path).suffix.lower(), neuro_type(Path(path))
+        known = (*WRITABLE, *PICTURES, ".html", ".json")
+        if suffix not in known and neuro:
+            write_map(path, *self._surface(), self, like=self.source)
+        elif suffix in WRITABLE:
+            (V, F), like = self._surface(), None if self.given_rows else self.source
             if like is not None and suffix == like.suffix.lower() == ".obj":
                 corners, (V, F) = V[F], read_mesh(like)
                 if F.shape != corners.shape[:2] or not np.array_equal(V[F], corners):
@@ -242,8 +246,8 @@ class Result(FromFile, ABC):
         elif suffix == ".json":
             write_text(path, json.dumps(self.report(), indent=2, ensure_ascii=False) + "\n")
         else:
-            known = " ".join((*WRITABLE, *PICTURES, ".html", ".json"))
-            raise ValueError(f"{Path(path).name!r} is of no known type. Writable: {known}")
+            writable = f"{' '.join(known)} .gii .gii.gz, lh.NAME and rh.NAME"
+            raise ValueError(f"{Path(path).name!r} is of no known type. Writable: {writable}")
 
     def plot(self, *, name: str = "") -> NDArray[Any]:
         """Draw the surface, its image, a checkerboard and the distortion side by side.

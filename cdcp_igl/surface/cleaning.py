@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -28,13 +29,18 @@ class Cleaned(NamedTuple):
     F : (m, 3) int64
         Faces that were kept, in their order; then those that fill holes.
     vertex_index : (n,) int64
-        The row of the given V that each row comes from, -1 for a new vertex.
+        The row of the given V that each row comes from, -1 for a new vertex; of a Cleaned that was
+        given, such as a part, the row of what that was made of. So is `face_index`.
     face_index : (m,) int64
         The row of the given F that each row comes from, -1 for a face that fills a hole.
     flipped : (k,) int64
         Rows of F whose edge was flipped, so that they are not the faces they come from.
     changes : tuple of str
         What was done, a sentence each; empty if the surface came back as it was.
+    n_given : int
+        How many rows the given V has.
+    source : Path or None
+        The file, if one was given.
 
     Examples
     --------
@@ -50,6 +56,8 @@ class Cleaned(NamedTuple):
     face_index: Ints
     flipped: Ints
     changes: tuple[str, ...]
+    n_given: int
+    source: Path | None = None
 
 
 @takes_meshes
@@ -122,7 +130,77 @@ def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
         surface.face_index,
         surface.flipped,
         tuple(surface.changes),
+        len(positions),
     )
+
+
+@takes_meshes
+def submesh(
+    V: ArrayLike,
+    F: ArrayLike,
+    *,
+    vertices: ArrayLike | None = None,
+    without: ArrayLike | None = None,
+) -> Cleaned:
+    """Take a part of a surface: the faces all of whose corners are among some vertices.
+
+    Maps of it carry values back to the rows of the whole, ``result.to_given(values)``: a cortex
+    without its medial wall, or a patch that was cut out.
+
+    Parameters
+    ----------
+    V, F
+        As in `disk_map`, whatever surface they are.
+    vertices : (n,) array_like of bool, or (k,) of integers
+        Which to keep: a truth value for each, or their rows.
+    without : (n,) array_like of bool, or (k,) of integers
+        Which to leave out, in place of `vertices`.
+
+    Returns
+    -------
+    Cleaned
+        The part, vertices and faces in their order; its ``vertex_index`` and ``face_index`` are
+        rows of V and F. Vertices that are at none of its faces are not in it.
+
+    Raises
+    ------
+    MeshError
+        If V and F are no surface, or no face is left.
+    ValueError
+        If not one of `vertices` and `without` is given, or it names no vertices of V.
+
+    Examples
+    --------
+    >>> import cdcp_igl
+    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
+    >>> cdcp_igl.submesh(V, F, without=[0, 1]).changes
+    ('kept 89 of 91 vertices, 140 of 150 faces',)
+    """
+    positions, faces = usable_arrays(V, F)
+    if (vertices is None) == (without is None):
+        raise ValueError("submesh takes either vertices, which to keep, or without, which not to")
+    given = np.asarray(vertices if without is None else without)
+    if given.shape == (len(positions),) and given.dtype == bool:
+        chosen = given
+    elif given.ndim == 1 and given.dtype.kind in "iu":
+        if len(given) and not 0 <= given.min() <= given.max() < len(positions):
+            raise ValueError(f"rows of vertices must be in 0..{len(positions) - 1}")
+        chosen = marked(len(positions), given)
+    else:
+        raise ValueError(
+            f"vertices must be a truth value for each of {len(positions)}, or rows, "
+            f"not {given.dtype} of shape {given.shape}"
+        )
+    if without is not None:
+        chosen = ~chosen
+    face_index = np.flatnonzero(chosen[faces].all(axis=1))
+    if len(face_index) == 0:
+        raise MeshError(Defect.of("nothing left", done="Leaving vertices out"))
+    vertex_index, F = np.unique(faces[face_index], return_inverse=True)
+    (n, m), (left, right) = (len(positions), len(faces)), (len(vertex_index), len(face_index))
+    change = f"kept {left:,} of {n:,} vertices, {right:,} of {m:,} faces"
+    part = positions[vertex_index].astype(np.float64), F.reshape(-1, 3), vertex_index, face_index
+    return Cleaned(*part, np.empty(0, np.int64), (change,), n)
 
 
 class _Surface:

@@ -13,6 +13,7 @@ from typing import TypeVar
 
 from ...errors import printable
 from ...io import READABLE
+from ...io.neuro import reads_as_neuro
 
 Shard = tuple[int, int]  # part i of n, from 1
 
@@ -69,7 +70,7 @@ def _surfaces_like(pattern: Path, out: Path) -> list[Path]:
 
 
 def _readable(path: Path) -> bool:
-    return path.suffix.lower() in READABLE
+    return path.name.lower().endswith(READABLE) or (path.is_file() and reads_as_neuro(path))
 
 
 def located(path: Path) -> Path:

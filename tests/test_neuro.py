@@ -1,0 +1,276 @@
+"""FreeSurfer's files and GIFTI: read, mapped, written, read again; parts, and the way back."""
+
+import gzip
+import struct
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import nibabel
+import numpy as np
+import pytest
+from nibabel.freesurfer import read_geometry, write_annot, write_geometry, write_morph_data
+
+import cdcp_igl
+from cdcp_igl.errors import Defect
+from cdcp_igl.extras import MissingExtra
+from cdcp_igl.io import read_mesh, read_patch, read_values
+
+V, F, _ = cdcp_igl.datasets.spheroid(4)
+V = V.astype(np.float32).astype(float)  # as these files have them
+VOLUME = {
+    "head": np.array([2, 0, 20]),
+    "valid": "1  # volume info valid",
+    "filename": "orig.mgz",
+    "volume": np.array([256, 256, 256]),
+    "voxelsize": np.ones(3),
+    "xras": np.array([-1.0, 0, 0]),
+    "yras": np.array([0, 0, -1.0]),
+    "zras": np.array([0, 1.0, 0]),
+    "cras": np.array([1.5, 2, -3]),
+}
+UPPER = V[:, 2] > 0.2 * V[:, 2].max()
+META = {"AnatomicalStructurePrimary": "CortexLeft", "GeometricType": "Anatomical"}
+
+
+def gifti(*arrays, labels=None):
+    image = nibabel.gifti.GiftiImage(meta=nibabel.gifti.GiftiMetaData({"Subject": "s1"}))
+    for data, intent in arrays:
+        meta = nibabel.gifti.GiftiMetaData(META)
+        image.add_gifti_data_array(nibabel.gifti.GiftiDataArray(data, intent=intent, meta=meta))
+    for key, name in (labels or {}).items():
+        label = nibabel.gifti.GiftiLabel(key)
+        label.label = name
+        image.labeltable.labels.append(label)
+    return image
+
+
+SURFACE = gifti((V.astype(np.float32), 1008), (F.astype(np.int32), 1009))
+TURNED = gifti((F.astype(np.int32), 1009), (V.astype(np.float32), 1008))  # faces come first
+
+
+@pytest.fixture
+def pial(tmp_path):
+    """A surface of FreeSurfer that knows the volume it is from."""
+    write_geometry(tmp_path / "lh.pial", V, F, "a stamp", VOLUME)
+    return tmp_path / "lh.pial"
+
+
+@pytest.fixture
+def surf_gii(tmp_path):
+    SURFACE.to_filename(tmp_path / "lh.pial.surf.gii")
+    return tmp_path / "lh.pial.surf.gii"
+
+
+def test_all_that_hold_the_surface_are_read_alike(pial, surf_gii, tmp_path):
+    packed, turned = tmp_path / "lh.gii.gz", tmp_path / "faces_first.gii"
+    packed.write_bytes(gzip.compress(surf_gii.read_bytes()))
+    TURNED.to_filename(turned)
+    renamed = tmp_path / "any.name"  # its first bytes tell
+    renamed.write_bytes(pial.read_bytes())
+    for given in (pial, surf_gii, packed, turned, renamed):
+        positions, faces = read_mesh(given)
+        assert np.array_equal(positions, V)
+        assert np.array_equal(faces, F)
+    expected = cdcp_igl.sphere_map(V, F).points
+    assert np.array_equal(cdcp_igl.sphere_map(SURFACE).points, expected)
+
+
+def test_quads_are_split_as_freesurfer_does(tmp_path):
+    corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    count = b"\x00\x00\x04" + b"\x00\x00\x01"
+    quad = b"".join(struct.pack(">i", k)[1:] for k in range(4))
+    data = b"\xff\xff\xfd" + count + np.array(corners, ">f4").tobytes() + quad
+    (tmp_path / "lh.orig").write_bytes(data)
+    positions, faces = read_mesh(tmp_path / "lh.orig")
+    assert np.array_equal(positions, corners)
+    assert faces.tolist() == [[0, 1, 3], [2, 3, 1]]
+
+
+def test_a_sphere_is_written_as_freesurfer_has_it_with_its_volume(pial, tmp_path):
+    result = cdcp_igl.sphere_map(pial)
+    result.save(tmp_path / "lh.sphere")
+    points, faces, volume = read_geometry(tmp_path / "lh.sphere", read_metadata=True)
+    assert np.array_equal(faces, F)
+    assert np.array_equal(points, (100 * result.points).astype(np.float32))
+    for key, value in VOLUME.items():
+        assert np.array_equal(volume[key], value)
+    once = (tmp_path / "lh.sphere").read_bytes()
+    result.save(tmp_path / "lh.sphere")
+    assert (tmp_path / "lh.sphere").read_bytes() == once
+
+
+def test_gifti_keeps_what_the_file_had(surf_gii, tmp_path):
+    result = cdcp_igl.sphere_map(surf_gii)
+    for name in ("lh.sphere.surf.gii", "lh.sphere.surf.gii.gz"):
+        result.save(tmp_path / name)
+        image = nibabel.load(tmp_path / name)
+        points, faces = (array.data for array in image.darrays)
+        assert np.array_equal(points, (100 * result.points).astype(np.float32))
+        assert np.array_equal(faces, F)
+        assert image.meta["Subject"] == "s1"
+        assert dict(image.darrays[0].meta) == META | {"GeometricType": "Spherical"}
+
+
+def test_a_part_knows_the_rows_of_the_whole(pial, tmp_path):
+    part = cdcp_igl.submesh(pial, vertices=UPPER)
+    same = cdcp_igl.submesh(V, F, without=np.flatnonzero(~UPPER))
+    assert np.array_equal(part.F, same.F)
+    assert np.array_equal(V[part.vertex_index], part.V)
+    assert np.array_equal(F[part.face_index], part.vertex_index[part.F])
+    result = cdcp_igl.free_map(part)
+    uv = result.to_given(result.uv)
+    assert np.array_equal(uv[part.vertex_index], result.uv)
+    assert np.isnan(np.delete(uv, part.vertex_index, axis=0)).all()
+    labels = np.arange(len(part.V))
+    carried = result.to_given(labels)
+    assert carried.dtype == labels.dtype
+    assert set(carried[~UPPER]) == {-1}
+    assert not result.to_given(labels > 3)[~UPPER].any()
+    with pytest.raises(ValueError, match="vertices were mapped"):
+        result.to_given(labels[1:])
+
+    result.save(tmp_path / "lh.upper.patch.flat")
+    vertices, positions, border = read_patch(tmp_path / "lh.upper.patch.flat")
+    assert np.array_equal(vertices, part.vertex_index)
+    assert np.array_equal(positions[:, :2], result.uv.astype(np.float32))
+    assert not positions[:, 2].any()
+    assert np.array_equal(np.flatnonzero(border), np.sort(result.mesh.loop))
+    again = cdcp_igl.submesh(V, F, vertices=vertices)
+    assert np.array_equal(again.F, part.F)
+    for name in ("flat_lh.gii", "lh.flat"):
+        result.save(tmp_path / name)
+        positions, faces = read_mesh(tmp_path / name)
+        assert np.array_equal(faces, F[part.face_index])
+        assert len(positions) == len(V)
+        assert np.array_equal(positions[vertices, :2], result.uv.astype(np.float32))
+
+
+def test_what_is_cleaned_after_it_was_parted_knows_the_rows_of_the_whole(pial, tmp_path):
+    hole = int(np.flatnonzero(UPPER)[V[UPPER, 2].argmax()])
+    part = cdcp_igl.submesh(pial, vertices=UPPER & (np.arange(len(V)) != hole))
+    cleaned = cdcp_igl.clean(part)
+    assert cleaned.changes == ("filled 1 hole",)
+    assert cleaned.n_given == len(V)
+    rows = cleaned.vertex_index >= 0
+    assert np.array_equal(V[cleaned.vertex_index[rows]], cleaned.V[rows])
+    result = cdcp_igl.disk_map(cleaned)
+    uv = result.to_given(result.uv)
+    assert np.isnan(uv[hole]).all()
+    result.save(tmp_path / "lh.cap.patch.3d")
+    vertices, positions, border = read_patch(tmp_path / "lh.cap.patch.3d")
+    assert np.array_equal(positions[:, :2], uv[vertices].astype(np.float32))
+    assert border[np.isin(vertices, F[(hole == F).any(axis=1)])].all()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({}, "either vertices"),
+        ({"vertices": UPPER, "without": UPPER}, "either vertices"),
+        ({"vertices": UPPER[1:]}, "truth value for each"),
+        ({"vertices": [0.5]}, "not float64"),
+        ({"without": [-1]}, r"0\.\."),
+        ({"vertices": [len(V)]}, r"0\.\."),
+    ],
+)
+def test_parts_that_are_none(options, said):
+    with pytest.raises(ValueError, match=said):
+        cdcp_igl.submesh(V, F, **options)
+
+
+def test_a_part_without_faces():
+    with pytest.raises(cdcp_igl.MeshError) as caught:
+        cdcp_igl.submesh(V, F, vertices=[0, 1])
+    assert isinstance(caught.value.defects[0], Defect)
+
+
+def test_values_of_all_kinds(tmp_path):
+    n, depth = len(V), V[:, 2].astype(np.float32)
+    areas, names = (UPPER + 1).astype(np.int32), {1: "below", 2: "above"}
+    write_morph_data(tmp_path / "lh.sulc", depth)
+    colours = np.array([[0, 0, 0, 0, 0], [1, 2, 3, 0, 197121], [4, 5, 6, 0, 394500]])
+    write_annot(tmp_path / "lh.a.annot", areas, colours, ["none", "below", "above"], False)
+    rows = np.flatnonzero(UPPER)
+    lines = [f"{row} 0 0 0 0" for row in rows]
+    (tmp_path / "lh.top.label").write_text("\n".join(["#!ascii label", str(len(rows)), *lines]))
+    image = nibabel.MGHImage(depth.reshape(n, 1, 1), np.eye(4))
+    nibabel.save(image, tmp_path / "lh.thick.mgh")
+    gifti((depth, 2005)).to_filename(tmp_path / "lh.shape.gii")
+    gifti((depth, 2001), (2 * depth, 2001)).to_filename(tmp_path / "lh.func.gii")
+    gifti((areas, 1002), labels=names).to_filename(tmp_path / "lh.label.gii")
+    for name in ("lh.sulc", "lh.thick.mgh", "lh.shape.gii"):
+        values, none = read_values(tmp_path / name, n)
+        assert np.array_equal(values, depth)
+        assert none == {}
+    assert np.array_equal(read_values(tmp_path / "lh.func.gii")[0], np.c_[depth, 2 * depth])
+    assert np.array_equal(read_values(tmp_path / "lh.top.label", n).values, UPPER)
+    for name in ("lh.a.annot", "lh.label.gii"):
+        labels, given = read_values(tmp_path / name)
+        assert np.array_equal(labels, areas)
+        assert {k: given[k] for k in (1, 2)} == names
+    with pytest.raises(ValueError, match="not for 7"):
+        read_values(tmp_path / "lh.sulc", 7)
+    with pytest.raises(ValueError, match="n is needed"):
+        read_values(tmp_path / "lh.top.label")
+    with pytest.raises(cdcp_igl.MeshError, match=f"names vertex {rows.max():,}"):
+        read_values(tmp_path / "lh.top.label", 5)
+
+
+def cut_off(data):
+    yield from (data[: int(share * len(data))] for share in (0.001, 0.01, 0.3, 0.7, 0.98))
+
+
+def miscounted(data):
+    """With a count that is negative, or too large."""
+    start = data.find(b"\n\n", 3) + 2 if data[:3] == b"\xff\xff\xfe" else 4
+    for count in (-1, 1 << 30) if data[:1] == b"\xff" else ():
+        yield data[:start] + struct.pack(">i", count) + data[start + 4 :]
+
+
+def changed(data):
+    """In one byte, or without it."""
+    rng = np.random.default_rng(0)
+    for place in rng.integers(0, min(len(data), 400), 10).tolist():
+        yield data[:place] + bytes([data[place] ^ 0xFF]) + data[place + 1 :]
+        yield data[:place] + data[place + 1 :]
+
+
+@pytest.mark.parametrize("kind", ["lh.pial", "a.surf.gii", "a.gii.gz", "lh.sulc", "lh.x.patch.3d"])
+def test_damage_is_told(kind, pial, surf_gii, tmp_path):
+    """A MeshError that names the file, or the file is read: nothing else, and in no long time."""
+    write_morph_data(tmp_path / "lh.sulc", V[:, 2])
+    cdcp_igl.free_map(cdcp_igl.submesh(V, F, vertices=UPPER)).save(tmp_path / "lh.x.patch.3d")
+    (tmp_path / "a.surf.gii").write_bytes(surf_gii.read_bytes())
+    (tmp_path / "a.gii.gz").write_bytes(gzip.compress(surf_gii.read_bytes()))
+    readers = {"lh.sulc": read_values, "lh.x.patch.3d": read_patch}
+    path, read = tmp_path / kind, readers.get(kind, read_mesh)
+    whole = path.read_bytes()
+    for data in (*cut_off(whole), *miscounted(whole)):
+        path.write_bytes(data)
+        with pytest.raises(cdcp_igl.MeshError, match=path.name):
+            read(path)
+    for data in changed(whole):
+        path.write_bytes(data)
+        with suppress(cdcp_igl.MeshError):
+            read(path)
+
+
+def test_a_patch_is_no_surface_by_itself(tmp_path):
+    file = tmp_path / "lh.x.patch.flat"
+    cdcp_igl.free_map(cdcp_igl.submesh(V, F, vertices=UPPER)).save(file)
+    with pytest.raises(cdcp_igl.MeshError, match="which has no faces"):
+        read_mesh(file)
+
+
+def test_a_surface_that_was_cut_has_no_one_place_for_a_vertex(tmp_path):
+    with pytest.raises(ValueError, match="one place for each vertex"):
+        cdcp_igl.surface_map(V, F).save(tmp_path / "flat.gii")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_nibabel_it_says_what_to_install(pial, monkeypatch):
+    monkeypatch.setitem(sys.modules, "nibabel", None)
+    with pytest.raises(MissingExtra, match=r"cdcp_igl\[neuro\]"):
+        read_mesh(pial)
+    assert Path(pial).exists()
