@@ -156,7 +156,7 @@ def read_polygons(
     if reader is None:
         known = f"{' '.join(READABLE)}, and surfaces of FreeSurfer"
         raise _unreadable(f"{path.name!r} is of no known type; readable are {known}")
-    with reading(path):
+    with file_to_read(path):
         V, F, *polygons = reader(path)
     if len(V) == 0:
         raise _empty(path)
@@ -170,7 +170,7 @@ def read_polygons(
 
 
 @contextmanager
-def reading(path: Path) -> Iterator[Path]:
+def file_to_read(path: Path) -> Iterator[Path]:
     """Let the body read a file in which there is something; MeshError names it if it is damaged."""
     if "\0" in str(path):
         raise _unreadable(f"{path.name!r} is no name of a file, as it holds a zero")

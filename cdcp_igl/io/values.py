@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..arrays import Bools, Floats, Ints
 from .neuro import Values, patch_of, values_of
-from .reading import reading
+from .reading import file_to_read
 
 
 def read_patch(path: str | PathLike[str]) -> tuple[Ints, Floats, Bools]:
@@ -47,7 +47,7 @@ def read_patch(path: str | PathLike[str]) -> tuple[Ints, Floats, Bools]:
     >>> len(vertices), bool(positions[:, 2].any()), int(border.sum())
     (19, False, 12)
     """
-    with reading(Path(path)) as file:
+    with file_to_read(Path(path)) as file:
         return patch_of(file)
 
 
@@ -80,7 +80,7 @@ def read_values(path: str | PathLike[str], n: int | None = None) -> Values:
     ImportError
         If nibabel is not installed.
     """
-    with reading(Path(path)) as file:
+    with file_to_read(Path(path)) as file:
         found = values_of(file, n)
     if n is not None and len(found.values) != n:
         raise ValueError(
