@@ -46,8 +46,8 @@ docs: .venv/docs
 	$(PYTHON) -m pip install --quiet --editable '.[docs]'
 	@touch $@
 
-# What is released: built, checked, and the wheel tried in an empty environment, with the first
-# lines of README on two files, one of them with seams.
+# What is released: built, checked, and the wheel tried in an empty environment, where no extra has
+# brought a solver under the GPL, with the first lines of README on two files, one with seams.
 dist: .venv/docs
 	rm -rf dist build/empty
 	$(PYTHON) -m build

@@ -196,6 +196,13 @@ def test_the_version_is_the_same_everywhere(recipe):
     assert cdcp_igl.__version__ in (ROOT / "CHANGELOG.md").read_text("utf-8")
 
 
+def test_nothing_under_the_gpl_is_installed_unasked(project):
+    needed = {requirement.split()[0] for requirement in project["project"]["dependencies"]}
+    extras = project["project"]["optional-dependencies"]
+    assert {"cvxopt", "scikit-sparse"} < set(extras)
+    assert not needed & {"cvxopt", "scikit-sparse"}
+
+
 def test_the_conda_package_needs_what_the_wheel_needs(project, recipe):
     extras = project["project"]["optional-dependencies"]
     wanted = [*project["project"]["dependencies"], *extras["cli"], *extras["data"], *extras["plot"]]

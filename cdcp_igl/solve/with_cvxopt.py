@@ -1,4 +1,4 @@
-"""CHOLMOD by CVXOPT, which comes with it for all systems: the only file that knows it."""
+"""CHOLMOD by CVXOPT, an extra with wheels for all systems: the only file that knows it."""
 
 from __future__ import annotations
 
