@@ -79,18 +79,16 @@ def test_second_order_against_exact_maps(exact, trace):
     assert rate(errors) > 1.8
 
 
-# At the corners of a square both are of a lower order, and not the same one.
-ORDERS = {datasets.spherical_cap: 1.8, datasets.ellipse: 1.8, datasets.square: 1.4}
-
-
-@pytest.mark.parametrize(("exact", "order"), ORDERS.items())
-def test_order_of_the_conjugate_against_the_double_cover(exact, order):
+@pytest.mark.parametrize("exact", EXACT[:3])
+def test_order_of_the_conjugate_against_the_double_cover(exact, monkeypatch):
+    """Of the traces alone, as so many points leave the zipper no part in it."""
+    monkeypatch.setattr("cdcp_igl.steps.circle.ENOUGH_POINTS", 1_000)
     errors = []
     for n in RESOLUTIONS:
         maps = [on_the_circle(exact, n, pole, TRACES) for pole in POLES]
         errors.append(np.mean([apart(conjugate, cover) for _, conjugate, cover in maps]))
     assert errors[-1] < 5e-4
-    assert rate(errors) > order
+    assert rate(errors) > 1.9
 
 
 def test_the_conjugate_trace_closes():

@@ -94,7 +94,8 @@ def rescue(
                 candidates.append(_repaired_at_any_cost(harmonic, failed, options, phase))
                 if candidates[-1].conformal:
                     break
-    candidates.sort(key=lambda candidate: candidate.rank)
+    if candidates[1:]:  # to rank one alone would take all angles
+        candidates.sort(key=lambda candidate: candidate.rank)
     best, *others = candidates
     rejected += dict.fromkeys(map(_objection, others))
     for objection in rejected:

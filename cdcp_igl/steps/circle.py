@@ -10,9 +10,10 @@ from ..arrays import Complex
 from ..verdict.certificate import increments, is_around
 from .zipper import geodesic_map
 
-# On nefertiti_299 (34 boundary vertices) subdivision lowers the mean angular distortion
-# from 2.500 to 2.463 degrees; from about 200 points on it changes less than 0.02 %.
-ENOUGH_POINTS = 200
+# On nefertiti_299 (34 boundary vertices) points along the edges lower the mean angular distortion
+# from 2.500 to 2.463 degrees. So many, by the lengths of the edges, are within 0.07 % of the limit
+# on this and nine other surfaces of 34 to 160.
+ENOUGH_POINTS = 150
 
 # The trace has errors of some 1e-16 of its size, so that arcs shorter than this, in radians, are
 # known to five digits at most.
@@ -36,10 +37,15 @@ def whitened_geodesic_map(trace: Complex) -> Complex:
     along the edges of the trace keep it to the harmonic map, which is linear there.
     """
     z = whiten_trace(trace)
-    n_per_edge = -(-ENOUGH_POINTS // len(z))
-    along = np.arange(n_per_edge) / n_per_edge
-    polygon = np.outer(z, 1 - along) + np.outer(np.append(z[1:], z[0]), along)
-    return geodesic_map(polygon.ravel())[::n_per_edge]
+    edge = np.append(z[1:], z[0]) - z
+    length = abs(edge)
+    # Of a trace without area all lengths are NaN, and one point an edge is enough to show that.
+    share = np.nan_to_num(length / length.sum())
+    pieces = np.maximum(np.rint(ENOUGH_POINTS * share), 1).astype(np.int64)
+    first = np.cumsum(pieces) - pieces
+    which = np.repeat(np.arange(len(z)), pieces)
+    along = (np.arange(len(which)) - first[which]) / pieces[which]
+    return geodesic_map(z[which] + along * edge[which])[first]
 
 
 def onto_circle(
