@@ -9,15 +9,16 @@ import numpy as np
 from ..arrays import Complex, Floats, Ints, evenly_spaced_rows
 from ..verdict.distortion import angles_between, plane_angles
 
-# Faces on which Newton's method judges w: one in 32, but some 10,000 at least; and few of them at
-# first, to come near. On 13 scans, the mean angular distortion is within 1e-4 degrees of that with
-# all faces. Where a surface is rough, the errors of finer faces are as large and what psi_w changes
-# is smaller: by a fixed number of faces, their errors and not their changes would choose w.
-MANY_FACES, SHARE, FEW = 10_000, 32, 5
+# Faces on which Newton's method judges w: one in 32, but some 10,000 at least. On 13 scans, the mean
+# angular distortion is within 1e-4 degrees of that with all faces. Where a surface is rough, the
+# errors of finer faces are as large and what psi_w changes is smaller: by a fixed number of faces,
+# their errors and not their changes would choose w.
+MANY_FACES, SHARE = 10_000, 32
 SOFT = 0.2  # corner of the pseudo-Huber function, by the median residual
 MAX_STEPS = 30
-TOLERANCE = 1e-8  # steps of w below this change the objective by its last digits only
-NEAR = 1e-2  # the minimum on few faces is no nearer to that on many
+LAST = 1e-2  # a step of w by the corner after which none is needed: convergence is quadratic
+NEGLIGIBLE = 1e-8  # steps of w below this change the objective by its last digits only
+SINGULAR = 1e-14  # determinant of a Hessian by its squared size, without a minimum
 
 
 def least_angle_distortion(errors: AngleErrors) -> complex:
@@ -25,33 +26,26 @@ def least_angle_distortion(errors: AngleErrors) -> complex:
 
     The sum of absolute values is replaced by a pseudo-Huber function.
     """
-    start = 0j
-    few = max(MANY_FACES, errors.n_faces) // FEW
-    if errors.n_faces > few:
-        start = _newton(errors.on_fewer(few), start, NEAR)
-    return _newton(errors, start, TOLERANCE)
+    w, best = 0j, errors.value(0j)
+    for _ in range(MAX_STEPS):
+        gradient, mean, rest = errors.derivatives(w)
+        determinant = mean * mean - abs(rest) ** 2
+        if not determinant > SINGULAR * mean * mean:
+            break
+        step = (rest * gradient.conjugate() - mean * gradient) / determinant
+        # In hyperbolic length: the objective bends at its corner.
+        if abs(step) < LAST * errors.corner * (1 - abs(w) ** 2) and abs(w + step) < 1:
+            return w + step
+        step, best = _backtrack(errors.value, w, step, best)
+        if step == 0:
+            break
+        w += step
+    return w
 
 
 def faces_to_judge_by(m: int) -> Ints:
     """Rows of the faces, of m, on which w is judged."""
     return evenly_spaced_rows(m, max(MANY_FACES, m // SHARE))
-
-
-def _newton(errors: AngleErrors, w: complex, tolerance: float) -> complex:
-    best = errors.value(w)
-    for _ in range(MAX_STEPS):
-        gradient, hessian = errors.derivatives(w)
-        dx, dy = np.linalg.lstsq(hessian, -gradient, rcond=None)[0]
-        newton = complex(dx, dy)
-        # Convergence is quadratic in hyperbolic length, and the objective bends at its corner.
-        length = abs(newton) / (1 - abs(w) ** 2)
-        if length**2 < tolerance * errors.corner and abs(w + newton) < 1:
-            return w + newton
-        step, best = _backtrack(errors.value, w, newton, best)
-        if step == 0:
-            break
-        w += step
-    return w
 
 
 class AngleErrors:
@@ -68,22 +62,12 @@ class AngleErrors:
         self.corner = pseudo_huber_corner(errors)
         self._last = 0j, errors / self.corner
 
-    @property
-    def n_faces(self) -> int:
-        """How many faces these are."""
-        return self._errors.shape[1]
-
     @classmethod
     def of(cls, F: Ints, z: Complex, angles: Floats) -> AngleErrors:
         """Take faces F of the map z (n,); `angles` (m, 3) are those on the surface."""
         corners = z.take(F.T)
         errors = angles_between(*corners) - angles.T
         return cls(corners.real.copy(), corners.imag.copy(), errors)
-
-    def on_fewer(self, most: int) -> AngleErrors:
-        """Take at most so many of these faces, spread evenly."""
-        faces = evenly_spaced_rows(self.n_faces, most)
-        return AngleErrors(self._x[:, faces], self._y[:, faces], self._errors[:, faces])
 
     def mean(self, w: complex) -> float:
         """Mean of the absolute errors in radians."""
@@ -94,25 +78,29 @@ class AngleErrors:
         r = self._residuals(w)
         return float(np.sqrt(r * r + 1).sum())
 
-    def derivatives(self, w: complex) -> tuple[Floats, Floats]:
-        """Gradient (2,) and Hessian (2, 2); far from the minimum, that of Gauss and Newton."""
+    def derivatives(self, w: complex) -> tuple[complex, float, complex]:
+        """Gradient g, and a, b of the Hessian, which takes a step d to a d + b conj(d).
+
+        Far from the minimum, the Hessian is that of Gauss and Newton.
+        """
         r, (c, s) = self._residuals(w), self._below(w)
         # a = Im log(1 - conj(w) z) is harmonic in w = x + iy: with g = -z / (1 - conj(w) z),
         # a_x = Im g, a_y = -Re g, a_xx = -a_yy = -Im g^2, a_xy = Re g^2.
         square = c * c + s * s
         re, im = -(self._x * c + self._y * s) / square, (self._x * s - self._y * c) / square
-        root = np.sqrt(r * r + 1)
-        first, second = r / root, 1 / (root * root * root * self.corner)
-        d_re, d_im = _differences(re), _differences(im)
-        xx, yy = _sum(second * d_im, d_im), _sum(second * d_re, d_re)
-        xy = -_sum(second * d_im, d_re)
+        square = r * r + 1
+        root = np.sqrt(square)
         # Summed by parts: the sum of first times differences of h is minus that of this times h.
-        back = _differences(first)
-        gradient = np.array([-_sum(back, im), _sum(back, re)])
-        cxx, cxy = 2 * _sum(back * re, im), _sum(back, im * im - re * re)
-        if xx + yy > 0 and (xx + cxx) * (yy - cxx) > (xy + cxy) ** 2:  # positive definite
-            xx, xy, yy = xx + cxx, xy + cxy, yy - cxx
-        return gradient, np.array([[xx, xy], [xy, yy]])
+        back = _differences(r / root)
+        weight = square * root * self.corner
+        d_re, d_im = _differences(re), _differences(im)
+        weighted = d_im / weight
+        xx, xy, yy = _sum(weighted, d_im), -_sum(weighted, d_re), _sum(d_re / weight, d_re)
+        b_re, b_im = back * re, back * im
+        gradient = complex(-b_im.sum(), b_re.sum())
+        mean, rest = (xx + yy) / 2, complex((xx - yy) / 2, xy)
+        curved = rest + complex(2 * _sum(b_re, im), _sum(b_im, im) - _sum(b_re, re))
+        return gradient, mean, curved if abs(curved) < mean else rest
 
     def _residuals(self, w: complex) -> Floats:
         """(3, k) angle errors of psi_w o f by the corner of the pseudo-Huber function."""
@@ -176,7 +164,7 @@ def _backtrack(
     value: Callable[[complex], float], w: complex, step: complex, best: float
 ) -> tuple[complex, float]:
     """Halve the step until it stays in the disk and descends; 0 once it is negligible."""
-    while abs(step) > TOLERANCE:
+    while abs(step) > NEGLIGIBLE:
         if abs(w + step) < 1 and (trial := value(w + step)) < best:
             return step, trial
         step /= 2
