@@ -15,10 +15,13 @@ RNG = np.random.default_rng(0)
 ORDERING = ["scikit-sparse", "cvxopt"]
 
 
-@pytest.fixture(autouse=True, params=SOLVERS)
-def name(request):
-    with using(request.param):
-        yield request.param
+@pytest.fixture(autouse=True, params=[*SOLVERS, "scikit-sparse, supernodal"])
+def name(request, monkeypatch):
+    name, _, supernodal = request.param.partition(", ")
+    if supernodal:
+        monkeypatch.setattr("cdcp_igl.solve.with_scikit_sparse.SUPERNODAL", 0)
+    with using(name):
+        yield name
 
 
 @pytest.fixture

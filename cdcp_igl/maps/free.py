@@ -79,7 +79,7 @@ class FreeMap(PlaneMap):
         How far the angular distortion was lowered, with the outline free to change; None if no
         step was asked for and none was due.
     solver : str
-        Sparse solver, version, ordering and mode.
+        Sparse solver, version and ordering.
 
     Examples
     --------

@@ -104,7 +104,7 @@ class DiskMap(OntoDisk, DiskBijection, MadeMap):
         fixes their angles, whatever the method. Equal to `distortion` where there are
         none, or no others.
     solver : str
-        Sparse solver, version, ordering and mode.
+        Sparse solver, version and ordering.
     center, boundary, straightening, mobius, repair, refinement
         What was done, as in `Provenance`.
 

@@ -28,7 +28,6 @@ class Cholesky(ABC):
 
     LIBRARY: ClassVar[str]
     PACKAGE: ClassVar[str]  # by which Python has the library, with its version
-    MODE: ClassVar[str]  # of its methods, the one that is used
     ERRORS: ClassVar[tuple[type[Exception], ...]]  # A is not positive definite, or too large
     ORDERS: ClassVar[bool]  # whether it factors in the order that it is given
 
@@ -38,7 +37,7 @@ class Cholesky(ABC):
     @classmethod
     def described(cls, ordering: str) -> str:
         """Say which solver this is, and in which order it eliminates."""
-        return f"{cls.LIBRARY} ({cls.PACKAGE}, {ordering}, {cls.MODE} mode)"
+        return f"{cls.LIBRARY} ({cls.PACKAGE}, {ordering})"
 
     def __init__(self, A: spmatrix, ordering: Ordering = "amd") -> None:
         self._guarded(self._begin, csc_matrix(A), ordering == "natural")

@@ -24,7 +24,6 @@ class Factorization(Cholesky):
 
     LIBRARY = "CHOLMOD"
     PACKAGE = f"cvxopt {version('cvxopt')}"
-    MODE = "supernodal"
     ERRORS = (ArithmeticError, MemoryError)
     ORDERS = True
 

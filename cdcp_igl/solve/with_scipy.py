@@ -22,7 +22,6 @@ class Factorization(Cholesky):
 
     LIBRARY = "SuperLU"
     PACKAGE = f"scipy {scipy.__version__}"
-    MODE = "symmetric"
     ERRORS = (RuntimeError, np.linalg.LinAlgError, MemoryError)
     ORDERS = False
 
