@@ -6,7 +6,6 @@ from copy import copy
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csc_matrix
 
 from ..arrays import Bools, Complex, Indices, Numbers
 from ..cached import cached_property
@@ -25,7 +24,7 @@ class FactoredSurface:
     given. If an `order` of them is known, it is taken.
 
     Its `order` (k,) is that of elimination, of its `rows`, in which the solver gets them; `solver`
-    says solver, version, ordering and mode.
+    says solver, version and ordering.
     SolverError if the block is numerically not positive definite, or cannot fit into memory.
     """
 
@@ -72,15 +71,11 @@ class FactoredSurface:
         return x
 
     @cached_property
-    def coupling(self) -> csc_matrix:
-        """(n, nB) L_IB, with empty rows for the boundary; columns in the order of the loop."""
-        mesh, L = self.mesh, self.laplacian
-        between = np.flatnonzero(mesh.on_boundary[L.low] != mesh.on_boundary[L.high])
-        low, high = L.low[between], L.high[between]
-        outwards = mesh.on_boundary[high]
-        inner, outer = np.where(outwards, low, high), np.where(outwards, high, low)
-        entries = -L.weights[between], (inner, outer)
-        return csc_matrix(entries, (len(mesh.V), len(mesh.V)))[:, mesh.loop]
+    def coupling(self) -> Laplacian:
+        """The edges between inside and boundary: L_IB on what is 0 inside, L_BI on what is not."""
+        L, on_boundary = self.laplacian, self.mesh.on_boundary
+        between = np.flatnonzero(on_boundary[L.low] != on_boundary[L.high])
+        return Laplacian(L.low[between], L.high[between], L.weights[between], L.diagonal)
 
     @cached_property
     def delaunay(self) -> FactoredSurface:
@@ -101,9 +96,9 @@ class FactoredSurface:
 
 def harmonic_extension(surface: FactoredSurface, f_B: Complex) -> Complex:
     """Extend boundary values (nB,) harmonically: L_II f_I = -L_IB f_B, eq. (10)."""
-    f = surface.solve(-(surface.coupling @ f_B))
+    f = np.zeros(len(surface.mesh.V), dtype=np.complex128)
     f[surface.mesh.loop] = f_B
-    return f
+    return f - surface.solve(surface.coupling.times(f))
 
 
 def extended_again(surface: FactoredSurface, f: Complex) -> Complex:

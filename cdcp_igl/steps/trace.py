@@ -72,8 +72,7 @@ def boundary_flux(surface: FactoredSurface, r: Numbers) -> Numbers:
     hat functions of the boundary vertices: of second order, while gradients are of first. Negative
     where positive sources flow out; its sum is minus that of r.
     """
-    g = surface.solve(r)
-    return g @ surface.coupling - r[surface.mesh.loop]
+    return (surface.coupling.times(surface.solve(r)) - r)[surface.mesh.loop]
 
 
 def shared_by_edges(mesh: Mesh, loop: Ints, flux: Numbers) -> Numbers:
