@@ -1,6 +1,8 @@
 """FreeSurfer's files and GIFTI: read, mapped, written, read again; parts, and the way back."""
 
 import gzip
+import json
+import re
 import struct
 import sys
 from contextlib import suppress
@@ -9,6 +11,7 @@ from pathlib import Path
 import nibabel
 import numpy as np
 import pytest
+from commands import invoke
 from nibabel.freesurfer import read_geometry, write_annot, write_geometry, write_morph_data
 
 import cdcp_igl
@@ -274,3 +277,75 @@ def test_without_nibabel_it_says_what_to_install(pial, monkeypatch):
     with pytest.raises(MissingExtra, match=r"cdcp_igl\[neuro\]"):
         read_mesh(pial)
     assert Path(pial).exists()
+
+
+@pytest.fixture
+def study(tmp_path):
+    """Two subjects as FreeSurfer lays them out, one of them without its label."""
+    for subject in ("one", "two"):
+        for folder in ("surf", "label"):
+            (tmp_path / subject / folder).mkdir(parents=True)
+        for hemi in ("lh", "rh"):
+            write_geometry(tmp_path / subject / "surf" / f"{hemi}.pial", V, F, "", VOLUME)
+    rows = np.flatnonzero(UPPER)
+    lines = ["#!ascii label", str(len(rows)), *(f"{row} 0 0 0 0" for row in rows)]
+    for hemi in ("lh", "rh"):
+        (tmp_path / "one" / "label" / f"{hemi}.cortex.label").write_text("\n".join(lines))
+    labels = (UPPER + 1).astype(np.int32)
+    colours = np.array([[0, 0, 0, 0, 0], [1, 2, 3, 0, 197121], [4, 5, 6, 0, 394500]])
+    file = tmp_path / "one" / "label" / "lh.aparc.annot"
+    write_annot(file, labels, colours, ["none", "wall", "cortex"], False)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "which",
+    [
+        ("--only", "../label/{hemi}.cortex.label"),
+        ("--only", "../label/lh.aparc.annot:cortex"),
+        ("--without", "../label/lh.aparc.annot:none,wall"),
+    ],
+)
+def test_a_part_from_the_shell(study, which):
+    pial, patch = study / "one" / "surf" / "lh.pial", study / "lh.cap.patch.flat"
+    done = invoke("map", pial, patch, "--free", *which, "--report", study / "r.json")
+    assert done.exit_code == 0, done.output
+    vertices, positions, _ = read_patch(patch)
+    assert np.array_equal(vertices, np.unique(F[UPPER[F].all(axis=1)]))
+    expected = cdcp_igl.free_map(cdcp_igl.submesh(V, F, vertices=UPPER)).uv
+    assert np.array_equal(positions[:, :2], expected.astype(np.float32))
+    assert "kept" in json.loads((study / "r.json").read_text())["changes"][0]
+
+
+def test_a_sphere_from_the_shell_is_as_from_python(study):
+    pial, out = study / "one" / "surf" / "lh.pial", study / "lh.sphere"
+    assert invoke("map", pial, out, "--sphere").exit_code == 0
+    expected = study / "lh.expected"
+    cdcp_igl.sphere_map(pial).save(expected)
+    assert out.read_bytes() == expected.read_bytes()
+
+
+def test_a_study_goes_on_where_a_subject_has_no_label(study):
+    files = str(study / "*" / "surf" / "?h.pial")
+    made = cdcp_igl.batch(files, study / "maps", free=True, only="../label/{hemi}.cortex.label")
+    assert len(made.done) == len(made.failed) == 2
+    assert {record.error for record in made.failed} == {"FileNotFoundError"}
+    for record in made.done:
+        assert record.changes[0].startswith("kept")
+    with np.load(next((study / "maps").rglob("*.npz"))) as arrays:
+        assert np.array_equal(arrays["V"], V[arrays["vertex_index"]])
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("../label/lh.aparc.annot:insula", "has no insula"),
+        ("../label/{hemi}.cortex.label", "no {hemi}"),
+    ],
+)
+def test_vertices_that_no_file_names(study, given, said):
+    surface = study / "one" / "surf" / "lh.pial"
+    if "hemi" in given:
+        surface = surface.rename(surface.with_name("left.pial"))
+    with pytest.raises(ValueError, match=re.escape(said)):
+        cdcp_igl.io.read_vertices(given, len(V), surface)

@@ -86,22 +86,27 @@ def map_command(
         return
     if jobs or scheduler:
         raise typer.BadParameter("--jobs and --scheduler are for a surface in parts.")
-    verify_target(out, WRITABLE)
     from ..errors import printable
     from ..io import read_polygons
+    from ..io.neuro import neuro_type
     from ..io.output import whole_file, write_text
     from ..scale.one_file import FLAGS, Settings, map_one
 
+    verify_target(out, (out.suffix.lower(),) if neuro_type(out) else WRITABLE)
     name, notes = printable(source.name), list[str]()
     tried = [f"--{flag}" for flag in ("clean", "cut") if options[flag]]
     with exit_codes(files=files, tried=tried):
-        flags = {flag: options.pop(flag) for flag in (*FLAGS, "onto")}
+        flags = {flag: options.pop(flag) for flag in (*FLAGS, "onto", "only", "without")}
         settings = Settings(**flags, options=options)
         check_targets((out, report, picture, view), [source], force)
         with progress_bar() as progress:
             progress("read", 0)
             surface = read_polygons(source, notes.append)
-            mapped = map_one(*surface, settings, lambda phase, done: progress(phase, MAPPED * done))
+            mapped = map_one(
+                *(*surface, settings),
+                lambda phase, done: progress(phase, MAPPED * done),
+                source=source,
+            )
             with writing():
                 progress("draw", MAPPED)
                 if picture:

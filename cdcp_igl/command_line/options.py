@@ -23,7 +23,16 @@ SURFACES = " ".join(READABLE)
 INPUTS = typer.Argument(metavar="IN...", help=f"Triangulated surfaces ({SURFACES}).")
 # What `--help` lists together, and in which order; what is in no group comes last.
 GROUPS = {
-    "What to map": ("clean", "cut", "no_merge", "no_fill", "scale_variation", "max_charts"),
+    "What to map": (
+        "clean",
+        "only",
+        "without",
+        "cut",
+        "no_merge",
+        "no_fill",
+        "scale_variation",
+        "max_charts",
+    ),
     "Onto what": ("free", "sphere", "annulus", "rectangle", "center", "mobius", "align", "preset"),
     "Quality": ("refine", "refine_norm", "refine_seconds"),
     "Output": (
@@ -95,6 +104,16 @@ def _map_options(
         help="Clean the surface first and say how: merge equal vertices, drop bad faces, orient, "
         "keep the largest component, fill holes. OUT has what is left of IN, in its order, "
         "without the filling. With --cut, what is left is cut open.",
+    ),
+    only: str | None = typer.Option(
+        None,
+        metavar="FILE[:NAMES]",
+        help="Map only the vertices that a file of FreeSurfer or GIFTI names: lh.cortex.label, a "
+        "patch, or labels as in lh.aparc.annot:insula,cuneus; sought beside the surface, {hemi} "
+        "being lh or rh.",
+    ),
+    without: str | None = typer.Option(
+        None, metavar="FILE[:NAMES]", help="Leave these vertices out, and map all others."
     ),
     cut: bool = typer.Option(
         False,
@@ -202,7 +221,8 @@ def _map_options(
     if mobius == "none":
         given["mobius"] = None
     flags = {"disk": disk, "clean": clean, "cut": cut, "free": free}
-    return {**flags, "onto": next(iter(chosen), None), **given}
+    parts = {"only": only, "without": without}
+    return {**flags, **parts, "onto": next(iter(chosen), None), **given}
 
 
 def _numbers(text: str, kind: type) -> list[Any] | str:

@@ -8,7 +8,7 @@ cannot read.
 """
 
 from .reading import READABLE, read_mesh, read_polygons
-from .values import read_patch, read_values
+from .values import read_patch, read_values, read_vertices
 from .writing import WRITABLE, write_map
 
 __all__ = [
@@ -18,5 +18,6 @@ __all__ = [
     "read_patch",
     "read_polygons",
     "read_values",
+    "read_vertices",
     "write_map",
 ]

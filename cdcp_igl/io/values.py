@@ -5,8 +5,10 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
-from ..arrays import Bools, Floats, Ints
-from .neuro import Values, patch_of, values_of
+import numpy as np
+
+from ..arrays import Bools, Floats, Ints, marked
+from .neuro import HEMISPHERE, Values, neuro_type, patch_of, values_of
 from .reading import file_to_read
 
 
@@ -87,3 +89,56 @@ def read_values(path: str | PathLike[str], n: int | None = None) -> Values:
             f"{file.name!r} has values for {len(found.values):,} vertices, not for {n:,}"
         )
     return found
+
+
+def read_vertices(given: str, n: int, surface: str | PathLike[str]) -> Bools:
+    """Read which vertices of a surface a file names.
+
+    Parameters
+    ----------
+    given : str
+        A file: ``lh.cortex.label``; a patch, ``lh.cut.patch.3d``; or values as in `read_values`,
+        for the vertices where they are not 0. After a colon, names of labels, with commas between:
+        ``lh.aparc.annot:unknown,corpuscallosum``. ``{hemi}`` stands for the hemisphere in the name
+        of the surface, lh or rh.
+    n : int
+        Vertices of the surface.
+    surface : path-like
+        Its file: where there is no `given` in its folder, it is sought in the working folder.
+
+    Returns
+    -------
+    (n,) bool
+
+    Raises
+    ------
+    OSError
+        If there is no such file, or it must not be read.
+    MeshError
+        If it is damaged.
+    ValueError
+        If it is that of another surface, has no such label, or the hemisphere is not known.
+    ImportError
+        If nibabel is not installed.
+    """
+    beside = Path(surface)
+    if "{hemi}" in given:
+        if not HEMISPHERE.match(beside.name.lower()):
+            raise ValueError(f"{beside.name!r} begins neither with lh. nor with rh.: no {{hemi}}")
+        given = given.replace("{hemi}", beside.name[:2])
+    folder, _, last = given.rpartition("/")
+    name, _, labels = last.partition(":")
+    path = Path(folder, name)
+    path = beside.parent / path if (beside.parent / path).exists() else path
+    if neuro_type(path) == "patch":
+        rows = read_patch(path)[0]
+        if len(rows) and rows.max() >= n:
+            raise ValueError(f"{path.name!r} has vertex {rows.max():,}, and the surface has {n:,}")
+        return marked(n, rows)
+    values, names = read_values(path, n)
+    if not labels:
+        return np.asarray(values != 0)
+    keys, wanted = {text: key for key, text in names.items()}, labels.split(",")
+    if unknown := [label for label in wanted if label not in keys]:
+        raise ValueError(f"{path.name!r} has no {', '.join(unknown)}, but {', '.join(keys)}")
+    return np.isin(values, [keys[label] for label in wanted])

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..arrays import Ints
 from ..atlas.surface import SurfaceMap, surface_map
 from ..errors import MeshError
-from ..io import write_map
+from ..io import WRITABLE, read_vertices, write_map
 from ..io.output import whole_file
 from ..io.polygons import naming_polygons
 from ..maps.annulus import annulus_map
@@ -30,7 +30,7 @@ from ..maps.sphere import SphereMap, sphere_map
 from ..phases import Progress
 from ..result.base import Result
 from ..result.disk_map import DiskMap
-from ..surface.cleaning import clean
+from ..surface.cleaning import Cleaned, clean, submesh
 
 Array = NDArray[Any]
 
@@ -48,7 +48,7 @@ ONTO = ("sphere", "annulus", "rectangle")
 FLAGS = ("disk", "clean", "cut", "free")
 # Arguments that are no options: the surface, what the file and the flags say, and who is told.
 OWN = ("V", "F", "folder", "polygon_of_face", "outline", "executor", "progress")
-NOTHING = np.empty((0, 3)), np.empty((0, 3), np.int64), np.empty(0, np.int64)
+NOTHING = np.empty((0, 3)), np.empty((0, 3), np.int64)
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,7 @@ class Settings:
     With `disk`, texture coordinates lie in the unit disk, not in the unit square. A surface that
     is to be `cut` is mapped onto charts, which are disks or have `free` outlines, as a disk may
     have; or a surface is mapped `onto` something else. The `options` are those of this map.
+    Of the vertices, `only` some are mapped, or all `without` some: a file, see `read_vertices`.
     """
 
     disk: bool = False
@@ -66,8 +67,12 @@ class Settings:
     free: bool = False
     onto: str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
+    only: str | None = None
+    without: str | None = None
 
     def __post_init__(self) -> None:
+        if self.only and self.without:
+            raise ValueError("only and without: give one of them")
         if self.onto not in (None, *ONTO):
             raise ValueError(f"onto must be one of {', '.join(ONTO)}, not {self.onto!r}")
         if self.disk and self.free:
@@ -75,25 +80,33 @@ class Settings:
         function, flags = MAPS[self.kind]
         given = [*(name for name in FLAGS if getattr(self, name)), *self.options]
         refuse_unknown(self.kind, function, given, flags)
-        if self.clean and "boundary_scale" in self.options:
-            raise ValueError("boundary_scale is by rows, which clean changes; leave out one")
+        if (self.clean or self.is_part) and "boundary_scale" in self.options:
+            raise ValueError("boundary_scale is by rows, which clean and parts change")
         with suppress(MeshError):  # of no surface, which comes when the options have been looked at
-            self.map(*NOTHING)
+            self.map(NOTHING)
 
     @property
     def kind(self) -> str:
         """Which of the maps it is."""
         return self.onto or ("surface" if self.cut else "free" if self.free else "disk")
 
+    @property
+    def is_part(self) -> bool:
+        """Whether some vertices are left out."""
+        return bool(self.only or self.without)
+
     def map(
-        self, V: Array, F: Array, polygon_of_face: Array, progress: Progress | None = None
+        self,
+        surface: tuple[Array, Array] | Cleaned,
+        polygon_of_face: Array | None = None,
+        progress: Progress | None = None,
     ) -> Result:
         """Map a surface; the errors are those of `disk_map` and its kin."""
         own: dict[str, Any] = {"progress": progress}
         if self.cut:
             outline = "free" if self.free else "disk"
             own |= {"polygon_of_face": polygon_of_face, "outline": outline}
-        return MAPS[self.kind][0](V, F, **own, **self.options)
+        return MAPS[self.kind][0](surface, **own, **self.options)
 
 
 def refuse_unknown(
@@ -138,6 +151,9 @@ class Mapped:
         is `target`, the rest of that file is kept.
         """
         suffix, result, V, F = target.suffix.lower(), self.result, self.V, self.F
+        if suffix not in WRITABLE:  # but by its whole name
+            write_map(target, V, F, result, like=source)
+            return
         if {suffix, source.suffix.lower()} == {".obj"} and self.as_read:
             write_map(target, V, F, result, disk=settings.disk, like=source)
             return
@@ -186,15 +202,17 @@ def map_one(
     polygon_of_face: Array,
     settings: Settings,
     progress: Progress | None = None,
+    *,
+    source: Path,
 ) -> Mapped:
-    """Map a surface as `read_polygons` has read it, cleaned or cut open if that is asked for.
+    """Map a surface as `read_polygons` has read it from `source`, cleaned or cut open if asked to.
 
     The errors are those of `disk_map` and its kin; MeshError names polygons of the file.
     """
-    if not settings.clean:
+    if not settings.clean and not settings.is_part:
         with naming_polygons(polygon_of_face):
-            return _map(V, F, polygon_of_face, settings, progress)
-    cleaned = clean(V, F)  # which numbers the faces anew
+            return _map((V, F), polygon_of_face, settings, progress)
+    cleaned = _prepared(V, F, settings, source)  # where faces have other numbers
     vertex_index, face_index = cleaned.vertex_index, cleaned.face_index
     n, m = int((vertex_index >= 0).sum()), int((face_index >= 0).sum())  # the filling comes last
     filling = polygon_of_face.max() + np.arange(1, len(face_index) - m + 1)
@@ -204,7 +222,7 @@ def map_one(
         for name, value in settings.options.items()
     }
     settings = replace(settings, options=options)
-    mapped = _map(cleaned.V, cleaned.F, polygon, settings, progress)
+    mapped = _map(cleaned, polygon, settings, progress)
     kept = mapped.written < m
     indices = {name: rows[kept] for name, rows in mapped.indices.items()}
     indices |= {"vertex_index": vertex_index[:n], "face_index": face_index[mapped.written[kept]]}
@@ -217,6 +235,22 @@ def map_one(
         indices=indices,
         as_read=not cleaned.changes,
     )
+
+
+def _prepared(V: Array, F: Array, settings: Settings, source: Path) -> Cleaned:
+    """Take the part that is to be mapped, and clean it if asked to."""
+    if not settings.is_part:
+        return clean(V, F)
+    which = {
+        name: read_vertices(given, len(V), source)
+        for name, given in (("vertices", settings.only), ("without", settings.without))
+        if given
+    }
+    part = submesh(V, F, **which)
+    if not settings.clean:
+        return part
+    cleaned = clean(part)
+    return cleaned._replace(changes=part.changes + cleaned.changes)
 
 
 def _after_cleaning(name: str, value: Any, index: Ints) -> Any:
@@ -237,13 +271,13 @@ def _after_cleaning(name: str, value: Any, index: Ints) -> Any:
 
 
 def _map(
-    V: Array,
-    F: Array,
+    surface: tuple[Array, Array] | Cleaned,
     polygon_of_face: Array,
     settings: Settings,
     progress: Progress | None,
 ) -> Mapped:
-    result = settings.map(V, F, polygon_of_face, progress)
+    V, F = surface[:2]
+    result = settings.map(surface, polygon_of_face, progress)
     if not isinstance(result, SurfaceMap):
         return Mapped(V, F, result, (), len(V), np.arange(len(F)), {})
     rows = np.flatnonzero(result.face_chart >= 0)

@@ -108,6 +108,8 @@ def batch(
     cut: bool = False,
     free: bool = False,
     onto: Literal["sphere", "annulus", "rectangle"] | None = None,
+    only: str | None = None,
+    without: str | None = None,
     retry: bool = False,
     force: bool = False,
     time_limit: float = np.inf,
@@ -156,6 +158,10 @@ def batch(
         Map closed surfaces onto the sphere, see `cdcp_igl.sphere_map`; those with two boundary
         loops onto rings, see `cdcp_igl.annulus_map`; or disks onto rectangles, see
         `cdcp_igl.rectangle_map`, by the `corners` that all of them have.
+    only, without : str or None
+        Of each surface, map only the vertices that a file names, or leave them out: a FreeSurfer
+        or GIFTI file as in ``"../label/{hemi}.cortex.label"`` or
+        ``"../label/{hemi}.aparc.annot:unknown,corpuscallosum"``, see `cdcp_igl.io.read_vertices`.
     retry : bool
         Try again what failed in a former run.
     force : bool
@@ -205,7 +211,7 @@ def batch(
     for name in options:
         if meant := get_close_matches(name, signature(batch).parameters, 1, ALIKE):
             raise ValueError(f"{name}: no option of batch; did you mean {meant[0]}?")
-    settings = Settings(disk, clean, cut, free, onto, options)
+    settings = Settings(disk, clean, cut, free, onto, options, only, without)
     _check_format(format)
     if executor is not None and (jobs, time_limit, memory_limit) != (1, np.inf, np.inf):
         raise ValueError("jobs and limits are those of the executor; give one or the other")

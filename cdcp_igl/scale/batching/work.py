@@ -112,7 +112,8 @@ class Task:
             notes: list[str] = []
             V, F, polygon_of_face = read_polygons(self.source, notes.append)
             record = replace(record, vertices=len(V), faces=len(F))
-            mapped = map_one(V, F, polygon_of_face, self.settings)
+            source = Path(self.source)
+            mapped = map_one(V, F, polygon_of_face, self.settings, source=source)
             output_digest = self._write(mapped)
             changes = (*notes, *mapped.changes)
             record = replace(record, output_digest=output_digest, changes=changes)
