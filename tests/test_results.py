@@ -12,6 +12,7 @@ from browser import SOFTWARE_WEBGL, chromium
 from meshes import NASTY, corridor, grid
 
 import cdcp_igl
+from cdcp_igl.errors import counted
 from cdcp_igl.io import read_mesh, write_map
 from cdcp_igl.printing import as_html
 
@@ -56,7 +57,8 @@ def test_what_is_lost_in_single_precision(tmp_path, caplog):
     caplog.clear()
     atlas = cdcp_igl.surface_map(V, F, scale_variation=np.inf)
     faces, share = atlas.lost_in_single_precision()
-    assert f"in single precision {faces} faces without area, {share:.2g} of" in caplog.text
+    said = counted(faces, "face", "faces")
+    assert f"in single precision {said} without area, {share:.2g} of" in caplog.text
     caplog.clear()
     assert cdcp_igl.surface_map(V, F, outline="free").lost_in_single_precision() == (0, 0)
     assert not caplog.records

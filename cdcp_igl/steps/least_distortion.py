@@ -9,10 +9,10 @@ import numpy as np
 from ..arrays import Complex, Floats, Ints, evenly_spaced_rows
 from ..verdict.distortion import angles_between, plane_angles
 
-# Faces on which Newton's method judges w: one in 32, but some 10,000 at least. On 13 scans, the mean
-# angular distortion is within 1e-4 degrees of that with all faces. Where a surface is rough, the
-# errors of finer faces are as large and what psi_w changes is smaller: by a fixed number of faces,
-# their errors and not their changes would choose w.
+# Faces on which Newton's method judges w: one in 32, but some 10,000 at least. On 13 scans, the
+# mean angular distortion is within 1e-4 degrees of that with all faces. Where a surface is rough,
+# the errors of finer faces are as large and what psi_w changes is smaller: by a fixed number of
+# faces, their errors and not their changes would choose w.
 MANY_FACES, SHARE = 10_000, 32
 SOFT = 0.2  # corner of the pseudo-Huber function, by the median residual
 MAX_STEPS = 30
