@@ -40,11 +40,11 @@ class Cholesky(ABC):
         return f"{cls.LIBRARY} ({cls.PACKAGE}, {ordering})"
 
     def __init__(self, A: spmatrix, ordering: Ordering = "amd") -> None:
-        self._guarded(self._begin, csc_matrix(A), ordering == "natural")
+        self._guarded(self._begin, A.tocsc(), ordering == "natural")
 
     def refactor(self, A: spmatrix) -> None:
         """Factor another matrix with the same pattern of nonzeros, in the same order."""
-        self._guarded(lambda A: self._factorize(self._converted(A)), csc_matrix(A))
+        self._guarded(lambda A: self._factorize(self._converted(A)), A.tocsc())
 
     def __copy__(self) -> Self:
         """Copy the analysis, so that another matrix can be factored like this one; no factor."""
@@ -85,7 +85,7 @@ class Cholesky(ABC):
         A is symmetric, and only the pattern of its lower triangle is read. Of a solver whose
         `ORDERS` is false, the order as given.
         """
-        return cls._guarded(lambda A: cls._order(cls._converted(A)), csc_matrix(A))
+        return cls._guarded(lambda A: cls._order(cls._converted(A)), A.tocsc())
 
     def _begin(self, A: csc_matrix, natural: bool) -> None:
         converted = self._converted(A)

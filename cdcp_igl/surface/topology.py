@@ -238,23 +238,17 @@ def group_by_edge(tail: Indices, n: int) -> Edges:
     head = heads(tail)
     low = np.minimum(tail, head)
     high = np.maximum(tail, head, out=head)
-    high, low, sides = _counting_sort(high, low, np.arange(len(tail), dtype=tail.dtype), n)
-    low, high, sides = _counting_sort(low, high, sides, n)
+    # A counting sort by the larger vertex, then one by the smaller: as of a matrix by its rows, and
+    # of those by its columns.
+    matrix = coo_matrix((np.arange(len(tail), dtype=tail.dtype), (high, low)), (n, n))
+    matrix.has_canonical_format = True  # entries in one place are not to be added up
+    matrix = matrix.tocsr().tocsc()
+    low = np.repeat(np.arange(n, dtype=tail.dtype), np.diff(matrix.indptr))
+    high, sides = matrix.indices, matrix.data
     first = np.ones(len(sides), dtype=bool)
     first[1:] = (low[1:] != low[:-1]) | (high[1:] != high[:-1])
     start = np.flatnonzero(first).astype(sides.dtype)
     return Edges(low[start], high[start], sides, start)
-
-
-def _counting_sort(
-    keys: Indices, values: Indices, order: Indices, n: int
-) -> tuple[Indices, Indices, Indices]:
-    """Sort keys from 0 to n - 1, and what goes with them, like a matrix by its rows; stable."""
-    entries = coo_matrix((values, (keys, order)), (n, len(keys)))
-    entries.has_canonical_format = True  # saves scipy a search
-    rows = entries.tocsr()
-    keys = np.repeat(np.arange(n, dtype=keys.dtype), np.diff(rows.indptr))
-    return keys, rows.data, rows.indices
 
 
 def duplicate_faces(F: Ints) -> Ints:
