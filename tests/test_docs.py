@@ -95,6 +95,12 @@ def test_code_on_the_pages(page):
     assert runner.run(test).failed == 0
 
 
+def test_the_paper_cites_what_its_bibliography_has():
+    _, _, text = (ROOT / "paper.md").read_text(encoding="utf-8").split("---\n", 2)
+    entries = re.findall(r"^@\w+\{(\w+),", (ROOT / "paper.bib").read_text("utf-8"), re.MULTILINE)
+    assert set(re.findall(r"@(\w+)", text)) == set(entries)
+
+
 # -- pages that are generated ----------------------------------------------------------
 
 
