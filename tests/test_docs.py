@@ -53,6 +53,15 @@ def test_every_public_name_has_an_example(module, name):
 
 
 @pytest.mark.parametrize(("module", "name"), public_names())
+def test_every_parameter_is_described(module, name):
+    function = getattr(importlib.import_module(module), name)
+    if inspect.isfunction(function):
+        said = re.split(r"^\w+\n-+\n", inspect.getdoc(function), flags=re.MULTILINE)[1:2]
+        described = set(re.findall(r"\w+", " ".join(re.findall(r"^\S.*", *said, re.MULTILINE))))
+        assert set(inspect.signature(function).parameters) <= described | {"V", "F"}
+
+
+@pytest.mark.parametrize(("module", "name"), public_names())
 def test_every_public_name_is_in_the_reference(module, name):
     pages = "\n".join(page.read_text() for page in (DOCS / "reference").glob("*.md"))
     assert re.search(rf"^   ~(?:[\w.]+\.)?{name}$", pages, re.MULTILINE)

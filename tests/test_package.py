@@ -13,7 +13,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 # From the ground up; a folder stands for its modules. Those of one floor may use one another.
 FLOORS = (
-    {"arrays", "cached"},
+    {"arrays", "cached", "docstrings"},
     {"defects"},
     {"errors", "printing", "fields"},
     {"libigl", "extras"},

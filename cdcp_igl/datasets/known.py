@@ -8,6 +8,7 @@ import numpy as np
 
 from .. import libigl
 from ..arrays import Complex, Floats, Ints, coordinates
+from ..docstrings import like
 
 
 def square(resolution: int) -> tuple[Floats, Ints, Floats]:
@@ -21,7 +22,7 @@ def square(resolution: int) -> tuple[Floats, Ints, Floats]:
     Returns
     -------
     V : (n, 3) float64
-        Flat.
+        What is flat has z = 0.
     F : (m, 3) int64
         Counterclockwise, no ears.
     uv : (n, 2) float64
@@ -30,7 +31,7 @@ def square(resolution: int) -> tuple[Floats, Ints, Floats]:
     Raises
     ------
     ValueError
-        If `resolution` is not at least 1.
+        If a number is out of range.
 
     Examples
     --------
@@ -65,6 +66,7 @@ def square(resolution: int) -> tuple[Floats, Ints, Floats]:
     return np.column_stack([x, y, 0 * x]), F, coordinates(sn / dn / np.sqrt(2))
 
 
+@like(square)
 def ellipse(resolution: int, aspect: float = 2.0) -> tuple[Floats, Ints, Floats]:
     """Triangulate an ellipse, with its map by Schwarz's formula.
 
@@ -75,16 +77,6 @@ def ellipse(resolution: int, aspect: float = 2.0) -> tuple[Floats, Ints, Floats]
     aspect : float
         Ratio of the axes, above 1 and at most 8, up to where the map has ten digits; the short
         half-axis is 1.
-
-    Returns
-    -------
-    V, F, uv
-        As `square`.
-
-    Raises
-    ------
-    ValueError
-        If `resolution` or `aspect` is out of range.
 
     Examples
     --------
@@ -110,8 +102,9 @@ def ellipse(resolution: int, aspect: float = 2.0) -> tuple[Floats, Ints, Floats]
     return V, F, coordinates(m**0.25 * sn)
 
 
+@like(square)
 def spherical_cap(resolution: int, angle: float = 120.0) -> tuple[Floats, Ints, Floats]:
-    """Triangulate a spherical cap, with its stereographic projection.
+    """Triangulate a cap of the unit sphere around its pole, with its stereographic projection.
 
     Parameters
     ----------
@@ -119,16 +112,6 @@ def spherical_cap(resolution: int, angle: float = 120.0) -> tuple[Floats, Ints, 
         Rings of vertices, at least 1.
     angle : float
         Polar angle of the rim in degrees, between 0 and 180.
-
-    Returns
-    -------
-    V, F, uv
-        As `square`; the unit sphere, the pole at the centre.
-
-    Raises
-    ------
-    ValueError
-        If `resolution` or `angle` is out of range.
 
     Examples
     --------
@@ -147,6 +130,7 @@ def spherical_cap(resolution: int, angle: float = 120.0) -> tuple[Floats, Ints, 
     return V, F, coordinates(np.tan(polar / 2) / np.tan(np.radians(angle) / 2) * direction)
 
 
+@like(square)
 def paraboloid(resolution: int, steepness: float = 1.0) -> tuple[Floats, Ints, Floats]:
     """Triangulate the paraboloid z = steepness r^2, r <= 1, with its isothermal coordinate.
 
@@ -156,16 +140,6 @@ def paraboloid(resolution: int, steepness: float = 1.0) -> tuple[Floats, Ints, F
         Rings of vertices, at least 1.
     steepness : float
         Positive.
-
-    Returns
-    -------
-    V, F, uv
-        As `square`; a surface of revolution, the apex at the centre.
-
-    Raises
-    ------
-    ValueError
-        If `resolution` or `steepness` is out of range.
 
     Examples
     --------

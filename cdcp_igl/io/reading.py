@@ -17,6 +17,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from ..docstrings import like
 from ..errors import Damage, Defect, MeshError
 from ..extras import from_extra
 from .archives import read_mat, read_npz
@@ -113,15 +114,11 @@ def read_mesh(
     return V, F
 
 
+@like(read_mesh)
 def read_polygons(
     path: str | PathLike[str], note: Callable[[str], None] | None = None
 ) -> tuple[Array, Array, Array]:
     """Read a mesh as `read_mesh` does, and which polygon each triangle is a part of.
-
-    Parameters
-    ----------
-    path, note
-        As of `read_mesh`.
 
     Returns
     -------
@@ -130,11 +127,6 @@ def read_polygons(
     polygon_of_face : (m,) ndarray of int64
         Number of the polygon that each face is a part of, in the order of the file, counting
         from 0. With it, `cut` and `surface_map` go around polygons.
-
-    Raises
-    ------
-    OSError, MeshError
-        As `read_mesh`.
 
     Examples
     --------

@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, marked
+from ..docstrings import like
 from ..errors import Defect, MeshError, counted
 from ..io.given import takes_meshes
 from ..options import Options
@@ -30,6 +31,7 @@ from ..surface.topology import Topology, by_reach
 from ..surface.validation import checked_surface
 from ..verdict.certificate import Certificate, certify_ring
 from ..verdict.distortion import map_distortion
+from .disk import disk_map
 
 LEAST_SHARE = 1e-9  # of a turn, for each edge of a loop
 WIDER = (1, 2, 4, 8)  # times the modulus, in turn, where straight edges cross the inner circle
@@ -125,6 +127,7 @@ class AnnulusMap(MadeMap):
 
 
 @takes_meshes
+@like(disk_map)
 def annulus_map(
     V: ArrayLike,
     F: ArrayLike,
@@ -144,8 +147,10 @@ def annulus_map(
 
     Parameters
     ----------
-    V, F, refine, refine_norm, refine_seconds, solver, progress
-        As in `disk_map`; refinement moves the inner circle, too.
+    F : (m, 3) array_like of integers
+        Corners of the faces, counterclockwise seen from outside.
+    refine : int or None
+        As in `disk_map`; the inner circle moves, too.
 
     Returns
     -------
@@ -158,8 +163,6 @@ def annulus_map(
         mesh; or if a face has all three corners on the loop that goes to the inner circle.
     MapError
         If the map is no bijection; it is the ``result``.
-    SolverError, ValueError, ImportError
-        As `disk_map`.
 
     References
     ----------

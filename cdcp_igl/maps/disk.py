@@ -119,7 +119,7 @@ def disk_map(
     align : int, (3,) array_like or None
         What lies at angle 0: a boundary vertex, which goes to (1, 0); or a direction in
         space: on the average over the surface, the map goes right where the surface goes
-        that way. None is the boundary vertex of smallest index.
+        that way, ValueError if it has no slope there. None is the first boundary vertex.
     refine : int or None
         Steps of refinement, 0 for none: Gauss-Newton on the sum of |angle error|^p over all
         corners; boundary vertices slide on the circle. Not in the paper. Most of the gain
@@ -165,8 +165,7 @@ def disk_map(
         long and thin for double precision may prevent; the one of least mean distortion is its
         ``result``.
     ValueError
-        If an option is not one of those above; nothing has been computed then. Or, once there
-        is a map, if the surface has no slope in the direction `align`.
+        If an option is not one of those above; nothing has been computed then.
     ImportError
         If the solver that was asked for is not installed.
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, places
+from ..docstrings import like
 from ..errors import SolverError, spell
 from ..io.given import takes_meshes
 from ..options import Options
@@ -34,7 +35,7 @@ from .boundary_first import (
     pinned,
     scale_of_angles,
 )
-from .disk import factored_surface, map_of
+from .disk import disk_map, factored_surface, map_of
 
 # An outline that touches itself, as both sides of a slit do, is set apart by so much of its size:
 # the least that rounding lets be.
@@ -106,6 +107,7 @@ class FreeMap(PlaneMap):
 
 
 @takes_meshes
+@like(disk_map)
 def free_map(
     V: ArrayLike,
     F: ArrayLike,
@@ -132,10 +134,6 @@ def free_map(
 
     Parameters
     ----------
-    V : (n, 3) or (n, 2) array_like of real numbers
-        Vertex positions, in any unit.
-    F : (m, 3) array_like of integers
-        Corners of the faces, counterclockwise seen from outside.
     boundary_scale : (n,) array_like of positive numbers, optional
         How many times longer the boundary is to be in the plane, at each vertex; an edge gets the
         geometric mean of its ends. Rows inside do not matter. Lengths are reached but for what
@@ -149,8 +147,6 @@ def free_map(
         Steps of refinement, as in `disk_map`, the outline free. None is as needed: up to five of
         an outline that was eased. Not together with `boundary_scale` or `corners`, which it would
         not keep.
-    refine_norm, refine_seconds, solver, progress
-        As in `disk_map`.
 
     Returns
     -------
@@ -158,17 +154,9 @@ def free_map(
 
     Raises
     ------
-    MeshError
-        If the mesh is not a triangulated disk.
-    SolverError
-        If the Laplacian cannot be factored.
     MapError
         If no map is a bijection onto a simple polygon. Its ``result`` is the one of least
         distortion, whose certificate says where the outline overlaps itself.
-    ValueError
-        If an option is not one of those above.
-    ImportError
-        If the solver that was asked for is not installed.
 
     References
     ----------

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.special import ellipk, ellipkinc
 
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, marked
+from ..docstrings import like
 from ..errors import counted, spell
 from ..io.given import takes_meshes
 from ..options import Options
@@ -24,7 +25,7 @@ from ..solve.solvers import SolverName, using
 from ..surface.mesh import DiskMesh, Mesh
 from ..verdict.certificate import Certificate, along_sides, certify_rectangle
 from ..verdict.distortion import map_distortion
-from .disk import map_of
+from .disk import disk_map, map_of
 
 # Phases of a map onto the disk, which a map onto a rectangle has only where its sides cannot slide.
 OF_THE_DISK = ("center", "trace", "circle", "extension", "mobius", "refine")
@@ -97,6 +98,7 @@ class RectangleMap(PlaneMap):
 
 
 @takes_meshes
+@like(disk_map)
 def rectangle_map(
     V: ArrayLike,
     F: ArrayLike,
@@ -115,8 +117,6 @@ def rectangle_map(
 
     Parameters
     ----------
-    V, F, solver, progress
-        As in `disk_map`.
     corners : (4,) array_like of integers
         Boundary vertices in counterclockwise order (the surface on the left), which go to
         (0, 0), (modulus, 0), (modulus, 1) and (0, 1).
@@ -132,8 +132,6 @@ def rectangle_map(
         two vertices of one side: what it cuts off would become a segment of that side.
     MapError
         If no map is a bijection; the one of least distortion is its ``result``.
-    MeshError, SolverError, ImportError
-        As `disk_map`.
 
     References
     ----------

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Bools, Complex, Floats, Indices, Ints, as_complex
 from ..cached import cached_property
+from ..docstrings import like
 from ..errors import MapError
 from ..io.given import takes_meshes
 from ..options import Options
@@ -31,6 +32,7 @@ from ..surface.mesh import SphereMesh
 from ..surface.triangles import oriented_areas
 from ..verdict.certificate import SphereCertificate, certify_sphere
 from ..verdict.distortion import area_distortion, sphere_angle_errors
+from .disk import disk_map
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -213,6 +215,7 @@ class SphereMap(MadeMap):
 
 
 @takes_meshes
+@like(disk_map)
 def sphere_map(
     V: ArrayLike,
     F: ArrayLike,
@@ -244,8 +247,8 @@ def sphere_map(
         Directions from the centre in which vertices shall lie: the sphere is turned to bring them
         near, after `mobius`. Without it, the sphere is turned to match the surface in space; not
         if `mobius` is None.
-    refine, refine_norm, refine_seconds, solver, progress
-        As in `disk_map`; of refinement, the vertex `SphereMap.pole` stays.
+    refine : int or None
+        As in `disk_map`; the vertex `SphereMap.pole` stays.
 
     Returns
     -------
@@ -257,8 +260,6 @@ def sphere_map(
         If the surface is not closed, has a handle or several components, or is no mesh.
     MapError
         If no map is a bijection; the one of least distortion is its ``result``.
-    SolverError, ValueError, ImportError
-        As `disk_map`.
 
     References
     ----------

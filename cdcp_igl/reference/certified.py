@@ -1,48 +1,13 @@
-"""What the reference methods share: what is told of them, and what their maps have to pass."""
+"""What a reference method has to pass before its map is returned."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
 from dataclasses import dataclass
-from inspect import getdoc
-from typing import Any, Concatenate, ParamSpec, TypeAlias
-
-from numpy.typing import ArrayLike
 
 from ..arrays import Complex, Floats, coordinates
 from ..errors import MapError
-from ..io.given import OfSurface, takes_meshes
 from ..surface.mesh import Mesh
 from ..verdict.certificate import Certificate, SphereCertificate, certify, certify_sphere
-
-Options = ParamSpec("Options")
-Reference: TypeAlias = Callable[Concatenate[ArrayLike, ArrayLike, Options], Floats]
-
-
-def like(
-    model: Callable[..., Any],
-) -> Callable[[Reference[Options]], OfSurface[Options, Floats]]:
-    """Let a docstring leave out what another one says, too: V, F, the map, the errors.
-
-    Sections that it lacks are those of the model; its parameters come after V and F.
-    """
-
-    def told(method: Reference[Options]) -> OfSurface[Options, Floats]:
-        given, own = _sections(model), _sections(method)
-        if "Parameters" in own:
-            own["Parameters"] = "\n".join([given["Parameters"], *own["Parameters"].split("\n")[2:]])
-        text = "\n\n".join((given | own).values())
-        method.__doc__ = text.replace(f".{model.__name__}(", f".{method.__name__}(")
-        return takes_meshes(method)
-
-    return told
-
-
-def _sections(method: Callable[..., Any]) -> dict[str, str]:
-    """Take a docstring apart at the titles of its sections; what is before them has none."""
-    before, *sections = re.split(r"\n\n(?=\w+\n-+\n)", getdoc(method) or "")
-    return {"": before} | {section.partition("\n")[0]: section for section in sections}
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,11 +7,13 @@ from numpy.typing import ArrayLike
 
 from .. import libigl
 from ..arrays import Floats, Ints, places
+from ..docstrings import like
 from ..errors import MapError, counted
+from ..io.given import takes_meshes
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.mobius import normalize
 from ..surface.mesh import DiskMesh, Mesh
-from .certified import certified_disk_map, like
+from .certified import certified_disk_map
 from .dirichlet import Dirichlet, harmonic
 from .free_boundary import least_squares_layout
 
@@ -22,6 +24,7 @@ DELAUNAY = 0.1  # weight of an edge that stays Delaunay, as the angles change by
 BROKEN = 0.01  # what stands for the Hessian of faces without area, which is 0, by that at u = 0
 
 
+@takes_meshes
 @like(harmonic)
 def ricci(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk onto the unit disk, discretely conformally (Springborn et al. 2008).

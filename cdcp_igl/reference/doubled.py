@@ -13,16 +13,19 @@ from scipy.sparse import coo_matrix, csr_matrix
 
 from ..algorithm import Steps, algorithm_1
 from ..arrays import Complex, Floats, Ints
+from ..docstrings import like
 from ..errors import MapError
+from ..io.given import takes_meshes
 from ..rescue.repair import repaired
 from ..solve.factored import FactoredSurface
 from ..steps.circle import Rejected
 from ..steps.trace import face_dipole
 from ..surface.mesh import DiskMesh, Mesh
-from .certified import certified_disk_map, like
+from .certified import certified_disk_map
 from .dirichlet import Dirichlet, harmonic
 
 
+@takes_meshes
 @like(harmonic)
 def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk as `cdcp` does, with the trace of eq. (17) instead of (18).

@@ -7,11 +7,13 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 
 from ..arrays import Complex, Floats, Ints
+from ..docstrings import like
+from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
 from ..solve.laplacian import cotangent_laplacian
 from ..surface.mesh import DiskMesh, Mesh
 from .beltrami import beltrami_coefficient, linear_beltrami_solver
-from .certified import certified_disk_map, like
+from .certified import certified_disk_map
 from .dirichlet import Dirichlet, harmonic
 from .doubled import doubled_faces
 
@@ -21,6 +23,7 @@ TOLERANCE = 1e-5  # change of the mean |mu|
 NEAR_ZERO = 1e-8  # a vertex at 0 has its mirror image at infinity; 1e8 is far enough
 
 
+@takes_meshes
 @like(harmonic)
 def fdcp(V: ArrayLike, F: ArrayLike, *, mirror_factor: float = 1 / 3) -> Floats:
     """Map a triangulated disk conformally onto the unit disk, Choi and Lui 2015.

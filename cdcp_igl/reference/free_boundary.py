@@ -9,7 +9,9 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from .. import libigl
 from ..arrays import Complex, Floats, Ints, as_complex, places
+from ..docstrings import like
 from ..errors import MapError, SolverError, counted
+from ..io.given import takes_meshes
 from ..maps.boundary_first import (
     angles_of_scale,
     closed_curve,
@@ -23,7 +25,7 @@ from ..solve.laplacian import cotangent_laplacian
 from ..solve.solvers import factorize
 from ..steps.trace import edge_lengths
 from ..surface.mesh import DiskMesh, Mesh
-from .certified import checked_free_map, like
+from .certified import checked_free_map
 from .dirichlet import Dirichlet, harmonic
 
 ROUNDS = 10  # of `bff` towards a disk
@@ -32,6 +34,7 @@ MAX_STEPS = 50  # of `abf`; the Human Brain takes 6
 SHIFT = 1e-9  # makes the energy definite; its own eigenvalues have no unit
 
 
+@takes_meshes
 @like(harmonic)
 def lscm(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk to the plane, conformally in the least squares sense, by libigl.
@@ -83,6 +86,7 @@ def _two_far_vertices(mesh: Mesh) -> Ints:
     return np.array([first, farthest(first)])
 
 
+@takes_meshes
 @like(lscm)
 def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk to the plane by the eigenvector of least conformal energy.
@@ -142,6 +146,7 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     return checked_free_map(mesh, f)
 
 
+@takes_meshes
 @like(lscm)
 def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
     """Map a triangulated disk to the plane, boundary first.
@@ -186,6 +191,7 @@ def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
     return checked_free_map(mesh, harmonic_extension(surface, closed_curve(mesh, u_B, angles)))
 
 
+@takes_meshes
 @like(lscm)
 def abf(V: ArrayLike, F: ArrayLike, *, linear: bool = False) -> Floats:
     """Map a triangulated disk to the plane with the corner angles nearest to its own (ABF).

@@ -7,13 +7,15 @@ from numpy.typing import ArrayLike
 from scipy.sparse import diags
 
 from ..arrays import Complex, Floats
+from ..docstrings import like
 from ..errors import MapError
+from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.mobius import conformal_barycenter, mobius_transformation
 from ..surface.mesh import DiskMesh, Mesh
 from ..surface.triangles import vertex_areas
-from .certified import certified_disk_map, like
+from .certified import certified_disk_map
 from .dirichlet import Dirichlet, harmonic
 from .doubled import doubled_laplacian
 from .linear import most_regular_face, to_cube_roots_of_unity
@@ -26,6 +28,7 @@ FLOW_TOLERANCE = 1e-8  # of what a step takes from the harmonic energy, near tha
 FLOW_STEPS = 200  # the Chinese Lion takes 5
 
 
+@takes_meshes
 @like(harmonic)
 def cem(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk conformally onto the unit disk, Yueh, Lin, Wu and Yau 2017.
@@ -69,6 +72,7 @@ def _cem(mesh: Mesh) -> Complex:
     raise MapError(f"The conformal energy still falls after {MAX_ROUNDS} rounds")
 
 
+@takes_meshes
 @like(harmonic)
 def heat_flow(V: ArrayLike, F: ArrayLike) -> Floats:
     """Map a triangulated disk conformally onto the unit disk, by the heat flow of Gu and Yau 2002.

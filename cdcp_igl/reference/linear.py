@@ -9,15 +9,17 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 
 from ..arrays import Complex, Floats, Ints
+from ..docstrings import like
 from ..io.given import takes_meshes
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.stereographic import from_plane
 from ..surface.mesh import DiskMesh, Mesh, SphereMesh
-from .certified import certified_disk_map, certified_sphere_map, like
+from .certified import certified_disk_map, certified_sphere_map
 from .dirichlet import Dirichlet, harmonic
 from .doubled import doubled_laplacian
 
 
+@takes_meshes
 @like(harmonic)
 def ldcp(V: ArrayLike, F: ArrayLike, *, pinned: int = 50) -> Floats:
     """Map a triangulated disk conformally onto the unit disk, Choi and Lui 2018.

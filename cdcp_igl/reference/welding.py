@@ -10,18 +10,21 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from ..arrays import Complex, Floats, Ints, places
+from ..docstrings import like
 from ..errors import MapError
+from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
 from ..solve.laplacian import cotangent_laplacian
 from ..steps.mobius import normalize
 from ..steps.zipper import open_blocks
 from ..surface.mesh import DiskMesh, Mesh
 from ..surface.topology import components_of_pairs
-from .certified import certified_disk_map, like
+from .certified import certified_disk_map
 from .dirichlet import Dirichlet, harmonic
 from .free_boundary import least_squares_layout
 
 
+@takes_meshes
 @like(harmonic)
 def pgcp(V: ArrayLike, F: ArrayLike, *, parts: int = 4) -> Floats:
     """Map a triangulated disk conformally onto the unit disk, by parts (Choi et al. 2020).

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from .. import libigl
 from ..arrays import Bools, Complex, Floats, Ints, as_complex, size_exponent
+from ..docstrings import like
 from ..io.given import takes_meshes
 from ..surface.mesh import Mesh
 from ..surface.triangles import blocks, face_areas, hat_gradients, opposite_edges, oriented_areas
@@ -94,6 +95,7 @@ def angle_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
 
 
 @takes_meshes
+@like(angle_distortion)
 def quasi_conformal_dilatation(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     """Ratio of the singular values of the map on every face, the larger by the smaller.
 
@@ -102,18 +104,13 @@ def quasi_conformal_dilatation(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Flo
 
     Parameters
     ----------
-    V, F, uv
-        As in `angle_distortion`, in the plane.
+    uv : (n, 2) array_like
+        Positions in the plane.
 
     Returns
     -------
     (m,) float64
         At least 1, which is conformal; infinity for a flipped or collapsed face.
-
-    Raises
-    ------
-    MeshError, ValueError
-        As `angle_distortion`.
 
     References
     ----------
@@ -132,6 +129,7 @@ def quasi_conformal_dilatation(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Flo
 
 
 @takes_meshes
+@like(angle_distortion)
 def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     """Logarithm of the scale of the map at every vertex.
 
@@ -141,22 +139,12 @@ def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     discrete conformal equivalence, such as a Möbius transformation of the plane, has its
     factors recovered exactly.
 
-    Parameters
-    ----------
-    V, F, uv
-        As in `angle_distortion`.
-
     Returns
     -------
     (n,) float64
         A short length on the surface is e^u as long in the plane, each in its own unit.
         Lengths do not see flipped faces. Minus infinity at the vertices of a face with an
         edge of length 0; NaN at vertices without faces.
-
-    Raises
-    ------
-    MeshError, ValueError
-        As `angle_distortion`.
 
     References
     ----------
@@ -190,27 +178,18 @@ def conformal_factor(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
 
 
 @takes_meshes
+@like(angle_distortion)
 def area_distortion(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> Floats:
     """Logarithm of the area of the image by the area on the surface, for every face.
 
     Both areas are fractions of their totals, so that a map with a constant scale has no
     distortion of area.
 
-    Parameters
-    ----------
-    V, F, uv
-        As in `angle_distortion`.
-
     Returns
     -------
     (m,) float64
         0 is no distortion. The area of a flipped face counts as 0, and its distortion is
         minus infinity, like that of a collapsed one.
-
-    Raises
-    ------
-    MeshError, ValueError
-        As `angle_distortion`.
 
     References
     ----------
