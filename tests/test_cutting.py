@@ -19,7 +19,7 @@ import cdcp_igl
 from cdcp_igl.atlas.cut_graph import Component, cut_to_disk
 from cdcp_igl.atlas.cut_paths import open_to_disk, straight_path, straighten
 from cdcp_igl.io import read_polygons, write_map
-from cdcp_igl.io.polygons import fans
+from cdcp_igl.io.polygons import triangles_of
 from cdcp_igl.surface.topology import Topology
 
 RANDOM = surfaces.random_voxels(5)
@@ -240,8 +240,8 @@ POLYGONS = st.one_of(
 )
 
 
-def triangles(polygons):
-    return fans(list(chain(*polygons)), [len(polygon) for polygon in polygons])
+def triangles(V, polygons):
+    return triangles_of(V, list(chain(*polygons)), [len(polygon) for polygon in polygons])
 
 
 # -- cut around them -------------------------------------------------------------------
@@ -251,7 +251,7 @@ def triangles(polygons):
 @given(POLYGONS)
 def test_no_polygon_is_parted_and_every_component_becomes_a_disk(mesh):
     V, polygons = mesh
-    F, whole = triangles(polygons)
+    F, whole = triangles(V, polygons)
     cut = cdcp_igl.cut(V, F, polygon_of_face=whole)
     assert len(open_edges(F, cut.F, whole)) == 0
     assert_cut(cut, V, F)
@@ -262,7 +262,7 @@ def test_no_polygon_is_parted_and_every_component_becomes_a_disk(mesh):
 def test_nor_is_one_parted_by_a_map(mesh, fill):
     """Whose cut grows."""
     V, polygons = mesh
-    F, whole = triangles(polygons)
+    F, whole = triangles(V, polygons)
     result = cdcp_igl.surface_map(V, F, polygon_of_face=whole, fill=fill, scale_variation=0.7)
     assert result.valid
     assert len(open_edges(F, result.cut.F, whole)) == 0
@@ -271,7 +271,7 @@ def test_nor_is_one_parted_by_a_map(mesh, fill):
 def test_without_their_numbers_polygons_are_parted():
     """Or the tests above could not fail."""
     V, polygons = many_corners(8, 8, 0, twist=True)
-    F, whole = triangles(polygons)
+    F, whole = triangles(V, polygons)
     assert len(open_edges(F, cdcp_igl.cut(V, F).F, whole)) > 0
 
 
@@ -347,7 +347,7 @@ def test_polygons_on_no_disk_stay(tmp_path):
 @pytest.mark.parametrize("suffix", ["obj", "off", "ply", "npz"])
 def test_polygons_are_read_from_files(tmp_path, suffix):
     V, polygons = SCENES["two large polygons"]()
-    F, polygon_of_face = triangles(polygons)
+    F, polygon_of_face = triangles(V, polygons)
     path = tmp_path / f"a.{suffix}"
     faces = "".join(f"{len(p)} {' '.join(map(str, p))}\n" for p in polygons)
     rows = "".join(f"{x!r} {y!r} {z!r}\n" for x, y, z in V.tolist())

@@ -43,7 +43,7 @@ def assert_read(path, V, F):
     [
         (POINTS + TWO, TRIANGLES),
         (POINTS + "f 1 2 3 4\nf 2 5 3\n", [*TRIANGLES, [1, 4, 2]]),
-        (POINTS + "f 1 2 5 3 4\n", [[0, 1, 4], [0, 4, 2], [0, 2, 3]]),
+        (POINTS + "f 1 2 5 3 4\n", [[0, 1, 3], [1, 2, 3], [1, 4, 2]]),
         (POINTS + "vt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nf 1//1 3//1 4//1\n", TRIANGLES),
         (POINTS + "# a\no b\ng c\nusemtl d\nl 1 2\n  f 1 2 3 \r\n\nf\t1 3 4", TRIANGLES),
         (POINTS, np.empty((0, 3))),

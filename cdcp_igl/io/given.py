@@ -189,13 +189,13 @@ def surface_of(mesh: Any) -> tuple[Array, Array, Ints]:
     if isinstance(mesh, str | PathLike):
         return read_polygons(mesh, log.warning)
     if isinstance(mesh, tuple) and len(mesh) == 2:
-        return mesh[0], *triangulated(mesh[1])
+        return mesh[0], *triangulated(*mesh)
     if hasattr(mesh, "darrays"):
         try:
             mesh = gifti_surface(mesh)
         except Damage as error:
             raise MeshError(Defect.of("unreadable file", reason=f"{error}")) from None
-        return mesh[0], *triangulated(mesh[1])
+        return mesh[0], *triangulated(*mesh)
     if not any(hasattr(mesh, name) for name in VERTICES) and hasattr(mesh, "to_mesh"):
         mesh = mesh.to_mesh()  # a scene of trimesh: its meshes in one, each where it stands
     V, faces = (
@@ -207,7 +207,7 @@ def surface_of(mesh: Any) -> tuple[Array, Array, Ints]:
         raise MeshError(_no_surface(mesh, [name for name in INSTEAD if hasattr(mesh, name)]))
     if getattr(mesh, "n_strips", 0):
         raise MeshError(_no_surface(mesh, ["triangulate"]))
-    return np.asarray(V), *triangulated(faces)
+    return np.asarray(V), *triangulated(V, faces)
 
 
 def _no_surface(mesh: Any, instead: list[str]) -> Defect:

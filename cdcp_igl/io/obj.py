@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator
-from itertools import islice, pairwise
+from itertools import islice
 from pathlib import Path
 from typing import TextIO
 
@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints
-from .text import BYTE_ORDER_MARK
+from .polygons import rows_of_triangles
+from .text import BYTE_ORDER_MARK, polygons_of_obj
 
 ROWS = 1 << 16  # formatted at a time
 WORD = re.compile(r"([^\s\\]+)")
@@ -67,7 +68,7 @@ def write_like(path: Path, given: Path, texture: Floats, FT: Ints) -> None:
     on either side of the cut. ``texture[FT]`` are those of the corners of the triangles that
     `read_obj` makes of `given`.
     """
-    triangles: Iterator[list[int]] | None = None
+    faces: Iterator[tuple[Ints, Ints]] | None = None
     with path.open("w", encoding="latin-1", newline="") as file:
         for lines in _statements(given):
             if lines[0].startswith(("v ", "vn ")):  # most, and nothing is to be done
@@ -83,11 +84,10 @@ def write_like(path: Path, given: Path, texture: Floats, FT: Ints) -> None:
                 file.write(_joined(split, [keyword, *words]))
                 continue
             if name == "f":
-                if triangles is None:
+                if faces is None:
                     number = _write_texture(file, texture, _line_end(lines[0]))
-                    triangles = iter(number[FT].tolist())
-                fan = list(islice(triangles, len(words) - 2))
-                file.write(_face(split, keyword, words, fan))
+                    faces = _in_polygons(given, number[FT])
+                file.write(_face(split, keyword, words, *next(faces)))
             elif name == "l":
                 file.write(_joined(split, [keyword, *(word.partition("/")[0] for word in words)]))
             else:
@@ -137,16 +137,28 @@ def _line_end(line: str) -> str:
     return line[len(line.rstrip("\r\n")) :] or "\n"
 
 
-def _face(split: list[list[str]], keyword: str, words: list[str], fan: list[list[int]]) -> str:
-    """Put texture coordinates into a face; `fan` has them for each of its triangles."""
-    one_apex = all(triangle[0] == fan[0][0] for triangle in fan)
-    if one_apex and all(one[2] == other[1] for one, other in pairwise(fan)):
-        polygon = [*fan[0], *(triangle[2] for triangle in fan[1:])]
-        return _joined(split, [keyword, *map(_corner, words, polygon)])
+def _in_polygons(path: Path, texture: Ints) -> Iterator[tuple[Ints, Ints]]:
+    """Yield, of each polygon of an obj file, its corners (m, 3) of triangles, and `texture`'s."""
+    V, corners, sizes = polygons_of_obj(path)
+    ends = np.cumsum(sizes)
+    rows, polygon = rows_of_triangles(V, corners, sizes)
+    rows -= (ends - sizes)[polygon, None]
+    parts = np.cumsum(sizes - 2)[:-1]
+    yield from zip(np.split(rows, parts), np.split(texture, parts), strict=True)
+
+
+def _face(
+    split: list[list[str]], keyword: str, words: list[str], triangles: Ints, texture: Ints
+) -> str:
+    """Put texture coordinates into a face, into each of its triangles if its corners have two."""
+    polygon = np.zeros(len(words), np.int64)
+    polygon[triangles] = texture
+    if (polygon[triangles] == texture).all():
+        return _joined(split, [keyword, *map(_corner, words, polygon.tolist())])
     end = _line_end(split[-1][-1])
     return "".join(
-        " ".join([keyword, *map(_corner, (words[0], *words[k : k + 2]), triangle)]) + end
-        for k, triangle in enumerate(fan, 1)
+        " ".join([keyword, *map(_corner, (words[k] for k in corners), triangle)]) + end
+        for corners, triangle in zip(triangles.tolist(), texture.tolist(), strict=True)
     )
 
 

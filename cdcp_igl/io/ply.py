@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints
 from ..errors import Damage
-from .polygons import fans, strips
+from .polygons import strips, triangles_of
 from .text import culprit
 
 TYPES = {
@@ -65,7 +65,7 @@ def read_ply(path: Path) -> tuple[Floats, Ints, Ints]:
     V = np.column_stack([axis.entries for axis in axes]).astype(np.float64)
     polygons = _lists_of_vertices(tables.get("face", {}), "faces")
     if polygons is not None:
-        return V, *fans(*polygons)
+        return V, *triangles_of(V, *polygons)
     rows = _lists_of_vertices(tables.get("tristrips", {}), "strips")
     F = np.empty((0, 3), np.int64) if rows is None else strips(*rows)
     return V, F, np.arange(len(F))

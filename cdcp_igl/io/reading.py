@@ -39,7 +39,7 @@ def read_vtk(path: Path) -> tuple[Array, Array, Array]:
         mesh = (meshio.vtk if path.suffix.lower() == ".vtk" else meshio.vtu).read(path)
     except meshio.ReadError as error:
         raise Damage(str(error).rstrip(".") or "meshio does not understand it") from None
-    return mesh.points, *triangulated(mesh.cells)
+    return mesh.points, *triangulated(mesh.points, mesh.cells)
 
 
 # V and F, and where faces may be polygons, which of these each triangle is a part of.
@@ -87,8 +87,8 @@ def read_mesh(
         Vertex positions, in the order of the file; in stl files, where each triangle has
         its own corners, equal ones are merged in the order of their first appearance.
     F : (m, 3) ndarray of integers
-        Corners of the faces, in the order of the file, counting from 0. Polygons in obj,
-        off and ply files are split into fans.
+        Corners of the faces, in the order of the file, counting from 0. Polygons
+        become triangles that cover them.
 
     Raises
     ------

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import Floats, Ints
 from ..errors import Damage
-from .polygons import fans
+from .polygons import triangles_of
 
 # Of UTF-8, read as Latin-1: every sequence of bytes is text in Latin-1, and numbers and
 # keywords are the same in both.
@@ -22,6 +22,12 @@ Lines = Iterator[tuple[int, list[str]]]  # number and words of each
 
 def read_obj(path: Path) -> tuple[Floats, Ints, Ints]:
     """(n, 3) vertices, (m, 3) faces and (m,) their polygons; all else is skipped."""
+    V, corners, sizes = polygons_of_obj(path)
+    return V, *triangles_of(V, corners, sizes)
+
+
+def polygons_of_obj(path: Path) -> tuple[Floats, Ints, Ints]:
+    """(n, 3) vertices; the corners of all polygons in succession, and how many each has."""
     vertices, corners, sizes = array("d"), array("q"), array("q")
     for number, words in _words_of_lines(path, continued=True):
         if words[0] == "v":
@@ -40,7 +46,8 @@ def read_obj(path: Path) -> tuple[Floats, Ints, Ints]:
             sizes.append(len(words) - 1)
     if len(corners) and min(corners) < 0:
         raise Damage("a face names vertex 0, or one before the first; vertices count from 1")
-    return np.array(vertices).reshape(-1, 3), *fans(corners, sizes)
+    V = np.array(vertices).reshape(-1, 3)
+    return V, np.array(corners, np.int64), np.array(sizes, np.int64)
 
 
 def _corner(word: str) -> int:
@@ -105,7 +112,8 @@ def _read_off(lines: Lines) -> tuple[Floats, Ints, Ints]:
         sizes.append(size)
     if (len(vertices), len(sizes)) != (3 * n, m):
         raise Damage(f"{len(vertices) // 3:,} vertices and {len(sizes):,} faces of {n:,} and {m:,}")
-    return np.array(vertices).reshape(-1, 3), *fans(corners, sizes)
+    V = np.array(vertices).reshape(-1, 3)
+    return V, *triangles_of(V, corners, sizes)
 
 
 def _words_of_lines(path: Path, *, continued: bool = False) -> Lines:

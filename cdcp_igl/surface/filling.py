@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints, marked
@@ -9,6 +11,8 @@ from .triangles import corner_cotangents, degenerate_faces, face_areas
 
 # The search for a triangulation takes the cube of this many steps, about two seconds.
 MOST_CORNERS = 300
+
+Cost = Callable[[Floats, Floats, Floats], Floats]  # of triangles with these corners (..., 3)
 
 
 def fill_hole(V: Floats, loop: Ints) -> Ints | None:
@@ -30,34 +34,51 @@ def fill_hole(V: Floats, loop: Ints) -> Ints | None:
     return None
 
 
-def least_triangulation(points: Floats) -> Ints:
-    """(k - 2, 3) triangles of a closed polygon in space: the fewest flat ones, then the least area.
+def least_triangulation(points: Floats, cost: Cost | None = None) -> Ints:
+    """(..., k - 2, 3) triangles of closed polygons (..., k, 3), those whose costs add up to least.
+
+    By default, the fewest flat ones, then the least area.
 
     G. Barequet, M. Sharir. Filling gaps in the boundary of a polyhedron. Computer Aided
     Geometric Design 12(2), 1995.
     """
-    k = len(points)
-    flat = k * np.square(np.ptp(points, axis=0)).sum()  # costs more than any areas
-    cost = np.zeros((k, k))  # of the part of the polygon from corner i to corner j
-    apex = np.zeros((k, k), dtype=np.int64)  # of the triangle on its side from i to j
+    cost, k = cost or _area_or_flat(points), points.shape[-2]
+    polygons = points.reshape(-1, k, 3)
+    least = np.zeros((len(polygons), k, k))  # of the part of the polygon from corner i to corner j
+    apex = np.zeros(least.shape, dtype=np.int64)  # of the triangle on its side from i to j
     for width in range(2, k):
         start = np.arange(k - width)
         middle = start[:, None] + np.arange(1, width)
         i, j = np.broadcast_to(start[:, None], middle.shape), middle * 0 + start[:, None] + width
-        triangles = np.stack([i, middle, j], axis=2).reshape(-1, 3)
-        own = face_areas(points, triangles) + flat * _is_flat(points, triangles)
-        total = cost[i, middle] + cost[middle, j] + own.reshape(middle.shape)
-        best = total.argmin(axis=1)
-        cost[start, start + width] = total[start, best]
-        apex[start, start + width] = middle[start, best]
-    chosen, parts = [], [(0, k - 1)]
-    while parts:
-        first, last = parts.pop()
-        if last > first + 1:
-            a = int(apex[first, last])
-            chosen.append((first, a, last))
-            parts += [(first, a), (a, last)]
-    return np.array(chosen)
+        total = least[:, i, middle] + least[:, middle, j]
+        total += cost(polygons[:, i], polygons[:, middle], polygons[:, j])
+        best = total.argmin(axis=2)
+        apex[:, start, start + width] = start + 1 + best
+        least[:, start, start + width] = np.take_along_axis(total, best[..., None], 2)[..., 0]
+    chosen, n_parts = np.zeros((len(polygons), k - 2, 3), np.int64), np.ones(len(polygons), int)
+    chosen[:, 0, 2] = k - 1  # each row is a part of the polygon, until its triangle is known
+    polygon = np.arange(len(polygons))
+    for t in range(k - 2):
+        first, last = chosen[:, t, 0], chosen[:, t, 2]
+        chosen[:, t, 1] = middle = apex[polygon, first, last]
+        for low, high in ((first, middle), (middle, last)):
+            some = np.flatnonzero(high > low + 1)
+            chosen[some, n_parts[some], ::2] = np.column_stack([low, high])[some]
+            n_parts[some] += 1
+    return chosen.reshape(*points.shape[:-2], k - 2, 3)
+
+
+def _area_or_flat(points: Floats) -> Cost:
+    """Cost a triangle its area; a flat one more than all areas together."""
+    flat = points.shape[-2] * np.square(np.ptp(points, axis=-2)).sum()
+
+    def cost(*corners: Floats) -> Floats:
+        V = np.stack(corners, axis=-2)
+        F = np.arange(V.size // 3).reshape(-1, 3)
+        costs = face_areas(V.reshape(-1, 3), F) + flat * _is_flat(V.reshape(-1, 3), F)
+        return costs.reshape(V.shape[:-2])
+
+    return cost
 
 
 def _is_flat(points: Floats, triangles: Ints) -> Bools:
