@@ -37,11 +37,11 @@ def assert_on_sides(result):
     """The map is valid; the boundary lies on the rectangle, to the last bit, around it once."""
     assert result.valid
     u, v = result.uv[result.mesh.loop].T
-    assert ((u == 0) | (u == result.modulus) | (v == 0) | (v == 1)).all()
-    corners = [[0, 0], [result.modulus, 0], [result.modulus, 1], [0, 1]]
+    assert ((u == 0) | (u == result.width) | (v == 0) | (v == 1)).all()
+    corners = [[0, 0], [result.width, 0], [result.width, 1], [0, 1]]
     np.testing.assert_array_equal(result.uv[list(result.corners)], corners)
     area = 0.5 * np.sum(u * np.roll(v, -1) - v * np.roll(u, -1))
-    assert area == pytest.approx(result.modulus, rel=1e-12)
+    assert area == pytest.approx(result.width, rel=1e-12)
 
 
 @pytest.mark.parametrize("width", [0.01, 3.7])
@@ -90,6 +90,19 @@ def test_turning_the_corners_inverts_the_modulus(seed, turn):
     else:
         assert other.modulus == pytest.approx(one.modulus, rel=1e-10)
     assert set(loop[np.isin(loop, corners)]) == set(other.corners)
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_refinement_slides_along_the_sides_and_moves_the_width(real_mesh, name):
+    V, F = real_mesh(name)
+    plain, better = (cdcp_igl.rectangle_map(V, F, quarters(V, F), refine=k) for k in (0, 3))
+    assert plain.width == pytest.approx(plain.modulus, rel=1e-15)
+    assert_on_sides(better)
+    assert better.refinement.steps == 3
+    assert better.distortion.mean < 0.95 * plain.distortion.mean
+    assert better.conformal
+    assert (better.modulus, better.modulus_bounds) == (plain.modulus, plain.modulus_bounds)
+    assert 0 < abs(better.width / plain.width - 1) < 0.03
 
 
 @pytest.mark.parametrize("name", REAL)

@@ -16,9 +16,10 @@ from ..errors import counted, spell
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
+from ..refine.targets import Rectangle
 from ..rescue.repair import Repair, repaired
 from ..result.base import valid_map
-from ..result.making import PlaneMap, best_of, fields_of
+from ..result.making import PlaneMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.laplacian import LAPLACIANS, Laplacian
 from ..solve.solvers import SolverName, using
@@ -28,7 +29,7 @@ from ..verdict.distortion import map_distortion
 from .disk import disk_map, map_of
 
 # Phases of a map onto the disk, which a map onto a rectangle has only where its sides cannot slide.
-OF_THE_DISK = ("center", "trace", "circle", "extension", "mobius", "refine")
+OF_THE_DISK = ("center", "trace", "circle", "extension", "mobius")
 REMEDY = "choose corners where the boundary has corners, or refine the faces there"
 
 
@@ -39,17 +40,19 @@ class RectangleMap(PlaneMap):
     Attributes
     ----------
     uv : (n, 2) float64
-        Row i is the image of row i of V, in the rectangle from (0, 0) to (modulus, 1).
+        Row i is the image of row i of V, in the rectangle from (0, 0) to (width, 1).
     mesh : DiskMesh
         The surface.
     modulus : float
-        Width by height, a conformal invariant of the surface with its corners.
+        Width by height of the exact map, a conformal invariant of the surface with its corners.
     modulus_bounds : (float, float)
         Between which the modulus of the polyhedral surface lies, but for rounding: both
         coordinates are trial functions in Dirichlet's principle. `modulus` is their
         geometric mean.
+    width : float
+        Of the rectangle: the modulus, or as refinement has left it.
     corners : tuple of int
-        The vertices at (0, 0), (modulus, 0), (modulus, 1) and (0, 1).
+        The vertices at (0, 0), (width, 0), (width, 1) and (0, 1).
     certificate : Certificate
         As of a `DiskMap`, with the sides of the rectangle in place of the circle.
     conformality, distortion, timings
@@ -63,7 +66,7 @@ class RectangleMap(PlaneMap):
     laplacian : str
         ``"cotangent"``; or, where that flipped faces, or its map is not conformal, and this
         distorts less, ``"intrinsic Delaunay"``.
-    repair, solver
+    repair, refinement, solver
         As of a `DiskMap`.
 
     Examples
@@ -79,11 +82,12 @@ class RectangleMap(PlaneMap):
     certificate: Certificate
     modulus: float
     modulus_bounds: tuple[float, float]
+    width: float
     corners: tuple[int, ...]
 
     _kind = "rectangle"
     _plane = "Rectangle"
-    _reported = ("modulus", "modulus_bounds", "corners", "boundary", "laplacian")
+    _reported = ("modulus", "modulus_bounds", "width", "corners", "boundary", "laplacian")
 
     def _key_figure(self) -> str:
         return f"modulus {self.modulus:.6g}"
@@ -92,6 +96,7 @@ class RectangleMap(PlaneMap):
         low, high = self.modulus_bounds
         return [
             ("modulus", f"{self.modulus:.8g}, from {low:.8g} to {high:.8g}"),
+            ("width", f"{self.width:.6g}"),
             ("boundary", f"{self.boundary}, {self.laplacian} Laplacian"),
             *super()._steps(),
         ]
@@ -104,6 +109,9 @@ def rectangle_map(
     F: ArrayLike,
     corners: ArrayLike,
     *,
+    refine: int | None = None,
+    refine_norm: float = 1.5,
+    refine_seconds: float = np.inf,
     solver: SolverName | None = None,
     progress: Progress | None = None,
 ) -> RectangleMap:
@@ -119,7 +127,7 @@ def rectangle_map(
     ----------
     corners : (4,) array_like of integers
         Boundary vertices in counterclockwise order (the surface on the left), which go to
-        (0, 0), (modulus, 0), (modulus, 1) and (0, 1).
+        (0, 0), (width, 0), (width, 1) and (0, 1).
 
     Returns
     -------
@@ -150,13 +158,16 @@ def rectangle_map(
     chosen = np.asarray(corners)
     if chosen.shape != (4,) or chosen.dtype.kind not in "iu":
         raise ValueError(f"corners must be four vertices, not {corners!r}")
-    phase = Phases(progress, skipped=OF_THE_DISK)
+    options = Options(
+        refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds, solver=solver
+    )
+    phase = Phases(progress, refine or 0, skipped=OF_THE_DISK)
     with using(solver):
         with phase("check"):
             mesh = DiskMesh(V, F)
             sides = _boundary_sides(mesh, chosen)
             _refuse_chords(mesh, sides)
-        best = _best_map(mesh, sides, phase)
+        best = _best_map(mesh, sides, options, phase)
     remedy = "Parts of it may be too small for double precision: choose corners farther apart"
     best = valid_map(best, " onto the rectangle", remedy)
     phase.done()
@@ -171,7 +182,7 @@ class _Square:
     L: Laplacian
     laplacian: str
     boundary: str
-    solver: str
+    surface: FactoredSurface
 
 
 def _boundary_sides(mesh: Mesh, chosen: Ints) -> list[Ints]:
@@ -206,11 +217,11 @@ def _refuse_chords(mesh: Mesh, sides: list[Ints]) -> None:
             )
 
 
-def _best_map(mesh: Mesh, sides: list[Ints], phase: Phases) -> RectangleMap:
-    """Try one way after the other until a map is conformal; the best, valid or not."""
+def _best_map(mesh: Mesh, sides: list[Ints], options: Options, phase: Phases) -> RectangleMap:
+    """Try one way after the other until a map is conformal; the best, refined, valid or not."""
     ways: list[Callable[[Mesh, list[Ints], Phases], _Square]]
     ways = [*(partial(_sliding, name) for name in LAPLACIANS), _by_disk_map]
-    found: list[RectangleMap] = []
+    found, squares = list[RectangleMap](), list[_Square]()
 
     def enough(made: RectangleMap) -> bool:
         # Flipped faces that were repaired are worth another Laplacian, not a map onto the disk.
@@ -219,9 +230,21 @@ def _best_map(mesh: Mesh, sides: list[Ints], phase: Phases) -> RectangleMap:
         return bool(conformal) and (len(found) > 1 or conformal[0].repair.n_flipped == 0)
 
     def made(way: Callable[[Mesh, list[Ints], Phases], _Square]) -> RectangleMap:
-        return _rectangle(mesh, sides, way(mesh, sides, phase), phase)
+        squares.append(way(mesh, sides, phase))
+        return _rectangle(mesh, sides, squares[-1], phase)
 
-    return best_of((partial(made, way) for way in ways), enough)
+    best = best_of((partial(made, way) for way in ways), enough)
+    if steps := steps_of(best, options):
+        order = squares[-1].surface.order
+        order = order[~mesh.on_boundary[order]]
+        f, kind = as_complex(best.uv), (best.modulus_bounds, best.boundary, best.laplacian)
+        again = partial(_finished, mesh, sides, phase=phase, solver=best.solver)
+
+        def finished(f: Complex, known: float) -> RectangleMap:
+            return again(f, *kind, known=known)
+
+        best = refined(best, f, Rectangle(sides), order, steps, finished, options, phase)
+    return best
 
 
 def _sliding(name: str, mesh: Mesh, sides: list[Ints], phase: Phases) -> _Square:
@@ -230,18 +253,18 @@ def _sliding(name: str, mesh: Mesh, sides: list[Ints], phase: Phases) -> _Square
     with phase("laplacian"):
         L = LAPLACIANS[name](mesh)
     with phase("factor"):
-        u, solver = _harmonic(mesh, L, zero=left, one=right)
+        u, surface = _harmonic(mesh, L, zero=left, one=right)
         v, _ = _harmonic(mesh, L, zero=bottom, one=top)
-    return _Square(u + 1j * v, L, name, "sliding", solver)
+    return _Square(u + 1j * v, L, name, "sliding", surface)
 
 
-def _harmonic(mesh: Mesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floats, str]:
+def _harmonic(mesh: Mesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floats, FactoredSurface]:
     """(n,) harmonic function with these values on two sides, and what solved for it."""
     value, free = np.zeros(len(mesh.V)), np.ones(len(mesh.V), dtype=bool)
     value[one] = 1
     free[zero] = free[one] = False
     surface = FactoredSurface(mesh, L, free)
-    return value + surface.solve(-(L.matrix() @ value)), surface.solver
+    return value + surface.solve(-(L.matrix() @ value)), surface
 
 
 def _by_disk_map(mesh: Mesh, sides: list[Ints], phase: Phases) -> _Square:
@@ -257,7 +280,7 @@ def _by_disk_map(mesh: Mesh, sides: list[Ints], phase: Phases) -> _Square:
             start, along = (0, 1, 1 + 1j, 1j)[number], 1j**number
             f[side[:-1]] = start + along * along_side(z[side[:-1]], np.roll(corners, -number))
         f = harmonic_extension(surface, f[mesh.loop])
-    return _Square(f, surface.laplacian, "cotangent", "disk map", surface.solver)
+    return _Square(f, surface.laplacian, "cotangent", "disk map", surface)
 
 
 def along_side(z: Complex, corners: Complex) -> Floats:
@@ -285,25 +308,42 @@ def _rectangle(mesh: Mesh, sides: list[Ints], square: _Square, phase: Phases) ->
     # The energy of the one with values 0 and 1 is height by width, that of the other width by
     # height, and each at most too large.
     energy_u, energy_v = float(u @ (matrix @ u)), float(v @ (matrix @ v))
-    modulus = float(np.sqrt(energy_v / energy_u))
-    f = modulus * u + 1j * v
+    f = np.sqrt(energy_v / energy_u) * u + 1j * v
+    bounds, solver = (1 / energy_u, energy_v), square.surface.solver
+    return _finished(mesh, sides, f, bounds, square.boundary, square.laplacian, solver, phase)
+
+
+def _finished(
+    mesh: Mesh,
+    sides: list[Ints],
+    f: Complex,
+    bounds: tuple[float, float],
+    boundary: str,
+    laplacian: str,
+    solver: str,
+    phase: Phases,
+    known: float = 0.0,
+) -> RectangleMap:
+    """Repair a map (n,) onto a rectangle, certify and judge it."""
     repair = Repair()
     with phase("repair"):
         if along_sides(sides, f):
             f, repair = repaired(mesh, f, on_disk=False)
     with phase("certificate"):
         certificate = certify_rectangle(mesh, sides, f)
-        fields = fields_of(mesh, f, map_distortion(mesh, f), certificate, repair)
+        degrees = map_distortion(mesh, f)
+        fields = fields_of(mesh, f, degrees, certificate, repair, known=known)
         if not (verdict := fields["conformality"]):
             fields["conformality"] = replace(verdict, remedies=(REMEDY,))
     return RectangleMap(
         **fields,
         uv=coordinates(f),
-        modulus=modulus,
-        modulus_bounds=(1 / energy_u, energy_v),
+        modulus=float(np.sqrt(bounds[0] * bounds[1])),
+        modulus_bounds=bounds,
+        width=float(f.real[sides[2][0]]),
         corners=tuple(int(side[0]) for side in sides),
-        boundary=square.boundary,
-        laplacian=square.laplacian,
-        solver=square.solver,
+        boundary=boundary,
+        laplacian=laplacian,
+        solver=solver,
         timings=phase.seconds,
     )

@@ -1,8 +1,9 @@
-"""What a surface is mapped onto, as refinement sees it: disk, outline, ring or sphere."""
+"""What a surface is mapped onto, as refinement sees it: disk, outline, ring, rectangle, sphere."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from ..verdict.certificate import (
     SphereCertificate,
     Verified,
     certificate_of,
+    certify_rectangle,
     certify_ring,
     certify_sphere,
     flipped_on_sphere,
@@ -134,6 +136,33 @@ class Ring(Target):
         log = f[F.T]
         corner = np.exp(log - log.real.max(axis=0))
         return corner, corner
+
+
+class Rectangle(Target):
+    """A rectangle of height 1 with its first corner at 0, as wide as refinement makes it.
+
+    Boundary vertices slide on their `sides`, the first of which is the lower one; corners stay.
+    """
+
+    def __init__(self, sides: Sequence[Ints]) -> None:
+        self._sides = sides
+
+    def certificate(self, mesh: Mesh, f: Complex, flipped: Flipped) -> Certificate:
+        """Verify a map f (n,) whose `flipped` faces are known."""
+        return certify_rectangle(mesh, self._sides, f, flipped)
+
+    def moved(self, mesh: Mesh, f: Complex, step: Complex) -> Complex:
+        """Move a map by a displacement (n,), if all of the right side moves by the same."""
+        moved, right = f + step, self._sides[1]
+        moved.real[right] = moved.real[right].mean()
+        return moved
+
+    def tangential(self, mesh: Mesh, f: Complex, x: Complex) -> Complex:
+        """Project displacements x (n,), in place, to those that are possible."""
+        bottom, right, top, left = self._sides
+        x.imag[bottom] = x.imag[top] = x.real[left] = 0
+        x.real[right] = x.real[right].mean()
+        return x
 
 
 AT_INFINITY = 1e12  # the place of the pole of the sphere in the plane, 2e-12 from it

@@ -11,7 +11,7 @@ from .. import libigl
 from ..arrays import Bools, Complex, Floats, Ints, as_complex, coordinates
 from ..cached import cached_property
 from .topology import Edges, group_by_edge, tails
-from .triangles import EPS, spanned_areas
+from .triangles import EPS, oriented_areas, spanned_areas
 
 Codes = NDArray[np.uint64]
 
@@ -35,7 +35,7 @@ class FaceFinder:
     The image need not be convex, and rounding turns the edges of crowded faces: of points whose
     walk leaves it, or is long, the nearest of all faces is searched in a tree of boxes. They are
     taken to it if they are nearly there; if the map is `inscribed` in the unit circle, those
-    between an edge with both ends on it and its arc, too.
+    between an edge with both ends on it and its arc, too. ValueError if a face is flipped.
 
     O. Devillers, S. Pion, M. Teillaud. Walking in a triangulation. Int. J. Found. Comput.
     Sci. 13(2), 2002.
@@ -46,6 +46,9 @@ class FaceFinder:
     def __init__(
         self, F: Ints, z: Complex, edges: Edges | None = None, *, inscribed: bool = False
     ) -> None:
+        area, error = oriented_areas(z, F)
+        if (area < -error).any():
+            raise ValueError("the map is no bijection: points have no one place on the surface")
         self._inscribed = inscribed
         uv, corners = coordinates(z), z[F]
         # An arc is no higher over its chord than a quarter of the square of that.

@@ -28,7 +28,7 @@ print(result)
 figure, panels = plt.subplots(1, 2, layout="constrained", figsize=(10, 3.6))
 columns = round(8 * result.modulus)
 for axes, P in zip(panels, (V[:, :2], result.uv), strict=True):
-    for levels, x in ((columns, result.uv[:, 0] / result.modulus), (8, result.uv[:, 1])):
+    for levels, x in ((columns, result.uv[:, 0] / result.width), (8, result.uv[:, 1])):
         axes.tricontour(*P.T, F, x, np.arange(1, levels) / levels, colors="#00366c", linewidths=0.8)
     axes.plot(*P[np.append(rim, rim[0])].T, color="black", linewidth=1, clip_on=False)
     axes.plot(*P[corners].T, "o", color="#b3261e", clip_on=False)
