@@ -1,13 +1,17 @@
 """Every map by every method of its result: what one of them can, all can, or say why not."""
 
+import json
 import pickle
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
+from matplotlib import image
 from meshes import grid
 from surfaces import pierced_sphere
 
 import cdcp_igl
+from cdcp_igl import parts_map
 from cdcp_igl.result.base import Result
 from cdcp_igl.result.bijection import Bijection
 
@@ -17,7 +21,7 @@ BALL = cdcp_igl.datasets.spheroid(2, 2)[:2]
 
 
 def in_parts(V, F, **options):
-    return cdcp_igl.parts_map(options.pop("folder"), **options)
+    return parts_map(options.pop("folder"), **options)
 
 
 # What makes each, with what it needs.
@@ -114,6 +118,115 @@ def test_labels_masks_and_gaps_are_no_smooth_fields(made, name):
         result.interpolate(V[:-1], points)
     with pytest.raises(ValueError, match='"linear" or "nearest"'):
         result.interpolate(V, points, method="cubic")
+
+
+# Of every public method of a result a call; True stands for what it returns where that is any.
+CALLS = {
+    "apply": lambda result, _: len(result.apply([0, 1], np.eye(3)[:2])) == 2,
+    "area_distortion": lambda result, _: np.isfinite(result.area_distortion()).all(),
+    "bake": lambda result, _: abs(result.bake(np.ones(result._size()[0]), 32) - 1).max() < 1e-9,
+    "interpolate": lambda result, _: (
+        result.interpolate(np.ones(result._size()[0]), result.apply(1, [1, 0, 0])) == 1
+    ),
+    "invert": lambda result, _: result.invert(result.apply(1, [0.3, 0.3, 0.4]))[0] == 1,
+    "lost_in_single_precision": lambda result, _: result.lost_in_single_precision()[0] == 0,
+    "packed": lambda result, _: result.packed().min() >= 0 and result.packed().max() <= 1,
+    "plot": lambda result, _: len(result.plot()) == 4,
+    "report": lambda result, _: json.loads(json.dumps(result.report())) == result.report(),
+    "save": lambda result, folder: saved(result, folder),
+    "summary": lambda result, _: "valid" in result.summary()[0],
+    "view": lambda result, folder: result.view(folder / "a.html").stat().st_size > 10_000,
+    "view_html": lambda result, _: result.view_html(title="A").count("<h1>A</h1>") == 1,
+}
+SURFACES = {".glb", ".npz", ".obj", ".ply"}
+# What a map has not, and why.
+HOLES = {
+    "PartsMap": dict.fromkeys(SURFACES, "its surface is where it came from"),
+}
+
+
+def saved(result, folder):
+    """Save a result to each type of file; those that refuse say so."""
+    refused = HOLES.get(type(result).__name__, {})
+    for suffix in (*SURFACES, ".html", ".json", ".pdf", ".png", ".svg"):
+        with (
+            pytest.raises(ValueError, match=refused[suffix]) if suffix in refused else nullcontext()
+        ):
+            result.save(folder / f"map{suffix}")
+        assert (folder / f"map{suffix}").exists() == (suffix not in refused)
+    return True
+
+
+@pytest.mark.parametrize("call", CALLS)
+@pytest.mark.parametrize("name", MAPS)
+def test_every_method_of_every_map(made, tmp_path, name, call):
+    assert CALLS[call](made(name)[2], tmp_path)
+
+
+def test_the_table_has_all_methods():
+    public = {name for name in dir(Bijection) if not name.startswith("_")}
+    assert {name for name in public if callable(getattr(Bijection, name))} - {"with_source"} == set(
+        CALLS
+    )
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_an_image_is_saved_with_the_surface(made, tmp_path, name):
+    V, _, result = made(name)
+    colours = np.clip(result.bake(abs(V), 32), 0, 1)
+    for suffix in (".glb", ".obj", ".ply", ".svg", ".json"):
+        shows = suffix in (".glb", ".obj") and name != "PartsMap"
+        with nullcontext() if shows else pytest.raises(ValueError, match=r"image|\.npy"):
+            result.save(tmp_path / f"map{suffix}", image=colours)
+        assert (tmp_path / f"map{suffix}").exists() == shows
+    if name == "PartsMap":
+        return
+    png = (tmp_path / "map.png").read_bytes()
+    assert png in (tmp_path / "map.glb").read_bytes()
+    assert "map_Kd map.png" in (tmp_path / "map.mtl").read_text()
+    read = image.imread(tmp_path / "map.png")[..., :3]
+    np.testing.assert_allclose(read, colours, atol=0.5 / 255 + 1e-9)
+    result.save(tmp_path / "again.glb", image=tmp_path / "map.png")
+    assert (tmp_path / "again.glb").read_bytes() == (tmp_path / "map.glb").read_bytes()
+
+
+def test_reports_have_one_form(made):
+    """What all maps have has the same keys in all reports, and in those of charts."""
+    reports = [made(name)[2].report() for name in MAPS]
+    reports += made("SurfaceMap")[2].report()["charts"]
+    reports.append(cdcp_igl.surface_map(*BALL, outline="free", refine=1).report())
+    reports.append(cdcp_igl.sphere_map(*BALL, refine=1).report())
+    shapes = [
+        {
+            key: sorted(report[key]) if isinstance(report[key], dict) else type(report[key])
+            for key in ("boundary", "mobius", "repair", "laplacian", "solver", "valid")
+        }
+        for report in reports
+    ]
+    assert all(shape == shapes[0] for shape in shapes)
+    for record in ("refinement", "lost_in_single_precision", "angular_distortion_degrees"):
+        keys = {tuple(report[record]) for report in reports if report[record] is not None}
+        assert len(keys) == 1
+    common = set.intersection(*(set(report) for report in reports))
+    assert {"boundary", "laplacian", "mobius", "repair", "refinement", "solver"} < common
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_every_map_can_be_refined_and_tells_how_far_it_is(name, tmp_path):
+    function, (V, F, *_), needed = MAPS[name]
+    told = []
+    options = {"progress": lambda phase, fraction: told.append((phase, fraction))}
+    if name == "PartsMap":
+        options["folder"] = cdcp_igl.partition((V, F), tmp_path / "parts", parts=4)
+        assert "no refinement" in " ".join(parts_map.__doc__.split())
+    else:
+        options |= {"refine": 2, "refine_norm": 1.2, "refine_seconds": 100}
+    result = function(V, F, **needed, **options)
+    assert told[-1] == ("done", 1)
+    fractions = [fraction for _, fraction in told]
+    assert fractions == sorted(fractions)
+    if name != "PartsMap":
+        assert result.report()["refinement"]["norm"] == 1.2
 
 
 @pytest.mark.parametrize("name", MAPS)

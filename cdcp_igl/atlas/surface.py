@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, replace
 from time import perf_counter
 from typing import Any, Literal
 
@@ -20,6 +21,7 @@ from ..maps.free import FreeMap
 from ..options import Options
 from ..phases import Progress, check_progress
 from ..plot.layout import Layout
+from ..rescue.repair import Repair
 from ..result.bijection import Bijection
 from ..result.disk_map import DiskMap
 from ..solve.solvers import SolverName
@@ -161,6 +163,13 @@ class SurfaceMap(Bijection):
     def _variation(self) -> str:
         said, asked = f"{self.scale_variation:.2f}", self.scale_variation_asked
         return said if self.scale_variation <= asked else f"{said}, asked for: {asked:g}"
+
+    def _made(self) -> dict[str, Any]:
+        """Of the worst chart; repairs are those of all."""
+        repairs = [chart.repair for chart in self.charts]
+        flipped, moved, rounds = map(sum, zip(*map(astuple, repairs), strict=True))
+        repair = Repair(flipped, moved, rounds)
+        return self.charts[_worst(self.charts)]._made() | {"repair": repair.report()}
 
     def _details(self) -> dict[str, Any]:
         return {
@@ -425,10 +434,14 @@ def _distortion(sheets: Sheets, uv: Floats) -> AngleDistortion:
     return AngleDistortion.of(reported_distortion(V, faces, image, flipped))
 
 
+def _worst(maps: Sequence[DiskMap | FreeMap]) -> int:
+    """Find the chart of largest mean distortion, of those that are not conformal, if any."""
+    return max(range(len(maps)), key=lambda k: (not maps[k].conformal, maps[k].distortion.mean))
+
+
 def _worst_conformality(maps: list[DiskMap | FreeMap]) -> Conformality:
     """Find the verdict on the worst chart, with its number."""
-    bad = [k for k, made in enumerate(maps) if not made.conformal]
-    worst = max(bad or range(len(maps)), key=lambda k: maps[k].distortion.mean)
+    bad, worst = [made for made in maps if not made.conformal], _worst(maps)
     verdict = maps[worst].conformality
     if not bad or len(maps) == 1:
         return verdict

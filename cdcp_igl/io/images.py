@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import Floats
 from .output import whole_file, write_text
 
 CELLS, CELL = 64, 16  # along a side; pixels of each
@@ -32,25 +34,48 @@ class Image(NamedTuple):
     suffix: str
 
 
-def read_image(path: str | PathLike[str]) -> Image:
-    """Read a file; ValueError if it is neither PNG nor JPEG."""
-    data = Path(path).read_bytes()
+def as_image(image: str | PathLike[str] | ArrayLike) -> Image:
+    """Take an image: a file, the checkerboard by its name, or colours from 0 to 1.
+
+    ValueError if a file is neither PNG nor JPEG, or an array is not (height, width, 3 or 4).
+    """
+    if not isinstance(image, str | PathLike):
+        return png(np.rint(255 * colours(image)).astype(np.uint8))
+    if image == "checkerboard":
+        return checkerboard()
+    data = Path(image).read_bytes()
     if data.startswith(PNG):
         return Image(data, "image/png", ".png")
     if data.startswith(JPEG):
         return Image(data, "image/jpeg", ".jpg")
-    raise ValueError(f"{str(path)!r} is no PNG or JPEG image")
+    raise ValueError(f"{str(image)!r} is no PNG or JPEG image")
+
+
+def colours(image: ArrayLike) -> Floats:
+    """Take an array as an image (height, width, 3 or 4) of colours from 0 to 1, or ValueError."""
+    colors = np.asarray(image, dtype=np.float64)
+    if colors.ndim != 3 or colors.shape[2] not in (3, 4) or colors.size == 0:
+        raise ValueError(f"texture has shape {colors.shape}; it must be (height, width, 3 or 4)")
+    if not (colors.min() >= 0 and colors.max() <= 1):  # NaN is neither
+        raise ValueError("the colours of a texture must lie between 0 and 1")
+    return colors
 
 
 def checkerboard() -> Image:
     """Draw squares in two colours: angles show by their corners, areas by their size."""
     pixel = np.arange(CELLS * CELL) // CELL
     odd = (pixel[:, None] + pixel) % 2
-    rows = np.array(COLOURS, dtype=np.uint8)[odd].reshape(len(pixel), -1)
+    return png(np.array(COLOURS, dtype=np.uint8)[odd])
+
+
+def png(pixels: NDArray[np.uint8]) -> Image:
+    """Write pixels (height, width, 3 or 4), RGB or RGBA, as a PNG file."""
+    height, width, channels = pixels.shape
     # Each row begins with its filter, 0 for none.
-    data = np.column_stack([np.zeros(len(rows), np.uint8), rows]).tobytes()
-    header = struct.pack(">2I5B", len(pixel), len(pixel), 8, 2, 0, 0, 0)  # 8 bits, RGB
-    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(data, 9)), (b"IEND", b""))
+    rows = np.column_stack([np.zeros(height, np.uint8), pixels.reshape(height, -1)])
+    header = struct.pack(">2I5B", width, height, 8, 2 if channels == 3 else 6, 0, 0, 0)  # 8 bits
+    data = zlib.compress(rows.tobytes(), 9)
+    chunks = ((b"IHDR", header), (b"IDAT", data), (b"IEND", b""))
     return Image(PNG + b"".join(_chunk(*chunk) for chunk in chunks), "image/png", ".png")
 
 

@@ -15,7 +15,7 @@ from ..surface.validation import checked_vertices, usable_arrays
 from .archives import write_npz
 from .given import takes_meshes
 from .glb import write_glb
-from .images import Image, checkerboard, read_image, write_material
+from .images import as_image, write_material
 from .neuro import SPHERE, neuro_type, write_neuro
 from .obj import write_like, write_obj
 from .output import whole_file
@@ -46,7 +46,7 @@ def write_map(
     *,
     disk: bool = False,
     like: str | PathLike[str] | None = None,
-    image: str | PathLike[str] | None = None,
+    image: str | PathLike[str] | ArrayLike | None = None,
 ) -> None:
     """Write a surface with its map.
 
@@ -75,10 +75,10 @@ def write_map(
         comments stay. Polygons that were cut open within are written as triangles; there are
         none if `surface_map` was given `polygon_of_face`, see `read_polygons`. Of FreeSurfer's
         and GIFTI files, the volume and the metadata are kept.
-    image : path-like, optional
-        A PNG or JPEG file to show on the surface, or ``"checkerboard"``, which is what a
-        glb file has if nothing else is named. For an obj file, a .mtl file and the image are
-        written beside it, under its name.
+    image : path-like or (height, width, 3 or 4) array_like, optional
+        A PNG or JPEG file to show on the surface, colours from 0 to 1, the top row at v = 1, or
+        ``"checkerboard"``, which is what a glb file has if nothing else is named. For an obj
+        file, a .mtl file and the image are written beside it, under its name.
 
     Raises
     ------
@@ -127,7 +127,9 @@ def write_map(
             texture = np.nan_to_num(texture)
     if like is not None:
         _check_like(Path(like), positions, faces)
-    shown = _image(suffix, image)
+    if image is None and suffix == ".glb":
+        image = "checkerboard"
+    shown = None if image is None else as_image(image)
     with whole_file(path) as unfinished:
         if suffix == ".ply":
             write_ply(unfinished, positions, faces, texture, FT if plane.ndim == 3 else None)
@@ -144,7 +146,7 @@ def _check_options(
     path: Path,
     suffix: str,
     like: str | PathLike[str] | None,
-    image: str | PathLike[str] | None,
+    image: str | PathLike[str] | ArrayLike | None,
 ) -> None:
     if "\0" in str(path):
         raise ValueError(f"{path.name!r} holds a zero and is no name of a file.")
@@ -215,12 +217,6 @@ def _check_like(like: Path, V: Floats, F: Ints) -> None:
         raise ValueError(
             f"{like.name!r} holds another mesh than V and F: pass them as `read_mesh` read them."
         )
-
-
-def _image(suffix: str, image: str | PathLike[str] | None) -> Image | None:
-    if image is None and suffix != ".glb":
-        return None
-    return checkerboard() if image in (None, "checkerboard") else read_image(image)
 
 
 def _indexed(F: Ints, uv: Floats) -> tuple[Floats, Ints, Ints]:

@@ -19,6 +19,7 @@ from ..options import Options
 from ..phases import Phases, Progress
 from ..plot.layout import Layout
 from ..refine.targets import Ring
+from ..rescue.boundary import BoundaryMethod
 from ..rescue.repair import repaired
 from ..result.base import valid_map
 from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
@@ -94,7 +95,11 @@ class AnnulusMap(MadeMap):
 
     _kind = "annulus"
     _plane = "Ring"
-    _reported = ("modulus", "modulus_bounds", "radius", "boundary", "filled")
+    _reported = ("modulus", "modulus_bounds", "radius", "filled")
+
+    @property
+    def _placed(self) -> BoundaryMethod:
+        return BoundaryMethod(self.boundary)
 
     def packed(self) -> Floats:
         """Return the square around the ring, scaled to the unit square: texture coordinates."""

@@ -96,7 +96,7 @@ class FreeMap(PlaneMap):
 
     _kind = "free"
     _plane = "Plane"
-    _reported = ("boundary", "laplacian", "area_ratio")
+    _reported = ("area_ratio",)
 
     def _steps(self) -> list[tuple[str, str]]:
         return [

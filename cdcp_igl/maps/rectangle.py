@@ -87,7 +87,7 @@ class RectangleMap(PlaneMap):
 
     _kind = "rectangle"
     _plane = "Rectangle"
-    _reported = ("modulus", "modulus_bounds", "width", "corners", "boundary", "laplacian")
+    _reported = ("modulus", "modulus_bounds", "width", "corners")
 
     def _key_figure(self) -> str:
         return f"modulus {self.modulus:.6g}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,7 @@ from ..options import Options
 from ..phases import Phases, Progress
 from ..plot.layout import Layout
 from ..refine.targets import Sphere
+from ..rescue.boundary import BoundaryMethod
 from ..rescue.untangling import mean_value_map, repaired_on_sphere
 from ..result.base import valid_map
 from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
@@ -83,8 +84,16 @@ class SphereMap(MadeMap):
 
     _kind = "sphere"
     _plane = "Sphere"
-    _reported = ("pole", "laplacian", "mobius")
+    _reported = ("pole",)
     _columns = 3
+
+    @property
+    def _placed(self) -> BoundaryMethod:
+        return BoundaryMethod("none", laplacian=self.laplacian)
+
+    def _made(self) -> dict[str, Any]:
+        made = super()._made()
+        return made | {"mobius": made["mobius"] | {"method": self.mobius}}
 
     @cached_property
     def uv(self) -> Floats:  # type: ignore[override]

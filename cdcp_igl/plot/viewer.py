@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Floats, Ints, as_complex, places
 from ..extras import from_extra
 from ..fields import Field
+from ..io.images import as_image
 from ..io.output import write_text
 from ..surface.location import z_order
 from ..surface.topology import group_by_edge, heads, tails
@@ -35,7 +36,6 @@ from .viewpoint import choose_viewpoint
 with from_extra("plot"):
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
-    from matplotlib.image import imsave
 
 IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".webp": "webp"}
 STEPS = 2**16 - 1  # of a coordinate
@@ -243,14 +243,7 @@ def _image(texture: str | PathLike[str] | ArrayLike) -> str:
         if path.suffix.lower() not in IMAGES:
             raise ValueError(f"{path.name!r} is no image a browser shows: {', '.join(IMAGES)}")
         return _uri(path.read_bytes(), IMAGES[path.suffix.lower()])
-    colors = np.asarray(texture, dtype=np.float64)
-    if colors.ndim != 3 or colors.shape[2] not in (3, 4) or colors.size == 0:
-        raise ValueError(f"texture has shape {colors.shape}; it must be (height, width, 3 or 4)")
-    if not (colors.min() >= 0 and colors.max() <= 1):  # NaN is neither
-        raise ValueError("the colours of a texture must lie between 0 and 1")
-    file = BytesIO()
-    imsave(file, colors, format="png")
-    return _uri(file.getvalue(), "png")
+    return _uri(as_image(texture).data, "png")
 
 
 def poster(layout: Layout) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
@@ -59,6 +60,11 @@ class BoundaryMethod:
     rejected: tuple[str, ...] = ()
     n_opened: int = 0
     laplacian: str = "cotangent"
+
+    def report(self) -> dict[str, Any]:
+        """Return it as JSON types, but for the Laplacian, which maps without a boundary have."""
+        opened = {"rejected": list(self.rejected), "opened_faces": self.n_opened}
+        return {"method": self.name, **opened}
 
     def __str__(self) -> str:
         laplacian = "" if self.laplacian == "cotangent" else f", {self.laplacian} Laplacian"

@@ -22,6 +22,9 @@ from ..io.given import FromFile
 from ..plot.layout import Layout
 from ..plot.raster import sample
 from ..printing import Pairs, as_html, as_text
+from ..refine.refinement import Refinement
+from ..rescue.boundary import BoundaryMethod
+from ..rescue.repair import Repair
 from ..surface.triangles import face_areas, lost_in_single_precision
 from ..verdict.certificate import Certificate, SphereCertificate
 from ..verdict.conformality import Conformality
@@ -198,11 +201,17 @@ class Result(FromFile, ABC):
             "certificate": self.certificate.report(),
             "lost_in_single_precision": {"faces": lost, "share_of_area": share},
             **self._details(),
+            **self._made(),
             "seconds": self.timings,
         }
         return _flattened(report) if flat else report
 
-    def save(self, path: str | PathLike[str]) -> None:
+    def save(
+        self,
+        path: str | PathLike[str],
+        *,
+        image: str | PathLike[str] | ArrayLike | None = None,
+    ) -> None:
         """Write the map to a file whose suffix says what.
 
         Parameters
@@ -211,12 +220,17 @@ class Result(FromFile, ABC):
             The surface with its map for the types of `cdcp_igl.io.write_map`; a picture for
             .png, .svg and .pdf; the page of `view` for .html; the report for .json. An
             existing file is replaced once the new one is complete. An obj file keeps polygons,
-            groups and materials of the obj file that was given in place of V and F.
+            groups and materials of the obj file that was given in place of V and F, but not
+            with an image.
+        image : path-like or (height, width, 3 or 4) array_like, optional
+            What a glb or obj file shows, over the unit square that `packed` fills: as `view` has
+            it as a texture, a PNG or JPEG file or colours, such as `bake` makes.
 
         Raises
         ------
         ValueError
-            If the file is not of a known type, or the obj file that was given has changed.
+            If the file is not of a known type, or the obj file that was given has changed; if the
+            image is none, or the file shows none.
         OSError
             If it cannot be written; nothing is left behind.
         """
@@ -225,18 +239,21 @@ class Result(FromFile, ABC):
         from ..io.output import whole_file, write_text
 
         suffix, neuro = Path(path).suffix.lower(), neuro_type(Path(path))
+        if image is not None and suffix not in (".glb", ".obj"):
+            raise ValueError(f"A {suffix} file shows no image: save .glb or .obj.")
         known = (*WRITABLE, *PICTURES, ".html", ".json")
         if suffix not in known and neuro:
             write_map(path, *self._surface(), self, like=self.source)
         elif suffix in WRITABLE:
-            (V, F), like = self._surface(), None if self.given_rows else self.source
+            again = image is not None or self.given_rows  # not as the file that was given
+            (V, F), like = self._surface(), None if again else self.source
             if like is not None and suffix == like.suffix.lower() == ".obj":
                 corners, (V, F) = V[F], read_mesh(like)
                 if F.shape != corners.shape[:2] or not np.array_equal(V[F], corners):
                     raise ValueError(f"{like.name!r} has changed since the surface was read.")
             else:
                 like = None
-            write_map(path, V, F, self, like=like)
+            write_map(path, V, F, self, like=like, image=image)
         elif suffix in PICTURES:
             figure = self.plot()[0].figure
             with whole_file(path) as unfinished:
@@ -469,6 +486,10 @@ class Result(FromFile, ABC):
         """Return the part of the summary that only this kind of map has."""
 
     @abstractmethod
+    def _made(self) -> dict[str, Any]:
+        """Return what `how_made` does, the part of the report that is the same of all maps."""
+
+    @abstractmethod
     def _details(self) -> dict[str, Any]:
         """Return the part of the report that only this kind of map has."""
 
@@ -515,6 +536,30 @@ def valid_map(result: Kind, onto: str, remedy: str) -> Kind:
     if reasons := result.conformality.reasons:
         log.warning("the map is not conformal: %s", "; ".join(reasons))
     return result
+
+
+def how_made(
+    boundary: BoundaryMethod,
+    repair: Repair,
+    refinement: Refinement | None,
+    solver: str,
+    mobius: str = "none",
+    w: complex | None = None,
+    rejected: str = "",
+) -> dict[str, Any]:
+    """Return how a map came about, whatever it is onto, as JSON types.
+
+    `w` is the point of the disk that went to 0 by the Möbius transformation; None of other images.
+    """
+    moved = None if w is None else [w.real, w.imag]
+    return {
+        "boundary": boundary.report(),
+        "laplacian": boundary.laplacian,
+        "mobius": {"method": mobius, "w": moved, "rejected": rejected},
+        "repair": repair.report(),
+        "refinement": refinement and asdict(refinement),
+        "solver": solver,
+    }
 
 
 def _flattened(report: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, astuple, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,11 +14,13 @@ from ..cached import cached_property
 from ..errors import MapError
 from ..plot.layout import Layout
 from ..refine.refinement import Refinement
+from ..rescue.boundary import BoundaryMethod
 from ..rescue.collapsed_faces import open_collapsed_faces
 from ..rescue.harmonic_map import Provenance
 from ..rescue.repair import repair_locally
 from ..verdict.certificate import BOUNDARY_TOLERANCE, Certificate, certify_disk
 from ..verdict.distortion import AngleDistortion
+from .base import how_made
 from .bijection import Bijection, DiskBijection
 from .landmarks import landmark_automorphism
 from .making import MadeMap
@@ -67,22 +69,16 @@ class OntoDisk(Bijection, Provenance):
         return {
             "angular_distortion_of_free_faces_degrees": asdict(self.distortion_of_free_faces),
             "center": {"method": self.center.method, "face": self.center.face},
-            "boundary": {
-                "method": self.boundary.name,
-                "laplacian": self.boundary.laplacian,
-                "rejected": list(self.boundary.rejected),
-                "opened_faces": self.boundary.n_opened,
-            },
             "straightening": asdict(self.straightening),
-            "repair": self.repair.report(),
-            "mobius": {
-                "method": self.mobius.method,
-                "w": [self.mobius.w.real, self.mobius.w.imag],
-                "rejected": self.mobius.rejected,
-            },
-            "refinement": self.refinement and asdict(self.refinement),
-            "solver": self.solver,
         }
+
+    @property
+    def _placed(self) -> BoundaryMethod:
+        return self.boundary
+
+    def _made(self) -> dict[str, Any]:
+        given = self._placed, self.repair, self.refinement, self.solver
+        return how_made(*given, *astuple(self.mobius))
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

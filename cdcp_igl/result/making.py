@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
+from abc import abstractmethod
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -17,11 +18,13 @@ from ..phases import Phases
 from ..plot.layout import Layout
 from ..refine.refinement import HALVINGS, STEPS_DUE, Refinement, lower_angle_distortion
 from ..refine.targets import Target
+from ..rescue.boundary import BoundaryMethod
 from ..rescue.repair import Repair
 from ..surface.location import FaceFinder
 from ..surface.mesh import Mesh
 from ..verdict.conformality import LARGEST_DEGREES, judge
 from ..verdict.distortion import AngleDistortion, reported_distortion
+from .base import how_made
 from .bijection import Bijection
 
 log = logging.getLogger("cdcp_igl")
@@ -63,11 +66,6 @@ class MadeMap(Bijection):
         return reported_distortion(self.mesh.V, F, self._images, flipped[flipped < len(F)])
 
     @property
-    def _images(self) -> Floats:
-        """Images of the vertices of `mesh`: (n, 2), or (n, 3) on the sphere."""
-        return self.uv
-
-    @property
     def _faces(self) -> Ints:
         return self.mesh.F
 
@@ -94,12 +92,15 @@ class MadeMap(Bijection):
 
     def _details(self) -> dict[str, Any]:
         plain = {name: getattr(self, name) for name in self._reported}
-        return {
-            **{name: list(x) if isinstance(x, tuple) else x for name, x in plain.items()},
-            "repair": self.repair.report(),
-            "refinement": self.refinement and asdict(self.refinement),
-            "solver": self.solver,
-        }
+        return {name: list(x) if isinstance(x, tuple) else x for name, x in plain.items()}
+
+    @property
+    @abstractmethod
+    def _placed(self) -> BoundaryMethod:
+        """How the boundary was placed, and what Laplacian the map is of."""
+
+    def _made(self) -> dict[str, Any]:
+        return how_made(self._placed, self.repair, self.refinement, self.solver)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -109,6 +110,10 @@ class PlaneMap(MadeMap):
     uv: Floats
     boundary: str
     laplacian: str
+
+    @property
+    def _placed(self) -> BoundaryMethod:
+        return BoundaryMethod(self.boundary, laplacian=self.laplacian)
 
     def packed(self) -> Floats:
         """Return the image scaled into the unit square, (n, 2): texture coordinates."""

@@ -70,7 +70,8 @@ def parts_map(
 
     Everything that is computed is a file in a folder beside the parts, and what is there is not
     computed again: a run that was stopped goes on. These files are removed at the end; the map
-    stays there, and is found when it is asked for again.
+    stays there, and is found when it is asked for again. There is no refinement, whose steps need
+    the whole surface.
 
     Parameters
     ----------
