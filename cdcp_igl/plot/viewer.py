@@ -206,9 +206,12 @@ def _given(fields: Mapping[str, ArrayLike], vertices: Ints) -> list[tuple[dict[s
         finite = values[np.isfinite(values)]
         if len(finite) == 0:
             raise ValueError(f"field {name!r} has no finite value")
-        low, high = map(float, np.quantile(finite, [BEYOND, 1 - BEYOND]))
+        labels = Field.of(given).nearest
+        beyond = 0 if labels else BEYOND
+        low, high = map(float, np.quantile(finite, [beyond, 1 - beyond]))
         ends = f"{low:.3g}", f"{high:.3g}"
-        found.append((_coloring(name, "viridis", low, high, ends), values))
+        about = _coloring(name, "viridis", low, high, ends) | {"labels": labels}
+        found.append((about, values))
     return found
 
 

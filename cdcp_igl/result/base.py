@@ -323,7 +323,8 @@ class Result(FromFile, ABC):
             Named .html; replaced once the new one is complete. Without it, the page is written
             to a temporary folder and opened in the browser.
         fields : mapping of str to (n,) array_like, optional
-            More values at the vertices of the given mesh to colour by, under their names.
+            More values at the vertices of the given mesh to colour by, under their names. Of
+            integers and truth values, which are labels, a face has that of one of its corners.
         texture : path-like or (height, width, 3 or 4) array_like, optional
             Image of the unit square that `packed` fills, the top row at v = 1: a png, jpeg or
             webp file, or colours from 0 to 1, such as `bake` makes.

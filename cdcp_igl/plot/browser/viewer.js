@@ -77,17 +77,17 @@ function fewerFaces({ n, F, P, maps: [UV] }, cells) {
 const VERTEX = `#version 300 es
 in vec3 position, normal, ball; in vec2 uv; in float value;
 uniform mat3 turn; uniform vec2 shift, aspect; uniform float zoom;
-out vec3 n, place; out vec2 at; out float x;
+out vec3 n, place; out vec2 at; out float x; flat out float label;
 void main() {
   vec3 p = turn * position;
   gl_Position = vec4((p.xy * zoom + shift) * aspect, -0.9 * p.z, 1);
-  n = normal; at = uv; x = value; place = ball;
+  n = normal; at = uv; x = label = value; place = ball;
 }`;
 
 const FRAGMENT = `#version 300 es
 precision highp float;
-in vec3 n, place; in vec2 at; in float x;
-uniform mat3 turn, home; uniform bool plane, onBall, round; uniform int kind; uniform float squares;
+in vec3 n, place; in vec2 at; in float x; flat in float label;
+uniform mat3 turn, home; uniform bool plane, onBall, round, labels; uniform int kind; uniform float squares;
 uniform vec3 ramp[9]; uniform sampler2D image; uniform vec2 origin;
 out vec4 color;
 // Mean of a square wave of period 2 over a width w: the difference of its integral.
@@ -109,7 +109,7 @@ void main() {
     float light = 0.5 + 0.5 * wave(c.x, w.x) * wave(c.y, w.y);
     base = mix(vec3(0.16, 0.30, 0.47), vec3(0.96, 0.94, 0.89), light);
   } else if (kind == 2) {
-    float t = clamp(x, 0.0, 1.0) * 8.0; int i = min(int(t), 7);
+    float t = clamp(labels ? label : x, 0.0, 1.0) * 8.0; int i = min(int(t), 7);
     base = mix(ramp[i], ramp[i + 1], t - float(i));
   } else base = texture(image, vec2(origin.x + 0.5 * at.x, 1.0 - origin.y - 0.5 * at.y)).rgb;
   if (!plane) {
@@ -358,6 +358,7 @@ function start(scene, gl, image) {
     gl.uniform1i(paint.uniforms.onBall, view.onBall);
     gl.uniform1i(paint.uniforms.round, Boolean(ball) && !state.coloring.map);
     gl.uniform1i(paint.uniforms.kind, ["normals", "checkerboard", "values", "image"].indexOf(state.coloring.kind));
+    gl.uniform1i(paint.uniforms.labels, Boolean(state.coloring.labels));
     gl.uniform1f(paint.uniforms.squares, state.squares);
     gl.uniform2f(paint.uniforms.origin, ...about.origin);
     gl.uniform3fv(paint.uniforms.ramp, (state.coloring.ramp || Array(9).fill("#000000")).flatMap(
