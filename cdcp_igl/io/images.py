@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Floats
 from .output import whole_file, write_text
 
+Texture = str | PathLike[str] | ArrayLike  # a file, or colours from 0 to 1
+
 CELLS, CELL = 64, 16  # along a side; pixels of each
 COLOURS = ((238, 238, 234), (70, 105, 150))
 PNG, JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
@@ -34,7 +36,7 @@ class Image(NamedTuple):
     suffix: str
 
 
-def as_image(image: str | PathLike[str] | ArrayLike) -> Image:
+def as_image(image: Texture) -> Image:
     """Take an image: a file, the checkerboard by its name, or colours from 0 to 1.
 
     ValueError if a file is neither PNG nor JPEG, or an array is not (height, width, 3 or 4).

@@ -15,7 +15,7 @@ from ..surface.validation import checked_vertices, usable_arrays
 from .archives import write_npz
 from .given import takes_meshes
 from .glb import write_glb
-from .images import as_image, write_material
+from .images import Texture, as_image, write_material
 from .neuro import SPHERE, neuro_type, write_neuro
 from .obj import write_like, write_obj
 from .output import whole_file
@@ -46,7 +46,7 @@ def write_map(
     *,
     disk: bool = False,
     like: str | PathLike[str] | None = None,
-    image: str | PathLike[str] | ArrayLike | None = None,
+    image: Texture | None = None,
 ) -> None:
     """Write a surface with its map.
 
@@ -146,7 +146,7 @@ def _check_options(
     path: Path,
     suffix: str,
     like: str | PathLike[str] | None,
-    image: str | PathLike[str] | ArrayLike | None,
+    image: Texture | None,
 ) -> None:
     if "\0" in str(path):
         raise ValueError(f"{path.name!r} holds a zero and is no name of a file.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +22,7 @@ from ..plot.layout import Layout
 from ..refine.targets import Ring
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.repair import repaired
-from ..result.base import valid_map
+from ..result.base import how_made, valid_map
 from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface
 from ..solve.solvers import SolverName, using
@@ -97,9 +98,8 @@ class AnnulusMap(MadeMap):
     _plane = "Ring"
     _reported = ("modulus", "modulus_bounds", "radius", "filled")
 
-    @property
-    def _placed(self) -> BoundaryMethod:
-        return BoundaryMethod(self.boundary)
+    def _made(self) -> dict[str, Any]:
+        return how_made(self, BoundaryMethod(self.boundary), "none")
 
     def packed(self) -> Floats:
         """Return the square around the ring, scaled to the unit square: texture coordinates."""

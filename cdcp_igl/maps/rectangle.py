@@ -221,28 +221,25 @@ def _best_map(mesh: Mesh, sides: list[Ints], options: Options, phase: Phases) ->
     """Try one way after the other until a map is conformal; the best, refined, valid or not."""
     ways: list[Callable[[Mesh, list[Ints], Phases], _Square]]
     ways = [*(partial(_sliding, name) for name in LAPLACIANS), _by_disk_map]
-    found, squares = list[RectangleMap](), list[_Square]()
+    squares: dict[RectangleMap, _Square] = {}
+
+    def made(way: Callable[[Mesh, list[Ints], Phases], _Square]) -> RectangleMap:
+        square = way(mesh, sides, phase)
+        result = _finished(mesh, sides, square, phase)
+        squares[result] = square
+        return result
 
     def enough(made: RectangleMap) -> bool:
         # Flipped faces that were repaired are worth another Laplacian, not a map onto the disk.
-        found.append(made)
-        conformal = [one for one in found if one.conformal]
-        return bool(conformal) and (len(found) > 1 or conformal[0].repair.n_flipped == 0)
-
-    def made(way: Callable[[Mesh, list[Ints], Phases], _Square]) -> RectangleMap:
-        squares.append(way(mesh, sides, phase))
-        return _rectangle(mesh, sides, squares[-1], phase)
+        conformal = [one for one in squares if one.conformal]
+        return bool(conformal) and (len(squares) > 1 or made.repair.n_flipped == 0)
 
     best = best_of((partial(made, way) for way in ways), enough)
     if steps := steps_of(best, options):
-        order = squares[-1].surface.order
+        square, f = squares[best], as_complex(best.uv)
+        order = square.surface.order
         order = order[~mesh.on_boundary[order]]
-        f, kind = as_complex(best.uv), (best.modulus_bounds, best.boundary, best.laplacian)
-        again = partial(_finished, mesh, sides, phase=phase, solver=best.solver)
-
-        def finished(f: Complex, known: float) -> RectangleMap:
-            return again(f, *kind, known=known)
-
+        finished = partial(_finished, mesh, sides, square, phase)
         best = refined(best, f, Rectangle(sides), order, steps, finished, options, phase)
     return best
 
@@ -302,29 +299,25 @@ def along_side(z: Complex, corners: Complex) -> Floats:
     return (1 + ellipkinc(amplitude, k * k) / ellipk(k * k)) / 2
 
 
-def _rectangle(mesh: Mesh, sides: list[Ints], square: _Square, phase: Phases) -> RectangleMap:
-    """Scale a map onto the unit square to the modulus, repair it, and certify."""
+def _finished(
+    mesh: Mesh,
+    sides: list[Ints],
+    square: _Square,
+    phase: Phases,
+    f: Complex | None = None,
+    known: float = 0.0,
+) -> RectangleMap:
+    """Scale a map onto the unit square to the modulus, or take one f (n,) that is refined.
+
+    It is repaired, certified and judged.
+    """
     u, v, matrix = square.f.real, square.f.imag, square.L.matrix()
     # The energy of the one with values 0 and 1 is height by width, that of the other width by
     # height, and each at most too large.
     energy_u, energy_v = float(u @ (matrix @ u)), float(v @ (matrix @ v))
-    f = np.sqrt(energy_v / energy_u) * u + 1j * v
-    bounds, solver = (1 / energy_u, energy_v), square.surface.solver
-    return _finished(mesh, sides, f, bounds, square.boundary, square.laplacian, solver, phase)
-
-
-def _finished(
-    mesh: Mesh,
-    sides: list[Ints],
-    f: Complex,
-    bounds: tuple[float, float],
-    boundary: str,
-    laplacian: str,
-    solver: str,
-    phase: Phases,
-    known: float = 0.0,
-) -> RectangleMap:
-    """Repair a map (n,) onto a rectangle, certify and judge it."""
+    modulus = float(np.sqrt(energy_v / energy_u))
+    if f is None:
+        f = modulus * u + 1j * v
     repair = Repair()
     with phase("repair"):
         if along_sides(sides, f):
@@ -338,12 +331,12 @@ def _finished(
     return RectangleMap(
         **fields,
         uv=coordinates(f),
-        modulus=float(np.sqrt(bounds[0] * bounds[1])),
-        modulus_bounds=bounds,
+        modulus=modulus,
+        modulus_bounds=(1 / energy_u, energy_v),
         width=float(f.real[sides[2][0]]),
         corners=tuple(int(side[0]) for side in sides),
-        boundary=boundary,
-        laplacian=laplacian,
-        solver=solver,
+        boundary=square.boundary,
+        laplacian=square.laplacian,
+        solver=square.surface.solver,
         timings=phase.seconds,
     )

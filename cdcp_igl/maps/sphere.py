@@ -21,7 +21,7 @@ from ..plot.layout import Layout
 from ..refine.targets import Sphere
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.untangling import mean_value_map, repaired_on_sphere
-from ..result.base import valid_map
+from ..result.base import how_made, valid_map
 from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface
 from ..solve.laplacian import LAPLACIANS
@@ -87,13 +87,8 @@ class SphereMap(MadeMap):
     _reported = ("pole",)
     _columns = 3
 
-    @property
-    def _placed(self) -> BoundaryMethod:
-        return BoundaryMethod("none", laplacian=self.laplacian)
-
     def _made(self) -> dict[str, Any]:
-        made = super()._made()
-        return made | {"mobius": made["mobius"] | {"method": self.mobius}}
+        return how_made(self, BoundaryMethod("none", laplacian=self.laplacian), self.mobius)
 
     @cached_property
     def uv(self) -> Floats:  # type: ignore[override]

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Floats, Ints, as_complex, places
 from ..extras import from_extra
 from ..fields import Field
-from ..io.images import as_image
+from ..io.images import Texture, as_image
 from ..io.output import write_text
 from ..surface.location import z_order
 from ..surface.topology import group_by_edge, heads, tails
@@ -55,7 +55,7 @@ def show(page: str, path: str | PathLike[str] | None) -> Path:
 def page(
     layout: Layout,
     fields: Mapping[str, ArrayLike],
-    texture: str | PathLike[str] | ArrayLike | None,
+    texture: Texture | None,
     beside: Mapping[str, ArrayLike],
     title: str,
 ) -> str:
@@ -239,7 +239,7 @@ def _coloring(
     return {"name": name, "kind": "values", "legend": name, "unit": "", **scale}
 
 
-def _image(texture: str | PathLike[str] | ArrayLike) -> str:
+def _image(texture: Texture) -> str:
     """Return the image as a data URI."""
     if isinstance(texture, str | PathLike):
         path = Path(texture)

@@ -19,12 +19,11 @@ from ..arrays import Floats, Ints
 from ..errors import MapError, counted, spell
 from ..fields import Field, Method
 from ..io.given import FromFile
+from ..io.images import Texture
 from ..plot.layout import Layout
 from ..plot.raster import sample
 from ..printing import Pairs, as_html, as_text
-from ..refine.refinement import Refinement
 from ..rescue.boundary import BoundaryMethod
-from ..rescue.repair import Repair
 from ..surface.triangles import face_areas, lost_in_single_precision
 from ..verdict.certificate import Certificate, SphereCertificate
 from ..verdict.conformality import Conformality
@@ -206,12 +205,7 @@ class Result(FromFile, ABC):
         }
         return _flattened(report) if flat else report
 
-    def save(
-        self,
-        path: str | PathLike[str],
-        *,
-        image: str | PathLike[str] | ArrayLike | None = None,
-    ) -> None:
+    def save(self, path: str | PathLike[str], *, image: Texture | None = None) -> None:
         """Write the map to a file whose suffix says what.
 
         Parameters
@@ -306,7 +300,7 @@ class Result(FromFile, ABC):
         path: str | PathLike[str] | None = None,
         *,
         fields: Mapping[str, ArrayLike] | None = None,
-        texture: str | PathLike[str] | ArrayLike | None = None,
+        texture: Texture | None = None,
         beside: Mapping[str, ArrayLike] | None = None,
         title: str = "",
     ) -> Path:
@@ -371,7 +365,7 @@ class Result(FromFile, ABC):
         self,
         *,
         fields: Mapping[str, ArrayLike] | None = None,
-        texture: str | PathLike[str] | ArrayLike | None = None,
+        texture: Texture | None = None,
         beside: Mapping[str, ArrayLike] | None = None,
         title: str = "",
     ) -> str:
@@ -540,15 +534,9 @@ def valid_map(result: Kind, onto: str, remedy: str) -> Kind:
 
 
 def how_made(
-    boundary: BoundaryMethod,
-    repair: Repair,
-    refinement: Refinement | None,
-    solver: str,
-    mobius: str = "none",
-    w: complex | None = None,
-    rejected: str = "",
+    of: Any, boundary: BoundaryMethod, mobius: str, w: complex | None = None, rejected: str = ""
 ) -> dict[str, Any]:
-    """Return how a map came about, whatever it is onto, as JSON types.
+    """Say how a map came about, whatever it is onto, as JSON types.
 
     `w` is the point of the disk that went to 0 by the Möbius transformation; None of other images.
     """
@@ -557,9 +545,9 @@ def how_made(
         "boundary": boundary.report(),
         "laplacian": boundary.laplacian,
         "mobius": {"method": mobius, "w": moved, "rejected": rejected},
-        "repair": repair.report(),
-        "refinement": refinement and asdict(refinement),
-        "solver": solver,
+        "repair": of.repair.report(),
+        "refinement": of.refinement and asdict(of.refinement),
+        "solver": of.solver,
     }
 
 

@@ -38,6 +38,7 @@ class Bijection(Result):
     """
 
     _columns: ClassVar[int] = 2  # of the images
+    _inscribed: ClassVar[bool] = True  # in the unit circle
 
     @property
     @abstractmethod
@@ -52,7 +53,8 @@ class Bijection(Result):
     @cached_property
     def _finder(self) -> FaceFinder:
         """Locates points among them."""
-        return FaceFinder(self._faces, as_complex(self._images), inscribed=True)
+        z = self._in_plane(self._images)
+        return FaceFinder(self._faces, z, inscribed=self._inscribed)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: x for name, x in vars(self).items() if name != "_finder"}  # trees stay here
@@ -187,7 +189,11 @@ class Bijection(Result):
 
     def _located(self, points: Floats) -> tuple[Ints, Floats]:
         """Locate points (k, 2) or (k, 3)."""
-        return self._finder.locate(as_complex(points))[:2]
+        return self._finder.locate(self._in_plane(points))[:2]
+
+    def _in_plane(self, points: Floats) -> Complex:
+        """(k,) points of the plane, in a unit in which those of the map are at most 1."""
+        return as_complex(points)
 
     def _landmarks(self, to: Bijection, landmarks: ArrayLike) -> tuple[Floats, Floats]:
         """Images of landmarks in this map and in the other; ValueError if they are none."""

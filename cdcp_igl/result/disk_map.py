@@ -14,7 +14,6 @@ from ..cached import cached_property
 from ..errors import MapError
 from ..plot.layout import Layout
 from ..refine.refinement import Refinement
-from ..rescue.boundary import BoundaryMethod
 from ..rescue.collapsed_faces import open_collapsed_faces
 from ..rescue.harmonic_map import Provenance
 from ..rescue.repair import repair_locally
@@ -72,13 +71,8 @@ class OntoDisk(Bijection, Provenance):
             "straightening": asdict(self.straightening),
         }
 
-    @property
-    def _placed(self) -> BoundaryMethod:
-        return self.boundary
-
     def _made(self) -> dict[str, Any]:
-        given = self._placed, self.repair, self.refinement, self.solver
-        return how_made(*given, *astuple(self.mobius))
+        return how_made(self, self.boundary, *astuple(self.mobius))
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from abc import abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeVar
@@ -20,7 +19,6 @@ from ..refine.refinement import HALVINGS, STEPS_DUE, Refinement, lower_angle_dis
 from ..refine.targets import Target
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.repair import Repair
-from ..surface.location import FaceFinder
 from ..surface.mesh import Mesh
 from ..verdict.conformality import LARGEST_DEGREES, judge
 from ..verdict.distortion import AngleDistortion, reported_distortion
@@ -94,14 +92,6 @@ class MadeMap(Bijection):
         plain = {name: getattr(self, name) for name in self._reported}
         return {name: list(x) if isinstance(x, tuple) else x for name, x in plain.items()}
 
-    @property
-    @abstractmethod
-    def _placed(self) -> BoundaryMethod:
-        """How the boundary was placed, and what Laplacian the map is of."""
-
-    def _made(self) -> dict[str, Any]:
-        return how_made(self._placed, self.repair, self.refinement, self.solver)
-
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class PlaneMap(MadeMap):
@@ -111,9 +101,10 @@ class PlaneMap(MadeMap):
     boundary: str
     laplacian: str
 
-    @property
-    def _placed(self) -> BoundaryMethod:
-        return BoundaryMethod(self.boundary, laplacian=self.laplacian)
+    _inscribed = False
+
+    def _made(self) -> dict[str, Any]:
+        return how_made(self, BoundaryMethod(self.boundary, laplacian=self.laplacian), "none")
 
     def packed(self) -> Floats:
         """Return the image scaled into the unit square, (n, 2): texture coordinates."""
@@ -126,15 +117,8 @@ class PlaneMap(MadeMap):
         low = self.uv.min(axis=0)
         return low, self.uv.max(axis=0) - low
 
-    @cached_property
-    def _finder(self) -> FaceFinder:
-        return FaceFinder(self._faces, self._scaled(self.uv), self.mesh.edges)
-
-    def _located(self, points: Floats) -> tuple[Ints, Floats]:
-        return self._finder.locate(self._scaled(points))[:2]
-
-    def _scaled(self, points: Floats) -> Complex:
-        """(k,) points in a unit in which the coordinates of the map are at most 1, exactly."""
+    def _in_plane(self, points: Floats) -> Complex:
+        # In a unit in which the coordinates of the map are at most 1, exactly.
         return as_complex(np.ldexp(points, -size_exponent(self.uv)))
 
     def _surface(self) -> tuple[Floats, Ints]:

@@ -113,8 +113,8 @@ class FaceFinder:
                 start = np.repeat(sent, AHEAD)[: len(rows)]
             face[rows], barycentric[rows] = self._walk(points[rows], start, lots)
         away[face >= 0] = 0
-        lost = near[face[near] < 0]
-        face[lost], barycentric[lost], away[lost] = self._nearest(points[lost])
+        if len(lost := near[face[near] < 0]):
+            face[lost], barycentric[lost], away[lost] = self._nearest(points[lost])
         return face, barycentric, away
 
     def _walk(self, points: Complex, at: Ints, lots: np.random.Generator) -> tuple[Ints, Floats]:
@@ -145,8 +145,6 @@ class FaceFinder:
 
     def _nearest(self, points: Complex) -> tuple[Ints, Floats, Floats]:
         """Locate points in the nearest of all faces, if that is near enough, as `locate` does."""
-        if len(points) == 0:
-            return np.empty(0, np.int64), np.empty((0, 3)), np.empty(0)
         face = self._tree.nearest(self._in_space(points))
         corners = self._corners[face]
         seen = self._seen(corners, points)

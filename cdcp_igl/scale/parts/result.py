@@ -13,7 +13,6 @@ from typing import Any, get_type_hints
 
 import numpy as np
 from numpy.lib.format import open_memmap
-from numpy.typing import ArrayLike
 
 from ...arrays import Floats, Ints, as_complex, coordinates
 from ...cached import cached_property
@@ -156,20 +155,15 @@ class PartsMap(OntoDisk):
         for part, points in self._parts("vertices", "own"):
             uv[part["vertices"][part["own"]]] = points[part["own"]]
 
-    def save(
-        self,
-        path: str | PathLike[str],
-        *,
-        image: str | PathLike[str] | ArrayLike | None = None,
-    ) -> None:
+    def save(self, path: str | PathLike[str], **image: Any) -> None:
         """Write the map to an npy file, as `assemble`; or what `DiskMap.save` says, but no surface.
 
         Parameters
         ----------
         path : path-like
             Named .npy; or a picture, a page or a report.
-        image
-            None, as no surface is written that could show it.
+        **image
+            Refused, as there is no surface to show it.
 
         Raises
         ------
@@ -179,7 +173,7 @@ class PartsMap(OntoDisk):
         if Path(path).suffix.lower() == ".npy":
             self.assemble(path)
         else:
-            super().save(path, image=image)
+            super().save(path, **image)
 
     def lost_in_single_precision(self) -> tuple[int, float]:
         """As of a DiskMap: measured when the map is certified."""
