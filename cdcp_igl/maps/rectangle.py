@@ -120,8 +120,9 @@ def rectangle_map(
     Its width is found with the map, its height is 1. The coordinates are the harmonic
     functions with values 0 and 1 on two opposite sides, whose derivative across the other
     two vanishes; their energies give the modulus and bounds for it. Vertices slide along the
-    sides. Where that does not lead to a conformal map, the sides are placed as a map onto the
-    disk tells. The image is a bijection onto the rectangle, certified as a map onto the disk is.
+    sides, in refinement, too, which leaves the width free. Where that does not lead to a conformal
+    map, the sides are placed as a map onto the disk tells. The image is a bijection onto the
+    rectangle, certified as a map onto the disk is.
 
     Parameters
     ----------
