@@ -121,7 +121,7 @@ def test_what_is_wrong_is_said_before_anything_is_read(kind, name, tmp_path):
         ({"cut": True, "outline": "free"}, "outline: no option of the surface map$"),
         ({"free": True, "corners": {0: 1.0}, "boundary_scale": [1.0]}, "only one is possible"),
         ({"free": True, "boundary_scale": [1.0], "refine": 1}, "refine moves the boundary"),
-        ({"free": True, "clean": True, "boundary_scale": [1.0]}, "which clean changes"),
+        ({"free": True, "clean": True, "boundary_scale": [1.0]}, "which clean and parts change"),
     ],
 )
 def test_what_is_said(tmp_path, options, says):

@@ -20,7 +20,7 @@ KNOWN = {
     **{"V": V, "F": F, "disk": DISK, "loop": LOOP, "inside": INSIDE},
     **{"egg": EGG, "sphere": cdcp_igl.sphere_map(*EGG), "torus": surfaces.torus()},
     **{"square": SQUARE, "rim": DiskMesh(*SQUARE).loop[::8].tolist()},
-    "folded": replace(DISK, uv=np.where(np.arange(len(V))[:, None] == INSIDE, 0.5, DISK.uv)),
+    "folded": replace(DISK, certificate=replace(DISK.certificate, flipped=np.array([0]))),
     **{"nan": np.nan, "inf": np.inf, "np": np},
 }
 
