@@ -254,6 +254,9 @@ DEFECTS = {
     "unreadable file, empty": Row(
         "no vertices were found in {name!r}", "Export it again, or in another format."
     ),
+    "unreadable file, of parts": Row(
+        "{name!r} is cut off, or damaged", "Part the surface again, to another folder."
+    ),
     "unreadable file, damaged": Row(
         "{name!r} is not a readable {type} file: {reason}",
         "Export it again, or in another format.",

@@ -2,11 +2,9 @@
 
 import json
 import os
-import signal
 import stat
 import struct
-import subprocess
-import sys
+import time
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -435,43 +433,13 @@ def test_threads_that_write_one_file_do_not_meet(tmp_path):
 
 # -- what killed processes left -----------------------------------------------------------
 
-WRITER = """
-import sys
-from cdcp_igl.io.output import whole_file
-with whole_file(sys.argv[1]) as unfinished:
-    print(unfinished.name, flush=True)
-    input()
-"""
 
-
-@posix
-def test_what_a_killed_process_left_is_removed_by_the_next(tmp_path):
-    command = [sys.executable, "-c", WRITER, str(tmp_path / "a.json")]
-    run = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    name = run.stdout.readline().strip()
-    remove_stale(tmp_path)
-    assert os.listdir(tmp_path) == [name]  # it lives
-    run.send_signal(signal.SIGKILL)
-    if Path("/proc/self/stat").exists():
-        # Until somebody asks how it ended, its number is taken; in a container whose first
-        # process does not do so, orphans of a killed batch stay like this.
-        os.waitid(os.P_PID, run.pid, os.WEXITED | os.WNOWAIT)
-        remove_stale(tmp_path)
-        assert os.listdir(tmp_path) == []
-    run.communicate()
-    parts = name.split("-")
-    foreign = "-".join([parts[0], "somebody", *parts[2:]])  # another machine's
-    for left in (name, foreign):
-        (tmp_path / left).touch()
-    write(tmp_path / "b.json")  # the first time in this folder
-    assert sorted(os.listdir(tmp_path)) == [foreign, "b.json"]
-
-
-@posix
-def test_a_number_of_a_process_that_comes_again(tmp_path):
-    with whole_file(tmp_path / "a") as unfinished:
-        parts = unfinished.name.split("-")
-        stale = Path(tmp_path, "-".join([*parts[:3], "00000000", *parts[4:]]))
-        stale.touch()
-        remove_stale(tmp_path)
-        assert os.listdir(tmp_path) == [unfinished.name]
+def test_what_a_killed_process_left_is_removed_a_day_later(tmp_path):
+    old, new = (tmp_path / f".cdcp_igl-{name}.json" for name in ("old", "new"))
+    for left, hours in ((old, 25), (new, 23)):
+        left.touch()
+        os.utime(left, (time.time() - 3600 * hours,) * 2)
+    write(tmp_path / "a.json")  # the first time in this folder
+    assert sorted(os.listdir(tmp_path)) == [new.name, "a.json"]
+    remove_stale(tmp_path, 0)
+    assert os.listdir(tmp_path) == ["a.json"]

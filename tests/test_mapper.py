@@ -45,6 +45,12 @@ def test_timings_are_of_what_was_done():
     assert refined == everything - ONCE - HARMONIC | {"refine", "repair"}
 
 
+def test_progress_of_a_free_outline():
+    seen = []
+    DiskMapper(V, F).free(progress=lambda phase, done: seen.append((phase, round(done, 2))))
+    assert seen == [("extension", 0), ("repair", 0.46), ("certificate", 0.62), ("done", 1)]
+
+
 def test_moved_vertices():
     V, F, _ = cdcp_igl.datasets.spherical_cap(6)
     there = V + 0.2 * np.sin(3 * V[:, [1, 2, 0]])

@@ -190,6 +190,23 @@ def test_what_disk_map_rescues_is_refused_with_the_reason(folder):
         parts_map(partition(meshes.grid(), folder.with_name("grid"), 2), align=37)
 
 
+@pytest.mark.parametrize("name", ["parts.json", "part-1.npz", "seams.npz", "map-*/map.json"])
+def test_a_damaged_folder(name, folder):
+    partition(SURFACES["cap"], folder, 2)
+    seen = []
+    for _ in range(2):  # the second time, the map is found
+        parts_map(folder, progress=lambda phase, done: seen.append((phase, done)))
+    assert seen.count(("done", 1.0)) == 2
+    if "map" not in name:
+        shutil.rmtree(*folder.glob("map-*"))
+    [file] = folder.glob(name)
+    whole = file.read_bytes()
+    for damaged in (b"", whole[: len(whole) // 2], b"\0" * len(whole)):
+        file.write_bytes(damaged)
+        with pytest.raises(MeshError, match=rf"{file.name}.* Part the surface again"):
+            parts_map(folder)
+
+
 class Stopped(Exception):
     pass
 
@@ -445,7 +462,9 @@ def test_a_fraction_of_the_memory(real_mesh, tmp_path):
         "disk_map(np.load('V.npy'), np.load('F.npy'), refine=0).center.face",
         "parts_map('parts').center.face",
     )
-    code = "import numpy as np; from cdcp_igl import *; from cdcp_igl.scale.pool import peak_memory"
+    code = (
+        "import numpy as np; from cdcp_igl import *; from cdcp_igl.solve.memory import peak_memory"
+    )
     one, parts = (
         start("-c", f"{code}; print({call}, peak_memory())", cwd=tmp_path).stdout.split()
         for call in calls
@@ -468,6 +487,6 @@ def test_the_command_line(tmp_path):
     assert "--force" in invoke("map", parts, out).output
     refused = invoke("map", parts, tmp_path / "other.npy", "--clean", "--refine", 2)
     assert refused.exit_code == 2
-    assert "--clean, --refine" in refused.output
+    assert "clean, refine: no option of the parts map" in refused.output
     surface = tmp_path / "cap.ply", tmp_path / "cap.obj"
     assert invoke("map", *surface, "--jobs", 2).exit_code == 2

@@ -58,6 +58,11 @@ def J():
     return jacobian()
 
 
+def test_without_end_it_ends_where_nothing_is_gained():
+    made = cdcp_igl.surface_map(*cdcp_igl.datasets.spheroid(1)[:2], refine=2**70)
+    assert {chart.refinement.stopped for chart in made.charts} == {"no improvement"}
+
+
 def test_a_step_is_that_of_the_normal_equations(J):
     r = errors(Z).ravel()
     direct = np.linalg.lstsq(J, -r, rcond=1e-8)[0]  # turning the disk changes no angle

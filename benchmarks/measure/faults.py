@@ -218,7 +218,7 @@ def _program(arguments: list[str], prepare: Callable[[], object] = lambda: None)
 
 def _judged(folder: Path, out: Path, whole: bytes | None, ended: int) -> str:
     """Say whether a file is the old one or the new one, and nothing else is there."""
-    remove_stale(folder)  # what was killed cannot tidy up: the next that writes there does
+    remove_stale(folder, 0)  # what was killed cannot tidy up: who writes there a day later does
     left = sorted(path.name for path in folder.iterdir() if path.name not in ("in.npz", out.name))
     if left:
         return f"{FAULT}left behind {left}"

@@ -90,13 +90,13 @@ def map_command(
     from ..io import read_polygons
     from ..io.neuro import neuro_type
     from ..io.output import whole_file, write_text
-    from ..scale.one_file import FLAGS, Settings, map_one
+    from ..scale.one_file import NAMES, Settings, map_one
 
     verify_target(out, (out.suffix.lower(),) if neuro_type(out) else WRITABLE)
     name, notes = printable(source.name), list[str]()
     tried = [f"--{flag}" for flag in ("clean", "cut") if options[flag]]
     with exit_codes(files=files, tried=tried):
-        flags = {flag: options.pop(flag) for flag in (*FLAGS, "onto", "only", "without")}
+        flags = {flag: options.pop(flag) for flag in NAMES}
         settings = Settings(**flags, options=options)
         check_targets((out, report, picture, view), [source], force)
         with progress_bar() as progress:

@@ -60,11 +60,10 @@ def map_parts(
     """
     verify_target(out, (".npy",))
     from ..errors import printable
-    from ..scale.one_file import FLAGS, refuse_unknown
+    from ..scale.one_file import NAMES, refuse_unknown
     from ..scale.parts import parts_map
 
-    unset = [flag for flag in (*FLAGS, "onto") if not options[flag]]
-    chosen = {name: value for name, value in options.items() if name not in unset}
+    chosen = {name: options[name] for name in options if name not in NAMES or options[name]}
     with exit_codes(), executor_at(where[1]) as executor:
         refuse_unknown("parts", parts_map, chosen)
         check_targets((out, *outputs), [], force)

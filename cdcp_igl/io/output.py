@@ -12,21 +12,14 @@ import time
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
-from itertools import count
 from os import PathLike
 from pathlib import Path
-from platform import node
 from typing import Any
-from zlib import crc32
 
-# The name of an unfinished file tells who writes it: the machine, as several may share the
-# folder; the process; and when that began, as numbers of processes come again. It does not
-# hold the name of the target, which may be as long as names can be.
-_PREFIX = ".cdcp_igl"
-_MACHINE = f"{crc32(node().encode()):08x}"
-_BORN = secrets.token_hex(4)
-_SERIAL = count()
-_DAY = 86_400  # seconds
+# Of an unfinished file. What follows does not hold the name of the target, which may be as long as
+# names can be.
+_PREFIX = ".cdcp_igl-"
+_DAY = 86_400.0  # seconds
 
 
 @contextmanager
@@ -46,8 +39,7 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
             return
         target = Path(os.path.realpath(path))
         _remove_stale_once(target.parent)
-        name = f"{_PREFIX}-{_MACHINE}-{os.getpid()}-{_BORN}-{next(_SERIAL)}{target.suffix}"
-        unfinished = target.with_name(name)
+        unfinished = target.with_name(f"{_PREFIX}{secrets.token_hex(8)}{target.suffix}")
         unfinished.touch(exist_ok=False)
         if there:
             shutil.copymode(target, unfinished)
@@ -60,7 +52,9 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
         if error.errno is None or not named.startswith(_PREFIX):
             raise
         # Nobody knows the unfinished file: name what was asked for.
-        raise OSError(error.errno, error.strerror, os.fspath(path)) from error
+        missing = error.errno == errno.ENOENT and not os.path.isdir(Path(path).parent)
+        reason = "there is no such folder" if missing else error.strerror
+        raise OSError(error.errno, reason, os.fspath(path)) from error
     finally:
         if unfinished:
             unfinished.unlink(missing_ok=True)
@@ -109,33 +103,15 @@ def _status(path: str | PathLike[str]) -> os.stat_result | None:
     return there
 
 
-def remove_stale(folder: str | PathLike[str]) -> None:
-    """Remove what processes of this machine that were killed have left unfinished in a folder.
+def remove_stale(folder: str | PathLike[str], age: float = _DAY) -> None:
+    """Remove what a process that was killed has left unfinished in a folder so many seconds ago.
 
-    Where one cannot ask whether a process is alive, files of the last day stay.
+    Whether it still lives cannot be asked on another machine, or of another container.
     """
     with suppress(OSError):
-        for path in Path(folder).glob(f"{_PREFIX}-{_MACHINE}-*-*-*"):
-            pid, born = path.name.split("-")[2:4]
-            if pid.isdecimal() and not _alive(int(pid), born, path):
+        for path in Path(folder).glob(f"{_PREFIX}*"):
+            if time.time() - path.stat().st_mtime > age:
                 path.unlink(missing_ok=True)
 
 
 _remove_stale_once = cache(remove_stale)
-
-
-def _alive(pid: int, born: str, path: Path) -> bool:
-    if pid == os.getpid():
-        return born == _BORN
-    if os.name != "posix":
-        return time.time() - path.stat().st_mtime < _DAY
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, OverflowError):
-        pass
-    # Nobody may have asked how it ended: in containers orphans remain where init does not.
-    with suppress(OSError):
-        return not Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].startswith(b" Z")
-    return True

@@ -17,7 +17,8 @@ from ..errors import MapError, SolverError
 from ..maps.sphere import SphereMap
 from ..printing import finite
 from ..result.base import Result
-from ..scale.pool import Pool, peak_memory, same_modules
+from ..scale.pool import Pool, same_modules
+from ..solve.memory import peak_memory
 from ..surface.mesh import DiskMesh, SphereMesh
 from ..verdict.certificate import Certificate, SphereCertificate, certify, certify_sphere
 from ..verdict.distortion import AngleDistortion, angle_distortion, area_distortion

@@ -25,6 +25,9 @@ from .targets import Disk, Target
 STEPS_DUE = 2
 # Further steps are taken while one of the last three lowers the objective by this share.
 PATIENCE, WORTH = 3, 0.003
+# However many are asked for, they end where the last three lower it by less than this: 1,200 steps
+# to there leave 3e-6 of it to gain.
+NOTHING = 1e-8
 # After so many steps one can tell, to within this factor, whether they will make a map conformal.
 FEW_STEPS, HOPE = 10, 3
 ROUNDING = np.radians(0.1)  # below this angle |r|^p is rounded off to a parabola
@@ -169,7 +172,9 @@ def lower_angle_distortion(
             gains.append(1 - found[2] / objective)
             f, r, objective = found
             advance(len(gains) / steps)
-            if least is not None and least <= len(gains) < steps:
+            if len(gains) >= PATIENCE and max(gains[-PATIENCE:]) < NOTHING:
+                stopped = "no improvement"
+            elif least is not None and least <= len(gains) < steps:
                 stopped = _reason_to_stop(gains, steps - len(gains), wanted * before / objective)
     return f, Refinement(steps, len(gains), stopped, norm, before, objective)
 

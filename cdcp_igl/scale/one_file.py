@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from inspect import signature
 from pathlib import Path
@@ -107,6 +107,9 @@ class Settings:
             outline = "free" if self.free else "disk"
             own |= {"polygon_of_face": polygon_of_face, "outline": outline}
         return MAPS[self.kind][0](surface, **own, **self.options)
+
+
+NAMES = tuple(field.name for field in fields(Settings) if field.name != "options")
 
 
 def refuse_unknown(

@@ -18,7 +18,6 @@ import sys
 from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
-from pathlib import Path
 from queue import Empty, SimpleQueue
 from tempfile import TemporaryFile
 from threading import Lock, Thread
@@ -27,11 +26,10 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from ..solve.memory import available_memory
+from ..solve.memory import available_memory, resident_memory
 
 Answer = TypeVar("Answer", covariant=True)
 
-PROC = Path("/proc/self")
 POLL = 0.05  # seconds between two looks at time and memory
 SECONDS_TO_END = 10.0  # for a process that has closed its stream of answers
 ATTEMPTS = 3  # with a job that kills its worker
@@ -213,7 +211,7 @@ class _Worker:
                 return
             if monotonic() - self._since > time_limit:
                 self.excess = "TimeLimit", f"no result within {time_limit:g} s"
-            elif np.isfinite(memory_limit) and resident(self._process.pid) > memory_limit:
+            elif np.isfinite(memory_limit) and resident_memory(self._process.pid) > memory_limit:
                 self.excess = "MemoryLimit", f"more than {memory_limit:,.0f} MiB of memory"
             if self.excess:
                 self._process.kill()
@@ -267,39 +265,6 @@ def _receive(tasks: SimpleQueue[Job[object]]) -> None:
             tasks.put(pickle.load(sys.stdin.buffer))
     finally:
         os._exit(0)
-
-
-def resident(pid: int) -> float:
-    """Resident memory of a process, 0 once it has ended or where the system does not tell."""
-    try:
-        if PROC.exists():
-            pages = PROC.with_name(str(pid)).joinpath("statm").read_text().split()[1]
-            return int(pages) * os.sysconf("SC_PAGE_SIZE") / 2**20
-        shown = subprocess.run(["ps", "-o", "rss=", "-p", str(pid)], capture_output=True, text=True)
-        return int(shown.stdout) / 2**10
-    except (OSError, ValueError, IndexError):
-        return 0
-
-
-def peak_memory() -> float:
-    """Peak resident memory of this process, NaN where the system does not tell."""
-    if PROC.exists():  # on Linux ru_maxrss includes that of the process that started this one
-        lines = PROC.joinpath("status").read_text().splitlines()
-        return next((int(x.split()[1]) / 2**10 for x in lines if x.startswith("VmHWM:")), np.nan)
-    try:
-        import resource
-    except ModuleNotFoundError:  # Windows
-        return np.nan
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
-
-
-def forget_peak_memory() -> None:
-    """Let `peak_memory` count from now; on Linux only, elsewhere it stays that of all the time."""
-    try:
-        PROC.joinpath("clear_refs").write_text("5")
-    except OSError:  # another system, or one that forbids it
-        return
 
 
 def cause_of_death(returncode: int, errors: str) -> str:

@@ -1,8 +1,11 @@
-"""How much memory a factorization takes, and how much there is: asked before the work."""
+"""How much memory a factorization takes, how much there is, and how much a process has taken."""
 
 from __future__ import annotations
 
-from math import inf, log2
+import subprocess
+import sys
+from contextlib import suppress
+from math import inf, log2, nan
 from mmap import mmap
 from pathlib import Path
 
@@ -20,17 +23,7 @@ SMALLEST_CHECKED = 100_000  # vertices; fewer take less than 100 MB
 BUFFER = 128 << 20  # bytes
 
 GIB = 2**30
-# The files of control groups, of version 2 and of version 1: the limit, what is in use, and the
-# account with the name of what could be given back.
-CONTAINERS = (
-    ("memory.max", "memory.current", "memory.stat", "inactive_file"),
-    (
-        "memory/memory.limit_in_bytes",
-        "memory/memory.usage_in_bytes",
-        "memory/memory.stat",
-        "total_inactive_file",
-    ),
-)
+PROC = Path("/proc/self")
 
 
 def require_memory(n: int) -> None:
@@ -71,12 +64,41 @@ def available_memory(root: Path = Path("/")) -> float:
 
     The system has its files below `root`.
     """
-    cgroup = root / "sys/fs/cgroup"
+    cgroup = root / "sys/fs/cgroup"  # of version 2
     free = [1024 * x for x in _numbers(root / "proc/meminfo", "MemAvailable:")]
-    for limit, use, account, inactive in CONTAINERS:
-        for most, used in zip(_numbers(cgroup / limit), _numbers(cgroup / use), strict=False):
-            free.append(most - used + sum(_numbers(cgroup / account, inactive)))
+    for most in _numbers(cgroup / "memory.max"):
+        unused = _numbers(cgroup / "memory.stat", "inactive_file")
+        free.append(most - sum(_numbers(cgroup / "memory.current")) + sum(unused))
     return min(free, default=inf)
+
+
+def resident_memory(pid: int) -> float:
+    """Resident memory of a process in MiB; 0 once it has ended, or where nobody tells."""
+    if PROC.exists():
+        return sum(_numbers(PROC.with_name(str(pid)) / "status", "VmRSS:")) / 2**10
+    try:
+        shown = subprocess.run(["ps", "-o", "rss=", "-p", str(pid)], capture_output=True, text=True)
+        return int(shown.stdout) / 2**10
+    except (OSError, ValueError):
+        return 0
+
+
+def peak_memory() -> float:
+    """Peak resident memory of this process in MiB, NaN where the system does not tell."""
+    if PROC.exists():  # on Linux ru_maxrss includes that of the process that started this one
+        return next((most / 2**10 for most in _numbers(PROC / "status", "VmHWM:")), nan)
+    try:
+        import resource
+    except ModuleNotFoundError:  # Windows
+        return nan
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
+
+
+def forget_peak_memory() -> None:
+    """Let `peak_memory` count from now; on Linux only, elsewhere it stays that of all the time."""
+    with suppress(OSError):  # another system, or one that forbids it
+        (PROC / "clear_refs").write_text("5")
 
 
 def _address_space() -> float:
@@ -86,7 +108,7 @@ def _address_space() -> float:
     except ModuleNotFoundError:  # Windows
         return inf
     most = resource.getrlimit(resource.RLIMIT_AS)[0]
-    used = sum(_numbers(Path("/proc/self/status"), "VmSize:"))
+    used = sum(_numbers(PROC / "status", "VmSize:"))
     return inf if most == resource.RLIM_INFINITY else most - 1024 * used
 
 

@@ -14,8 +14,9 @@ from zipfile import ZipFile
 from ... import __version__
 from ...errors import printable
 from ...io import read_polygons
+from ...solve.memory import forget_peak_memory, peak_memory
 from ..one_file import Mapped, Settings, map_one
-from ..pool import Unwritten, forget_peak_memory, peak_memory
+from ..pool import Unwritten
 from .journal import DONE, FAILED, REFUSED, Record
 
 # Peak memory of a map; a batch writes it down for every surface, and on those from 100,000 to a

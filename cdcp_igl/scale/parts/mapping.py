@@ -96,7 +96,8 @@ def parts_map(
     Raises
     ------
     MeshError
-        If the surface is no disk: as `check` says, which then reads the whole surface.
+        If the surface is no disk: as `check` says, which then reads the whole surface. Or if a file
+        in the folder is damaged.
     SolverError
         If a part cannot be factored, or does not fit into memory; or the surface is no disk, and
         memory is too small to say where.
@@ -134,13 +135,16 @@ def parts_map(
     chosen = repr((__version__, name, center, mobius, np.asarray(align).tolist()))
     work = f"map-{crc32(chosen.encode()):08x}"
     files = Folder.of(Path(folder).absolute(), work)  # wherever workers are
+    phase = Phases(progress)
     if (files.work / RESULT).exists():
-        return PartsMap.read(files)
+        result = PartsMap.read(files)
+        phase.done()
+        return result
     files.work.mkdir(exist_ok=True)
     for attempts in files.work.glob("*.attempts"):  # of a run that was stopped
         attempts.unlink()
     with closing(Engine(files, executor, solver)) as engine, one_thread():
-        return _Mapping(files, engine, options, Phases(progress)).run(name)
+        return _Mapping(files, engine, options, phase).run(name)
 
 
 class _Mapping:

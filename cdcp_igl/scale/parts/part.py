@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 from zlib import crc32
 
 import numpy as np
 
 from ...arrays import Bools, Complex, Floats, Ints
 from ...cached import cached_property
+from ...errors import Defect, MeshError
 from ...io.output import whole_file
+from ...io.reading import DAMAGE
 from ...solve.factored import FactoredSurface, harmonic_extension
 from ...solve.laplacian import cotangent_laplacian
 from ...steps.center import most_central
@@ -55,7 +58,8 @@ class Folder:
     @classmethod
     def of(cls, path: Path, work: str) -> Folder:
         """Open what `partition` has made."""
-        return cls(path, path / work, **json.loads((path / MANIFEST).read_text()))
+        with undamaged(path / MANIFEST) as file:
+            return cls(path, path / work, **json.load(file))
 
     @property
     def n_leaves(self) -> int:
@@ -78,7 +82,7 @@ class Folder:
 
     def read(self, name: str, *only: str) -> Arrays:
         """Read the arrays of a part or of something that is computed, all or some."""
-        with np.load(self.file(name)) as archive:
+        with undamaged(self.file(name)) as file, np.load(file) as archive:
             return {key: archive[key] for key in only or archive.files}
 
     def each(self, names: Mapping[int, str], *only: str) -> tuple[list[Any], ...]:
@@ -94,6 +98,18 @@ class Folder:
     def file(self, name: str) -> Path:
         """Where arrays are: those of `partition` beside what is computed of them."""
         return (self.path if name.startswith(GIVEN) else self.work) / f"{name}.npz"
+
+
+@contextmanager
+def undamaged(path: Path) -> Iterator[BinaryIO]:
+    """Let the body read a file; MeshError if it is not what `partition` or `parts_map` has made."""
+    try:
+        with path.open("rb") as file:
+            yield file
+    except OSError:
+        raise
+    except DAMAGE as error:
+        raise MeshError(Defect.of("unreadable file, of parts", name=path.name)) from error
 
 
 class Part:

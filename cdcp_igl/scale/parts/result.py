@@ -22,7 +22,7 @@ from ...printing import as_html
 from ...result.disk_map import OntoDisk
 from ...surface.location import FaceFinder
 from ...verdict.distortion import AngleDistortion
-from .part import Arrays, Folder
+from .part import Arrays, Folder, undamaged
 from .parting import ROWS
 
 RESULT = "map.json"  # comes last: what there is to know of a complete map
@@ -69,7 +69,8 @@ class PartsMap(OntoDisk):
     def read(cls, folder: Folder) -> PartsMap:
         """Read what `write` has written."""
         kinds = get_type_hints(cls)
-        given = json.loads((folder.work / RESULT).read_text(), object_hook=_tuples)
+        with undamaged(folder.work / RESULT) as file:
+            given = json.load(file, object_hook=_tuples)
         for name in filter(lambda name: is_dataclass(kinds[name]), given):
             given[name] = kinds[name](**given[name])
         given["mobius"] = replace(given["mobius"], w=complex(given["mobius"].w))
@@ -99,7 +100,9 @@ class PartsMap(OntoDisk):
         """Read each part, all or some of its arrays, and its map."""
         for p in self.folder.parts:
             try:
-                part, uv = self.folder.read(f"part-{p}", *only), np.load(self._file(p))
+                part = self.folder.read(f"part-{p}", *only)
+                with undamaged(self._file(p)) as file:
+                    uv = np.load(file)
             except FileNotFoundError as error:
                 reason = (
                     "The coordinates of a map in parts lie in its folder, and are gone. Part and "
