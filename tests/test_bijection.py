@@ -125,6 +125,20 @@ def test_every_point_of_the_disk_has_a_place_and_no_other(cap):
     assert np.isnan(nan).all()
 
 
+@pytest.mark.parametrize("size", [6, 10, 20, 40])
+@pytest.mark.parametrize("hole", [0.15, 0.5])
+def test_what_is_rounded_at_the_circles_of_a_ring_is_taken_to_them(size, hole):
+    """A walk from circle to circle, around for ever, is cut short."""
+    V, F, uv = cdcp_igl.datasets.spherical_cap(size)
+    used, G = np.unique(F[np.hypot(*uv.T)[F].min(axis=1) > hole], return_inverse=True)
+    result = cdcp_igl.annulus_map(V[used], G.reshape(-1, 3), refine=0)
+    for points in (result.uv.astype(np.float32), result.uv.round(6)):
+        found = result.apply(*result.invert(points))
+        assert abs(found - points).max() < 1e-6
+    beyond = result.uv[result.mesh.loops[1]] * (1 - 3e-6 / result.radius)  # in the hole
+    assert (result.invert(beyond)[0] == -1).all()
+
+
 def test_shapes_are_kept(cap):
     V, _, result = cap
     face, barycentric = result.invert(np.zeros((4, 5, 2)))

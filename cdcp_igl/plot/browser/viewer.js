@@ -81,7 +81,7 @@ out vec3 n, place; out vec2 at; out float x; flat out float label;
 void main() {
   vec3 p = turn * position;
   gl_Position = vec4((p.xy * zoom + shift) * aspect, -0.9 * p.z, 1);
-  n = normal; at = uv; x = label = value; place = ball;
+  n = normal; at = uv; x = value; label = value; place = ball;
 }`;
 
 const FRAGMENT = `#version 300 es
