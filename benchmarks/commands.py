@@ -7,11 +7,12 @@ from typing import Annotated
 import typer
 
 from .measure.ablation import ABLATIONS, RESCUES
+from .measure.against import against as in_turn
 from .measure.any_surface import surfaces
 from .measure.families import FAMILIES, disks
 from .measure.faults import faults
 from .measure.fuzzing import fuzz
-from .measure.machine import MACHINE
+from .measure.machine import MACHINE, pin_threads
 from .measure.methods import maps
 from .measure.models import subdivided
 from .measure.mutants import mutants
@@ -86,7 +87,14 @@ def peers(session: Session) -> None:
 
 @app.command()
 @with_session
-def speed(session: Session, repeats: Repeats = 5) -> None:
+def speed(
+    session: Session,
+    repeats: Repeats = 5,
+    against: Annotated[
+        str,
+        typer.Option(metavar="COMMIT", help="Map by the library of a commit and by this, in turn."),
+    ] = "",
+) -> None:
     """Measure times as multiples of one factorization, memory, growth; methods take turns.
 
     Growth is that on one terrain, subdivided from 1,000 to 4 million vertices, which takes 6 GiB;
@@ -96,7 +104,16 @@ def speed(session: Session, repeats: Repeats = 5) -> None:
     Above 500,000 vertices all but CDCP and the factorization run once.
 
     What is there already is not measured again. To start over, delete the work folder.
+
+    With --against nothing of this is measured, but how long this code takes by that of a commit, in
+    each phase: CDCP, with options behind it, in so many rounds.
     """
+    if against:
+        pin_threads(session.threads)
+        models = session.wanted_models((SMALL_MODEL, *SPEED_MODELS))
+        table = in_turn(against, models, session.wanted_methods(["cdcp"]), repeats)
+        wide_console().print(printed(table, table.headings))
+        return
 
     def runs(method: str, n: int) -> int:
         return 1 if n > LARGE and method not in REPEATED else repeats

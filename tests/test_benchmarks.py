@@ -200,6 +200,17 @@ def test_each_command_writes_a_section_of_the_same_results(tmp_path):
 # -- the report ------------------------------------------------------------------------
 
 
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="another commit is needed")
+def test_a_commit_in_turn_with_this_code(tmp_path):
+    np.savez(tmp_path / "grid.npz", **dict(zip("VF", meshes.grid(8, 9), strict=True)))
+    turn = ("speed", "--against", "HEAD", "--models", tmp_path / "grid.npz", "--repeats", "2")
+    told = benchmarks(*turn, "--methods", "cdcp refine=1").output
+    assert re.search(r"grid cdcp refine=1 *│ all .* to .*│ \d\.\d\d \(", told), told
+    assert re.search("│ refine ", told)
+    assert "is not cdcp" in refused(*turn, "--methods", "cdcp,lscm")
+    assert "not a valid object name" in refused("speed", "--against", "nowhere")
+
+
 def test_a_failure_is_told_below_the_table():
     records = [record("grid", name, mean=1.0, sd=1.0) for name in ("fdcp", "ldcp", "cdcp")]
     lost = record("grid", "fdcp", outcome="failed: boom | pipe")
