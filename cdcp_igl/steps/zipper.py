@@ -46,7 +46,7 @@ def geodesic_map(z: Complex) -> Complex:
     # Start at the longest edge, which two points describe worst; of several, at the first.
     lengths = abs(np.append(z[1:], z[0]) - z)
     first = int((lengths >= (1 - 1e-9) * lengths.max()).argmax())
-    curve = np.roll(z, -first)
+    curve = np.append(z[first:], z[:first])
     steps: Floats = np.abs(np.diff(curve, prepend=curve[-1]))
     kept = steps > COINCIDENT * abs(curve - curve.mean()).max()
     kept[:2] = True
@@ -54,7 +54,7 @@ def geodesic_map(z: Complex) -> Complex:
     f[kept] = _zip(curve[kept])
     if not kept.all():
         f = _interpolate_dropped(f, kept, steps)
-    return np.roll(f, first)
+    return np.append(f[-first:], f[:-first])
 
 
 def _zip(z: Complex) -> Complex:

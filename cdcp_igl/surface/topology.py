@@ -230,7 +230,8 @@ def tails(F: Ints, n: int) -> Indices:
 
 def heads(tail: Indices) -> Indices:
     """(3m,) where half-edges end, by where they begin."""
-    return np.roll(tail, -(len(tail) // 3))
+    m = len(tail) // 3
+    return np.append(tail[m:], tail[:m])
 
 
 def group_by_edge(tail: Indices, n: int) -> Edges:
