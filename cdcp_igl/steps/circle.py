@@ -78,7 +78,8 @@ def _turns_back(trace: Complex) -> bool:
     """
     edge = np.append(trace[1:], trace[0]) - trace
     length = abs(edge)
-    half_arcs = np.pi * (length + np.append(length[1:], length[0])) / max(length.sum(), SMALLEST_TRACE)
+    both = length + np.append(length[1:], length[0])
+    half_arcs = np.pi * both / max(length.sum(), SMALLEST_TRACE)
     turn = np.append(edge[1:], edge[0]) * edge.conj() * np.exp(1j * half_arcs)
     return bool((turn.real < 0).any())
 
