@@ -163,8 +163,8 @@ DEFECTS = {
     # How faces hang together
     "non-manifold edge": Row(
         "on three or more faces",
-        "Drop the surplus faces, or part the sheets that meet there: {clean} keeps the largest of "
-        "them, {surface_map} maps them all.",
+        "Part the sheets that meet there, as both do: {clean} keeps the largest, {surface_map} "
+        "maps them all.",
         subject=("edge lies", "edges lie"),
         kind="edges",
         by=(CLEAN, CUT),

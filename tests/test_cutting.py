@@ -20,18 +20,19 @@ from cdcp_igl.atlas.cut_graph import Component, cut_to_disk
 from cdcp_igl.atlas.cut_paths import open_to_disk, straight_path, straighten
 from cdcp_igl.io import read_polygons, write_map
 from cdcp_igl.io.polygons import triangles_of
+from cdcp_igl.surface.sheets import fans_of_sheets
 from cdcp_igl.surface.topology import Topology
 
 RANDOM = surfaces.random_voxels(5)
 
 
-def assert_disks(F, n, given):
-    """Each component of the given faces is one disk now, and nothing else touches it."""
+def assert_disks(F, n, V, given):
+    """Each component of the given sheets is one disk now, and nothing else touches it."""
     surface = Topology(F, n)
     assert surface.is_manifold
     count, part = surface.components
-    given = np.asarray(given)
-    assert count == Topology(given, given.max() + 1).components[0]
+    size, fan = fans_of_sheets(np.asarray(V, float), np.asarray(given))
+    assert count == Topology(fan.reshape(3, -1).T, size).components[0]
     for k in range(count):
         used, G = np.unique(F[part == k], return_inverse=True)
         component = Topology(G.reshape(-1, 3), len(used))
@@ -41,7 +42,7 @@ def assert_disks(F, n, given):
 
 def assert_cut(cut, V, F):
     surfaces.assert_glues_back(cut, V, F)
-    assert_disks(cut.F, len(cut.V), F)
+    assert_disks(cut.F, len(cut.V), V, F)
 
 
 @settings(max_examples=40)
@@ -141,7 +142,7 @@ def test_straightening_lowers_what_a_flat_map_has_to_bend(seed):
     opened = straighten(first)
     before, after = (o.bend + o.component.length[o.cut_edges].sum() for o in (first, opened))
     assert after <= before
-    assert_disks(opened.F, opened.n, F)
+    assert_disks(opened.F, opened.n, V, F)
 
 
 def test_the_bend_of_a_path_is_what_it_adds():

@@ -119,7 +119,7 @@ def cut(
         return cut_along(given, faces, _corners_cut_at(faces, len(given), path))
     if len(duplicates := duplicate_faces(faces)):
         raise MeshError(Defect.of("duplicate face", duplicates))
-    sheets = part_sheets(faces, len(given))
+    sheets = part_sheets(positions, faces)
     flipped = orient(sheets, np.arange(len(sheets)))
     if len(flipped):
         raise MeshError(Defect.of("inconsistent orientation", flipped))

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Bools, Floats, Ints, distinct_rows, marked
 from ..errors import Defect, MeshError, counted
+from ..surface.sheets import fans_of_sheets
 from ..surface.topology import Topology, duplicate_faces, sewn
 from ..surface.triangles import corner_cotangents, degenerate_faces
 from ..surface.validation import checked_vertices, repeated_corners
@@ -45,7 +46,7 @@ def oriented_sheets(
         merged = f"merged {counted(n_merged, 'vertex', 'vertices')} with an equal one"
         changes.insert(0, merged)
     faces, polygon = F[rows], polygon[rows]
-    vertices = part_sheets(faces, len(positions))
+    vertices = part_sheets(positions, faces)
     n_copies = len(np.unique(vertices)) - len(np.unique(faces))
     if n_copies > 0:
         changes.append(f"split off {counted(n_copies, 'vertex', 'vertices')} where sheets met")
@@ -93,14 +94,9 @@ def _proper_faces(V: Floats, F: Ints) -> tuple[Ints, list[str]]:
     return kept, changes
 
 
-def part_sheets(F: Ints, n: int) -> Ints:
-    """(m, 3) numbers of the corners: those with the same are one vertex of a manifold.
-
-    A vertex for each fan of faces, which parts the sheets at an edge of three faces or more. A fan
-    begins and ends at such an edge, so at most two of these faces are left at an edge of the
-    manifold.
-    """
-    _, fan = Topology(F, n).fans
+def part_sheets(V: Floats, F: Ints) -> Ints:
+    """(m, 3) numbers of the corners: those with the same are one vertex of a manifold."""
+    _, fan = fans_of_sheets(V, F)
     return np.ascontiguousarray(fan.reshape(3, -1).T, dtype=np.int64)
 
 

@@ -13,6 +13,7 @@ from ..errors import Defect, MeshError, counted
 from ..io.given import takes_meshes
 from .checking import check
 from .filling import fill_hole
+from .sheets import fans_of_sheets
 from .topology import Topology, by_reach, duplicate_faces, sewn
 from .triangles import corner_cotangents, degenerate_faces
 from .validation import repeated_corners, usable_arrays
@@ -66,8 +67,9 @@ def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
 
     In this order: faces at a vertex with a NaN or infinite coordinate are dropped;
     vertices with equal coordinates merged along seams; faces with a repeated corner, duplicate and
-    degenerate faces dropped; vertices where several fans of faces meet split, which also
-    parts the sheets that meet in a non-manifold edge; the largest component kept, its
+    degenerate faces dropped; vertices where several fans of faces meet split; of the sheets that
+    meet in an edge of more than two faces, those that continue each other stay together, so that
+    what is closed stays closed; the largest component kept, its
     faces oriented like the majority, and all holes filled. A hole is a boundary loop other
     than the one that reaches farthest; it is filled by a fan around a new vertex or, where
     that would be flat, without one, and a hole that is a mere line takes a face behind it
@@ -230,7 +232,7 @@ class _Surface:
     def split_vertices(self) -> None:
         """Give each fan of faces at a vertex its own copy; the first keeps the vertex."""
         n, corner = len(self.V), self.F.T.ravel()
-        _, fan = self._topology().fans
+        _, fan = fans_of_sheets(self._scaled(), self.F)
         # Each fan by its first corner, those of a vertex in succession.
         _, first = np.unique(fan, return_index=True)
         order = np.lexsort((first, corner[first]))
