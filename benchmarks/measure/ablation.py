@@ -16,7 +16,7 @@ from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.arrays import Complex, Floats, Ints
 from cdcp_igl.errors import MapError
 from cdcp_igl.reference.certified import certified_disk_map
-from cdcp_igl.rescue.boundary import FALLBACKS, _balanced
+from cdcp_igl.rescue.boundary import FALLBACKS, STARTS, _balanced
 from cdcp_igl.rescue.collapsed_faces import open_collapsed_faces
 from cdcp_igl.rescue.correction import Straightening, recentered, straighten
 from cdcp_igl.rescue.relaxation import Relaxation
@@ -25,7 +25,6 @@ from cdcp_igl.rescue.repair import (
     Repair,
     repair_locally,
     repaired,
-    replace_interior,
 )
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.solvers import factorize
@@ -136,13 +135,17 @@ def _without_boundary(name: str) -> AbstractContextManager[Any]:
     return mock.patch.dict(FALLBACKS, left, clear=True)
 
 
+def _without_starts() -> AbstractContextManager[Any]:
+    from unittest import mock
+
+    return mock.patch.dict(STARTS, clear=True)
+
+
 def _not_balanced(surface: object, shares: Floats) -> Floats:
     return shares
 
 
-def _not_repaired(
-    mesh: DiskMesh, f: Complex, most: float = np.inf, *, on_disk: bool = True
-) -> tuple[Complex, Repair]:
+def _not_repaired(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:
     return f, Repair(len(flipped_faces(f, mesh.F)[0]))
 
 
@@ -169,7 +172,7 @@ MECHANISMS: Mapping[str, Without] = {
     "local repair": partial(_replaced, repair_locally, _not_repaired),
     "relaxation of what is repaired": partial(_patched, Relaxation, "sweep", _not_swept),
     "relaxation of flipped faces": partial(_patched, Neighbourhood, "relax_flipped", _not_relaxed),
-    "replacement of the interior": partial(_replaced, replace_interior, _not_repaired),
+    "embeddings": _without_starts,
     "straightening": partial(_replaced, straighten, _not_straightened),
     "recentering": partial(_replaced, recentered, _not_moved),
     "opening of collapsed faces": partial(_replaced, open_collapsed_faces, _not_moved),

@@ -203,7 +203,7 @@ def annulus_map(
         def finished(strip: Complex, known: float = 0.0, *, boundary: str) -> AnnulusMap:
             with phase("repair"):
                 f = np.exp(strip - 1j * strip.imag[mesh.loops[0][0]])
-                f, repair = repaired(mesh, f, on_disk=False)
+                f, repair = repaired(mesh, f)
             with phase("certificate"):
                 certificate = certify_ring(mesh, f)
                 degrees = map_distortion(mesh, f)

@@ -28,7 +28,7 @@ from ..steps.center import CenterMethod
 from ..steps.circle import Rejected
 from ..steps.mobius import rotate
 from ..surface.mesh import DiskMesh
-from .selection import inscribed, is_good, judged, rescue
+from .selection import chosen, embedded, inscribed, is_good, judged, rescue
 
 REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
 REMEDY = (
@@ -246,27 +246,23 @@ def finish(
 ) -> DiskMap:
     """Refine a map if that is asked for or needed, and say what it is; MapError if it is not valid.
 
-    Unless `keep_factor`, refinement, which makes a factor of its own, begins by giving back the
-    memory of the surface's.
+    Where it is not conformal, maps that begin with embeddings are refined, too; the best is taken.
+    Unless `keep_factor`, refinement of a good map, which makes a factor of its own, begins by
+    giving back the memory of the surface's.
     """
-    mesh, plain = surface.mesh, best
-    due = options.preset is None and len(mesh.interior) > 0
-    if steps := steps_of(plain, options, due=due):
-        if not keep_factor:
-            surface.release()
-
-        def finished(f: Complex, known: float) -> DiskMap:
-            with phase("repair"):
-                # Rotated only once, at the end: a rotation rounds all coordinates.
-                f, _ = open_collapsed_faces(mesh, rotate(mesh, f, options.align))
-                f, repair = repair_locally(mesh, f)
-            moved = max(plain.repair.n_moved, repair.n_moved)
-            done = provenance(plain, repair=replace(plain.repair, n_moved=moved))
-            return judged(surface, f, done, phase, known)
-
-        near = {"analysis": surface.analysis, "near": not plain.steps_due}
-        f, order = as_complex(plain.uv), surface.rows
-        best = refined(plain, f, DISK, order, steps, finished, options, phase, **near)
+    due = options.preset is None and len(surface.mesh.interior) > 0
+    if best.conformal and not keep_factor and steps_of(best, options, due=due):
+        surface.release()
+    best = _lowered(surface, best, options, phase, due=due)
+    if due and not (best.conformal or (best.valid and options.refine == 0)):
+        tried = [best]
+        for other in embedded(surface, best.center, options, phase):
+            tried.append(_lowered(surface, other, options, phase, due=due))
+            if tried[-1].conformal:
+                break
+        # What refinement has brought down farthest, whether or not the scale explains the rest.
+        tried.sort(key=lambda made: (not made.valid, made.distortion.mean))
+        best = chosen(tried, best.boundary.rejected)
     with phase("distortion"):
         if best.conformality.reasons:
             reasons = (*best.conformality.reasons, *_causes(best))
@@ -274,6 +270,28 @@ def finish(
     best = valid_map(replace(best, solver=surface.solver), " onto the disk", REMEDY)
     phase.done()
     return best
+
+
+def _lowered(
+    surface: FactoredSurface, plain: DiskMap, options: Options, phase: Phases, *, due: bool
+) -> DiskMap:
+    """Refine a map by the steps that are asked for, or `due`."""
+    mesh, steps = surface.mesh, steps_of(plain, options, due=due)
+    if steps == 0:
+        return plain
+
+    def finished(f: Complex, known: float) -> DiskMap:
+        with phase("repair"):
+            # Rotated only once, at the end: a rotation rounds all coordinates.
+            f, _ = open_collapsed_faces(mesh, rotate(mesh, f, options.align))
+            f, repair = repair_locally(mesh, f)
+        moved = max(plain.repair.n_moved, repair.n_moved)
+        done = provenance(plain, repair=replace(plain.repair, n_moved=moved))
+        return judged(surface, f, done, phase, known)
+
+    near = {"analysis": surface.analysis, "near": not plain.steps_due}
+    f, order = as_complex(plain.uv), surface.rows
+    return refined(plain, f, DISK, order, steps, finished, options, phase, **near)
 
 
 def _causes(done: DiskMap) -> Iterator[str]:

@@ -322,7 +322,7 @@ def _finished(
     repair = Repair()
     with phase("repair"):
         if along_sides(sides, f):
-            f, repair = repaired(mesh, f, on_disk=False)
+            f, repair = repaired(mesh, f)
     with phase("certificate"):
         certificate = certify_rectangle(mesh, sides, f)
         degrees = map_distortion(mesh, f)

@@ -7,13 +7,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from ..arrays import Complex, coordinates
 from ..options import Options
 from ..phases import Phases
-from ..rescue.boundary import FALLBACKS, BoundaryMethod, by_inscribed_angles
+from ..refine.balance import lower_shear
+from ..rescue.boundary import FALLBACKS, STARTS, BoundaryMethod, by_inscribed_angles
 from ..rescue.collapsed_faces import open_collapsed_faces
 from ..rescue.harmonic_map import HarmonicMap, Provenance
-from ..rescue.repair import Repair, repair_locally, repaired, replace_interior
+from ..rescue.repair import MANY, Repair, embedding, repair_locally
 from ..result.disk_map import DiskMap
 from ..result.making import fields_of
 from ..solve.factored import FactoredSurface, extended_again, harmonic_extension
@@ -72,8 +75,8 @@ def rescue(
 ) -> DiskMap:
     """Find a better map than the one of Algorithm 1, or one where it has none.
 
-    The boundary by the trace, else by harmonic measure, else by arc length; then the interior
-    without flipped faces. The best valid map is returned, or else the best that there is.
+    The boundary by the trace, else by harmonic measure, else by arc length; flipped faces are
+    repaired. The best valid map is returned, or else the best that there is.
     """
     tried: list[tuple[HarmonicMap, DiskMap]] = []
     rejected: list[str] = []
@@ -90,17 +93,22 @@ def rescue(
     candidates = [candidate for _, candidate in tried]
     if all(candidate.conformality.sheared for candidate in candidates):
         for harmonic, failed in sorted(tried, key=lambda pair: pair[1].rank):
-            if not failed.valid:
-                candidates.append(_repaired_at_any_cost(harmonic, failed, options, phase))
+            if not (failed.valid or failed.repair.rounds):
+                candidates.append(_repaired(harmonic, options, phase))
                 if candidates[-1].conformal:
                     break
     if candidates[1:]:  # to rank one alone would take all angles
         candidates.sort(key=lambda candidate: candidate.rank)
+    return chosen(candidates, tuple(rejected))
+
+
+def chosen(candidates: list[DiskMap], rejected: tuple[str, ...]) -> DiskMap:
+    """Take the first of several maps, which tells what has been `rejected`, the others included."""
     best, *others = candidates
-    rejected += dict.fromkeys(map(_objection, others))
-    for objection in rejected:
+    why = tuple(dict.fromkeys((*rejected, *map(_objection, others))))
+    for objection in why:
         log.info("boundary by %s, rejected %s", best.boundary.name, objection)
-    return replace(best, boundary=replace(best.boundary, rejected=tuple(rejected)))
+    return replace(best, boundary=replace(best.boundary, rejected=why))
 
 
 def _objection(made: DiskMap) -> str:
@@ -131,6 +139,23 @@ def _harmonic_maps(
         yield HarmonicMap(surface.delaunay, f, Provenance(center=center, boundary=method))
 
 
+def embedded(
+    surface: FactoredSurface, center: Center, options: Options, phase: Phases
+) -> Iterator[DiskMap]:
+    """Yield maps that no flipped face keeps from coming near: from embeddings, by lower shear."""
+    mesh = surface.mesh
+    for name, boundary in STARTS.items():
+        with phase("circle"):
+            f = np.zeros(len(mesh.V), dtype=complex)
+            f[mesh.loop] = boundary(surface, center.face)
+        with phase("repair"):
+            f, w = embedding(mesh, f, on_disk=True)
+            f = lower_shear(mesh, f, surface.rows, surface.analysis)
+        method = BoundaryMethod(name, laplacian="mean value")
+        done = Provenance(center=center, boundary=method)
+        yield _normalized(HarmonicMap(surface, f, done, w), options, phase)
+
+
 def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> DiskMap:
     """Apply the Möbius transformation, unless the map is better without it; repair, and judge.
 
@@ -151,11 +176,9 @@ def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> DiskM
     return candidate
 
 
-def _repaired_at_any_cost(
-    harmonic: HarmonicMap, failed: DiskMap, options: Options, phase: Phases
-) -> DiskMap:
-    """Find a valid map with this boundary, without a Möbius transformation."""
-    repairing = replace_interior if failed.repair.rounds else repaired
+def _repaired(harmonic: HarmonicMap, options: Options, phase: Phases) -> DiskMap:
+    """Repair also many flipped faces, and do without a Möbius transformation."""
+    repairing = partial(repair_locally, most=MANY * len(harmonic.surface.mesh.F))
     candidate = _finished(harmonic, None, options, phase, repairing)
     if options.mobius_method is not None:
         rejected = Normalization(options.mobius_method, 0j, "repair")

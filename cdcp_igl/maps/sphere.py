@@ -18,19 +18,21 @@ from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
 from ..plot.layout import Layout
+from ..refine.balance import lower_shear
 from ..refine.targets import Sphere
 from ..rescue.boundary import BoundaryMethod
-from ..rescue.untangling import mean_value_map, repaired_on_sphere
+from ..rescue.untangling import over_hemispheres, repaired_on_sphere, without_pole
 from ..result.base import how_made, valid_map
 from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface
 from ..solve.laplacian import LAPLACIANS
 from ..solve.solvers import SolverName, using
 from ..steps.dipole import dipole_map
+from ..steps.mobius import conformal_barycenter, mobius_transformation
 from ..steps.stereographic import moved_to_center, rotation, spherical_barycenter
 from ..surface.location import SphereFinder
 from ..surface.mesh import SphereMesh
-from ..surface.triangles import oriented_areas
+from ..surface.triangles import flipped_faces, oriented_areas
 from ..verdict.certificate import SphereCertificate, certify_sphere
 from ..verdict.distortion import area_distortion, sphere_angle_errors
 from .disk import disk_map
@@ -61,8 +63,8 @@ class SphereMap(MadeMap):
         What chose the Möbius transformation of the sphere.
     laplacian : str
         ``"cotangent"``; or, where that flipped faces, or its map is not conformal, and this
-        distorts less, ``"intrinsic Delaunay"``; or ``"mean value"`` where parts of the surface are
-        too small on the sphere for double precision, and had to be enlarged.
+        distorts less, ``"intrinsic Delaunay"``; or ``"mean value"`` where neither is conformal, and
+        an embedding, from which shear was lowered, leads nearer.
     conformality, repair, refinement, solver, timings
         As of a `DiskMap`.
 
@@ -89,6 +91,10 @@ class SphereMap(MadeMap):
 
     def _made(self) -> dict[str, Any]:
         return how_made(self, BoundaryMethod("none", laplacian=self.laplacian), self.mobius)
+
+    @property
+    def _embedded(self) -> bool:
+        return self.laplacian == "mean value"
 
     @cached_property
     def uv(self) -> Floats:  # type: ignore[override]
@@ -345,11 +351,35 @@ def _best_map(
         (partial(by_dipole, name) for name in LAPLACIANS),
         lambda made: made.conformal and made.repair.n_flipped == 0,
     )
-    if not best.valid:
-        with phase("repair"):
-            P = mean_value_map(mesh, best.pole)
-        whole = _finished(mesh, P, best.pole, "mean value", best.solver, None, align, phase)
-        best = min(best, whole, key=lambda made: made.rank)
+    best = _lowered(mesh, best, orders[-1], options, phase)
+    if best.conformal:
+        return best
+    with phase("repair"):
+        P = _embedded(mesh, best.pole)
+    kind, made = (best.pole, "mean value", best.solver), [best]
+    for how in dict.fromkeys((mobius, None)):  # large faces may be flipped by the first
+        other = _finished(mesh, P, *kind, how, align, phase)
+        made.append(_lowered(mesh, other, orders[-1], options, phase))
+    return min(made, key=lambda one: (not one.valid, one.distortion.mean))
+
+
+def _embedded(mesh: SphereMesh, pole: int) -> Floats:
+    """Begin with an embedding of all but the pole on the disk, lower its shear, even out its area.
+
+    Returns a map onto the sphere (n, 3); some faces may be flipped where double precision does.
+    """
+    disk, rows, f = without_pole(mesh, pole)
+    surface = FactoredSurface.of(disk)
+    f = lower_shear(disk, f, surface.rows, surface.analysis)
+    moved = mobius_transformation(f, conformal_barycenter(f, mesh.vertex_areas[rows]))
+    even = len(flipped_faces(moved, disk.F)[0]) == 0
+    return over_hemispheres(mesh, pole, rows, moved if even else f)
+
+
+def _lowered(
+    mesh: SphereMesh, best: SphereMap, order: Indices, options: Options, phase: Phases
+) -> SphereMap:
+    """Refine a map, if that is asked for or needed."""
     steps, sphere = steps_of(best, options), Sphere(best.points, best.pole)
     if steps == 0:
         return best
@@ -359,7 +389,7 @@ def _best_map(
         lowered = _finished(mesh, sphere.points(z), *kind, None, None, phase, known)
         return replace(lowered, mobius=best.mobius)
 
-    z, order = sphere.plane(best.points), np.append(orders[-1], 0)
+    z, order = sphere.plane(best.points), np.append(order, 0)
     order = order[order != best.pole]
     return refined(best, z, sphere, order, steps, finished, options, phase)
 

@@ -40,7 +40,7 @@ from ..solve.cholesky import Cholesky
 from ..surface.mesh import Mesh
 from ..surface.triangles import blocks, face_areas
 from ..verdict.distortion import wirtinger_derivative
-from .refinement import WeightedLaplacian, _conjugate_gradients, _dot
+from .refinement import DISK, WeightedLaplacian, _conjugate_gradients, _dot
 from .targets import Disk, Outline, Target
 
 # First a part of k, as a step for cosh(kx) shortens x by 1 / k at most; and at t <= 1/2, as above
@@ -381,3 +381,20 @@ def balanced(
             best, value = newton.f, other
         newton.f = best
     return newton.f, Descent(newton.steps, newton.factors, value, newton.done)
+
+
+def lower_shear(mesh: Mesh, f: Complex, order: Ints, analysis: Cholesky | None = None) -> Complex:
+    """Take an embedding (n,) on the disk, however bad, to where refinement can go on.
+
+    That is t = 0, softly: to second order the sum of s^2, the squared hyperbolic distances of the
+    shapes of the faces from those on the surface. It is free of scale: all faces count the same,
+    whose sizes may range over many powers of ten. f itself if it has flipped faces.
+    """
+    if len(DISK.flipped(mesh.F, f)[0]):
+        return f
+    energy = Energy.of(mesh, 0.0, target=DISK)
+    weight = np.full(len(mesh.F), 1 / len(mesh.F))
+    weight[mesh.inscribed] *= INSCRIBED
+    newton = Newton(mesh, f, order, DISK, analysis=analysis)
+    newton.descend(replace(energy, weight=weight).softened, FIRST_STEPS, far=True)
+    return newton.f

@@ -298,7 +298,7 @@ def gauss_newton_step(
     normal equations are B^H H B dz = -B^H sum_c w_c r_c i conj(g_c), where
     H(b) = (s + damping) b + conj(t b), s = sum_c w_c |g_c|^2 / 2, t = -sum_c w_c g_c^2 / 2.
     On the boundary of the disk dz is a real multiple of i z: it slides on the circle. On a
-    `target` in space, beta also turns dz into the plane of the face.
+    `target` in space, beta also turns dz into the plane of the face, and conj(dz) counts, too.
 
     `damping` is the weight of |b|^2, times that of a corner with the root mean square error: a
     face flips only where |b| is not small, and the angles of a needle hardly feel b. `laplacian`
@@ -307,55 +307,110 @@ def gauss_newton_step(
     without `iterations` it is not factored, and these end when one of them brings little.
     `along` (n,), the way that a good map has just gone, comes before them if it is told.
     """
-    m = len(mesh.F)
-    beta, s = np.empty((m, 3), complex), np.empty(m)
-    t, gradient = np.empty((2, m), complex)
-    for part in blocks(m):
-        beta.T[:, part], s[part], t[part], gradient[part] = _linearize(
-            *target.corners(f, mesh.F[part]), r[part].T, p
-        )
+    shear = Shear.of(mesh, f, target, lambda e, part: _of_angles(e, r[part].T, p))
     if damping:
-        s += damping * (r * r).mean() ** (p / 2 - 1)
-    rows = np.arange(0, 3 * m + 1, 3)  # b = sum beta_v dz_v
-    B = csr_matrix((beta.ravel(), mesh.F.ravel(), rows), (m, len(mesh.V)))
-    B_H = B.conj().T
-    project = partial(target.tangential, mesh, f)
-
-    def adjoint(b: Complex) -> Complex:
-        return project(B_H @ b)
-
-    def normal_matrix(x: Complex) -> Complex:
-        b = B @ x
-        turned = t * b
-        b *= s
-        b += np.conj(turned, out=turned)
-        return adjoint(b)
-
+        shear.s += damping * (r * r).mean() ** (p / 2 - 1)
     if not iterations:
-        laplacian.weigh(beta, s)
+        laplacian.weigh(shear.beta, shear.s)
     elif anew:
-        laplacian.factor(beta, s)
+        laplacian.factor(shear.beta, shear.s)
     towards: list[Callable[[Complex], Complex]] = [laplacian.solve] * iterations
     towards += [laplacian.divide] * smoothing
     if along is not None:
         towards.insert(0, lambda residual: along.copy())
-    enough = 0 if iterations else ENOUGH
-    return _conjugate_gradients(normal_matrix, -adjoint(gradient), towards, project, enough)
+    return shear.lowered(mesh, f, target, towards, 0 if iterations else ENOUGH)
 
 
-def _linearize(
-    corner: Complex, turn: Complex | float, r: Floats, p: float
-) -> tuple[Complex, Floats, Complex, Complex]:
-    """Compute beta (3, k), s, t and the gradient in b (k,) of k faces, by corner."""
-    e = corner[[2, 0, 1]] - corner[[1, 2, 0]]  # opposite the corners
-    # Times reciprocals, as it takes long to divide complex numbers.
-    beta = turn * e * (0.5j * (1 / (e[0].conj() * e[1]).imag))
+@dataclass
+class Shear:
+    """The shear b of every face that displacements of a map make, and what it does to an objective.
+
+    b = B dz = sum beta_v dz_v + mirrored_v conj(dz_v) over the corners v of the face. To second
+    order the objective changes by the sum of Re(conj(gradient) b + conj(b) H(b) / 2), with
+    H(b) = s b + conj(t b).
+    """
+
+    beta: Complex  # (m, 3), a column a corner
+    mirrored: Complex | None  # (m, 3), where the target is not in the plane
+    s: Floats  # (m,)
+    t: Complex  # (m,)
+    gradient: Complex  # (m,)
+
+    @classmethod
+    def of(
+        cls,
+        mesh: Mesh,
+        f: Complex,
+        target: Target,
+        weigh: Callable[[Complex, slice], tuple[Floats, Complex, Complex]],
+    ) -> Shear:
+        """Compute it for a map f (n,); `weigh` finds s, t and gradient of a block of faces.
+
+        It gets their edges (3, k), opposite the corners, each face in its own plane.
+        """
+        m = len(mesh.F)
+        beta, s = np.empty((m, 3), complex), np.empty(m)
+        t, gradient = np.empty((2, m), complex)
+        mirrored = None
+        for part in blocks(m):
+            corner, turn, mirror = target.corners(f, mesh.F[part])
+            e = corner[[2, 0, 1]] - corner[[1, 2, 0]]
+            # Times reciprocals, as it takes long to divide complex numbers.
+            by_area = 0.5j * (1 / (e[0].conj() * e[1]).imag)
+            beta.T[:, part] = turn * e * by_area
+            if mirror is not None:
+                mirrored = np.empty_like(beta) if mirrored is None else mirrored
+                mirrored.T[:, part] = mirror * e * by_area
+            s[part], t[part], gradient[part] = weigh(e, part)
+        return cls(beta, mirrored, s, t, gradient)
+
+    def lowered(
+        self,
+        mesh: Mesh,
+        f: Complex,
+        target: Target,
+        towards: Iterable[Callable[[Complex], Complex]],
+        enough: float,
+    ) -> Complex:
+        """Find the displacement (n,) that lowers the objective, see `_conjugate_gradients`."""
+        m = len(mesh.F)
+        rows = np.arange(0, 3 * m + 1, 3)
+
+        def by_corner(weights: Complex) -> csr_matrix:
+            return csr_matrix((weights.ravel(), mesh.F.ravel(), rows), (m, len(mesh.V)))
+
+        B, C = by_corner(self.beta), None if self.mirrored is None else by_corner(self.mirrored)
+        B_H = B.conj().T
+        project = partial(target.tangential, mesh, f)
+
+        def adjoint(b: Complex) -> Complex:
+            x = B_H @ b
+            if C is not None:
+                x += C.T @ b.conj()
+            return project(x)
+
+        def normal_matrix(x: Complex) -> Complex:
+            b = B @ x
+            if C is not None:
+                b += C @ x.conj()
+            turned = self.t * b
+            b *= self.s
+            b += np.conj(turned, out=turned)
+            return adjoint(b)
+
+        return _conjugate_gradients(
+            normal_matrix, -adjoint(self.gradient), towards, project, enough
+        )
+
+
+def _of_angles(e: Complex, r: Floats, p: float) -> tuple[Floats, Complex, Complex]:
+    """Compute s, t and the gradient (k,) of k faces with edges e and angle errors r (3, k)."""
     q = e.conj()
     q *= q * (1 / (e.real * e.real + e.imag * e.imag))  # conj(e) / e
     g = q[[1, 2, 0]] - q[[2, 0, 1]]
     wg = (r * r + ROUNDING**2) ** (p / 2 - 1) * g
     s = (wg.real * g.real + wg.imag * g.imag).sum(axis=0) / 2
-    return beta, s, (wg * g).sum(axis=0) / -2, 1j * (r * wg).sum(axis=0).conj()
+    return s, (wg * g).sum(axis=0) / -2, 1j * (r * wg).sum(axis=0).conj()
 
 
 class WeightedLaplacian:

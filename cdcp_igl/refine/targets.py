@@ -55,12 +55,12 @@ class Target(ABC):
         """Project displacements x (n,), in place, to those that are possible."""
         return x
 
-    def corners(self, f: Complex, F: Ints) -> tuple[Complex, Complex | float]:
-        """Corners (3, k) of faces, each in a plane of its own, and what turns dz into that plane.
+    def corners(self, f: Complex, F: Ints) -> tuple[Complex, Complex | float, Complex | None]:
+        """Corners (3, k) of faces, each in a plane of its own; what takes dz into that plane.
 
-        That is one factor for each corner, or for all.
+        That is one factor of dz for each corner, or for all, and one of conj(dz), if there is one.
         """
-        return f.take(F.T), 1.0
+        return f.take(F.T), 1.0, None
 
 
 class Disk(Target):
@@ -131,11 +131,11 @@ class Ring(Target):
         x.real[outer], x.real[inner] = 0, x.real[inner].mean()
         return x
 
-    def corners(self, f: Complex, F: Ints) -> tuple[Complex, Complex | float]:
+    def corners(self, f: Complex, F: Ints) -> tuple[Complex, Complex | float, Complex | None]:
         """Corners (3, k) of faces in planes of their own size; these turn dz into them, too."""
         log = f[F.T]
         corner = np.exp(log - log.real.max(axis=0))
-        return corner, corner
+        return corner, corner, None
 
 
 class Rectangle(Target):
@@ -165,6 +165,7 @@ class Rectangle(Target):
         return x
 
 
+COARSE = 2_000  # vertices: on more, what is of second order in the length of edges can be left out
 AT_INFINITY = 1e12  # the place of the pole of the sphere in the plane, 2e-12 from it
 
 
@@ -179,7 +180,7 @@ class Sphere(Target):
     def __init__(self, P: Floats, pole: int) -> None:
         axes = axes_along(P[pole])
         axes[2] *= -1  # seen from outside, opposite the pole
-        self._axes, self._pole = axes, pole
+        self._axes, self._pole, self._coarse = axes, pole, len(P) < COARSE
 
     def plane(self, P: Floats) -> Complex:
         """(n,) coordinates of points (n, 3)."""
@@ -215,11 +216,11 @@ class Sphere(Target):
         x[self._pole] = 0
         return x
 
-    def corners(self, f: Complex, F: Ints) -> tuple[Complex, Complex | float]:
-        """Corners (3, k) of faces in their own planes, and what turns dz into these.
+    def corners(self, f: Complex, F: Ints) -> tuple[Complex, Complex | float, Complex | None]:
+        """Corners (3, k) of faces in their own planes; what takes dz, and conj(dz), into these.
 
-        A tangent plane is tilted against the plane of the face; what is linear in conj(dz), of the
-        second order in the length of edges, is left out.
+        A tangent plane is tilted against the plane of the face: the second is not 0, but of the
+        second order in the length of edges, and left out of fine meshes.
         """
         P, z = self.points(f[F].ravel()).reshape(*F.shape, 3), f[F]
         u, v = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
@@ -233,5 +234,9 @@ class Sphere(Target):
         scale = 2 / (1 + abs(z) ** 2)
         toward = scale * z.conj()
         tangents = np.stack([toward, 1 - toward * z.real, -1j - toward * z.imag], axis=2)
-        turn = np.einsum("fkc,fc->fk", tangents, frame @ self._axes.T)
-        return corner.T, (scale * turn / 2).T
+        frame = frame @ self._axes.T / 2
+        turn = scale * np.einsum("fkc,fc->fk", tangents, frame)
+        if not self._coarse:
+            return corner.T, turn.T, None
+        mirror = scale * np.einsum("fkc,fc->fk", tangents.conj(), frame)
+        return corner.T, turn.T, mirror.T

@@ -44,7 +44,8 @@ class BoundaryMethod:
     ----------
     name : str
         The method whose result was used: ``"geodesic"``, the paper's, unless something went
-        wrong; else ``"harmonic measure"``, or at last ``"arc length"``, which is not conformal.
+        wrong; else ``"harmonic measure"``, or at last ``"arc length"``, which is not conformal, or
+        ``"harmonic measure and arc length"``, halfway.
         Without interior vertices ``"inscribed angles"``.
     rejected : tuple of str
         The other methods that were tried, each with the reason why its map was not used.
@@ -53,7 +54,8 @@ class BoundaryMethod:
         by the last digits of their corners.
     laplacian : str
         Whose harmonic functions the map is made of: ``"cotangent"``, or, with the other methods,
-        ``"intrinsic Delaunay"``.
+        ``"intrinsic Delaunay"``; or ``"mean value"`` of a map that began with an embedding, from
+        which shear was lowered.
     """
 
     name: str
@@ -120,6 +122,15 @@ def _balanced(surface: FactoredSurface, shares: Floats) -> Floats:
             break
         shares = moved
     return shares
+
+
+def between_the_two(surface: FactoredSurface, face: int) -> Complex:
+    """Place the boundary (nB,) by the geometric mean of harmonic measure and length.
+
+    No part is as crowded as by the one, nor as far from where it belongs as by the other.
+    """
+    shares, lengths = harmonic_shares(surface.delaunay, face), edge_lengths(surface.mesh)
+    return around(np.sqrt(np.maximum(shares, CROWDED) * lengths))
 
 
 def by_arc_length(surface: FactoredSurface, face: int) -> Complex:
@@ -194,6 +205,8 @@ def _places(differences: csr_matrix, wanted: Floats, least: float) -> Floats:
 
 # In the order in which they are tried.
 FALLBACKS = {"harmonic measure": by_harmonic_measure, "arc length": by_arc_length}
+# Of embeddings whose boundary then slides.
+STARTS = {"harmonic measure and arc length": between_the_two, "arc length": by_arc_length}
 
 
 def harmonic_shares(surface: FactoredSurface, face: int) -> Floats:

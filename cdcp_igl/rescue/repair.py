@@ -65,43 +65,41 @@ class Repair:
         return f"{flipped}, {moved} moved in {counted(self.rounds, 'round', 'rounds')}"
 
 
-def repaired(mesh: Mesh, f: Complex, *, on_disk: bool = True) -> tuple[Complex, Repair]:
+def repaired(mesh: Mesh, f: Complex) -> tuple[Complex, Repair]:
     """Make every face positively oriented, at whatever cost.
 
     Where `repair_locally` cannot, because of many flipped faces or stubborn ones, the whole
-    interior is set to mean values, and Floater's theorem applies: positive weights and a
-    convex boundary give an embedding, as far as double precision goes. If not `on_disk`, the map is
-    onto another convex figure, and its boundary stays where it is.
+    interior is that of an `embedding`, and relaxed. The boundary stays where it is.
+    """
+    g, repair = repair_locally(mesh, f, MANY * len(mesh.F))
+    if len(flipped_faces(g, mesh.F)[0]):
+        whole = Neighbourhood(mesh, np.ones(len(f), dtype=bool))
+        whole.moved, (g, _) = whole.free, embedding(mesh, f)
+        g = whole.relaxed(g)
+        repair = Repair(repair.n_flipped, len(mesh.interior), repair.rounds + 1)
+    return g, repair
+
+
+def embedding(mesh: Mesh, f: Complex, *, on_disk: bool = False) -> tuple[Complex, complex]:
+    """Set the interior of a map (n,) with a convex boundary to mean values of its neighbours.
+
+    Floater's theorem applies: positive weights and a convex boundary give an embedding, as far as
+    double precision goes. Where the mean values crowd too much for it, the weights differ less. If
+    the map is `on_disk` and most of the surface is in one spot, a Möbius transformation takes that
+    to 0. Returns the map and the point that has gone to 0.
 
     References
     ----------
     M. S. Floater. Mean value coordinates. Comput. Aided Geom. Design 20(1), 2003.
     """
-    g, repair = repair_locally(mesh, f, MANY * len(mesh.F))
-    if len(flipped_faces(g, mesh.F)[0]) == 0:
-        return g, repair
-    f, whole = replace_interior(mesh, f, on_disk=on_disk)
-    return f, Repair(whole.n_flipped, whole.n_moved, repair.rounds + whole.rounds)
-
-
-def replace_interior(mesh: Mesh, f: Complex, *, on_disk: bool = True) -> tuple[Complex, Repair]:
-    """Set the whole interior to mean values and relax it; otherwise as `repaired`.
-
-    Where these crowd too much for double precision, the weights differ less. Where most of the
-    surface is in one spot of the disk, a Möbius transformation takes it to 0.
-    """
-    flipped, rounds = flipped_faces(f, mesh.F)[0], 0
     for power in POWERS:
-        whole = Neighbourhood(mesh, np.ones(len(f), dtype=bool), power)
+        whole, w = Neighbourhood(mesh, np.ones(len(f), dtype=bool), power), 0j
         g = whole.combine(f, whole.free)
         if on_disk:
-            g, _ = recentered(mesh, g, partial(whole.combine, patch=whole.free))
-        rounds += 1
+            g, w = recentered(mesh, g, partial(whole.combine, patch=whole.free))
         if len(whole.flipped(g)) == 0:
-            whole.moved = whole.free
-            g = whole.relaxed(g)
             break
-    return g, Repair(len(flipped), len(mesh.interior), rounds)
+    return g, w
 
 
 def repair_locally(mesh: Mesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:

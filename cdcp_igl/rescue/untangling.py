@@ -6,12 +6,12 @@ from itertools import combinations
 
 import numpy as np
 
-from ..arrays import Floats, coordinates, marked
-from ..steps.dipole import median, star
+from ..arrays import Complex, Floats, Ints, coordinates, marked
+from ..steps.dipole import star
 from ..steps.stereographic import axes_along
-from ..surface.mesh import Mesh
+from ..surface.mesh import DiskMesh, Mesh
 from ..verdict.certificate import flipped_on_sphere
-from .repair import MANY, POWERS, Neighbourhood, Repair, grow, repair_locally
+from .repair import MANY, Repair, embedding, grow, repair_locally
 
 HEMISPHERE = 0.5  # cosine of the radius of a chart in which flipped faces are repaired
 CHARTS = 200  # of them
@@ -98,30 +98,24 @@ def _deepest(normals: Floats) -> Floats:
     return centers[(centers @ normals.T).min(axis=1).argmax()]
 
 
-def mean_value_map(mesh: Mesh, pole: int) -> Floats:
-    """Map the surface without its pole into the plane by mean values, and onto the sphere.
-
-    Positive weights and a convex boundary, the neighbours of the pole, give an embedding (Floater's
-    theorem), which central projection takes to a hemisphere, great arcs for edges. The pole is on
-    the other. Where the surface crowds too much for double precision, the weights differ less.
-    """
+def without_pole(mesh: Mesh, pole: int) -> tuple[DiskMesh, Ints, Complex]:
+    """Take a vertex and its faces out: the disk that is left, rows of V, and an embedding (k,)."""
     part, rows = mesh.part(np.flatnonzero(~marked(len(mesh.V), pole)[mesh.F].any(axis=1)))
-    mass = mesh.vertex_areas[rows]
-    ring, w = star(mesh, pole)
+    disk, (ring, w) = DiskMesh(part.V, part.F), star(mesh, pole)
     z = np.zeros(len(mesh.V), dtype=complex)
     z[ring] = abs(w) / w
+    f, _ = embedding(disk, z[rows], on_disk=True)
+    return disk, rows, f
+
+
+def over_hemispheres(mesh: Mesh, pole: int, rows: Ints, f: Complex) -> Floats:
+    """Map a surface onto the sphere, given a map (k,) of all but the pole onto the disk.
+
+    Central projection takes the disk to a part of a hemisphere, and its edges to great arcs, so
+    that no face is flipped. The pole lies on the other hemisphere.
+    """
     P = np.empty((len(mesh.V), 3))
-    for power in POWERS:
-        whole = Neighbourhood(part, np.ones(len(rows), dtype=bool), power)
-        f = whole.combine(z[rows], whole.free)
-        # In the middle of the area, but at a vertex inside, if there is one.
-        middle = median(f.real, mass) + 1j * median(f.imag, mass)
-        f -= min(f[whole.free], key=lambda z: abs(z - middle), default=z.mean())
-        P[pole] = 0, 0, 1
-        # Seen from outside, from below.
-        f = f.conj() / median(np.abs(f), mass)
-        P[rows] = np.column_stack([coordinates(f), -np.ones(len(f))])
-        P /= np.linalg.norm(P, axis=1)[:, None]
-        if len(flipped_on_sphere(P, mesh.F)[0]) == 0:
-            break
-    return P
+    P[pole] = 0, 0, 1
+    # Seen from outside, from below.
+    P[rows] = np.column_stack([coordinates(f.conj()), -np.ones(len(f))])
+    return P / np.linalg.norm(P, axis=1)[:, None]

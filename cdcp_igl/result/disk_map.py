@@ -116,6 +116,10 @@ class DiskMap(OntoDisk, DiskBijection, MadeMap):
         return AngleDistortion.of(np.delete(self._degrees(), inscribed, axis=0))
 
     @property
+    def _embedded(self) -> bool:
+        return self.boundary.laplacian == "mean value"
+
+    @property
     def _straightened(self) -> float:  # type: ignore[override]
         return self.straightening.gain
 

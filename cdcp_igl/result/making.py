@@ -32,9 +32,10 @@ log = logging.getLogger("cdcp_igl")
 # vertices, or the errors are more than EXCESS times what the scale explains.
 COARSE = 0.2
 EXCESS = 1.05
-# A map that is not conformal, or in which repair has moved more than this share of the vertices,
-# is refined by up to MOST_STEPS, each halved up to PATIENT times. They are counted, not timed, as
-# equal inputs have equal outputs; they take most of the time of a surface that is hard.
+# A map that is not conformal, that comes from an embedding by mean values, or in which repair has
+# moved more than this share of the vertices, is refined by up to MOST_STEPS, each halved up to
+# PATIENT times. They are counted, not timed, as equal inputs have equal outputs; they take most of
+# the time of a surface that is hard.
 MUCH_REPAIRED = 0.1
 MOST_STEPS = 60
 PATIENT = 12
@@ -51,6 +52,11 @@ class MadeMap(Bijection):
 
     _reported: ClassVar[tuple[str, ...]] = ()  # attributes that only this kind of map has
     _straightened: ClassVar[float] = 0.0  # the share of the distortion that was taken out before
+
+    @property
+    def _embedded(self) -> bool:
+        """Whether the map comes from an embedding by mean values."""
+        return False
 
     @cached_property
     def distortion(self) -> AngleDistortion:
@@ -76,7 +82,7 @@ class MadeMap(Bijection):
     def steps_due(self) -> int:
         """Steps of refinement for a map that is measurably not near the conformal one."""
         repaired = self.repair.n_moved / len(self.mesh.V)
-        if self.conformality.reasons or repaired > MUCH_REPAIRED:
+        if self.conformality.reasons or repaired > MUCH_REPAIRED or self._embedded:
             return MOST_STEPS
         coarse = self._straightened > COARSE or self.conformality.excess > EXCESS
         return STEPS_DUE if coarse else 0
