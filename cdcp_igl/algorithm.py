@@ -41,7 +41,7 @@ class Steps:
             circle = partial(onto_circle, zipper=geodesic_map)
             return cls(coldest, boundary_trace, circle, "nelder-mead")
         center = cache(partial(central_face, center=options.center))
-        return cls(center, mobius=options.mobius)
+        return cls(center, mobius=options.mobius_method)
 
 
 def algorithm_1(

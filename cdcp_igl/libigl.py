@@ -62,6 +62,11 @@ def intrinsic_delaunay_cotangent_matrix(V: Floats, F: Ints) -> csc_matrix:
     return igl.intrinsic_delaunay_cotmatrix(V, F)[0]
 
 
+def intrinsic_delaunay_faces(V: Floats, F: Ints) -> Ints:
+    """(m, 3) faces of the intrinsic Delaunay triangulation; edges of one face stay."""
+    return igl.intrinsic_delaunay_triangulation(np.sqrt(squared_edge_lengths(V, F)), F)[1]
+
+
 def is_counterclockwise(triangles: Floats) -> Bools:
     """(k,) exact orientation of (k, 3, 2) plane triangles (Shewchuk's predicate)."""
     positive = igl.predicates.Orientation.POSITIVE

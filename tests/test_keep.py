@@ -2,15 +2,17 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 import cdcp_igl
 from cdcp_igl.arrays import as_complex, coordinates
 from cdcp_igl.refine import balance
 from cdcp_igl.refine.balance import Energy, balanced, resized, way_to_flip
 from cdcp_igl.refine.targets import Disk, Outline
+from cdcp_igl.result.keeping import Kept
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas, flipped_faces, oriented_areas
+from cdcp_igl.verdict.outline import certify_outline
 
 
 @pytest.fixture(scope="module")
@@ -64,9 +66,11 @@ def test_a_step_to_the_first_flip_flips_one_face(bent):
 def test_what_is_flat_stays(t):
     V, F, _ = cdcp_igl.datasets.square(6)
     mesh = DiskMesh(V, F)
-    f, descent = balanced(mesh, 3 * as_complex(mesh.V[:, :2]), np.arange(len(V)), t)
-    assert_allclose(coordinates(f), mesh.V[:, :2], atol=1e-12)
-    assert descent.done
+    newton = balanced(mesh, as_complex(mesh.V[:, :2]), t)
+    assert_allclose(coordinates(newton.f), mesh.V[:, :2], atol=1e-12)
+    assert newton.done
+    assert newton.steps == 0
+    assert_allclose(cdcp_igl.free_map(V, F, keep=t, align=[1, 0, 0]).uv, V[:, :2], atol=1e-12)
 
 
 @pytest.mark.parametrize("target", [Outline(), Disk()])
@@ -75,12 +79,128 @@ def test_balance_lowers_the_energy_and_flips_nothing(bent, target):
     sliding = isinstance(target, Disk)
     if sliding:
         f = as_complex(cdcp_igl.disk_map(mesh.V, mesh.F).uv)
-    order = mesh.interior if sliding else np.arange(len(f))
     for t in (0.02, 0.5, 0.99):
         energy = Energy.of(mesh, t, target=target)
-        g, descent = balanced(mesh, f, order, t, target)
-        assert descent.value == energy.value(g) < energy.value(f if sliding else resized(energy, f))
+        start = f if sliding else resized(energy, f)
+        g = balanced(mesh, start, t, target).f
+        assert energy.value(g) < energy.value(start)
         assert target.certificate(mesh, g, target.flipped(mesh.F, g)).valid
         # Nothing small lowers it much more.
         slope = target.tangential(mesh, g, energy.quadratic(g, whole=True).gradient())
         assert abs(slope).max() < 0.02
+
+
+@pytest.fixture(scope="module")
+def hill():
+    V, F, _ = cdcp_igl.datasets.spherical_cap(8)
+    return V * [1, 1.5, 2] + 0.1 * np.sin(2 * V[:, [1, 2, 0]]), F  # not symmetric
+
+
+@pytest.mark.parametrize("make", [cdcp_igl.free_map, cdcp_igl.disk_map])
+def test_what_is_said_of_a_map_is_what_was_asked_for(hill, make):
+    angles, lengths, areas = (make(*hill, keep=keep) for keep in ("angles", "lengths", "areas"))
+    assert_array_equal(angles.uv, make(*hill, refine=0).uv)
+    assert angles.kept is None
+    assert "keeps" not in str(angles)
+    assert lengths.valid
+    assert lengths.verdict == "valid"
+    assert lengths.kept.dirichlet < min(angles_kept(angles).dirichlet, areas.kept.dirichlet)
+    assert areas.kept.texels < lengths.kept.texels < angles_kept(angles).texels
+    assert angles.distortion.mean < lengths.distortion.mean < areas.distortion.mean
+    assert "keeps lengths (0.5)" in repr(lengths)
+    assert "0.99" in str(areas)
+    report = lengths.report(flat=True)
+    assert report["kept_keep"] == 0.5
+    assert report["conformal"] is None
+    assert report["kept_texels"] == lengths.kept.texels
+    assert "NOT CONFORMAL" not in lengths.view_html()
+
+
+def angles_kept(result):
+    return Kept.of(result.mesh, result._plane_map(), 0, result._target, 0)
+
+
+def test_lengths_are_those_of_the_surface_and_scale_with_it(hill):
+    V, F = hill
+    result = cdcp_igl.free_map(V, F, keep="lengths")
+    assert abs(result.area_ratio - 1) < 0.1
+    assert_allclose(cdcp_igl.free_map(1000 * V, F, keep="lengths").uv, 1000 * result.uv, atol=1e-6)
+    K = cdcp_igl.quasi_conformal_dilatation(V, F, result.uv)
+    assert_allclose(result.kept.stretch, K.max(), rtol=1e-9)
+    ratio = np.exp(cdcp_igl.area_distortion(V, F, result.uv)) * result.area_ratio
+    low, high = K * ratio, ratio / K
+    e = (low + high + 1 / low + 1 / high) / 4
+    assert_allclose(np.average(e, weights=face_areas(V, F)), result.kept.dirichlet, rtol=1e-3)
+
+
+@pytest.mark.parametrize("make", [cdcp_igl.free_map, cdcp_igl.disk_map])
+def test_turned_and_renumbered_it_is_the_same(hill, make):
+    V, F = hill
+    how = {"keep": 0.7, "align": [1, 0, 0]}
+    uv = make(V, F, **how).uv
+    turn = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    turned = make(V @ turn.T, F, keep=0.7, align=turn[:, 0])
+    assert_allclose(turned.uv, uv, atol=1e-7 * abs(uv).max())
+    order = np.random.default_rng(1).permutation(len(V))
+    rows = np.argsort(order)
+    renumbered = make(V[order], np.roll(rows[F], 1, axis=1)[::-1], **how)
+    assert_allclose(renumbered.uv[rows], uv, atol=1e-7 * abs(uv).max())
+
+
+@pytest.mark.parametrize("make", [cdcp_igl.free_map, cdcp_igl.disk_map])
+def test_a_map_is_continued_from_the_last_one(hill, make):
+    at_once = make(*hill, keep=0.7)
+    further = make(*hill, keep="lengths").continued(keep=0.7)
+    assert further.valid
+    assert further.kept.steps < at_once.kept.steps
+    assert_allclose(further.uv, at_once.uv, atol=0.02 * abs(at_once.uv).max())
+    from_angles = make(*hill, mobius="area") if make is cdcp_igl.disk_map else make(*hill)
+    assert_allclose(from_angles.continued(keep=0.7).kept.dirichlet, at_once.kept.dirichlet, 1e-3)
+
+
+def test_a_bound_on_texel_density_is_held_by_the_least_that_does(hill):
+    angles = angles_kept(cdcp_igl.free_map(*hill))
+    bound = (1 + angles.texels) / 2
+    result = cdcp_igl.free_map(*hill, keep=f"texels<{bound}")
+    assert result.kept.texels <= bound
+    less = cdcp_igl.free_map(*hill, keep=0.7 * result.kept.keep)
+    assert less.kept.texels > bound
+    assert cdcp_igl.free_map(*hill, keep=f"texels<{angles.texels + 1}").kept.keep == 0
+    with pytest.raises(cdcp_igl.MapError, match="Texel density is within"):
+        cdcp_igl.free_map(*hill, keep="texels<1.00001")
+
+
+@pytest.mark.parametrize(
+    "keep",
+    ["length", "texels<1", "texels<x", "texels", 1.5, -0.1, np.nan, None, True, [0.5], "nan"],
+)
+def test_what_is_no_keep_is_refused(hill, keep):
+    with pytest.raises(ValueError, match="keep must be"):
+        cdcp_igl.free_map(*hill, keep=keep)
+
+
+@pytest.mark.parametrize(
+    "more", [{"refine": 3}, {"boundary_scale": np.ones(9)}, {"corners": {0: 2 * np.pi}}]
+)
+def test_what_goes_not_with_keep_is_refused(hill, more):
+    with pytest.raises(ValueError, match="leave"):
+        cdcp_igl.free_map(*hill, keep="lengths", **more)
+
+
+def test_angles_are_not_continued(hill):
+    with pytest.raises(ValueError, match="angles"):
+        cdcp_igl.free_map(*hill).continued(keep="angles")
+
+
+def test_an_outline_is_kept_apart():
+    # A ramp that goes around more than once: laid flat, its ends lie on one another.
+    V, F, _ = cdcp_igl.datasets.square(20)
+    turn, out = 1.3 * np.pi * V[:, 0], 1 - 0.1 * V[:, 1]
+    V = np.column_stack([out * np.cos(turn), out * np.sin(turn), 0.02 * turn])
+    plain = cdcp_igl.free_map(V, F)
+    overlapping = balanced(plain.mesh, plain._plane_map(), 0.5).f
+    assert not certify_outline(plain.mesh, coordinates(overlapping)).simple
+    result = cdcp_igl.free_map(V, F, keep="lengths")
+    assert result.valid
+    assert result.kept.dirichlet < angles_kept(plain).dirichlet

@@ -195,8 +195,9 @@ def _charts(
     component: Component, options: Options, limits: Limits, progress: Progress | None
 ) -> list[Chart]:
     """Open a component to a disk and map it; part it where the scale is too uneven even so."""
-    # Steps that were asked for are taken at the end, by the charts as they are then.
-    in_between = replace(options, refine=None) if options.refine else options
+    # What is asked for beyond that is done at the end, by the charts as they are then.
+    later = bool(options.refine or options.kept)
+    in_between = replace(options, refine=None, keep="angles") if later else options
     how = in_between, limits, progress
     whole = _mapped(component, *how)
     waiting, charts = [whole], list[Chart]()
@@ -220,7 +221,7 @@ def _charts(
         else:  # parted in vain
             waiting, charts = [], [whole]
     charts.sort(key=lambda chart: -len(chart.F))
-    if options.refine:
+    if later:
         charts = [_chart(chart.opened, options, limits.outline, progress) for chart in charts]
     for chart in charts:
         if chart.failure:

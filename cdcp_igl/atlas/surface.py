@@ -256,6 +256,7 @@ def surface_map(
     refine: int | None = None,
     refine_norm: float = 1.5,
     refine_seconds: float = np.inf,
+    keep: float | str = "angles",
     preset: Literal["paper"] | None = None,
     solver: SolverName | None = None,
     progress: Progress | None = None,
@@ -294,9 +295,9 @@ def surface_map(
         than the whole and cannot be parted. With infinity, no cut grows and nothing is parted.
     max_charts : int, optional
         So many charts a component has at most; as many as are needed by default.
-    center, mobius, refine, refine_norm, refine_seconds, preset, solver, progress
+    center, mobius, refine, refine_norm, refine_seconds, keep, preset, solver, progress
         As in `disk_map`, for each chart; `refine_seconds` for each. A free outline has no `center`,
-        `mobius` and `preset`.
+        `mobius` and `preset`. The surface is cut for angles, whatever is to be kept.
     align : (3,) array_like or None
         A direction in space that goes right, as in `disk_map`.
 
@@ -335,7 +336,9 @@ def surface_map(
     if align is not None and np.ndim(align) == 0:
         raise ValueError(f"align must be a direction in space or None, not {align!r}")
     check_progress(progress)
-    options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset, solver)
+    options = Options(
+        center, mobius, align, refine, refine_norm, refine_seconds, preset, solver, keep
+    )
     start = perf_counter()
     given, faces = usable_arrays(V, F)
     sheets = oriented_sheets(given, faces, polygon_of_face, merge)

@@ -34,7 +34,7 @@ GROUPS = {
         "max_charts",
     ),
     "Onto what": ("free", "sphere", "annulus", "rectangle", "center", "mobius", "align", "preset"),
-    "Quality": ("refine", "refine_norm", "refine_seconds"),
+    "Quality": ("keep", "refine", "refine_norm", "refine_seconds"),
     "Output": (
         *("disk", "out_dir", "format", "force", "report", "json_file", "csv_file"),
         *("picture", "view", "quiet"),
@@ -179,6 +179,12 @@ def _map_options(
     preset: str | None = typer.Option(
         None, metavar="paper", help="Follow the paper; sets --center and --mobius itself."
     ),
+    keep: str | None = typer.Option(
+        None,
+        metavar="lengths|areas|T|texels<D",
+        help="What to keep rather than angles: T from 0 over 0.5, lengths, to 0.99, areas; or the "
+        "least T at which densities of texels are within D. [default: angles]",
+    ),
     refine: int | None = typer.Option(
         None,
         metavar="N",
@@ -213,6 +219,7 @@ def _map_options(
         "mobius": mobius,
         "align": align and (int(align) if align.isdecimal() else _numbers(align, float)),
         "preset": preset,
+        "keep": keep,
         "refine": refine,
         "refine_norm": refine_norm,
         "refine_seconds": refine_seconds,

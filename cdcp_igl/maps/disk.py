@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -15,11 +16,9 @@ from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
 from ..refine.refinement import DISK
-from ..rescue.collapsed_faces import open_collapsed_faces
-from ..rescue.harmonic_map import HarmonicMap, provenance
-from ..rescue.repair import repair_locally
+from ..rescue.harmonic_map import HarmonicMap
 from ..result.base import valid_map
-from ..result.disk_map import DiskMap
+from ..result.disk_map import DiskMap, judged
 from ..result.making import refined, steps_of
 from ..solve.factored import FactoredSurface
 from ..solve.laplacian import cotangent_laplacian
@@ -28,7 +27,7 @@ from ..steps.center import CenterMethod
 from ..steps.circle import Rejected
 from ..steps.mobius import rotate
 from ..surface.mesh import DiskMesh
-from .selection import chosen, embedded, inscribed, is_good, judged, rescue
+from .selection import chosen, embedded, inscribed, is_good, rescue
 
 REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
 REMEDY = (
@@ -48,6 +47,7 @@ def cdcp(
     refine: int | None = None,
     refine_norm: float = 1.5,
     refine_seconds: float = np.inf,
+    keep: float | str = "angles",
     preset: Literal["paper"] | None = None,
     solver: SolverName | None = None,
     progress: Progress | None = None,
@@ -56,7 +56,7 @@ def cdcp(
 
     Parameters
     ----------
-    V, F, center, mobius, align, refine, refine_norm, refine_seconds, preset, solver, progress
+    V, F, center, mobius, align, refine, refine_norm, refine_seconds, keep, preset, solver, progress
         As in `disk_map`.
 
     Returns
@@ -77,7 +77,9 @@ def cdcp(
     >>> uv.shape == (len(V), 2)
     True
     """
-    options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset, solver)
+    options = Options(
+        center, mobius, align, refine, refine_norm, refine_seconds, preset, solver, keep
+    )
     return _disk_map(V, F, options, progress).uv
 
 
@@ -92,6 +94,7 @@ def disk_map(
     refine: int | None = None,
     refine_norm: float = 1.5,
     refine_seconds: float = np.inf,
+    keep: float | str = "angles",
     preset: Literal["paper"] | None = None,
     solver: SolverName | None = None,
     progress: Progress | None = None,
@@ -135,6 +138,12 @@ def disk_map(
         Time limit of the refinement: after so many seconds no step is begun. The map is the
         best until then, ``result.refinement.stopped`` says so, and it depends on the speed of
         the machine; without a limit, equal inputs have equal outputs.
+    keep : {"angles", "lengths", "areas"}, float or str
+        What the map is to keep as well as it can: from 0, angles, over 1/2, lengths (the symmetric
+        Dirichlet energy is least), to 0.99, areas; 1 is taken for 0.99. Or the least such number
+        that bounds the densities of texels, as ``"texels<2"``; ``result.kept`` tells, see `Kept`.
+        Lengths and areas are those of the surface, brought to the area of the disk. No face flips
+        on the way. Not together with `refine` or `preset`; `mobius` is then for areas.
     preset : {"paper"} or None
         ``"paper"`` follows the paper to the letter where it is right: coldest face by
         heat, the trace by eq. (18) and without whitening, Nelder-Mead over all faces. Not to be
@@ -181,7 +190,9 @@ def disk_map(
     >>> result.certificate.valid, result.refinement.steps
     (True, 2)
     """
-    options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset, solver)
+    options = Options(
+        center, mobius, align, refine, refine_norm, refine_seconds, preset, solver, keep
+    )
     return _disk_map(V, F, options, progress)
 
 
@@ -230,7 +241,7 @@ def map_of(
             known.clear()
             known[options.first_steps] = harmonic
         f = rotate(surface.mesh, f, options.align)
-        best = judged(surface, f, replace(harmonic.done, mobius=mobius), phase)
+        best = judged(surface.mesh, f, replace(harmonic.done, mobius=mobius), surface.solver, phase)
         if not is_good(best, harmonic, options):
             best = rescue(surface, best.center, harmonic, options, phase)
     return finish(surface, best, options, phase, keep_factor=known is not None)
@@ -248,7 +259,7 @@ def finish(
 
     Where it is not conformal, maps that begin with embeddings are refined, too; the best is taken.
     Unless `keep_factor`, refinement of a good map, which makes a factor of its own, begins by
-    giving back the memory of the surface's.
+    giving back the memory of the surface's. A map that is to keep lengths or areas begins here.
     """
     due = options.preset is None and len(surface.mesh.interior) > 0
     if best.conformal and not keep_factor and steps_of(best, options, due=due):
@@ -263,6 +274,11 @@ def finish(
         # What refinement has brought down farthest, whether or not the scale explains the rest.
         tried.sort(key=lambda made: (not made.valid, made.distortion.mean))
         best = chosen(tried, best.boundary.rejected)
+    if options.kept and best.valid:
+        if not keep_factor:
+            surface.release()
+        turned = partial(rotate, surface.mesh, align=options.align)
+        best = best.keeping(options.kept, turned, phase)
     with phase("distortion"):
         if best.conformality.reasons:
             reasons = (*best.conformality.reasons, *_causes(best))
@@ -281,13 +297,8 @@ def _lowered(
         return plain
 
     def finished(f: Complex, known: float) -> DiskMap:
-        with phase("repair"):
-            # Rotated only once, at the end: a rotation rounds all coordinates.
-            f, _ = open_collapsed_faces(mesh, rotate(mesh, f, options.align))
-            f, repair = repair_locally(mesh, f)
-        moved = max(plain.repair.n_moved, repair.n_moved)
-        done = provenance(plain, repair=replace(plain.repair, n_moved=moved))
-        return judged(surface, f, done, phase, known)
+        # Rotated only once, at the end: a rotation rounds all coordinates.
+        return plain.moved_to(rotate(mesh, f, options.align), phase, known)
 
     near = {"analysis": surface.analysis, "near": not plain.steps_due}
     f, order = as_complex(plain.uv), surface.rows

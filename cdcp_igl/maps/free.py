@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +21,7 @@ from ..refine.refinement import lower_angle_distortion
 from ..refine.targets import Outline
 from ..rescue.repair import MANY, Repair, repair_locally
 from ..result.base import valid_map
+from ..result.keeping import KeepingMap
 from ..result.making import PATIENT, PlaneMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.solvers import SolverName, using
@@ -50,15 +52,16 @@ OF_THE_DISK = ("center", "trace", "circle", "mobius")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FreeMap(PlaneMap):
+class FreeMap(KeepingMap, PlaneMap):
     """A conformal map with a free outline. Printing it gives a summary.
 
     Attributes
     ----------
     uv : (n, 2) float64
         Row i is the image of row i of V, in the unit of V. The outline is as long as the boundary,
-        or as the lengths that were asked for. The centroid of the surface, or what was at the
-        centre of the disk, is at (0, 0), before refinement; what `align` named lies to its right.
+        or as the lengths that were asked for; a map that keeps lengths has a size of its own. The
+        centroid of the surface, or what was at the centre of the disk, is at (0, 0), before
+        refinement; what `align` named lies to its right.
     mesh : DiskMesh
         The surface.
     certificate : OutlineCertificate
@@ -96,14 +99,31 @@ class FreeMap(PlaneMap):
 
     _kind = "free"
     _plane = "Plane"
+    _target = Outline()
     _reported = ("area_ratio",)
+
+    def _plane_map(self) -> Complex:
+        return as_complex(self.mesh.in_own_unit(self.uv))
+
+    def moved_to(self, f: Complex, phase: Phases, known: float = 0.0) -> FreeMap:
+        """Return the map f (n,) of this surface, repaired, certified and judged; see `judge`."""
+        mesh = self.mesh
+        with phase("repair"):
+            f, certificate = _set_apart(mesh, f)
+            f, repair = repair_locally(mesh, f, len(mesh.F) if len(certificate.flipped) else 0)
+        fields = _judged(mesh, f, certify_outline(mesh, coordinates(f)), repair, phase, known)
+        return replace(self, **{**fields, "uv": mesh.in_given_unit(fields["uv"])})
 
     def _steps(self) -> list[tuple[str, str]]:
         return [
+            *self._kept_pairs(),
             ("boundary", f"{self.boundary}, {self.laplacian} Laplacian"),
             ("area", f"{self.area_ratio:.4g} times that of the surface"),
             *super()._steps(),
         ]
+
+    def _details(self) -> dict[str, Any]:
+        return {**self._kept_details(), **super()._details()}
 
 
 @takes_meshes
@@ -118,6 +138,7 @@ def free_map(
     refine: int | None = None,
     refine_norm: float = 1.5,
     refine_seconds: float = np.inf,
+    keep: float | str = "angles",
     solver: SolverName | None = None,
     progress: Progress | None = None,
 ) -> FreeMap:
@@ -147,6 +168,10 @@ def free_map(
         Steps of refinement, as in `disk_map`, the outline free. None is as needed: up to five of
         an outline that was eased. Not together with `boundary_scale` or `corners`, which it would
         not keep.
+    keep : {"angles", "lengths", "areas"}, float or str
+        What the map is to keep as well as it can, as in `disk_map`, the outline and the size free:
+        lengths are in the unit of V. The outline does not come to overlap itself. Not together with
+        `refine`, `boundary_scale` or `corners`.
 
     Returns
     -------
@@ -183,8 +208,9 @@ def free_map(
         refine_norm=refine_norm,
         refine_seconds=refine_seconds,
         solver=solver,
+        keep=keep,
     )
-    check_boundary(boundary_scale, corners, refine)
+    check_boundary(boundary_scale, corners, options)
     phase = Phases(progress, refine or 0, skipped=OF_THE_DISK)
     with using(solver):
         surface = factored_surface(V, F, options, phase)
@@ -206,7 +232,7 @@ def free_map_of(
     is_own = asked.name == OWN
     best = _best_map(surface, asked, options, phase)
     steps = steps_of(best, options) if is_own else 0
-    if options.refine is None and best.boundary != asked.name:
+    if options.refine is None and best.boundary != asked.name and not options.kept:
         steps = max(steps, EASING)
     if steps:
         plain, order = best, _order_of_all(surface)
@@ -220,6 +246,15 @@ def free_map_of(
         f = as_complex(plain.uv)
         best = refined(plain, f, Outline(), order, steps, finished, options, phase)
     best = replace(best, uv=mesh.in_given_unit(best.uv))
+    if options.kept and best.valid:
+        if not keep_factor:
+            surface.release()
+
+        def placed(f: Complex) -> Complex:
+            f = f - np.average(f, weights=mesh.vertex_areas)
+            return rotate(mesh, f, options.align, on_circle=False)
+
+        best = best.keeping(options.kept, placed, phase)
     remedy = "give other lengths or angles of the boundary"
     if is_own:
         remedy = "cut the surface where it is long or branches (cdcp_igl.cut)"
@@ -229,13 +264,17 @@ def free_map_of(
 
 
 def check_boundary(
-    boundary_scale: ArrayLike | None, corners: Mapping[int, float] | None, refine: int | None
+    boundary_scale: ArrayLike | None, corners: Mapping[int, float] | None, options: Options
 ) -> None:
     """Check what is asked of the boundary, as far as that takes no mesh; ValueError."""
     if boundary_scale is not None and corners is not None:
         raise ValueError("of boundary_scale and corners only one is possible")
-    if refine and (boundary_scale is not None or corners is not None):
-        raise ValueError("refine moves the boundary: leave it out, or boundary_scale and corners")
+    if boundary_scale is not None or corners is not None:
+        for moves in ("refine", *["keep"] * bool(options.kept)):
+            if getattr(options, moves):
+                raise ValueError(
+                    f"{moves} moves the boundary: leave it out, or boundary_scale and corners"
+                )
     if boundary_scale is not None and np.ndim(boundary_scale) != 1:
         raise ValueError(f"boundary_scale must have a number a vertex, not be {boundary_scale!r}")
     if corners is None:
@@ -379,19 +418,29 @@ def _finished(
             most = MANY * len(mesh.F) if certificate.simple else 0
             f, repair = repair_locally(mesh, f, most)
             certificate = certify_outline(mesh, coordinates(f))
+    return FreeMap(
+        **_judged(mesh, f, certificate, repair, phase, known),
+        boundary=boundary,
+        laplacian=laplacian,
+        solver=surface.solver,
+    )
+
+
+def _judged(
+    mesh: Mesh,
+    f: Complex,
+    certificate: OutlineCertificate,
+    repair: Repair,
+    phase: Phases,
+    known: float = 0.0,
+) -> dict[str, Any]:
+    """Measure and judge a map (n,): fields of a FreeMap in the unit of ``mesh.V``."""
     with phase("certificate"):
         fields = fields_of(mesh, f, map_distortion(mesh, f), certificate, repair, known=known)
         outline = f[mesh.loop]
         area = (outline.conj() * np.roll(outline, -1)).imag.sum() / 2
-    return FreeMap(
-        **fields,
-        uv=coordinates(f),
-        area_ratio=float(area / mesh.vertex_areas.sum()),
-        boundary=boundary,
-        laplacian=laplacian,
-        solver=surface.solver,
-        timings=phase.seconds,
-    )
+    ratio = float(area / mesh.vertex_areas.sum())
+    return {**fields, "uv": coordinates(f), "area_ratio": ratio, "timings": phase.seconds}
 
 
 def _set_apart(mesh: Mesh, f: Complex) -> tuple[Complex, OutlineCertificate]:

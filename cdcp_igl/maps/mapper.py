@@ -90,6 +90,7 @@ class DiskMapper:
         refine: int | None = None,
         refine_norm: float = 1.5,
         refine_seconds: float = np.inf,
+        keep: float | str = "angles",
         preset: Literal["paper"] | None = None,
         progress: Progress | None = None,
     ) -> DiskMap:
@@ -97,7 +98,7 @@ class DiskMapper:
 
         Parameters
         ----------
-        center, mobius, align, refine, refine_norm, refine_seconds, preset, progress
+        center, mobius, align, refine, refine_norm, refine_seconds, keep, preset, progress
             As in `disk_map`.
 
         Returns
@@ -110,7 +111,9 @@ class DiskMapper:
         SolverError, MapError, ValueError
             As `disk_map`.
         """
-        options = Options(center, mobius, align, refine, refine_norm, refine_seconds, preset)
+        options = Options(
+            center, mobius, align, refine, refine_norm, refine_seconds, preset, keep=keep
+        )
         options.check_rows(len(self.mesh.F), self.mesh.loop)
         known = options.first_steps in self._known
         phase = Phases(progress, refine or 0, BEFORE + HARMONIC * known)
@@ -126,13 +129,15 @@ class DiskMapper:
         refine: int | None = None,
         refine_norm: float = 1.5,
         refine_seconds: float = np.inf,
+        keep: float | str = "angles",
         progress: Progress | None = None,
     ) -> FreeMap:
         """Map the surface with a free outline; the same map as `free_map` with these options.
 
         Parameters
         ----------
-        boundary_scale, corners, align, refine, refine_norm, refine_seconds, progress
+        boundary_scale, corners, align, refine, refine_norm, refine_seconds, keep,
+        progress
             As in `free_map`.
 
         Returns
@@ -145,9 +150,13 @@ class DiskMapper:
             As `free_map`.
         """
         options = Options(
-            align=align, refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds
+            align=align,
+            refine=refine,
+            refine_norm=refine_norm,
+            refine_seconds=refine_seconds,
+            keep=keep,
         )
-        check_boundary(boundary_scale, corners, refine)
+        check_boundary(boundary_scale, corners, options)
         options.check_rows(len(self.mesh.F), self.mesh.loop)
         phase = Phases(progress, refine or 0, (*BEFORE, *OF_THE_DISK))
         with using(self._solver):

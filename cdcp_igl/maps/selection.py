@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from ..arrays import Complex, coordinates
+from ..arrays import Complex
 from ..options import Options
 from ..phases import Phases
 from ..refine.balance import lower_shear
@@ -17,15 +17,12 @@ from ..rescue.boundary import FALLBACKS, STARTS, BoundaryMethod, by_inscribed_an
 from ..rescue.collapsed_faces import open_collapsed_faces
 from ..rescue.harmonic_map import HarmonicMap, Provenance
 from ..rescue.repair import MANY, Repair, embedding, repair_locally
-from ..result.disk_map import DiskMap
-from ..result.making import fields_of
+from ..result.disk_map import DiskMap, judged
 from ..solve.factored import FactoredSurface, extended_again, harmonic_extension
 from ..steps.center import Center
 from ..steps.circle import Rejected
 from ..steps.mobius import MobiusMethod, Normalization, composed, normalize, rotate
 from ..surface.mesh import Mesh
-from ..verdict.certificate import certify_disk
-from ..verdict.distortion import map_distortion
 
 log = logging.getLogger("cdcp_igl")
 
@@ -150,7 +147,7 @@ def embedded(
             f[mesh.loop] = boundary(surface, center.face)
         with phase("repair"):
             f, w = embedding(mesh, f, on_disk=True)
-            f = lower_shear(mesh, f, surface.rows, surface.analysis)
+            f = lower_shear(mesh, f)
         method = BoundaryMethod(name, laplacian="mean value")
         done = Provenance(center=center, boundary=method)
         yield _normalized(HarmonicMap(surface, f, done, w), options, phase)
@@ -210,20 +207,4 @@ def _finished(
         log.info("%s", repair)
     boundary = replace(harmonic.done.boundary, n_opened=n_opened)
     done = replace(harmonic.done, boundary=boundary, mobius=mobius, repair=repair)
-    return judged(harmonic.surface, f, done, phase)
-
-
-def judged(
-    surface: FactoredSurface, f: Complex, done: Provenance, phase: Phases, known: float = 0.0
-) -> DiskMap:
-    """Certify a map (n,), measure it, and judge it; for `known` see `judge`."""
-    mesh = surface.mesh
-    with phase("certificate"):
-        degrees, certificate = map_distortion(mesh, f), certify_disk(mesh, f)
-        fields = fields_of(mesh, f, degrees, certificate, done.repair, known=known)
-    return DiskMap(
-        **(vars(done) | fields),
-        uv=coordinates(f),
-        solver=surface.solver,
-        timings=phase.seconds,
-    )
+    return judged(mesh, f, done, harmonic.surface.solver, phase)

@@ -369,8 +369,7 @@ def _embedded(mesh: SphereMesh, pole: int) -> Floats:
     Returns a map onto the sphere (n, 3); some faces may be flipped where double precision does.
     """
     disk, rows, f = without_pole(mesh, pole)
-    surface = FactoredSurface.of(disk)
-    f = lower_shear(disk, f, surface.rows, surface.analysis)
+    f = lower_shear(disk, f)
     moved = mobius_transformation(f, conformal_barycenter(f, mesh.vertex_areas[rows]))
     even = len(flipped_faces(moved, disk.F)[0]) == 0
     return over_hemispheres(mesh, pole, rows, moved if even else f)

@@ -35,8 +35,10 @@ from operator import length_hint
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from ..arrays import Complex, Floats, Ints
-from ..solve.cholesky import Cholesky
+from ..arrays import Bools, Complex, Floats, Ints
+from ..solve.laplacian import Laplacian
+from ..solve.ordering import elimination_order
+from ..solve.solvers import solver
 from ..surface.mesh import Mesh
 from ..surface.triangles import blocks, face_areas
 from ..verdict.distortion import wirtinger_derivative
@@ -57,6 +59,7 @@ SHARE, SHARE_OF_SLIDING = 0.9, 0.5  # of the way to the first flip; where the bo
 # A face with all corners on the circle has the shape that this gives it, and counts little.
 INSCRIBED = 0.01
 ISOMETRIC = 1e-20  # of the energy: rounding
+HALF = 0.5  # where shape and size count alike
 
 PLANE = Outline()
 
@@ -98,7 +101,18 @@ class Energy:
     @property
     def softened(self) -> Energy:
         """The energy that goes first."""
-        return replace(self, t=np.minimum(self.t, 0.5), k=SOFT * self.k)
+        return replace(self, t=np.minimum(self.t, HALF), k=SOFT * self.k)
+
+    def joined(self, other: Energy, share: float) -> Energy:
+        """Return the energy of these faces and of others, which together have this weight."""
+        arrays = {name: [x, vars(other)[name]] for name, x in vars(self).items()}
+        arrays["weight"][1] = np.full(len(other.F), share / len(other.F))
+        return Energy(
+            **{
+                name: np.concatenate(both, axis=-1 if name == "derivative" else 0)
+                for name, both in arrays.items()
+            }
+        )
 
     def value(self, f: Complex) -> float:
         """Sum up the energy of a map (n,) without flipped faces."""
@@ -207,21 +221,10 @@ class Quadratic:
         return self._back(to_a, c * a.real + y * p.real + 1j * (C * a.imag + Y * p.imag))
 
 
-@dataclass(frozen=True)
-class Descent:
-    """How a map came by what it keeps: steps, factors, energy at the end.
-
-    It is `done` if a step gained too little, rather than that there were no more.
-    """
-
-    steps: int
-    factors: int
-    value: float
-    done: bool
-
-
 class Newton:
-    """Newton's method on an energy: a map, what moves of it, and what preconditions it.
+    """Newton's method: a map f (n,) of a mesh, what moves of it, and what preconditions it.
+
+    Vertices that are `held` (n,) stay; those of the boundary of a disk slide.
 
     Attributes
     ----------
@@ -234,17 +237,13 @@ class Newton:
     """
 
     def __init__(
-        self,
-        mesh: Mesh,
-        f: Complex,
-        order: Ints,
-        target: Target = PLANE,
-        *,
-        analysis: Cholesky | None = None,
-        held: Ints | None = None,
+        self, mesh: Mesh, f: Complex, target: Target = PLANE, held: Bools | None = None
     ) -> None:
         self._mesh, self._target, self._held = mesh, target, held
-        self._laplacian = WeightedLaplacian(mesh, order, analysis)
+        free = np.ones(len(f), dtype=bool) if held is None else ~held
+        if isinstance(target, Disk):
+            free &= ~mesh.on_boundary
+        self._laplacian = WeightedLaplacian(mesh, order_of(mesh, free))
         self._share = SHARE_OF_SLIDING if isinstance(target, Disk) else SHARE
         self.f, self.steps, self.factors, self.done = f, 0, 0, False
 
@@ -350,40 +349,41 @@ def resized(energy: Energy, f: Complex) -> Complex:
     return f * (shrink / grow) ** 0.25
 
 
+def order_of(mesh: Mesh, free: Bools) -> Ints:
+    """Find an order of the free vertices (n,) in which a factor of their Laplacian stays sparse."""
+    pattern = Laplacian.of(mesh.edges.low, mesh.edges.high, np.ones(len(mesh.edges.low)), len(free))
+    rows, ordering, _ = elimination_order(pattern, mesh.V, free, solver())
+    if ordering == "amd":
+        rows = rows[solver().fill_reducing_order(pattern.block(rows))]
+    return rows.astype(np.int64)
+
+
 def balanced(
     mesh: Mesh,
     f: Complex,
-    order: Ints,
     t: float,
     target: Target = PLANE,
     *,
     k: float = 1.0,
-    analysis: Cholesky | None = None,
     near: bool = False,
-    steps: int = STEPS,
-) -> tuple[Complex, Descent]:
+    held: Bools | None = None,
+) -> Newton:
     """Let a map f (n,) without flipped faces keep t; no face flips on the way.
 
-    A conformal map is to have any size; one of a `near` t is gone on from as it is.
-    `order` and `analysis` are as of `lower_angle_distortion`. Where the steps do not end of
+    It may have any size; one of a `near` t is gone on from as it is. Where the steps do not end of
     themselves, they go on from t = 1/2, and the lower map is taken.
     """
-    energy = Energy.of(mesh, t, k, target)
-    if not near and not isinstance(target, Disk):
-        f = resized(energy, f)
-    newton = Newton(mesh, f, order, target, analysis=analysis)
-    value = newton.lower(energy, soft=not near, steps=steps)
-    if not (near or newton.done or t == 0.5):
+    energy, newton = Energy.of(mesh, t, k, target), Newton(mesh, f, target, held)
+    value = newton.lower(energy, soft=not near)
+    if not (near or newton.done or t == HALF):
         best, newton.f = newton.f, f
-        newton.lower(Energy.of(mesh, 0.5, k, target), steps=steps)
-        other = newton.descend(energy, steps)
-        if other < value:
-            best, value = newton.f, other
-        newton.f = best
-    return newton.f, Descent(newton.steps, newton.factors, value, newton.done)
+        newton.lower(Energy.of(mesh, HALF, k, target))
+        if newton.descend(energy) >= value:
+            newton.f = best
+    return newton
 
 
-def lower_shear(mesh: Mesh, f: Complex, order: Ints, analysis: Cholesky | None = None) -> Complex:
+def lower_shear(mesh: Mesh, f: Complex) -> Complex:
     """Take an embedding (n,) on the disk, however bad, to where refinement can go on.
 
     That is t = 0, softly: to second order the sum of s^2, the squared hyperbolic distances of the
@@ -395,6 +395,6 @@ def lower_shear(mesh: Mesh, f: Complex, order: Ints, analysis: Cholesky | None =
     energy = Energy.of(mesh, 0.0, target=DISK)
     weight = np.full(len(mesh.F), 1 / len(mesh.F))
     weight[mesh.inscribed] *= INSCRIBED
-    newton = Newton(mesh, f, order, DISK, analysis=analysis)
+    newton = Newton(mesh, f, DISK)
     newton.descend(replace(energy, weight=weight).softened, FIRST_STEPS, far=True)
     return newton.f

@@ -9,20 +9,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Ints, as_complex, coordinates
+from ..arrays import Complex, Floats, Ints, as_complex, coordinates
 from ..cached import cached_property
 from ..errors import MapError
+from ..phases import Phases
 from ..plot.layout import Layout
-from ..refine.refinement import Refinement
+from ..refine.refinement import DISK, Refinement
 from ..rescue.collapsed_faces import open_collapsed_faces
-from ..rescue.harmonic_map import Provenance
+from ..rescue.harmonic_map import Provenance, provenance
 from ..rescue.repair import repair_locally
+from ..surface.mesh import Mesh
 from ..verdict.certificate import BOUNDARY_TOLERANCE, Certificate, certify_disk
-from ..verdict.distortion import AngleDistortion
+from ..verdict.distortion import AngleDistortion, map_distortion
 from .base import how_made
 from .bijection import Bijection, DiskBijection
+from .keeping import KeepingMap
 from .landmarks import landmark_automorphism
-from .making import MadeMap
+from .making import fields_of
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -76,7 +79,7 @@ class OntoDisk(Bijection, Provenance):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class DiskMap(OntoDisk, DiskBijection, MadeMap):
+class DiskMap(OntoDisk, DiskBijection, KeepingMap):
     """A disk conformal map. Printing it gives a summary.
 
     Attributes
@@ -95,8 +98,10 @@ class DiskMap(OntoDisk, DiskBijection, MadeMap):
         none, or no others.
     solver : str
         Sparse solver, version and ordering.
+    kept : Kept or None
+        What the map keeps rather than angles, and how well; None if nothing else was asked for.
     center, boundary, straightening, mobius, repair, refinement
-        What was done, as in `Provenance`.
+        What was done, as in `Provenance`; of a map that keeps lengths or areas, before that.
 
     Examples
     --------
@@ -114,6 +119,8 @@ class DiskMap(OntoDisk, DiskBijection, MadeMap):
         if not 0 < len(inscribed) < len(self.mesh.F):
             return self.distortion
         return AngleDistortion.of(np.delete(self._degrees(), inscribed, axis=0))
+
+    _target = DISK
 
     @property
     def _embedded(self) -> bool:
@@ -182,8 +189,42 @@ class DiskMap(OntoDisk, DiskBijection, MadeMap):
             )
         return uv
 
+    def _plane_map(self) -> Complex:
+        return as_complex(self.uv)
+
+    def _steps(self) -> list[tuple[str, str]]:
+        return [*self._kept_pairs(), *super()._steps()]
+
+    def _details(self) -> dict[str, Any]:
+        return {**self._kept_details(), **super()._details()}
+
+    def moved_to(self, f: Complex, phase: Phases, known: float = 0.0) -> DiskMap:
+        """Return the map f (n,) of this surface, repaired, certified and judged; see `judge`."""
+        mesh = self.mesh
+        with phase("repair"):
+            f, _ = open_collapsed_faces(mesh, f)
+            f, repair = repair_locally(mesh, f)
+        moved = max(self.repair.n_moved, repair.n_moved)
+        done = provenance(self, repair=replace(self.repair, n_moved=moved))
+        return judged(mesh, f, done, self.solver, phase, known)
+
     def _surface(self) -> tuple[Floats, Ints]:
         return self.mesh.positions, self.mesh.F
 
     def _layout(self) -> Layout:
-        return self._drawn(self.mesh.V, self.mesh.F, self.uv)
+        return self._drawn(self.mesh.V, self.mesh.F, self.uv, *map(str, filter(None, [self.kept])))
+
+
+def judged(
+    mesh: Mesh, f: Complex, done: Provenance, solver: str, phase: Phases, known: float = 0.0
+) -> DiskMap:
+    """Certify a map (n,), measure it, and judge it; for `known` see `judge`."""
+    with phase("certificate"):
+        degrees, certificate = map_distortion(mesh, f), certify_disk(mesh, f)
+        fields = fields_of(mesh, f, degrees, certificate, done.repair, known=known)
+    return DiskMap(
+        **(vars(done) | fields),
+        uv=coordinates(f),
+        solver=solver,
+        timings=phase.seconds,
+    )

@@ -188,7 +188,7 @@ def best_of(
 
 def steps_of(plain: MadeMap, options: Options, *, due: bool = True) -> int:
     """Count the steps of refinement of a map: as many as are asked for, or are due."""
-    if not plain.valid or options.refine == 0:
+    if not plain.valid or options.refine == 0 or options.kept:
         return 0
     return max(options.refine or 0, plain.steps_due if due else 0)
 

@@ -95,6 +95,10 @@ class Mesh:
         """Take lengths in the unit of `V` to that in which the vertices were given, exactly."""
         return np.ldexp(lengths, self._exponent)
 
+    def in_own_unit(self, lengths: Floats) -> Floats:
+        """Take lengths in the unit in which the vertices were given to that of `V`, exactly."""
+        return np.ldexp(lengths, -self._exponent)
+
     @cached_property
     def edges(self) -> Edges:
         """Its undirected edges, read-only."""

@@ -49,6 +49,9 @@ class Conformality:
     wanted : float
         The share of the mean angle error that would be left if the map were conformal: 1 if
         it is, or if other errors keep it from being so.
+    asked : bool
+        Whether a conformal map was asked for. Of one that is to keep lengths or areas nothing is
+        said here, and nothing objected to.
 
     Examples
     --------
@@ -65,6 +68,7 @@ class Conformality:
     excess: float = 1.0
     stretch: float = 1.0
     wanted: float = 1.0
+    asked: bool = True
 
     @property
     def is_doubtful(self) -> bool:
@@ -81,19 +85,20 @@ class Conformality:
     def report(self) -> dict[str, Any]:
         """Return what a user asks for, as JSON types."""
         return {
-            "conformal": bool(self),
+            "conformal": bool(self) if self.asked else None,
             "not_conformal_because": list(self.reasons),
             "remedies": list(self.remedies),
         }
 
     def __str__(self) -> str:
         if self:
-            return "yes"
+            return "yes" if self.asked else "not asked for"
         remedies = "; ".join(self.remedies)
         return f"NO: {'; '.join(self.reasons)}" + (f". To lower it, {remedies}" if remedies else "")
 
 
 NOT_VALID = Conformality(True, ("it is not valid",))
+NOT_ASKED = Conformality(False, asked=False)
 
 
 def judge(
