@@ -81,6 +81,17 @@ def read_values(path: str | PathLike[str], n: int | None = None) -> Values:
         If it has values for another number of vertices than `n`.
     ImportError
         If nibabel is not installed.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from nibabel.freesurfer import write_morph_data
+    >>> from cdcp_igl.io import read_values
+    >>> with TemporaryDirectory() as folder:
+    ...     write_morph_data(Path(folder, "lh.sulc"), [0.5, -1, 2])
+    ...     read_values(Path(folder, "lh.sulc"), n=3).values
+    array([ 0.5, -1. ,  2. ])
     """
     with file_to_read(Path(path)) as file:
         found = values_of(file, n)
@@ -92,7 +103,7 @@ def read_values(path: str | PathLike[str], n: int | None = None) -> Values:
 
 
 def read_vertices(given: str, n: int, surface: str | PathLike[str]) -> Bools:
-    """Read which vertices of a surface a file names.
+    r"""Read which vertices of a surface a file names.
 
     Parameters
     ----------
@@ -120,6 +131,17 @@ def read_vertices(given: str, n: int, surface: str | PathLike[str]) -> Bools:
         If it is that of another surface, has no such label, or the hemisphere is not known.
     ImportError
         If nibabel is not installed.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from cdcp_igl.io import read_vertices
+    >>> with TemporaryDirectory() as folder:
+    ...     lines = "#!ascii label", "2", "0  0 0 0 0", "3  0 0 0 0"
+    ...     _ = Path(folder, "lh.cortex.label").write_text("\n".join(lines))
+    ...     read_vertices("{hemi}.cortex.label", 4, Path(folder, "lh.pial"))
+    array([ True, False, False,  True])
     """
     beside = Path(surface)
     if "{hemi}" in given:
