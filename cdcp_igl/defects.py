@@ -12,6 +12,8 @@ from typing import NamedTuple
 # What the remedies call: functions for who has arrays, commands for who has files.
 CALLS = {
     "clean": ("cdcp_igl.clean", "cdcp-igl map --clean"),
+    "close": ("cdcp_igl.clean with close=True", "cdcp-igl map --sphere --clean"),
+    "sew": ("cdcp_igl.clean with fill=False", "cdcp-igl map --annulus --clean"),
     "cut": ("cdcp_igl.cut", "cdcp-igl map --cut"),
     "with_path": ("with cdcp_igl.cut(V, F, path)", "in a program for meshes"),
     "surface_map": ("cdcp_igl.surface_map", "cdcp-igl map --cut"),
@@ -95,6 +97,14 @@ DEFECTS = {
         "Restore the coordinates.",
         subject=("vertex has", "vertices have"),
         kind="vertices",
+    ),
+    "points without data": Row(
+        "at {place}, far from all others: points that were not measured, as it seems",
+        "Make their coordinates NaN; {clean} drops them with their faces, and {surface_map} leaves "
+        "these out.",
+        subject=("vertex lies", "vertices lie"),
+        kind="vertices",
+        by=(CLEAN, CUT),
     ),
     "shape of V, transposed": Row(
         "V has shape {shape}", "Its columns are vertices: transpose it, V.T, and F if it is alike."
@@ -210,8 +220,8 @@ DEFECTS = {
     ),
     "boundary": Row(
         "The boundary loops of the surface are {loops:,}, a sphere has none",
-        "{clean} merges vertices that are there twice, as at seams, and fills holes; {disk_map} "
-        "maps a surface with one loop, {annulus_map} with two or more.",
+        "{close} merges vertices that are there twice, as at seams, and fills all loops; "
+        "{disk_map} maps a surface with one loop, {annulus_map} with two or more.",
     ),
     "several boundary loops": Row(
         "{loops:,} boundary loops, the outer one with {outer:,} vertices",
@@ -220,7 +230,8 @@ DEFECTS = {
         by=(CLEAN, CUT),
     ),
     "one boundary loop": Row(
-        "The surface has one boundary loop, an annulus has two", "{disk_map} maps it."
+        "The surface has one boundary loop, an annulus has two",
+        "{disk_map} maps it; {sew} sews a seam that makes a tube a strip.",
     ),
     "face on the inner circle": Row(
         "all three corners on the loop that would be the inner circle, where it would be flipped",

@@ -127,7 +127,7 @@ def test_on_the_command_line_and_what_is_refused(tmp_path):
     done = invoke("map", "--annulus", "--refine", 3, source, tmp_path / "ring.glb", *views)
     assert "annulus map of 60 vertices: valid" in done.stdout
     assert "angle errors in the 1.5-norm" in done.stdout
-    for wrong in ("--clean", "--sphere"):
+    for wrong in ("--free", "--sphere"):
         assert invoke("map", "--annulus", wrong, source, tmp_path / "x.obj").exit_code == 2
     result = cdcp_igl.annulus_map(V, F)
     assert result.report()["modulus"] == result.modulus

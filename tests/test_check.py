@@ -79,6 +79,7 @@ def raised_outside_of_check(folder):
     yield lambda: cdcp_igl.angle_distortion(V, F, np.full((len(V), 2), np.nan))
     yield lambda: DiskMesh(V, F).moved(V[:-1])
     yield lambda: cdcp_igl.sphere_map(V, F)
+    yield lambda: cdcp_igl.cdcp(np.where(V[:, :1] > 3, 0, V + 99), F)
     yield lambda: cdcp_igl.annulus_map(V, F)
     yield lambda: cdcp_igl.annulus_map(*meshes.ear_at_a_hole()[:2])
     yield lambda: cdcp_igl.disk_map(*torus())

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Bools, Floats, Ints, distinct_rows, marked
+from ..arrays import Bools, Floats, Ints, distinct_rows, marked, size_exponent
 from ..errors import Defect, MeshError, counted
+from ..surface.checking import near_pairs
 from ..surface.sheets import fans_of_sheets
 from ..surface.topology import Topology, duplicate_faces, sewn
 from ..surface.triangles import corner_cotangents, degenerate_faces
-from ..surface.validation import checked_vertices, repeated_corners
+from ..surface.validation import checked_vertices, repeated_corners, without_data
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +29,7 @@ class Sheets:
     flipped: Ints  # the rows of this F whose corners are reversed
     given: Ints  # (m, 3) the given F, with equal vertices merged
     changes: tuple[str, ...]  # what was done, a sentence each
+    near: tuple[int, float]  # pairs of vertices that nearly coincide, see `check`
 
 
 def oriented_sheets(
@@ -40,8 +42,16 @@ def oriented_sheets(
     """
     positions = used_positions(V, F)
     polygon = polygon_numbers(polygon_of_face, len(F))
-    F, n_merged = sewn(positions, F) if merge else (F, 0)
-    rows, changes = _proper_faces(positions, F)
+    missing, place = without_data(V, F)
+    measured = np.flatnonzero(~np.isin(F, missing).any(axis=1))
+    given = F.copy()
+    given[measured], n_merged = sewn(positions, F[measured]) if merge else (F[measured], 0)
+    F = given
+    near = near_pairs(positions, Topology(F[measured], len(V)).edges, size_exponent(V))
+    rows, changes = _proper_faces(positions, F, measured)
+    if len(measured) < len(F):
+        left_out = counted(len(F) - len(measured), "face", "faces")
+        changes.insert(0, f"left out {left_out} at points without data, at {place}")
     if n_merged:
         merged = f"merged {counted(n_merged, 'vertex', 'vertices')} with an equal one"
         changes.insert(0, merged)
@@ -55,7 +65,7 @@ def oriented_sheets(
         changes.append(f"reversed {counted(len(flipped), 'face', 'faces')}")
     for corners in (faces, vertices):
         corners[flipped] = corners[flipped, ::-1]
-    return Sheets(positions, faces, vertices, polygon, rows, flipped, F, tuple(changes))
+    return Sheets(positions, faces, vertices, polygon, rows, flipped, F, tuple(changes), near)
 
 
 def polygon_numbers(polygon_of_face: ArrayLike | None, m: int) -> Ints:
@@ -76,9 +86,9 @@ def used_positions(V: NDArray[Any], F: Ints) -> Floats:
     return checked_vertices(np.where(marked(len(V), F)[:, None], V, 0))
 
 
-def _proper_faces(V: Floats, F: Ints) -> tuple[Ints, list[str]]:
-    """Find the faces that have an area and repeat no other; say which were left out."""
-    kept, changes = np.arange(len(F)), []
+def _proper_faces(V: Floats, F: Ints, kept: Ints) -> tuple[Ints, list[str]]:
+    """Find those of some faces that have an area and repeat no other; say which were left out."""
+    changes = list[str]()
     for find, why in (
         (repeated_corners, "with a repeated corner"),
         (duplicate_faces, "that repeated another"),

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Bools, Complex, Floats, Indices, Ints, as_complex
 from ..cached import cached_property
 from ..docstrings import like
-from ..errors import MapError
+from ..errors import MapError, MeshError, counted
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
@@ -30,12 +30,17 @@ from ..solve.solvers import SolverName, using
 from ..steps.dipole import dipole_map
 from ..steps.mobius import conformal_barycenter, mobius_transformation
 from ..steps.stereographic import moved_to_center, rotation, spherical_barycenter
+from ..surface.filling import fill_hole
 from ..surface.location import SphereFinder
 from ..surface.mesh import SphereMesh
-from ..surface.triangles import flipped_faces, oriented_areas
+from ..surface.topology import Topology
+from ..surface.triangles import face_areas, flipped_faces, oriented_areas
+from ..surface.validation import checked_surface
 from ..verdict.certificate import SphereCertificate, certify_sphere
 from ..verdict.distortion import area_distortion, sphere_angle_errors
 from .disk import disk_map
+
+HOLES = 0.05  # of the area of the surface: more is no hole
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,7 +56,9 @@ class SphereMap(MadeMap):
         A chart for pictures and textures: the corners of each face on one of two hemispheres,
         upper and lower, in stereographic projection side by side: around (-1, 0) and (1, 0).
     mesh : SphereMesh
-        The surface.
+        The surface; faces that fill holes come last.
+    filled : int
+        Holes that were filled for the time of the map; those faces are not in the results.
     certificate : SphereCertificate
         What was verified about `points`.
     distortion : AngleDistortion
@@ -83,10 +90,12 @@ class SphereMap(MadeMap):
     pole: int
     mobius: str
     laplacian: str
+    filled: int = 0
+    _n_faces: int | None = None
 
     _kind = "sphere"
     _plane = "Sphere"
-    _reported = ("pole",)
+    _reported = ("pole", "filled")
     _columns = 3
 
     def _made(self) -> dict[str, Any]:
@@ -99,7 +108,7 @@ class SphereMap(MadeMap):
     @cached_property
     def uv(self) -> Floats:  # type: ignore[override]
         """(m, 3, 2) the chart of two hemispheres."""
-        corners, side = self.points[self.mesh.F], np.where(self._upper, 1, -1)[:, None]
+        corners, side = self.points[self._faces], np.where(self._upper, 1, -1)[:, None]
         scale = 1 + side * corners[..., 2]
         x, y = corners[..., 0] / scale, side * corners[..., 1] / scale
         return np.stack([x - side, y], axis=2)
@@ -107,7 +116,11 @@ class SphereMap(MadeMap):
     @cached_property
     def _upper(self) -> Bools:
         """(m,) faces turned upwards: the pole below is outside of their circles on the sphere."""
-        return oriented_areas(as_complex(self.points[:, :2]), self.mesh.F)[0] > 0
+        return oriented_areas(as_complex(self.points[:, :2]), self._faces)[0] > 0
+
+    @property
+    def _faces(self) -> Ints:
+        return self.mesh.F[: self._n_faces]
 
     def packed(self) -> Floats:
         """Return the chart `uv` scaled into the unit square, (m, 3, 2): texture coordinates."""
@@ -182,7 +195,7 @@ class SphereMap(MadeMap):
         (m,) float64
             Of each face; the area is that of the straight triangle with its corners on the sphere.
         """
-        return area_distortion(self.mesh.V, self.mesh.F, self.points)
+        return area_distortion(self.mesh.V, self._faces, self.points)
 
     @property
     def _images(self) -> Floats:
@@ -207,15 +220,20 @@ class SphereMap(MadeMap):
             ("dipole", f"at vertex {self.pole:,}"),
             ("Laplacian", self.laplacian),
             ("Möbius", "centre of mass at 0" if self.mobius == "area" else "none"),
+            *(
+                [("change", f"filled {counted(self.filled, 'hole', 'holes')}")]
+                if self.filled
+                else []
+            ),
             *super()._steps(),
         ]
 
     def _surface(self) -> tuple[Floats, Ints]:
-        return self.mesh.positions, self.mesh.F
+        return self.mesh.positions, self._faces
 
     def _layout(self) -> Layout:
         # A vertex comes twice where its faces are on both hemispheres.
-        name, corner = np.unique(2 * self.mesh.F + self._upper[:, None], return_inverse=True)
+        name, corner = np.unique(2 * self._faces + self._upper[:, None], return_inverse=True)
         uv = np.empty((len(name), 2))
         F = corner.reshape(-1, 3)
         uv[F] = self.uv / self._reach
@@ -240,6 +258,8 @@ def sphere_map(
 ) -> SphereMap:
     """Map a closed triangulated surface of genus 0 conformally onto the unit sphere.
 
+    Holes are filled for the time of the map, if that takes less than 5 % of the area.
+
     Eq. (18) of the paper, which maps the double cover of a disk, on the surface itself: a harmonic
     function with a dipole, then stereographic projection. Here the dipole is spread over the
     neighbours of a vertex such that it has no moments of second order, which makes the map one of
@@ -248,7 +268,7 @@ def sphere_map(
     Parameters
     ----------
     V, F
-        As in `disk_map`, of a closed surface.
+        As in `disk_map`, of a closed surface, but for holes.
     mobius : {"area"} or None
         ``"area"`` puts the centre of mass of the image at 0, masses being areas on the surface:
         the conformal barycentre, which evens out the area, and does not depend on the mesh. None
@@ -267,7 +287,8 @@ def sphere_map(
     Raises
     ------
     MeshError
-        If the surface is not closed, has a handle or several components, or is no mesh.
+        If the surface is not closed but for small holes, has a handle or several components, or is
+        no mesh.
     MapError
         If no map is a bijection; the one of least distortion is its ``result``.
 
@@ -300,16 +321,35 @@ def sphere_map(
     phase = Phases(progress, refine or 0, skipped=("center", "circle", "extension"))
     with using(solver):
         with phase("check"):
-            mesh = SphereMesh(V, F)
+            mesh, n_faces, filled = _closed(V, F)
             if directions and directions[0].max() >= len(mesh.V):
                 raise ValueError(f"align must give directions of vertices in 0..{len(mesh.V) - 1}")
         best = _best_map(mesh, mobius, directions, options, phase)
     remedy = (
         "Parts of it may be too small for double precision: cut the surface (cdcp_igl.surface_map)"
     )
+    best = replace(best, filled=filled, _n_faces=n_faces)
     best = valid_map(best, " onto the sphere", remedy)
     phase.done()
     return best
+
+
+def _closed(V: ArrayLike, F: ArrayLike) -> tuple[SphereMesh, int, int]:
+    """Fill holes whose filling has little area: the sphere, faces that were given, and holes."""
+    try:
+        mesh = SphereMesh(V, F)
+        return mesh, len(mesh.F), 0
+    except MeshError as error:
+        if [defect.name for defect in error.defects] != ["boundary"]:
+            raise
+        positions, faces = checked_surface(V, F)
+        loops = Topology(faces, len(positions)).loops
+        patches = [fill_hole(positions, loop, middle=False) for loop in loops]
+        filling = np.concatenate([patch for patch in patches if patch is not None] or [faces])
+        areas = [face_areas(positions, some).sum() for some in (filling, faces)]
+        if any(patch is None for patch in patches) or areas[0] > HOLES * areas[1]:
+            raise
+        return SphereMesh(V, np.vstack([faces, filling])), len(faces), len(loops)
 
 
 def _directions(align: Mapping[int, ArrayLike]) -> tuple[Ints, Floats]:

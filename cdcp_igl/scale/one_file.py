@@ -41,7 +41,7 @@ MAPS: dict[str, tuple[Callable[..., Result], set[str]]] = {
     "free": (free_map, {"free", "clean"}),
     "surface": (surface_map, {"cut", "disk", "free", "clean"}),
     "sphere": (sphere_map, {"clean"}),
-    "annulus": (annulus_map, set()),  # cleaning would fill its holes
+    "annulus": (annulus_map, {"clean"}),
     "rectangle": (rectangle_map, {"clean"}),
 }
 ONTO = ("sphere", "annulus", "rectangle")
@@ -242,8 +242,9 @@ def map_one(
 
 def _prepared(V: Array, F: Array, settings: Settings, source: Path) -> Cleaned:
     """Take the part that is to be mapped, and clean it if asked to."""
+    loops = {"fill": settings.onto != "annulus", "close": settings.onto == "sphere"}
     if not settings.is_part:
-        return clean(V, F)
+        return clean(V, F, **loops)
     which = {
         name: read_vertices(given, len(V), source)
         for name, given in (("vertices", settings.only), ("without", settings.without))
@@ -252,7 +253,7 @@ def _prepared(V: Array, F: Array, settings: Settings, source: Path) -> Cleaned:
     part = submesh(V, F, **which)
     if not settings.clean:
         return part
-    cleaned = clean(part)
+    cleaned = clean(part, **loops)
     return cleaned._replace(changes=part.changes + cleaned.changes)
 
 

@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Ints
+from ..arrays import Floats, Ints
 from ..defects import CLEAN, CUT, DEFECTS, IN_PYTHON, IN_SHELL
 from ..errors import Defect, counted, spell
 from ..io.given import takes_meshes
 from ..io.polygons import in_polygons
 from ..printing import as_html
-from .topology import sewn
+from .topology import Edges, rim_pairs, sewn
 from .validation import examine
+
+NEAR = 0.01  # of the shortest edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +44,9 @@ class MeshReport:
         sides, once its faces are oriented alike.
     genus : int or None
         Handles of all components; None as for `n_loops`.
+    near : (int, float)
+        Pairs of boundary vertices that lie within a small part of the shortest edge there, but not
+        at one place, and the distance within which all do, in the unit of V: perhaps a seam.
     defects : tuple of Defect
         Everything that keeps the mesh from being a disk; empty for a disk.
 
@@ -65,6 +70,7 @@ class MeshReport:
     n_loops: int | None = None
     genus: int | None = None
     defects: tuple[Defect, ...] = ()
+    near: tuple[int, float] = (0, 0.0)
     _seams: bool = False  # whether vertices are there twice along them
 
     @property
@@ -150,6 +156,8 @@ class MeshReport:
                 }
                 for defect in self.defects
             ],
+            "near_pairs": self.near[0],
+            "near_within": self.near[1],
             "next_step": self.next_step,
         }
 
@@ -196,7 +204,23 @@ class MeshReport:
         else:
             verdict = f"Not a triangulated disk: {self.kind}."
         found = [f"- {d.name}: {d.in_shell if in_shell else d}" for d in self.defects]
+        if self.near[0]:
+            found.append(f"- seam: {hint(*self.near)}")
         return "\n".join([counts, verdict, *found, f"Next: {self._next_step(in_shell)}"])
+
+
+def hint(count: int, within: float) -> str:
+    """Say that vertices may be there twice, and what merges them."""
+    pairs = counted(count, "pair of boundary vertices lies", "pairs of boundary vertices lie")
+    return f"{pairs} within {within:g}: cdcp_igl.clean with within={within:g} sews them."
+
+
+def near_pairs(V: Floats, edges: Edges, exponent: int) -> tuple[int, float]:
+    """How many boundary vertices nearly coincide, and within what distance in the unit given."""
+    _, apart = rim_pairs(V, edges, np.inf, NEAR)
+    if len(apart) == 0:
+        return 0, 0.0
+    return len(apart), float(10 ** np.ceil(np.log10(np.ldexp(apart.max(), exponent))))
 
 
 def _step(in_shell: bool, **what: str) -> str:
@@ -251,5 +275,6 @@ def check(V: ArrayLike, F: ArrayLike, *, polygon_of_face: Ints | None = None) ->
         n_components=surface.components[0],
         n_loops=None if surface.genus is None else len(surface.loops),
         genus=surface.genus,
+        near=near_pairs(found.V, surface.edges, found.exponent),
         _seams=bool(found.defects) and sewn(found.V, surface.F)[1] > 0,
     )

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Bools, Floats, Ints, marked, unit_size
+from ..arrays import Bools, Floats, Ints, marked, size_exponent, unit_size
 from ..errors import Defect, MeshError, counted
 from ..io.given import takes_meshes
 from .checking import check
 from .filling import fill_hole
 from .sheets import fans_of_sheets
-from .topology import Topology, by_reach, duplicate_faces, sewn
+from .topology import ROUNDING, Topology, by_reach, duplicate_faces, rim_pairs, sewn
 from .triangles import corner_cotangents, degenerate_faces
-from .validation import repeated_corners, usable_arrays
+from .validation import repeated_corners, usable_arrays, without_data
 
 
 class Cleaned(NamedTuple):
@@ -62,11 +64,20 @@ class Cleaned(NamedTuple):
 
 
 @takes_meshes
-def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
+def clean(
+    V: ArrayLike,
+    F: ArrayLike,
+    *,
+    within: float = 0.0,
+    fill: bool = True,
+    close: bool = False,
+    flip_ears: bool = False,
+) -> Cleaned:
     """Mend what can be mended without guessing, so that the surface may become a disk.
 
-    In this order: faces at a vertex with a NaN or infinite coordinate are dropped;
-    vertices with equal coordinates merged along seams; faces with a repeated corner, duplicate and
+    In this order: faces at a vertex with a NaN or infinite coordinate are dropped, and those at
+    points that stand for missing data; vertices at one place merged along seams, their
+    coordinates equal but for rounding; faces with a repeated corner, duplicate and
     degenerate faces dropped; vertices where several fans of faces meet split; of the sheets that
     meet in an edge of more than two faces, those that continue each other stay together, so that
     what is closed stays closed; the largest component kept, its
@@ -74,12 +85,20 @@ def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
     than the one that reaches farthest; it is filled by a fan around a new vertex or, where
     that would be flat, without one, and a hole that is a mere line takes a face behind it
     along. A surface that is a disk already comes back as it is, even if vertices coincide,
-    as they do along a cut.
+    as they do along a cut; not if they nearly do, which no cut does.
 
     Parameters
     ----------
     V, F
         As in `disk_map`, whatever surface they are.
+    within : float
+        In the unit of V: merge vertices along seams that lie so near to each other, if that is
+        less than half of the shortest edge there. Those that differ by rounding, 1.5e-11 of the
+        size of the surface, always are.
+    fill : bool
+        False leaves all holes open, as for `annulus_map`.
+    close : bool
+        Fill the loop that reaches farthest, too, so that the surface is closed.
     flip_ears : bool
         Also flip the inner edge of each ear (a face with two boundary edges) that has an
         interior vertex behind it. The corner of an ear cannot move on the circle without
@@ -107,18 +126,22 @@ def clean(V: ArrayLike, F: ArrayLike, *, flip_ears: bool = False) -> Cleaned:
     >>> F = cleaned.F[cleaned.face_index >= 0]
     """
     positions, faces = usable_arrays(V, F)
+    if not within >= 0:
+        raise ValueError(f"within must be 0 or more, not {within!r}")
     surface = _Surface(positions.astype(np.float64), faces)
-    if not check(V, F).is_disk:
-        for mend in (
+    if close or not check(V, F).is_disk or surface.has_seam(within):
+        mends: tuple[Callable[[], None], ...] = (
             surface.drop_non_finite,
-            surface.merge_vertices,
+            surface.drop_missing,
+            partial(surface.merge_vertices, within),
             surface.drop_faces,
             surface.split_vertices,
             surface.keep_largest_component,
             surface.orient,
             surface.drop_unreferenced,
-            surface.fill_holes,
-        ):
+            partial(surface.fill_holes, fill, close),
+        )
+        for mend in mends:
             mend()
             if len(surface.F) == 0:
                 done = f"Cleaning {', '.join(surface.changes)}"
@@ -219,9 +242,22 @@ class _Surface:
         at_bad = np.flatnonzero(np.isin(self.F, bad).any(axis=1))
         self._drop_faces(at_bad, "with a NaN or infinite coordinate")
 
-    def merge_vertices(self) -> None:
-        self.F, n_merged = sewn(self.V, self.F)
+    def drop_missing(self) -> None:
+        missing, place = without_data(self.V, self.F)
+        at_missing = np.flatnonzero(np.isin(self.F, missing).any(axis=1))
+        self._drop_faces(at_missing, f"at points without data, at {place}")
+
+    def has_seam(self, within: float) -> bool:
+        """Whether boundary vertices lie nearly at one place."""
+        return len(rim_pairs(self._scaled(), self._topology().edges, self._near(within))[0]) > 0
+
+    def merge_vertices(self, within: float) -> None:
+        self.F, n_merged = sewn(self._scaled(), self.F, self._near(within))
         self._say(n_merged, "merged {} with an equal one", "vertex", "vertices")
+
+    def _near(self, within: float) -> float:
+        """Scale a distance as positions are, and add what rounding may do."""
+        return max(ROUNDING, float(np.ldexp(within, -size_exponent(self.V[np.isfinite(self.V)]))))
 
     def drop_faces(self) -> None:
         self._drop_faces(repeated_corners(self.F), "with a repeated corner")
@@ -264,11 +300,11 @@ class _Surface:
         self._say(int((~used).sum()), "dropped {} that no face uses", "vertex", "vertices")
         self.V, self.vertex_index = self.V[used], self.vertex_index[used]
 
-    def fill_holes(self) -> None:
+    def fill_holes(self, fill: bool, close: bool) -> None:
         loops = self._topology().loops
-        if len(loops) < 2:
+        if len(loops) < 2 - close or not (fill or close):
             return
-        outer = by_reach(self.V, loops)[0]
+        outer = None if close else by_reach(self.V, loops)[0]
         on_boundary = marked(len(self.V), *loops)
         given, filling = len(self.F), []
         for loop in loops:

@@ -15,17 +15,18 @@ MOST_CORNERS = 300
 Cost = Callable[[Floats, Floats, Floats], Floats]  # of triangles with these corners (..., 3)
 
 
-def fill_hole(V: Floats, loop: Ints) -> Ints | None:
+def fill_hole(V: Floats, loop: Ints, *, middle: bool = True) -> Ints | None:
     """Triangulate a hole by a fan around its middle or, if that is flat, without a new vertex.
 
     The surface is on the left of the `loop` (k,) around the hole. The faces (m, 3) are oriented
     like those of the surface; the vertex n, if they use it, has to be put at the mean of the loop.
+    Without `middle`, none does.
     None if each triangulation has faces without area.
     """
     polygon, k = loop[::-1], len(loop)  # the hole lies on the right of its loop
     points = np.vstack([V[polygon], V[polygon].mean(axis=0)])
     fan = np.column_stack([np.arange(k), np.roll(np.arange(k), -1), np.full(k, k)])
-    if not _is_flat(points, fan).any():
+    if middle and not _is_flat(points, fan).any():
         return np.append(polygon, len(V))[fan]
     if k <= MOST_CORNERS:
         triangles = least_triangulation(points[:-1])

@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix, get_index_dtype
 from scipy.sparse.csgraph import breadth_first_order, connected_components
+from scipy.spatial import cKDTree
 
 from .. import libigl
 from ..arrays import Bools, Floats, Indices, Ints, distinct_rows, marked, unit_size
 from ..cached import cached_property
+
+ROUNDING = 2.0**-36  # of the size: as far apart may vertices lie that were to be at one place
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,14 +261,40 @@ def duplicate_faces(F: Ints) -> Ints:
     return np.setdiff1d(np.arange(len(F)), first)
 
 
-def sewn(V: Floats, F: Ints) -> tuple[Ints, int]:
-    """Merge vertices of equal coordinates along seams: the faces (m, 3), and how many went.
+def rim_pairs(V: Floats, edges: Edges, within: float, part: float = 0.5) -> tuple[Ints, Floats]:
+    """(k, 2) boundary vertices that lie at most so far apart, but not in one place; (k,) how far.
 
-    At a seam two edges lie in the same place, each with a face of its own. Sheets that only touch
-    have none, and stay apart. A loose triangle that repeats another gets its vertices.
+    And less than a part of the shortest edge at either of them, so that no face collapses.
+    """
+    rims = edges.valence == 1
+    at_rim = marked(len(V), edges.low[rims], edges.high[rims])
+    ends = edges.ends(at_rim[edges.low] | at_rim[edges.high])
+    lengths = np.linalg.norm(V[ends[:, 0]] - V[ends[:, 1]], axis=1)
+    shortest = np.full(len(V), np.inf)
+    for end in ends[lengths > ROUNDING].T:
+        np.minimum.at(shortest, end, lengths[lengths > ROUNDING])
+    rim = np.flatnonzero(at_rim & np.isfinite(shortest))
+    rim = rim[distinct_rows(V[rim])[0]]
+    farthest = min(within, part * shortest[rim].max(initial=0))
+    pairs = rim[cKDTree(V[rim]).query_pairs(farthest, output_type="ndarray")].reshape(-1, 2)
+    apart = np.linalg.norm(V[pairs[:, 0]] - V[pairs[:, 1]], axis=1)
+    near = apart < part * shortest[pairs].min(axis=1)
+    return pairs[near], apart[near]
+
+
+def sewn(V: Floats, F: Ints, within: float = ROUNDING) -> tuple[Ints, int]:
+    """Merge vertices at one place along seams: the faces (m, 3), and how many vertices went.
+
+    At one place are those whose coordinates are equal, and on the boundary those `within` which
+    they lie; V is of unit size. At a seam two edges lie in the same place, each with a face of its
+    own. Sheets that only touch have none, and stay apart. A loose triangle that repeats another
+    gets its vertices.
     """
     n = len(V)
     first, place = distinct_rows(V)
+    if len(pairs := rim_pairs(V, Topology(F, n).edges, within)[0]):
+        count, together = components_of_pairs(place[pairs[:, 0]], place[pairs[:, 1]], len(first))
+        place, first = together.astype(np.int64)[place], first[:count]
     if len(first) == n:
         return F, 0
     at = place[F]

@@ -14,10 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Floats, Ints, distinct_rows, size_exponent, unit_size
+from ..arrays import Bools, Floats, Ints, distinct_rows, size_exponent, unit_size
 from ..errors import Defect, MeshError
 from .topology import Topology, by_reach, duplicate_faces
 from .triangles import corner_cotangents, degenerate_faces
+
+# What stands for no data in terrains and scans: as formats write it.
+NO_DATA = {-9999.0, -99999.0, -32768.0, -32767.0, 9999.0, 99999.0, 32767.0, 65535.0}
+NO_DATA |= {s * x for s in (-1.0, 1.0) for x in (1e20, 1e30, float(np.finfo(np.float32).max))}
+FAR = 5
 
 
 class Given(NamedTuple):
@@ -73,6 +78,39 @@ def checked_vertices(V: ArrayLike, name: str = "V") -> Floats:
     return unit_size(given)
 
 
+def without_data(V: NDArray[Any], F: Ints) -> tuple[Ints, str]:
+    """Vertices that stand for points that were not measured, and where they lie.
+
+    They have one place, as (0, 0, 0), with faces that lie there as a whole; or a coordinate that
+    formats write where there are no data, as -9999; and edges FAR times as long as the median
+    lead to them, four vertices or more.
+    """
+    found, where = np.empty(0, np.int64), ""
+    for extreme in (np.fmin.reduce(V), np.fmax.reduce(V)):
+        for axis, value in enumerate(extreme.tolist()):
+            if value in NO_DATA and _is_far(V, F, there := V[:, axis] == value):
+                found, where = np.flatnonzero(there), f"{'xyz'[axis]} = {value:g}"
+    x = V[:, 0][F]
+    flat = F[(x[:, 0] == x[:, 1]) & (x[:, 1] == x[:, 2])]
+    whole = (V[flat] == V[flat[:, :1]]).all(axis=(1, 2))
+    for place in np.unique(V[flat[whole, 0]], axis=0):
+        if _is_far(V, F, there := (place == V).all(axis=1)):
+            found = np.union1d(found, np.flatnonzero(there))
+            where = where or f"({', '.join(f'{x:g}' for x in place.tolist())})"
+    return found, where
+
+
+def _is_far(V: NDArray[Any], F: Ints, there: Bools) -> bool:
+    """Whether some vertices, four or more, have long edges to all others."""
+    edges = np.concatenate([F[:, [0, 1]], F[:, [1, 2]], F[:, [2, 0]]])
+    n_ends = there[edges].sum(axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.linalg.norm(V[edges[:, 0]].astype(float) - V[edges[:, 1]], axis=1)
+    if there.sum() < 4 or not (n_ends == 1).any() or not (n_ends == 0).any():
+        return False
+    return bool(np.median(length[n_ends == 1]) > FAR * np.median(length[n_ends == 0]))
+
+
 def repeated_corners(F: Ints) -> Ints:
     """Faces with the same vertex at two corners."""
     i, j, k = F.T
@@ -104,6 +142,9 @@ def examine(V: ArrayLike, F: ArrayLike) -> Examined:
 
     positions, exponent = unit_size(given.V), size_exponent(given.V)
     surface = Topology(given.F, n)
+    lost, place = without_data(given.V, given.F)
+    if len(lost):
+        found.append(Defect.of("points without data", lost, place=place))
     found += _defects_of_edges(surface)
     if not surface.singular.any():
         found += _defects_of_a_surface(surface, given.V)
