@@ -19,28 +19,15 @@ from numpy.typing import NDArray
 
 from ..docstrings import like
 from ..errors import Damage, Defect, MeshError
-from ..extras import from_extra
 from .archives import read_mat, read_npz
 from .glb import read_gltf
 from .neuro import read_neuro, reads_as_neuro
 from .ply import read_ply
-from .polygons import triangulated
 from .stl import read_stl
 from .text import read_obj, read_off
+from .vtk import read_vtk
 
 Array = NDArray[Any]
-
-
-def read_vtk(path: Path) -> tuple[Array, Array, Array]:
-    """Read vertices, triangles and their polygons, as meshio finds them."""
-    with from_extra("vtk"):
-        import meshio
-    try:
-        mesh = (meshio.vtk if path.suffix.lower() == ".vtk" else meshio.vtu).read(path)
-    except meshio.ReadError as error:
-        raise Damage(str(error).rstrip(".") or "meshio does not understand it") from None
-    return mesh.points, *triangulated(mesh.points, mesh.cells)
-
 
 # V and F, and where faces may be polygons, which of these each triangle is a part of.
 READERS: dict[str, Callable[[Path], tuple[Array, ...]]] = {
@@ -54,6 +41,7 @@ READERS: dict[str, Callable[[Path], tuple[Array, ...]]] = {
     ".ply": read_ply,
     ".stl": read_stl,
     ".vtk": read_vtk,
+    ".vtp": read_vtk,
     ".vtu": read_vtk,
 }
 READABLE = (*READERS, ".gii.gz")
@@ -76,8 +64,9 @@ def read_mesh(
     ----------
     path : path-like
         A file named .obj, .off, .ply, .stl, .glb or .gltf; .npz or .mat with V and F (or v and
-        f); or .vtk or .vtu, for which meshio must be installed; or, with nibabel, .gii or .gii.gz,
-        and surfaces of FreeSurfer, of whatever name.
+        f); .vtk or .vtp with a surface (POLYDATA); or another .vtk, or .vtu, for which meshio must
+        be installed; or, with nibabel, .gii or .gii.gz, and surfaces of FreeSurfer, of whatever
+        name.
     note : callable, optional
         Told, in a sentence, what was changed on reading.
 

@@ -21,8 +21,9 @@ from .obj import write_like, write_obj
 from .output import whole_file
 from .ply import write_ply
 from .reading import read_mesh
+from .vtk import write_vtk
 
-WRITABLE = (".glb", ".npz", ".obj", ".ply")
+WRITABLE = (".glb", ".npz", ".obj", ".ply", ".vtk", ".vtp")
 
 
 @runtime_checkable
@@ -54,9 +55,10 @@ def write_map(
     ----------
     path : path-like
         Named .npz (V, F and uv as given), .obj or .ply (uv as texture coordinates, to the
-        last bit), or .glb (in single precision, with normals and an image); or a surface whose
-        vertices lie where the map takes them, with nibabel: .gii, .gii.gz, or FreeSurfer's
-        ``lh.NAME`` and, of a part, ``lh.NAME.patch.flat``, all in the rows of the surface that
+        last bit), .vtk or .vtp, or .glb (in single precision, with normals and an image); or a
+        surface whose vertices lie where the map takes them, with nibabel: .gii, .gii.gz, or
+        FreeSurfer's ``lh.NAME`` and, of a part, ``lh.NAME.patch.flat``, all in the rows of the
+        surface that
         was given, z = 0 in the plane and a radius of 100 on the sphere. An existing file is
         replaced once the new one is complete.
     V, F
@@ -133,6 +135,8 @@ def write_map(
     with whole_file(path) as unfinished:
         if suffix == ".ply":
             write_ply(unfinished, positions, faces, texture, FT if plane.ndim == 3 else None)
+        elif suffix in (".vtk", ".vtp"):
+            write_vtk(unfinished, positions[vertex], FT, texture, xml=suffix == ".vtp")
         elif suffix == ".glb" and shown:
             write_glb(unfinished, positions, faces, texture, FT, vertex, shown)
         elif like is not None:
