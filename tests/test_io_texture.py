@@ -109,7 +109,7 @@ def test_like_must_be_the_mesh(tmp_path):
         with pytest.raises(ValueError, match="another mesh"):
             write_map(out, *other, np.zeros((len(V), 2)), like=given)
     for path, options in ((out, {"like": "a.ply"}), (tmp_path / "a.ply", {"like": given})):
-        with pytest.raises(ValueError, match="for obj files"):
+        with pytest.raises(ValueError, match="one of its type"):
             write_map(path, V, F, np.zeros((len(V), 2)), **options)
     assert not out.exists()
 

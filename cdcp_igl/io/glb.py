@@ -13,7 +13,7 @@ import struct
 from base64 import b64decode
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import unquote
 
 import numpy as np
@@ -28,6 +28,7 @@ from ..surface.triangles import (
     face_areas,
     lost_in_single_precision,
 )
+from .archives import NEVER_REFUSED
 from .images import Image
 from .polygons import fans, strips
 
@@ -36,8 +37,9 @@ log = logging.getLogger("cdcp_igl")
 # Numbers that the specification gives to types, targets and ways to list triangles.
 FLOAT, UNSIGNED_INT = 5126, 5125
 VERTICES, INDICES = 34962, 34963
-TRIANGLES, STRIP, FAN = 4, 5, 6
+LISTS = TRIANGLES, STRIP, FAN = 4, 5, 6
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 PRIMITIVE = {
     "attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2},
@@ -59,38 +61,62 @@ SCENE = {
 }
 
 
+class Part(NamedTuple):
+    """The triangles of a primitive where a node puts them.
+
+    `F` (m, 3) are rows of `positions` (n, 3), as in the file; `matrix` (4, 4) leads into the space
+    of the scene. If it reflects, the triangles are `turned` there.
+    """
+
+    node: int
+    primitive: int  # of its mesh
+    accessor: int  # of the positions
+    positions: Floats
+    F: Ints
+    matrix: Floats
+
+    @property
+    def turned(self) -> bool:
+        """Whether the other side of the triangles is outside."""
+        return bool(np.linalg.det(self.matrix[:3, :3]) < 0)
+
+
 def read_gltf(path: Path) -> tuple[Floats, Ints]:
     """(n, 3) vertices and (m, 3) faces of all meshes of a glb or gltf file, where its nodes are.
 
     Primitives that share vertices share them here.
     """
-    scene, body = _scene_and_body(path.read_bytes())
+    first: dict[tuple[int, int], int] = {}  # vertex of each accessor of a node
+    vertices, faces, n = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
+    for part in parts_of(*scene_and_body(path.read_bytes()), path):
+        F, place = part.F[:, ::-1] if part.turned else part.F, (part.node, part.accessor)
+        if place not in first:
+            first[place] = n
+            vertices.append(part.positions @ part.matrix[:3, :3].T + part.matrix[:3, 3])
+            n += len(part.positions)
+        faces.append(F + first[place])
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+def parts_of(scene: dict[str, Any], body: bytes, path: Path) -> Iterator[Part]:
+    """Yield all triangles of a scene, in the order of the faces of `read_gltf`."""
     for name in scene.get("extensionsRequired", []):
         if "compression" in name:
             raise Damage(f"it is compressed by {name}: export it without")
-    first: dict[tuple[int, int], int] = {}  # vertex of each accessor of a node
-    vertices, faces, n = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
     for node, matrix in _placed_nodes(scene):
-        for primitive in scene["meshes"][scene["nodes"][node]["mesh"]]["primitives"]:
+        primitives = scene["meshes"][scene["nodes"][node]["mesh"]]["primitives"]
+        for number, primitive in enumerate(primitives):
             mode, place = primitive.get("mode", TRIANGLES), primitive["attributes"]["POSITION"]
-            if mode not in (TRIANGLES, STRIP, FAN):
+            if mode not in LISTS:
                 continue
             positions = _numbers(scene, place, body, path).astype(np.float64)
             corners = np.arange(len(positions))
             if "indices" in primitive:
                 corners = _numbers(scene, primitive["indices"], body, path).ravel().astype(np.int64)
-            F = _triangles(mode, corners)
-            if np.linalg.det(matrix[:3, :3]) < 0:
-                F = F[:, ::-1]
-            if (node, place) not in first:
-                first[node, place] = n
-                vertices.append(positions @ matrix[:3, :3].T + matrix[:3, 3])
-                n += len(positions)
-            faces.append(F + first[node, place])
-    return np.concatenate(vertices), np.concatenate(faces)
+            yield Part(node, number, place, positions, _triangles(mode, corners), matrix)
 
 
-def _scene_and_body(data: bytes) -> tuple[dict[str, Any], bytes]:
+def scene_and_body(data: bytes) -> tuple[dict[str, Any], bytes]:
     """Return what the JSON part of a file says, and its binary part."""
     if data[:4] != b"glTF":
         return json.loads(data), b""
@@ -131,24 +157,53 @@ def _matrix(node: dict[str, Any]) -> Floats:
 
 def _numbers(scene: dict[str, Any], number: int, body: bytes, path: Path) -> NDArray[Any]:
     """(count, columns) entries of an accessor."""
+    kind = np.dtype(COMPONENTS[scene["accessors"][number]["componentType"]])
+    numbers = rows_of_accessor(scene, number, body, path).view(kind)
+    if scene["accessors"][number].get("normalized"):
+        return np.maximum(numbers / np.iinfo(kind).max, -1)
+    return numbers
+
+
+def rows_of_accessor(
+    scene: dict[str, Any], number: int, body: bytes, path: Path
+) -> NDArray[np.uint8]:
+    """(count, k) bytes of the rows of an accessor, whatever they mean."""
     accessor = scene["accessors"][number]
-    if "sparse" in accessor or "bufferView" not in accessor:
-        raise Damage("it has a sparse accessor: export it without")
-    view = scene["bufferViews"][accessor["bufferView"]]
+    count, component = accessor["count"], accessor["componentType"]
+    size = COLUMNS[accessor["type"]] * np.dtype(COMPONENTS[component]).itemsize
+
+    def rows(of: dict[str, Any], count: int, size: int) -> NDArray[np.uint8]:
+        view = scene["bufferViews"][of["bufferView"]]
+        stride = view.get("byteStride", size)
+        start = of.get("byteOffset", 0)
+        return np.ndarray(
+            (count, size), np.uint8, piece(scene, view, body, path), start, (stride, 1)
+        )
+
+    if "bufferView" in accessor:
+        whole = rows(accessor, count, size).copy()
+    elif count * size > NEVER_REFUSED:
+        raise Damage(f"it has {count:,.0f} rows of zeros")
+    else:
+        whole = np.zeros((count, size), np.uint8)
+    if sparse := accessor.get("sparse"):
+        kind = np.dtype(COMPONENTS[sparse["indices"]["componentType"]])
+        changed = rows(sparse["indices"], sparse["count"], kind.itemsize).copy().view(kind)
+        whole[changed.ravel()] = rows(sparse["values"], sparse["count"], size)
+    return whole
+
+
+def piece(scene: dict[str, Any], view: dict[str, Any], body: bytes, path: Path) -> bytes:
+    """Return the bytes that a buffer view shows."""
     uri = scene["buffers"][view["buffer"]].get("uri")
     if uri is not None and uri.startswith("data:"):
         body = b64decode(uri.partition(",")[2])
     elif uri is not None:
         body = (path.parent / unquote(uri)).read_bytes()
-    kind = np.dtype(COMPONENTS[accessor["componentType"]])
-    columns = {"SCALAR": 1, "VEC3": 3}[accessor["type"]]
-    start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-    stride = view.get("byteStride", columns * kind.itemsize)
-    shape, strides = (accessor["count"], columns), (stride, kind.itemsize)
-    numbers = np.ndarray(shape, kind, body, start, strides).copy()
-    if accessor.get("normalized"):
-        return np.maximum(numbers / np.iinfo(kind).max, -1)
-    return numbers
+    elif view["buffer"]:
+        raise Damage("it has a buffer without data: export it without compression")
+    start = view.get("byteOffset", 0)
+    return body[start : start + view["byteLength"]]
 
 
 def _triangles(mode: int, corners: Ints) -> Ints:
@@ -176,25 +231,11 @@ def write_glb(
         faces = counted(flat - already, "face has", "faces have")
         log.warning("%s no area in single precision: scale the surface, and move it to 0", faces)
     positions = single[vertex]
-    on_a_disk = np.flatnonzero(texture[FT].any(axis=(1, 2)))
-    lost = on_a_disk[lost_in_single_precision(texture, FT[on_a_disk])]
-    if len(lost):
-        area = face_areas(V, F)
-        log.warning(
-            "%s no area on the texture in single precision, %.2g of the surface: cut the surface",
-            counted(len(lost), "face has", "faces have"),
-            area[lost].sum() / area.sum(),
-        )
-    upper_left = np.column_stack([texture[:, 0], 1 - texture[:, 1]])  # where glTF has its origin
-    arrays = (positions, _normals(V, F).astype("<f4")[vertex], upper_left.astype("<f4"))
+    warn_of_lost_faces(V, F, texture, FT)
+    arrays = (positions, _normals(V, F).astype("<f4")[vertex], from_upper_left(texture))
     pieces = [*(array.tobytes() for array in arrays), FT.astype("<u4").tobytes(), image.data]
-    views: list[dict[str, Any]] = []
-    at = 0
-    for piece in pieces:
-        views.append({"buffer": 0, "byteOffset": at, "byteLength": len(piece)})
-        at += len(piece) + -len(piece) % 4
-    for view, target in zip(views, (VERTICES, VERTICES, VERTICES, INDICES), strict=False):
-        view["target"] = target
+    targets = (VERTICES, VERTICES, VERTICES, INDICES)
+    views: list[dict[str, Any]] = [{"target": target} for target in targets] + [{}]
     box = {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
     scene = {
         **SCENE,
@@ -206,16 +247,43 @@ def write_glb(
             _accessor(3, UNSIGNED_INT, FT.size, "SCALAR"),
         ],
         "bufferViews": views,
-        "buffers": [{"byteLength": at}],
     }
+    write_pieces(path, scene, pieces)
+
+
+def write_pieces(path: Path, scene: dict[str, Any], pieces: list[bytes]) -> None:
+    """Write a scene and, one after the other, the bytes of its buffer views."""
+    at = 0
+    for view, data in zip(scene["bufferViews"], pieces, strict=True):
+        view |= {"buffer": 0, "byteOffset": at, "byteLength": len(data)}
+        at += len(data) + -len(data) % 4
+    scene["buffers"] = [{"byteLength": at}]
     text = json.dumps(scene, separators=(",", ":")).encode("ascii")
     text += b" " * (-len(text) % 4)
     with path.open("wb") as file:
         file.write(struct.pack("<4s2I", b"glTF", 2, 28 + len(text) + at))
         file.write(struct.pack("<I4s", len(text), b"JSON") + text)
         file.write(struct.pack("<I4s", at, b"BIN\0"))
-        for piece in pieces:
-            file.write(piece + b"\0" * (-len(piece) % 4))
+        for data in pieces:
+            file.write(data + b"\0" * (-len(data) % 4))
+
+
+def from_upper_left(texture: Floats) -> NDArray[np.float32]:
+    """(k, 2) texture coordinates in single precision, from where glTF has their origin."""
+    return np.column_stack([texture[:, 0], 1 - texture[:, 1]]).astype("<f4")
+
+
+def warn_of_lost_faces(V: Floats, F: Ints, texture: Floats, FT: Ints) -> None:
+    """Say which part of the surface has no area on the texture in single precision."""
+    on_a_disk = np.flatnonzero(texture[FT].any(axis=(1, 2)))
+    lost = on_a_disk[lost_in_single_precision(texture, FT[on_a_disk])]
+    if len(lost):
+        area = face_areas(V, F)
+        log.warning(
+            "%s no area on the texture in single precision, %.2g of the surface: cut the surface",
+            counted(len(lost), "face has", "faces have"),
+            area[lost].sum() / area.sum(),
+        )
 
 
 def _n_flat(V: Floats, F: Ints) -> int:

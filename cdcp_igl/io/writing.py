@@ -14,7 +14,8 @@ from ..errors import counted
 from ..surface.validation import checked_vertices, usable_arrays
 from .archives import write_npz
 from .given import takes_meshes
-from .glb import write_glb
+from .glb import warn_of_lost_faces, write_glb
+from .glb_like import write_glb_like
 from .images import Texture, as_image, write_material
 from .neuro import SPHERE, neuro_type, write_neuro
 from .obj import write_like, write_obj
@@ -24,6 +25,8 @@ from .reading import read_mesh
 from .vtk import write_vtk
 
 WRITABLE = (".glb", ".npz", ".obj", ".ply", ".vtk", ".vtp")
+# Which types of a given file can be written again, otherwise as they are, as which type.
+LIKE = {".obj": (".obj",), ".glb": (".glb", ".gltf")}
 
 
 @runtime_checkable
@@ -72,11 +75,14 @@ def write_map(
         Leave texture coordinates as they are, in the unit disk, rather than in the unit
         square ((uv + 1) / 2), where texturing programs expect them.
     like : path-like, optional
-        The obj file that V and F were read from, to write an obj file that differs from it
-        in texture coordinates only: polygons, groups, materials, normals, colours and
-        comments stay. Polygons that were cut open within are written as triangles; there are
-        none if `surface_map` was given `polygon_of_face`, see `read_polygons`. Of FreeSurfer's
-        and GIFTI files, the volume and the metadata are kept.
+        The obj, glb or gltf file that V and F were read from, to write an obj or glb file that
+        differs from it in texture coordinates only. Of an obj file polygons, groups, materials,
+        normals, colours and comments stay. Polygons that were cut open within are written as
+        triangles; there are none if `surface_map` was given `polygon_of_face`, see
+        `read_polygons`. Of a glb or gltf file nodes, names, materials, skins, animations and
+        all attributes of the vertices stay; of its texture coordinates the first,
+        ``TEXCOORD_0``, are replaced. Of FreeSurfer's and GIFTI files, the volume and the
+        metadata are kept.
     image : path-like or (height, width, 3 or 4) array_like, optional
         A PNG or JPEG file to show on the surface, colours from 0 to 1, the top row at v = 1, or
         ``"checkerboard"``, which is what a glb file has if nothing else is named. For an obj
@@ -129,7 +135,7 @@ def write_map(
             texture = np.nan_to_num(texture)
     if like is not None:
         _check_like(Path(like), positions, faces)
-    if image is None and suffix == ".glb":
+    if image is None and suffix == ".glb" and like is None:
         image = "checkerboard"
     shown = None if image is None else as_image(image)
     with whole_file(path) as unfinished:
@@ -139,11 +145,19 @@ def write_map(
             write_vtk(unfinished, positions[vertex], FT, texture, xml=suffix == ".vtp")
         elif suffix == ".glb" and shown:
             write_glb(unfinished, positions, faces, texture, FT, vertex, shown)
+        elif like is not None and suffix == ".glb":
+            warn_of_lost_faces(positions, faces, texture, FT)
+            write_glb_like(unfinished, Path(like), texture, FT, vertex)
         elif like is not None:
             write_like(unfinished, Path(like), texture, FT)
         else:
             materials = write_material(path, shown) if shown else None
             write_obj(unfinished, positions, faces, texture, FT, materials)
+
+
+def is_kept(given: str | PathLike[str], suffix: str) -> bool:
+    """Whether a file can be written as a type with nothing changed but texture coordinates."""
+    return Path(given).suffix.lower() in LIKE.get(suffix, ())
 
 
 def _check_options(
@@ -158,8 +172,8 @@ def _check_options(
     if suffix not in WRITABLE and not neuro:
         known = f"{' '.join(WRITABLE)} .gii .gii.gz, and lh.NAME and rh.NAME of FreeSurfer"
         raise ValueError(f"{path.name!r} is of no known type. Writable: {known}")
-    if like is not None and not neuro and {suffix, Path(like).suffix.lower()} != {".obj"}:
-        raise ValueError("like= is for obj files: the given one, and the one to write.")
+    if like is not None and not neuro and not is_kept(like, suffix):
+        raise ValueError("like= is for the given file and one of its type to write: obj or glb.")
     if image is not None and suffix not in (".glb", ".obj"):
         raise ValueError(f"A {suffix} file shows no image: write .glb or .obj.")
     if image is not None and like is not None:

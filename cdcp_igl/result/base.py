@@ -213,9 +213,9 @@ class Result(FromFile, ABC):
         path : path-like
             The surface with its map for the types of `cdcp_igl.io.write_map`; a picture for
             .png, .svg and .pdf; the page of `view` for .html; the report for .json. An
-            existing file is replaced once the new one is complete. An obj file keeps polygons,
-            groups and materials of the obj file that was given in place of V and F, but not
-            with an image.
+            existing file is replaced once the new one is complete. Where an obj, glb or gltf
+            file was given in place of V and F, one of its type keeps all but the texture
+            coordinates, see `like` there, but not with an image.
         image : path-like or (height, width, 3 or 4) array_like, optional
             What a glb or obj file shows, over the unit square that `packed` fills: as `view` has
             it as a texture, a PNG or JPEG file or colours, such as `bake` makes.
@@ -223,7 +223,7 @@ class Result(FromFile, ABC):
         Raises
         ------
         ValueError
-            If the file is not of a known type, or the obj file that was given has changed; if the
+            If the file is not of a known type, or the file that was given has changed; if the
             image is none, or the file shows none.
         OSError
             If it cannot be written; nothing is left behind.
@@ -231,6 +231,7 @@ class Result(FromFile, ABC):
         from ..io import WRITABLE, read_mesh, write_map
         from ..io.neuro import neuro_type
         from ..io.output import whole_file, write_text
+        from ..io.writing import is_kept
 
         suffix, neuro = Path(path).suffix.lower(), neuro_type(Path(path))
         if image is not None and suffix not in (".glb", ".obj"):
@@ -241,7 +242,7 @@ class Result(FromFile, ABC):
         elif suffix in WRITABLE:
             again = image is not None or self.given_rows  # not as the file that was given
             (V, F), like = self._surface(), None if again else self.source
-            if like is not None and suffix == like.suffix.lower() == ".obj":
+            if like is not None and is_kept(like, suffix):
                 corners, (V, F) = V[F], read_mesh(like)
                 if F.shape != corners.shape[:2] or not np.array_equal(V[F], corners):
                     raise ValueError(f"{like.name!r} has changed since the surface was read.")

@@ -22,6 +22,7 @@ from ..errors import MeshError
 from ..io import WRITABLE, read_vertices, write_map
 from ..io.output import whole_file
 from ..io.polygons import naming_polygons
+from ..io.writing import is_kept
 from ..maps.annulus import annulus_map
 from ..maps.disk import disk_map
 from ..maps.free import free_map
@@ -150,14 +151,14 @@ class Mapped:
     def write(self, target: Path, source: Path, settings: Settings) -> None:
         """Write the map in the format of its suffix; OSError if the file cannot be written.
 
-        If `source`, which the surface was read from, is an obj file that was not cleaned, and so
-        is `target`, the rest of that file is kept.
+        If `target` has the type of `source`, which the surface was read from, and nothing was
+        cleaned, the rest of that file is kept.
         """
         suffix, result, V, F = target.suffix.lower(), self.result, self.V, self.F
         if suffix not in WRITABLE:  # but by its whole name
             write_map(target, V, F, result, like=source)
             return
-        if {suffix, source.suffix.lower()} == {".obj"} and self.as_read:
+        if is_kept(source, suffix) and self.as_read:
             write_map(target, V, F, result, disk=settings.disk, like=source)
             return
         V, F = V[: self.n_written], F[self.written]
