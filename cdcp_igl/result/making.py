@@ -212,7 +212,7 @@ def refined(
     rounding at the end does, or flips faces, the plain one is returned.
     """
     mesh, verdict, repair = plain.mesh, plain.conformality, plain.repair
-    conformal, known = plain.conformal, 0.0 if verdict.sheared else plain.distortion.mean
+    conformal, known = plain.conformal, 0.0 if verdict.sheared else verdict.mean
 
     def no_less_conformal(f: Complex, r: Floats) -> bool:
         nonlocal conformal, known

@@ -46,6 +46,9 @@ class Conformality:
     stretch : float
         How many times a face is longer one way than the other, compared with itself on the
         surface: the geometric mean, by area.
+    mean : float
+        Mean angle error in degrees, by the arctangents that the verdict is by; the distortion that
+        is reported is by libigl's angles.
     wanted : float
         The share of the mean angle error that would be left if the map were conformal: 1 if
         it is, or if other errors keep it from being so.
@@ -67,6 +70,7 @@ class Conformality:
     remedies: tuple[str, ...] = ()
     excess: float = 1.0
     stretch: float = 1.0
+    mean: float = np.nan
     wanted: float = 1.0
     asked: bool = True
 
@@ -140,7 +144,7 @@ def judge_by(
     stretch = dilatation(mesh, f, free if len(free) else faces)
     enough = max(NEGLIGIBLE_DEGREES, min(known, LARGEST_DEGREES))
     if mean <= enough and stretch <= LARGEST_STRETCH:
-        return Conformality(sheared=False, stretch=stretch)
+        return Conformality(sheared=False, stretch=stretch, mean=mean)
     explained_there = np.degrees(abs(explained_errors(mesh, f, faces))).mean()
     explained = float(mean * explained_there / degrees.mean())
 
@@ -165,7 +169,7 @@ def judge_by(
         remedies.append("flip the ears (cdcp_igl.clean with flip_ears=True)")
     excess = mean / explained if explained else np.inf
     wanted = min(1, bearable / mean, LARGEST_DEGREES / mean)
-    return Conformality(sheared, tuple(reasons), tuple(remedies), excess, stretch, wanted)
+    return Conformality(sheared, tuple(reasons), tuple(remedies), excess, stretch, mean, wanted)
 
 
 def dilatation(mesh: Mesh, f: Complex | Floats, faces: Ints) -> float:
