@@ -17,10 +17,6 @@ CALLS = {
     "cut": ("cdcp_igl.cut", "cdcp-igl map --cut"),
     "with_path": ("with cdcp_igl.cut(V, F, path)", "in a program for meshes"),
     "surface_map": ("cdcp_igl.surface_map", "cdcp-igl map --cut"),
-    "surface_map_unmerged": (
-        "cdcp_igl.surface_map with merge=False",
-        "cdcp-igl map, without --cut, which would merge it again,",
-    ),
     "disk_map": ("cdcp_igl.disk_map", "cdcp-igl map"),
     "sphere_map": ("cdcp_igl.sphere_map", "cdcp-igl map --sphere"),
     "annulus_map": ("cdcp_igl.annulus_map", "cdcp-igl map --annulus"),
@@ -181,8 +177,9 @@ DEFECTS = {
     ),
     "not orientable": Row(
         "The surface is one-sided, like a Möbius strip",
-        "Cut it across {with_path}, or take faces out, until it has two sides; "
-        "{surface_map_unmerged} maps it then.",
+        "{surface_map} cuts it where its orientation turns over, and maps it; or cut it across "
+        "elsewhere, {with_path}.",
+        by=(CUT,),
     ),
     "inconsistent orientation": Row(
         "oriented unlike the others",

@@ -80,3 +80,53 @@ def test_a_tunnel_is_told_apart_from_a_wall():
         result = cdcp_igl.surface_map(V, faces)
         assert result.valid
         assert (result.face_chart >= 0).all()
+
+
+def moebius(n):
+    """A band of n quads, turned once by half before it meets itself."""
+    t = 2 * np.pi * np.arange(n) / n
+    wide = 0.3 * np.array([-1, 1])[:, None]
+    x = np.stack(
+        [
+            (1 + wide * np.cos(t / 2)) * np.cos(t),
+            (1 + wide * np.cos(t / 2)) * np.sin(t),
+            wide * np.sin(t / 2),
+        ],
+        -1,
+    )
+    V, k = x.swapaxes(0, 1).reshape(-1, 3), np.arange(n)
+    a, b, c, d = 2 * k, 2 * k + 1, 2 * k + 2, 2 * k + 3
+    c[-1], d[-1] = 1, 0
+    return V, np.concatenate([np.column_stack([a, b, d]), np.column_stack([a, d, c])])
+
+
+def test_a_one_sided_part_is_cut_and_the_others_are_mapped_as_ever():
+    V, F = moebius(24)
+    W, G = surfaces.sphere(6, 8)
+    result = cdcp_igl.surface_map(np.vstack([V, W + 5]), np.vstack([F, G + len(V)]))
+    assert result.valid
+    assert (result.face_chart >= 0).all()
+    assert any(
+        change.startswith("cut one-sided parts open along 1 edge") for change in result.changes
+    )
+    alone = cdcp_igl.surface_map(W + 5, G)
+    np.testing.assert_allclose(result.uv[len(F) :], alone.uv, atol=1e-9)
+    report = cdcp_igl.check(V, F)
+    assert "surface_map cuts" in report.next_step
+    assert "map --cut" in report.in_shell
+
+
+def test_a_face_without_area_lies_at_one_place_of_one_chart():
+    balls = [surfaces.sphere(5, 6) for _ in range(3)]
+    n = len(balls[0][0])
+    V = np.vstack([(k + 1) * W + [9 * k, 0, 0] for k, (W, _) in enumerate(balls)])
+    line = [int(np.argmax(V[k * n : (k + 1) * n, 1])) + k * n for k in range(3)]
+    V[line, 1:] = V[line[0], 1:]
+    F = np.vstack([*(G + k * n for k, (_, G) in enumerate(balls)), [line]])
+    result = cdcp_igl.surface_map(V, F)
+    assert result.face_chart[-1] == -1
+    for uv in (result.uv, result.packed()):
+        assert (uv[-1] == uv[-1, 0]).all()
+    at = (result.packed()[:-1] == result.packed()[-1, 0]).all(axis=2)
+    assert len(np.unique(result.face_chart[:-1][at.any(axis=1)])) == 1
+    np.testing.assert_array_equal(result.cut.vertex_index[result.cut.F], F)

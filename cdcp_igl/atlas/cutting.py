@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Ints, distinct_rows, places
+from ..arrays import Bools, Floats, Ints, distinct_rows, places
 from ..errors import Defect, MeshError
 from ..io.given import takes_meshes
 from ..surface.topology import Topology, duplicate_faces
@@ -132,8 +132,11 @@ def cut(
     return cut_along(given, faces, corners)
 
 
-def cut_along(V: Floats, F: Ints, corners: Ints) -> Cut:
-    """Make a vertex of each set of corners (m, 3) with the same number."""
+def cut_along(V: Floats, F: Ints, corners: Ints, counted: Bools | slice = slice(None)) -> Cut:
+    """Make a vertex of each set of corners (m, 3) with the same number.
+
+    Edges that were cut are those of the `counted` faces.
+    """
     _, first, corner = np.unique(corners, return_index=True, return_inverse=True)
     vertex = F.ravel()[first]
     # The first copy of each vertex keeps its place among the others.
@@ -144,7 +147,7 @@ def cut_along(V: Floats, F: Ints, corners: Ints) -> Cut:
     F_cut, vertex_index = row[corner.reshape(F.shape)], vertex[order]
 
     # An edge that was cut is the origin of several.
-    opened = Topology(F_cut, len(vertex)).edges
+    opened = Topology(F_cut[counted], len(vertex)).edges
     origin = np.sort(vertex_index[np.column_stack([opened.low, opened.high])], axis=1)
     number, copies = np.unique(origin[:, 0] * len(V) + origin[:, 1], return_counts=True)
     edges = np.column_stack(np.divmod(number[copies > 1], len(V)))

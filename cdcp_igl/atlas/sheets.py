@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import breadth_first_order
 
 from ..arrays import Bools, Floats, Ints, distinct_rows, marked, size_exponent
 from ..errors import Defect, MeshError, counted
 from ..surface.checking import near_pairs
 from ..surface.sheets import fans_of_sheets
-from ..surface.topology import Topology, duplicate_faces, sewn
+from ..surface.topology import Topology, components_of_pairs, duplicate_faces, sewn
 from ..surface.triangles import corner_cotangents, degenerate_faces
 from ..surface.validation import checked_vertices, repeated_corners, without_data
 
@@ -37,7 +39,7 @@ def oriented_sheets(
 ) -> Sheets:
     """Sew seams, leave out what is no face, part sheets and reverse corners of flipped faces.
 
-    MeshError if a corner of a face is not finite, no face is left, or a component is one-sided;
+    MeshError if a corner of a face is not finite, or no face is left;
     ValueError if `polygon_of_face` does not number the polygons of the faces.
     """
     positions = used_positions(V, F)
@@ -60,6 +62,9 @@ def oriented_sheets(
     n_copies = len(np.unique(vertices)) - len(np.unique(faces))
     if n_copies > 0:
         changes.append(f"split off {counted(n_copies, 'vertex', 'vertices')} where sheets met")
+    vertices, n_cut = two_sided(vertices)
+    if n_cut:
+        changes.append(f"cut one-sided parts open along {counted(n_cut, 'edge', 'edges')}")
     flipped = orient(vertices, rows)
     if len(flipped):
         changes.append(f"reversed {counted(len(flipped), 'face', 'faces')}")
@@ -110,6 +115,38 @@ def part_sheets(V: Floats, F: Ints) -> Ints:
     return np.ascontiguousarray(fan.reshape(3, -1).T, dtype=np.int64)
 
 
+def two_sided(F: Ints) -> tuple[Ints, int]:
+    """Cut one-sided components of a manifold where their orientation turns over.
+
+    The faces (m, 3), and how many edges were cut. Orientation goes from face to face, from the
+    first of each component to the nearest ones first.
+    """
+    surface = Topology(F, int(F.max()) + 1)
+    if surface.misoriented is not None:
+        return F, 0
+    (one, other), m = (sides.astype(np.int64) for sides in surface.twins), len(F)
+    tail = F.T.ravel()
+    aligned = tail[one] == tail[other]
+    graph = coo_matrix((1.0 + aligned, (one % m, other % m)), (m, m)).tocsr()
+    graph = graph.maximum(graph.T)
+    _, part = surface.components
+    before = np.full(m, -1)
+    for root in np.unique(part, return_index=True)[1]:
+        reached, way = breadth_first_order(graph, root, directed=False)
+        before[reached[1:]] = way[reached[1:]]
+    face = np.flatnonzero(before >= 0)
+    turned = np.asarray(graph[before[face], face]).ravel() > 1
+    _, side = components_of_pairs(
+        np.concatenate([face, face + m]),
+        np.concatenate([before[face] + m * turned, before[face] + m * ~turned]),
+        2 * m,
+    )
+    flipped = side[:m] > side[m:]
+    joined = (flipped[one % m] ^ flipped[other % m]) == aligned
+    _, fan = surface.fans_across(one[joined], other[joined])
+    return np.ascontiguousarray(fan.reshape(3, -1).T, dtype=np.int64), int((~joined).sum())
+
+
 def orient(F: Ints, named: Ints) -> Ints:
     """Find the faces of a manifold that are flipped, in each component the fewer.
 
@@ -131,8 +168,9 @@ def orient(F: Ints, named: Ints) -> Ints:
 def fill_left_out(F: Ints, mapped: Bools, corners: Ints, uv: Floats) -> None:
     """Give faces that are not mapped the corners (m, 3) and images of faces that are, in place.
 
-    A duplicate has all those of its twin; of another face, each corner is that of some face there.
-    Along a cut these may be on either side. Where no mapped face is, images are NaN.
+    A duplicate has all those of its twin. Another face, which would lie across what is mapped, has
+    all its images where some mapped face has its first corner; they are NaN if one of
+    its corners is at no mapped face.
     """
     left_out = np.flatnonzero(~mapped)
     if len(left_out) == 0:
@@ -140,13 +178,17 @@ def fill_left_out(F: Ints, mapped: Bools, corners: Ints, uv: Floats) -> None:
     some = np.full(F.max() + 1, -1)
     some[F[mapped]] = 3 * np.flatnonzero(mapped)[:, None] + np.arange(3)
     source = some[F[left_out]]  # place in the rows of F, one after the other
+    row, first = np.arange(len(left_out)), (source >= 0).argmax(axis=1)
+    place = source[row, first]
     twin = _twins(F, mapped)[left_out]
-    of_twin = np.flatnonzero(twin >= 0)
-    same = F[left_out[of_twin], :, None] == F[twin[of_twin], None, :]
-    source[of_twin] = 3 * twin[of_twin, None] + same.argmax(axis=2)
-    known = source >= 0
-    corners[left_out] = np.where(known, corners.ravel()[source], corners[left_out])
-    uv[left_out] = np.where(known[..., None], uv.reshape(-1, 2)[source], np.nan)
+    same = F[left_out, :, None] == F[twin[:, None], None, :][:, 0]
+    of_twin = 3 * twin[:, None] + same.argmax(axis=2)
+    known, has_twin = (source >= 0).all(axis=1), twin >= 0
+    images = np.where(has_twin[:, None], of_twin, place[:, None])
+    uv[left_out] = np.where(known[:, None, None], uv.reshape(-1, 2)[images], np.nan)
+    corners[left_out[has_twin]] = corners.ravel()[of_twin[has_twin]]
+    one = known & ~has_twin
+    corners[left_out[one], first[one]] = corners.ravel()[place[one]]
 
 
 def _twins(F: Ints, mapped: Bools) -> Ints:

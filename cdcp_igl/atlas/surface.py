@@ -58,7 +58,7 @@ class SurfaceMap(Bijection):
         opened chart.
     face_chart : (m,) int64
         Which chart each face is in; -1 if it was left out, because it has no area or is there
-        already. Its corners lie where other faces have them, or are NaN.
+        already. It lies where its twin does, or all at one place of a chart, or is NaN.
     cut : Cut
         The opened surface, with the edges that were cut and their length. Flipped faces still
         are flipped; of vertices that were merged, it names the first.
@@ -132,8 +132,12 @@ class SurfaceMap(Bijection):
             are turned so that they need little room.
         """
         mapped = np.flatnonzero(self.face_chart >= 0)
-        chart = np.zeros(len(self.cut.V), np.int64)
+        chart = np.full(len(self.cut.V), -1)
         chart[self.cut.F[mapped]] = self.face_chart[mapped][:, None]
+        others = self.cut.F[self.face_chart < 0]  # whose images are at one place
+        chart[others] = np.where(
+            chart[others] < 0, chart[others].max(axis=1)[:, None], chart[others]
+        )
         factor, move = self._places
         return coordinates(factor[chart] * as_complex(self.uv_cut) + move[chart])[self.cut.F]
 
@@ -266,7 +270,8 @@ def surface_map(
 
     What can be repaired without changing the shape is: vertices of equal coordinates are merged
     along seams, flipped faces oriented, vertices where fans of faces meet split, sheets that meet
-    in an edge of three or more faces parted. Where a disk would shrink a part of the surface, the
+    in an edge of three or more faces parted, one-sided parts cut where their orientation turns
+    over. Where a disk would shrink a part of the surface, the
     cut is led to its tip; where that is not enough, such limbs become charts of their own.
 
     Parameters
@@ -309,8 +314,7 @@ def surface_map(
     Raises
     ------
     MeshError
-        If V and F are no triangle mesh, no face has an area, or a component is one-sided, like
-        a Möbius strip or a Klein bottle.
+        If V and F are no triangle mesh, or no face has an area.
     SolverError, MapError, ImportError
         As `disk_map`.
     ValueError
@@ -411,7 +415,7 @@ def _together(V: Floats, sheets: Sheets, charts: list[Chart], scale_variation: f
         array[flipped] = array[flipped, ::-1]
     fill_left_out(F, face_chart >= 0, corners, uv)
     maps = [chart.map for chart in charts]
-    opened, changes = cut_along(V, F, corners), list(sheets.changes)
+    opened, changes = cut_along(V, F, corners, face_chart >= 0), list(sheets.changes)
     if filled := sum(chart.opened.component.n_filled for chart in charts):
         changes.append(f"filled {counted(filled, 'hole', 'holes')}")
     if len(opened.edges):

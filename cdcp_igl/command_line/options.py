@@ -13,10 +13,10 @@ from typer.core import TyperCommand, TyperOption
 
 # Those of `io`, spelled out: `--help` shows them, and must not wait for NumPy.
 READABLE = (
-    *(".gii", ".glb", ".gltf", ".mat", ".npz", ".obj", ".off", ".ply", ".stl", ".vtk", ".vtu"),
-    ".gii.gz",
+    *(".gii", ".glb", ".gltf", ".mat", ".npz", ".obj", ".off", ".ply", ".stl"),
+    *(".vtk", ".vtp", ".vtu", ".gii.gz"),
 )
-WRITABLE = (".glb", ".npz", ".obj", ".ply")
+WRITABLE = (".glb", ".npz", ".obj", ".ply", ".vtk", ".vtp")
 PICTURES = (".png", ".svg", ".pdf")
 SURFACES = " ".join(READABLE)
 
