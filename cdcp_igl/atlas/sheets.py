@@ -181,9 +181,10 @@ def fill_left_out(F: Ints, mapped: Bools, corners: Ints, uv: Floats) -> None:
     row, first = np.arange(len(left_out)), (source >= 0).argmax(axis=1)
     place = source[row, first]
     twin = _twins(F, mapped)[left_out]
-    same = F[left_out, :, None] == F[twin[:, None], None, :][:, 0]
+    same = np.equal(F[left_out][:, :, None], F[twin][:, None, :])
     of_twin = 3 * twin[:, None] + same.argmax(axis=2)
-    known, has_twin = (source >= 0).all(axis=1), twin >= 0
+    known: Bools = source.min(axis=1) >= 0
+    has_twin: Bools = twin >= 0
     images = np.where(has_twin[:, None], of_twin, place[:, None])
     uv[left_out] = np.where(known[:, None, None], uv.reshape(-1, 2)[images], np.nan)
     corners[left_out[has_twin]] = corners.ravel()[of_twin[has_twin]]
