@@ -14,7 +14,7 @@ from cdcp_igl.steps.least_distortion import (
     least_angle_distortion,
     least_angle_distortion_nelder_mead,
 )
-from cdcp_igl.steps.mobius import conformal_barycenter, mobius_transformation
+from cdcp_igl.steps.mobius import conformal_barycenter, mobius_transformation, normalize
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.verdict.distortion import plane_angles
 
@@ -129,8 +129,44 @@ def test_align_follows_the_surface():
 
 
 def test_a_transformation_that_does_harm_is_not_applied(monkeypatch):
-    monkeypatch.setattr("cdcp_igl.steps.mobius.least_angle_distortion", lambda *_: 0.5j)
+    harm = lambda w, errors: (0.5j, errors.mean(0j))  # noqa: E731
+    monkeypatch.setattr("cdcp_igl.steps.mobius.nearest_to", harm)
     harmed, none = cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(V, F, mobius=None)
     assert (harmed.mobius.w, harmed.mobius.rejected) == (0, "no improvement")
     assert "rejected: no improvement" in str(harmed)
     np.testing.assert_array_equal(harmed.uv, none.uv)
+    assert (harmed.mobius.reached, none.mobius.reached) == (0, 1)
+
+
+def gutter(length, n=12):
+    """Half of a tube, so many times longer than wide: turned by half a turn, it is the same."""
+    shape = n + 1, n * length + 1
+    i, j = np.divmod(np.arange(shape[0] * shape[1]), shape[1])
+    V = np.column_stack([np.cos(np.pi * i / n), np.sin(np.pi * i / n), np.pi * j / n])
+    return V, meshes.grid(*shape)[1]
+
+
+@pytest.mark.parametrize("length", [1, 2, 4])
+def test_a_surface_that_is_scanned_again_has_the_same_map(length):
+    """With 2 % of an edge of noise. By least distortion alone, vertices moved by up to 2."""
+    V, F = gutter(length)
+    scans = [np.random.default_rng(seed).normal(V, 0.02 * np.pi / 12) for seed in range(3)]
+    maps = [[cdcp_igl.cdcp(scan, F, mobius=mobius) for mobius in ("angle", None)] for scan in scans]
+    assert max(np.hypot(*(one - maps[0][0]).T).max() for one, _ in maps) < 0.06
+    for (one, plain), V in zip(maps, scans, strict=True):
+        means = [cdcp_igl.angle_distortion(V, F, uv).mean() for uv in (one, plain)]
+        assert means[0] < max(1.01 * means[1], means[1] + 0.05)
+
+
+def test_the_map_turns_with_the_surface():
+    """In any unit; and the Möbius step in a mirror and in any order, too."""
+    V, F = gutter(2)
+    turned = Rotation.from_euler("xyz", [20, 30, 40], degrees=True).apply(25.4 * V)
+    np.testing.assert_allclose(cdcp_igl.cdcp(turned, F), cdcp_igl.cdcp(V, F), atol=1e-9)
+    f = cdcp_igl.cdcp(V, F, mobius=None) @ [1, 1j]
+    w = normalize(DiskMesh(V, F), f, "angle")[1].w
+    assert abs(w) > 1e-3
+    assert abs(normalize(DiskMesh(V, F[:, ::-1]), f.conj(), "angle")[1].w.conjugate() - w) < 1e-9
+    order = np.random.default_rng(0).permutation(len(V))
+    shuffled = DiskMesh(V[order], np.argsort(order)[F][::-1])
+    assert abs(normalize(shuffled, f[order], "angle")[1].w - w) < 1e-9

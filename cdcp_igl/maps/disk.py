@@ -257,19 +257,21 @@ def finish(
 ) -> DiskMap:
     """Refine a map if that is asked for or needed, and say what it is; MapError if it is not valid.
 
-    Where it is not conformal, maps that begin with embeddings are refined, too; the best is taken.
-    Unless `keep_factor`, refinement of a good map, which makes a factor of its own, begins by
-    giving back the memory of the surface's. A map that is to keep lengths or areas begins here.
+    Where it is not conformal or in doubt, and refinement leaves it so, maps that begin with
+    embeddings are refined, too, and the best is taken. Unless `keep_factor`, refinement of a good
+    map, which makes a factor of its own, begins by giving back the memory of the surface's. A map
+    that is to keep lengths or areas begins here.
     """
     due = options.preset is None and len(surface.mesh.interior) > 0
-    if best.conformal and not keep_factor and steps_of(best, options, due=due):
+    good = is_settled(best)
+    if good and not keep_factor and steps_of(best, options, due=due):
         surface.release()
     best = _lowered(surface, best, options, phase, due=due)
-    if due and not (best.conformal or (best.valid and options.refine == 0)):
+    if due and not (good or is_settled(best) or (best.valid and options.refine == 0)):
         tried = [best]
         for other in embedded(surface, best.center, options, phase):
             tried.append(_lowered(surface, other, options, phase, due=due))
-            if tried[-1].conformal:
+            if is_settled(tried[-1]):
                 break
         # What refinement has brought down farthest, whether or not the scale explains the rest.
         tried.sort(key=lambda made: (not made.valid, made.distortion.mean))
@@ -286,6 +288,11 @@ def finish(
     best = valid_map(replace(best, solver=surface.solver), " onto the disk", REMEDY)
     phase.done()
     return best
+
+
+def is_settled(made: DiskMap) -> bool:
+    """Whether a map is conformal, and that is not in doubt."""
+    return made.conformal and not made.conformality.is_doubtful
 
 
 def _lowered(

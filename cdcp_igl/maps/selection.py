@@ -21,7 +21,15 @@ from ..result.disk_map import DiskMap, judged
 from ..solve.factored import FactoredSurface, extended_again, harmonic_extension
 from ..steps.center import Center
 from ..steps.circle import Rejected
-from ..steps.mobius import MobiusMethod, Normalization, composed, normalize, rotate
+from ..steps.mobius import (
+    FREE,
+    FREE_SHARE,
+    MobiusMethod,
+    Normalization,
+    composed,
+    normalized,
+    rotate,
+)
 from ..surface.mesh import Mesh
 
 log = logging.getLogger("cdcp_igl")
@@ -29,16 +37,18 @@ log = logging.getLogger("cdcp_igl")
 # If a larger share of the faces is flipped, other maps are tried before repair: on slivers, those
 # of the intrinsic Delaunay Laplacian have a hundredth of the flipped faces of the cotangent one.
 MANY_FLIPPED = 0.003
-# Even area, if it was asked for, may raise the angular distortion by so much.
-PRICE_OF_AREA = 1.05
+# Even area, if it was asked for, may raise the angular distortion by this share.
+PRICE_OF_AREA = 0.05
 
 Repairing = Callable[[Mesh, Complex], tuple[Complex, Repair]]
 
 
 def is_good(first: DiskMap, harmonic: HarmonicMap, options: Options) -> bool:
     """Whether the map of Algorithm 1 needs no rescue."""
-    done = options.preset == "paper" or not harmonic.needs_correction
-    return done and not _is_doubtful(first, options)
+    if options.preset == "paper":
+        return not _is_doubtful(first, options)
+    stopped = first.mobius.rejected == "flipped faces"  # which repair may mend
+    return not (stopped or harmonic.needs_correction or _is_doubtful(first, options))
 
 
 def _is_doubtful(candidate: DiskMap, options: Options) -> bool:
@@ -165,10 +175,11 @@ def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> DiskM
     if method is None or not (harmonic.w or candidate.repair.rounds):
         return candidate
     plain = _finished(harmonic, None, options, phase, repairing)
-    price = PRICE_OF_AREA if method == "area" else 1
-    if (*plain.rank[:2], price * plain.distortion.mean) < candidate.rank:
+    share = PRICE_OF_AREA if method == "area" else FREE_SHARE
+    price = max(share * plain.distortion.mean, np.degrees(FREE))
+    if (*plain.rank[:2], plain.distortion.mean + price) < candidate.rank:
         given = candidate.mobius
-        rejected = replace(given, w=harmonic.w, rejected=given.rejected or "repair")
+        rejected = replace(given, w=harmonic.w, rejected=given.rejected or "repair", reached=0.0)
         return replace(plain, mobius=rejected)
     return candidate
 
@@ -178,7 +189,7 @@ def _repaired(harmonic: HarmonicMap, options: Options, phase: Phases) -> DiskMap
     repairing = partial(repair_locally, most=MANY * len(harmonic.surface.mesh.F))
     candidate = _finished(harmonic, None, options, phase, repairing)
     if options.mobius_method is not None:
-        rejected = Normalization(options.mobius_method, 0j, "repair")
+        rejected = Normalization(options.mobius_method, 0j, "repair", 0.0)
         candidate = replace(candidate, mobius=rejected)
     return candidate
 
@@ -191,18 +202,16 @@ def _finished(
     repairing: Repairing,
 ) -> DiskMap:
     """Do the last step of Algorithm 1 and what rounding asks for, repair the map, and judge it."""
-    mesh, n_opened = harmonic.surface.mesh, 0
+    mesh = harmonic.surface.mesh
 
-    def placed(f: Complex) -> Complex:
-        nonlocal n_opened
+    def placed(f: Complex) -> tuple[Complex, tuple[int, Repair]]:
         f, n_opened = open_collapsed_faces(mesh, rotate(mesh, f, options.align))
-        return f
+        f, repair = repairing(mesh, f)
+        return f, (n_opened, repair)
 
     with phase("mobius"):
-        f, mobius = normalize(mesh, harmonic.f, method, placed)  # (19), (20)
+        f, (n_opened, repair), mobius = normalized(mesh, harmonic.f, method, placed)  # (19), (20)
     mobius = replace(mobius, w=composed(harmonic.w, mobius.w))
-    with phase("repair"):
-        f, repair = repairing(mesh, f)
     if repair.n_flipped:
         log.info("%s", repair)
     boundary = replace(harmonic.done.boundary, n_opened=n_opened)

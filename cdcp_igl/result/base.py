@@ -535,17 +535,23 @@ def valid_map(result: Kind, onto: str, remedy: str) -> Kind:
 
 
 def how_made(
-    of: Any, boundary: BoundaryMethod, mobius: str, w: complex | None = None, rejected: str = ""
+    of: Any,
+    boundary: BoundaryMethod,
+    mobius: str,
+    w: complex | None = None,
+    rejected: str = "",
+    reached: float = 1.0,
 ) -> dict[str, Any]:
     """Say how a map came about, whatever it is onto, as JSON types.
 
-    `w` is the point of the disk that went to 0 by the Möbius transformation; None of other images.
+    `w` is the point of the disk that went to 0 by the Möbius transformation, None of other images;
+    `rejected` and `reached` are as of a `Normalization`.
     """
     moved = None if w is None else [w.real, w.imag]
     return {
         "boundary": boundary.report(),
         "laplacian": boundary.laplacian,
-        "mobius": {"method": mobius, "w": moved, "rejected": rejected},
+        "mobius": {"method": mobius, "w": moved, "rejected": rejected, "reached": reached},
         "repair": of.repair.report(),
         "refinement": of.refinement and asdict(of.refinement),
         "solver": of.solver,

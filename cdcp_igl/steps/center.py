@@ -18,6 +18,7 @@ METHODS = get_args(CenterMethod)
 
 HEAT_TIME = 1e4  # t of eq. (14)
 CANDIDATES = 24  # most central faces among which a well-shaped one is sought
+EQUAL = 9  # digits
 SMALLEST_ANGLE = np.radians(20)  # that makes a face well shaped
 
 
@@ -89,8 +90,13 @@ def most_central(central: Floats) -> Ints:
 
 
 def first_well_shaped(central: Floats, faces: Ints, smallest: Floats) -> int:
-    """Choose the most central of some faces, given their rows, that has no small angle."""
+    """Choose the most central of some faces, given their rows, that has no small angle.
+
+    What differs by rounding only is equal, as on parts that are symmetric: there the smallest row
+    counts, which is the same in another unit, and where the surface is turned.
+    """
+    central = np.round(central / max(abs(central).max(), np.finfo(float).tiny), EQUAL)
     order = np.lexsort((faces, -central))[:CANDIDATES]
-    faces, smallest = faces[order], smallest[order]
+    faces, smallest = faces[order], np.round(smallest[order], EQUAL)
     good = smallest > SMALLEST_ANGLE
     return int(faces[good.argmax() if good.any() else smallest.argmax()])

@@ -15,8 +15,10 @@ from ..verdict.distortion import angles_between, plane_angles
 # faces, their errors and not their changes would choose w.
 MANY_FACES, SHARE = 10_000, 32
 SOFT = 0.2  # corner of the pseudo-Huber function, by the median residual
+# That for w: with a narrower one, the noise of single faces has minima of its own.
+SOFT_FOR_W = 1.0
 MAX_STEPS = 30
-LAST = 1e-2  # a step of w by the corner after which none is needed: convergence is quadratic
+LAST = 2e-3  # a step of w by the corner after which none is needed: convergence is quadratic
 NEGLIGIBLE = 1e-8  # steps of w below this change the objective by its last digits only
 SINGULAR = 1e-14  # determinant of a Hessian by its squared size, without a minimum
 
@@ -59,7 +61,7 @@ class AngleErrors:
 
     def __init__(self, x: Floats, y: Floats, errors: Floats) -> None:
         self._x, self._y, self._errors = x, y, errors
-        self.corner = pseudo_huber_corner(errors)
+        self.corner = pseudo_huber_corner(errors, SOFT_FOR_W)
         self._last = 0j, errors / self.corner
 
     @classmethod
@@ -115,11 +117,11 @@ class AngleErrors:
         return 1 - w.real * self._x - w.imag * self._y, w.imag * self._x - w.real * self._y
 
 
-def pseudo_huber_corner(errors: Floats) -> float:
+def pseudo_huber_corner(errors: Floats, soft: float = SOFT) -> float:
     """Choose the error at which the pseudo-Huber function turns from a parabola to a line."""
     size, middle = abs(errors).ravel(), errors.size // 2
     median = float(np.partition(size, middle)[middle])  # in a third of the time of np.median
-    return max(SOFT * median, np.finfo(float).eps)
+    return max(soft * median, np.finfo(float).eps)
 
 
 def angle_change(F: Ints, z: Complex, w: complex) -> Floats:

@@ -21,10 +21,14 @@ from .least_distortion import (
 )
 
 Moved = TypeVar("Moved")
+Made = TypeVar("Made")
 MobiusMethod = Literal["angle", "area", "nelder-mead"]
 
 MAX_STEPS = 30  # towards the conformal barycentre
 HALVINGS = 10  # of w, until no face is flipped
+# What it may cost, in radians of the mean angular distortion or as a share of it, that w is nearer
+# to the conformal barycentre than where the distortion is least.
+FREE, FREE_SHARE = np.radians(0.05), 0.01
 
 
 @dataclass(frozen=True)
@@ -39,78 +43,112 @@ class Normalization:
         The point that went to 0, eq. (19); 0 where nothing was applied. With ``"none"`` too, if
         a part of the surface was too small for double precision anywhere else.
     rejected : str
-        Why the method's result was not used; empty where it was.
+        Why the method's result was not used, or not all of it; empty where it was.
+    reached : float
+        How far w is from 0, by how far the method wanted it: 1, or 1/2, 1/4 ... where faces would
+        have been flipped that no repair mends, or the boundary crowded; 0 where it was not used.
     """
 
     method: str = "none"
     w: complex = 0j
     rejected: str = ""
+    reached: float = 1.0
 
     def __str__(self) -> str:
         note = f" (rejected: {self.rejected})" if self.rejected else ""
+        if 0 < self.reached < 1:
+            note = f", {self.reached:.3g} of the way ({self.rejected})"
         moved = f", moves a point w to the centre, |w| = {abs(self.w):.4f}" if self.w else ""
         return f"{self.method}{moved}{note}"
 
 
-def normalize(
+def normalize(mesh: Mesh, f: Complex, method: MobiusMethod | None) -> tuple[Complex, Normalization]:
+    """Apply the best Möbius transformation that does no harm to a map (n,), see `normalized`."""
+    f, _, done = normalized(mesh, f, method, lambda f: (f, None))
+    return f, done
+
+
+def normalized(
     mesh: Mesh,
     f: Complex,
     method: MobiusMethod | None,
-    finished: Callable[[Complex], Complex] = lambda f: f,
-) -> tuple[Complex, Normalization]:
+    finished: Callable[[Complex], tuple[Complex, Made]],
+) -> tuple[Complex, Made, Normalization]:
     """Apply the best Möbius transformation that does no harm.
 
     psi_w flips a face exactly when 1 / conj(w) lies in its circumdisk. A transformation
     that does so, or that crowds the boundary beyond double precision, is halved until it does
-    not: what can be gained on the way is gained. It is not applied where it does not lower
-    the angular distortion.
+    not: what can be gained on the way is gained. It is not applied where it costs angles.
 
     The first boundary vertex of the map f (n,) lies at 1. `finished` is what is done to the map
-    after psi_w, before its flipped faces are counted.
+    after psi_w, before its flipped faces are counted; it returns the map, and anything else.
     """
     if method is None:
-        return finished(f), Normalization("none", 0j)
+        return *finished(f), Normalization("none", 0j)
     faces = faces_to_judge_by(len(mesh.F))
     errors = AngleErrors.of(mesh.F[faces], f, mesh.angles_of(faces))
-    before = errors.mean(0j)
-    if method == "angle":
-        w = least_angle_distortion(errors)
-    elif method == "nelder-mead":
+    if method == "nelder-mead":
+        most = np.nextafter(errors.mean(0j), 0)
         w = least_angle_distortion_nelder_mead(mesh.F, f, mesh.angles)
     else:
-        w = conformal_barycenter(f, mesh.vertex_areas)
+        w, most = conformal_barycenter(f, mesh.vertex_areas), np.inf
+        if method == "angle":
+            w, most = nearest_to(w, errors)
 
-    def attempt(w: complex) -> tuple[Complex, Ints] | None:
+    def attempt(w: complex) -> tuple[tuple[Complex, Made], Ints] | None:
         moved = at_one(mesh, mobius_transformation(f, w), mesh.loop[0])
         if not is_around(moved[mesh.loop]):
             return None
-        moved = finished(moved)
-        return moved, flipped_faces(moved, mesh.F)[0]
+        made = finished(moved)
+        return made, flipped_faces(made[0], mesh.F)[0]
 
-    w, moved, reason = harmless(
-        w,
-        lambda w: method == "area" or errors.mean(w) < before,
-        attempt,
-        lambda: flipped_faces(finished(f), mesh.F)[0],
+    made, done = harmless(
+        *(method, w, lambda w: errors.mean(w) <= most, attempt),
+        lambda: flipped_faces(finished(f)[0], mesh.F)[0],
     )
-    return finished(f) if moved is None else moved, Normalization(method, w, reason)
+    return *(made or finished(f)), done
+
+
+def nearest_to(barycenter: complex, errors: AngleErrors) -> tuple[complex, float]:
+    """Of the transformations that cost next to nothing, find the one nearest to the barycentre.
+
+    The angular distortion hardly depends on where in a long surface w lies: there the noise of a
+    scan, or the rounding of another unit, would choose it. So w goes from where the distortion is
+    least along the geodesic towards the conformal barycentre, which hardly depends on either, as
+    far as the price allows: all the way, or, as the distortion is convex along it, by that share
+    of it. Returns w, and the mean distortion in radians that it may have.
+    """
+    best = least_angle_distortion(errors)
+    least = errors.mean(best)
+    most = least + max(FREE, FREE_SHARE * least)
+    price = errors.mean(barycenter) - least
+    share = 1.0 if price <= most - least else (most - least) / price
+    way = (best - barycenter) / (1 - barycenter.conjugate() * best)  # as `mobius_transformation`
+    for _ in range(HALVINGS):
+        w = composed(barycenter, (1 - share) * way)
+        if errors.mean(w) <= most:
+            return w, most
+        share /= 2
+    return best, most
 
 
 def harmless(
+    method: str,
     w: complex,
     improves: Callable[[complex], bool],
     attempt: Callable[[complex], tuple[Moved, Ints] | None],
     flipped_without: Callable[[], Ints],
-) -> tuple[complex, Moved | None, str]:
-    """Halve w until psi_w does no harm: the point, the moved map, and why it was not found.
+) -> tuple[Moved | None, Normalization]:
+    """Halve w until psi_w does no harm: the moved map, if there is one, and what was done.
 
     An attempt gives the moved map and its flipped faces, None where the boundary is crowded. Those
     faces are allowed that are flipped without psi_w, too.
     """
     allowed: Ints | None = None
-    reason = "no improvement"
-    for _ in range(HALVINGS):
+    reason = ""
+    for halvings in range(HALVINGS):
         if not improves(w):
+            reason = reason or "no improvement"
             break
         if (tried := attempt(w)) is None:
             reason = "crowding"
@@ -119,10 +157,10 @@ def harmless(
             if len(flipped) and allowed is None:
                 allowed = flipped_without()
             if allowed is None or np.isin(flipped, allowed).all():
-                return w, moved, ""
+                return moved, Normalization(method, w, reason, 0.5**halvings)
             reason = "flipped faces"
         w /= 2
-    return 0j, None, reason
+    return None, Normalization(method, 0j, reason, 0.0)
 
 
 def mobius_transformation(z: Complex, w: complex) -> Complex:

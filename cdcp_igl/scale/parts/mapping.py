@@ -31,13 +31,14 @@ from ...solve.solvers import SolverName, using
 from ...solve.threads import one_thread
 from ...steps.center import CANDIDATES, Center, first_well_shaped
 from ...steps.circle import Rejected, onto_circle
-from ...steps.least_distortion import AngleErrors, faces_to_judge_by, least_angle_distortion
+from ...steps.least_distortion import AngleErrors, faces_to_judge_by
 from ...steps.mobius import (
     Normalization,
     barycenter_by_moments,
     check_slope,
     harmless,
     mobius_transformation,
+    nearest_to,
 )
 from ...steps.trace import lengths_along, shares_of_edges, trace_of_shares
 from ...surface.mesh import Mesh
@@ -381,19 +382,21 @@ class _Mapping:
         Sets `self.finished`, the results, and `self.final`, what they were given.
         """
         method = self.options.mobius
-        w, reason, finished = 0j, "", None
-        if method is not None:
+        if method is None:
+            finished, done = None, Normalization()
+        else:
             some = sample.only(faces_to_judge_by(self.folder.faces))
             errors = AngleErrors.of(some.F, sample.f, some.angles)
-            before = errors.mean(0j)
-            w, finished, reason = harmless(
-                least_angle_distortion(errors) if method == "angle" else self.barycenter(),
-                lambda w: method == "area" or errors.mean(w) < before,
+            w, most = self.barycenter(), np.inf
+            if method == "angle":
+                w, most = nearest_to(w, errors)
+            finished, done = harmless(
+                *(method, w, lambda w: errors.mean(w) <= most),
                 lambda w: self.finish(w) if is_around(self.moved(w)[self.border]) else None,
                 lambda: self.finish(0j)[1],
             )
         self.finished, self.final = finished or self.finish(0j)[0]
-        return Normalization(method or "none", w, reason)
+        return done
 
     def barycenter(self) -> complex:
         """Find the point that goes to 0 for even area."""
