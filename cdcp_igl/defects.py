@@ -134,6 +134,10 @@ DEFECTS = {
         "The indices count from 1: pass F - 1.",
         subject=("face has", "faces have"),
     ),
+    "indices from 1": Row(
+        "No face has vertex 0, and edges would be far shorter if indices counted from 1",
+        "Pass F - 1.",
+    ),
     "fractional index": Row(
         "an index that is no integer",
         "F takes integers, the rows of V.",

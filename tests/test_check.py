@@ -79,6 +79,7 @@ def raised_outside_of_check(folder):
     yield lambda: cdcp_igl.angle_distortion(V, F, np.full((len(V), 2), np.nan))
     yield lambda: DiskMesh(V, F).moved(V[:-1])
     yield lambda: cdcp_igl.sphere_map(V, F)
+    yield lambda: cdcp_igl.clean(np.vstack([V[::-1], [9, 9, 9]]), len(V) - F)
     yield lambda: cdcp_igl.cdcp(np.where(V[:, :1] > 3, 0, V + 99), F)
     yield lambda: cdcp_igl.annulus_map(V, F)
     yield lambda: cdcp_igl.annulus_map(*meshes.ear_at_a_hole()[:2])
@@ -87,6 +88,9 @@ def raised_outside_of_check(folder):
     yield lambda: cdcp_igl.check(SimpleNamespace(to_legacy=None))
     yield lambda: cdcp_igl.cdcp(V, F.ravel())
     yield lambda: cdcp_igl.cdcp(V, [SimpleNamespace(type="triangle", data=F)])
+    parts = cdcp_igl.partition((V, F), folder / "parts", parts=2)
+    (folder / "parts" / "parts.json").write_text("{")
+    yield lambda: cdcp_igl.parts_map(parts)
     np.savez(folder / "columns.npz", V=V.T, F=F.T)
     files = {"mesh.txt": "", "mesh.off": "3 1 0\n", "mesh.obj": "v 0 0 0\nv 1 0 0\nf 1 2\n"}
     for name, text in files.items():

@@ -41,6 +41,7 @@ LISTS = TRIANGLES, STRIP, FAN = 4, 5, 6
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
+OLD = "it is glTF 1.0: convert it to 2.0, which replaced it in 2017"
 PRIMITIVE = {
     "attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2},
     "indices": 3,
@@ -119,7 +120,12 @@ def parts_of(scene: dict[str, Any], body: bytes, path: Path) -> Iterator[Part]:
 def scene_and_body(data: bytes) -> tuple[dict[str, Any], bytes]:
     """Return what the JSON part of a file says, and its binary part."""
     if data[:4] != b"glTF":
-        return json.loads(data), b""
+        scene = json.loads(data)
+        if str(scene["asset"]["version"]).startswith("1"):
+            raise Damage(OLD)
+        return scene, b""
+    if data[4:8] == b"\1\0\0\0":
+        raise Damage(OLD)
     (size,) = struct.unpack_from("<I", data, 12)
     return json.loads(data[20 : 20 + size]), data[28 + size :]
 
@@ -199,7 +205,10 @@ def piece(scene: dict[str, Any], view: dict[str, Any], body: bytes, path: Path) 
     if uri is not None and uri.startswith("data:"):
         body = b64decode(uri.partition(",")[2])
     elif uri is not None:
-        body = (path.parent / unquote(uri)).read_bytes()
+        beside = path.parent / unquote(uri)
+        if not beside.is_file():
+            raise Damage(f"its buffer {beside.name!r} is not beside it")
+        body = beside.read_bytes()
     elif view["buffer"]:
         raise Damage("it has a buffer without data: export it without compression")
     start = view.get("byteOffset", 0)

@@ -49,6 +49,8 @@ def read(V: ArrayLike, F: ArrayLike) -> Given:
         faces = _faces(F, len(vertices))
     except MeshError as error:
         return Given(vertices, None, (*defects, *error.defects))
+    if faces.min() == 1 and _are_from_one(vertices, faces):
+        return Given(vertices, None, (*defects, Defect.of("indices from 1")))
     if len(repeated := repeated_corners(faces)):
         defects += (Defect.of("repeated corner", repeated),)
     return Given(vertices, faces, defects)
@@ -212,6 +214,15 @@ def _are_swapped(V: ArrayLike, F: ArrayLike) -> bool:
     except MeshError:
         return False
     return True
+
+
+def _are_from_one(V: NDArray[Any], F: Ints) -> bool:
+    """Whether faces that use all vertices but the first would have far shorter edges by F - 1."""
+    if not np.array_equal(np.unique(F), np.arange(1, len(V))):
+        return False
+    positions = unit_size(V)
+    here, there = (np.square(positions[G[:, 0]] - positions[G[:, 1]]).sum() for G in (F, F - 1))
+    return bool(there < 0.9 * here)
 
 
 def _vertices(V: ArrayLike, name: str = "V") -> NDArray[Any]:
