@@ -33,7 +33,7 @@ from dataclasses import dataclass, replace
 from operator import length_hint
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 
 from ..arrays import Bools, Complex, Floats, Ints
 from ..solve.laplacian import Laplacian
@@ -136,12 +136,7 @@ class Energy:
     def _factors(self, s: Floats, q: Floats, part: slice) -> tuple[list[Floats], list[Floats]]:
         """Compute both factors of e, less 1, with their derivatives by s, and by q."""
         t, k = self.t[part], self.k[part]
-        weights = np.minimum(1, 2 - 2 * t), np.minimum(1, 2 * t)
-        S, Q = (
-            [2 * w * np.sinh(k * x / 2) ** 2, w * k * np.sinh(k * x), w * k**2 * np.cosh(k * x)]
-            for w, x in zip(weights, (s, q), strict=True)
-        )
-        return S, Q
+        return _grown(np.minimum(1, 2 - 2 * t), k, s), _grown(np.minimum(1, 2 * t), k, q)
 
     def quadratic(self, f: Complex, *, whole: bool) -> Quadratic:
         """Expand the energy at a map (n,); the `whole` Hessian, or what is always positive."""
@@ -170,7 +165,16 @@ class Energy:
                 imaginary[1, part] = 4 * across
         rows = np.arange(0, 3 * m + 1, 3)
         B = csr_matrix((beta.ravel(), self.F.ravel(), rows), (m, len(f)))
-        return Quadratic(beta, B, B.conj(), turn, slope, real, imaginary)
+        A = B.conj()
+        return Quadratic(beta, B, A, B.T, A.T, turn, slope, real, imaginary)
+
+
+def _grown(w: Floats, k: Floats, x: Floats) -> list[Floats]:
+    """Compute w (cosh kx - 1) with its derivatives, by one exponential."""
+    e = np.expm1(k * abs(x))
+    less = e / (1 + e)  # 1 - exp(-k|x|)
+    more, slope = e * less / 2, np.copysign(e + less, x) / 2
+    return [w * more, w * k * slope, w * k**2 * (1 + more)]
 
 
 def _clamped(x: Floats, y: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
@@ -193,6 +197,8 @@ class Quadratic:
     beta: Complex  # (m, 3) the entries of B
     B: csr_matrix
     A: csr_matrix
+    B_T: csc_matrix
+    A_T: csc_matrix
     turn: Complex  # (m,)
     slope: Floats  # (2, m) along Re a and Re p
     real: Floats
@@ -205,8 +211,8 @@ class Quadratic:
         return weights
 
     def _back(self, a: Complex | Floats, p: Complex | Floats) -> Complex:
-        x: Complex = self.B.T @ a
-        x += self.A.T @ (self.turn.conj() * p)
+        x: Complex = self.B_T @ a
+        x += self.A_T @ (self.turn.conj() * p)
         return x
 
     def gradient(self) -> Complex:
@@ -243,7 +249,11 @@ class Newton:
         free = np.ones(len(f), dtype=bool) if held is None else ~held
         if isinstance(target, Disk):
             free &= ~mesh.on_boundary
-        self._laplacian = WeightedLaplacian(mesh, order_of(mesh, free))
+        pattern = Laplacian.of(
+            mesh.edges.low, mesh.edges.high, np.ones(len(mesh.edges.low)), len(f)
+        )
+        order, ordering, _ = elimination_order(pattern, mesh.V, free, solver())
+        self._laplacian = WeightedLaplacian(mesh, order, ordering=ordering)
         self._share = SHARE_OF_SLIDING if isinstance(target, Disk) else SHARE
         self.f, self.steps, self.factors, self.done = f, 0, 0, False
 
@@ -347,15 +357,6 @@ def resized(energy: Energy, f: Complex) -> Complex:
         shrink += float(weight @ np.exp(-q))
         grow += float(weight @ np.exp(q))
     return f * (shrink / grow) ** 0.25
-
-
-def order_of(mesh: Mesh, free: Bools) -> Ints:
-    """Find an order of the free vertices (n,) in which a factor of their Laplacian stays sparse."""
-    pattern = Laplacian.of(mesh.edges.low, mesh.edges.high, np.ones(len(mesh.edges.low)), len(free))
-    rows, ordering, _ = elimination_order(pattern, mesh.V, free, solver())
-    if ordering == "amd":
-        rows = rows[solver().fill_reducing_order(pattern.block(rows))]
-    return rows.astype(np.int64)
 
 
 def balanced(

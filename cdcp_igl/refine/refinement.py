@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from ..arrays import Complex, Floats, Ints
+from ..arrays import Complex, Floats, Indices, Ints
 from ..errors import counted
 from ..rescue.correction import extents
-from ..solve.cholesky import Cholesky
+from ..solve.cholesky import Cholesky, Ordering
 from ..solve.laplacian import Laplacian, sum_opposite
 from ..solve.solvers import factorize
 from ..surface.mesh import Mesh
@@ -422,10 +422,17 @@ class WeightedLaplacian:
     whose inverse ignores the circle, is worse than a boundary that stays, and the
     boundary block along the tangents is no better. `order` are the interior vertices, or all of
     them where the outline is free, at least one, in a fill-reducing order or that of an `analysis`
-    of the pattern, which is taken over.
+    of the pattern, which is taken over; or the solver finds an `ordering`.
     """
 
-    def __init__(self, mesh: Mesh, order: Ints, analysis: Cholesky | None = None) -> None:
+    def __init__(
+        self,
+        mesh: Mesh,
+        order: Ints | Indices,
+        analysis: Cholesky | None = None,
+        ordering: Ordering = "natural",
+    ) -> None:
+        self._ordering = ordering
         self._F, self._edges, self._n, self._order = mesh.F, mesh.edges, len(mesh.V), order
         self._cholesky = analysis
 
@@ -451,7 +458,7 @@ class WeightedLaplacian:
         unit = np.full(self._n, 1 + SHIFT)
         matrix = Laplacian(low, high, weights, unit).block(self._order)
         if self._cholesky is None:
-            self._cholesky = factorize(matrix, ordering="natural")
+            self._cholesky = factorize(matrix, ordering=self._ordering)
         else:  # the pattern is that of the edges, whatever the weights
             self._cholesky.refactor(matrix)
 
