@@ -1,7 +1,10 @@
 """What a map keeps: angles, lengths, areas, or anything between."""
 
+import json
+
 import numpy as np
 import pytest
+from commands import invoke
 from numpy.testing import assert_allclose, assert_array_equal
 
 import cdcp_igl
@@ -10,6 +13,7 @@ from cdcp_igl.refine import balance
 from cdcp_igl.refine.balance import Energy, balanced, resized, way_to_flip
 from cdcp_igl.refine.targets import Disk, Outline
 from cdcp_igl.result.keeping import Kept
+from cdcp_igl.scale.one_file import Settings
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas, flipped_faces, oriented_areas
 from cdcp_igl.verdict.outline import certify_outline
@@ -204,3 +208,102 @@ def test_an_outline_is_kept_apart():
     result = cdcp_igl.free_map(V, F, keep="lengths")
     assert result.valid
     assert result.kept.dirichlet < angles_kept(plain).dirichlet
+
+
+@pytest.fixture(scope="module")
+def two(hill):
+    """Disk maps of two surfaces, and pairs of vertices that are near one another on both."""
+    V, F = hill
+    one, other = cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(V * [1, 1.1, 0.9], F)
+    inside = np.flatnonzero(abs(as_complex(one.uv)) < 0.8)
+    rows = inside[:: len(inside) // 8][:8]
+    return one, other, np.column_stack([rows, rows])
+
+
+def test_pairs_meet_to_the_last_bit_and_no_face_flips(two):
+    one, other, pairs = two
+    rim = one.mesh.loop[[0, 9]]
+    pairs = np.vstack([pairs, np.column_stack([rim, rim])])
+    match = one.match(other, pairs)
+    assert match.certificate.valid
+    assert_array_equal(match.uv[pairs[:, 0]], other.uv[pairs[:, 1]])
+    expected = cdcp_igl.quasi_conformal_dilatation(one.register(other, pairs), one.mesh.F, match.uv)
+    assert_allclose(match.stretch, expected, rtol=1e-6)
+    height = other.mesh.positions[:, 2]
+    assert_allclose(match.pull_back(height), other.interpolate(height, match.uv))
+
+
+def test_a_false_pair_is_found(two):
+    one, other, pairs = two
+    z = as_complex(other.uv)
+    for false in (2, 5):
+        wrong = pairs.copy()
+        far = z[wrong[false, 1]] + 0.25 * np.exp(1j)
+        wrong[false, 1] = abs(z - far).argmin()
+        match = one.match(other, wrong)
+        assert match.gains.argmax() == false
+        assert false in match.suspects
+
+
+@pytest.mark.parametrize(
+    ("pairs", "said"),
+    [
+        ([[0, 0]], "two landmarks or more"),
+        ([[0, 0], [0, 5]], "two landmarks or more"),
+        ([[0, 0], [5, 5], [5, 7]], "in several pairs"),
+        ([[0, 0], [3, 10_000]], "vertices of the two surfaces"),
+        ([[0.0, 1.0], [2.0, 3.0]], "integers"),
+        ("rim", "only one is on the boundary"),
+    ],
+)
+def test_what_are_no_pairs_is_refused(two, pairs, said):
+    one, other, _ = two
+    if pairs == "rim":
+        pairs = [[0, 0], [5, 5], [one.mesh.loop[0], 8]]
+    with pytest.raises(ValueError, match=said):
+        one.match(other, pairs)
+
+
+def test_pins_are_where_they_are_told_to_be(hill):
+    plain = cdcp_igl.free_map(*hill, keep="lengths")
+    rows = plain.mesh.loop[::12]
+    pins = {int(row): 1.2 * plain.uv[row] + [0.3, -1] for row in rows}
+    result = plain.pinned(pins)
+    assert result.valid
+    assert_array_equal(result.uv[rows], [*pins.values()])
+    assert result.kept.dirichlet > plain.kept.dirichlet
+    pinned = cdcp_igl.free_map(*hill).pinned({0: (0, 0), 5: (1, 1)})
+    assert_array_equal(pinned.uv[[0, 5]], [[0, 0], [1, 1]])
+
+
+@pytest.mark.parametrize(
+    "pins",
+    [
+        *({}, {0: (0, 0)}, {0: (0, 0), 10_000: (1, 1)}, {0: (0, 0), 1: (0, 0)}, [0, 1], None),
+        *({0: (0, 0), 1: (np.nan, 1)}, {0: (0, 0), 1: (1, 2, 3)}, {0: "a", 1: (1, 1)}, {0.5: "a"}),
+    ],
+)
+def test_what_are_no_pins_is_refused(hill, pins):
+    with pytest.raises(ValueError, match="pins"):
+        cdcp_igl.free_map(*hill).pinned(pins)
+
+
+def test_pins_that_turn_the_map_over_are_refused(hill):
+    plain = cdcp_igl.free_map(*hill, keep="lengths")
+    a, b, c = plain.mesh.F[100]
+    places = {int(v): plain.uv[v] for v in plain.mesh.loop[::6]}
+    places |= {int(a): plain.uv[b], int(b): plain.uv[a], int(c): plain.uv[c]}
+    with pytest.raises(cdcp_igl.MapError, match="Leave out pins"):
+        plain.pinned(places)
+
+
+def test_keep_in_the_shell_and_of_charts(hill, tmp_path):
+    surface, out, report = (tmp_path / name for name in ("hill.npz", "out.npz", "report.json"))
+    np.savez(surface, V=hill[0], F=hill[1])
+    done = invoke("map", "--free", "--keep", "lengths", "--report", report, surface, out)
+    assert done.exit_code == 0, done.output
+    assert json.loads(report.read_text())["kept"]["keep"] == 0.5
+    with pytest.raises(ValueError, match="keep must be"):
+        Settings(options={"keep": "volumes"})
+    charts = cdcp_igl.surface_map(*hill, outline="free", keep="lengths").charts
+    assert [chart.kept.keep for chart in charts] == [0.5]

@@ -11,23 +11,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Complex, Floats, Ints, as_complex, coordinates, places
+from ..arrays import Complex, Floats, Ints, as_complex, coordinates, distinct_rows, marked, places
 from ..docstrings import like
-from ..errors import SolverError, spell
+from ..errors import MapError, SolverError, spell
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
+from ..refine.balance import Energy, Newton
 from ..refine.refinement import lower_angle_distortion
 from ..refine.targets import Outline
 from ..rescue.repair import MANY, Repair, repair_locally
 from ..result.base import valid_map
-from ..result.keeping import KeepingMap
+from ..result.keeping import KeepingMap, Kept
 from ..result.making import PATIENT, PlaneMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.solvers import SolverName, using
 from ..steps.mobius import rotate
 from ..steps.trace import edge_lengths
 from ..surface.mesh import Mesh
+from ..verdict.conformality import NOT_ASKED
 from ..verdict.distortion import map_distortion
 from ..verdict.outline import OutlineCertificate, certify_outline
 from .boundary_first import (
@@ -101,6 +103,58 @@ class FreeMap(KeepingMap, PlaneMap):
     _plane = "Plane"
     _target = Outline()
     _reported = ("area_ratio",)
+
+    def pinned(self, pins: Mapping[int, ArrayLike]) -> FreeMap:
+        """Bring vertices to where they are told to be; the rest gives way, and no face flips.
+
+        It keeps what this map keeps, lengths or areas, or else angles.
+
+        Parameters
+        ----------
+        pins : mapping of int to (2,) array_like
+            Places of some vertices, in the unit of V; two at least.
+
+        Returns
+        -------
+        FreeMap
+            This map stays as it is.
+
+        Raises
+        ------
+        ValueError
+            If `pins` is none of that, or two vertices have the same place.
+        MapError
+            If they do not all get there, or the outline comes to overlap itself; its ``result`` is
+            the map as far as it went.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.square(6)
+        >>> result = cdcp_igl.free_map(V, F, keep="lengths")
+        >>> longer = result.pinned({0: (-2, 0), 6: (2, 0)})
+        >>> longer.uv[[0, 6]].tolist()
+        [[-2.0, 0.0], [2.0, 0.0]]
+        """
+        mesh, t = self.mesh, self.kept.keep if self.kept else 0.0
+        rows, given = _checked_pins(pins, len(mesh.V))
+        goal = as_complex(mesh.in_own_unit(given))
+        f = self._plane_map()
+        # The similarity that brings them nearest.
+        at, to = f[rows] - f[rows].mean(), goal - goal.mean()
+        f = (f - f[rows].mean()) * (np.vdot(at, to) / np.vdot(at, at)) + goal.mean()
+        phase = Phases()
+        with phase("refine"):
+            newton = Newton(mesh, f, held=marked(len(f), rows))
+            reached = newton.pull(Energy.of(mesh, t), rows, goal)
+        made = replace(self.moved_to(newton.f, phase), conformality=NOT_ASKED)
+        made = replace(made, kept=Kept.of(mesh, newton.f, t, self._target, newton.steps))
+        made.uv[rows] = np.where(reached, given, made.uv[rows])
+        if not reached:
+            left = abs(newton.f[rows] - goal)
+            text = f"Vertex {rows[left.argmax()]} does not get to its place: the faces around turn"
+            raise MapError(f"{text} over. Leave out pins, or put them nearer to the map", made)
+        return valid_map(made, "", "Leave out pins, or put them nearer to the map.")
 
     def _plane_map(self) -> Complex:
         return as_complex(self.mesh.in_own_unit(self.uv))
@@ -287,6 +341,20 @@ def check_boundary(
             "the exterior angles at the corners must be radians between -pi and pi that add up to "
             f"2 pi; they add up to {given.sum():.9g}"
         )
+
+
+def _checked_pins(pins: Mapping[int, ArrayLike], n: int) -> tuple[Ints, Floats]:
+    """Vertices (k,) and their places (k, 2); ValueError if they are none."""
+    rows = np.array(list(pins)) if isinstance(pins, Mapping) else np.empty(0)
+    if len(rows) < 2 or rows.dtype.kind not in "iu" or not ((rows >= 0) & (rows < n)).all():
+        raise ValueError(f"pins must give two vertices or more their places, not {pins!r}")
+    given = [np.asarray(place) for place in pins.values()]
+    if any(place.shape != (2,) or place.dtype.kind not in "iuf" for place in given):
+        raise ValueError("pins must give each vertex two real numbers")
+    there = np.array(given, dtype=np.float64)
+    if not np.isfinite(there).all() or len(distinct_rows(there)[0]) < len(rows):
+        raise ValueError("places of pins must be finite, and all different")
+    return rows.astype(np.int64), there
 
 
 @dataclass(frozen=True)

@@ -58,6 +58,9 @@ TRIALS, SUFFICIENT = 16, 1e-4  # of the length of a step, which lowers by this s
 SHARE, SHARE_OF_SLIDING = 0.9, 0.5  # of the way to the first flip; where the boundary turns
 # A face with all corners on the circle has the shape that this gives it, and counts little.
 INSCRIBED = 0.01
+# Rounds in which vertices are pulled to where they are told to be, the steps after each, and the
+# share of the way to the first flip.
+PULLS, PULLED, PULL = 120, 3, 0.6
 ISOMETRIC = 1e-20  # of the energy: rounding
 HALF = 0.5  # where shape and size count alike
 
@@ -291,6 +294,37 @@ class Newton:
             solved = used < min(DIRECTIONS, least + SPARE + 1)
             anew = not (was and whole and near and solved)
         return value
+
+    def pull(self, energy: Energy, rows: Ints, goal: Complex) -> bool:
+        """Bring `rows` that are held to their places (k,), as far as no face flips, till they are.
+
+        Between, the rest goes down. False if something of the way is left after all.
+        """
+        sliding = isinstance(self._target, Disk) & self._mesh.on_boundary[rows]
+        for _ in range(PULLS):
+            at = self.f[rows]
+            way = np.where(sliding, 1j * at * np.angle(goal / np.where(at, at, 1)), goal - at)
+            if not way.any():
+                break
+            prescribed = np.zeros_like(self.f)
+            prescribed[rows] = way
+            quadratic = energy.quadratic(self.f, whole=False)
+            self._laplacian.factor(quadratic.beta, quadratic.weights)
+            step = self._laplacian.extended(prescribed)
+            length = min(1.0, PULL * way_to_flip(energy.F, self.f, step))
+            for _ in range(TRIALS):
+                trial = self._target.moved(self._mesh, self.f, length * step)
+                if length == 1:
+                    trial[rows] = goal
+                if len(self._target.flipped(energy.F, trial)[0]) == 0:
+                    self.f = trial
+                    break
+                length /= 2
+            self.descend(energy, PULLED)
+        else:
+            return False
+        self.descend(energy)
+        return True
 
     def _direction(self, quadratic: Quadratic, enough: float) -> tuple[Complex, float, int]:
         """Find a direction (n,) by CG, the slope along it, and how often CG took the factor."""

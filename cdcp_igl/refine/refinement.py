@@ -456,7 +456,8 @@ class WeightedLaplacian:
         low, high = self._edges.low, self._edges.high
         weights = -sum_opposite(self._edges, opposite) * scale[low] * scale[high]
         unit = np.full(self._n, 1 + SHIFT)
-        matrix = Laplacian(low, high, weights, unit).block(self._order)
+        self._scaled = Laplacian(low, high, weights, unit)
+        matrix = self._scaled.block(self._order)
         if self._cholesky is None:
             self._cholesky = factorize(matrix, ordering=self._ordering)
         else:  # the pattern is that of the edges, whatever the weights
@@ -468,6 +469,13 @@ class WeightedLaplacian:
             raise ValueError("the weights have not been set: call factor first")
         y = self.divide(x)
         y[self._order] = self._scale * self._cholesky.solve(self._scale * x[self._order])
+        return y
+
+    def extended(self, x: Complex) -> Complex:
+        """Extend what is prescribed (n,), 0 where it is to be found, harmonically."""
+        scale = np.sqrt(self._inverse)
+        y = x.copy()
+        y[self._order] = self.solve(self._scaled.matrix() @ (x / scale) / -scale)[self._order]
         return y
 
     def divide(self, x: Complex) -> Complex:

@@ -26,6 +26,7 @@ from .bijection import Bijection, DiskBijection
 from .keeping import KeepingMap
 from .landmarks import landmark_automorphism
 from .making import fields_of
+from .matching import Match, matched
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -188,6 +189,57 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
                 refused,
             )
         return uv
+
+    def match(self, to: DiskMap, pairs: ArrayLike) -> Match:
+        """Map the surface onto another one so that pairs of vertices meet.
+
+        From the best Möbius transformation, see `register`, the vertices are brought to where
+        their partners lie in the disk of the other, and the rest of the disk gives way with as
+        little stretch as it can: no face flips on the way.
+
+        Parameters
+        ----------
+        to
+            The map of the other surface.
+        pairs : (k, 2) array_like of integers
+            In each row a vertex of this surface and the vertex of the other that it must meet; at
+            least two rows, no vertex twice, those on the boundary with such on the boundary.
+
+        Returns
+        -------
+        Match
+            The bijection, its stretch, and which pairs may be false.
+
+        Raises
+        ------
+        ValueError
+            If `pairs` is none of that.
+        MapError
+            If they do not all meet; its ``result`` is the Match as far as it went. Or as
+            `register`.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.spherical_cap(6)
+        >>> one, other = cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(V * [1, 1.2, 1], F)
+        >>> match = one.match(other, [[5, 5], [30, 40], [80, 80]])
+        >>> bool((match.uv[30] == other.uv[40]).all())
+        True
+        """
+        self._landmarks(to, pairs)
+        chosen = np.asarray(pairs, dtype=np.int64)
+        for column, mesh in zip(chosen.T, (self.mesh, to.mesh), strict=True):
+            rows, counts = np.unique(column, return_counts=True)
+            if counts.max() > 1:
+                raise ValueError(f"vertex {rows[counts.argmax()]} of {mesh!r} is in several pairs")
+        at_rim = self.mesh.on_boundary[chosen[:, 0]] != to.mesh.on_boundary[chosen[:, 1]]
+        if at_rim.any():
+            here, there = chosen[at_rim][0]
+            raise ValueError(
+                f"of the pair {here}, {there} only one is on the boundary: the boundaries meet"
+            )
+        return matched(self.mesh, as_complex(self.register(to, chosen)), to, chosen)
 
     def _plane_map(self) -> Complex:
         return as_complex(self.uv)
