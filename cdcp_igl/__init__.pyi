@@ -13,10 +13,12 @@ from .scale.batching import Batch, batch
 from .scale.parts import PartsMap, partition, parts_map
 from .surface.checking import MeshReport, check
 from .surface.cleaning import Cleaned, clean, submesh
+from .verdict.any_map import MapCertificate, certify
 from .verdict.certificate import Certificate, SphereCertificate
 from .verdict.conformality import Conformality
 from .verdict.distortion import (
     AngleDistortion,
+    AreaDistortion,
     angle_distortion,
     area_distortion,
     conformal_factor,
@@ -27,6 +29,7 @@ from .verdict.outline import OutlineCertificate
 __all__ = [
     "AngleDistortion",
     "AnnulusMap",
+    "AreaDistortion",
     "Batch",
     "Certificate",
     "Cleaned",
@@ -36,6 +39,7 @@ __all__ = [
     "DiskMap",
     "DiskMapper",
     "FreeMap",
+    "MapCertificate",
     "MapError",
     "MeshError",
     "MeshReport",
@@ -51,6 +55,7 @@ __all__ = [
     "area_distortion",
     "batch",
     "cdcp",
+    "certify",
     "check",
     "clean",
     "conformal_factor",

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from ..arrays import Complex, Floats, coordinates
+from ..arrays import Complex, coordinates
 from ..errors import MapError
 from ..options import KEPT, MOST, Keep
 from ..phases import Phases
@@ -18,13 +18,13 @@ from ..refine.balance import Energy, balanced, resized
 from ..refine.targets import Disk, Outline, Target
 from ..surface.mesh import Mesh
 from ..verdict.conformality import NOT_ASKED
+from ..verdict.distortion import DENSITIES, weighted_quantiles
 from ..verdict.outline import certify_outline
 from .base import valid_map
 from .making import MadeMap
 
 # Where a bound on texel density is looked for: one after the other, then halves of what is between.
 TRIED, HALVINGS = (0.02, 0.1, 0.3, 0.5, 0.7, 0.9, MOST), 3
-DENSITIES = 0.05, 0.95  # by area
 
 
 @dataclass(frozen=True)
@@ -83,14 +83,6 @@ class Kept:
             f"{self.name}: symmetric Dirichlet energy {self.dirichlet:.4g}, texel density within "
             f"{self.texels:.3g}, stretch at most {self.stretch:.3g}, {self.steps} steps"
         )
-
-
-def weighted_quantiles(x: Floats, weights: Floats, shares: tuple[float, ...]) -> Floats:
-    """(k,) the values x (m,) that these shares of the weight do not exceed."""
-    order = np.argsort(x)
-    sums = np.cumsum(weights[order])
-    found: Floats = x[order][np.searchsorted(sums, np.asarray(shares) * sums[-1])]
-    return found
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

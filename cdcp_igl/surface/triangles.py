@@ -94,6 +94,19 @@ def flipped_faces(f: Complex, F: Ints) -> tuple[Ints, int]:
     return others[flipped], int(np.count_nonzero(in_doubt))
 
 
+def orientations(i: Complex, j: Complex, k: Complex) -> Ints:
+    """(m,) 1 for counterclockwise plane triangles, -1 for clockwise ones, 0 on a line; exactly."""
+    u, v = i - k, j - k
+    area, error = spanned_areas(u, v)
+    sign = np.sign(area).astype(np.int64)
+    in_doubt = np.flatnonzero((abs(area) <= error) & (u != 0) & (v != 0) & (u != v))
+    corners = np.stack([i[in_doubt], j[in_doubt], k[in_doubt]], axis=1)
+    both = np.stack([corners.real, corners.imag], axis=-1)
+    up, down = libigl.is_counterclockwise(both), libigl.is_counterclockwise(both[:, ::-1])
+    sign[in_doubt] = up.astype(np.int64) - down
+    return sign
+
+
 def lost_in_single_precision(uv: Floats, F: Ints) -> Ints:
     """Faces whose corners (n, 2), as float32, have no area, or are turned over.
 

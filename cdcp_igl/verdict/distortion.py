@@ -16,6 +16,7 @@ from ..surface.mesh import Mesh
 from ..surface.triangles import blocks, face_areas, hat_gradients, opposite_edges, oriented_areas
 from ..surface.validation import checked_surface, checked_vertices
 
+DENSITIES = 0.05, 0.95  # by area
 ON_SPHERE = 1e-6  # points may be so far from the unit sphere, as in single precision
 
 
@@ -47,6 +48,50 @@ class AngleDistortion:
 
     def __str__(self) -> str:
         return f"mean {self.mean:.4f}, SD {self.sd:.4f}, max {self.max:.2f} degrees"
+
+
+@dataclass(frozen=True)
+class AreaDistortion:
+    """How far the scale of a map is from being constant.
+
+    Attributes
+    ----------
+    sd : float
+        Standard deviation, over the faces, of the logarithm of the area in the image by that on
+        the surface; infinite if a face is flipped or has collapsed.
+    texels : float
+        Density of texels: how many times longer lengths are in the image where this is so for 95
+        percent of the surface at most, than where it is for 5 percent.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cdcp_igl
+    >>> print(cdcp_igl.AreaDistortion.of(np.array([1.0, 4.0]), np.array([1.0, 1.0])))
+    SD 0.6931 of log areas, texel density within 2
+    """
+
+    sd: float
+    texels: float
+
+    @classmethod
+    def of(cls, ratio: Floats, area: Floats) -> AreaDistortion:
+        """Summarise areas in the image by those on the surface, and the latter (m,)."""
+        ratio, area = ratio[area > 0], area[area > 0]
+        low, high = weighted_quantiles(ratio, area, DENSITIES)
+        sd = float(np.log(ratio).std()) if ratio.min() > 0 else np.inf
+        return cls(sd, float(np.sqrt(high / low)) if low > 0 else np.inf)
+
+    def __str__(self) -> str:
+        return f"SD {self.sd:.4f} of log areas, texel density within {self.texels:.3g}"
+
+
+def weighted_quantiles(x: Floats, weights: Floats, shares: tuple[float, ...]) -> Floats:
+    """(k,) the values x (m,) that these shares of the weight do not exceed."""
+    order = np.argsort(x)
+    sums = np.cumsum(weights[order])
+    found: Floats = x[order][np.searchsorted(sums, np.asarray(shares) * sums[-1])]
+    return found
 
 
 @takes_meshes

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
 from .. import libigl
-from ..arrays import Bools, Complex, Floats, Ints, as_complex, coordinates
+from ..arrays import Bools, Complex, Floats, Ints, as_complex, coordinates, places
 from ..errors import spell
+from ..surface.location import z_order
 from ..surface.mesh import Mesh
-from ..surface.triangles import BLOCK, flipped_faces
+from ..surface.triangles import BLOCK, EPS, flipped_faces, orientations
 from .certificate import Verified
 
 
@@ -69,20 +72,144 @@ def certify_outline(
     if not np.isfinite(uv).all():
         return OutlineCertificate(False, 0, np.empty((0, 2), int), np.arange(len(mesh.F)), 0)
     f = as_complex(uv)
-    edges = np.roll(f[mesh.loop], -1) - f[mesh.loop]
-    turns = np.angle(edges * np.roll(edges, 1).conj()).sum() / (2 * np.pi)
+    turns = exterior_angles(f[mesh.loop], np.roll(np.arange(len(mesh.loop)), -1)).sum() / (
+        2 * np.pi
+    )
     flipped, n_exact = known or flipped_faces(f, mesh.F)
     meeting = mesh.loop[meeting_edges(f[mesh.loop])]
     return OutlineCertificate(True, round(turns), meeting, flipped, n_exact)
 
 
+def exterior_angles(z: Complex, after: Ints) -> Floats:
+    """(n,) turns of closed polygons in radians; -pi where one goes straight back, as at a slit."""
+    edges, before = z[after] - z, places(after, len(z))
+    angle = np.angle(edges * edges[before].conj())
+    side = orientations(z[before], z, z[after])
+    return np.where(side == 0, np.where(abs(angle) > 1, -np.pi, 0), side * abs(angle))
+
+
 def meeting_edges(z: Complex) -> Ints:
     """(k, 2) edges of a closed polygon that meet elsewhere than at a common end; some if any do.
 
-    Edge i leaves z[i]. Boxes around runs of edges, the halves of these and so on: only where
-    two boxes overlap, runs are looked into. Whether edges meet is decided exactly.
+    Edge i leaves z[i]. Whether edges meet is decided exactly.
     """
-    n, ends = len(z), np.stack([coordinates(z), coordinates(np.append(z[1:], z[0]))])
+
+    def met(pairs: Ints) -> Ints:
+        pairs = pairs[_may_meet(z, *pairs.T)]
+        return pairs[[_meet(z, i, j) for i, j in pairs.tolist()]]
+
+    return _among_near_edges(np.stack([coordinates(z), coordinates(np.append(z[1:], z[0]))]), met)
+
+
+def overlapping_edges(z: Complex, after: Ints) -> Ints:
+    """(k, 2) edges of closed polygons at which what lies on their left overlaps; some if any do.
+
+    Edge i runs from z[i] to ``z[after[i]]``. Overlapping are edges that cross, and edges that begin
+    on one another where the wedges between the edges of their polygons do; that they touch is not
+    enough. All is decided exactly.
+    """
+    before = places(after, len(z))
+    order = z_order(z)
+
+    def overlap(pairs: Ints) -> Ints:
+        i, j = order[pairs].T
+        side = [orientations(z[i], z[after[i]], z[end]) for end in (j, after[j])]
+        other = [orientations(z[j], z[after[j]], z[end]) for end in (i, after[i])]
+        found = (side[0] * side[1] < 0) & (other[0] * other[1] < 0)
+        for one, two, beside in ((i, j, side[0]), (j, i, other[0])):  # does `two` begin on `one`?
+            at, start, end = z[two], z[one], z[after[one]]
+            on = (beside == 0) & (at != end) & _in_box(at, start, end)
+            k = np.flatnonzero(on & ~found)
+            back = np.where(at[k] == start[k], z[before[one[k]]], start[k])
+            wedges = (end[k], back), (z[after[two[k]]], z[before[two[k]]])
+            for (out, last), (first, _) in (wedges, wedges[::-1]):
+                found[k] |= _in_wedge(at[k], out, last, first)
+        return order[pairs[found]]
+
+    return _among_near_edges(np.stack([coordinates(z), coordinates(z[after])])[:, order], overlap)
+
+
+def _in_box(z: Complex, one: Complex, other: Complex) -> Bools:
+    """(k,) whether points lie in the boxes around two others each."""
+    low_x, high_x = np.minimum(one.real, other.real), np.maximum(one.real, other.real)
+    low_y, high_y = np.minimum(one.imag, other.imag), np.maximum(one.imag, other.imag)
+    inside = (low_x <= z.real) & (z.real <= high_x) & (low_y <= z.imag) & (z.imag <= high_y)
+    return np.asarray(inside)
+
+
+def _in_wedge(at: Complex, out: Complex, back: Complex, z: Complex) -> Bools:
+    """(k,) whether z is seen in the wedge from `out`, which counts, counterclockwise to `back`.
+
+    A wedge that ends where it begins is the full angle, as of faces around the end of a slit.
+    """
+    turn, left, right = (orientations(at, p, q) for p, q in ((out, back), (out, z), (z, back)))
+
+    def along(p: Complex, q: Complex) -> Bools:  # of points on a line with `at`
+        return np.asarray(((p - at) * (q - at).conj()).real > 0)
+
+    inside = np.select(
+        [turn > 0, turn < 0, along(out, back)],
+        [(left > 0) & (right > 0), (left >= 0) | (right > 0), True],
+        left > 0,
+    )
+    return np.asarray(inside | ((left == 0) & along(out, z)))
+
+
+def goes_around(z: Complex, after: Ints, edges: Ints) -> tuple[Ints, Ints, Ints]:
+    """Find which edges of closed polygons lie to the right of the left sides of some of them.
+
+    That is the count of how many times the polygons go around the place immediately left of the
+    middle of an edge, exactly; no edges may cross, and the given ones may not be level.
+
+    Returns
+    -------
+    query, edge, sign : (k,) ndarray of int64
+        Row in `edges`, edge that a ray to the right passes, 1 if it goes up and -1 if down.
+    """
+    low, high = z.imag[edges], z.imag[after[edges]]
+    level = low / 2 + high / 2
+    level = np.where(level == np.maximum(low, high), np.minimum(low, high), level)
+    order = np.argsort(level)
+    y, y_next = z.imag, z.imag[after]
+    first, last = (
+        np.searchsorted(level[order], end(y, y_next), side="left")
+        for end in (np.minimum, np.maximum)
+    )
+    count = last - first
+    edge = np.repeat(np.arange(len(z)), count)
+    rank = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + first[edge]
+    query = order[rank]
+    own, upwards = edges[query], (high > low)[query]
+    x, error = _crossing(z[edge], z[after[edge]], level[query])
+    x_own, error_own = _crossing(z[own], z[after[own]], level[query])
+    right = x > x_own
+    for k in np.flatnonzero(abs(x - x_own) <= error + error_own).tolist():
+        gap = _exact(z, after, edge[k], level[query[k]]) - _exact(z, after, own[k], level[query[k]])
+        right[k] = gap > 0 or (gap == 0 and upwards[k])
+    sign = np.where(y_next > y, 1, -1)
+    return query[right], edge[right], sign[edge[right]]
+
+
+def _crossing(a: Complex, b: Complex, y: Floats) -> tuple[Floats, Floats]:
+    """(k,) where edges from a to b are at heights y, and bounds of the errors."""
+    share = (y - a.imag) / (b.imag - a.imag)
+    x = a.real + share * (b.real - a.real)
+    return x, 8 * EPS * (abs(a.real) + abs(b.real))
+
+
+def _exact(z: Complex, after: Ints, edge: int, y: float) -> Fraction:
+    a, b = z[edge], z[after[edge]]
+    ax, ay, bx, by = (Fraction(float(c)) for c in (a.real, a.imag, b.real, b.imag))
+    return ax + (Fraction(float(y)) - ay) / (by - ay) * (bx - ax)
+
+
+def _among_near_edges(ends: Floats, found_in: Callable[[Ints], Ints]) -> Ints:
+    """(k, 2) what is first found in pairs (., 2) of edges (2, n, 2) whose boxes overlap.
+
+    Boxes around runs of edges, the halves of these and so on: only where two boxes overlap, runs
+    are looked into.
+    """
+    n = ends.shape[1]
     depth = (n - 1).bit_length()
     low, high = np.full((2, 1 << depth, 2), np.inf) * [[[1]], [[-1]]]  # empty boxes at the end
     low[:n], high[:n] = ends.min(axis=0), ends.max(axis=0)
@@ -94,8 +221,7 @@ def meeting_edges(z: Complex) -> Ints:
     while stack:
         level, pairs = stack.pop()
         if level == 0:
-            pairs = pairs[_may_meet(z, *pairs.T)]
-            if len(found := pairs[[_meet(z, i, j) for i, j in pairs.tolist()]]):
+            if len(found := found_in(pairs)):
                 return found
             continue
         (low, high), level = boxes[level - 1], level - 1
