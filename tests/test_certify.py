@@ -5,10 +5,12 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from commands import invoke
 from surfaces import torus
 
 import cdcp_igl
 from cdcp_igl import certify
+from cdcp_igl.io import read_texture, write_map
 from cdcp_igl.libigl import grid_faces
 
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
@@ -215,3 +217,33 @@ def test_order_and_orientation_of_the_faces_do_not_matter():
     turned[2] = turned[2, ::-1]  # it is in a chart of its own
     found = certify(V, turned, uv)
     assert (found.valid, found.charts) == (True, 4)
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".glb"])
+def test_texture_coordinates_of_files_and_exit_codes(tmp_path, suffix):
+    V, F, uv = side_by_side(RING, square())
+    good, bad, none = (tmp_path / f"{name}{suffix}" for name in ("good", "bad", "none"))
+    write_map(good, V, F, uv[F] / 8, disk=True)
+    V_read, F_read, texture = read_texture(good)
+    np.testing.assert_allclose(texture, uv[F] / 8, atol=1e-7)
+    np.testing.assert_allclose(V_read[F_read], V[F], atol=1e-7)
+    done = invoke("certify", good)
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert "in 2 charts: valid" in done.stdout
+    write_map(bad, V, F, np.vstack([uv[:-4], 9 * uv[-4:] - 4.5]), disk=True)
+    done = invoke("certify", good, bad, "--json")
+    assert done.exit_code == 3
+    assert [row["valid"] for row in json.loads(done.stdout)] == [True, False]
+    none.write_bytes(b"nothing")
+    assert invoke("certify", bad, none).exit_code == 2
+
+
+def test_files_without_texture_coordinates(tmp_path):
+    for text, why in (("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "no texture"),
+                      ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1 2/1 3/1\n", "not there")):  # fmt: skip
+        (tmp_path / "a.obj").write_text(text)
+        with pytest.raises(cdcp_igl.MeshError, match=why):
+            read_texture(tmp_path / "a.obj")
+    (tmp_path / "a.off").write_text("OFF 3 1 0 0 0 0 1 0 0 0 1 0 3 0 1 2")
+    with pytest.raises(cdcp_igl.MeshError, match="of no type"):
+        read_texture(tmp_path / "a.off")

@@ -196,7 +196,9 @@ def test_checks_as_json(cap):
 # -- help, version, completion ---------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", [(), ("map",), ("check",), ("compare",), ("batch",)])
+@pytest.mark.parametrize(
+    "command", [(), ("map",), ("check",), ("certify",), ("compare",), ("batch",)]
+)
 def test_help(command):
     result = invoke(*command, "-h")
     assert result.exit_code == 0

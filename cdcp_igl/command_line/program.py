@@ -8,6 +8,7 @@ import typer
 
 from .. import __version__
 from .batches import batch_command
+from .certifying import certify_command
 from .checking import check_command
 from .comparing import compare_command
 from .mapping import map_command
@@ -48,6 +49,7 @@ Examples:
   cdcp-igl batch 'eggs/*.ply' spheres --sphere --time-limit 600"""
 
 app.command("check", cls=Command)(check_command)
+app.command("certify", cls=Command)(certify_command)
 app.command("map", cls=Command, epilog=MAP_EXAMPLES)(map_command)
 app.command("compare", cls=Command)(compare_command)
 app.command("batch", cls=Command, epilog=BATCH_EXAMPLES)(batch_command)

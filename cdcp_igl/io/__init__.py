@@ -8,6 +8,7 @@ cannot read.
 """
 
 from .reading import READABLE, read_mesh, read_polygons
+from .texture import read_texture
 from .values import read_patch, read_values, read_vertices
 from .writing import WRITABLE, write_map
 
@@ -17,6 +18,7 @@ __all__ = [
     "read_mesh",
     "read_patch",
     "read_polygons",
+    "read_texture",
     "read_values",
     "read_vertices",
     "write_map",

@@ -99,6 +99,20 @@ def read_gltf(path: Path) -> tuple[Floats, Ints]:
     return np.concatenate(vertices), np.concatenate(faces)
 
 
+def texture_of_gltf(path: Path) -> Floats:
+    """(m, 3, 2) texture coordinates of the corners of the faces of `read_gltf`, NaN without any."""
+    scene, body = scene_and_body(path.read_bytes())
+    found = [np.empty((0, 3, 2))]
+    for part in parts_of(scene, body, path):
+        mesh = scene["meshes"][scene["nodes"][part.node]["mesh"]]
+        number = mesh["primitives"][part.primitive]["attributes"].get("TEXCOORD_0")
+        uv = np.full((len(part.positions), 2), np.nan)
+        if number is not None:  # from the upper left
+            uv = _numbers(scene, number, body, path).astype(np.float64) * [1, -1] + [0, 1]
+        found.append(uv[part.F[:, ::-1] if part.turned else part.F])
+    return np.concatenate(found)
+
+
 def parts_of(scene: dict[str, Any], body: bytes, path: Path) -> Iterator[Part]:
     """Yield all triangles of a scene, in the order of the faces of `read_gltf`."""
     for name in scene.get("extensionsRequired", []):

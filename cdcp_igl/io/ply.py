@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints
 from ..errors import Damage
-from .polygons import strips, triangles_of
+from .polygons import rows_of_triangles, strips, triangles_of
 from .text import culprit
 
 TYPES = {
@@ -69,6 +69,27 @@ def read_ply(path: Path) -> tuple[Floats, Ints, Ints]:
     rows = _lists_of_vertices(tables.get("tristrips", {}), "strips")
     F = np.empty((0, 3), np.int64) if rows is None else strips(*rows)
     return V, F, np.arange(len(F))
+
+
+def texture_of_ply(path: Path) -> Floats:
+    """(m, 3, 2) texture coordinates of the corners of the faces of `read_ply`; NaN without any.
+
+    Properties of the vertices, as u and v, or a list ``texcoord`` of each face.
+    """
+    V, F, _ = read_ply(path)
+    tables = _read_tables(path.read_bytes())
+    vertices, faces = tables.get("vertex", {}), tables.get("face", {})
+    if (of_corners := faces.get("texcoord")) and (polygons := _lists_of_vertices(faces, "faces")):
+        rows, _ = rows_of_triangles(V, *polygons)
+        uv = of_corners.entries.astype(np.float64).reshape(-1, 2)
+        if len(uv) != len(polygons[0]):
+            raise Damage("its texture coordinates are not those of its corners")
+        return uv[rows]
+    for u, v in (("u", "v"), ("s", "t"), ("texture_u", "texture_v")):
+        if u in vertices and v in vertices:
+            at = np.column_stack([vertices[u].entries, vertices[v].entries]).astype(np.float64)
+            return at[F]
+    return np.full((len(F), 3, 2), np.nan)
 
 
 def triangles_of_ply(path: Path) -> tuple[NDArray[Any], NDArray[Any]] | None:

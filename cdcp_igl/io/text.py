@@ -50,6 +50,25 @@ def polygons_of_obj(path: Path) -> tuple[Floats, Ints, Ints]:
     return V, np.array(corners, np.int64), np.array(sizes, np.int64)
 
 
+def texture_of_obj(path: Path) -> Floats:
+    """(k, 2) texture coordinates of the corners of `polygons_of_obj`, NaN where there are none."""
+    texture, index = array("d"), array("q")
+    for number, words in _words_of_lines(path, continued=True):
+        try:
+            if words[0] == "vt":
+                texture.extend((float(words[1]), float(words[2])))
+            elif words[0] == "f":
+                for word in words[1:]:
+                    given = int([*word.split("/"), "0"][1] or 0)
+                    index.append(given - 1 if given >= 0 else len(texture) // 2 + given)
+        except (ValueError, IndexError, OverflowError):
+            raise Damage(f"line {number}: no texture coordinates") from None
+    rows, uv = np.array(index, np.int64), np.array(texture).reshape(-1, 2)
+    if rows.min(initial=-1) < -1 or rows.max(initial=-1) >= len(uv):
+        raise Damage("a face names texture coordinates that are not there")
+    return np.vstack([uv, [[np.nan, np.nan]]])[rows]
+
+
 def _corner(word: str) -> int:
     return array("q", [int(word.partition("/")[0])])[0]
 

@@ -1,0 +1,81 @@
+"""Surfaces with the texture coordinates that their files have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from ..arrays import Floats, Ints
+from ..errors import Damage, Defect, MeshError
+from .glb import texture_of_gltf
+from .ply import texture_of_ply
+from .polygons import rows_of_triangles
+from .reading import file_to_read, read_mesh
+from .text import polygons_of_obj, texture_of_obj
+
+
+def _of_obj(path: Path) -> Floats:
+    V, corners, sizes = polygons_of_obj(path)
+    uv: Floats = texture_of_obj(path)[rows_of_triangles(V, corners, sizes)[0]]
+    return uv
+
+
+TEXTURED: dict[str, Callable[[Path], Floats]] = {
+    ".glb": texture_of_gltf,
+    ".gltf": texture_of_gltf,
+    ".obj": _of_obj,
+    ".ply": texture_of_ply,
+}
+
+
+def read_texture(path: str | PathLike[str]) -> tuple[Floats, Ints, Floats]:
+    """Read a mesh and its texture coordinates: what `certify` takes.
+
+    Parameters
+    ----------
+    path : path-like
+        A file named .obj, .ply, .glb or .gltf. Of several sets of coordinates, the first is read.
+
+    Returns
+    -------
+    V, F
+        As of `read_mesh`.
+    uv : (m, 3, 2) float64
+        Coordinates of the corners of each face, v upwards; NaN where a face has none.
+
+    Raises
+    ------
+    OSError
+        If there is no such file, or it must not be read.
+    MeshError
+        If it is of another type, not readable as its type, or has no texture coordinates.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import cdcp_igl
+    >>> V, F, uv = cdcp_igl.datasets.spherical_cap(4)
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder, "cap.obj")
+    ...     cdcp_igl.io.write_map(file, V, F, uv, disk=True)
+    ...     read = cdcp_igl.io.read_texture(file)
+    >>> bool((read[2] == uv[F]).all()), cdcp_igl.certify(*read).valid
+    (True, True)
+    """
+    path = Path(path)
+    V, F = read_mesh(path)
+    reason = f"{path.name!r} has no texture coordinates"
+    if path.suffix.lower() not in TEXTURED:
+        reason = f"{path.name!r} is of no type with texture coordinates: {' '.join(TEXTURED)}"
+    else:
+        with file_to_read(path):
+            uv = TEXTURED[path.suffix.lower()](path)
+            if uv.shape != (len(F), 3, 2):
+                raise Damage("its texture coordinates are not those of its faces")
+        if not np.isnan(uv).all():
+            return V, F, uv
+    raise MeshError(Defect.of("unreadable file", reason=reason))
