@@ -103,7 +103,7 @@ def test_each_surface_in_its_own_format(tmp_path, out):
         ({"shard": (3, 2)}, "shard"),
         ({"executor": object(), "jobs": 2}, "executor"),
         ({"executor": object(), "time_limit": 1}, "executor"),
-        ({"cut": True, "center": 3}, "must be a method"),
+        ({"cut": True, "outline": "disk", "center": 3}, "must be a method"),
         ({"cut": True, "align": 3}, "must be a direction"),
     ],
 )

@@ -131,7 +131,9 @@ CALLS = {
     ),
     "invert": lambda result, _: result.invert(result.apply(1, [0.3, 0.3, 0.4]))[0] == 1,
     "lost_in_single_precision": lambda result, _: result.lost_in_single_precision()[0] == 0,
-    "packed": lambda result, _: result.packed().min() >= 0 and result.packed().max() <= 1,
+    "packed": lambda result, _: (
+        result.packed().min() >= -1e-12 and result.packed().max() <= 1 + 1e-12
+    ),
     "plot": lambda result, _: len(result.plot()) == 4,
     "report": lambda result, _: json.loads(json.dumps(result.report())) == result.report(),
     "save": lambda result, folder: saved(result, folder),

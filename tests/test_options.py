@@ -36,6 +36,7 @@ VALUES = {
     "corners": (dict.fromkeys(RECTANGLE, np.pi / 2), [1, 2, 3]),
     "rectangle corners": (RECTANGLE, [1, 2, 3]),
     "merge": (False, "x"),
+    "outline": ("disk", "round"),
     "fill": (False, "x"),
     "scale_variation": (3.0, -1.0),
     "max_charts": (2, 0),
@@ -57,6 +58,8 @@ ABSENT = [(kind, name) for kind in MAPS for name in NAMES if (kind, name) not in
 def value_of(kind, name, which=0):
     """What is asked for, with what the map cannot do without."""
     needed = {"corners": RECTANGLE} if kind == "rectangle" else {}
+    if kind == "surface" and name in ("center", "mobius", "preset"):
+        needed = {"outline": "disk"}
     values = VALUES.get(f"{kind} {name}") or VALUES[name]
     return needed | {name: values[which]}
 
@@ -118,7 +121,6 @@ def test_what_is_wrong_is_said_before_anything_is_read(kind, name, tmp_path):
         ({"onto": "rectangle"}, "the rectangle map needs corners"),
         ({"onto": "cube"}, "onto must be one of sphere, annulus, rectangle, not 'cube'"),
         ({"onto": "annulus", "clean": True, "free": True}, "clean, free: no option of the annulus"),
-        ({"cut": True, "outline": "free"}, "outline: no option of the surface map$"),
         ({"free": True, "corners": {0: 1.0}, "boundary_scale": [1.0]}, "only one is possible"),
         ({"free": True, "boundary_scale": [1.0], "refine": 1}, "refine moves the boundary"),
         ({"free": True, "clean": True, "boundary_scale": [1.0]}, "which clean and parts change"),

@@ -92,7 +92,8 @@ CALLS = {
     "align": "surface_map(*torus, align=3)",
     "outline": "surface_map(*torus, outline='round')",
     "max_charts": "surface_map(*torus, max_charts=0); surface_map(*torus, max_charts=1.5)",
-    "must be True or False": "surface_map(*torus, merge='x'); surface_map(*torus, fill=0.1)",
+    "must be True or False": "surface_map(*torus, merge='x')",
+    "must be True, False or None": "surface_map(*torus, fill=0.1)",
     "progress must be": (
         "disk_map(V, F, progress=[]); surface_map(*torus, progress=[]); "
         "batch('none', 'none', progress=[]); partition((V, F), 'none', progress=[])"

@@ -55,7 +55,7 @@ def test_what_is_lost_in_single_precision(tmp_path, caplog):
     assert f"{lost} faces have no area" in caplog.text
     assert f"{lost / len(F):.2g} of the surface" in caplog.text
     caplog.clear()
-    atlas = cdcp_igl.surface_map(V, F, scale_variation=np.inf)
+    atlas = cdcp_igl.surface_map(V, F, outline="disk", scale_variation=np.inf)
     faces, share = atlas.lost_in_single_precision()
     said = counted(faces, "face", "faces")
     assert f"in single precision {said} without area, {share:.2g} of" in caplog.text
@@ -73,7 +73,11 @@ def test_what_is_lost_in_single_precision(tmp_path, caplog):
         ("disk", "disk map of 180 vertices", "DiskMap(180 vertices: valid, mean distortion "),
         ("free", "free map of 180 vertices", "FreeMap(180 vertices: valid, mean distortion "),
         ("rectangle", "rectangle map of 180 vertices", "RectangleMap(180 vertices: valid, modulus"),
-        ("surface", "surface map of 616 faces onto 2 disks", "SurfaceMap(616 faces onto 2 disks: "),
+        (
+            "surface",
+            "surface map of 616 faces onto 2 charts",
+            "SurfaceMap(616 faces onto 2 charts: ",
+        ),
     ],
 )
 def test_printing(mapped, kind, title, short):
@@ -108,6 +112,7 @@ def test_a_map_that_is_not_conformal_says_which_disk_and_why():
     several = cdcp_igl.surface_map(
         np.vstack([square - 30, np.column_stack([V, 0 * V[:, 0]])]),
         np.vstack([G, F + len(square)]),
+        outline="disk",
         scale_variation=np.inf,
         refine=0,
     )

@@ -1,5 +1,7 @@
 """Any surface onto charts."""
 
+from functools import partial
+
 import meshes
 import numpy as np
 import pytest
@@ -11,6 +13,8 @@ import cdcp_igl
 from cdcp_igl.atlas.packing import laid_flat, packed_boxes
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas
+
+onto_disks = partial(cdcp_igl.surface_map, outline="disk")
 
 
 def assert_consistent(result, V, F):
@@ -34,7 +38,7 @@ def test_flipped_faces_are_mapped_as_the_others(mesh, seed, share):
     V, F = mesh
     flipped = np.random.default_rng(seed).random(len(F)) < share
     given = np.where(flipped[:, None], F[:, ::-1], F)
-    result = cdcp_igl.surface_map(V, given)
+    result = onto_disks(V, given)
     assert_consistent(result, V, given)
     assert (result.face_chart >= 0).all()
     (a, b), (c, d) = ((result.uv[:, k] - result.uv[:, 0]).T for k in (1, 2))
@@ -46,12 +50,12 @@ def test_flipped_faces_are_mapped_as_the_others(mesh, seed, share):
 def test_duplicates_have_the_images_of_their_twins():
     """Also along a cut, where each vertex has several."""
     V, F = surfaces.sphere()
-    result = cdcp_igl.surface_map(V, np.vstack([F, np.roll(F, 1, axis=1)]))
+    result = onto_disks(V, np.vstack([F, np.roll(F, 1, axis=1)]))
     one, other = np.split(result.uv, 2)
     left_out = result.face_chart.reshape(2, -1).argmin(axis=0)
     assert set(left_out) <= {0, 1}
     np.testing.assert_array_equal(np.roll(one, 1, axis=1), other)
-    single = cdcp_igl.surface_map(V, F)
+    single = onto_disks(V, F)
     assert len(result.cut.edges) == len(single.cut.edges)
 
 
@@ -65,7 +69,7 @@ def test_duplicates_have_the_images_of_their_twins():
 )
 def test_a_disk_is_mapped_as_by_disk_map(options):
     V, F = meshes.grid()
-    result = cdcp_igl.surface_map(V, F, scale_variation=np.inf, **options)
+    result = onto_disks(V, F, scale_variation=np.inf, **options)
     expected = cdcp_igl.disk_map(V, F, **options)
     assert result.changes == ()
     assert_consistent(result, V, F)
@@ -77,12 +81,12 @@ def test_a_disk_is_mapped_as_by_disk_map(options):
 def long_tube():
     """Filled at one end it would crowd, but the cut grows to the end."""
     V, F = surfaces.tube(n=80, k=16, length=16)
-    return V, F, cdcp_igl.surface_map(V, F)
+    return V, F, onto_disks(V, F)
 
 
 def test_refinement_comes_after_growth(long_tube):
     V, F, plain = long_tube
-    refined = cdcp_igl.surface_map(V, F, refine=6)
+    refined = onto_disks(V, F, refine=6)
     np.testing.assert_array_equal(refined.cut.edges, plain.cut.edges)
     assert refined.distortion.mean < plain.distortion.mean
     assert refined.charts[0].refinement.steps == 6
@@ -115,7 +119,7 @@ CUBES = surfaces.skin(np.eye(2, dtype=bool)[None])  # which touch in an edge
 )
 def test_seams_are_sewn(mesh, disks, n_cut):
     """Vertices of equal coordinates are one, but where sheets only touch."""
-    result = cdcp_igl.surface_map(*mesh)
+    result = onto_disks(*mesh)
     assert (result.valid, len(result.charts), len(result.cut.edges)) == (True, disks, n_cut)
     assert result.changes[0].startswith("merged")
     np.testing.assert_array_equal(result.cut.V[result.cut.F], mesh[0][mesh[1]])
@@ -124,7 +128,7 @@ def test_seams_are_sewn(mesh, disks, n_cut):
 
 def test_seams_stay_if_that_is_asked_for():
     V, F = surfaces.soup(*CUBES)
-    assert len(cdcp_igl.surface_map(V, F, merge=False).charts) == len(F)
+    assert len(onto_disks(V, F, merge=False).charts) == len(F)
 
 
 def test_everything_at_once_is_said():
@@ -133,7 +137,7 @@ def test_everything_at_once_is_said():
     F = np.vstack([F, G + n, F[5], [[0, 0, 1]], [[n, n + 1, n + 1]]])
     V = np.vstack([V, W, [[np.nan, 0, 0]]])  # which no face uses
     F[7] = F[7, ::-1]
-    result = cdcp_igl.surface_map(V, F)
+    result = onto_disks(V, F)
     assert_consistent(result, V, F)
     assert result.changes == (
         "left out 2 faces with a repeated corner",
@@ -164,7 +168,7 @@ def test_loose_triangles_are_mapped_by_similarities(angles, turned):
     V = np.vstack([corner + np.array([3 * k, 0]) for k, corner in enumerate(corners)])
     F = np.arange(len(V)).reshape(-1, 3)
     F[1::2] = np.roll(F[1::2, ::-1] if turned else F[1::2], 1, axis=1)
-    result = cdcp_igl.surface_map(V, F, merge=False)
+    result = onto_disks(V, F, merge=False)
     assert_consistent(result, V, F)
     assert result.distortion.max < 1e-6
     np.testing.assert_allclose(np.hypot(*result.uv.T), 1, atol=1e-12)
@@ -179,12 +183,12 @@ def test_parts_that_are_alike_have_the_same_map():
     parts, count = [V, 3 * V @ turn + 20, V * [1, 1, 2] - 20], len(F)
     F = np.vstack([F + k * len(V) for k in range(3)])
     for opened in (np.ones(len(F), bool), np.arange(len(F)) % count > 0):  # closed; with a hole
-        result = cdcp_igl.surface_map(np.vstack(parts), F[opened])
+        result = onto_disks(np.vstack(parts), F[opened])
         assert_consistent(result, np.vstack(parts), F[opened])
         one, other, stretched = np.split(result.uv, 3)
         np.testing.assert_array_equal(other, one)
         assert abs(stretched - one).max() > 0.01
-        alone = cdcp_igl.surface_map(parts[1], F[:count][opened[:count]])
+        alone = onto_disks(parts[1], F[:count][opened[:count]])
         assert result.charts[1].distortion.mean == pytest.approx(alone.distortion.mean, rel=1e-3)
 
 
@@ -207,15 +211,15 @@ def punched(V, F, holes):
 @pytest.mark.parametrize("holes", [0.001, 0.01, 0.05])
 def test_filled_holes_distort_less_than_cuts_to_them(holes, real_mesh):
     V, F = punched(*real_mesh("face_1180_ears"), holes)
-    filled = cdcp_igl.surface_map(V, F)
-    cut = cdcp_igl.surface_map(V, F, fill=False)
+    filled = onto_disks(V, F)
+    cut = onto_disks(V, F, fill=False)
     assert len(filled.cut.edges) == 0 < len(cut.cut.edges)
     assert filled.distortion.mean < cut.distortion.mean
 
 
 def test_a_hole_at_the_end_of_a_branch_is_filled_and_cut_through(long_tube):
     V, F, grown = long_tube
-    whole = cdcp_igl.surface_map(V, F, scale_variation=np.inf)
+    whole = onto_disks(V, F, scale_variation=np.inf)
     assert len(whole.cut.edges) == 0 < len(grown.cut.edges)
     assert grown.scale_variation < whole.scale_variation / 2
 
@@ -223,7 +227,7 @@ def test_a_hole_at_the_end_of_a_branch_is_filled_and_cut_through(long_tube):
 def test_a_tiny_boundary_is_cut_on_before_the_first_map():
     seen = []
     V, F = surfaces.sphere(rings=20, around=20, stretch=3)
-    result = cdcp_igl.surface_map(V, F[1:], progress=lambda phase, _: seen.append(phase))
+    result = onto_disks(V, F[1:], progress=lambda phase, _: seen.append(phase))
     assert seen.count("factor") == 1
     assert result.scale_variation < 1
 
@@ -233,8 +237,8 @@ def test_growing_evens_out_the_scale():
     V, F = surfaces.sphere(rings=40, around=40)
     radius = 1 + 4 * sum(np.exp(8 * (V @ tip - 1)) for tip in np.eye(3))
     V = V * radius[:, None]
-    once = cdcp_igl.surface_map(V, F, scale_variation=np.inf)
-    grown = cdcp_igl.surface_map(V, F, scale_variation=0.5)
+    once = onto_disks(V, F, scale_variation=np.inf)
+    grown = onto_disks(V, F, scale_variation=0.5)
     assert grown.scale_variation < once.scale_variation
     assert grown.cut.length > once.cut.length
     area = face_areas(V, F)
@@ -246,8 +250,7 @@ def test_growing_evens_out_the_scale():
 def test_scale_variation_does_not_depend_on_the_moebius_transformation():
     V, F = surfaces.torus()
     by_angle, by_area = (
-        cdcp_igl.surface_map(V, F, mobius=mobius, scale_variation=np.inf)
-        for mobius in ("angle", "area")
+        onto_disks(V, F, mobius=mobius, scale_variation=np.inf) for mobius in ("angle", "area")
     )
     assert by_angle.scale_variation == pytest.approx(by_area.scale_variation, rel=1e-6)
 
@@ -280,7 +283,7 @@ def test_a_turned_rectangle_is_laid_flat(angle, width):
 
 def test_packed_corners_lie_in_the_square_by_area():
     V, F = surfaces.voxels(0, size=4, share=0.15)
-    result = cdcp_igl.surface_map(V, F)
+    result = onto_disks(V, F)
     assert len(result.charts) > 3
     packed = result.packed()
     assert packed.shape == result.uv.shape
@@ -311,7 +314,7 @@ def test_free_outlines_keep_the_scale_and_the_size():
 
 def test_a_strip_is_parted_until_its_scale_is_even():
     V, F = meshes.corridor(8, 10)
-    charts = {most: cdcp_igl.surface_map(V, F, max_charts=most) for most in (1, 2, None)}
+    charts = {most: onto_disks(V, F, max_charts=most) for most in (1, 2, None)}
     assert [len(result.charts) for result in charts.values()][:2] == [1, 2]
     assert charts[1].scale_variation > charts[2].scale_variation > 1 >= charts[None].scale_variation
     for result in charts.values():
@@ -323,18 +326,18 @@ def test_a_strip_is_parted_until_its_scale_is_even():
 
 def test_limbs_are_parted_from_the_rest():
     V, F = surfaces.arms(16, 3)
-    result = cdcp_igl.surface_map(V, F)
+    result = onto_disks(V, F)
     x, y, _ = V[F].mean(axis=1).T
     assert len(result.charts) == 4
     assert len(set(result.face_chart[[x.argmin(), x.argmax(), y.argmax()]])) == 3
     assert result.scale_variation <= 1
-    assert len(cdcp_igl.surface_map(V, F, max_charts=3).charts) <= 3
+    assert len(onto_disks(V, F, max_charts=3).charts) <= 3
 
 
 def test_polygons_are_not_parted():
     V, F = meshes.corridor(8, 10)
     polygon = np.tile(np.arange(len(F) // 2), 2)  # the two triangles of a cell
-    chart = cdcp_igl.surface_map(V, F, polygon_of_face=polygon).face_chart
+    chart = onto_disks(V, F, polygon_of_face=polygon).face_chart
     assert chart.max() > 0
     np.testing.assert_array_equal(*np.split(chart, 2))
 
@@ -356,3 +359,88 @@ def test_real_surfaces(name, mean, real_mesh):
     result = cdcp_igl.surface_map(V, F)
     assert_consistent(result, V, F)
     assert result.distortion.mean < mean
+
+
+# -- even scale ------------------------------------------------------------------------
+
+
+def extruded(outline, height):
+    """A solid whose outline is convex, its ends fans, in as few triangles as it takes."""
+    P, n = np.asarray(outline, dtype=float), len(outline)
+    i, j = np.arange(n), np.roll(np.arange(n), -1)
+    V = np.vstack([np.column_stack([P, np.full(n, z)]) for z in (0, height)])
+    ends = [np.column_stack([0 * i[1:-1], i[1:-1], j[1:-1]])]
+    sides = [np.column_stack([i, j, n + j]), np.column_stack([i, n + j, n + i])]
+    return V, np.vstack([ends[0][:, ::-1], ends[0] + n, *sides])
+
+
+def circle(n):
+    angle = 2 * np.pi * np.arange(n) / n
+    return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+SOLIDS = {
+    "cube": (extruded([(0, 0), (1, 0), (1, 1), (0, 1)], 1), 1),
+    "plank": (extruded([(0, 0), (9, 0), (9, 1), (0, 1)], 0.1), 1),
+    "house": (extruded([(0, 0), (2, 0), (2, 1), (1, 2), (0, 1)], 3), 1),
+    "prism": (extruded(circle(6), 2), 1),
+    "can": (extruded(circle(40), 1), 1),
+}
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_a_solid_comes_out_as_its_net(name):
+    (V, F), charts = SOLIDS[name]
+    result = cdcp_igl.surface_map(V, F)
+    assert_consistent(result, V, F)
+    assert len(result.charts) == charts
+    assert result.distortion.max < 1e-6
+    assert result.texel_density.ratio == pytest.approx(1, abs=1e-9)
+
+
+def test_a_tube_is_cut_and_a_plate_is_filled():
+    """Whichever distorts less, unless that is said."""
+    x, y, F = meshes.cells(12, 25)
+    angle = np.pi * (x % 24) / 12
+    tube = np.column_stack([np.cos(angle), np.sin(angle), y / 4]), F
+    hole = (abs(x[F] - 12) < 4).all(axis=1) & (abs(y[F] - 5) < 3).all(axis=1)
+    plate = np.column_stack([x, y, 0 * x]), F[~hole]
+    for surface, n_cut in ((tube, 11), (plate, 0)):
+        result = cdcp_igl.surface_map(*surface)
+        assert (len(result.charts), len(result.cut.edges)) == (1, n_cut)
+        assert result.distortion.max < 1e-6
+        assert result.texel_density.ratio == pytest.approx(1, abs=1e-9)
+    assert cdcp_igl.surface_map(*tube, fill=True).distortion.mean > 0.1
+
+
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [
+        ("closed_spot_2930", 6),
+        ("handles_kitten_10000", 2),
+        ("loops_legohead_4179", 2),
+        ("defects_bunny_6164", 4),
+    ],
+)
+def test_the_scale_is_even(name, most, real_mesh):
+    """Texel density and shares by the coordinates in the square."""
+    V, F = real_mesh(f"any/{name}")
+    result = cdcp_igl.surface_map(V, F)
+    assert_consistent(result, V, F)
+    assert result.scale_variation <= 0.2
+    assert len(result.charts) <= most
+    assert result.distortion.mean < 1.8
+    mapped = result.face_chart >= 0
+    u, v = np.moveaxis(np.diff(result.packed()[mapped], axis=1), 1, 0)
+    in_square, area = abs(np.linalg.det(np.stack([u, v], axis=1))) / 2, face_areas(V, F[mapped])
+    density = np.repeat(np.sqrt(in_square / area), np.ceil(area / area.mean() * 100).astype(int))
+    low, high = np.quantile(density, [0.05, 0.95])
+    assert result.texel_density.ratio == pytest.approx(high / low, rel=0.01)
+    assert high / low < 2
+
+
+def test_what_is_not_reached_is_said_first():
+    V, F = cdcp_igl.datasets.spheroid(4)[:2]
+    result = cdcp_igl.surface_map(V, F, scale_variation=0.001, max_charts=1)
+    assert "asked for: 0.001 (max_charts)" in str(result).splitlines()[0]
+    assert "asked for" not in str(cdcp_igl.surface_map(V, F))

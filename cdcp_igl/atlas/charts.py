@@ -5,30 +5,28 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from inspect import signature
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from ..arrays import Bools, Floats, Ints, as_complex, coordinates, places
+from ..arrays import Bools, Floats, Ints, as_complex, coordinates
 from ..errors import MapError
 from ..maps.disk import disk_map
-from ..maps.free import FreeMap, free_map
+from ..maps.free import FreeMap
 from ..options import Options, is_real, is_whole
 from ..phases import Progress
 from ..rescue.boundary import by_inscribed_angles
 from ..result.disk_map import DiskMap
+from ..solve.solvers import using
 from ..steps.mobius import conformal_barycenter
-from ..surface.filling import fill_hole
-from ..surface.topology import by_reach, components_of_pairs
 from ..surface.triangles import face_areas, vertex_areas
 from ..verdict.certificate import certify
 from ..verdict.distortion import conformal_factor
-from .cut_graph import Component, OpenedComponent, split_components
+from .cut_graph import Component, OpenedComponent, fill_holes
 from .cut_paths import branch_to, open_to_disk, straighten
+from .even import even_drafts
+from .parting import LEAST_FACES, limbs, narrow_side, parted_by
 
 # A round of growth is kept if it lowers the scale variation, or the angle error, by more than this
 # share.
@@ -52,16 +50,11 @@ SHORT = 0.25
 MOST_BRANCHES = 8
 # Angles, in radians, that differ by rounding only.
 SAME_ANGLE = 1e-9
-# A component of fewer faces is not parted, and its cut grows once: of 80 boxes, tubes and
-# icosahedra, one gained by a second time. Others are parted where each side has this share of the
-# area.
-LEAST_FACES = 200
-LEAST_SHARE = 0.1
-# A limb is shorter on the map than the average by this power of e, and has this share of the area.
-LIMB = 1.5
-LEAST_LIMB = 0.03
 # The scale varies by less than this, as it is a logarithm of doubles.
 MOST_VARIATION = 709
+# What it may vary by default: texels differ by less than one level of a mipmap, a factor of two,
+# between the fifth and the 95th percentile. Disks, which shrink what lies behind a neck, reach 1.
+EVEN, EVEN_DISKS = 0.2, 1.0
 # Where an edge has collapsed the conformal factor is minus infinity: counted as this.
 LEAST_FACTOR = -50.0
 
@@ -74,16 +67,16 @@ class Limits:
     """What kind of charts is asked for, and where there are to be more of them."""
 
     outline: Outline
-    fill: bool
-    scale_variation: float
+    fill: bool | None
+    scale_variation: float | None
     max_charts: float
 
     def __post_init__(self) -> None:
         if self.outline not in ("disk", "free"):
             raise ValueError(f'outline must be "disk" or "free", not {self.outline!r}')
-        if not isinstance(self.fill, bool | np.bool_):
-            raise ValueError(f"fill must be True or False, not {self.fill!r}")
-        most, asked = self.max_charts, self.scale_variation
+        if not isinstance(self.fill, bool | np.bool_ | None):
+            raise ValueError(f"fill must be True, False or None, not {self.fill!r}")
+        most, asked = self.max_charts, self.asked
         if not (most == np.inf or (is_whole(most) and most >= 1)):
             raise ValueError(f"max_charts must be 1, 2, ... or None, not {most!r}")
         if not (is_real(asked) and (0 <= asked < MOST_VARIATION or asked == np.inf)):
@@ -92,9 +85,10 @@ class Limits:
             )
 
     @property
-    def parts_early(self) -> bool:
-        """Whether not to wait for growth: free outlines gain more by it than disks."""
-        return self.outline == "disk" and self.max_charts > 1
+    def asked(self) -> float:
+        """What the scale may vary: what no one sees, or what disks can reach, if not told."""
+        default = EVEN if self.outline == "free" else EVEN_DISKS
+        return default if self.scale_variation is None else self.scale_variation
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,9 +146,27 @@ def charts_of(
         for chart in alike:
             if made := _made_like(chart, component, options):
                 return [made]
-    charts = _charts(component, options, limits, progress)
+    make = _free_charts if limits.outline == "free" else _disks
+    charts = sorted(make(component, options, limits, progress), key=lambda chart: -len(chart.F))
+    for chart in charts:
+        if chart.failure:
+            raise MapError(chart.failure, chart.map)
     if len(charts) == 1:
         alike += charts
+    return charts
+
+
+def _free_charts(
+    component: Component, options: Options, limits: Limits, progress: Progress | None
+) -> list[Chart]:
+    """Map a component onto charts with free outlines."""
+    charts, done = list[Chart](), 0
+    with using(options.solver):
+        for draft in even_drafts(component, options, limits.fill, limits.asked, limits.max_charts):
+            charts.append(_measured(draft.opened, draft.map))
+            done += len(charts[-1].F)
+            if progress:
+                progress("cut", done / len(component.rows))
     return charts
 
 
@@ -191,7 +203,7 @@ def _same_angles(one: Component, other: Component) -> bool:
     return same and bool(abs(one.angle - other.angle).max() < SAME_ANGLE)
 
 
-def _charts(
+def _disks(
     component: Component, options: Options, limits: Limits, progress: Progress | None
 ) -> list[Chart]:
     """Open a component to a disk and map it; part it where the scale is too uneven even so."""
@@ -206,7 +218,7 @@ def _charts(
         worst = waiting.pop()
         parts = [worst.opened.component]
         most = limits.max_charts - len(waiting) - len(charts)
-        is_uneven = worst.unevenness > (False, False, limits.scale_variation)
+        is_uneven = worst.unevenness > (False, False, limits.asked)
         if most > 1 and is_uneven:
             parts = parted(worst, most)
         if len(parts) > 1:
@@ -220,12 +232,8 @@ def _charts(
             charts.append(worst)
         else:  # parted in vain
             waiting, charts = [], [whole]
-    charts.sort(key=lambda chart: -len(chart.F))
     if later:
-        charts = [_chart(chart.opened, options, limits.outline, progress) for chart in charts]
-    for chart in charts:
-        if chart.failure:
-            raise MapError(chart.failure, chart.map)
+        charts = [_chart(chart.opened, options, progress) for chart in charts]
     return charts
 
 
@@ -233,11 +241,11 @@ def _mapped(
     component: Component, options: Options, limits: Limits, progress: Progress | None
 ) -> Chart:
     """Open a component to a disk and map it; let the cut grow, unless it is lost."""
-    opened = open_to_disk(fill_holes(component) if limits.fill else component)
-    if limits.scale_variation < np.inf:
+    opened = open_to_disk(component if limits.fill is False else fill_holes(component))
+    if limits.asked < np.inf:
         opened = lead_away(opened)
-    first = _chart(opened, options, limits.outline, progress)
-    is_far = limits.parts_early and first.scale_variation > LOST * limits.scale_variation
+    first = _chart(opened, options, progress)
+    is_far = limits.max_charts > 1 and first.scale_variation > LOST * limits.asked
     if is_far and len(opened.cut_edges) and len(component.rows) >= LEAST_FACES:
         return replace(first, level=first.deviation, is_lost=True)
     return _grown(first, options, limits, progress)
@@ -247,42 +255,43 @@ def _grown(first: Chart, options: Options, limits: Limits, progress: Progress | 
     """Grow the cut of a component while that evens out the scale."""
     best = replace(first, is_lost=False)
     is_small = len(first.opened.component.rows) < LEAST_FACES
-    asked = limits.scale_variation
+    asked = limits.asked
     while best.scale_variation > asked or not (best.map.conformal or asked == np.inf):
         longer = grow(best)
         if longer is best.opened:
             break
-        grown = _chart(longer, options, limits.outline, progress)
+        grown = _chart(longer, options, progress)
         if not grown.gains_on(best):
             break
         best = replace(grown, level=first.deviation)
         if is_small or (limits.max_charts > 1 and best.scale_variation > HOPELESS * asked):
             break
-        if limits.parts_early and 2 * best.scale_variation < first.scale_variation:
+        if limits.max_charts > 1 and 2 * best.scale_variation < first.scale_variation:
             break
     return best
 
 
-def _chart(
-    opened: OpenedComponent, options: Options, outline: Outline, progress: Progress | None
-) -> Chart:
+def _chart(opened: OpenedComponent, options: Options, progress: Progress | None) -> Chart:
+    """Map a component that is cut to a disk onto the unit disk."""
+
+    def make() -> DiskMap:
+        return disk_map(opened.positions, opened.F, progress=progress, **vars(options))
+
+    return _measured(opened, make)
+
+
+def _measured(opened: OpenedComponent, make: Callable[[], DiskMap | FreeMap]) -> Chart:
     """Map a component that is cut to a disk once, and measure how its scale varies."""
     V, F, failure = opened.positions, opened.F, ""
-    made: object
     try:
-        if outline == "free":
-            taken = vars(options).keys() & signature(free_map).parameters.keys()
-            free = {name: getattr(options, name) for name in taken}
-            made = free_map(V, F, progress=progress, **free)
-        else:
-            made = disk_map(V, F, progress=progress, **vars(options))
+        made = make()
     except MapError as error:
-        made, failure = error.result, str(error)
-        if not isinstance(made, DiskMap | FreeMap) or not np.isfinite(made.uv).all():
+        failed, failure = error.result, str(error)
+        if not isinstance(failed, DiskMap | FreeMap) or not np.isfinite(failed.uv).all():
             raise
-    given = F[: len(opened.component.rows)]
-    area = vertex_areas(V, given)
-    if outline == "free":
+        made = failed
+    area = vertex_areas(V, F[: len(opened.component.rows)])
+    if isinstance(made, FreeMap):
         factor = np.maximum(conformal_factor(V, F, made.uv), LEAST_FACTOR)
     else:
         factor = _centered_factor(V, F, made.uv, area)
@@ -297,30 +306,6 @@ def _centered_factor(V: Floats, F: Ints, uv: Floats, area: Floats) -> Floats:
     w = conformal_barycenter(z, area)
     derivative = (1 - abs(w) ** 2) / abs(1 - w.conjugate() * z) ** 2  # of the transformation (19)
     return np.maximum(conformal_factor(V, F, uv) + np.log(derivative), LEAST_FACTOR)
-
-
-def fill_holes(component: Component) -> Component:
-    """Fill all boundary loops but the outermost, for the time of a map.
-
-    A hole that only faces without area would fill, such as a slit of coinciding edges, stays.
-    """
-    if component.topology.euler_characteristic > 0:  # a sphere or a disk
-        return component
-    loops = component.topology.loops
-    if len(loops) < 2:
-        return component
-    V, filling = component.V, []
-    outer = by_reach(V, loops)[0]
-    for loop in loops:
-        faces = None if loop is outer else fill_hole(V, loop)
-        if faces is not None:
-            if faces.max() == len(V):
-                V = np.vstack([V, V[loop].mean(axis=0)])
-            filling.append(faces)
-    F = np.vstack([component.F, *filling])
-    alone = component.polygon.max() + np.arange(1, len(F) - len(component.F) + 1)
-    polygon = np.append(component.polygon, alone)
-    return Component(V, F, polygon, component.rows, n_filled=len(filling))
 
 
 def lead_away(opened: OpenedComponent) -> OpenedComponent:
@@ -357,7 +342,7 @@ def grow(chart: Chart) -> OpenedComponent:
         grown = branch_to(grown, int(tip))
     if opened.component.length[grown.cut_edges].sum() < SHORT * np.sqrt(len(opened.F)):
         return opened
-    if grown is opened or isinstance(chart.map, FreeMap):  # whose outline bends with the cut
+    if grown is opened:
         return grown
     straight = straighten(grown)
     return opened if np.array_equal(straight.is_cut, opened.is_cut) else straight
@@ -373,74 +358,13 @@ def parted(chart: Chart, most: float) -> list[Component]:
     m = len(component.rows)
     if m < LEAST_FACES:
         return [component]
-    F, polygon = component.F[:m], component.polygon[:m]
-    given = Component(component.V[: F.max() + 1], F, polygon, component.rows)
-    left, right = given.sides(given.edges)
+    F = component.F[:m]
+    given = Component(component.V[: F.max() + 1], F, component.polygon[:m], component.rows)
     ways: list[Callable[[Component], Bools]] = [narrow_side]
     if chart.level is not None and component.topology.euler_characteristic > 0:
         ways.insert(0, partial(limbs, level=chart.level))
     for way in ways:
-        low = way(given)
-        opened = given.uncut.cut(given.edges[low[left] != low[right]])
-        parts = list(split_components(opened.positions, opened.F, opened.F, polygon))
+        parts = parted_by(given, way(given))
         if 1 < len(parts) <= most:
-            return [replace(part, rows=component.rows[part.rows]) for part in parts]
+            return parts
     return [component]
-
-
-def _mean_of_polygons(component: Component, values: Floats) -> Floats:
-    """(m,) means over the faces of each polygon, for each face."""
-    _, number = np.unique(component.polygon, return_inverse=True)
-    return (np.bincount(number, values) / np.bincount(number))[number]
-
-
-def _regions(component: Component, low: Bools) -> tuple[int, NDArray[np.int32]]:
-    """Count the regions of faces that are all `low` (m,), or none of them; (m,) their numbers."""
-    left, right = component.sides(component.edges)
-    within = low[left] == low[right]
-    return components_of_pairs(left[within], right[within], len(low))
-
-
-def limbs(component: Component, level: Floats) -> Bools:
-    """(m,) the faces of large regions where a map has shrunk lengths, by its `level` (m,).
-
-    What lies between such regions is large, too; none if there is nothing else.
-    """
-    area = face_areas(component.V, component.F)
-    low = _mean_of_polygons(component, level) < -LIMB
-    for side in (True, False, True):
-        count, region = _regions(component, low)
-        small = np.bincount(region, area, count) < LEAST_LIMB * area.sum()
-        small |= np.bincount(region, minlength=count) < LEAST_FACES
-        low[(low == side) & small[region]] = not side
-    return low & ~low.all()
-
-
-def narrow_side(component: Component) -> Bools:
-    """(m,) the faces on one side of where a component is narrow between two far ends, if any.
-
-    Of the level lines of the difference of the distances from the ends, along the one that is
-    shortest for the smaller of the areas on either side.
-    """
-    m, n, area = len(component.F), len(component.V), face_areas(component.V, component.F)
-    graph = csr_matrix((component.length, (component.tail, component.head)), (n, n))
-    distances = partial(dijkstra, graph, directed=False)  # at the boundary, edges go one way
-    from_end = distances(indices=distances(indices=0).argmax())
-    way = from_end - distances(indices=from_end.argmax())
-    level = _mean_of_polygons(component, way[component.F].mean(axis=1))
-    order = np.argsort(level, kind="stable")
-    first, last = np.sort(places(order, m)[[*component.sides(component.edges)]], axis=0)
-    length = component.length[component.edges]
-    # The edges between the faces up to each rank and those after it.
-    line = np.cumsum(np.bincount(first, length, m) - np.bincount(last, length, m))[:-1]
-    below = np.cumsum(area[order])[:-1]
-    smaller = np.minimum(below, area.sum() - below)
-    possible = (np.diff(level[order]) > 0) & (smaller > LEAST_SHARE * area.sum())
-    if not possible.any():
-        return np.zeros(m, dtype=bool)
-    low = level <= level[order[np.where(possible, line / smaller, np.inf).argmin()]]
-    for side in (True, False):  # what is not joined to the rest of its side goes to the other one
-        count, region = _regions(component, low)
-        largest = np.bincount(region[low == side], area[low == side], count).argmax()
-        low[region != largest] = not side
-    return low

@@ -13,7 +13,8 @@ from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
 from ..arrays import Bools, Floats, Ints, marked, places
 from ..cached import cached_property
-from ..surface.topology import Topology, components_of_pairs
+from ..surface.filling import fill_hole
+from ..surface.topology import Topology, by_reach, components_of_pairs
 from ..surface.triangles import corner_angles, corner_cotangents
 
 
@@ -318,6 +319,30 @@ def cut_to_disk(component: Component) -> OpenedComponent:
             on_path[v] = True
             v = parent[v]
     return _without_loose_ends(component.uncut.cut(np.append(left_over, up[on_path])))
+
+
+def fill_holes(component: Component) -> Component:
+    """Fill all boundary loops but the outermost, for the time of a map.
+
+    A hole that only faces without area would fill, such as a slit of coinciding edges, stays.
+    """
+    if component.topology.euler_characteristic > 0:  # a sphere or a disk
+        return component
+    loops = component.topology.loops
+    if len(loops) < 2:
+        return component
+    V, filling = component.V, []
+    outer = by_reach(V, loops)[0]
+    for loop in loops:
+        faces = None if loop is outer else fill_hole(V, loop)
+        if faces is not None:
+            if faces.max() == len(V):
+                V = np.vstack([V, V[loop].mean(axis=0)])
+            filling.append(faces)
+    F = np.vstack([component.F, *filling])
+    alone = component.polygon.max() + np.arange(1, len(F) - len(component.F) + 1)
+    polygon = np.append(component.polygon, alone)
+    return Component(V, F, polygon, component.rows, n_filled=len(filling))
 
 
 def _length(points: Floats) -> float:

@@ -150,7 +150,7 @@ def _shortest(
     in_tree = parent[head] == tail
     into = np.empty(opened.n, np.int64)
     into[head[in_tree]] = half[in_tree]
-    return into[_way_to(targets[distance[targets].argmin()], parent)[1:]]
+    return into[way_to(targets[distance[targets].argmin()], parent)[1:]]
 
 
 def _straightest(opened: OpenedComponent, start: Bools, end: Bools, inside: Bools) -> Ints:
@@ -185,10 +185,10 @@ def _straightest(opened: OpenedComponent, start: Bools, end: Bools, inside: Bool
     costs = np.concatenate([into_first, out_of_last, np.maximum(bend, 0) + stretch[on]])
     graph = csr_matrix((costs, (rows, columns)), (k + 2, k + 2))
     _, parent = dijkstra(graph, indices=before, return_predecessors=True)
-    return half[_way_to(beyond, parent)[1:-1]]
+    return half[way_to(beyond, parent)[1:-1]]
 
 
-def _way_to(node: int, parent: Ints) -> Ints:
+def way_to(node: int, parent: Ints) -> Ints:
     """(k,) nodes of a tree from the root to one; only this one if the tree does not reach it."""
     way = [node]
     while parent[way[-1]] >= 0:

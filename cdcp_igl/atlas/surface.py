@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import asdict, astuple, dataclass, replace
 from time import perf_counter
 from typing import Any, Literal
 
@@ -39,6 +39,7 @@ from .cut_graph import split_components
 from .cutting import Cut, cut_along
 from .packing import laid_flat, packed_boxes
 from .sheets import Sheets, fill_left_out, oriented_sheets
+from .texels import TexelDensity
 
 log = logging.getLogger("cdcp_igl")
 
@@ -74,10 +75,12 @@ class SurfaceMap(Bijection):
     distortion : AngleDistortion
         Of the given faces, all charts together.
     scale_variation : float
-        Standard deviation over the area of the conformal factor, the logarithm of the scale,
-        on a disk with the conformal barycentre at 0; the largest of all charts.
+        Standard deviation over the area of the conformal factor, the logarithm of the scale;
+        the largest of all charts. That of a disk is with its conformal barycentre at 0.
     scale_variation_asked : float
         What it was to be at most.
+    texel_density : TexelDensity
+        How evenly a texture covers the surface.
     shares : (k,) float64
         Share of each chart in the area of the surface.
     timings : dict of str to float
@@ -107,6 +110,7 @@ class SurfaceMap(Bijection):
     scale_variation_asked: float
     shares: Floats
     _angles: AngleDistortion
+    _stopped: str  # why the scale varies more than was asked, if it does
 
     _kind = "surface"
 
@@ -149,6 +153,21 @@ class SurfaceMap(Bijection):
         corner, scale = packed_boxes(coordinates(size))
         return scale * factor, as_complex(corner) - scale * low
 
+    @cached_property
+    def texel_density(self) -> TexelDensity:
+        """How evenly a texture covers the surface."""
+        charted = np.flatnonzero(self.face_chart >= 0)
+        V, F = self._surface()
+        density = np.exp(self.area_distortion()[charted] / 2)
+        return TexelDensity.of(density, face_areas(V, F[charted]), self.face_chart[charted])
+
+    @property
+    def verdict(self) -> str:
+        """Whether the map is valid, conformal, and of as even a scale as was asked for."""
+        if not self.valid or self.scale_variation <= self.scale_variation_asked:
+            return super().verdict
+        return f"{super().verdict}, scale variation {self._variation}"
+
     @property
     def _plural(self) -> str:
         name = "chart" if isinstance(self.charts[0], FreeMap) else "disk"
@@ -159,6 +178,7 @@ class SurfaceMap(Bijection):
 
     def _steps(self) -> list[tuple[str, str]]:
         return [
+            ("texel density", str(self.texel_density)),
             ("scale variation", self._variation),
             ("length of the cut", f"{self.cut.length:.4g}"),
             *(("change", change) for change in self.changes),
@@ -167,7 +187,8 @@ class SurfaceMap(Bijection):
     @property
     def _variation(self) -> str:
         said, asked = f"{self.scale_variation:.2f}", self.scale_variation_asked
-        return said if self.scale_variation <= asked else f"{said}, asked for: {asked:g}"
+        within = self.scale_variation <= asked
+        return said if within else f"{said}, asked for: {asked:g} ({self._stopped})"
 
     def _made(self) -> dict[str, Any]:
         """Of the worst chart; repairs are those of all."""
@@ -180,6 +201,8 @@ class SurfaceMap(Bijection):
         return {
             "scale_variation": self.scale_variation,
             "scale_variation_asked": self.scale_variation_asked,
+            "texel_density": asdict(self.texel_density)
+            | {"charts": list(self.texel_density.charts)},
             "cut_length": self.cut.length,
             "changes": list(self.changes),
             "charts": [chart.report() for chart in self.charts],
@@ -251,9 +274,9 @@ def surface_map(
     *,
     polygon_of_face: ArrayLike | None = None,
     merge: bool = True,
-    outline: Outline = "disk",
-    fill: bool = True,
-    scale_variation: float = 1.0,
+    outline: Outline = "free",
+    fill: bool | None = None,
+    scale_variation: float | None = None,
     max_charts: int | None = None,
     center: CenterMethod = "torsion",
     mobius: Literal["angle", "area"] | None = "angle",
@@ -271,8 +294,12 @@ def surface_map(
     What can be repaired without changing the shape is: vertices of equal coordinates are merged
     along seams, flipped faces oriented, vertices where fans of faces meet split, sheets that meet
     in an edge of three or more faces parted, one-sided parts cut where their orientation turns
-    over. Where a disk would shrink a part of the surface, the
-    cut is led to its tip; where that is not enough, such limbs become charts of their own.
+    over.
+
+    Charts have the outline that distorts least, and a scale that is the same nearly everywhere, so
+    that texels are: short slits lead to where curvature would vary it, and what is flat between its
+    corners, such as a box or a can, is unfolded to its net, without any distortion. Where outlines
+    would overlap themselves, or slits get too long, there are more charts.
 
     Parameters
     ----------
@@ -286,23 +313,27 @@ def surface_map(
     merge : bool
         Merge vertices of equal coordinates along seams, where two edges lie in the same place,
         each with a face of its own. Sheets that only touch stay apart.
-    outline : {"disk", "free"}
-        Each chart onto the unit disk, or by `free_map`: with an outline of its own, which distorts
-        less and has nearly the same scale everywhere. Most components are one chart then.
-    fill : bool
+    outline : {"free", "disk"}
+        Each chart with an outline of its own, as by `free_map`, or onto the unit disk, which
+        registration wants, and which shrinks what lies behind a neck.
+    fill : bool, optional
         Fill all boundary loops but the outermost of each component while mapping; those faces
-        are not returned. It distorts less than a cut to them. False cuts.
-    scale_variation : float
-        Grow the cut until the standard deviation of the conformal factor is at most this and
-        the map is conformal, and then part the component, or until nothing is gained: see
-        ``SurfaceMap.scale_variation``. Where the first growth leaves more than 1.4 times this, it
-        is parted at once; onto disks also where that halves it, and before any growth where it has
-        to be cut and has more than twice this. Parting ends with the first part that is no better
-        than the whole and cannot be parted. With infinity, no cut grows and nothing is parted.
+        are not returned. False cuts to them. By default, whichever leaves a more even scale: holes
+        are filled, unless cuts to them halve the variation, as in a tube. Of disks they are filled.
+    scale_variation : float, optional
+        The scale is to vary no more than this: the standard deviation of its logarithm over the
+        area of a chart, ``SurfaceMap.scale_variation``. By default 0.2, at which texels differ by
+        less than a factor of two, one level of a mipmap, from the 5th to the 95th percentile. Where
+        it is not reached, the first line of the result says so.
+        With infinity, there are no slits, and nothing is parted.
+        Of disks it is 1 by default: the cut grows to what shrank, as long as that gains, and then
+        the component is parted, limbs first. It is parted before where that leaves more than 1.4
+        times what is asked for or halves it, or where more than twice this is left before any
+        growth. Parting ends with the first part that is no better than the whole.
     max_charts : int, optional
         So many charts a component has at most; as many as are needed by default.
     center, mobius, refine, refine_norm, refine_seconds, keep, preset, solver, progress
-        As in `disk_map`, for each chart; `refine_seconds` for each. A free outline has no `center`,
+        As in `disk_map`, for each chart; `refine_seconds` for each. Only disks have `center`,
         `mobius` and `preset`. The surface is cut for angles, whatever is to be kept.
     align : (3,) array_like or None
         A direction in space that goes right, as in `disk_map`.
@@ -333,7 +364,7 @@ def surface_map(
     """
     limits = Limits(outline, fill, scale_variation, np.inf if max_charts is None else max_charts)
     if outline == "free" and (center, mobius, preset) != ("torsion", "angle", None):
-        raise ValueError("center, mobius and preset are for disks, not for free outlines")
+        raise ValueError('center, mobius and preset are for disks: outline="disk"')
     if not isinstance(merge, bool | np.bool_):
         raise ValueError(f"merge must be True or False, not {merge!r}")
     if not isinstance(center, str):
@@ -356,12 +387,12 @@ def surface_map(
         done += share
     if progress:
         progress("done", 1.0)
-    made = _together(given.astype(np.float64), sheets, charts, scale_variation)
+    made = _together(given.astype(np.float64), sheets, charts, limits)
     mapping = sum(made.timings.values())
     made = replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
     if sheets.near[0]:
         log.warning(hint(*sheets.near))
-    if made.scale_variation > scale_variation:
+    if made.scale_variation > limits.asked:
         log.warning("scale variation %s", made._variation)
     if lost := made._lost:
         log.warning("in single precision %s", lost)
@@ -397,7 +428,7 @@ def _frame(chart: DiskMap | FreeMap, share: float) -> tuple[complex, complex, co
     return factor, low, high - low
 
 
-def _together(V: Floats, sheets: Sheets, charts: list[Chart], scale_variation: float) -> SurfaceMap:
+def _together(V: Floats, sheets: Sheets, charts: list[Chart], limits: Limits) -> SurfaceMap:
     """Put the maps of all components back into the rows of the given faces."""
     F = sheets.given
     uv, face_chart = np.full((len(F), 3, 2), np.nan), np.full(len(F), -1)
@@ -430,7 +461,8 @@ def _together(V: Floats, sheets: Sheets, charts: list[Chart], scale_variation: f
         conformality=_worst_conformality(maps),
         _angles=angles,
         scale_variation=max(chart.scale_variation for chart in charts),
-        scale_variation_asked=scale_variation,
+        scale_variation_asked=limits.asked,
+        _stopped="max_charts" if len(charts) >= limits.max_charts else "no more charts lower it",
         shares=areas / areas.sum(),
         timings=_sum_of_seconds(maps),
     )

@@ -146,7 +146,7 @@ def _opened(V: Floats, F: Ints) -> tuple[Floats, Ints] | None:
         if error.defect != "closed surface":
             raise
     SphereMesh(V, F)
-    chart = surface_map(V, F, max_charts=1).charts[0].mesh
+    chart = surface_map(V, F, outline="disk", max_charts=1).charts[0].mesh
     return chart.positions, chart.F
 
 

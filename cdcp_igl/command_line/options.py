@@ -29,7 +29,8 @@ GROUPS = {
         "without",
         "cut",
         "no_merge",
-        "no_fill",
+        "outline",
+        "fill",
         "scale_variation",
         "max_charts",
     ),
@@ -120,20 +121,27 @@ def _map_options(
         "--cut",
         help="Map a surface that is no disk: closed, with handles, holes or several parts. Equal "
         "vertices are merged along seams, it is cut open, and each part mapped; texture "
-        "coordinates show the charts side by side, disks or, with --free, others.",
+        "coordinates show the charts side by side.",
     ),
     no_merge: bool = typer.Option(
         False, "--no-merge", help="With --cut, leave equal vertices along seams apart."
     ),
-    no_fill: bool = typer.Option(
-        False, "--no-fill", help="With --cut, cut to holes; they are filled meanwhile otherwise."
+    outline: str | None = typer.Option(
+        None,
+        metavar="free|disk",
+        help="With --cut, charts with outlines of their own, or onto disks. [default: free]",
+    ),
+    fill: bool | None = typer.Option(
+        None,
+        "--fill/--no-fill",
+        help="With --cut, fill holes meanwhile, or cut to them. [default: what distorts less]",
     ),
     scale_variation: float | None = typer.Option(
         None,
         metavar="S",
         min=0,
-        help="With --cut, part a component whose scale varies more than this (the standard "
-        "deviation of its logarithm). [default: 1]",
+        help="With --cut, how much the scale may vary (the standard deviation of its logarithm): "
+        "slits and more charts see to it. [default: 0.2; of disks, 1]",
     ),
     max_charts: int | None = typer.Option(
         None, metavar="N", min=1, help="With --cut, so many charts a component at most."
@@ -211,7 +219,8 @@ def _map_options(
         raise typer.BadParameter(f"--{' and --'.join(chosen)}: give one of them.")
     options = {
         "merge": False if no_merge else None,
-        "fill": False if no_fill else None,
+        "outline": outline,
+        "fill": fill,
         "scale_variation": scale_variation,
         "max_charts": max_charts,
         "corners": rectangle and _numbers(rectangle, int),

@@ -48,7 +48,7 @@ MAPS: dict[str, tuple[Callable[..., Result], set[str]]] = {
 ONTO = ("sphere", "annulus", "rectangle")
 FLAGS = ("disk", "clean", "cut", "free")
 # Arguments that are no options: the surface, what the file and the flags say, and who is told.
-OWN = ("V", "F", "folder", "polygon_of_face", "outline", "executor", "progress")
+OWN = ("V", "F", "folder", "polygon_of_face", "executor", "progress")
 NOTHING = np.empty((0, 3)), np.empty((0, 3), np.int64)
 
 
@@ -57,8 +57,9 @@ class Settings:
     """What decides how a surface is mapped and written; ValueError if something is not allowed.
 
     With `disk`, texture coordinates lie in the unit disk, not in the unit square. A surface that
-    is to be `cut` is mapped onto charts, which are disks or have `free` outlines, as a disk may
-    have; or a surface is mapped `onto` something else. The `options` are those of this map.
+    is to be `cut` is mapped onto charts with free outlines or, with `disk`, onto disks; a disk may
+    have a `free` outline, too; or a surface is mapped `onto` something else. The `options` are
+    those of this map.
     Of the vertices, `only` some are mapped, or all `without` some: a file, see `read_vertices`.
     """
 
@@ -105,9 +106,9 @@ class Settings:
         """Map a surface; the errors are those of `disk_map` and its kin."""
         own: dict[str, Any] = {"progress": progress}
         if self.cut:
-            outline = "free" if self.free else "disk"
+            outline = "disk" if self.disk else "free"
             own |= {"polygon_of_face": polygon_of_face, "outline": outline}
-        return MAPS[self.kind][0](surface, **own, **self.options)
+        return MAPS[self.kind][0](surface, **own | dict(self.options))
 
 
 NAMES = tuple(field.name for field in fields(Settings) if field.name != "options")
@@ -183,6 +184,7 @@ class Mapped:
             "mean": result.distortion.mean,
             "sd": result.distortion.sd,
             "area": float(np.abs(result.area_distortion()).mean()),
+            "texels": result.texel_density.ratio if isinstance(result, SurfaceMap) else np.nan,
             "conformal": result.conformal,
             "reasons": "; ".join(result.conformality.reasons),
             "boundary": ", ".join(dict.fromkeys(map(_boundary, charts))),

@@ -31,6 +31,7 @@ COLUMNS = (  # of the table: heading, attribute of the record, format
     ("mean °", "mean", ".3f"),
     ("SD °", "sd", ".3f"),
     ("area", "area", ".3f"),
+    ("texels", "texels", ".2f"),
     ("flips", "flips", ",d"),
     ("s", "seconds", ".2f"),
     ("MiB", "memory", ",.0f"),

@@ -1,0 +1,126 @@
+"""A component opened to disks whose free outlines have an even scale: nets, slits, parts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..options import Options
+from .cones import Draft, seams
+from .cut_graph import Component, fill_holes
+from .cut_paths import open_to_disk
+from .nets import in_a_plane, net
+from .parting import narrow_side, parted_by, pieces, shortest_between
+
+# A round of slits is kept if it lowers the scale variation by more than this share, and if the cut
+# is no longer than this, by the square root of the area: a longer one parts the component.
+GAIN = 0.03
+LONGEST = 8.0
+# A net is cut along edges that are so long at most, by the square root of the area (all edges of
+# a cube, 4.9), and is in so many pieces: where the share FLAT of the edges are in a plane, as they
+# are in solids that were triangulated, and else, of closed surfaces.
+NETS_OF_PLANES, OTHER_NETS = (8.0, 10), (4.0, 1)
+FLAT = 0.25
+# The scale of a net varies by rounding only.
+EXACT = 1e-6
+# Holes are cut to rather than filled where that leaves less than this share of the variation.
+WORTH_CUTTING = 0.5
+# So many of the pairs of edges that overlap are looked at to part a net.
+MOST_PAIRS = 8
+
+
+def even_drafts(
+    component: Component, options: Options, fill: bool | None, wanted: float, most: float
+) -> Iterator[Draft]:
+    """Open a component to at most so many disks, none of which overlaps itself if that can be.
+
+    Their scale varies no more than is `wanted`, if that can be.
+    """
+    filled = component if fill is False else fill_holes(component)
+    plain = Draft(open_to_disk(filled), options)
+    if wanted == np.inf or (
+        filled.topology.euler_characteristic == 1 and plain.scale_variation < EXACT
+    ):
+        yield plain
+        return
+    may_be_net = not (fill and filled.n_filled)  # which cuts to holes
+    if may_be_net and (nets := _nets(component, options, most)):
+        yield from nets
+        return
+    waiting, n_done = [component], 0
+    while waiting:
+        draft = _evened(waiting.pop(), options, fill, wanted)
+        room, parts = most - len(waiting) - n_done, []
+        overlaps = len(draft.outline.meeting) > 0
+        is_uneven = draft.scale_variation > wanted and not draft.is_small
+        if room > 1 and (overlaps or is_uneven):
+            parts = _halves(draft)
+            if overlaps and len(parts) == 1:
+                parts = _apart(draft)
+        if 1 < len(parts) <= room:
+            waiting += parts
+        else:
+            n_done += 1
+            yield draft
+
+
+def _evened(component: Component, options: Options, fill: bool | None, wanted: float) -> Draft:
+    """Open a component to a disk, and cut slits to cones while that evens out the scale."""
+    filled = component if fill is False else fill_holes(component)
+    draft = Draft(open_to_disk(filled), options)
+    if fill is None and filled.n_filled and draft.scale_variation > wanted:
+        cut = Draft(open_to_disk(component), options)
+        if cut.scale_variation < WORTH_CUTTING * draft.scale_variation:
+            draft = cut
+    while draft.scale_variation > wanted:
+        slit = draft.slit(max(wanted, draft.scale_variation / 2))
+        if slit.seams > LONGEST or not slit.scale_variation < (1 - GAIN) * draft.scale_variation:
+            break
+        if draft.is_small and len(slit.outline.meeting):  # more charts than it is worth
+            break
+        draft = slit
+    return draft
+
+
+def _nets(component: Component, options: Options, most: float) -> list[Draft]:
+    """Cut a component that is flat but for few vertices along a tree through these, if it is.
+
+    Pieces of such a net that overlap are parted.
+    """
+    n_edges = len(component.edges)
+    is_planes = n_edges > 0 and np.mean(in_a_plane(component)[component.edges]) >= FLAT
+    opened = component.uncut.cut(net(component))
+    longest, pieces_at_most = NETS_OF_PLANES if is_planes else OTHER_NETS
+    if seams(opened) > longest or not (is_planes or component.topology.euler_characteristic == 2):
+        return []
+    waiting, drafts = pieces(opened), list[Draft]()
+    while waiting:
+        draft = Draft(open_to_disk(waiting.pop()), options)
+        n_pieces = len(waiting) + len(drafts) + 1
+        if not draft.scale_variation < EXACT or n_pieces > min(most, pieces_at_most):
+            return []
+        if len(draft.outline.meeting):
+            waiting += _apart(draft)
+        else:
+            drafts.append(draft)
+    return drafts
+
+
+def _halves(draft: Draft) -> list[Component]:
+    """Part a disk where it is narrow: between two places that overlap, or between far ends."""
+    parts = pieces(draft.opened)
+    if len(parts) > 1:  # without what fills holes
+        return parts
+    ends = None
+    if len(meeting := draft.outline.meeting):
+        given = np.unique(draft.opened.F[: len(draft.opened.component.rows)])
+        ends = np.searchsorted(given, meeting[0])
+    return parted_by(parts[0], narrow_side(parts[0], ends))
+
+
+def _apart(draft: Draft) -> list[Component]:
+    """Part a disk along the cheapest seam between two edges of its outline that overlap."""
+    mesh = draft.surface.mesh
+    pairs = np.sort(mesh.loop_index[draft.outline.meeting[:MOST_PAIRS]], axis=1)
+    return pieces(draft.opened.cut(shortest_between(draft.opened, mesh.loop, pairs)))
