@@ -40,6 +40,7 @@ VALUES = {
     "fill": (False, "x"),
     "scale_variation": (3.0, -1.0),
     "max_charts": (2, 0),
+    "keep": ("lengths", "volumes"),
 }
 # What is not in the shell: it has an environment variable, or takes a number a vertex.
 IN_PYTHON = {"solver", "boundary_scale", "free corners", "sphere align"}
@@ -120,7 +121,7 @@ def test_what_is_wrong_is_said_before_anything_is_read(kind, name, tmp_path):
         ({"fill": False}, "fill: no option of the disk map; the surface map has it"),
         ({"onto": "rectangle"}, "the rectangle map needs corners"),
         ({"onto": "cube"}, "onto must be one of sphere, annulus, rectangle, not 'cube'"),
-        ({"onto": "annulus", "clean": True, "free": True}, "clean, free: no option of the annulus"),
+        ({"onto": "annulus", "clean": True, "free": True}, "^free: no option of the annulus"),
         ({"free": True, "corners": {0: 1.0}, "boundary_scale": [1.0]}, "only one is possible"),
         ({"free": True, "boundary_scale": [1.0], "refine": 1}, "refine moves the boundary"),
         ({"free": True, "clean": True, "boundary_scale": [1.0]}, "which clean and parts change"),

@@ -188,7 +188,8 @@ def conformal_barycenter(z: Complex, mass: Floats) -> complex:
 
     def moments(w: complex) -> tuple[complex, complex]:
         moved = mobius_transformation(z, w)
-        return complex(mass @ moved), complex(mass @ (moved * moved))
+        # In an order of summation that no number of threads changes.
+        return complex((mass * moved).sum()), complex((mass * moved * moved).sum())
 
     return barycenter_by_moments(moments)
 
