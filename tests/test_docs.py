@@ -229,7 +229,7 @@ def test_the_shell(folder):
     for _, *arguments in lines:
         if arguments[0] == "map":  # again, without --force
             assert CliRunner().invoke(app, arguments).exit_code == 2
-    assert {"face_disk.obj", "statue_disk.obj", "scan_disk.obj", "face.html", "batch.html"} <= {
+    assert {"face_disk.obj", "statue_uv.obj", "scan_disk.obj", "face.html", "batch.html"} <= {
         path.name for path in folder.iterdir()
     }
 

@@ -3,9 +3,9 @@ A statue with a texture
 =======================
 
 A statue has no boundary, so no map onto a disk. :func:`~cdcp_igl.surface_map` cuts it open
-from tip to tip, maps it, sees what the map would shrink, and cuts on to it; what comes back is a
-texture coordinate for each corner of each face, and the surface itself is as it was. With free
-outlines the texels have nearly the same size everywhere.
+and leads short slits to where the scale would vary; what comes back is a
+texture coordinate for each corner of each face, and the surface itself is as it was. The texels
+have nearly the same size everywhere.
 """
 
 from pathlib import Path
@@ -50,9 +50,9 @@ print(cdcp_igl.check(V, F))
 # %%
 # One call. It says what it did. Onto a disk, the scale would vary more.
 
-result = cdcp_igl.surface_map(V, F, outline="free")
+result = cdcp_igl.surface_map(V, F)
 print(result)
-disk = cdcp_igl.surface_map(V, F, max_charts=1)
+disk = cdcp_igl.surface_map(V, F, outline="disk", max_charts=1)
 print("scale variation onto a disk and with a free outline:")
 print(f"{disk.scale_variation:.2f}, {result.scale_variation:.2f}")
 assert result.scale_variation < 0.6 * disk.scale_variation
