@@ -225,7 +225,7 @@ def test_an_obj_file_stays_what_it_is(tmp_path, function):
     (tmp_path / "maps").mkdir()
     result.save(tmp_path / "maps" / "out.obj")
     named = re.match("mtllib (.*)", (tmp_path / "maps" / "out.obj").read_text())[1]
-    assert (tmp_path / "maps" / named).samefile(tmp_path / "a.mtl")
+    assert named == "../a.mtl"
     path.write_text(OBJ.replace("f 1", "f 2", 1))
     with pytest.raises(ValueError, match="has changed"):
         result.save(out)

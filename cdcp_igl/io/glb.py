@@ -245,14 +245,15 @@ def write_glb(
     Row k of `texture`, from the lower left corner of the image, belongs to ``vertex[k]``; a
     vertex with several is written as several. `FT` has the rows at the corners of F.
     """
+    offset = _offset(V)
     with np.errstate(over="ignore"):
-        single = V.astype("<f4")
+        single = (V - offset).astype("<f4")
     if not np.isfinite(single).all():
         raise ValueError("V is too large for a glb file, which has single precision: scale it.")
     flat = _n_flat(single, F)
     if flat and flat > (already := _n_flat(V, F)):
         faces = counted(flat - already, "face has", "faces have")
-        log.warning("%s no area in single precision: scale the surface, and move it to 0", faces)
+        log.warning("%s no area in single precision: scale the surface", faces)
     positions = single[vertex]
     warn_of_lost_faces(V, F, texture, FT)
     arrays = (positions, _normals(V, F).astype("<f4")[vertex], from_upper_left(texture))
@@ -271,6 +272,8 @@ def write_glb(
         ],
         "bufferViews": views,
     }
+    if offset.any():
+        scene["nodes"] = [{"mesh": 0, "translation": offset.tolist()}]
     write_pieces(path, scene, pieces)
 
 
@@ -307,6 +310,16 @@ def warn_of_lost_faces(V: Floats, F: Ints, texture: Floats, FT: Ints) -> None:
             counted(len(lost), "face has", "faces have"),
             area[lost].sum() / area.sum(),
         )
+
+
+def _offset(V: Floats) -> Floats:
+    """(3,) middle of a surface that is farther from 0 than it is large, in single precision."""
+    low, high = V.min(axis=0), V.max(axis=0)
+    middle = low + (high - low) / 2
+    far = np.abs(middle).max() > (high - low).max()
+    with np.errstate(over="ignore"):
+        offset = middle.astype(np.float32).astype(np.float64)
+    return offset if far and np.isfinite(offset).all() else np.zeros(3)
 
 
 def _n_flat(V: Floats, F: Ints) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from typing import TextIO
@@ -63,7 +64,7 @@ def write_like(path: Path, given: Path, texture: Floats, FT: Ints) -> None:
     """Write a given obj file again, with other texture coordinates.
 
     Vertices, normals, groups, materials, comments and polygons stay as they are; in another
-    folder, files of materials are named with theirs. Only a
+    folder, files of materials are named by the way to them from there. Only a
     polygon that was cut open within is written as triangles, with its texture coordinates
     on either side of the cut. ``texture[FT]`` are those of the corners of the triangles that
     `read_obj` makes of `given`.
@@ -80,7 +81,7 @@ def write_like(path: Path, given: Path, texture: Floats, FT: Ints) -> None:
             if name == "vt":
                 continue
             if name == "mtllib" and not path.parent.samefile(given.parent):
-                words = _elsewhere(words, given.parent)
+                words = _elsewhere(words, given.parent, path.parent)
                 file.write(_joined(split, [keyword, *words]))
                 continue
             if name == "f":
@@ -121,16 +122,19 @@ def _joined(split: list[list[str]], words: list[str]) -> str:
     return "".join("".join(parts) for parts in split)
 
 
-def _elsewhere(words: list[str], folder: Path) -> list[str]:
-    """Name files of a folder so that they are found from everywhere; all words may be one name."""
+def _elsewhere(words: list[str], folder: Path, other: Path) -> list[str]:
+    """Name files of a folder as they are found from another one; all words may be one name."""
 
     def is_there(name: str) -> bool:
         return (folder / os.fsdecode(name.encode("latin-1"))).is_file()
 
-    above = os.fsencode(folder.resolve()).decode("latin-1")
+    above = folder.resolve()
+    with suppress(ValueError):  # from one drive of Windows there is no way to another
+        above = Path(os.path.relpath(above, other.resolve()))
+    there = os.fsencode(above.as_posix()).decode("latin-1")
     if is_there(" ".join(words)):
-        return [f"{above}/{words[0]}", *words[1:]]
-    return [f"{above}/{word}" if is_there(word) else word for word in words]
+        return [f"{there}/{words[0]}", *words[1:]]
+    return [f"{there}/{word}" if is_there(word) else word for word in words]
 
 
 def _line_end(line: str) -> str:
