@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import libigl
-from ..arrays import Complex, Floats, Ints, as_complex, coordinates, unit_size
+from ..arrays import Complex, Floats, Ints, as_complex, coordinates, size_exponent, unit_size
 from ..cached import cached_property
 from ..errors import counted
 from ..fields import Field, Method
@@ -56,7 +56,7 @@ class SurfaceMap(Bijection):
         Corners of the same vertex have the same image, unless the surface was cut between them.
     charts : tuple of DiskMap, or of FreeMap
         The maps, those of the component with most faces first. Their rows are vertices of the
-        opened chart.
+        opened chart, in a unit that is a power of two of that of V.
     face_chart : (m,) int64
         Which chart each face is in; -1 if it was left out, because it has no area or is there
         already. It lies where its twin does, or all at one place of a chart, or is NaN.
@@ -135,6 +135,18 @@ class SurfaceMap(Bijection):
             Texture coordinates of each corner. Charts have areas as on the surface; free outlines
             are turned so that they need little room.
         """
+        chart, (factor, move) = self._chart_of_vertex, self._places
+        return coordinates(factor[chart] * self._in_charts + move[chart])[self.cut.F]
+
+    @property
+    def _in_charts(self) -> Complex:
+        """(n,) images of the vertices of ``cut`` as the charts have them: V scaled to unit size."""
+        free = isinstance(self.charts[0], FreeMap)
+        return as_complex(np.ldexp(self.uv_cut, -size_exponent(self.cut.V) if free else 0))
+
+    @cached_property
+    def _chart_of_vertex(self) -> Ints:
+        """(n,) the chart of each vertex of ``cut``, -1 of those in none."""
         mapped = np.flatnonzero(self.face_chart >= 0)
         chart = np.full(len(self.cut.V), -1)
         chart[self.cut.F[mapped]] = self.face_chart[mapped][:, None]
@@ -142,8 +154,20 @@ class SurfaceMap(Bijection):
         chart[others] = np.where(
             chart[others] < 0, chart[others].max(axis=1)[:, None], chart[others]
         )
-        factor, move = self._places
-        return coordinates(factor[chart] * as_complex(self.uv_cut) + move[chart])[self.cut.F]
+        return chart
+
+    def _unfolded(self) -> tuple[Floats, Ints, Floats]:
+        if not isinstance(self.charts[0], FreeMap):
+            return super()._unfolded()
+        chart, turn = self._chart_of_vertex, self._places[0] / abs(self._places[0])
+        images = [turn[k] * as_complex(each.uv) for k, each in enumerate(self.charts)]
+        low = np.array([complex(z.real.min(), z.imag.min()) for z in images])
+        high = np.array([complex(z.real.max(), z.imag.max()) for z in images])
+        corner, scale = packed_boxes(coordinates(high - low))
+        move = as_complex(corner) / scale - low
+        uv = coordinates(turn[chart] * self._in_charts + move[chart])
+        uv = np.ldexp(uv, size_exponent(self.cut.V))
+        return self.cut.V, self._charted[1], uv
 
     @cached_property
     def _places(self) -> tuple[Complex, Complex]:
@@ -447,6 +471,8 @@ def _together(V: Floats, sheets: Sheets, charts: list[Chart], limits: Limits) ->
     fill_left_out(F, face_chart >= 0, corners, uv)
     maps = [chart.map for chart in charts]
     opened, changes = cut_along(V, F, corners, face_chart >= 0), list(sheets.changes)
+    if isinstance(maps[0], FreeMap):
+        uv = np.ldexp(uv, size_exponent(opened.V))
     if filled := sum(chart.opened.component.n_filled for chart in charts):
         changes.append(f"filled {counted(filled, 'hole', 'holes')}")
     if len(opened.edges):

@@ -51,6 +51,14 @@ def map_command(
     view: Path | None = file_option(
         "--view", "V.html", (".html",), "A page in which the surface turns beside its image."
     ),
+    pattern: Path | None = file_option(
+        *("--pattern", "P.svg", (".svg", ".dxf")),
+        help="With --free, a pattern to cut, true to scale: outlines, and numbers where edges "
+        "meet (.svg .dxf).",
+    ),
+    unit: str = typer.Option(
+        "mm", metavar="mm|cm|m|in|ft", help="With --pattern, the unit of the surface."
+    ),
     jobs: int | None = typer.Option(
         None, "--jobs", "-j", metavar="N", min=1, help="Processes for a surface in parts."
     ),
@@ -72,10 +80,14 @@ def map_command(
     2 bad input; 3 no valid map; 4 with --out-dir, some have failed.
     """
     if out_dir:
-        if report or picture or view:
-            raise typer.BadParameter("--report, --picture and --view are for one surface.")
+        if report or picture or view or pattern:
+            raise typer.BadParameter(
+                "--report, --picture, --view and --pattern are for one surface."
+            )
         run_batch(files, out_dir, quiet=quiet, format="same", force=force, **options)
         return
+    if pattern and not options["free"]:
+        raise typer.BadParameter("--pattern needs --free: a disk has no lengths of the surface.")
     if len(files) != 2:
         raise typer.BadParameter("give IN and OUT; several surfaces need --out-dir DIR.")
     source, out = files
@@ -90,15 +102,18 @@ def map_command(
     from ..io import read_polygons
     from ..io.neuro import neuro_type
     from ..io.output import whole_file, write_text
+    from ..io.patterns import UNITS
     from ..scale.one_file import NAMES, Settings, map_one
 
+    if unit not in UNITS:
+        raise typer.BadParameter(f"--unit takes {', '.join(UNITS)}, not {unit!r}.")
     verify_target(out, (out.suffix.lower(),) if neuro_type(out) else WRITABLE)
     name, notes = printable(source.name), list[str]()
     tried = [f"--{flag}" for flag in ("clean", "cut") if options[flag]]
     with exit_codes(files=files, tried=tried):
         flags = {flag: options.pop(flag) for flag in NAMES}
         settings = Settings(**flags, options=options)
-        check_targets((out, report, picture, view), [source], force)
+        check_targets((out, report, picture, view, pattern), [source], force)
         with progress_bar() as progress:
             progress("read", 0)
             surface = read_polygons(source, notes.append)
@@ -116,11 +131,14 @@ def map_command(
                 if view:
                     mapped.result.view(view, title=name)
                 progress("write", 0.9)
+                drawn = mapped.result.pattern(pattern, unit=unit) if pattern else None
                 if report:
-                    write_text(report, json.dumps(mapped.report(), indent=2) + "\n")
+                    more = {"pattern": drawn.report()} if drawn else {}
+                    write_text(report, json.dumps(mapped.report() | more, indent=2) + "\n")
                 mapped.write(out, source, settings)
     if not quiet:
         title, pairs = mapped.result.summary()
         said = [text for _, text in pairs]  # by a surface that was cut
         notes += [change for change in mapped.changes if change not in said]
+        pairs = [*pairs, *([("pattern", str(drawn))] if drawn else [])]
         show_pairs(title, [*pairs, *(("note", note) for note in notes)])

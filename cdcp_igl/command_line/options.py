@@ -38,7 +38,7 @@ GROUPS = {
     "Quality": ("keep", "refine", "refine_norm", "refine_seconds"),
     "Output": (
         *("disk", "out_dir", "format", "force", "report", "json_file", "csv_file"),
-        *("picture", "view", "quiet"),
+        *("picture", "view", "pattern", "unit", "quiet"),
     ),
     "Run": ("jobs", "scheduler", "shard", "retry", "time_limit", "memory_limit", "methods"),
 }

@@ -156,6 +156,9 @@ class FreeMap(KeepingMap, PlaneMap):
             raise MapError(f"{text} over. Leave out pins, or put them nearer to the map", made)
         return valid_map(made, "", "Leave out pins, or put them nearer to the map.")
 
+    def _unfolded(self) -> tuple[Floats, Ints, Floats]:
+        return self.mesh.positions, self.mesh.F, self.uv
+
     def _plane_map(self) -> Complex:
         return as_complex(self.mesh.in_own_unit(self.uv))
 

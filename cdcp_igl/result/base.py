@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from html import escape
 from os import PathLike
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +29,9 @@ from ..verdict.certificate import Certificate, SphereCertificate
 from ..verdict.conformality import Conformality
 from ..verdict.distortion import AngleDistortion, area_distortion
 from ..verdict.outline import OutlineCertificate
+
+if TYPE_CHECKING:
+    from .pattern import Pattern
 
 log = logging.getLogger("cdcp_igl")
 
@@ -260,6 +263,68 @@ class Result(FromFile, ABC):
         else:
             writable = f"{' '.join(known)} .gii .gii.gz, lh.NAME and rh.NAME"
             raise ValueError(f"{Path(path).name!r} is of no known type. Writable: {writable}")
+
+    def pattern(
+        self, path: str | PathLike[str] | None = None, *, unit: str = "mm", folds: bool = False
+    ) -> Pattern:
+        """Draw a pattern to cut, true to scale: the outlines of the map, and which edges meet.
+
+        Of a map with free outlines. Darts and slits are parts of the outlines; both sides of a
+        seam have a notch of the same number, at places that meet.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            Named .svg, or .dxf, for which ezdxf must be installed; replaced once the new file is
+            complete.
+        unit : {"mm", "cm", "m", "in", "ft"}
+            That of the surface. Coordinates in the file are in this unit; a dxf file names it,
+            and an svg file has its size in millimetres.
+        folds : bool
+            Draw the edges within, too, as for papercraft.
+
+        Returns
+        -------
+        Pattern
+            The lines, and their lengths beside those on the surface.
+
+        Raises
+        ------
+        ValueError
+            If the outline is not free, the file is of no such type, or the unit is none of these.
+        ImportError
+            If ezdxf is needed, and not installed.
+        OSError
+            If the file cannot be written; nothing is left behind.
+
+        Examples
+        --------
+        >>> import cdcp_igl
+        >>> V, F, _ = cdcp_igl.datasets.square(5)
+        >>> pattern = cdcp_igl.free_map(V, F).pattern()
+        >>> round(pattern.length, 9), round(pattern.area, 9), pattern.seams
+        (8.0, 4.0, 0)
+        """
+        from ..io.output import whole_file
+        from ..io.patterns import PATTERNS, UNITS, write_dxf, write_svg
+        from .pattern import pattern_of
+
+        suffix = PATTERNS[0] if path is None else Path(path).suffix.lower()
+        if suffix not in PATTERNS:
+            raise ValueError(f"A pattern is written as {' or '.join(PATTERNS)}, not {suffix!r}")
+        if unit not in UNITS:
+            raise ValueError(f"unit must be one of {', '.join(UNITS)}, not {unit!r}")
+        made = pattern_of(*self._unfolded(), folds=folds)
+        if path is not None:
+            with whole_file(path) as unfinished:
+                (write_svg if suffix == ".svg" else write_dxf)(unfinished, made.lines, unit)
+        return made
+
+    def _unfolded(self) -> tuple[Floats, Ints, Floats]:
+        """V, F and the images (n, 2) of V, beside one another, in the unit of V."""
+        raise ValueError(
+            "a pattern needs a free outline: take free_map, or surface_map with outline='free'"
+        )
 
     def plot(self, *, name: str = "") -> NDArray[Any]:
         """Draw the surface, its image, a checkerboard and the distortion side by side.
