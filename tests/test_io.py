@@ -245,6 +245,7 @@ def stored_uv(path):
         return np.load(path)["uv"]
     if path.suffix == ".ply":
         header, _, body = path.read_bytes().partition(b"end_header\n")
+        assert b"property double s\nproperty double t\n" in header  # as Blender reads them
         n = int(header.split()[header.split().index(b"vertex") + 1])
         return np.frombuffer(body, "<f8", 5 * n).reshape(n, 5)[:, 3:]
     lines = path.read_text().splitlines()

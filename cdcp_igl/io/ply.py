@@ -249,7 +249,7 @@ def _type_of_row(body: Any, start: int, element: Element, types: dict[str, str])
 def write_ply(path: Path, V: Floats, F: Ints, texture: Floats, FT: Ints | None) -> None:
     """Write a surface in double precision, binary.
 
-    Without `FT`, `texture` has a row for each vertex: properties u and v. Else `FT` has its rows
+    Without `FT`, `texture` has a row for each vertex: properties s and t. Else `FT` has its rows
     at the corners of the faces: a list ``texcoord``, u and v at the first corner, the second and
     the third.
     """
@@ -265,7 +265,7 @@ def write_ply(path: Path, V: Floats, F: Ints, texture: Floats, FT: Ints | None) 
         "ply",
         "format binary_little_endian 1.0",
         f"element vertex {len(V)}",
-        *(f"property double {axis}" for axis in "xyzuv"[: vertices.shape[1]]),
+        *(f"property double {axis}" for axis in "xyzst"[: vertices.shape[1]]),
         f"element face {len(F)}",
         "property list uchar int vertex_indices",
         *(["property list uchar double texcoord"] if FT is not None else []),
