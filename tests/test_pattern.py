@@ -130,13 +130,15 @@ def test_a_pattern_from_the_shell(tmp_path):
     said = json.loads(report.read_text())["pattern"]
     (polygon,), _ = outlines_of(drawn)
     assert abs(length(polygon) - said["length"]) < 1e-9
-    assert invoke("map", given, out, *more, "--force").exit_code == 2
+    for refused in ([], ["--cut", "--disk"], ["--cut", "--outline", "disk"]):
+        assert invoke("map", given, out, *more, "--force", *refused).exit_code == 2
+    assert invoke("map", given, out, *more, "--force", "--cut").exit_code == 0
     assert invoke("map", given, out, "--free", "--pattern", drawn, "--unit", "ell").exit_code == 2
 
 
 def test_what_is_no_pattern():
     V, F, _ = datasets.spherical_cap(4)
-    for result in (disk_map(V, F), surface_map(V, F)):
+    for result in (disk_map(V, F), surface_map(V, F, outline="disk")):
         with pytest.raises(ValueError, match="free outline"):
             result.pattern()
     result = free_map(V, F)

@@ -53,8 +53,8 @@ def map_command(
     ),
     pattern: Path | None = file_option(
         *("--pattern", "P.svg", (".svg", ".dxf")),
-        help="With --free, a pattern to cut, true to scale: outlines, and numbers where edges "
-        "meet (.svg .dxf).",
+        help="With --free or --cut, a pattern to cut, true to scale: outlines, and numbers where "
+        "edges meet (.svg .dxf).",
     ),
     unit: str = typer.Option(
         "mm", metavar="mm|cm|m|in|ft", help="With --pattern, the unit of the surface."
@@ -86,8 +86,9 @@ def map_command(
             )
         run_batch(files, out_dir, quiet=quiet, format="same", force=force, **options)
         return
-    if pattern and not options["free"]:
-        raise typer.BadParameter("--pattern needs --free: a disk has no lengths of the surface.")
+    onto_disks = options["disk"] or options.get("outline") == "disk"
+    if pattern and not options["free"] and (onto_disks or not options["cut"]):
+        raise typer.BadParameter("--pattern needs --free or --cut, and no disks.")
     if len(files) != 2:
         raise typer.BadParameter("give IN and OUT; several surfaces need --out-dir DIR.")
     source, out = files

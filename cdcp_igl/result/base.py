@@ -323,7 +323,7 @@ class Result(FromFile, ABC):
     def _unfolded(self) -> tuple[Floats, Ints, Floats]:
         """V, F and the images (n, 2) of V, beside one another, in the unit of V."""
         raise ValueError(
-            "a pattern needs a free outline: take free_map, or surface_map with outline='free'"
+            "a pattern needs a free outline: take free_map, or surface_map without outline='disk'"
         )
 
     def plot(self, *, name: str = "") -> NDArray[Any]:
