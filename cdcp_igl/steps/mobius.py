@@ -120,7 +120,7 @@ def nearest_to(barycenter: complex, errors: AngleErrors) -> tuple[complex, float
     """
     best = least_angle_distortion(errors)
     least = errors.mean(best)
-    most = least + max(FREE, FREE_SHARE * least)
+    most = least + min(max(FREE, FREE_SHARE * least), least)  # what is exact stays so
     price = errors.mean(barycenter) - least
     share = 1.0 if price <= most - least else (most - least) / price
     way = (best - barycenter) / (1 - barycenter.conjugate() * best)  # as `mobius_transformation`
