@@ -271,7 +271,9 @@ def test_killed_the_results_are_those_of_an_undisturbed_run(
     assert in_this_process([five], out).failed == ()
     assert contents(out) == contents(whole)
     assert measured(out) == measured(whole)
-    assert sorted(path.name for path in out.iterdir()) == sorted(os.listdir(whole))
+    # What was unfinished goes a day later.
+    left = (path.name for path in out.iterdir() if not path.name.startswith(".cdcp_igl"))
+    assert sorted(left) == sorted(os.listdir(whole))
 
 
 # -- with workers ----------------------------------------------------------------------

@@ -315,4 +315,4 @@ def test_with_cut_picture_and_page_show_all_parts_and_any_name(scan):
     for text in (picture.read_text(), page.read_text().replace("\\\\", "\\")):
         assert name in text
         assert f"{2 * len(V)} vertices" in text
-        assert "2 disks" in text
+        assert "2 charts" in text

