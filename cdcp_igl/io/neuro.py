@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from ..arrays import Bools, Floats, Ints, marked
 from ..errors import Damage, spell
 from ..extras import from_extra
+from ..surface.topology import group_by_edge, heads, tails
 from .archives import check_unpacking
 
 Array = NDArray[Any]
@@ -219,12 +220,9 @@ def _size_of_quads(head: bytes) -> int:
 
 def _border(F: Ints, n: int) -> Bools:
     """(n,) vertices at an edge with one face."""
-    tail, head = F.ravel(), np.roll(F, -1, axis=1).ravel()
-    key = np.minimum(tail, head) * n + np.maximum(tail, head)
-    _, where, count = np.unique(key, return_index=True, return_counts=True)
-    border = np.zeros(n, dtype=bool)
-    border[tail[where[count == 1]]] = border[head[where[count == 1]]] = True
-    return border
+    tail = tails(F, n)
+    single = group_by_edge(tail, n).border
+    return marked(n, np.append(tail[single], heads(tail)[single]))
 
 
 def _read_freesurfer(path: Path) -> tuple[Floats, Ints]:
