@@ -7,12 +7,15 @@ page on errors prints this table.
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 # What the remedies call: functions for who has arrays, commands for who has files.
 CALLS = {
     "clean": ("cdcp_igl.clean", "cdcp-igl map --clean"),
     "close": ("cdcp_igl.clean with close=True", "cdcp-igl map --sphere --clean"),
+    "within": ("cdcp_igl.clean with within=", "cdcp-igl map --clean --within "),
+    "flip": ("cdcp_igl.clean with flip_ears=True", "in Python, clean with flip_ears=True"),
     "sew": ("cdcp_igl.clean with fill=False", "cdcp-igl map --annulus --clean"),
     "cut": ("cdcp_igl.cut", "cdcp-igl map --cut"),
     "with_path": ("with cdcp_igl.cut(V, F, path)", "in a program for meshes"),
@@ -30,9 +33,9 @@ CLEAN, CUT = "--clean", "--cut"
 
 def as_commands(text: str) -> str:
     """Name commands in a text in the place of functions."""
-    for function, command in sorted(CALLS.values(), key=lambda names: -len(names[0])):
-        text = text.replace(function, command)
-    return text
+    commands = dict(CALLS.values())
+    longest_first = sorted(commands, key=len, reverse=True)
+    return re.sub("|".join(map(re.escape, longest_first)), lambda call: commands[call[0]], text)
 
 
 class Row(NamedTuple):

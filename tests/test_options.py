@@ -124,6 +124,8 @@ def test_what_is_wrong_is_said_before_anything_is_read(kind, name, tmp_path):
         ({"onto": "annulus", "clean": True, "free": True}, "^free: no option of the annulus"),
         ({"free": True, "corners": {0: 1.0}, "boundary_scale": [1.0]}, "only one is possible"),
         ({"free": True, "boundary_scale": [1.0], "refine": 1}, "refine moves the boundary"),
+        ({"within": 1e-6}, "it needs clean"),
+        ({"within": -1, "clean": True}, "within must be 0 or more"),
         ({"free": True, "clean": True, "boundary_scale": [1.0]}, "which clean and parts change"),
     ],
 )

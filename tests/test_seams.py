@@ -53,6 +53,22 @@ def test_what_is_near_is_counted_and_sewn_by_the_call_that_is_named(far, unit):
     assert len(sewn.F) == len(F)
 
 
+def test_in_the_shell_and_a_batch_too(tmp_path):
+    V, F = tube()
+    V[-13:] += 4e-7 * np.random.default_rng(0).uniform(size=(13, 3))
+    np.savez(tmp_path / "tube.npz", V=V, F=F)
+    surface, out = tmp_path / "tube.npz", tmp_path / "out.npz"
+    named = "cdcp-igl map --clean --within 1e-06 sews them"
+    assert named in invoke("check", surface).output
+    assert named in invoke("map", "--cut", surface, out).output
+    command = ("map", "--annulus", "--clean", surface, out, "--force")
+    assert invoke(*command).exit_code == 2
+    assert invoke(*command, "--within", 1e-6).exit_code == 0
+    made = cdcp_igl.batch(surface, tmp_path / "maps", onto="annulus", clean=True, within=1e-6)
+    assert made.records[0].changes[0] == "merged 13 vertices with an equal one"
+    assert (tmp_path / "maps" / "tube.npz").read_bytes() == out.read_bytes()
+
+
 def test_loose_triangles_off_by_rounding_are_one_surface():
     W, G = surfaces.sphere(6, 8)
     V, F = surfaces.soup(W, G)

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import breadth_first_order
 
 from ..arrays import Bools, Floats, Ints, distinct_rows, marked, size_exponent
 from ..errors import Defect, MeshError, counted
-from ..surface.checking import near_pairs
+from ..surface.checking import hint, near_pairs
 from ..surface.sheets import fans_of_sheets
 from ..surface.topology import Topology, components_of_pairs, duplicate_faces, sewn
 from ..surface.triangles import corner_cotangents, degenerate_faces
@@ -31,7 +31,6 @@ class Sheets:
     flipped: Ints  # the rows of this F whose corners are reversed
     given: Ints  # (m, 3) the given F, with equal vertices merged
     changes: tuple[str, ...]  # what was done, a sentence each
-    near: tuple[int, float]  # pairs of vertices that nearly coincide, see `check`
 
 
 def oriented_sheets(
@@ -68,9 +67,11 @@ def oriented_sheets(
     flipped = orient(vertices, rows)
     if len(flipped):
         changes.append(f"reversed {counted(len(flipped), 'face', 'faces')}")
+    if near[0]:
+        changes.append(hint(*near))
     for corners in (faces, vertices):
         corners[flipped] = corners[flipped, ::-1]
-    return Sheets(positions, faces, vertices, polygon, rows, flipped, F, tuple(changes), near)
+    return Sheets(positions, faces, vertices, polygon, rows, flipped, F, tuple(changes))
 
 
 def polygon_numbers(polygon_of_face: ArrayLike | None, m: int) -> Ints:

@@ -26,7 +26,6 @@ from ..result.bijection import Bijection
 from ..result.disk_map import DiskMap
 from ..solve.solvers import SolverName
 from ..steps.center import CenterMethod
-from ..surface.checking import hint
 from ..surface.location import FaceFinder
 from ..surface.triangles import face_areas, oriented_areas
 from ..surface.validation import usable_arrays
@@ -414,8 +413,6 @@ def surface_map(
     made = _together(given.astype(np.float64), sheets, charts, limits)
     mapping = sum(made.timings.values())
     made = replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
-    if sheets.near[0]:
-        log.warning(hint(*sheets.near))
     if made.scale_variation > limits.asked:
         log.warning("scale variation %s", made._variation)
     if lost := made._lost:

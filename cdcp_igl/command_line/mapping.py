@@ -99,6 +99,7 @@ def map_command(
         return
     if jobs or scheduler:
         raise typer.BadParameter("--jobs and --scheduler are for a surface in parts.")
+    from ..defects import as_commands
     from ..errors import printable
     from ..io import read_polygons
     from ..io.neuro import neuro_type
@@ -141,5 +142,6 @@ def map_command(
         title, pairs = mapped.result.summary()
         said = [text for _, text in pairs]  # by a surface that was cut
         notes += [change for change in mapped.changes if change not in said]
-        pairs = [*pairs, *([("pattern", str(drawn))] if drawn else [])]
+        pairs = [(heading, as_commands(text)) for heading, text in pairs]
+        pairs += [("pattern", str(drawn))] if drawn else []
         show_pairs(title, [*pairs, *(("note", note) for note in notes)])

@@ -25,6 +25,7 @@ INPUTS = typer.Argument(metavar="IN...", help=f"Triangulated surfaces ({SURFACES
 GROUPS = {
     "What to map": (
         "clean",
+        "within",
         "only",
         "without",
         "cut",
@@ -105,6 +106,13 @@ def _map_options(
         help="Clean the surface first and say how: merge equal vertices, drop bad faces, orient, "
         "keep the largest component, fill holes. OUT has what is left of IN, in its order, "
         "without the filling. With --cut, what is left is cut open.",
+    ),
+    within: float = typer.Option(
+        0.0,
+        metavar="D",
+        min=0,
+        help="With --clean, merge vertices along seams that lie so near to each other, in the unit "
+        "of IN; `check` counts them.",
     ),
     only: str | None = typer.Option(
         None,
@@ -237,7 +245,7 @@ def _map_options(
     if mobius == "none":
         given["mobius"] = None
     flags = {"disk": disk, "clean": clean, "cut": cut, "free": free}
-    parts = {"only": only, "without": without}
+    parts = {"within": within, "only": only, "without": without}
     return {**flags, **parts, "onto": next(iter(chosen), None), **given}
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
+from functools import partial
 from inspect import signature
 from pathlib import Path
 from typing import Any
@@ -60,6 +61,7 @@ class Settings:
     is to be `cut` is mapped onto charts with free outlines or, with `disk`, onto disks; a disk may
     have a `free` outline, too; or a surface is mapped `onto` something else. The `options` are
     those of this map.
+    Vertices along seams that lie `within` a distance of each other are merged by `clean`.
     Of the vertices, `only` some are mapped, or all `without` some: a file, see `read_vertices`.
     """
 
@@ -71,10 +73,15 @@ class Settings:
     options: Mapping[str, Any] = field(default_factory=dict)
     only: str | None = None
     without: str | None = None
+    within: float = 0.0
 
     def __post_init__(self) -> None:
         if self.only and self.without:
             raise ValueError("only and without: give one of them")
+        if not self.within >= 0:
+            raise ValueError(f"within must be 0 or more, not {self.within!r}")
+        if self.within and not self.clean:
+            raise ValueError("within is how near clean merges vertices: it needs clean")
         if self.onto not in (None, *ONTO):
             raise ValueError(f"onto must be one of {', '.join(ONTO)}, not {self.onto!r}")
         if self.disk and self.free:
@@ -245,9 +252,14 @@ def map_one(
 
 def _prepared(V: Array, F: Array, settings: Settings, source: Path) -> Cleaned:
     """Take the part that is to be mapped, and clean it if asked to."""
-    loops = {"fill": settings.onto != "annulus", "close": settings.onto == "sphere"}
+    cleaning = partial(
+        clean,
+        within=settings.within,
+        fill=settings.onto != "annulus",
+        close=settings.onto == "sphere",
+    )
     if not settings.is_part:
-        return clean(V, F, **loops)
+        return cleaning(V, F)
     which = {
         name: read_vertices(given, len(V), source)
         for name, given in (("vertices", settings.only), ("without", settings.without))
@@ -256,7 +268,7 @@ def _prepared(V: Array, F: Array, settings: Settings, source: Path) -> Cleaned:
     part = submesh(V, F, **which)
     if not settings.clean:
         return part
-    cleaned = clean(part, **loops)
+    cleaned = cleaning(part)
     return cleaned._replace(changes=part.changes + cleaned.changes)
 
 

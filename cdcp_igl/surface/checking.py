@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
-from ..defects import CLEAN, CUT, DEFECTS, IN_PYTHON, IN_SHELL
+from ..defects import CLEAN, CUT, DEFECTS, IN_PYTHON, IN_SHELL, as_commands
 from ..errors import Defect, counted, spell
 from ..io.given import takes_meshes
 from ..io.polygons import in_polygons
@@ -205,14 +205,15 @@ class MeshReport:
             verdict = f"Not a triangulated disk: {self.kind}."
         found = [f"- {d.name}: {d.in_shell if in_shell else d}" for d in self.defects]
         if self.near[0]:
-            found.append(f"- seam: {hint(*self.near)}")
+            said = hint(*self.near)
+            found.append(f"- seam: {as_commands(said) if in_shell else said}")
         return "\n".join([counts, verdict, *found, f"Next: {self._next_step(in_shell)}"])
 
 
 def hint(count: int, within: float) -> str:
     """Say that vertices may be there twice, and what merges them."""
     pairs = counted(count, "pair of boundary vertices lies", "pairs of boundary vertices lie")
-    return f"{pairs} within {within:g}: cdcp_igl.clean with within={within:g} sews them."
+    return f"{pairs} within {within:g}: {IN_PYTHON['within']}{within:g} sews them."
 
 
 def near_pairs(V: Floats, edges: Edges, exponent: int) -> tuple[int, float]:

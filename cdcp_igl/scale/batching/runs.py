@@ -105,6 +105,7 @@ def batch(
     format: str = "npz",
     disk: bool = False,
     clean: bool = False,
+    within: float = 0.0,
     cut: bool = False,
     free: bool = False,
     onto: Literal["sphere", "annulus", "rectangle"] | None = None,
@@ -150,6 +151,9 @@ def batch(
     clean : bool
         Clean each surface first, see `cdcp_igl.clean`. A result has what is left of the surface,
         in its order.
+    within : float
+        With `clean`, merge vertices along seams that lie so near to each other, in the unit of the
+        surface.
     cut : bool
         Map surfaces that are no disks as well, see `cdcp_igl.surface_map`.
     free : bool
@@ -211,7 +215,7 @@ def batch(
     for name in options:
         if meant := get_close_matches(name, signature(batch).parameters, 1, ALIKE):
             raise ValueError(f"{name}: no option of batch; did you mean {meant[0]}?")
-    settings = Settings(disk, clean, cut, free, onto, options, only, without)
+    settings = Settings(disk, clean, cut, free, onto, options, only, without, within)
     _check_format(format)
     if executor is not None and (jobs, time_limit, memory_limit) != (1, np.inf, np.inf):
         raise ValueError("jobs and limits are those of the executor; give one or the other")
