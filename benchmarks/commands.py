@@ -48,7 +48,10 @@ TOLD = ("surface", "method", "mean °", "SD °", "flips", "s", "s / F", "outcome
 LONG = 400  # rows of a table that can still be read; of a longer one its sums are printed
 RESULTS = ROOT / "benchmarks" / "results"  # only `make bench` writes there
 # Beside which other programs are shown.
-OWN = ("cdcp", "cdcp refine=5", "free", "free refine=5", "lscm", "bff", "bff_disk", "abf")
+OWN = (
+    *("cdcp", "cdcp refine=5", "free", "free refine=5", "free keep=lengths"),
+    *("lscm", "bff", "bff_disk", "abf", "slim", "arap"),
+)
 
 Repeats = Annotated[int, typer.Option(min=1, help="Runs of each case.")]
 
@@ -77,7 +80,7 @@ def tables(session: Session, repeats: Repeats = 1) -> None:
 @app.command()
 @with_session
 def peers(session: Session) -> None:
-    """Measure other programs beside CDCP: Blender, MeshLab, xatlas, SLIM, ARAP.
+    """Measure other programs beside CDCP: Blender, MeshLab, xatlas.
 
     Those that are not installed are told. What is there already is not measured again.
     """

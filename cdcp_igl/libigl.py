@@ -23,6 +23,14 @@ def adjacency_matrix(F: Ints) -> csc_matrix:
     return igl.adjacency_matrix(F)
 
 
+def arap(V: Floats, F: Ints, start: Floats, rounds: int) -> Floats:
+    """(n, 2) map as rigid as possible from another (n, 2); its first vertex stays."""
+    first, data = np.zeros(1, np.int32), igl.ARAPData()
+    data.max_iter = rounds
+    igl.arap_precomputation(V, F, 2, first, data)
+    return igl.arap_solve(start[first], data, start)
+
+
 def angles(V: Floats, F: Ints) -> Floats:
     """(m, 3) unsigned corner angles in radians, column k at corner k.
 
@@ -93,6 +101,15 @@ def path(edges: Ints) -> Ints:
     """(k,) vertices of one closed loop of directed edges (k, 2), in their direction."""
     vertices, _, column = igl.edges_to_path(edges)
     return vertices[:-1] if column[0] == 0 else vertices[:0:-1]
+
+
+def slim(V: Floats, F: Ints, start: Floats, rounds: int) -> Floats:
+    """(n, 2) map with less symmetric Dirichlet energy than one (n, 2) without flipped faces."""
+    given = (np.asfortranarray(x) for x in (V, F.astype(np.int32), start))
+    nothing = np.zeros(0, np.int32), np.zeros((0, 2), order="F")
+    energy = igl.MappingEnergyType.SYMMETRIC_DIRICHLET
+    data = igl.slim_precompute(*given, energy, *nothing, soft_p=0.0)
+    return np.ascontiguousarray(igl.slim_solve(data, rounds)[:, :2])
 
 
 def squared_edge_lengths(V: Floats, F: Ints) -> Floats:

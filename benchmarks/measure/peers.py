@@ -10,18 +10,14 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from typing import Any
 
-import igl
 import numpy as np
 
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.errors import MapError
-from cdcp_igl.reference import harmonic
 
 from .candidate import Candidate
 
 PACKAGES = ("bpy", "pymeshlab", "xatlas")
-SLIM_STEPS = 20
-ARAP_STEPS = 100
 
 
 def versions() -> dict[str, str]:
@@ -74,29 +70,6 @@ def _xatlas(V: Floats, F: Ints) -> Floats:
     return _of_corners(uv, vertices, len(V))
 
 
-def _slim(V: Floats, F: Ints, *, energy: str) -> Floats:
-    """Start from the harmonic map onto the disk; the boundary is free then."""
-    nothing = np.zeros(0, np.int32), np.zeros((0, 2), order="F")
-    data = igl.slim_precompute(
-        np.asfortranarray(V),
-        np.asfortranarray(F, dtype=np.int32),
-        np.asfortranarray(harmonic(V, F)),
-        getattr(igl.MappingEnergyType, energy),
-        *nothing,
-        soft_p=0.0,
-    )
-    return np.ascontiguousarray(igl.slim_solve(data, SLIM_STEPS)[:, :2])
-
-
-def _arap(V: Floats, F: Ints) -> Floats:
-    """Start from the harmonic map onto the disk; one vertex stays where it is."""
-    start, first = harmonic(V, F), np.zeros(1, np.int32)
-    data = igl.ARAPData()
-    data.max_iter = ARAP_STEPS
-    igl.arap_precomputation(V, F.astype(np.int64), 2, first, data)
-    return igl.arap_solve(start[first], data, start)
-
-
 def _of_corners(uv: Floats, vertices: Ints, n: int) -> Floats:
     """Find the image of each vertex from those of the corners, which must agree."""
     images = np.full((n, 2), np.nan)
@@ -131,10 +104,6 @@ def _of_package(
     )
 
 
-def _of_libigl(map: Callable[[Floats, Ints], Any], citation: str) -> Candidate:
-    return Candidate(partial(_counterclockwise, map=map), "free", citation)
-
-
 LSCM, HARMONIC = "least_squares_conformal_maps", "harmonic"  # as MeshLab calls its filters
 
 # Single precision is too coarse for a certificate: what is said to be onto the disk is taken for
@@ -150,7 +119,4 @@ PEERS: Mapping[str, Candidate] = {
         "pymeshlab", partial(_meshlab, filter=HARMONIC), "harmonic, onto the circle", onto_disk=True
     ),
     "xatlas": _of_package("xatlas", _xatlas, "an atlas of charts"),
-    "SLIM": _of_libigl(partial(_slim, energy="SYMMETRIC_DIRICHLET"), "Rabinovich et al. 2017"),
-    "SLIM conformal": _of_libigl(partial(_slim, energy="CONFORMAL"), "Rabinovich et al. 2017"),
-    "ARAP": _of_libigl(_arap, "Liu et al. 2008"),
 }

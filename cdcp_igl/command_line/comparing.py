@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
 # Those of `reference`, spelled out: `--help` shows them, and must not wait for NumPy.
 METHODS = (
-    *("cdcp", "double_cover", "fdcp", "ldcp", "cem", "heat_flow", "ricci", "pgcp"),
-    *("harmonic", "abf", "lscm", "spectral", "bff", "bff_disk", "sphere", "flash"),
+    *("cdcp", "double_cover", "fdcp", "ldcp", "cem", "heat_flow", "ricci", "pgcp", "sem"),
+    *("harmonic", "abf", "lscm", "spectral", "bff", "bff_disk", "arap", "slim"),
+    *("sphere", "flash"),
 )
 SPHERES = METHODS[-2:]  # onto the sphere, of closed surfaces
 NUMBERS = ("mean", "sd", "max", "area", "flips", "boundary_error", "seconds", "memory")

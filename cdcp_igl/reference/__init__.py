@@ -7,7 +7,8 @@ from .dirichlet import harmonic
 from .doubled import double_cover
 from .fast import fdcp
 from .free_boundary import abf, bff, lscm, spectral
-from .harmonic_maps import cem, heat_flow
+from .harmonic_maps import cem, heat_flow, sem
+from .isometric import arap, slim
 from .linear import flash, ldcp
 from .methods import METHODS, Method
 from .welding import pgcp
@@ -17,6 +18,7 @@ __all__ = [
     "Method",
     "ReferenceMap",
     "abf",
+    "arap",
     "beltrami_coefficient",
     "bff",
     "cem",
@@ -29,5 +31,7 @@ __all__ = [
     "lscm",
     "pgcp",
     "ricci",
+    "sem",
+    "slim",
     "spectral",
 ]

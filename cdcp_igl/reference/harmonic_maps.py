@@ -1,4 +1,4 @@
-"""Harmonic maps made conformal: in turn with the boundary, and of the double cover by diffusion."""
+"""Harmonic maps made conformal, or even in area: in turn with the boundary, or by diffusion."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from ..docstrings import like
 from ..errors import MapError
 from ..io.given import takes_meshes
 from ..rescue.boundary import arc_length_map
-from ..solve.laplacian import cotangent_laplacian
+from ..solve.laplacian import Laplacian, cotangent_laplacian, sum_opposite
 from ..steps.mobius import conformal_barycenter, mobius_transformation
 from ..surface.mesh import DiskMesh, Mesh
-from ..surface.triangles import vertex_areas
+from ..surface.triangles import face_areas, opposite_edges, twice_areas, vertex_areas
 from .certified import certified_disk_map
 from .dirichlet import Dirichlet, harmonic
 from .doubled import doubled_laplacian
@@ -22,6 +22,8 @@ from .linear import most_regular_face, to_cube_roots_of_unity
 
 TOLERANCE = 1e-9  # of what a round takes from the conformal energy; the disk has area pi
 MAX_ROUNDS = 500  # the Chinese Lion takes 230
+
+STRETCH_ROUNDS = 10  # then the energy of the Chinese Lion is 0.02 % above that of equal areas
 
 TIME_STEP = 1.0  # of the flow; the sheet has the area of the hemisphere
 FLOW_TOLERANCE = 1e-8  # of what a step takes from the harmonic energy, near that area, 2 pi
@@ -43,12 +45,17 @@ def cem(V: ArrayLike, F: ArrayLike) -> Floats:
     M.-H. Yueh, W.-W. Lin, C.-T. Wu, S.-T. Yau. An efficient energy minimization for conformal
     parameterizations. J. Sci. Comput. 73, 2017.
     """
-    mesh = DiskMesh(V, F)
-    if not len(mesh.interior):
-        raise MapError("There is no interior vertex from which the boundary could follow")
+    mesh = _with_interior(V, F)
     # A vertex that comes to 0 is reflected to infinity; the energy says so.
     with np.errstate(divide="ignore", invalid="ignore"):
         return certified_disk_map(mesh, _cem(mesh))
+
+
+def _with_interior(V: ArrayLike, F: ArrayLike) -> Mesh:
+    mesh = DiskMesh(V, F)
+    if not len(mesh.interior):
+        raise MapError("There is no interior vertex from which the boundary could follow")
+    return mesh
 
 
 def _cem(mesh: Mesh) -> Complex:
@@ -63,13 +70,60 @@ def _cem(mesh: Mesh) -> Complex:
     f = interior_problem.solve(arc_length_map(mesh))
     energy = conformal_energy(f)
     for _ in range(MAX_ROUNDS):
-        f_B = boundary_problem.solve(f[I] / abs(f[I]) ** 2)[B]
-        f_B -= f_B.mean()
-        f = interior_problem.solve(f_B / abs(f_B))
+        f = _in_turn(mesh, f, boundary_problem, interior_problem)
         before, energy = energy, conformal_energy(f)
         if not before - energy > TOLERANCE:
             return f / f[B[0]]
     raise MapError(f"The conformal energy still falls after {MAX_ROUNDS} rounds")
+
+
+def _in_turn(mesh: Mesh, f: Complex, boundary: Dirichlet, interior: Dirichlet) -> Complex:
+    """Let the boundary of a map (n,) follow the reflected interior, and the interior follow it."""
+    B, I = mesh.loop, mesh.interior  # noqa: E741
+    f_B = boundary.solve(f[I] / abs(f[I]) ** 2)[B]
+    f_B -= f_B.mean()
+    return interior.solve(f_B / abs(f_B))
+
+
+@takes_meshes
+@like(harmonic)
+def sem(V: ArrayLike, F: ArrayLike) -> Floats:
+    """Map a triangulated disk onto the unit disk, areas kept, Yueh, Lin, Wu and Yau 2019.
+
+    The stretch energy is the sum of squared areas in the image by those on the surface. It is a
+    Dirichlet energy with the cotangents of the image, each face weighted by how much it has grown:
+    a map is harmonic for these weights, in turn with the boundary as in `cem`, and the weights are
+    those of the map. Ten rounds, while the energy falls. MapError if there is no interior
+    vertex.
+
+    References
+    ----------
+    M.-H. Yueh, W.-W. Lin, C.-T. Wu, S.-T. Yau. A novel stretch energy minimization algorithm for
+    equiareal parameterizations. J. Sci. Comput. 78, 2019.
+    """
+    mesh = _with_interior(V, F)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        f = _sem(mesh)
+        return certified_disk_map(mesh, f / f[mesh.loop[0]])
+
+
+def _sem(mesh: Mesh) -> Complex:
+    area, low, high = face_areas(mesh.V, mesh.F), mesh.edges.low, mesh.edges.high
+
+    def energy(f: Complex) -> float:
+        return float((twice_areas(opposite_edges(f[mesh.F])) ** 2 / area).sum())
+
+    f = Dirichlet(cotangent_laplacian(mesh).matrix(), mesh.loop).solve(arc_length_map(mesh))
+    for _ in range(STRETCH_ROUNDS):
+        e = opposite_edges(f[mesh.F])
+        # Cotangents of the image, by its areas, times these by those on the surface.
+        weights = -(e[:, [1, 2, 0]] * e[:, [2, 0, 1]].conj()).real / area[:, None]
+        L = Laplacian.of(low, high, sum_opposite(mesh.edges, weights), len(f)).matrix()
+        next_f = _in_turn(mesh, f, Dirichlet(L, mesh.interior), Dirichlet(L, mesh.loop))
+        if not energy(next_f) < energy(f):
+            break
+        f = next_f
+    return f
 
 
 @takes_meshes

@@ -19,7 +19,8 @@ from .dirichlet import harmonic
 from .doubled import double_cover
 from .fast import fdcp
 from .free_boundary import abf, bff, lscm, spectral
-from .harmonic_maps import cem, heat_flow
+from .harmonic_maps import cem, heat_flow, sem
+from .isometric import arap, slim
 from .linear import flash, ldcp
 from .welding import pgcp
 
@@ -35,8 +36,8 @@ class Method:
         SolverError or MapError.
     boundary : {"disk", "free", "sphere"}
         A certified bijection onto the unit disk; or a map with free boundary, which may
-        flip faces and is to be compared on angles only; or a certified bijection of a closed
-        surface of genus 0 onto the unit sphere.
+        flip faces and is to be compared on angles only, or on lengths if it keeps those; or a
+        certified bijection of a closed surface of genus 0 onto the unit sphere.
     citation : str
         Where it comes from.
 
@@ -44,7 +45,7 @@ class Method:
     --------
     >>> from cdcp_igl.reference import METHODS
     >>> [name for name, method in METHODS.items() if method.boundary == "free"]
-    ['abf', 'lscm', 'spectral', 'bff', 'bff_disk']
+    ['abf', 'lscm', 'spectral', 'bff', 'bff_disk', 'arap', 'slim']
     """
 
     function: Callable[[ArrayLike, ArrayLike], Floats]
@@ -67,12 +68,15 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         "heat_flow": Method(heat_flow, "disk", "Gu and Yau 2002"),
         "ricci": Method(ricci, "disk", "Springborn et al. 2008"),
         "pgcp": Method(pgcp, "disk", "Choi, Leung-Liu, Gu and Lui 2020"),
+        "sem": Method(sem, "disk", "Yueh, Lin, Wu and Yau 2019"),
         "harmonic": Method(harmonic, "disk", "Eck et al. 1995"),
         "abf": Method(abf, "free", "Sheffer et al. 2005"),
         "lscm": Method(lscm, "free", "Lévy et al. 2002"),
         "spectral": Method(spectral, "free", "Mullen et al. 2008"),
         "bff": Method(bff, "free", "Sawhney and Crane 2018"),
         "bff_disk": Method(partial(bff, disk=True), "free", "Sawhney and Crane 2018, near a disk"),
+        "arap": Method(arap, "free", "Liu et al. 2008"),
+        "slim": Method(slim, "free", "Rabinovich et al. 2017"),
         "sphere": Method(_sphere, "sphere", "Haker et al. 2000, sphere_map"),
         "flash": Method(flash, "sphere", "Choi, Lam and Lui 2015"),
     }
