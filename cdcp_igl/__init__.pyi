@@ -8,6 +8,7 @@ from .maps.free import FreeMap, free_map
 from .maps.mapper import DiskMapper
 from .maps.rectangle import RectangleMap, rectangle_map
 from .maps.sphere import SphereMap, sphere_map
+from .reference.comparison import Comparison, compare
 from .result.disk_map import DiskMap
 from .scale.batching import Batch, batch
 from .scale.parts import PartsMap, partition, parts_map
@@ -33,6 +34,7 @@ __all__ = [
     "Batch",
     "Certificate",
     "Cleaned",
+    "Comparison",
     "Conformality",
     "Cut",
     "Defect",
@@ -58,6 +60,7 @@ __all__ = [
     "certify",
     "check",
     "clean",
+    "compare",
     "conformal_factor",
     "cut",
     "datasets",

@@ -27,9 +27,7 @@ COLUMNS = {  # heading and format of the numbers in a table
     "max": ("max °", ".1f"),
     "area": ("area", ".3f"),
     "flips": ("flips", ",.0f"),
-    "boundary_error": ("boundary", ".0e"),
     "seconds": ("s", ".2f"),
-    "memory": ("MiB", ",.0f"),
 }
 
 

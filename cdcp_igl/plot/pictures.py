@@ -26,6 +26,7 @@ MapRow = tuple[Floats, Ints, Sequence[tuple[str, float, Floats | None]]]
 
 INK, FAINT = "#222222", "#9a9a9a"
 PIXELS, SMALL = 620, 360  # across a surface, alone and among many
+ACROSS = 5  # panels in a row
 LINE = 26  # characters of a name: as many capitals are as wide as a surface
 
 
@@ -78,8 +79,8 @@ def side_by_side(
     Returns
     -------
     matplotlib.figure.Figure
-        A row a mesh: the surface coloured by its normals, then each map in the same
-        colours, scaled to the same size.
+        A row a mesh, or more of five panels each: the surface coloured by its normals, then each
+        map in the same colours, scaled to the same size.
 
     Examples
     --------
@@ -94,19 +95,22 @@ def side_by_side(
     >>> len(figure.axes)
     3
     """
-    columns = 1 + max(len(maps) for _, _, maps in rows)
-    size = (2.6 * columns, 2.9 * len(rows))
+    columns = min(1 + max(len(maps) for _, _, maps in rows), ACROSS)
+    lines = [-(-(1 + len(maps)) // columns) for _, _, maps in rows]  # of panels, of each mesh
+    size = (2.6 * columns, 2.9 * sum(lines))
     # The layout that makes room for titles of several lines.
     figure = Figure(figsize=size, dpi=150, facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
-    panels = figure.subplots(len(rows), columns, squeeze=False)
-    for line, mesh, (V, F, maps) in zip(panels, names or [""] * len(rows), rows, strict=True):
+    panels = iter(figure.subplots(sum(lines), columns, squeeze=False))
+    for count, mesh, (V, F, maps) in zip(lines, names or [""] * len(rows), rows, strict=True):
+        own = np.concatenate([next(panels) for _ in range(count)])
+        for axes in own[1 + len(maps) :]:
+            axes.remove()
         scene = Scene(V, F, SMALL, turns=turns)
-        lines = [*([fill(mesh, LINE)] if mesh else []), f"{len(V):,} vertices"]
-        _show(line[0], scene.by_normal(), title="\n".join(lines))
-        for axes in line[1:]:
+        told = [*([fill(mesh, LINE)] if mesh else []), f"{len(V):,} vertices"]
+        _show(own[0], scene.by_normal(), title="\n".join(told))
+        for axes, (name, mean, uv) in zip(own[1:], maps, strict=False):
             axes.set_axis_off()
-        for axes, (name, mean, uv) in zip(line[1:], maps, strict=False):
             if uv is None:
                 axes.set_title(name, color=INK, fontsize=10)
                 axes.text(0.5, 0.5, "no map", ha="center", color=FAINT)

@@ -20,8 +20,8 @@ from ..result.base import Result
 from ..scale.pool import Pool, same_modules
 from ..solve.memory import peak_memory
 from ..surface.mesh import DiskMesh, SphereMesh
+from ..verdict.any_map import certify as certify_any
 from ..verdict.certificate import Certificate, SphereCertificate, certify, certify_sphere
-from ..verdict.distortion import AngleDistortion, angle_distortion, area_distortion
 
 OK = "ok"
 TOO_LONG, TOO_LARGE = "no result within", "more than"  # begin the outcomes of the two limits
@@ -48,12 +48,28 @@ class Case:
     mean: float = np.nan  # of the angular distortion in degrees, as the next two
     sd: float = np.nan
     max: float = np.nan
-    area: float = np.nan  # mean |log of the ratio of areas|, infinite if a face is flipped
+    area_sd: float = np.nan  # of the log of the ratio of areas, infinite if a face is flipped
+    texels: float = np.nan  # density, of 95 by that of 5 percent of the surface: `AreaDistortion`
     flips: float = np.nan  # faces that are not positively oriented
+    overlaps: float = np.nan  # places where outlines cross, or one lies on another: `certify`
     boundary_error: float = np.nan  # farthest from the unit circle, or the unit sphere
     seconds: float = np.nan  # from arrays to map
     memory: float = np.nan  # peak in MiB, of a fresh process
     details: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def ok(self) -> bool:
+        """Whether there is a map, or a time."""
+        return self.outcome == OK
+
+    @property
+    def verdict(self) -> str:
+        """Whether the map is valid, in a word."""
+        if not self.ok:
+            return "no map"
+        if self.flips > 0:
+            return f"{self.flips:,.0f} flips"
+        return "overlaps" if self.overlaps > 0 else "yes"
 
     def as_json(self) -> dict[str, Any]:
         """Return all but the details as JSON types, None for what is not a finite number."""
@@ -137,14 +153,17 @@ def measure(method: Any, V: Floats, F: Ints) -> tuple[dict[str, Any], Floats | N
     certificate, off = _certified(method.boundary, V, F, uv)
     if not (certificate.finite if method.boundary == "free" else certificate.valid):
         return {"outcome": f"not valid: {certificate}"}, None
-    distortion = AngleDistortion.of(angle_distortion(V, F, uv))
+    found = certify_any(V, F, uv)
+    distortion = found.angles
     if not np.isfinite([distortion.mean, distortion.sd, distortion.max]).all():
         return {"outcome": f"not valid: angular distortion {distortion}"}, None
     return {
         "outcome": OK,
         **asdict(distortion),
-        "area": float(abs(area_distortion(V, F, uv)).mean()),
-        "flips": len(certificate.flipped),
+        "area_sd": found.areas.sd,
+        "texels": found.areas.texels,
+        "flips": len(found.flipped),
+        "overlaps": len(found.overlapping) + len(found.stacked),
         "boundary_error": off,
         **cost,
         "details": details,
