@@ -251,6 +251,24 @@ def test_registration_does_not_depend_on_the_normalisation(cap):
     assert abs(other.interpolate(V, uv) - V).max() < 1e-7
 
 
+def test_a_registration_says_how_far_landmarks_are_and_if_a_mirror_is_nearer(caplog):
+    V, F, _ = cdcp_igl.datasets.spherical_cap(12)
+    V = V * [150, 100, 50] + 20 * np.sin(V[:, [1]] + 2 * V[:, [0]])
+    one, hand = cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(V * [-1, 1, 1], F[:, ::-1])
+    pairs = np.column_stack([[3, 40, 120, 200, 300]] * 2)
+    same = one.register(one, pairs)
+    assert same.residual.max() < 1e-6
+    assert np.median(same.mirrored) > 10
+    assert not caplog.records
+    other = one.register(hand, pairs)
+    assert np.median(other.residual) > 10
+    assert other.mirrored.max() < 1
+    assert "are left and right exchanged" in caplog.text
+    x = V[pairs[:, 0]] * [-1, 1, 1]
+    off = np.linalg.norm(hand.interpolate(hand.mesh.positions, other)[pairs[:, 0]] - x, axis=1)
+    np.testing.assert_allclose(off, other.residual, rtol=1e-6)
+
+
 @pytest.mark.parametrize("landmarks", [[0, -1], [200, 150, 300]])
 def test_a_crowded_map_is_registered_with_itself(landmarks):
     """Faces at the ends of a strip are as thin as rounding errors."""

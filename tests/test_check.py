@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import meshes
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 from surfaces import sphere, torus
 from test_clean import assert_mended
 from test_cutting import assert_cut
@@ -278,6 +279,34 @@ def test_the_outer_loop_is_the_one_that_reaches_farthest():
     outline = np.flatnonzero((abs(V[:, :2]) == 1).any(axis=1))
     assert len(np.intersect1d(defect.indices, outline)) == 0
     assert cdcp_igl.check(V, F).n_boundary == len(outline) < len(defect.indices)
+
+
+def test_the_side_that_faces_point_to():
+    """A closed surface points outward, a plane one upward; open in space, whatever."""
+    V, F, _ = cdcp_igl.datasets.spheroid(2, 1.5)
+    small = 1e-3 * V + 50
+    both = np.vstack([V, small]), np.vstack([F, F[:, ::-1] + len(V)])
+    assert cdcp_igl.check(V, F).side == cdcp_igl.check(V, F[1:, ::-1]).side == ""
+    assert cdcp_igl.check(*both).side == "faces point inward"
+    assert (
+        "- side: faces point inward; cdcp-igl map --clean turns" in cdcp_igl.check(*both).in_shell
+    )
+    assert "point inward" in str(cdcp_igl.surface_map(*both))
+    flat, G, _ = cdcp_igl.datasets.square(4)
+    assert (
+        cdcp_igl.check(flat, G).side == cdcp_igl.check(np.roll(flat, 1, 1), G[:, ::-1]).side == ""
+    )
+    for clockwise in (G[:, ::-1], np.vstack([G[3:, ::-1], G[:3]])):
+        assert cdcp_igl.check(flat[:, :2], clockwise).side == "faces are clockwise"
+    assert "clockwise" in str(cdcp_igl.disk_map(flat, G[:, ::-1]))
+
+    rng = np.random.default_rng(0)
+    for _ in range(6):
+        V = rng.normal(size=(20, 3))
+        cleaned = cdcp_igl.clean(V, ConvexHull(V).simplices)
+        assert np.linalg.det(cleaned.V[cleaned.F]).sum() > 0
+        F = cleaned.F[:, ::-1]
+        assert cdcp_igl.clean(cleaned.V, F).changes[-1] == f"turned {len(F)} faces outward"
 
 
 def rivered_square():

@@ -327,3 +327,24 @@ def test_a_vertex_lies_to_the_right():
         u, v = cdcp_igl.free_map(V, F, align=vertex).uv[vertex]
         assert u > 0
         assert abs(v) < 1e-12
+
+
+def test_a_clockwise_plane_mesh_keeps_its_shape_in_all_that_is_done_with_its_map():
+    V, F, _ = cdcp_igl.datasets.square(6)
+    flat, F = V[:, :2] * [2, 1], F[:, ::-1]
+    for result in (
+        cdcp_igl.free_map(flat, F, align=[1, 0, 0]),
+        cdcp_igl.DiskMapper(flat, F).free(align=[1, 0, 0]),
+        cdcp_igl.free_map(flat, F, align=[1, 0, 0], keep="lengths").continued(keep=0.9),
+    ):
+        assert result.mirrored
+        assert "as seen from above" in str(result)
+        assert abs(result.uv - flat).max() < 1e-9
+        assert abs(result.area_distortion()).max() < 1e-9
+        assert abs(result.apply(*result.invert(flat)) - flat).max() < 1e-9
+        assert result.pattern().area == pytest.approx(8)
+    assert (
+        abs(result.bake(flat, 64)[::63, ::63] - [[[-2, 1], [2, 1]], [[-2, -1], [2, -1]]]).max() < 2
+    )
+    longer = result.pinned({0: result.uv[0], len(V) - 1: result.uv[-1] * [1.5, 1]})
+    assert abs(longer.uv[-1] - [3, 1]).max() < 1e-9

@@ -222,6 +222,23 @@ def test_two_spheres_are_registered_by_landmarks():
     assert np.linalg.norm(turned.register(other, pairs) - image, axis=1).max() < 0.02
 
 
+def test_inward_faces_are_no_mirror_image():
+    """The map is that of the surface turned outward, rows and corners are those given."""
+    V, F, _ = cdcp_igl.datasets.spheroid(2, 1.5)
+    V = V * [1, 2, 3] + np.sin(3 * V[:, [1]])
+    outward, result = cdcp_igl.sphere_map(V, F), cdcp_igl.sphere_map(V, F[:, ::-1])
+    assert result.inward
+    assert "point inward" in str(result)
+    np.testing.assert_array_equal(result.points, outward.points)
+    np.testing.assert_array_equal(result.packed(), outward.packed()[:, ::-1])
+    np.testing.assert_array_equal(result.area_distortion(), outward.area_distortion())
+    face, barycentric = result.invert(V)
+    on_surface = np.einsum("kc,kcx->kx", barycentric, V[F[:, ::-1][face]])
+    np.testing.assert_allclose(on_surface, outward.interpolate(V, V), atol=1e-12)
+    unit = V / np.linalg.norm(V, axis=1)[:, None]
+    np.testing.assert_allclose(result.apply(face, barycentric), unit, atol=1e-12)
+
+
 def test_on_the_command_line_and_in_a_batch(tmp_path):
     V, F, _ = cdcp_igl.datasets.spheroid(1)
     source = tmp_path / "egg.obj"

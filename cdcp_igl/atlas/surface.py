@@ -182,7 +182,8 @@ class SurfaceMap(Bijection):
         charted = np.flatnonzero(self.face_chart >= 0)
         V, F = self._surface()
         density = np.exp(self.area_distortion() / 2)  # of the faces in charts
-        return TexelDensity.of(density, face_areas(V, F[charted]), self.face_chart[charted])
+        area = face_areas(unit_size(V), F[charted])  # V may have two columns
+        return TexelDensity.of(density, area, self.face_chart[charted])
 
     @property
     def verdict(self) -> str:

@@ -29,6 +29,8 @@ from ..solve.solvers import SolverName, using
 from ..steps.mobius import rotate
 from ..steps.trace import edge_lengths
 from ..surface.mesh import Mesh
+from ..surface.orientation import wrong_side
+from ..surface.topology import Topology
 from ..verdict.conformality import NOT_ASKED
 from ..verdict.distortion import map_distortion
 from ..verdict.outline import OutlineCertificate, certify_outline
@@ -66,8 +68,12 @@ class FreeMap(KeepingMap, PlaneMap):
         refinement; what `align` named lies to its right.
     mesh : DiskMesh
         The surface.
+    mirrored : bool
+        True of a plane mesh that is clockwise: what is flat keeps its shape, and its faces are
+        clockwise in the map, too.
     certificate : OutlineCertificate
-        What was verified about `uv`: no face is flipped, the outline is simple.
+        What was verified about `uv`, or its mirror image: no face is flipped, the outline is
+        simple.
     conformality, distortion, timings
         As of every `Result`; the seconds include those of maps that were not taken.
     area_ratio : float
@@ -98,6 +104,7 @@ class FreeMap(KeepingMap, PlaneMap):
 
     certificate: OutlineCertificate
     area_ratio: float
+    mirrored: bool = False
 
     _kind = "free"
     _plane = "Plane"
@@ -138,7 +145,7 @@ class FreeMap(KeepingMap, PlaneMap):
         """
         mesh, t = self.mesh, self.kept.keep if self.kept else 0.0
         rows, given = _checked_pins(pins, len(mesh.V))
-        goal = as_complex(mesh.in_own_unit(given))
+        goal = self._upwards(as_complex(mesh.in_own_unit(given)))
         f = self._plane_map()
         # The similarity that brings them nearest.
         at, to = f[rows] - f[rows].mean(), goal - goal.mean()
@@ -157,10 +164,25 @@ class FreeMap(KeepingMap, PlaneMap):
         return valid_map(made, "", "Leave out pins, or put them nearer to the map.")
 
     def _unfolded(self) -> tuple[Floats, Ints, Floats]:
-        return self.mesh.positions, self.mesh.F, self.uv
+        return self.mesh.positions, self._upward_faces, self.uv
+
+    @property
+    def _upward_faces(self) -> Ints:
+        return self.mesh.F[:, :: -1 if self.mirrored else 1]
 
     def _plane_map(self) -> Complex:
-        return as_complex(self.mesh.in_own_unit(self.uv))
+        return self._upwards(as_complex(self.mesh.in_own_unit(self.uv)))
+
+    def _in_plane(self, points: Floats) -> Complex:
+        return self._upwards(super()._in_plane(points))
+
+    def _upwards(self, f: Complex) -> Complex:
+        """Go from the plane of `uv` to that in which faces are counterclockwise, or back."""
+        return f.conj() if self.mirrored else f
+
+    @property
+    def _turned(self) -> bool:
+        return self.mirrored
 
     def moved_to(self, f: Complex, phase: Phases, known: float = 0.0) -> FreeMap:
         """Return the map f (n,) of this surface, repaired, certified and judged; see `judge`."""
@@ -169,7 +191,8 @@ class FreeMap(KeepingMap, PlaneMap):
             f, certificate = _set_apart(mesh, f)
             f, repair = repair_locally(mesh, f, len(mesh.F) if len(certificate.flipped) else 0)
         fields = _judged(mesh, f, certify_outline(mesh, coordinates(f)), repair, phase, known)
-        return replace(self, **{**fields, "uv": mesh.in_given_unit(fields["uv"])})
+        uv = coordinates(self._upwards(as_complex(fields["uv"])))
+        return replace(self, **{**fields, "uv": mesh.in_given_unit(uv)})
 
     def _steps(self) -> list[tuple[str, str]]:
         return [
@@ -271,7 +294,7 @@ def free_map(
     phase = Phases(progress, refine or 0, skipped=OF_THE_DISK)
     with using(solver):
         surface = factored_surface(V, F, options, phase)
-        return free_map_of(surface, boundary_scale, corners, options, phase)
+        return as_given(free_map_of(surface, boundary_scale, corners, options, phase))
 
 
 def free_map_of(
@@ -318,6 +341,14 @@ def free_map_of(
     best = valid_map(best, "", f"To have one, {remedy}")
     phase.done()
     return best
+
+
+def as_given(made: FreeMap) -> FreeMap:
+    """Mirror the map of a plane mesh that is clockwise: what is flat keeps its shape."""
+    V, F = made.mesh.V, made.mesh.F
+    if np.ptp(V[:, 2]) or not wrong_side(V, Topology(F, len(V)))[0]:
+        return made
+    return replace(made, uv=made.uv * [1, -1], mirrored=True)
 
 
 def check_boundary(

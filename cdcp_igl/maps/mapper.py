@@ -19,7 +19,7 @@ from ..solve.solvers import SolverName, using
 from ..steps.center import CenterMethod
 from ..surface.mesh import DiskMesh, Mesh
 from .disk import map_of
-from .free import OF_THE_DISK, FreeMap, check_boundary, free_map_of
+from .free import OF_THE_DISK, FreeMap, as_given, check_boundary, free_map_of
 
 # Phases of maps that a mapper has behind it from the beginning, or once it has a harmonic map.
 BEFORE = ("check", "laplacian", "factor")
@@ -160,9 +160,8 @@ class DiskMapper:
         options.check_rows(len(self.mesh.F), self.mesh.loop)
         phase = Phases(progress, refine or 0, (*BEFORE, *OF_THE_DISK))
         with using(self._solver):
-            return free_map_of(
-                self._surface, boundary_scale, corners, options, phase, keep_factor=True
-            )
+            asked = boundary_scale, corners, options, phase
+            return as_given(free_map_of(self._surface, *asked, keep_factor=True))
 
     def moved(self, V: ArrayLike) -> DiskMapper:
         """Take the same faces with moved vertices: no topological checks, no new ordering.

@@ -23,6 +23,7 @@ from ..refine.targets import Sphere
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.untangling import over_hemispheres, repaired_on_sphere, without_pole
 from ..result.base import how_made, valid_map
+from ..result.bijection import Registered
 from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface
 from ..solve.laplacian import LAPLACIANS
@@ -33,6 +34,7 @@ from ..steps.stereographic import moved_to_center, rotation, spherical_barycente
 from ..surface.filling import fill_hole
 from ..surface.location import SphereFinder
 from ..surface.mesh import SphereMesh
+from ..surface.orientation import wrong_side
 from ..surface.topology import Topology
 from ..surface.triangles import face_areas, flipped_faces, oriented_areas
 from ..surface.validation import checked_surface
@@ -51,12 +53,14 @@ class SphereMap(MadeMap):
     ----------
     points : (n, 3) float64
         Row i is the image of row i of V, on the unit sphere. Faces are counterclockwise seen from
-        outside.
+        outside; unless they point inward on the surface, too.
     uv : (m, 3, 2) float64
         A chart for pictures and textures: the corners of each face on one of two hemispheres,
         upper and lower, in stereographic projection side by side: around (-1, 0) and (1, 0).
     mesh : SphereMesh
-        The surface; faces that fill holes come last.
+        The surface, seen from outside; faces that fill holes come last.
+    inward : bool
+        True if the given faces point inward.
     filled : int
         Holes that were filled for the time of the map; those faces are not in the results.
     certificate : SphereCertificate
@@ -91,6 +95,7 @@ class SphereMap(MadeMap):
     mobius: str
     laplacian: str
     filled: int = 0
+    inward: bool = False
     _n_faces: int | None = None
 
     _kind = "sphere"
@@ -116,11 +121,16 @@ class SphereMap(MadeMap):
     @cached_property
     def _upper(self) -> Bools:
         """(m,) faces turned upwards: the pole below is outside of their circles on the sphere."""
-        return oriented_areas(as_complex(self.points[:, :2]), self._faces)[0] > 0
+        outward = self.mesh.F[: self._n_faces]
+        return oriented_areas(as_complex(self.points[:, :2]), outward)[0] > 0
 
     @property
     def _faces(self) -> Ints:
-        return self.mesh.F[: self._n_faces]
+        return self.mesh.F[: self._n_faces, :: -1 if self.inward else 1]
+
+    @property
+    def _turned(self) -> bool:
+        return self.inward
 
     def packed(self) -> Floats:
         """Return the chart `uv` scaled into the unit square, (m, 3, 2): texture coordinates."""
@@ -131,7 +141,7 @@ class SphereMap(MadeMap):
         straight = super().apply(face, barycentric)
         return straight / np.linalg.norm(straight, axis=-1)[..., None]
 
-    def register(self, to: SphereMap, landmarks: ArrayLike) -> Floats:
+    def register(self, to: SphereMap, landmarks: ArrayLike) -> Registered:
         """Lay the map over that of another surface, by landmarks.
 
         Both spheres are centred, so that the landmarks have their conformal barycentre at 0; then
@@ -148,9 +158,10 @@ class SphereMap(MadeMap):
 
         Returns
         -------
-        (n, 3) float64
-            The vertices of this surface on the sphere of the other, still a certified map:
-            ``to.interpolate(values, points)`` carries what lives on the other surface to them.
+        Registered
+            The vertices (n, 3) of this surface on the sphere of the other, still a certified map:
+            ``to.interpolate(values, points)`` carries what lives on the other surface to them. Its
+            ``residual`` is as of `DiskMap.register`.
 
         Raises
         ------
@@ -169,13 +180,17 @@ class SphereMap(MadeMap):
         >>> bool(abs(points - other.points).max() < 1e-6)
         True
         """
-        here, there = self._landmarks(to, landmarks)
-        w, v = (
-            spherical_barycenter(P, np.ones(len(P))) if len(P) > 2 else np.zeros(3)
-            for P in (here, there)
-        )
-        turn = rotation(moved_to_center(here, w), moved_to_center(there, v))
-        P = moved_to_center(moved_to_center(self.points, w) @ turn, -v)
+
+        def fitted(here: Floats, there: Floats, points: Floats | None = None) -> Floats:
+            w, v = (
+                spherical_barycenter(P, np.ones(len(P))) if len(P) > 2 else np.zeros(3)
+                for P in (here, there)
+            )
+            turn = rotation(moved_to_center(here, w), moved_to_center(there, v))
+            moved = moved_to_center(here if points is None else points, w)
+            return moved_to_center(moved @ turn, -v)
+
+        P = fitted(*self._landmarks(to, landmarks), self.points)
         P, _ = repaired_on_sphere(self.mesh, P / np.linalg.norm(P, axis=1)[:, None])
         certificate = certify_sphere(self.mesh.F, P)
         if not certificate.valid:
@@ -185,7 +200,7 @@ class SphereMap(MadeMap):
                 f"{certificate}. Choose other landmarks",
                 refused,
             )
-        return P
+        return self._registered(P, to, landmarks, fitted)
 
     def area_distortion(self) -> Floats:
         """Logarithm of the area on the sphere by that on the surface, as fractions of their totals.
@@ -195,7 +210,7 @@ class SphereMap(MadeMap):
         (m,) float64
             Of each face; the area is that of the straight triangle with its corners on the sphere.
         """
-        return area_distortion(self.mesh.V, self._faces, self.points)
+        return area_distortion(self.mesh.V, self.mesh.F[: self._n_faces], self.points)
 
     @property
     def _images(self) -> Floats:
@@ -209,7 +224,8 @@ class SphereMap(MadeMap):
         length = np.linalg.norm(points, axis=1)[:, None]
         if not length.all():
             raise ValueError("uv must not be 0, the middle of the sphere")
-        return self._finder.locate(points / length)[:2]
+        face, barycentric, _ = self._finder.locate(points / length)
+        return face, barycentric[:, :: -1 if self.inward else 1]
 
     @property
     def _reach(self) -> float:
@@ -322,13 +338,15 @@ def sphere_map(
     with using(solver):
         with phase("check"):
             mesh, n_faces, filled = _closed(V, F)
+            inward = bool(wrong_side(mesh.V, Topology(mesh.F, len(mesh.V)))[0])
+            mesh = SphereMesh(V, mesh.F[:, ::-1]) if inward else mesh
             if directions and directions[0].max() >= len(mesh.V):
                 raise ValueError(f"align must give directions of vertices in 0..{len(mesh.V) - 1}")
         best = _best_map(mesh, mobius, directions, options, phase)
     remedy = (
         "Parts of it may be too small for double precision: cut the surface (cdcp_igl.surface_map)"
     )
-    best = replace(best, filled=filled, _n_faces=n_faces)
+    best = replace(best, filled=filled, inward=inward, _n_faces=n_faces)
     best = valid_map(best, " onto the sphere", remedy)
     phase.done()
     return best

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, unit_size
 from ..errors import MapError, counted, spell
 from ..fields import Field, Method
 from ..io.given import FromFile
@@ -24,6 +24,8 @@ from ..plot.layout import Layout
 from ..plot.raster import sample
 from ..printing import Pairs, as_html, as_text
 from ..rescue.boundary import BoundaryMethod
+from ..surface.orientation import INWARD, wrong_side
+from ..surface.topology import Topology
 from ..surface.triangles import face_areas, lost_in_single_precision
 from ..verdict.certificate import Certificate, SphereCertificate
 from ..verdict.conformality import Conformality
@@ -90,6 +92,21 @@ class Result(FromFile, ABC):
         if not self.valid:
             return "NOT VALID"
         return "valid" if self.conformal else "valid, NOT CONFORMAL"
+
+    @property
+    def side(self) -> str:
+        """What is wrong with the side that faces point to, as of `check`, and what that does."""
+        V, F = self._surface()
+        said, _ = wrong_side(unit_size(V), Topology(F, len(V)))
+        if not said:
+            return ""
+        seen = "outside" if said == INWARD else "above"
+        return f"{said}: the map is as seen from {seen}{'' if self._turned else ', mirrored'}"
+
+    @property
+    def _turned(self) -> bool:
+        """Whether faces that point to the wrong side are clockwise in the image, too."""
+        return False
 
     @abstractmethod
     def packed(self) -> Floats:
@@ -198,6 +215,7 @@ class Result(FromFile, ABC):
             "vertices": vertices,
             "faces": faces,
             "valid": self.valid,
+            "side": self.side,
             **self.conformality.report(),
             "angular_distortion_degrees": asdict(self.distortion),
             "certificate": self.certificate.report(),
@@ -516,6 +534,7 @@ class Result(FromFile, ABC):
             *why,
             ("certificate", str(self.certificate)),
             *([("single precision", lost)] if lost else []),
+            *([("side", side)] if (side := self.side) else []),
             *self._steps(),
             ("seconds", f"{sum(self.timings.values()):.2f} ({phases})"),
         ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -26,6 +27,25 @@ log = logging.getLogger("cdcp_igl")
 MARGIN = 0.8
 CORNER = 0.2  # least height of a corner that gets a point, by the chord that would cut it off
 SUM_TOLERANCE = 1e-6  # barycentric coordinates that add up to 1 no better are a mistake
+
+# Landmarks are left or right where, in the median, they miss by more than the first, of the size of
+# what they span, and by less than the second of that if one surface is mirrored.
+MISSED, BETTER = 0.01, 0.5
+
+
+class Registered(np.ndarray[Any, np.dtype[np.float64]]):
+    """The vertices of a surface (n, 2) or (n, 3) in the map of another, as `register` lays them.
+
+    Attributes
+    ----------
+    residual : (k,) float64
+        How far each landmark is from its partner, on the other surface and in its unit.
+    mirrored : (k,) float64
+        How far it would be if the surface were mirrored.
+    """
+
+    residual: Floats
+    mirrored: Floats
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -205,6 +225,32 @@ class Bijection(Result):
         if min(len(np.unique(column)) for column in pairs.T) < 2:
             raise ValueError("two landmarks or more are needed, at different vertices")
         return self._images[pairs[:, 0]], to._images[pairs[:, 1]]
+
+    def _registered(
+        self,
+        images: Floats,
+        to: Bijection,
+        landmarks: ArrayLike,
+        fitted: Callable[[Floats, Floats], Floats],
+    ) -> Registered:
+        """Say how well landmarks meet, `fitted` (k, c) to those of the other map."""
+        here, there = self._landmarks(to, landmarks)
+        V, goal = to._surface()[0], np.asarray(landmarks)[:, 1]
+        in_mirror = here * np.where(np.arange(here.shape[1]) == 1, -1, 1)
+        registered = images.view(Registered)
+        registered.residual, registered.mirrored = (
+            np.linalg.norm(to.interpolate(V, fitted(points, there)) - V[goal], axis=1)
+            for points in (here, in_mirror)
+        )
+        miss, mirrored = (np.median(x) for x in (registered.residual, registered.mirrored))
+        if miss > MISSED * np.linalg.norm(np.ptp(V[goal], axis=0)) and mirrored < BETTER * miss:
+            log.warning(
+                "landmarks miss by %.3g in the median, and by %.3g if one surface is mirrored, to "
+                "V * [-1, 1, 1], F[:, ::-1]: are left and right exchanged?",
+                miss,
+                mirrored,
+            )
+        return registered
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -22,7 +22,7 @@ from ..surface.mesh import Mesh
 from ..verdict.certificate import BOUNDARY_TOLERANCE, Certificate, certify_disk
 from ..verdict.distortion import AngleDistortion, map_distortion
 from .base import how_made
-from .bijection import Bijection, DiskBijection
+from .bijection import Bijection, DiskBijection, Registered
 from .keeping import KeepingMap
 from .landmarks import landmark_automorphism
 from .making import fields_of
@@ -131,7 +131,7 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
     def _straightened(self) -> float:  # type: ignore[override]
         return self.straightening.gain
 
-    def register(self, to: DiskMap, landmarks: ArrayLike) -> Floats:
+    def register(self, to: DiskMap, landmarks: ArrayLike) -> Registered:
         """Lay the map over that of another surface, by landmarks.
 
         A map onto the disk is unique up to a Möbius transformation of the disk. The one
@@ -151,9 +151,11 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
 
         Returns
         -------
-        (n, 2) float64
-            The vertices of this surface in the disk of the other, still a certified map:
-            ``to.interpolate(values, uv)`` carries what lives on the other surface to them.
+        Registered
+            The vertices (n, 2) of this surface in the disk of the other, still a certified map:
+            ``to.interpolate(values, uv)`` carries what lives on the other surface to them. Its
+            ``residual`` says how far landmarks are from each other then; where they would be far
+            nearer if one surface were mirrored, a warning is logged.
 
         Raises
         ------
@@ -188,7 +190,12 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
                 "Faces are too large for this transformation, or too small: choose other landmarks",
                 refused,
             )
-        return uv
+
+        def fitted(here: Floats, there: Floats) -> Floats:
+            z, target = as_complex(here), as_complex(there)
+            return coordinates(landmark_automorphism(z, target)(z))
+
+        return self._registered(uv, to, landmarks, fitted)
 
     def match(self, to: DiskMap, pairs: ArrayLike) -> Match:
         """Map the surface onto another one so that pairs of vertices meet.

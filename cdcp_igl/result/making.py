@@ -70,6 +70,11 @@ class MadeMap(Bijection):
         return reported_distortion(self.mesh.V, F, self._images, flipped[flipped < len(F)])
 
     @property
+    def side(self) -> str:
+        """As of every `Result`; of an open surface in space nothing can be known."""
+        return "" if self.mesh.loops and np.ptp(self.mesh.V[:, 2]) else super().side
+
+    @property
     def _faces(self) -> Ints:
         return self.mesh.F
 
@@ -136,7 +141,13 @@ class PlaneMap(MadeMap):
         x, y = (low + size / 2).tolist()
         across, up = (size / (4 * scale)).tolist()
         uv, place = (self.uv - [x, y]) / scale, {"middle": (x, y), "origin": (across, up)}
-        return self._drawn(mesh.V, mesh.F, uv, self._key_figure(), scale=scale, **place)
+        F = self._upward_faces
+        return self._drawn(mesh.V, F, uv, self._key_figure(), scale=scale, **place)
+
+    @property
+    def _upward_faces(self) -> Ints:
+        """The faces, counterclockwise in the image."""
+        return self.mesh.F
 
 
 def fields_of(

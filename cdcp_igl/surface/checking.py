@@ -14,6 +14,7 @@ from ..errors import Defect, counted, spell
 from ..io.given import takes_meshes
 from ..io.polygons import in_polygons
 from ..printing import as_html
+from .orientation import INWARD, wrong_side
 from .topology import Edges, rim_pairs, sewn
 from .validation import examine
 
@@ -47,6 +48,10 @@ class MeshReport:
     near : (int, float)
         Pairs of boundary vertices that lie within a small part of the shortest edge there, but not
         at one place, and the distance within which all do, in the unit of V: perhaps a seam.
+    side : str
+        ``"faces point inward"``, of closed components; ``"faces are clockwise"``, of a mesh in a
+        plane z = const, seen from above; empty where neither is known. No defect: maps are seen
+        from the side that faces point to, and say so.
     defects : tuple of Defect
         Everything that keeps the mesh from being a disk; empty for a disk.
 
@@ -71,6 +76,7 @@ class MeshReport:
     genus: int | None = None
     defects: tuple[Defect, ...] = ()
     near: tuple[int, float] = (0, 0.0)
+    side: str = ""
     _seams: bool = False  # whether vertices are there twice along them
 
     @property
@@ -158,6 +164,7 @@ class MeshReport:
             ],
             "near_pairs": self.near[0],
             "near_within": self.near[1],
+            "side": self.side,
             "next_step": self.next_step,
         }
 
@@ -207,6 +214,10 @@ class MeshReport:
         if self.near[0]:
             said = hint(*self.near)
             found.append(f"- seam: {as_commands(said) if in_shell else said}")
+        if self.side:
+            turns = (IN_SHELL if in_shell else IN_PYTHON)["clean"]
+            remedy = f"{turns} turns them outward" if self.side == INWARD else "F[:, ::-1] are not"
+            found.append(f"- side: {self.side}; {remedy}.")
         return "\n".join([counts, verdict, *found, f"Next: {self._next_step(in_shell)}"])
 
 
@@ -277,5 +288,6 @@ def check(V: ArrayLike, F: ArrayLike, *, polygon_of_face: Ints | None = None) ->
         n_loops=None if surface.genus is None else len(surface.loops),
         genus=surface.genus,
         near=near_pairs(found.V, surface.edges, found.exponent),
+        side=wrong_side(found.V, surface)[0],
         _seams=bool(found.defects) and sewn(found.V, surface.F)[1] > 0,
     )

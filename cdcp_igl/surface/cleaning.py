@@ -15,6 +15,7 @@ from ..errors import Defect, MeshError, counted
 from ..io.given import takes_meshes
 from .checking import check
 from .filling import fill_hole
+from .orientation import INWARD, wrong_side
 from .sheets import fans_of_sheets
 from .topology import ROUNDING, Topology, by_reach, duplicate_faces, rim_pairs, sewn
 from .triangles import corner_cotangents, degenerate_faces
@@ -81,11 +82,11 @@ def clean(
     degenerate faces dropped; vertices where several fans of faces meet split; of the sheets that
     meet in an edge of more than two faces, those that continue each other stay together, so that
     what is closed stays closed; the largest component kept, its
-    faces oriented like the majority, and all holes filled. A hole is a boundary loop other
-    than the one that reaches farthest; it is filled by a fan around a new vertex or, where
-    that would be flat, without one, and a hole that is a mere line takes a face behind it
-    along. A surface that is a disk already comes back as it is, even if vertices coincide,
-    as they do along a cut; not if they nearly do, which no cut does.
+    faces oriented like the majority, and all holes filled; what is closed then points outward.
+    A hole is a boundary loop other than the one that reaches farthest; it is filled by a fan
+    around a new vertex or, where that would be flat, without one, and a hole that is a mere line
+    takes a face behind it along. A surface that is a disk already comes back as it is, even if
+    vertices coincide, as they do along a cut; not if they nearly do, which no cut does.
 
     Parameters
     ----------
@@ -140,6 +141,7 @@ def clean(
             surface.orient,
             surface.drop_unreferenced,
             partial(surface.fill_holes, fill, close),
+            surface.turn_outward,
         )
         for mend in mends:
             mend()
@@ -317,6 +319,12 @@ class _Surface:
         self.face_index = np.append(
             self.face_index, np.full(len(self.F) - len(self.face_index), -1)
         )
+
+    def turn_outward(self) -> None:
+        side, rows = wrong_side(self._scaled(), self._topology())
+        if side == INWARD:
+            self.F[rows] = self.F[rows, ::-1]
+            self._say(len(rows), "turned {} outward", "face", "faces")
 
     def _filling(self, hole: Ints, on_boundary: Bools) -> Ints | None:
         """Faces that fill a hole, widened until they have an area; None if that cannot be."""

@@ -215,6 +215,8 @@ class PartsMap(OntoDisk):
     def _size(self) -> tuple[int, int]:
         return self.folder.vertices, self.folder.faces
 
+    side = ""  # of the whole, which is not here
+
     def _surface(self) -> tuple[Floats, Ints]:
         raise ValueError("a map in parts is written as .npy; its surface is where it came from")
 
