@@ -1,4 +1,4 @@
-"""Files that are written again keep what they have: scenes of glTF."""
+"""Files that are written again keep what they have: scenes of glTF, and ply files."""
 
 import base64
 import json
@@ -7,10 +7,11 @@ from itertools import chain
 
 import numpy as np
 import pytest
+import trimesh
 from commands import invoke
 
-from cdcp_igl import surface_map
-from cdcp_igl.io import read_mesh, write_map
+from cdcp_igl import datasets, disk_map, submesh, surface_map
+from cdcp_igl.io import read_mesh, read_texture, write_map
 
 KINDS = {5121: "u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -245,3 +246,155 @@ def test_the_file_that_was_given_is_kept_everywhere(tmp_path, caplog):
     assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()
     surface_map(given).save(tmp_path / "c.glb", image="checkerboard")
     assert "skins" not in scene_of(tmp_path / "c.glb")[0]
+
+
+# -- ply ---------------------------------------------------------------------------------
+
+KEPT = {"red": "B", "green": "B", "blue": "B", "quality": "f", "nearest": "H"}
+PLY = """ply
+format {}
+comment by a scanner
+obj_info of 1999
+element camera 1
+property double focus
+element vertex 7
+property float x
+property float u
+property list uchar short names
+property float y
+property float z
+property float v
+property uchar red
+property uchar green
+property uchar blue
+property float quality
+property ushort nearest
+element face 4
+property int label
+property list uchar uint vertex_index
+property list uchar float texcoord
+element edge 2
+property int vertex1
+property int vertex2
+end_header
+"""
+PLACES = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0.3], [2, 1, 0.3], [3, 0.5, 0]]
+POLYGONS = [[0, 1, 2, 3], [1, 4, 5, 2], [4, 6, 5], [3, 2, 0]]
+
+
+def values_of_ply():
+    """Element by element, rows of pairs of a type, as struct has it, and a value."""
+    random = np.random.default_rng(5)
+    vertices = []
+    for k, (x, y, z) in enumerate(PLACES):
+        names = [("B", k % 3), *(("h", name) for name in random.integers(-9, 9, k % 3).tolist())]
+        others = [(kind, int(random.integers(256))) for kind in KEPT.values()]
+        others[3] = ("f", float(np.float32(random.random())))
+        vertices.append([("f", x), ("f", 7), *names, ("f", y), ("f", z), ("f", 8), *others])
+    faces = [
+        [("i", -k), ("B", len(p)), *(("I", i) for i in p), ("B", 2 * len(p))]
+        + [("f", 9)] * (2 * len(p))
+        for k, p in enumerate(POLYGONS)
+    ]
+    return [[("d", 1 / 3)]], vertices, faces, [[("i", 0), ("i", 1)], [("i", 2), ("i", 5)]]
+
+
+def written(elements, form):
+    if form == "ascii 1.0":
+        rows = [" ".join(f"{value!r}" for _, value in row) for rows in elements for row in rows]
+        return "".join(f"{row}\n" for row in rows).encode()
+    order = "<" if "little" in form else ">"
+    cells = [cell for rows in elements for row in rows for cell in row]
+    return struct.pack(order + "".join(kind for kind, _ in cells), *(value for _, value in cells))
+
+
+FORMS = ["ascii 1.0", "binary_little_endian 1.0", "binary_big_endian 1.0"]
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("cut_open", [False, True])
+def test_a_ply_file_keeps_all_but_its_texture_coordinates(tmp_path, form, cut_open):
+    given, out = tmp_path / "given.ply", tmp_path / "out.ply"
+    values = values_of_ply()
+    given.write_bytes(PLY.format(form).encode() + written(values, form))
+    V, F = read_mesh(given)
+    uv = np.random.default_rng(0).random((7, 2))
+    header = PLY.format(form).replace("property float u\n", "").replace("property float v\n", "")
+    _, vertices, faces, _ = values
+    for row in vertices:  # without u and v
+        del row[1], row[4 + row[1][1]]
+    if cut_open:
+        uv = uv[F]
+        uv[1] += 1  # a part of the first polygon
+        header = header.replace("float texcoord", "double texcoord").replace("face 4", "face 5")
+        label, *_ = faces[0]
+        triangles = [[label, ("B", 3), *(("I", int(i)) for i in F[k]), None] for k in (0, 1)]
+        faces[:1] = triangles
+        at = [*uv[:2], uv[[2, 2, 3, 3], [0, 1, 1, 2]], *uv[4:]]
+        assert F[2:4].tolist() == [[1, 4, 5], [1, 5, 2]]
+        for row, there in zip(faces, at, strict=True):
+            size = row[1][1]
+            row[2 + size :] = [("B", 2 * size), *(("d", u) for u in there.ravel().tolist())]
+    else:
+        header = header.replace("property list uchar float texcoord\n", "")
+        header = header.replace("nearest\n", "nearest\nproperty double s\nproperty double t\n")
+        for row, there in zip(vertices, uv.tolist(), strict=True):
+            row += [("d", u) for u in there]
+        for row in faces:
+            del row[2 + row[1][1] :]
+    write_map(out, V, F, uv, disk=True, like=given)
+    assert out.read_bytes() == header.encode() + written(values, form)
+    np.testing.assert_array_equal(read_texture(out)[2], uv if cut_open else uv[F])
+
+
+def test_strips_that_are_cut_open_become_triangles(tmp_path):
+    given, out = tmp_path / "given.ply", tmp_path / "out.ply"
+    header = "ply\nformat ascii 1.0\nelement vertex 5\n"
+    header += "".join(f"property {'double' if k else 'int'} {k or 'id'}\n" for k in ["", *"xyz"])
+    header += "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+    given.write_text(
+        header + "".join(f"{k} {k // 2} {k % 2} 0.10\n" for k in range(5)) + "5 0 1 2 3 4\n"
+    )
+    V, F = read_mesh(given)
+    uv = np.arange(18.0).reshape(3, 3, 2)
+    write_map(out, V, F, uv, disk=True, like=given)
+    assert "0.10\n" in out.read_text()
+    for array, expected in zip(read_texture(out), (V, F, uv), strict=True):
+        np.testing.assert_array_equal(array, expected)
+    write_map(out, V, F, V[:, :2], disk=True, like=given)
+    assert out.read_text().endswith("\n5 0 1 2 3 4\n")
+
+
+def test_colours_go_from_type_to_type(tmp_path, caplog):
+    """As bytes; what else a file has, and the new one has not, is said in a line."""
+    V, F, _ = datasets.spherical_cap(3)
+    colours = np.random.default_rng(3).integers(0, 256, (len(V), 3))
+    first = tmp_path / "scan.ply"
+    rows = "".join(
+        f"{x!r} {y!r} {z!r} 0.5 {r} {g} {b}\n"
+        for (x, y, z), (r, g, b) in zip(V.tolist(), colours.tolist(), strict=True)
+    )
+    properties = [*(f"float {axis}" for axis in "xyz"), "float quality"]
+    properties += [f"uchar {name}" for name in ("red", "green", "blue")]
+    header = ["ply", "format ascii 1.0", "comment by hand", f"element vertex {len(V)}"]
+    header += [f"property {it}" for it in properties]
+    header += [f"element face {len(F)}", "property list uchar int vertex_indices", "end_header\n"]
+    faces = "".join(f"3 {i} {j} {k}\n" for i, j, k in F.tolist())
+    first.write_text("\n".join(header) + rows + faces)
+    disk_map(first).save(tmp_path / "a.obj")
+    assert caplog.messages == ["not in a.obj: comments, quality of scan.ply"]
+    line = (tmp_path / "a.obj").read_text().splitlines()[0].split()
+    np.testing.assert_array_equal(np.rint(255 * np.array(line[4:], float)), colours[0])
+    for before, after in (("a.obj", "b.glb"), ("b.glb", "c.ply"), ("c.ply", "d.ply")):
+        assert invoke("map", tmp_path / before, tmp_path / after).exit_code == 0
+    assert caplog.messages[1:] == ["not in c.ply: materials, NORMAL of b.glb"]
+    for name in ("c.ply", "d.ply"):
+        mesh = trimesh.load(tmp_path / name, process=False)
+        np.testing.assert_array_equal(mesh.vertex_attributes["color"][:, :3], colours)
+    caplog.clear()
+    disk_map(first).save(tmp_path / "a.npz")
+    disk_map(submesh(first, vertices=V[:, 0] < 0.5)).save(tmp_path / "part.obj")
+    assert caplog.messages == [
+        f"not in {name}: colours, comments, quality of scan.ply" for name in ("a.npz", "part.obj")
+    ]
+    assert len((tmp_path / "part.obj").read_text().splitlines()[0].split()) == 4

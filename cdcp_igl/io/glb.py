@@ -42,23 +42,11 @@ COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 512
 COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 OLD = "it is glTF 1.0: convert it to 2.0, which replaced it in 2017"
-PRIMITIVE = {
-    "attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2},
-    "indices": 3,
-    "material": 0,
-}
-MATERIAL = {
-    "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0},
-    "doubleSided": True,
-}
 SCENE = {
     "asset": {"version": "2.0", "generator": "cdcp_igl"},
     "scene": 0,
     "scenes": [{"nodes": [0]}],
     "nodes": [{"mesh": 0}],
-    "meshes": [{"primitives": [PRIMITIVE]}],
-    "materials": [MATERIAL],
-    "textures": [{"source": 0}],
 }
 
 
@@ -108,7 +96,7 @@ def texture_of_gltf(path: Path) -> Floats:
         number = mesh["primitives"][part.primitive]["attributes"].get("TEXCOORD_0")
         uv = np.full((len(part.positions), 2), np.nan)
         if number is not None:  # from the upper left
-            uv = _numbers(scene, number, body, path).astype(np.float64) * [1, -1] + [0, 1]
+            uv = numbers(scene, number, body, path).astype(np.float64) * [1, -1] + [0, 1]
         found.append(uv[part.F[:, ::-1] if part.turned else part.F])
     return np.concatenate(found)
 
@@ -124,10 +112,10 @@ def parts_of(scene: dict[str, Any], body: bytes, path: Path) -> Iterator[Part]:
             mode, place = primitive.get("mode", TRIANGLES), primitive["attributes"]["POSITION"]
             if mode not in LISTS:
                 continue
-            positions = _numbers(scene, place, body, path).astype(np.float64)
+            positions = numbers(scene, place, body, path).astype(np.float64)
             corners = np.arange(len(positions))
             if "indices" in primitive:
-                corners = _numbers(scene, primitive["indices"], body, path).ravel().astype(np.int64)
+                corners = numbers(scene, primitive["indices"], body, path).ravel().astype(np.int64)
             yield Part(node, number, place, positions, _triangles(mode, corners), matrix)
 
 
@@ -175,13 +163,13 @@ def _matrix(node: dict[str, Any]) -> Floats:
     return matrix
 
 
-def _numbers(scene: dict[str, Any], number: int, body: bytes, path: Path) -> NDArray[Any]:
+def numbers(scene: dict[str, Any], number: int, body: bytes, path: Path) -> NDArray[Any]:
     """(count, columns) entries of an accessor."""
     kind = np.dtype(COMPONENTS[scene["accessors"][number]["componentType"]])
-    numbers = rows_of_accessor(scene, number, body, path).view(kind)
+    entries = rows_of_accessor(scene, number, body, path).view(kind)
     if scene["accessors"][number].get("normalized"):
-        return np.maximum(numbers / np.iinfo(kind).max, -1)
-    return numbers
+        return np.maximum(entries / np.iinfo(kind).max, -1)
+    return entries
 
 
 def rows_of_accessor(
@@ -238,9 +226,18 @@ def _triangles(mode: int, corners: Ints) -> Ints:
 
 
 def write_glb(
-    path: Path, V: Floats, F: Ints, texture: Floats, FT: Ints, vertex: Ints, image: Image
+    path: Path,
+    V: Floats,
+    F: Ints,
+    texture: Floats,
+    FT: Ints,
+    vertex: Ints,
+    image: Image | None,
+    colours: Floats | None = None,
 ) -> None:
     """Write a surface with normals, texture coordinates and an image, in single precision.
+
+    Or with colours (n, 3) or (n, 4) of the vertices, sRGB from 0 to 1, or both.
 
     Row k of `texture`, from the lower left corner of the image, belongs to ``vertex[k]``; a
     vertex with several is written as several. `FT` has the rows at the corners of F.
@@ -256,22 +253,37 @@ def write_glb(
         log.warning("%s no area in single precision: scale the surface", faces)
     positions = single[vertex]
     warn_of_lost_faces(V, F, texture, FT)
-    arrays = (positions, _normals(V, F).astype("<f4")[vertex], from_upper_left(texture))
-    pieces = [*(array.tobytes() for array in arrays), FT.astype("<u4").tobytes(), image.data]
-    targets = (VERTICES, VERTICES, VERTICES, INDICES)
-    views: list[dict[str, Any]] = [{"target": target} for target in targets] + [{}]
-    box = {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
-    scene = {
-        **SCENE,
-        "images": [{"bufferView": len(arrays) + 1, "mimeType": image.mime}],
-        "accessors": [
-            _accessor(0, FLOAT, len(vertex), "VEC3") | box,
-            _accessor(1, FLOAT, len(vertex), "VEC3"),
-            _accessor(2, FLOAT, len(vertex), "VEC2"),
-            _accessor(3, UNSIGNED_INT, FT.size, "SCALAR"),
-        ],
-        "bufferViews": views,
+    arrays = {
+        "POSITION": positions,
+        "NORMAL": _normals(V, F)[vertex],
+        "TEXCOORD_0": from_upper_left(texture),
     }
+    if colours is not None:
+        arrays["COLOR_0"] = np.hstack([linear(colours[:, :3]), colours[:, 3:]])[vertex]
+    pieces = [array.astype("<f4").tobytes() for array in arrays.values()]
+    pieces.append(FT.astype("<u4").tobytes())
+    accessors = [
+        _accessor(view, FLOAT, len(vertex), f"VEC{array.shape[1]}")
+        for view, array in enumerate(arrays.values())
+    ]
+    accessors[0] |= {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
+    accessors.append(_accessor(len(arrays), UNSIGNED_INT, FT.size, "SCALAR"))
+    names = {name: number for number, name in enumerate(arrays)}
+    shown = {"baseColorTexture": {"index": 0}} if image else {}
+    scene: dict[str, Any] = {
+        **SCENE,
+        "meshes": [{"primitives": [{"attributes": names, "indices": len(arrays), "material": 0}]}],
+        "materials": [
+            {"pbrMetallicRoughness": {"metallicFactor": 0, **shown}, "doubleSided": True}
+        ],
+        "accessors": accessors,
+        "bufferViews": [*({"target": VERTICES} for _ in arrays), {"target": INDICES}],
+    }
+    if image:
+        scene |= {"images": [{"bufferView": len(pieces), "mimeType": image.mime}]}
+        scene |= {"textures": [{"source": 0}]}
+        scene["bufferViews"].append({})
+        pieces.append(image.data)
     if offset.any():
         scene["nodes"] = [{"mesh": 0, "translation": offset.tolist()}]
     write_pieces(path, scene, pieces)
@@ -292,6 +304,17 @@ def write_pieces(path: Path, scene: dict[str, Any], pieces: list[bytes]) -> None
         file.write(struct.pack("<I4s", at, b"BIN\0"))
         for data in pieces:
             file.write(data + b"\0" * (-len(data) % 4))
+
+
+def linear(colours: Floats) -> Floats:
+    """Linear colours, as glTF has them at vertices, of sRGB (IEC 61966-2-1)."""
+    return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
+
+
+def srgb(colours: Floats) -> Floats:
+    """Colours in sRGB of linear ones."""
+    at = np.clip(colours, 0, 1)
+    return np.where(at <= 0.0031308, 12.92 * at, 1.055 * at ** (1 / 2.4) - 0.055)
 
 
 def from_upper_left(texture: Floats) -> NDArray[np.float32]:

@@ -22,17 +22,25 @@ WORD = re.compile(r"([^\s\\]+)")
 
 
 def write_obj(
-    path: Path, V: Floats, F: Ints, texture: Floats, FT: Ints, materials: str | None = None
+    path: Path,
+    V: Floats,
+    F: Ints,
+    texture: Floats,
+    FT: Ints,
+    materials: str | None = None,
+    colours: Floats | None = None,
 ) -> None:
     """Write a surface with texture coordinates, exact to the last bit.
 
     ``texture[FT]`` are those of the corners of F; where they are NaN, a face has none.
-    `materials` is the name of the mtl file, whose material ``surface`` all faces get.
+    `materials` is the name of the mtl file, whose material ``surface`` all faces get. Colours
+    (n, 3) of the vertices are from 0 to 1.
     """
     with path.open("w", encoding="utf-8", newline="\n") as file:
         if materials:
             file.write(f"mtllib {materials}\n")
-        _write_rows(file, "v %r %r %r\n", V)
+        rows = V if colours is None else np.hstack([V, colours])
+        _write_rows(file, f"v{' %r' * rows.shape[1]}\n", rows)
         number = _write_texture(file, texture)
         if materials:
             file.write("usemtl surface\n")

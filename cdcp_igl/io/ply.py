@@ -22,6 +22,8 @@ TYPES = {
 }
 BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 INDICES = ("vertex_indices", "vertex_index")
+COLOURS = ("red", "green", "blue", "alpha")
+TEXTURE = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"))  # of vertices; faces have texcoord
 HEADER = 1 << 16  # bytes in which that of a file of triangles ends
 END_OF_LINE = re.compile(rb"\r\n|\n|\r")
 
@@ -57,16 +59,16 @@ Table = dict[str, Column]
 
 def read_ply(path: Path) -> tuple[Floats, Ints, Ints]:
     """(n, 3) vertices, (m, 3) faces and (m,) their polygons."""
-    tables = _read_tables(path.read_bytes())
+    tables = read_tables(path.read_bytes())
     vertices = tables.get("vertex", {})
     axes = [vertices[axis] for axis in "xyz" if axis in vertices]
     if len(axes) < 3 or any(axis.lengths is not None for axis in axes):
         raise Damage("its vertices have no x, y and z")
     V = np.column_stack([axis.entries for axis in axes]).astype(np.float64)
-    polygons = _lists_of_vertices(tables.get("face", {}), "faces")
+    polygons = lists_of_vertices(tables.get("face", {}), "faces")
     if polygons is not None:
         return V, *triangles_of(V, *polygons)
-    rows = _lists_of_vertices(tables.get("tristrips", {}), "strips")
+    rows = lists_of_vertices(tables.get("tristrips", {}), "strips")
     F = np.empty((0, 3), np.int64) if rows is None else strips(*rows)
     return V, F, np.arange(len(F))
 
@@ -77,15 +79,15 @@ def texture_of_ply(path: Path) -> Floats:
     Properties of the vertices, as u and v, or a list ``texcoord`` of each face.
     """
     V, F, _ = read_ply(path)
-    tables = _read_tables(path.read_bytes())
+    tables = read_tables(path.read_bytes())
     vertices, faces = tables.get("vertex", {}), tables.get("face", {})
-    if (of_corners := faces.get("texcoord")) and (polygons := _lists_of_vertices(faces, "faces")):
+    if (of_corners := faces.get("texcoord")) and (polygons := lists_of_vertices(faces, "faces")):
         rows, _ = rows_of_triangles(V, *polygons)
         uv = of_corners.entries.astype(np.float64).reshape(-1, 2)
         if len(uv) != len(polygons[0]):
             raise Damage("its texture coordinates are not those of its corners")
         return uv[rows]
-    for u, v in (("u", "v"), ("s", "t"), ("texture_u", "texture_v")):
+    for u, v in TEXTURE:
         if u in vertices and v in vertices:
             at = np.column_stack([vertices[u].entries, vertices[v].entries]).astype(np.float64)
             return at[F]
@@ -100,7 +102,7 @@ def triangles_of_ply(path: Path) -> tuple[NDArray[Any], NDArray[Any]] | None:
     data = np.memmap(path, np.uint8, "r")
     head = data[:HEADER].tobytes()
     try:
-        encoding, elements, body = _parse_header(head)
+        encoding, elements, body = parse_header(head)
         if encoding == "ascii" or [element.name for element in elements[:2]] != ["vertex", "face"]:
             return None
         types = {name: BYTE_ORDERS[encoding] + kind for name, kind in TYPES.items()}
@@ -126,7 +128,7 @@ def triangles_of_ply(path: Path) -> tuple[NDArray[Any], NDArray[Any]] | None:
     return V, tables[1][f"entries {corners}"]
 
 
-def _lists_of_vertices(table: Table, what: str) -> tuple[Ints, Ints] | None:
+def lists_of_vertices(table: Table, what: str) -> tuple[Ints, Ints] | None:
     """Vertices of all rows, one after the other, and how many each has; None if there are none."""
     found = next((table[name] for name in INDICES if name in table), None)
     if found is None:
@@ -139,22 +141,33 @@ def _lists_of_vertices(table: Table, what: str) -> tuple[Ints, Ints] | None:
     return vertices, found.lengths.astype(np.int64)
 
 
-def _read_tables(data: bytes) -> dict[str, Table]:
-    encoding, elements, body = _parse_header(data)
+def read_tables(data: bytes) -> dict[str, Table]:
+    """Return the columns of all elements."""
+    return {element.name: _table(element, runs) for element, runs in runs_of_elements(data)[0]}
+
+
+def runs_of_elements(
+    data: bytes,
+) -> tuple[list[tuple[Element, list[NDArray[Any]]]], dict[str, str], int]:
+    """Return the rows of all elements, in runs; how types are read; and where the rows end.
+
+    Numbers in ascii are read as doubles, eight bytes each, as if these were in the file.
+    """
+    encoding, elements, body = parse_header(data)
     if encoding == "ascii":
         body, types = _numbers(body).tobytes(), dict.fromkeys(TYPES, "f8")
     else:
         types = {name: BYTE_ORDERS[encoding] + kind for name, kind in TYPES.items()}
-    tables = {}
-    start = 0
+    found, start = [], 0
     for element in elements:
-        tables[element.name], start = _read_table(body, start, element, types)
+        runs, start = _read_runs(body, start, element, types)
+        found.append((element, runs))
     if encoding == "ascii" and start < len(body):
         raise Damage("it has more numbers than its header says")
-    return tables
+    return found, types, start
 
 
-def _parse_header(data: bytes) -> tuple[str, list[Element], bytes]:
+def parse_header(data: bytes) -> tuple[str, list[Element], bytes]:
     """Return the encoding, the tables in their order, and what follows the header."""
     encoding, elements, at = "", list[Element](), 0
     for end in END_OF_LINE.finditer(data):
@@ -198,11 +211,13 @@ def _numbers(text: bytes) -> Floats:
     return np.array(numbers)
 
 
-def _read_table(
+def _read_runs(
     body: bytes, start: int, element: Element, types: dict[str, str]
-) -> tuple[Table, int]:
-    """Return the columns of an element that begins at a byte, and where it ends."""
-    # Rows whose lists have the same lengths are read at once: as a rule, all.
+) -> tuple[list[NDArray[Any]], int]:
+    """Return the rows of an element that begins at a byte, and where it ends.
+
+    Rows whose lists have the same lengths are read at once: as a rule, all.
+    """
     runs = list[NDArray[Any]]()
     lists = [k for k, column in enumerate(element.properties) if column.length_type]
     left = most = element.rows
@@ -222,12 +237,17 @@ def _read_table(
         start += n * kind.itemsize
         left -= n
         most = 2 * n  # lest many rows be looked at for each run of a mixture
+    return runs, start
+
+
+def _table(element: Element, runs: list[NDArray[Any]]) -> Table:
     table = Table()
     for k, column in enumerate(element.properties if runs else ()):
         entries = np.concatenate([rows[f"entries {k}"].ravel() for rows in runs])
-        lengths = np.concatenate([rows[f"length {k}"] for rows in runs]) if k in lists else None
+        is_list = column.length_type is not None
+        lengths = np.concatenate([rows[f"length {k}"] for rows in runs]) if is_list else None
         table[column.name] = Column(entries, lengths)
-    return table, start
+    return table
 
 
 def _type_of_row(body: Any, start: int, element: Element, types: dict[str, str]) -> np.dtype[Any]:
@@ -246,14 +266,25 @@ def _type_of_row(body: Any, start: int, element: Element, types: dict[str, str])
     return np.dtype(fields)
 
 
-def write_ply(path: Path, V: Floats, F: Ints, texture: Floats, FT: Ints | None) -> None:
+def write_ply(
+    path: Path,
+    V: Floats,
+    F: Ints,
+    texture: Floats,
+    FT: Ints | None,
+    colours: Floats | None = None,
+) -> None:
     """Write a surface in double precision, binary.
 
     Without `FT`, `texture` has a row for each vertex: properties s and t. Else `FT` has its rows
     at the corners of the faces: a list ``texcoord``, u and v at the first corner, the second and
-    the third.
+    the third. Colours (n, 3) or (n, 4) of the vertices, from 0 to 1, are in bytes.
     """
-    vertices = V if FT is not None else np.column_stack([V, texture])
+    properties = dict.fromkeys("xyz" if FT is not None else "xyzst", "double")
+    blocks = [np.ascontiguousarray(V if FT is not None else np.hstack([V, texture]), "<f8")]
+    if colours is not None:
+        properties |= dict.fromkeys(COLOURS[: colours.shape[1]], "uchar")
+        blocks.append(np.rint(255 * colours).astype("u1"))
     columns = [("size", "u1"), ("corners", "<i4", (3,))]
     if FT is not None:
         columns += [("texture size", "u1"), ("texture", "<f8", (6,))]
@@ -265,7 +296,7 @@ def write_ply(path: Path, V: Floats, F: Ints, texture: Floats, FT: Ints | None) 
         "ply",
         "format binary_little_endian 1.0",
         f"element vertex {len(V)}",
-        *(f"property double {axis}" for axis in "xyzst"[: vertices.shape[1]]),
+        *(f"property {kind} {name}" for name, kind in properties.items()),
         f"element face {len(F)}",
         "property list uchar int vertex_indices",
         *(["property list uchar double texcoord"] if FT is not None else []),
@@ -273,5 +304,5 @@ def write_ply(path: Path, V: Floats, F: Ints, texture: Floats, FT: Ints | None) 
     ]
     with path.open("wb") as file:
         file.write("\n".join(header).encode("ascii"))
-        file.write(vertices.astype("<f8").tobytes())
+        file.write(np.hstack([block.view(np.uint8) for block in blocks]).tobytes())
         file.write(faces.tobytes())

@@ -29,7 +29,7 @@ def read_obj(path: Path) -> tuple[Floats, Ints, Ints]:
 def polygons_of_obj(path: Path) -> tuple[Floats, Ints, Ints]:
     """(n, 3) vertices; the corners of all polygons in succession, and how many each has."""
     vertices, corners, sizes = array("d"), array("q"), array("q")
-    for number, words in _words_of_lines(path, continued=True):
+    for number, words in words_of_lines(path, continued=True):
         if words[0] == "v":
             try:
                 # A weight or a colour may follow.
@@ -53,7 +53,7 @@ def polygons_of_obj(path: Path) -> tuple[Floats, Ints, Ints]:
 def texture_of_obj(path: Path) -> Floats:
     """(k, 2) texture coordinates of the corners of `polygons_of_obj`, NaN where there are none."""
     texture, index = array("d"), array("q")
-    for number, words in _words_of_lines(path, continued=True):
+    for number, words in words_of_lines(path, continued=True):
         try:
             if words[0] == "vt":
                 texture.extend((float(words[1]), float(words[2])))
@@ -76,10 +76,10 @@ def _corner(word: str) -> int:
 def read_off(path: Path) -> tuple[Floats, Ints, Ints]:
     """(n, 3) vertices, (m, 3) faces and (m,) their polygons; normals and colours are skipped."""
     try:
-        return _read_off(_words_of_lines(path))
+        return _read_off(words_of_lines(path))
     except Damage as damage:  # or the lines mean nothing, as some programs write it
         try:
-            return _read_off(_rows_of_words(_words_of_lines(path)))
+            return _read_off(_rows_of_words(words_of_lines(path)))
         except (Damage, ValueError):
             raise damage from None
 
@@ -135,7 +135,7 @@ def _read_off(lines: Lines) -> tuple[Floats, Ints, Ints]:
     return V, *triangles_of(V, corners, sizes)
 
 
-def _words_of_lines(path: Path, *, continued: bool = False) -> Lines:
+def words_of_lines(path: Path, *, continued: bool = False) -> Lines:
     r"""Yield number and words of each line that is not empty, comments taken off.
 
     With `continued`, a line that ends with a backslash goes on in the next; it has the number

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from os import PathLike
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -13,6 +14,7 @@ from ..arrays import Floats, Ints, distinct_rows
 from ..errors import counted
 from ..surface.validation import checked_vertices, usable_arrays
 from .archives import write_npz
+from .contents import contents_of
 from .given import takes_meshes
 from .glb import warn_of_lost_faces, write_glb
 from .glb_like import write_glb_like
@@ -21,12 +23,16 @@ from .neuro import SPHERE, neuro_type, write_neuro
 from .obj import write_like, write_obj
 from .output import whole_file
 from .ply import write_ply
+from .ply_like import write_ply_like
 from .reading import read_mesh
 from .vtk import write_vtk
 
+log = logging.getLogger("cdcp_igl")
+
 WRITABLE = (".glb", ".npz", ".obj", ".ply", ".vtk", ".vtp")
+COLOURED = (".glb", ".obj", ".ply")  # what can have colours at vertices
 # Which types of a given file can be written again, otherwise as they are, as which type.
-LIKE = {".obj": (".obj",), ".glb": (".glb", ".gltf")}
+LIKE = {".obj": (".obj",), ".ply": (".ply",), ".glb": (".glb", ".gltf")}
 
 
 @runtime_checkable
@@ -75,14 +81,16 @@ def write_map(
         Leave texture coordinates as they are, in the unit disk, rather than in the unit
         square ((uv + 1) / 2), where texturing programs expect them.
     like : path-like, optional
-        The obj, glb or gltf file that V and F were read from, to write an obj or glb file that
-        differs from it in texture coordinates only. Of an obj file polygons, groups, materials,
-        normals, colours and comments stay. Polygons that were cut open within are written as
+        The file that V and F were read from. If it is obj, ply, glb or gltf, a file of the same
+        type (glb of gltf) differs from it in texture coordinates only. Of an obj file polygons,
+        groups, materials, normals, colours and comments stay; of a ply file encoding, types,
+        comments, all properties and elements. Polygons that were cut open within are written as
         triangles; there are none if `surface_map` was given `polygon_of_face`, see
         `read_polygons`. Of a glb or gltf file nodes, names, materials, skins, animations and
         all attributes of the vertices stay; of its texture coordinates the first,
         ``TEXCOORD_0``, are replaced. Of FreeSurfer's and GIFTI files, the volume and the
-        metadata are kept.
+        metadata are kept. To obj, ply and glb, vertices bring their colours from a file of
+        another type; what else it has is logged, as it is not in the new one.
     image : path-like or (height, width, 3 or 4) array_like, optional
         A PNG or JPEG file to show on the surface, colours from 0 to 1, the top row at v = 1, or
         ``"checkerboard"``, which is what a glb file has if nothing else is named. For an obj
@@ -110,49 +118,53 @@ def write_map(
     ...     cdcp_igl.io.read_mesh(file)[0].shape
     (61, 3)
     """
-    path = Path(path)
+    path, source = Path(path), None if like is None else Path(like)
     suffix = path.suffix.lower()
-    _check_options(path, suffix, like, image)
+    _check_options(path, suffix, source, image)
     checked_vertices(V)
     given, faces = usable_arrays(V, F)
     if suffix not in WRITABLE:
         surface = _as_surface(uv, faces)
         with whole_file(path) as unfinished:
-            write_neuro(path, unfinished, *surface, None if like is None else Path(like))
+            write_neuro(path, unfinished, *surface, source)
+        warn_of_loss(source, path)
         return
     plane = _map(uv, len(given), len(faces), in_square=suffix != ".npz" and not disk)
+    positions = np.zeros((len(given), 3))
+    positions[:, : given.shape[1]] = given
+    kept = source if source and is_kept(source, suffix) else None
+    if source:
+        _check_like(source, positions, faces)
+    colours = None if kept else warn_of_loss(source, path)
     if suffix == ".npz":
         with whole_file(path) as unfinished:
             write_npz(unfinished, V, F, plane)
         return
-    positions = np.zeros((len(given), 3))
-    positions[:, : given.shape[1]] = given
-    if plane.ndim == 2:
-        texture, FT, vertex = plane, faces, np.arange(len(plane))
-    else:
-        texture, FT, vertex = _indexed(faces, plane)
-        if suffix != ".obj":  # in which alone a face may be without
-            texture = np.nan_to_num(texture)
-    if like is not None:
-        _check_like(Path(like), positions, faces)
-    if image is None and suffix == ".glb" and like is None:
+    texture, FT, vertex = _indexed(faces, plane)
+    if suffix != ".obj":  # in which alone a face may be without
+        texture = np.nan_to_num(texture)
+    if image is None and suffix == ".glb" and colours is None:
         image = "checkerboard"
-    shown = None if image is None else as_image(image)
+    shown = None if image is None or kept else as_image(image)
     with whole_file(path) as unfinished:
         if suffix == ".ply":
-            write_ply(unfinished, positions, faces, texture, FT if plane.ndim == 3 else None)
+            at_corners = None if np.array_equal(vertex, np.arange(len(positions))) else FT
+            if kept:
+                write_ply_like(unfinished, kept, positions, texture, at_corners)
+            else:
+                write_ply(unfinished, positions, faces, texture, at_corners, colours)
         elif suffix in (".vtk", ".vtp"):
             write_vtk(unfinished, positions[vertex], FT, texture, xml=suffix == ".vtp")
-        elif suffix == ".glb" and shown:
-            write_glb(unfinished, positions, faces, texture, FT, vertex, shown)
-        elif like is not None and suffix == ".glb":
+        elif kept and suffix == ".glb":
             warn_of_lost_faces(positions, faces, texture, FT)
-            write_glb_like(unfinished, Path(like), texture, FT, vertex)
-        elif like is not None:
-            write_like(unfinished, Path(like), texture, FT)
+            write_glb_like(unfinished, kept, texture, FT, vertex)
+        elif suffix == ".glb":
+            write_glb(unfinished, positions, faces, texture, FT, vertex, shown, colours)
+        elif kept:
+            write_like(unfinished, kept, texture, FT)
         else:
             materials = write_material(path, shown) if shown else None
-            write_obj(unfinished, positions, faces, texture, FT, materials)
+            write_obj(unfinished, positions, faces, texture, FT, materials, colours)
 
 
 def is_kept(given: str | PathLike[str], suffix: str) -> bool:
@@ -160,10 +172,34 @@ def is_kept(given: str | PathLike[str], suffix: str) -> bool:
     return Path(given).suffix.lower() in LIKE.get(suffix, ())
 
 
+def carries(given: Path, suffix: str) -> bool:
+    """Whether a file has something to keep, or to tell of, if it is written as a type."""
+    if is_kept(given, suffix) or not given.is_file():
+        return is_kept(given, suffix)
+    colours, others = contents_of(given)
+    return colours is not None or bool(others)
+
+
+def warn_of_loss(source: Path | None, path: Path, *, rows: bool = True) -> Floats | None:
+    """Say what a file has that the new one has not, in a line; return the colours it can have.
+
+    Without `rows`, the vertices are others.
+    """
+    colours, others = contents_of(source) if source else (None, ())
+    if colours is not None and not (rows and path.suffix.lower() in COLOURED):
+        colours, others = None, ("colours", *others)
+    if colours is not None and colours.shape[1] == 4 and path.suffix.lower() == ".obj":
+        others = others if colours[:, 3].min() == 1 else ("opacity", *others)
+        colours = colours[:, :3]
+    if source and others:
+        log.warning("not in %s: %s of %s", path.name, ", ".join(others), source.name)
+    return colours
+
+
 def _check_options(
     path: Path,
     suffix: str,
-    like: str | PathLike[str] | None,
+    like: Path | None,
     image: Texture | None,
 ) -> None:
     if "\0" in str(path):
@@ -172,8 +208,6 @@ def _check_options(
     if suffix not in WRITABLE and not neuro:
         known = f"{' '.join(WRITABLE)} .gii .gii.gz, and lh.NAME and rh.NAME of FreeSurfer"
         raise ValueError(f"{path.name!r} is of no known type. Writable: {known}")
-    if like is not None and not neuro and not is_kept(like, suffix):
-        raise ValueError("like= is for the given file and one of its type to write: obj or glb.")
     if image is not None and suffix not in (".glb", ".obj"):
         raise ValueError(f"A {suffix} file shows no image: write .glb or .obj.")
     if image is not None and like is not None:
@@ -240,10 +274,12 @@ def _check_like(like: Path, V: Floats, F: Ints) -> None:
 def _indexed(F: Ints, uv: Floats) -> tuple[Floats, Ints, Ints]:
     """List each pair of a vertex and its texture coordinates once, in the order of the vertices.
 
-    Where the surface was cut open, a vertex has several of `uv`, (m, 3, 2) at the corners.
-    Returned are the texture coordinates (k, 2), their rows (m, 3) at the corners, and the vertex
-    (k,) of each. NaN is the same as NaN.
+    Given are those of the vertices (n, 2) or, where the surface was cut open and a vertex may have
+    several, of the corners (m, 3, 2). Returned are the texture coordinates (k, 2), their rows
+    (m, 3) at the corners, and the vertex (k,) of each. NaN is the same as NaN.
     """
+    if uv.ndim == 2:
+        return uv, F, np.arange(len(uv))
     corner, plane = F.ravel(), uv.reshape(-1, 2)
     first, FT = distinct_rows(np.column_stack([corner, np.nan_to_num(plane, nan=np.inf)]))
     return plane[first], FT.reshape(F.shape), corner[first]

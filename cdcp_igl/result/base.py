@@ -234,9 +234,9 @@ class Result(FromFile, ABC):
         path : path-like
             The surface with its map for the types of `cdcp_igl.io.write_map`; a picture for
             .png, .svg and .pdf; the page of `view` for .html; the report for .json. An
-            existing file is replaced once the new one is complete. Where an obj, glb or gltf
-            file was given in place of V and F, one of its type keeps all but the texture
-            coordinates, see `like` there, but not with an image.
+            existing file is replaced once the new one is complete. Where a file was given in
+            place of V and F, what it has is kept as with `like` there, but not with an image;
+            what is not is logged.
         image : path-like or (height, width, 3 or 4) array_like, optional
             What a glb or obj file shows, over the unit square that `packed` fills: as `view` has
             it as a texture, a PNG or JPEG file or colours, such as `bake` makes.
@@ -252,7 +252,7 @@ class Result(FromFile, ABC):
         from ..io import WRITABLE, read_mesh, write_map
         from ..io.neuro import neuro_type
         from ..io.output import whole_file, write_text
-        from ..io.writing import is_kept
+        from ..io.writing import carries, warn_of_loss
 
         suffix, neuro = Path(path).suffix.lower(), neuro_type(Path(path))
         if image is not None and suffix not in (".glb", ".obj"):
@@ -261,14 +261,16 @@ class Result(FromFile, ABC):
         if suffix not in known and neuro:
             write_map(path, *self._surface(), self, like=self.source)
         elif suffix in WRITABLE:
-            again = image is not None or self.given_rows  # not as the file that was given
-            (V, F), like = self._surface(), None if again else self.source
-            if like is not None and is_kept(like, suffix):
+            (V, F), like = self._surface(), self.source
+            if like and (image is not None or self.given_rows):  # not as the file that was given
+                warn_of_loss(like, Path(path), rows=False)
+                like = None
+            if like and not carries(like, suffix):
+                like = None
+            if like:
                 corners, (V, F) = V[F], read_mesh(like)
                 if F.shape != corners.shape[:2] or not np.array_equal(V[F], corners):
                     raise ValueError(f"{like.name!r} has changed since the surface was read.")
-            else:
-                like = None
             write_map(path, V, F, self, like=like, image=image)
         elif suffix in PICTURES:
             figure = self.plot()[0].figure

@@ -23,7 +23,7 @@ from ..errors import MeshError
 from ..io import WRITABLE, read_vertices, write_map
 from ..io.output import whole_file
 from ..io.polygons import naming_polygons
-from ..io.writing import is_kept
+from ..io.writing import carries, warn_of_loss
 from ..maps.annulus import annulus_map
 from ..maps.disk import disk_map
 from ..maps.free import free_map
@@ -166,9 +166,10 @@ class Mapped:
         if suffix not in WRITABLE:  # but by its whole name
             write_map(target, V, F, result, like=source)
             return
-        if is_kept(source, suffix) and self.as_read:
+        if self.as_read and suffix != ".npz" and carries(source, suffix):
             write_map(target, V, F, result, disk=settings.disk, like=source)
             return
+        warn_of_loss(source, target, rows=False)
         V, F = V[: self.n_written], F[self.written]
         rows = slice(self.n_written) if result.uv.ndim == 2 else self.written
         if suffix == ".npz":
