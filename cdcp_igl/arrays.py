@@ -53,6 +53,13 @@ def distinct_rows(rows: NDArray[Any]) -> tuple[Ints, Ints]:
     return order[leads], which
 
 
+def rows_not_in(others: Ints, rows: Ints) -> Ints:
+    """(k, 2) those of some rows that are none of the others (l, 2)."""
+    _, number = distinct_rows(np.vstack([others, rows]))
+    other, own = np.split(number, [len(others)])
+    return rows[~np.isin(own, other)]
+
+
 def unit_size(given: NDArray[Any], exponent: int | None = None) -> Floats:
     """(n, 3) float64 copy of positions; the largest coordinate is from 1/2 to 1.
 

@@ -256,6 +256,15 @@ DEFECTS = {
         "Go from vertex to vertex along edges that two faces share.",
         kind="edges",
     ),
+    "not an edge, but a pair": Row(
+        "{missing:,} of {pairs:,} pairs of {name} are no edge of a face",
+        "Name each edge by the two rows of V that it joins, counted from 0.",
+        kind="edges",
+    ),
+    "no way for a cut": Row(
+        "The surface cannot be cut to disks, as the only ways are across forbidden edges",
+        "Forbid fewer edges: those around a handle or a hole leave no way along it.",
+    ),
     # Files
     "too few corners": Row(
         "fewer than three corners",

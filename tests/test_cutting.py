@@ -103,7 +103,8 @@ def test_a_torus_is_cut_along_its_two_shortest_loops():
 
 
 def component(V, F):
-    return Component(V, F, polygon=np.arange(len(F)), rows=np.arange(len(F)))
+    anywhere = np.zeros(F.shape, dtype=bool)
+    return Component(V, F, polygon=np.arange(len(F)), rows=np.arange(len(F)), forbidden=anywhere)
 
 
 def test_a_tube_is_cut_along_a_straight_line():

@@ -40,6 +40,8 @@ VALUES = {
     "fill": (False, "x"),
     "scale_variation": (3.0, -1.0),
     "max_charts": (2, 0),
+    "seams": ("keep", "x"),
+    "forbidden": ([[0, 13], [0, 16]], "x"),
     "keep": ("lengths", "volumes"),
 }
 # What is not in the shell: it has an environment variable, or takes a number a vertex.
@@ -69,13 +71,16 @@ def flags_of(kind):
     return {"onto": kind} if kind in ONTO else {"cut": kind == "surface", "free": kind == "free"}
 
 
-def arguments(kind, options):
-    """What is said in the shell for some options of a map."""
+def arguments(kind, options, folder=None):
+    """What is said in the shell for some options of a map; `folder` is for a file of edges."""
     of_kind = {"surface": ["--cut"], "disk": [], "rectangle": []}.get(kind, [f"--{kind}"])
     for name, value in options.items():
         if name in SWITCHES:
             of_kind.append(SWITCHES[name])
             continue
+        if name == "forbidden" and folder:
+            np.savetxt(folder / "edges.txt", value, fmt="%d")
+            value = folder / "edges.txt"
         option = "rectangle" if name == "corners" else name.replace("_", "-")
         text = ",".join(map(str, value)) if isinstance(value, list) else str(value).lower()
         of_kind += [f"--{option}", text]
@@ -93,7 +98,8 @@ def test_what_is_right_arrives(kind, name, tmp_path):
     assert (made.records[0].charts, made.records[0].boundary != "") == (1, True)
     np.testing.assert_array_equal(np.load(tmp_path / "maps" / "surface.npz")["uv"], expected)
     if not {name, f"{kind} {name}"} & IN_PYTHON:
-        done = invoke("map", tmp_path / "surface.npz", out, *arguments(kind, options))
+        said = arguments(kind, options, tmp_path)
+        done = invoke("map", tmp_path / "surface.npz", out, *said)
         assert done.exit_code == 0, done.output
         np.testing.assert_array_equal(np.load(out)["uv"], expected)
 

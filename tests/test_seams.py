@@ -1,10 +1,13 @@
-"""Seams that are nearly there twice, loops that are closed, and points that were not measured."""
+"""Seams of one's own, those that are nearly there twice, closed loops, points without data."""
 
 import numpy as np
 import pytest
 import surfaces
+from batches import batch
 from commands import invoke
-from meshes import grid
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from meshes import cells, grid
 
 import cdcp_igl
 
@@ -149,3 +152,170 @@ def test_in_the_shell_the_remedy_leads_out(tmp_path, row):
     assert refused.exit_code
     assert f"map {onto} --clean".replace("  ", " ") in " ".join(refused.output.split())
     assert invoke("map", *[onto] * bool(onto), "--clean", surface, out).exit_code == 0
+
+
+# -- seams of one's own ----------------------------------------------------------------
+
+
+def edges_of(F):
+    """(k, 2) edges, the smaller vertex first."""
+    return np.unique(np.sort(np.vstack([F[:, [0, 1]], F[:, [1, 2]], F[:, [2, 0]]]), axis=1), axis=0)
+
+
+def as_set(edges):
+    return set(map(tuple, np.sort(edges, axis=1).tolist()))
+
+
+def meridian(V, F):
+    """Edges from pole to pole of a sphere in longitude and latitude."""
+    flat = V[edges_of(F)]
+    along = (abs(flat[..., 1]) < 1e-9).all(axis=1) & (flat[..., 0] > -1e-9).all(axis=1)
+    return edges_of(F)[along]
+
+
+def test_cuts_go_along_the_seams_given_and_elsewhere_only_if_that_is_asked_for():
+    V, F = surfaces.sphere(12, 16)
+    seams = meridian(V, F)
+    result = cdcp_igl.surface_map(V, F, seams=seams)
+    assert result.valid
+    assert as_set(result.cut.edges) == as_set(seams)
+    assert (len(result.charts), len(result.added)) == (1, 0)
+    assert f"cut open along {len(seams)} edges, 0 of them added to the seams" in str(result)
+    even = cdcp_igl.surface_map(V, F, seams=seams, scale_variation=0.2)
+    assert as_set(even.cut.edges) == as_set(seams) | as_set(even.added)
+    assert as_set(even.added).isdisjoint(as_set(seams))
+    assert even.report()["added_edges"] == len(even.added) > 0
+    assert even.texel_density.ratio < result.texel_density.ratio
+    report = cdcp_igl.surface_map(V, F, seams=seams[:3]).report()
+    assert report["cut_edges"] == 3 + report["added_edges"]
+
+
+def test_a_handle_that_no_seam_opens_is_cut():
+    V, F = surfaces.torus()
+    seams = edges_of(F)[:3]
+    result = cdcp_igl.surface_map(V, F, seams=seams)
+    assert (result.valid, len(result.charts)) == (True, 1)
+    assert as_set(seams) <= as_set(result.cut.edges)
+    assert len(result.added) > 0
+
+
+@pytest.mark.parametrize("suffix", ["obj", "glb"])
+def test_the_seams_of_a_file_by_its_texture_coordinates(tmp_path, suffix):
+    """The boundaries of the charts are those of the file, one for one."""
+    V, F = surfaces.sphere(12, 16)
+    given = cdcp_igl.surface_map(V, F)
+    file = tmp_path / f"sphere.{suffix}"
+    given.save(file)
+    result = cdcp_igl.surface_map(file, seams="uv")
+    assert (len(result.cut.edges), len(result.added)) == (len(given.cut.edges), 0)
+    assert result.cut.length == pytest.approx(given.cut.length, rel=1e-6)
+    np.testing.assert_array_equal(result.face_chart, given.face_chart)
+    out = tmp_path / "out.npz"
+    assert invoke("map", "--cut", "--seams", "uv", file, out).exit_code == 0
+    np.testing.assert_array_equal(np.load(out)["uv"], result.uv)
+    made = batch(file, tmp_path / "maps", cut=True, seams="uv")
+    np.testing.assert_array_equal(np.load(made.folder / "sphere.npz")["uv"], result.uv)
+    if suffix == "glb":  # where the same place is there twice
+        kept = cdcp_igl.surface_map(file, seams="keep")
+        assert as_set(kept.cut.edges) == as_set(result.cut.edges)
+    by_corners = cdcp_igl.surface_map(V, F, seams=given.uv)
+    assert as_set(by_corners.cut.edges) == as_set(given.cut.edges)
+
+
+def test_a_ring_between_seams_is_filled_and_a_slit_is_not():
+    x, y, F = cells(13, 13)
+    V = np.column_stack([x, y, 0 * x])
+    middle = (abs(x[F] - 6) <= 2).all(axis=1) & (abs(y[F] - 6) <= 2).all(axis=1)
+    rim = as_set(edges_of(F[middle])) & as_set(edges_of(F[~middle]))
+    result = cdcp_igl.surface_map(V, F, seams=sorted(rim))
+    assert (len(result.charts), len(result.added)) == (2, 0)
+    assert result.distortion.max < 1e-6
+    slit = [[13 * 6 + k, 13 * 6 + k + 1] for k in range(3, 9)]
+    result = cdcp_igl.surface_map(V, F, seams=slit)
+    assert as_set(slit) < as_set(result.cut.edges)
+    assert result.distortion.max < 1e-6
+
+
+@pytest.mark.parametrize("outline", ["free", "disk"])
+def test_where_no_seam_may_run_there_is_none(outline):
+    V, F = surfaces.sphere(12, 16)
+    once = cdcp_igl.surface_map(V, F, outline=outline)
+    front = edges_of(F[V[F][..., 0].mean(axis=1) > 0])
+    for forbidden in (once.cut.edges, front):
+        result = cdcp_igl.surface_map(V, F, outline=outline, forbidden=forbidden)
+        assert result.valid
+        assert as_set(result.cut.edges).isdisjoint(as_set(forbidden))
+    cube, faces = surfaces.skin(np.ones((1, 1, 1), dtype=bool))
+    net = cdcp_igl.surface_map(cube, faces).cut.edges
+    other = cdcp_igl.surface_map(cube, faces, forbidden=net[:1])
+    assert tuple(net[0]) not in as_set(other.cut.edges)
+    assert other.distortion.max < 1e-6
+
+
+def test_forbidden_edges_that_leave_no_way():
+    V, F = surfaces.torus(n=12, k=8)
+    ring = edges_of(F)[np.diff(edges_of(F) // 8, axis=1).ravel() == 1]  # between two of its circles
+    with pytest.raises(cdcp_igl.MeshError, match="across forbidden edges") as error:
+        cdcp_igl.surface_map(V, F, forbidden=ring)
+    assert error.value.defect == "no way for a cut"
+    with pytest.raises(cdcp_igl.MeshError, match="across forbidden edges"):
+        cdcp_igl.surface_map(*surfaces.sphere(), forbidden=edges_of(surfaces.sphere()[1]))
+
+
+@pytest.mark.parametrize("name", ["seams", "forbidden"])
+@pytest.mark.parametrize(
+    ("edges", "kind", "says"),
+    [
+        ([[0, 1], [1, 99999]], cdcp_igl.MeshError, "1 of 2 pairs of {} are no edge"),
+        ([[-1, 0]], cdcp_igl.MeshError, "1 of 1 pairs of {} are no edge"),
+        ([[3, 3]], cdcp_igl.MeshError, "no edge"),
+        ([0, 1], ValueError, "{} must be edges"),
+        ([[0, 1, 2]], ValueError, "{} must be edges"),
+        ([[0.0, 1.0]], ValueError, "{} must be edges"),
+        ([[0], [1, 2]], ValueError, "{} must be edges"),
+        ("cut", ValueError, "{} must be"),
+        (3, ValueError, "{} must be edges"),
+    ],
+)
+def test_what_is_no_edge_is_said(name, edges, kind, says):
+    V, F = surfaces.sphere()
+    with pytest.raises(kind, match=says.format(name)):
+        cdcp_igl.surface_map(V, F, **{name: edges})
+
+
+def test_what_else_is_wrong_with_seams_is_said(tmp_path):
+    V, F = surfaces.sphere()
+    for options, says in (
+        ({"seams": edges_of(F)[:2], "forbidden": edges_of(F)[1:4]}, "1 edge is in seams and in"),
+        ({"seams": "uv"}, "those of a file"),
+        ({"seams": np.zeros((3, 3, 2))}, "coordinates of 3 faces; F has"),
+    ):
+        with pytest.raises(ValueError, match=says):
+            cdcp_igl.surface_map(V, F, **options)
+    np.savez(tmp_path / "sphere.npz", V=V, F=F)
+    (tmp_path / "edges.txt").write_text("0 1 2")
+    for option in (["--seams", tmp_path / "edges.txt"], ["--seams", "uv"], ["--clean"]):
+        more = ["--seams", "keep"] if option == ["--clean"] else []
+        done = invoke("map", "--cut", *option, *more, tmp_path / "sphere.npz", tmp_path / "o.npz")
+        assert done.exit_code == 2, done.output
+
+
+@settings(max_examples=6, deadline=None)
+@given(surfaces.random_voxels(2), st.integers(0, 1000), st.floats(0, 1), st.floats(0, 1))
+def test_any_edges_are_cut_or_left_whole(mesh, seed, share, part):
+    V, F = mesh
+    edges, random = edges_of(F), np.random.default_rng(seed)
+    some = random.random(len(edges)) < share
+    is_seam = random.random(len(edges)) < part
+    seams, forbidden = edges[some & is_seam], edges[some & ~is_seam]
+    try:
+        result = cdcp_igl.surface_map(V, F, seams=seams, forbidden=forbidden)
+    except cdcp_igl.MeshError as error:
+        if error.defect != "no way for a cut":
+            raise
+        return
+    assert result.valid
+    surfaces.assert_glues_back(result.cut, V, F)
+    assert as_set(result.added) == as_set(result.cut.edges) - as_set(seams)
+    if not any(change.startswith("split off") for change in result.changes):
+        assert as_set(result.cut.edges).isdisjoint(as_set(forbidden))

@@ -200,6 +200,7 @@ def _made_like(chart: Chart, component: Component, options: Options) -> Chart | 
 def _same_angles(one: Component, other: Component) -> bool:
     polygons, others = (each.polygon - each.polygon[0] for each in (one, other))
     same = np.array_equal(one.F, other.F) and np.array_equal(polygons, others)
+    same = same and np.array_equal(one.forbidden, other.forbidden)
     return same and bool(abs(one.angle - other.angle).max() < SAME_ANGLE)
 
 
@@ -359,7 +360,8 @@ def parted(chart: Chart, most: float) -> list[Component]:
     if m < LEAST_FACES:
         return [component]
     F = component.F[:m]
-    given = Component(component.V[: F.max() + 1], F, component.polygon[:m], component.rows)
+    polygon, forbidden = component.polygon[:m], component.forbidden[:m]
+    given = Component(component.V[: F.max() + 1], F, polygon, component.rows, forbidden)
     ways: list[Callable[[Component], Bools]] = [narrow_side]
     if chart.level is not None and component.topology.euler_characteristic > 0:
         ways.insert(0, partial(limbs, level=chart.level))

@@ -66,6 +66,13 @@ class Draft:
         """Where the outline overlaps itself, if it does."""
         return own_outline(self.surface, self.phase)
 
+    @cached_property
+    def distance(self) -> Floats:
+        """(n,) how far each vertex is from the boundary, along edges that can be cut."""
+        graph = self.opened.graph(self.opened.component.length)
+        boundary = np.flatnonzero(self.opened.on_boundary)
+        return np.asarray(dijkstra(graph, indices=boundary, min_only=True), np.float64)
+
     @property
     def is_small(self) -> bool:
         """Whether it has so few faces that it is not parted to even out the scale."""
@@ -84,8 +91,9 @@ class Draft:
         """
         chosen, columns, left = list[int](), list[Floats](), self.factor
         weight = np.sqrt(self.area)
+        within = np.isfinite(self.distance)
         while self.area @ left**2 > wanted**2 and len(chosen) < MOST_CONES:
-            gain = abs(self.surface.solve(self.area * left))
+            gain = abs(self.surface.solve(self.area * left)) * within
             cone = int(gain.argmax())
             if cone in chosen or gain[cone] == 0:
                 break
@@ -100,9 +108,7 @@ class Draft:
     def slit(self, wanted: float) -> Draft:
         """Cut from the boundary to each cone, to the nearest first."""
         opened, cones = self.opened, self.cones(wanted)
-        graph, boundary = opened.graph(opened.component.length), np.flatnonzero(opened.on_boundary)
-        distance = dijkstra(graph, indices=boundary, min_only=True)
-        for cone in cones[np.argsort(distance[cones], kind="stable")].tolist():
+        for cone in cones[np.argsort(self.distance[cones], kind="stable")].tolist():
             opened = branch_to(opened, cone)
         return Draft(opened, self.options)
 

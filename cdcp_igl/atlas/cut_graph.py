@@ -11,11 +11,15 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
-from ..arrays import Bools, Floats, Ints, marked, places
+from ..arrays import Bools, Floats, Ints, distinct_rows, marked, places
 from ..cached import cached_property
 from ..surface.filling import fill_hole
 from ..surface.topology import Topology, by_reach, components_of_pairs
 from ..surface.triangles import corner_angles, corner_cotangents
+
+# A shortest path takes a forbidden edge only where there is no other way: it costs so many times
+# its length.
+AT_ANY_COST = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +33,7 @@ class Component:
     F: Ints
     polygon: Ints  # (m,) number of the polygon that each face is a part of
     rows: Ints  # (k,) where the first k faces come from; the others fill holes
+    forbidden: Bools  # (m, 3) edges, by the corners that they leave, that must not be cut
     n_filled: int = 0  # holes
     # Names of the arcs of a cut that cannot be laid shorter or straighter.
     best_arcs: set[tuple[int, ...]] = field(init=False, default_factory=set)
@@ -62,17 +67,26 @@ class Component:
         return np.flatnonzero(np.arange(self.F.size) < self.twin)
 
     @cached_property
-    def is_diagonal(self) -> Bools:
-        """(3m,) half-edges between faces of the same polygon, which are not to be cut.
+    def is_barred(self) -> Bools:
+        """(3m,) half-edges that are not to be cut: forbidden, or inside of a polygon.
 
-        Those that join the faces of a polygon without going around a vertex or a hole, so
-        that the polygons are disks with all vertices on their boundaries. Faces in successive
-        rows are joined first: a fan of triangles stays one where the polygon touches itself.
+        Of the latter those that join the faces of a polygon without going around a vertex or a
+        hole, so that the polygons are disks with all vertices on their boundaries. Faces in
+        successive rows are joined first: a fan of triangles stays one where the polygon touches
+        itself.
         """
         one, other = self.sides(self.edges)
         inside = self.polygon[one] == self.polygon[other]
         joined = self.crossed_by_tree(self.edges[inside], -abs(one - other)[inside])
-        return marked(self.F.size, joined, self.twin[joined])
+        return self.forbidden.T.ravel() | marked(self.F.size, joined, self.twin[joined])
+
+    @cached_property
+    def patch(self) -> Ints:
+        """(m,) numbers of the faces: the same in a polygon, and across a forbidden edge."""
+        one, other = self.sides(self.edges[self.forbidden.T.ravel()[self.edges]])
+        _, number = np.unique(self.polygon, return_inverse=True)
+        _, patch = components_of_pairs(number[one], number[other], int(number.max()) + 1)
+        return patch[number].astype(np.int64)
 
     def crossed_by_tree(self, edges: Ints, weight: NDArray[Any]) -> Ints:
         """Those of some edges that a maximum spanning tree of the faces crosses."""
@@ -226,8 +240,8 @@ class OpenedComponent:
 
     @cached_property
     def cuttable(self) -> Ints:
-        """Half-edges that can be cut: neither on the boundary nor inside a polygon."""
-        return np.flatnonzero(~self.is_cut & ~self.component.is_diagonal)
+        """Half-edges that can be cut: neither on the boundary nor barred."""
+        return np.flatnonzero(~self.is_cut & ~self.component.is_barred)
 
     @cached_property
     def cut_edges(self) -> Ints:
@@ -261,14 +275,18 @@ class OpenedComponent:
         return arcs
 
     def graph(self, weight: Floats) -> csr_matrix:
-        """(n, n) symmetric matrix of the weights (3m,) of the inner half-edges."""
-        return csr_matrix(
-            (weight[self.inner], (self.tail[self.inner], self.head[self.inner])), (self.n, self.n)
-        )
+        """(n, n) symmetric matrix of the weights (3m,) of the half-edges that can be cut."""
+        half = self.cuttable
+        return csr_matrix((weight[half], (self.tail[half], self.head[half])), (self.n, self.n))
 
 
-def split_components(V: Floats, F: Ints, sheets: Ints, polygon: Ints) -> Iterator[Component]:
-    """Take an oriented manifold apart; `sheets` (m, 3) numbers its vertices, F those of V."""
+def split_components(
+    V: Floats, F: Ints, sheets: Ints, polygon: Ints, forbidden: Bools
+) -> Iterator[Component]:
+    """Take an oriented manifold apart; `sheets` (m, 3) numbers its vertices, F those of V.
+
+    For `polygon` (m,) and `forbidden` (m, 3) see `Component`.
+    """
     count, component = Topology(sheets, int(sheets.max()) + 1).components
     order = np.argsort(component, kind="stable")
     for rows in np.split(order, np.cumsum(np.bincount(component, minlength=count))[:-1]):
@@ -276,7 +294,8 @@ def split_components(V: Floats, F: Ints, sheets: Ints, polygon: Ints) -> Iterato
         vertex = F[rows].ravel()[first]
         order = np.argsort(vertex, kind="stable")  # as in V
         number = places(order, len(order))
-        yield Component(V[vertex[order]], number[corner].reshape(-1, 3), polygon[rows], rows)
+        corners = number[corner].reshape(-1, 3)
+        yield Component(V[vertex[order]], corners, polygon[rows], rows, forbidden[rows])
 
 
 def cut_to_disk(component: Component) -> OpenedComponent:
@@ -287,8 +306,9 @@ def cut_to_disk(component: Component) -> OpenedComponent:
     the edges that are not in it, by preference those that close the longest loops. The edges
     in neither close the shortest loops that cut all handles (greedy homotopy generators, see
     `cut`); the paths of the tree from these and from each boundary loop to the root are the cut.
+    It crosses a forbidden edge only where there is no other way.
     """
-    V, twin, length = component.V, component.twin, component.length
+    V, twin = component.V, component.twin
     n, loops = len(V), component.topology.loops
     node = np.arange(n)
     for loop in loops:
@@ -296,7 +316,9 @@ def cut_to_disk(component: Component) -> OpenedComponent:
     root = max(loops, key=lambda loop: _length(V[loop]))[0] if loops else 0
     tail, head = node[component.tail], node[component.head]
 
-    along = np.flatnonzero((twin >= 0) & ~component.is_diagonal & (tail != head))
+    forbidden = component.forbidden.T.ravel()
+    length = np.where(forbidden, AT_ANY_COST, 1) * component.length
+    along = np.flatnonzero((twin >= 0) & (forbidden | ~component.is_barred) & (tail != head))
     # Of several edges between two nodes, only the shortest can be in the tree.
     along = along[np.lexsort((length[along], head[along], tail[along]))]
     along = along[np.diff(tail[along] * n + head[along], prepend=-1) != 0]
@@ -309,7 +331,7 @@ def cut_to_disk(component: Component) -> OpenedComponent:
     in_tree = marked(len(twin), upward, twin[upward])
     others = component.edges[~in_tree[component.edges]]
     closed = distance[tail[others]] + distance[head[others]] + length[others]
-    closed[component.is_diagonal[others]] = np.inf  # polygons are faces of the cotree
+    closed[component.is_barred[others]] = np.inf  # polygons are faces of the cotree
     left_over = np.setdiff1d(others, component.crossed_by_tree(others, closed))
 
     on_path = np.zeros(n, dtype=bool)
@@ -324,7 +346,8 @@ def cut_to_disk(component: Component) -> OpenedComponent:
 def fill_holes(component: Component) -> Component:
     """Fill all boundary loops but the outermost, for the time of a map.
 
-    A hole that only faces without area would fill, such as a slit of coinciding edges, stays.
+    A hole that only faces without area would fill stays, and one that has a slit, a seam of which
+    both sides are there.
     """
     if component.topology.euler_characteristic > 0:  # a sphere or a disk
         return component
@@ -334,7 +357,7 @@ def fill_holes(component: Component) -> Component:
     V, filling = component.V, []
     outer = by_reach(V, loops)[0]
     for loop in loops:
-        faces = None if loop is outer else fill_hole(V, loop)
+        faces = None if loop is outer or _has_slit(V[loop]) else fill_hole(V, loop)
         if faces is not None:
             if faces.max() == len(V):
                 V = np.vstack([V, V[loop].mean(axis=0)])
@@ -342,7 +365,15 @@ def fill_holes(component: Component) -> Component:
     F = np.vstack([component.F, *filling])
     alone = component.polygon.max() + np.arange(1, len(F) - len(component.F) + 1)
     polygon = np.append(component.polygon, alone)
-    return Component(V, F, polygon, component.rows, n_filled=len(filling))
+    forbidden = np.vstack([component.forbidden, np.zeros((len(alone), 3), dtype=bool)])
+    return Component(V, F, polygon, component.rows, forbidden, n_filled=len(filling))
+
+
+def _has_slit(points: Floats) -> bool:
+    """Whether two edges of a closed polygon lie in the same place."""
+    _, place = distinct_rows(points)
+    edges = np.sort(np.column_stack([place, np.roll(place, -1)]), axis=1)
+    return len(distinct_rows(edges)[0]) < len(edges)
 
 
 def _length(points: Floats) -> float:

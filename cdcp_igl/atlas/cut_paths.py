@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 
 from ..arrays import Bools, Floats, Ints, marked
+from ..errors import Defect, MeshError
 from .cut_graph import Component, OpenedComponent, cut_to_disk
 
 # What an edge of mean length on the cut costs, in radians of bend.
@@ -20,25 +21,35 @@ ROUNDS = 3
 
 
 def open_to_disk(component: Component) -> OpenedComponent:
-    """Cut a component until it is a disk, unless it is one."""
+    """Cut a component until it is a disk, unless it is one.
+
+    MeshError if only cuts along forbidden edges would do.
+    """
     characteristic = component.topology.euler_characteristic
-    if characteristic == 2:
-        return _slit(component.uncut)
     if characteristic == 1:
         return component.uncut
-    return straighten(cut_to_disk(component))
+    opened = _slit(component.uncut) if characteristic == 2 else cut_to_disk(component)
+    if opened is component.uncut or component.forbidden.T.ravel()[opened.cut_edges].any():
+        raise MeshError(Defect.of("no way for a cut"))
+    return opened if characteristic == 2 else straighten(opened)
 
 
 def _slit(sphere: OpenedComponent) -> OpenedComponent:
-    """Cut a sphere along a straight path between two far vertices."""
+    """Cut a sphere along a straight path between two far vertices, if there is a path."""
     component, graph = sphere.component, sphere.graph(sphere.component.length)
-    one = int(dijkstra(graph, indices=0).argmax())
-    other = int(dijkstra(graph, indices=one).argmax())
-    path = straight_path(sphere, marked(sphere.n, one), marked(sphere.n, other))
+    _, place = connected_components(graph, directed=False)  # forbidden edges may part them
+    one = int((place == np.bincount(place).argmax()).argmax())
+    for _ in range(2):
+        distance = dijkstra(graph, indices=one)
+        one, other = int(np.where(np.isfinite(distance), distance, -1).argmax()), one
+    path = straight_path(sphere, marked(sphere.n, other), marked(sphere.n, one))
+    if len(path) == 0:
+        return sphere
     if len(path) == 1:  # which does not open the sphere: go on along the shortest edge
-        ends = [component.tail[path[0]], component.head[path[0]]]
-        on = sphere.cuttable[np.isin(component.tail[sphere.cuttable], ends)]
-        on = np.setdiff1d(on, [path[0], component.twin[path[0]]])
+        half, at_end = sphere.cuttable, marked(sphere.n, component.tail[path], component.head[path])
+        on = half[at_end[component.tail[half]] & ~at_end[component.head[half]]]
+        if len(on) == 0:
+            return sphere
         path = np.append(path, on[component.length[on].argmin()])
     return sphere.cut(path)
 

@@ -7,13 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Bools, Floats, Ints, distinct_rows, places
+from ..arrays import Bools, Floats, Ints, places, rows_not_in
 from ..errors import Defect, MeshError
 from ..io.given import takes_meshes
 from ..surface.topology import Topology, duplicate_faces
 from ..surface.validation import repeated_corners, usable_arrays
 from .cut_graph import split_components
 from .cut_paths import open_to_disk
+from .own_seams import among_edges, cut_at
 from .sheets import orient, part_sheets, polygon_numbers, used_positions
 
 
@@ -125,7 +126,8 @@ def cut(
         raise MeshError(Defect.of("inconsistent orientation", flipped))
     corners = np.empty(faces.shape, np.int64)
     count = 0
-    for component in split_components(positions, faces, sheets, polygon):
+    anywhere = np.zeros(faces.shape, dtype=bool)
+    for component in split_components(positions, faces, sheets, polygon, anywhere):
         opened = open_to_disk(component)
         corners[component.rows] = count + opened.F
         count += opened.n
@@ -174,14 +176,7 @@ def _corners_cut_at(F: Ints, n: int, path: ArrayLike) -> Ints:
         steps = np.column_stack([steps[:-1], steps[1:]])
     steps = np.sort(steps.astype(np.int64), axis=1)
     surface = Topology(F, n)
-    inner = surface.edges.valence > 1
-    pairs = np.vstack([surface.edges.ends(inner), steps])
-    _, number = distinct_rows(pairs)
-    edge, asked = np.split(number, [inner.sum()])
-    missing = steps[~np.isin(asked, edge)]
+    missing = rows_not_in(surface.edges.ends(surface.edges.valence > 1), steps)
     if len(missing):
         raise MeshError(Defect.of("not an edge", missing, missing=len(missing), steps=len(steps)))
-    joined = ~np.isin(edge, asked)[surface.edges.valence[inner] == 2]
-    one, other = surface.twins
-    _, fan = surface.fans_across(one[joined], other[joined])
-    return np.ascontiguousarray(fan.reshape(3, -1).T, dtype=np.int64)
+    return cut_at(F, among_edges(F, steps))

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 
+from ..errors import MeshError
 from ..options import Options
 from .cones import Draft, seams
 from .cut_graph import Component, fill_holes
@@ -70,9 +72,10 @@ def _evened(component: Component, options: Options, fill: bool | None, wanted: f
     filled = component if fill is False else fill_holes(component)
     draft = Draft(open_to_disk(filled), options)
     if fill is None and filled.n_filled and draft.scale_variation > wanted:
-        cut = Draft(open_to_disk(component), options)
-        if cut.scale_variation < WORTH_CUTTING * draft.scale_variation:
-            draft = cut
+        with suppress(MeshError):  # edges that are forbidden may lie across
+            cut = Draft(open_to_disk(component), options)
+            if cut.scale_variation < WORTH_CUTTING * draft.scale_variation:
+                draft = cut
     while draft.scale_variation > wanted:
         slit = draft.slit(max(wanted, draft.scale_variation / 2))
         if slit.seams > LONGEST or not slit.scale_variation < (1 - GAIN) * draft.scale_variation:
@@ -101,7 +104,10 @@ def _nets(component: Component, options: Options, most: float) -> list[Draft]:
         if not draft.scale_variation < EXACT or n_pieces > min(most, pieces_at_most):
             return []
         if len(draft.outline.meeting):
-            waiting += _apart(draft)
+            parts = _apart(draft)
+            if len(parts) == 1:  # there is no way between them
+                return []
+            waiting += parts
         else:
             drafts.append(draft)
     return drafts

@@ -28,13 +28,15 @@ def net(component: Component) -> Ints:
     if len(ends) == 0:
         return ends
     half = np.concatenate([component.edges, np.flatnonzero(component.twin < 0)])
-    half = half[~component.is_diagonal[half]]
+    half = half[~component.is_barred[half]]
     cost = seam_cost(component)[half]
     graph = csr_matrix((cost, (tail[half], head[half])), (n, n))
     distance, parent, nearest = dijkstra(
         graph, directed=False, indices=ends, min_only=True, return_predecessors=True
     )
-    number = places(ends, n)[nearest]
+    reached = nearest[tail[half]] >= 0  # unless forbidden edges are around it
+    half, cost = half[reached], cost[reached]
+    number = places(ends, n)[np.maximum(nearest, 0)]
     low, high = np.sort([number[tail[half]], number[head[half]]], axis=0)
     way = distance[tail[half]] + cost + distance[head[half]]
     # Of several ways between two of the vertices, only the shortest can be in the tree.

@@ -30,7 +30,8 @@ LEAST_LIMB = 0.03
 def pieces(opened: OpenedComponent) -> list[Component]:
     """Components of an opened surface, which keep its cut, without what fills holes."""
     component, F = opened.component, opened.F[: len(opened.component.rows)]
-    parts = split_components(opened.positions, F, F, component.polygon[: len(F)])
+    polygon, forbidden = component.polygon[: len(F)], component.forbidden[: len(F)]
+    parts = split_components(opened.positions, F, F, polygon, forbidden)
     return [replace(part, rows=component.rows[part.rows]) for part in parts]
 
 
@@ -46,7 +47,7 @@ def limbs(component: Component, level: Floats) -> Bools:
     What lies between such regions is large, too; none if there is nothing else.
     """
     area = face_areas(component.V, component.F)
-    low = _mean_of_polygons(component, level) < -LIMB
+    low = _mean_of_patches(component, level) < -LIMB
     for side in (True, False, True):
         count, region = _regions(component, low)
         small = np.bincount(region, area, count) < LEAST_LIMB * area.sum()
@@ -69,7 +70,7 @@ def narrow_side(component: Component, ends: Ints | None = None) -> Bools:
     one = distances(indices=0).argmax() if ends is None else ends[0]
     from_end = distances(indices=one)
     way = from_end - distances(indices=from_end.argmax() if ends is None else ends[1])
-    level = _mean_of_polygons(component, way[component.F].mean(axis=1))
+    level = _mean_of_patches(component, way[component.F].mean(axis=1))
     order = np.argsort(level, kind="stable")
     first, last = np.sort(places(order, m)[[*component.sides(component.edges)]], axis=0)
     length = component.length[component.edges]
@@ -111,10 +112,10 @@ def shortest_between(opened: OpenedComponent, loop: Ints, pairs: Ints) -> Ints:
     return into[way_to(end, parent)[1:]]
 
 
-def _mean_of_polygons(component: Component, values: Floats) -> Floats:
-    """(m,) means over the faces of each polygon, for each face."""
-    _, number = np.unique(component.polygon, return_inverse=True)
-    return (np.bincount(number, values) / np.bincount(number))[number]
+def _mean_of_patches(component: Component, values: Floats) -> Floats:
+    """(m,) means over the faces that are not to be parted, for each face."""
+    patch = component.patch
+    return (np.bincount(patch, values) / np.bincount(patch))[patch]
 
 
 def _regions(component: Component, low: Bools) -> tuple[int, NDArray[np.int32]]:

@@ -144,8 +144,7 @@ def two_sided(F: Ints) -> tuple[Ints, int]:
     )
     flipped = side[:m] > side[m:]
     joined = (flipped[one % m] ^ flipped[other % m]) == aligned
-    _, fan = surface.fans_across(one[joined], other[joined])
-    return np.ascontiguousarray(fan.reshape(3, -1).T, dtype=np.int64), int((~joined).sum())
+    return surface.vertices_across(one[joined], other[joined]), int((~joined).sum())
 
 
 def orient(F: Ints, named: Ints) -> Ints:

@@ -12,7 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import libigl
-from ..arrays import Complex, Floats, Ints, as_complex, coordinates, size_exponent, unit_size
+from ..arrays import (
+    Complex,
+    Floats,
+    Ints,
+    as_complex,
+    coordinates,
+    rows_not_in,
+    size_exponent,
+    unit_size,
+)
 from ..cached import cached_property
 from ..errors import counted
 from ..fields import Field, Method
@@ -36,6 +45,7 @@ from ..verdict.outline import OutlineCertificate
 from .charts import Chart, Limits, Outline, charts_of
 from .cut_graph import split_components
 from .cutting import Cut, cut_along
+from .own_seams import among_edges, checked_edges, checked_seams, cut_at, wanted_edges
 from .packing import laid_flat, packed_boxes
 from .sheets import Sheets, fill_left_out, oriented_sheets
 from .texels import TexelDensity
@@ -62,6 +72,8 @@ class SurfaceMap(Bijection):
     cut : Cut
         The opened surface, with the edges that were cut and their length. Flipped faces still
         are flipped; of vertices that were merged, it names the first.
+    added : (k, 2) int64
+        Those of ``cut.edges`` that were not among the `seams` given.
     changes : tuple of str
         What was done to make disks, a sentence each; empty if the surface was a disk.
     certificate : Certificate or OutlineCertificate
@@ -103,6 +115,7 @@ class SurfaceMap(Bijection):
     charts: tuple[DiskMap | FreeMap, ...]
     face_chart: Ints
     cut: Cut
+    added: Ints
     changes: tuple[str, ...]
     certificate: Certificate | OutlineCertificate
     scale_variation: float
@@ -228,6 +241,8 @@ class SurfaceMap(Bijection):
             "texel_density": asdict(self.texel_density)
             | {"charts": list(self.texel_density.charts)},
             "cut_length": self.cut.length,
+            "cut_edges": len(self.cut.edges),
+            "added_edges": len(self.added),
             "changes": list(self.changes),
             "charts": [chart.report() for chart in self.charts],
         }
@@ -300,6 +315,8 @@ def surface_map(
     merge: bool = True,
     outline: Outline = "free",
     fill: bool | None = None,
+    seams: ArrayLike | Literal["uv", "keep"] | None = None,
+    forbidden: ArrayLike | None = None,
     scale_variation: float | None = None,
     max_charts: int | None = None,
     center: CenterMethod = "torsion",
@@ -344,12 +361,20 @@ def surface_map(
         Fill all boundary loops but the outermost of each component while mapping; those faces
         are not returned. False cuts to them. By default, whichever leaves a more even scale: holes
         are filled, unless cuts to them halve the variation, as in a tube. Of disks they are filled.
+    seams : (k, 2) or (m, 3, 2) array_like, or {"uv", "keep"}, optional
+        Cut along these edges, each named by its two rows of V; those where texture coordinates of
+        the corners differ from face to face, or `"uv"` for the coordinates of the file that is
+        given; or `"keep"` those where the surface has the same place twice.
+        Cuts are added only where a chart would be no disk, and where a `scale_variation` is asked
+        for, too. One edge alone, between inner vertices, opens nothing.
+    forbidden : (k, 2) array_like of integers, optional
+        Edges that are not to be cut.
     scale_variation : float, optional
         The scale is to vary no more than this: the standard deviation of its logarithm over the
         area of a chart, ``SurfaceMap.scale_variation``. By default 0.2, at which texels differ by
         less than a factor of two, one level of a mipmap, from the 5th to the 95th percentile. Where
         it is not reached, the first line of the result says so.
-        With infinity, there are no slits, and nothing is parted.
+        With infinity, as by default with `seams`, there are no slits, and nothing is parted.
         Of disks it is 1 by default: the cut grows to what shrank, as long as that gains, and then
         the component is parted, limbs first. It is parted before where that leaves more than 1.4
         times what is asked for or halves it, or where more than twice this is left before any
@@ -369,11 +394,12 @@ def surface_map(
     Raises
     ------
     MeshError
-        If V and F are no triangle mesh, or no face has an area.
+        If V and F are no triangle mesh, or no face has an area; if one of `seams` or `forbidden` is
+        no edge, or the latter leave no way to make a disk.
     SolverError, MapError, ImportError
         As `disk_map`.
     ValueError
-        If an option is not one of those above.
+        If an option is not one of those above; if an edge is in `seams` and in `forbidden`.
 
     Examples
     --------
@@ -385,7 +411,17 @@ def surface_map(
     >>> result = cdcp_igl.surface_map(V, F)
     >>> result.valid, result.uv.shape, result.changes
     (True, (4, 3, 2), ('cut open along 3 edges',))
+
+    And along a path of one's own:
+
+    >>> result = cdcp_igl.surface_map(V, F, seams=[[1, 0], [0, 3]])
+    >>> result.cut.edges.tolist(), result.added.tolist()
+    ([[0, 1], [0, 3]], [])
     """
+    wish = checked_seams(np.empty((0, 2), np.int64) if seams is None else seams)
+    barred = checked_edges("forbidden", [] if forbidden is None else forbidden)
+    if seams is not None and scale_variation is None:
+        scale_variation = np.inf
     limits = Limits(outline, fill, scale_variation, np.inf if max_charts is None else max_charts)
     if outline == "free" and (center, mobius, preset) != ("torsion", "angle", None):
         raise ValueError('center, mobius and preset are for disks: outline="disk"')
@@ -402,16 +438,19 @@ def surface_map(
     start = perf_counter()
     given, faces = usable_arrays(V, F)
     sheets = oriented_sheets(given, faces, polygon_of_face, merge)
+    to_cut, barred = wanted_edges(sheets, faces, wish, barred)
+    is_seam, is_barred = (among_edges(sheets.F, edges) for edges in (to_cut, barred))
+    vertices = cut_at(sheets.vertices, is_seam) if is_seam.any() else sheets.vertices
     charts, done = [], 0.0
     known: dict[bytes, list[Chart]] = {}
-    for component in split_components(sheets.V, sheets.F, sheets.vertices, sheets.polygon):
+    for component in split_components(sheets.V, sheets.F, vertices, sheets.polygon, is_barred):
         share = len(component.rows) / len(sheets.F)
         part = _part_of(progress, done, share)
         charts += charts_of(component, options, limits, known, part)
         done += share
     if progress:
         progress("done", 1.0)
-    made = _together(given.astype(np.float64), sheets, charts, limits)
+    made = _together(given.astype(np.float64), sheets, charts, limits, to_cut)
     mapping = sum(made.timings.values())
     made = replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
     if made.scale_variation > limits.asked:
@@ -450,7 +489,9 @@ def _frame(chart: DiskMap | FreeMap, share: float) -> tuple[complex, complex, co
     return factor, low, high - low
 
 
-def _together(V: Floats, sheets: Sheets, charts: list[Chart], limits: Limits) -> SurfaceMap:
+def _together(
+    V: Floats, sheets: Sheets, charts: list[Chart], limits: Limits, seams: Ints
+) -> SurfaceMap:
     """Put the maps of all components back into the rows of the given faces."""
     F = sheets.given
     uv, face_chart = np.full((len(F), 3, 2), np.nan), np.full(len(F), -1)
@@ -473,13 +514,16 @@ def _together(V: Floats, sheets: Sheets, charts: list[Chart], limits: Limits) ->
         uv = np.ldexp(uv, size_exponent(opened.V))
     if filled := sum(chart.opened.component.n_filled for chart in charts):
         changes.append(f"filled {counted(filled, 'hole', 'holes')}")
+    added = rows_not_in(seams, opened.edges)
     if len(opened.edges):
-        changes.append(f"cut open along {counted(len(opened.edges), 'edge', 'edges')}")
+        of_them = f", {len(added):,} of them added to the seams given" if len(seams) else ""
+        changes.append(f"cut open along {counted(len(opened.edges), 'edge', 'edges')}{of_them}")
     return SurfaceMap(
         uv=uv,
         charts=tuple(maps),
         face_chart=face_chart,
         cut=opened,
+        added=added,
         changes=tuple(changes),
         certificate=together([made.certificate for made in maps]),
         conformality=_worst_conformality(maps),

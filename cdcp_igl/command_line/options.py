@@ -32,6 +32,8 @@ GROUPS = {
         "no_merge",
         "outline",
         "fill",
+        "seams",
+        "forbidden",
         "scale_variation",
         "max_charts",
     ),
@@ -144,6 +146,16 @@ def _map_options(
         "--fill/--no-fill",
         help="With --cut, fill holes meanwhile, or cut to them. [default: what distorts less]",
     ),
+    seams: str | None = typer.Option(
+        None,
+        metavar="uv|keep|FILE",
+        help="With --cut, cut along these edges, and elsewhere only to make disks: where the "
+        "texture coordinates of IN do, where IN has the same place twice, or those of a file with "
+        "two vertices in each line, counted from 0.",
+    ),
+    forbidden: Path | None = typer.Option(
+        None, metavar="FILE", help="With --cut, a file of edges, as of --seams, not to be cut."
+    ),
     scale_variation: float | None = typer.Option(
         None,
         metavar="S",
@@ -229,6 +241,8 @@ def _map_options(
         "merge": False if no_merge else None,
         "outline": outline,
         "fill": fill,
+        "seams": seams if seams in (None, "uv", "keep") else _edges("--seams", Path(seams)),
+        "forbidden": forbidden and _edges("--forbidden", forbidden),
         "scale_variation": scale_variation,
         "max_charts": max_charts,
         "corners": rectangle and _numbers(rectangle, int),
@@ -247,6 +261,19 @@ def _map_options(
     flags = {"disk": disk, "clean": clean, "cut": cut, "free": free}
     parts = {"within": within, "only": only, "without": without}
     return {**flags, **parts, "onto": next(iter(chosen), None), **given}
+
+
+def _edges(option: str, file: Path) -> list[list[int]]:
+    """Read a file of two vertices in each line."""
+    try:
+        rows = [line.split() for line in file.read_text().splitlines()]
+        edges = [[int(one), int(other)] for one, other in filter(None, rows)]
+    except OSError:
+        raise typer.BadParameter(f"{option}: {file.name!r} is no file that can be read.") from None
+    except ValueError:  # also of bytes that are no text
+        problem = f"{option}: {file.name!r} must have two vertices in each line."
+        raise typer.BadParameter(problem) from None
+    return edges
 
 
 def _numbers(text: str, kind: type) -> list[Any] | str:

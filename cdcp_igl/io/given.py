@@ -21,6 +21,7 @@ from ..errors import Damage, Defect, MeshError
 from .neuro import gifti_surface
 from .polygons import naming_polygons, triangulated
 from .reading import Array, read_polygons
+from .texture import with_texture
 
 log = logging.getLogger("cdcp_igl")
 
@@ -148,6 +149,8 @@ def takes_meshes(function: Callable[..., Any]) -> Any:
         if not (alone or _is_mesh(given)):
             return function(*args, **options)
         V, F, polygon_of_face = surface_of(given)
+        if isinstance(given, str | PathLike):
+            options = with_texture(options, given)
         if "polygon_of_face" in names:
             options.setdefault("polygon_of_face", polygon_of_face)
         with naming_polygons(polygon_of_face):

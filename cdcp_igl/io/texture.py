@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -79,3 +80,10 @@ def read_texture(path: str | PathLike[str]) -> tuple[Floats, Ints, Floats]:
         if not np.isnan(uv).all():
             return V, F, uv
     raise MeshError(Defect.of("unreadable file", reason=reason))
+
+
+def with_texture(options: Mapping[str, Any], path: str | PathLike[str]) -> dict[str, Any]:
+    """Take the texture coordinates of a file for ``seams="uv"`` among the options of a map."""
+    seams = options.get("seams")
+    of_file = isinstance(seams, str) and seams == "uv"
+    return {**options, "seams": read_texture(path)[2]} if of_file else dict(options)

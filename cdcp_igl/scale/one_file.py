@@ -23,6 +23,7 @@ from ..errors import MeshError
 from ..io import WRITABLE, read_vertices, write_map
 from ..io.output import whole_file
 from ..io.polygons import naming_polygons
+from ..io.texture import with_texture
 from ..io.writing import carries, warn_of_loss
 from ..maps.annulus import annulus_map
 from ..maps.disk import disk_map
@@ -49,6 +50,7 @@ MAPS: dict[str, tuple[Callable[..., Result], set[str]]] = {
 ONTO = ("sphere", "annulus", "rectangle")
 FLAGS = ("disk", "clean", "cut", "free")
 # Arguments that are no options: the surface, what the file and the flags say, and who is told.
+BY_ROWS = "boundary_scale", "seams", "forbidden"
 OWN = ("V", "F", "folder", "polygon_of_face", "executor", "progress")
 NOTHING = np.empty((0, 3)), np.empty((0, 3), np.int64)
 
@@ -89,8 +91,9 @@ class Settings:
         function, flags = MAPS[self.kind]
         given = [*(name for name in FLAGS if getattr(self, name)), *self.options]
         refuse_unknown(self.kind, function, given, flags)
-        if (self.clean or self.is_part) and "boundary_scale" in self.options:
-            raise ValueError("boundary_scale is by rows, which clean and parts change")
+        by_rows = [name for name in self.options if name in BY_ROWS]
+        if (self.clean or self.is_part) and by_rows:
+            raise ValueError(f"{by_rows[0]} is by rows, which clean and parts change")
         with suppress(MeshError):  # of no surface, which comes when the options have been looked at
             self.map(NOTHING)
 
@@ -224,6 +227,7 @@ def map_one(
     The errors are those of `disk_map` and its kin; MeshError names polygons of the file.
     """
     if not settings.clean and not settings.is_part:
+        settings = replace(settings, options=with_texture(settings.options, source))
         with naming_polygons(polygon_of_face):
             return _map((V, F), polygon_of_face, settings, progress)
     cleaned = _prepared(V, F, settings, source)  # where faces have other numbers

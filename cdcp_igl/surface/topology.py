@@ -153,6 +153,11 @@ class Topology:
         )
         return components_of_pairs(rows, columns, self.F.size)
 
+    def vertices_across(self, one: Indices, other: Indices) -> Ints:
+        """(m, 3) numbers of the corners: those that hang together across these twins are one."""
+        _, fan = self.fans_across(one, other)
+        return np.ascontiguousarray(fan.reshape(3, -1).T, dtype=np.int64)
+
     @cached_property
     def pinched(self) -> Ints:
         """Vertices whose corners form more than one fan across twins."""
