@@ -35,12 +35,13 @@ bench: setup
 	$(PYTHON) -m benchmarks figures --out benchmarks/results
 	$(PYTHON) -m benchmarks readme
 
-# The pages, into docs/build/html; a warning or a broken link is an error. From scratch, as
-# their pictures and outputs depend on the whole package.
+# The pages, into docs/build/html; a warning, a broken link or what does not fit a screen is an
+# error. From scratch, as their pictures and outputs depend on the whole package.
 docs: .venv/docs
 	rm -rf docs/build docs/gallery docs/generated
 	$(PYTHON) -m sphinx -W --keep-going -n -q -b html docs docs/build/html
 	$(PYTHON) docs/check_links.py docs/build/html
+	$(PYTHON) docs/check_pages.py docs/build/html
 
 .venv/docs: .venv/ready
 	$(PYTHON) -m pip install --quiet --editable '.[docs]'

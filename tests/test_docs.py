@@ -14,6 +14,7 @@ import igl
 import matplotlib as mpl
 import numpy as np
 import pytest
+from browser import chromium
 from typer.testing import CliRunner
 
 import cdcp_igl
@@ -136,6 +137,31 @@ def test_links_are_checked(tmp_path):
         assert len(list(complaints(tmp_path))) == n
     (tmp_path / "style.css").write_text("@import url('https://c.org/x.css')")
     assert len(list(complaints(tmp_path))) == len(bad) + 1
+
+
+def test_pages_are_looked_at_in_a_browser(tmp_path):
+    complaints = runpy.run_path(str(DOCS / "check_pages.py"))["complaints"]
+    (tmp_path / "gallery").mkdir()
+    good = '<div class="math"><svg width="99"></svg></div><table><tr><td>1</table>'
+    dot = '<svg xmlns="http://www.w3.org/2000/svg" width="{}" height="9"></svg>'
+    (tmp_path / "gallery" / "small.svg").write_text(dot.format(99))
+    pages = {
+        "fits": good,
+        "wide": '<p style="width: 500px">so',  # on a phone only
+        "cut": '<div class="math" style="overflow-x: auto"><p style="width: 2000px">',
+        "empty": "<table><tr><th>method<tr><td></table>",
+        "later": "This is not measured yet.",
+        "gallery/small": '<img src="small.svg">',
+    }
+    for name, text in pages.items():
+        (tmp_path / f"{name}.html").write_text(f"<!doctype html><article>{text}</article>")
+    driver = chromium()
+    try:
+        found = [said.partition(".html, ")[::2] for said in complaints(tmp_path, driver)]
+    finally:
+        driver.quit()
+    assert [page for page, _ in found] == sorted([*list(pages)[1:], *list(pages)[2:]])
+    assert found[-1][1].startswith("400 pixels: is ")  # of the wide one
 
 
 def test_every_test_that_a_page_cites_is_there(extensions):
