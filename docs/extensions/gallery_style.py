@@ -29,7 +29,9 @@ def _figures(block, block_vars, gallery_conf):
     variables = block_vars["example_globals"]
     paths = []
     for name, value in variables.items():
-        if isinstance(value, Figure) and re.search(rf"^{name} = ", block[1], re.MULTILINE):
+        known_to_pyplot = hasattr(value, "number")  # and found by the next scraper
+        made_here = re.search(rf"^{name} = ", block[1], re.MULTILINE)
+        if isinstance(value, Figure) and made_here and not known_to_pyplot:
             paths.append(next(block_vars["image_path_iterator"]))
             value.savefig(paths[-1], dpi=100)
     return figure_rst(paths, gallery_conf["src_dir"])
