@@ -71,7 +71,8 @@ def typical(model, method, section="tables", *, n=100, repeat=0):
     counts = np.zeros(len(EDGES), dtype=int)
     counts[: 10 * (2 + len(method))] = 100
     of_map = {
-        **{"mean": MEANS.get(method, 1.5), "sd": 2.0, "max": 50.0, "area": 1.0, "flips": 0.0},
+        **{"mean": MEANS.get(method, 1.5), "sd": 2.0, "max": 50.0, "area_sd": 1.0, "flips": 0.0},
+        **{"texels": 3.0},
         **{"boundary_error": 1e-16, "histogram": counts.tolist()},
     }
     phases = {"cdcp": PHASES, "factor": ("analyse", "factor")}.get(method, ())

@@ -106,7 +106,7 @@ _OWN = Methods(
 _SETTINGS = (
     *("cdcp refine=0", "cdcp refine=5", "cdcp refine=10 refine_norm=1.2", "cdcp preset=paper"),
     *("cdcp mobius=area", "free refine=5", "sphere refine=0", "sphere refine=5"),
-    *("free keep=lengths", "cdcp keep=areas"),
+    *("free keep=0.2", "free keep=lengths", "free keep=areas", "cdcp keep=areas"),
 )
 
 METHODS = Methods(
@@ -128,7 +128,8 @@ COST = {
     **{"bff": 1.5, "bff_disk": 4, "rectangle": 2, "free": 1.3, "free refine=5": 4},
     **{"cdcp preset=paper": 2.5, "cdcp refine=5": 3.6, "cdcp refine=10 refine_norm=1.2": 6},
     **{"factor": 0.8, "sphere": 1.5, "sphere refine=5": 4, "flash": 2},
-    **{"slim": 150, "arap": 30, "sem": 20, "free keep=lengths": 10, "cdcp keep=areas": 20},
+    **{"slim": 150, "arap": 30, "sem": 20, "cdcp keep=areas": 20},
+    **{"free keep=0.2": 10, "free keep=lengths": 10, "free keep=areas": 15},
     **{"xatlas": 300, "Blender conformal": 20},
     **{"Blender angle-based": 60, "Blender minimum stretch": 150, "MeshLab LSCM": 3},
 }

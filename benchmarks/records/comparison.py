@@ -12,7 +12,7 @@ from cdcp_igl.arrays import Floats
 
 from .results import Section
 
-QUANTITIES = ("mean", "sd", "area", "seconds", "memory")
+QUANTITIES = ("mean", "sd", "area_sd", "texels", "seconds", "memory")
 TIE = 1e-6  # relative difference below which two numbers differ by rounding only
 
 

@@ -14,7 +14,10 @@ from .paper import row_of
 from .record import OPENED, Record
 
 FROM = 17_000  # vertices of the smallest model to which growth is fitted
-NUMBERS = ["mean", "sd", "max", "area", "flips", "boundary_error", "seconds", "memory"]
+NUMBERS = [
+    *("mean", "sd", "max", "area_sd", "texels"),
+    *("flips", "boundary_error", "seconds", "memory"),
+]
 
 
 class NotMeasured(Exception):

@@ -21,13 +21,14 @@ from cdcp_igl.io.output import whole_file, write_text
 from cdcp_igl.plot.raster import Bytes
 from cdcp_igl.plot.scene import SCALE, Scene
 
+from ..measure.models import TIERS
 from ..records.paper import published
 from ..records.record import EDGES, Record
 from ..records.results import Measured, NotMeasured, Section
 from .figures import PLOTS
 from .figures.charts import histogram
 from .figures.style import Plot, encode, model_name, style
-from .sections import COLUMNS, about, case, cases, in_order, tables
+from .sections import COLUMNS, about, case, cases, in_order, in_short, tables
 from .table import Table, markdown, told
 
 PIXELS = 300  # of the pictures on the page of a surface
@@ -54,10 +55,26 @@ def as_markdown(machine: Mapping[str, Any], measured: Measured) -> str:
     -------
     str
     """
-    parts = ["# Measured results", "\n".join(_fact(*fact) for fact in about(machine))]
+    parts = [f"# {_title(machine)}"]
+    if "tables" in measured.sections:
+        parts += ["## In short", markdown(in_short(measured.sections["tables"], anchor))]
+    parts += ["## What was measured on", "\n".join(_fact(*fact) for fact in about(machine))]
     for table in tables(measured):
         parts += [part for part in (f"## {table.title}", table.text, markdown(table)) if part]
     return "\n\n".join(parts) + "\n"
+
+
+def _title(machine: Mapping[str, Any]) -> str:
+    """Say in words which surfaces were mapped, and where."""
+    commands = " ".join(machine["commands"].values())
+    tiers = [tier for tier in TIERS if f"--tier {tier}" in commands]
+    of = f"CDCP-bench {tiers[0]}" if tiers else "The paper's surfaces, and others"
+    return f"{of}, on {machine['cores']} cores, {machine['date']}"
+
+
+def anchor(title: str) -> str:
+    """Return the link to a section of the page."""
+    return "#" + re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-")
 
 
 def _fact(name: str, text: str) -> str:

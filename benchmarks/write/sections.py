@@ -17,24 +17,41 @@ from ..records.comparison import QUANTITIES, paired, ranking, summary
 from ..records.paper import PUBLISHED, published, row_of
 from ..records.results import FROM, Measured, Section, growth
 from .figures.style import STYLES, in_words, style
-from .table import NOTHING, Cell, Content, Row, Table, best, entitled, name, number, word
+from .table import (
+    NOTHING,
+    Cell,
+    Content,
+    Row,
+    Table,
+    best,
+    entitled,
+    measured_part,
+    name,
+    number,
+    word,
+)
 
 COLUMNS = (
-    *("method", "mean °", "SD °", "max °", "area", "flips", "boundary error", "s", "s / F"),
-    *("MiB", "outcome"),
+    *("method", "mean °", "SD °", "max °", "area", "texels", "flips", "boundary error", "s"),
+    *("s / F", "MiB", "outcome"),
 )
 FORMATS = {
-    **{"mean": ".3f", "sd": ".3f", "max": ".1f", "area": ".3f", "flips": ",.0f"},
-    **{"boundary_error": ".0e", "seconds": ".3g"},
+    **{"mean": ".3f", "sd": ".3f", "max": ".1f", "area_sd": ".3f", "texels": ".3g"},
+    **{"flips": ",.0f", "boundary_error": ".0e", "seconds": ".3g"},
 }
 
 # Methods that are what others are measured by, or have tables of their own.
 UNITS = ("factor", "cdcp warm", "cdcp sequence", "import")
+OURS = {"disk": "cdcp", "free": "free", "sphere": "sphere"}  # of each kind, by default
+BEST, SUMMED = "Which method for what", "Over all surfaces"  # titles of tables
+TABLE_1 = "Table 1: angular distortion, {}"
+TABLE_2 = "Table 2: seconds and memory, {}"
 PAIRED = ("cdcp", "cdcp refine=5")  # against which all others are tested
 COMPARED = {"mean": "mean °", "sd": "SD °", "seconds": "s"}  # in these tests
 FAMILY_TITLES = {"disk": "onto the disk", "free": "free outline", "sphere": "onto the sphere"}
 PURPOSES = {
-    **{"mean": "least mean angular distortion", "sd": "least SD of it", "area": "evenest areas"},
+    **{"mean": "least mean angular distortion", "sd": "least SD of it"},
+    **{"area_sd": "evenest areas", "texels": "evenest texels"},
     **{"seconds": "least time", "memory": "least memory"},
 }
 RANKED = 3  # methods that are named for each purpose
@@ -68,22 +85,23 @@ def tables(measured: Measured) -> list[Table]:
     sections = measured.sections
     made = list(_accuracy(sections["tables"])) if "tables" in sections else []
     for section, makers in {
-        "peers": (peer_table, peer_times),
+        "peers": (peer_table, peer_areas, peer_times),
         "speed": (_unit, _multiples, _peaks, _small, _sequences),
         "growth": (_growth,),
         "ablation": (_ablation,),
         "rescue": (rescue_table,),
     }.items():
         made += [make(sections[section]) for make in makers if section in sections]
-    return [table for table in made if table.rows]
+    return [table for table in map(measured_part, made) if table.rows]
 
 
 @entitled("cases")
 def cases(results: Section) -> Content:
     """All cases.
 
-    Every method on every surface. Area is the mean |log of the ratio of areas|; the boundary
-    error is the largest deviation from the unit circle.
+    Every method on every surface. Area is the SD of the log of the ratio of areas; texels, the
+    density of texels that 95 percent of the surface have at most, by that of 5 percent; the
+    boundary error, the largest deviation from the unit circle.
     """
     methods = in_order(results)
     return ["surface", "n", *COLUMNS], [
@@ -105,8 +123,45 @@ def _accuracy(results: Section) -> Iterator[Table]:
             title = f"{style(base).label} against each other method"
             yield replace(_paired(results, base), id=f"paired-{k}", title=title)
     for family, title in FAMILY_TITLES.items():
-        for table in (_distortion(results, family), _time(results, family)):
+        for make in (_distortion, _areas, _time):
+            table = make(results, family)
             yield replace(table, id=f"{table.id}-{family}", title=f"{table.title}, {title}")
+
+
+@entitled("short")
+def in_short(results: Section, anchor: Callable[[str], str]) -> Content:
+    """In short.
+
+    A row for each kind of map, with links to the rows behind it.
+    """
+    summed, rows = summary(results), []
+    for family, title in FAMILY_TITLES.items():
+        own = OURS[family]
+        accurate, fast = (ranking(results, family, name) for name in ("mean", "seconds"))
+        if own not in summed.index or not accurate:
+            continue
+
+        def link(text: str, table: str, title: str = title) -> Cell:
+            known = len(results.mapped) > 1 or table not in (BEST, SUMMED)
+            return word(f"[{text}]({anchor(table.format(title))})" if known else text)
+
+        times = {method: ratio for method, ratio, _ in fast}
+        of = summed.loc[own]
+        lost = {m: len(results.failed(m)) for m in results.maps if results.family[m] == family}
+        worst = sorted((m for m in lost if lost[m]), key=lambda m: -lost[m])[:RANKED]
+        rows.append(
+            [
+                name(title),
+                link(f"{style(accurate[0][0]).label}, on {accurate[0][2]:.0%}", TABLE_1),
+                link(f"{of['mean 0.5']:.3g}°", SUMMED),
+                link(f"{style(fast[0][0]).label}, on {fast[0][2]:.0%}", TABLE_2),
+                link(f"{times[own]:.3g} × the least", BEST) if own in times else Cell(NOTHING),
+                link(f"{of['surfaces'] * of['mapped']:.0f} of {of['surfaces']:.0f}", SUMMED),
+                link(", ".join(f"{style(m).label}: {lost[m]}" for m in worst) or "none", SUMMED),
+            ]
+        )
+    columns = ["least angular distortion", "CDCP, median", "least time", "CDCP, time"]
+    return ["", *columns, "CDCP maps", "surfaces without a map"], rows
 
 
 @entitled("best")
@@ -124,8 +179,9 @@ def best_table(results: Section) -> Content:
                 f"{style(method).label}: {median:.3g} ({share:.0%})"
                 for method, median, share in ranking(results, family, quantity)[:RANKED]
             ]
-            ranked += [NOTHING] * (RANKED - len(ranked))
-            rows.append([name(f"{purpose}, {title}"), *map(word, ranked)])
+            if ranked:
+                ranked += [NOTHING] * (RANKED - len(ranked))
+                rows.append([name(f"{purpose}, {title}"), *map(word, ranked)])
     return ["for", "first", "second", "third"], rows
 
 
@@ -148,8 +204,8 @@ def summary_table(results: Section) -> Content:
             text = f"{middle:.3g} ({low:.3g}–{high:.3g})"
             row.append(Cell(text, middle) if middle == middle else Cell(NOTHING))
         rows.append(row)
-    columns = ["surfaces", "mapped, %", "no flips, %", "mean °", "SD °", "area", "s", "MiB"]
-    return ["method", "family", *columns], rows
+    shares, of = ["surfaces", "mapped, %", "no flips, %"], ["mean °", "SD °", "area", "texels"]
+    return ["method", "family", *shares, *of, "s", "MiB"], rows
 
 
 @entitled("paired")
@@ -182,6 +238,17 @@ def _distortion(results: Section, family: str) -> Content:
     return _beside_the_paper(results, family, distortion_cell(results, ".3f"), "mean")
 
 
+@entitled("areas")
+def _areas(results: Section, family: str) -> Content:
+    """Areas.
+
+    SD over the faces of the log of the ratio of areas / density of texels: how many times longer
+    lengths are in the image where 95 percent of the surface have less, than where 5 percent do.
+    """
+    made = _beside_the_paper(results, family, area_cell(results), "")
+    return made if _has_areas(results) else (made[0], [])
+
+
 @entitled("time")
 def _time(results: Section, family: str) -> Content:
     """Table 2: seconds and memory.
@@ -199,7 +266,7 @@ def _beside_the_paper(
     members = [method for method in in_order(results) if results.family[method] == family]
     labels = [style(method).label for method in members]
     rows = grid(results, members, cell)
-    if family == "disk" and any(row_of(model) for model in results.sizes):
+    if family == "disk" and quantity and any(row_of(model) for model in results.sizes):
         labels += [f"paper: {style(method).label}" for method in PUBLISHED]
         rows = [[*row, *_published(row[0].model, quantity)] for row in rows]
     return ["surface", "n", *labels], rows
@@ -409,6 +476,16 @@ def peer_table(results: Section) -> Content:
     return _beside_cdcp(results, distortion_cell(results, ".3f"))
 
 
+@entitled("peers-areas")
+def peer_areas(results: Section) -> Content:
+    """Other programs: areas.
+
+    SD of the log of the ratio of areas / density of texels, as above.
+    """
+    made = _beside_cdcp(results, area_cell(results))
+    return made if _has_areas(results) else (made[0], [])
+
+
 @entitled("peers-time")
 def peer_times(results: Section) -> Content:
     """Other programs: seconds and memory.
@@ -465,12 +542,11 @@ def model_cells(results: Section, model: str) -> Row:
 
 def grid(results: Section, methods: Sequence[str], cell: Callable[[str, str], Cell]) -> list[Row]:
     """One row a model, one column a method."""
-    compared = [k for k, method in enumerate(methods) if method in PUBLISHED]
     rows = []
     for model in results.sizes:
         if any(results.of(model, method) for method in methods):
             made = [failure_cell(results, model, m) or cell(model, m) for m in methods]
-            made = best(made, compared) if len(compared) > 1 else made
+            made = best(made, range(len(made))) if len(made) > 1 else made
             rows.append([*model_cells(results, model), *made])
     return rows
 
@@ -491,6 +567,21 @@ def distortion_cell(results: Section, form: str) -> Callable[[str, str], Cell]:
         mean, sd, flips = (results.median(model, method, q) for q in ("mean", "sd", "flips"))
         folded = f", {flips:,.0f} flips" if flips > 0 else ""
         return Cell(f"{mean:{form}} / {sd:{form}}{folded}", mean)
+
+    return cell
+
+
+def _has_areas(results: Section) -> bool:
+    """Whether they were measured, which old results were not."""
+    return bool(results.medians["area_sd"].notna().any())
+
+
+def area_cell(results: Section) -> Callable[[str, str], Cell]:
+    """Write the SD of the log of the ratio of areas and the density of texels."""
+
+    def cell(model: str, method: str) -> Cell:
+        area, texels = (results.median(model, method, q) for q in ("area_sd", "texels"))
+        return Cell(f"{area:.3f} / {texels:.3g}", area)
 
     return cell
 

@@ -87,6 +87,14 @@ def number(value: float, form: str | Callable[[float], str]) -> Cell:
     return Cell(form(value) if callable(form) else format(value, form), value)
 
 
+def measured_part(table: Table) -> Table:
+    """Leave out the columns in which nothing is."""
+    at = range(len(table.headings))
+    kept = [k for k in at if any(row[k].text != NOTHING for row in table.rows)]
+    rows = [[row[k] for k in kept] for row in table.rows]
+    return replace(table, headings=[table.headings[k] for k in kept], rows=rows)
+
+
 def best(cells: Row, among: Sequence[int]) -> Row:
     """Mark the least value among some columns, all that read the same."""
     values = {k: round(cells[k].value or 0, 3) for k in among if cells[k].value is not None}

@@ -15,5 +15,6 @@ PLOTS = (
     charts.mobius_seconds,
     charts.factorizations,
     charts.phases,
+    charts.angles_against_areas,
     charts.performance_profiles,
 )

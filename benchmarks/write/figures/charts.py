@@ -23,6 +23,11 @@ COMPARED = (
     *("fdcp", "ldcp", "cem", "ricci", "cdcp", "cdcp refine=5", "harmonic", "lscm", "bff"),
     "free refine=5",
 )
+BALANCED = (
+    *("cdcp", "cdcp mobius=area", "cdcp keep=areas", "sem", "harmonic"),
+    *("free", "free keep=0.2", "free keep=lengths", "free keep=areas"),
+    *("lscm", "abf", "bff", "slim", "arap"),
+)
 CENTERS = ("center heat t=1e4 without Möbius", "center centroid without Möbius")
 MOBIUS = ("default", "without Möbius")
 REPEATED = ("cdcp", "cdcp refine=5", "free", "harmonic", "lscm")
@@ -283,6 +288,41 @@ def _draw_rows(
 def _draw_markers(axes: Axes, method: str, x: Any, y: Any, more: str = "") -> None:
     drawn: dict[str, Any] = {"color": style(method).color, "marker": style(method).marker}
     axes.plot(x, y, label=style(method).label + more, linestyle="", markersize=5, **drawn)
+
+
+# -- angles against areas ---------------------------------------------------------------
+
+
+@drawn_to("angles-areas.png")
+def angles_against_areas(measured: Measured) -> Figure:
+    """Angles against areas.
+
+    Mean angular distortion, and standard deviation of the log of the ratio of areas: the nearer to
+    the lower left corner, the better. Lines join maps of this library with the same outline, by
+    what they keep.
+    """
+    results, methods = _require(measured, BALANCED)
+    look.require_few(results)
+    x, y = (_values(results, methods, name) for name in ("area_sd", "mean"))
+    models = list(results.mapped)
+    rows = -(-len(models) // COLUMNS)
+    figure, panels = new(11, 0.8 + 2.6 * rows, nrows=rows, ncols=COLUMNS)
+    for axes in panels.flat[len(models) :]:
+        axes.set_axis_off()
+    for k, (axes, model) in enumerate(zip(panels.flat, models, strict=False)):
+        for own in ("cdcp", "free"):
+            kept = [m for m in methods if m == own or m.startswith(f"{own} keep=")]
+            curve = sorted((x[m][k], y[m][k]) for m in kept if np.isfinite(x[m][k]))
+            axes.plot(*zip(*curve, strict=True), color=style(own).color, linewidth=0.9, zorder=1)
+        for method in methods:
+            _draw_markers(axes, method, x[method][k : k + 1], y[method][k : k + 1])
+        axes.set_title(model_name(model, measured.sizes[model]), fontsize=9)
+        axes.set_xlim(0)
+        axes.set_ylim(0)
+    legend(figure, panels[0, 0], COLUMNS)
+    figure.supxlabel("SD of log of the ratio of areas", fontsize=10, color=INK)
+    figure.supylabel("mean angular distortion in degrees", fontsize=10, color=INK)
+    return figure
 
 
 # -- time against size, by phase, and profiles -----------------------------------------

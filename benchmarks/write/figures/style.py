@@ -90,6 +90,8 @@ STYLES = {
     "ricci": Style("discrete Ricci flow", PURPLE, "H"),
     "pgcp": Style("PGCP", ORANGE, "P"),
     "cdcp keep=areas": Style("CDCP, areas", SKY, "s"),
+    "free keep=0.2": Style("CDCP, keep=0.2", SKY, "d"),
+    "free keep=areas": Style("CDCP, free outline, areas", SKY, "H"),
     "free keep=lengths": Style("CDCP, lengths", SKY, "D"),
     "sem": Style("stretch energy", ORANGE, "D"),
     "slim": Style("SLIM, free boundary", GREEN, "<"),
