@@ -14,6 +14,7 @@ from typing import NamedTuple
 CALLS = {
     "clean": ("cdcp_igl.clean", "cdcp-igl map --clean"),
     "close": ("cdcp_igl.clean with close=True", "cdcp-igl map --sphere --clean"),
+    "from_1": ("pass F - 1", "subtract 1 from each in the file"),
     "within": ("cdcp_igl.clean with within=", "cdcp-igl map --clean --within "),
     "flip": ("cdcp_igl.clean with flip_ears=True", "in Python, clean with flip_ears=True"),
     "sew": ("cdcp_igl.clean with fill=False", "cdcp-igl map --annulus --clean"),
@@ -78,7 +79,7 @@ DEFECTS = {
     ),
     "shape of F": Row(
         "F has shape {shape}",
-        "It must be (m, 3) with m at least 1; triangulate polygons first.",
+        "It must be (m, 3) with m at least 1; polygons are taken in one object with V, as (V, F).",
     ),
     "V and F swapped": Row(
         "V has the corners of faces, and F has coordinates",
@@ -134,12 +135,12 @@ DEFECTS = {
     ),
     "index out of range, from 1": Row(
         "an index outside 0..{last}",
-        "The indices count from 1: pass F - 1.",
+        "The indices count from 1: {from_1}.",
         subject=("face has", "faces have"),
     ),
     "indices from 1": Row(
         "No face has vertex 0, and edges would be far shorter if indices counted from 1",
-        "Pass F - 1.",
+        "They do: {from_1}, and leave out the last row of V, which no face uses then.",
     ),
     "fractional index": Row(
         "an index that is no integer",
@@ -277,6 +278,10 @@ DEFECTS = {
     ),
     "unreadable file, empty": Row(
         "no vertices were found in {name!r}", "Export it again, or in another format."
+    ),
+    "unreadable file, without a map": Row(
+        "{name!r} has no texture coordinates",
+        "Export them with the surface; {surface_map} makes some.",
     ),
     "unreadable file, of parts": Row(
         "{name!r} is cut off, or damaged", "Part the surface again, to another folder."

@@ -3,13 +3,12 @@
 import re
 from contextlib import suppress
 from itertools import product
-from types import SimpleNamespace
 
 import meshes
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
-from surfaces import sphere, torus
+from surfaces import sphere
 from test_clean import assert_mended
 from test_cutting import assert_cut
 from test_surface_map import assert_consistent
@@ -18,7 +17,6 @@ from typer.main import get_command
 import cdcp_igl
 from cdcp_igl.command_line.program import app
 from cdcp_igl.defects import CLEAN, CUT, DEFECTS
-from cdcp_igl.io import read_mesh
 from cdcp_igl.surface.mesh import DiskMesh
 
 NASTY = pytest.mark.parametrize("case", meshes.NASTY.values(), ids=meshes.NASTY.keys())
@@ -70,48 +68,6 @@ def test_nasty_meshes_are_mended_or_refused(function, name):
             np.testing.assert_array_equal(raised.value.indices, rows)
     else:
         assert_promised(function(V, F), V, F)
-
-
-def raised_outside_of_check(folder):
-    """Calls that find the defects that are not those of a surface."""
-    V, F = meshes.grid()
-    yield lambda: cdcp_igl.clean(0 * V, F)
-    yield lambda: cdcp_igl.cut(V, F, path=[0, 2])
-    yield lambda: cdcp_igl.angle_distortion(V, F, np.full((len(V), 2), np.nan))
-    yield lambda: DiskMesh(V, F).moved(V[:-1])
-    yield lambda: cdcp_igl.sphere_map(V, F)
-    yield lambda: cdcp_igl.clean(np.vstack([V[::-1], [9, 9, 9]]), len(V) - F)
-    yield lambda: cdcp_igl.cdcp(np.where(V[:, :1] > 3, 0, V + 99), F)
-    yield lambda: cdcp_igl.annulus_map(V, F)
-    yield lambda: cdcp_igl.annulus_map(*meshes.ear_at_a_hole()[:2])
-    yield lambda: cdcp_igl.disk_map(*torus())
-    yield lambda: cdcp_igl.check(V)
-    yield lambda: cdcp_igl.check(SimpleNamespace(to_legacy=None))
-    yield lambda: cdcp_igl.cdcp(V, F.ravel())
-    yield lambda: cdcp_igl.cdcp(V, [SimpleNamespace(type="triangle", data=F)])
-    parts = cdcp_igl.partition((V, F), folder / "parts", parts=2)
-    (folder / "parts" / "parts.json").write_text("{")
-    yield lambda: cdcp_igl.parts_map(parts)
-    np.savez(folder / "columns.npz", V=V.T, F=F.T)
-    files = {"mesh.txt": "", "mesh.off": "3 1 0\n", "mesh.obj": "v 0 0 0\nv 1 0 0\nf 1 2\n"}
-    for name, text in files.items():
-        (folder / name).write_text(text)
-    for path in ("columns.npz", "", "mesh\0.obj", *files):
-        yield lambda path=path: read_mesh(folder / path)
-
-
-def test_every_row_of_the_table_is_raised(tmp_path):
-    found = set()
-    for _, V, F, _ in meshes.NASTY.values():
-        found |= {(defect.name, defect.remedy) for defect in cdcp_igl.check(V, F).defects}
-    for call in raised_outside_of_check(tmp_path):
-        with pytest.raises(cdcp_igl.MeshError) as raised:
-            call()
-        found |= {(defect.name, defect.remedy) for defect in raised.value.defects}
-    missing = {
-        key for key, row in DEFECTS.items() if (key.partition(", ")[0], row.remedy) not in found
-    }
-    assert missing == set()
 
 
 @pytest.mark.parametrize("row", DEFECTS.values(), ids=DEFECTS)

@@ -134,26 +134,6 @@ def test_a_pole_of_many_vertices_and_a_floor_are_no_missing_data():
         assert "points without data" not in names
 
 
-@pytest.mark.parametrize("row", ["boundary", "one boundary loop", "points without data"])
-def test_in_the_shell_the_remedy_leads_out(tmp_path, row):
-    """Each call is refused and names a command, which maps the surface."""
-    W, G = surfaces.sphere(12, 16)
-    P, _ = depth_image()
-    P[8:, :3] = 0
-    V, F, onto = {
-        "boundary": (W, G[W[G].mean(axis=1)[:, 2] < 0.3], "--sphere"),
-        "one boundary loop": (*tube(), "--annulus"),
-        "points without data": (P.reshape(-1, 3), tube(14, 12)[1], ""),
-    }[row]
-    used, rows = np.unique(F, return_inverse=True)
-    surface, out = tmp_path / "a.npz", tmp_path / "out.npz"
-    np.savez(surface, V=V[used], F=rows.reshape(-1, 3))
-    refused = invoke("map", *[onto] * bool(onto), surface, out)
-    assert refused.exit_code
-    assert f"map {onto} --clean".replace("  ", " ") in " ".join(refused.output.split())
-    assert invoke("map", *[onto] * bool(onto), "--clean", surface, out).exit_code == 0
-
-
 # -- seams of one's own ----------------------------------------------------------------
 
 

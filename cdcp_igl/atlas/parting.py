@@ -16,6 +16,7 @@ from ..surface.triangles import face_areas
 from .cut_graph import Component, OpenedComponent, split_components
 from .cut_paths import way_to
 from .nets import seam_cost
+from .sheets import part_sheets
 
 # A component of fewer faces is not parted, and its cut grows once: of 80 boxes, tubes and
 # icosahedra, one gained by a second time. Others are parted where each side has this share of the
@@ -31,7 +32,8 @@ def pieces(opened: OpenedComponent) -> list[Component]:
     """Components of an opened surface, which keep its cut, without what fills holes."""
     component, F = opened.component, opened.F[: len(opened.component.rows)]
     polygon, forbidden = component.polygon[: len(F)], component.forbidden[: len(F)]
-    parts = split_components(opened.positions, F, F, polygon, forbidden)
+    sheets = part_sheets(opened.positions, F)  # where a cut ends at a hole, two fans are left
+    parts = split_components(opened.positions, F, sheets, polygon, forbidden)
     return [replace(part, rows=component.rows[part.rows]) for part in parts]
 
 

@@ -28,6 +28,7 @@ COLUMNS = {  # heading and format of the numbers in a table
     "area": ("area", ".3f"),
     "flips": ("flips", ",.0f"),
     "seconds": ("s", ".2f"),
+    "memory": ("MiB", ",.0f"),
 }
 
 

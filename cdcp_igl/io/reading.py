@@ -23,6 +23,7 @@ from .archives import read_mat, read_npz
 from .glb import read_gltf
 from .neuro import read_neuro, reads_as_neuro
 from .ply import read_ply
+from .polygons import triangulated
 from .stl import read_stl
 from .text import read_obj, read_off
 from .vtk import read_vtk
@@ -141,12 +142,14 @@ def read_polygons(
         V, F, *polygons = reader(path)
     if len(V) == 0:
         raise _empty(path)
-    if path.suffix.lower() in (".npz", ".mat") and _counts_from_one(V, F):
-        F = F - 1
-        if (np.rint(F) == F).all():  # fractions stay, and are refused as those of any mesh
-            F = F.astype(np.int64)
-        if note:
-            note("The faces count vertices from 1, as in MATLAB; 1 was subtracted.")
+    if path.suffix.lower() in (".npz", ".mat"):
+        if _counts_from_one(V, F):
+            F = F - 1
+            if (np.rint(F) == F).all():  # fractions stay, and are refused as those of any mesh
+                F = F.astype(np.int64)
+            if note:
+                note("The faces count vertices from 1, as in MATLAB; 1 was subtracted.")
+        F, *polygons = triangulated(V, F)
     return V, F, polygons[0] if polygons else np.arange(len(F))
 
 

@@ -69,17 +69,16 @@ def read_texture(path: str | PathLike[str]) -> tuple[Floats, Ints, Floats]:
     """
     path = Path(path)
     V, F = read_mesh(path)
-    reason = f"{path.name!r} has no texture coordinates"
     if path.suffix.lower() not in TEXTURED:
         reason = f"{path.name!r} is of no type with texture coordinates: {' '.join(TEXTURED)}"
-    else:
-        with file_to_read(path):
-            uv = TEXTURED[path.suffix.lower()](path)
-            if uv.shape != (len(F), 3, 2):
-                raise Damage("its texture coordinates are not those of its faces")
-        if not np.isnan(uv).all():
-            return V, F, uv
-    raise MeshError(Defect.of("unreadable file", reason=reason))
+        raise MeshError(Defect.of("unreadable file", reason=reason))
+    with file_to_read(path):
+        uv = TEXTURED[path.suffix.lower()](path)
+        if uv.shape != (len(F), 3, 2):
+            raise Damage("its texture coordinates are not those of its faces")
+    if np.isnan(uv).all():
+        raise MeshError(Defect.of("unreadable file, without a map", name=path.name))
+    return V, F, uv
 
 
 def with_texture(options: Mapping[str, Any], path: str | PathLike[str]) -> dict[str, Any]:
