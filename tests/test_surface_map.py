@@ -32,6 +32,11 @@ def assert_consistent(result, V, F):
     assert result.shares.sum() == pytest.approx(1)
 
 
+def test_what_filled_a_hole_leaves_no_fans_at_one_vertex():
+    """Where a cut ends at the hole, and the part that has it is parted on."""
+    assert cdcp_igl.surface_map(*surfaces.voxels(5, size=4, missing=8)).valid
+
+
 @settings(max_examples=5)
 @given(surfaces.random_voxels(3), st.integers(0, 1000), st.sampled_from([0, 0.3]))
 def test_flipped_faces_are_mapped_as_the_others(mesh, seed, share):
