@@ -12,7 +12,7 @@ import pytest
 import surfaces
 from batches import batch
 from commands import invoke
-from test_seams import depth_image, tube
+from test_seams import depth_image, edges_of, tube
 
 import cdcp_igl
 from cdcp_igl import annulus_map, clean, cut, disk_map, sphere_map, surface_map
@@ -123,6 +123,7 @@ def cases_in(folder):
     path = F[np.isin(F, inside).all(axis=1)][0, :2].tolist()
     flat = np.hstack([np.full((len(F), 1), 3), F]).ravel()
     band = meshes.NASTY["Moebius strip"][1:3]
+    egg = surfaces.sphere(4, 6)
     ring = meshes.NASTY["annulus"][1:3]
     uv = np.asarray(V[:, :2])
     return {
@@ -189,6 +190,17 @@ def cases_in(folder):
         ],
         "not an edge": [
             Case([path[0], len(V) - 1], path, lambda steps: cut(V, F, path=steps), shell=())
+        ],
+        "not an edge, but a pair": [
+            Case([[0, len(V) - 1]], [path], lambda edges: surface_map(V, F, seams=edges), shell=())
+        ],
+        "no way for a cut": [
+            Case(
+                edges_of(egg[1]),
+                edges_of(egg[1])[:2],
+                lambda edges: surface_map(*egg, forbidden=edges),
+                shell=(),
+            )
         ],
         "too few corners": [Case(folder / "few.obj", good)],
         "unreadable file": [Case(folder / "scan.xyz", good)],
