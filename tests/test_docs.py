@@ -23,6 +23,7 @@ from cdcp_igl.command_line.program import app
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PROGRAMS = sorted((DOCS / "examples").glob("*.py"))
+PAGES = sorted({*DOCS.rglob("*.md")} - {*(DOCS / "generated").rglob("*.md")})
 
 # The modules whose ``__all__`` is public; see docs/reference.
 PUBLIC = (
@@ -106,7 +107,7 @@ def test_program_of_the_gallery(program, monkeypatch, tmp_path):
 
 @pytest.mark.parametrize(
     "page",
-    [page for page in DOCS.rglob("*.md") if "```python\n>>>" in page.read_text(encoding="utf-8")],
+    [page for page in PAGES if "```python\n>>>" in page.read_text(encoding="utf-8")],
     ids=lambda path: path.stem,
 )
 def test_code_on_the_pages(page):
