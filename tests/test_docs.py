@@ -243,32 +243,29 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_python(folder):
-    V, F = igl.read_triangle_mesh("face.obj")
-    known = {
-        **{"igl": igl, "cdcp_igl": cdcp_igl},
-        **{"V": V, "F": F, "V_later": V * [1, 1, 1.1], "result": cdcp_igl.disk_map(V, F)},
-        "corners": igl.boundary_loop(F)[[0, 20, 40, 60]],
-    }
-    code = [block for block in blocks("python") if not block.startswith(">>>")]
-    assert len(code) >= 4
-    for block in code + code:
-        exec(block, dict(known))
-    assert {"map.html", "map.obj"} <= {path.name for path in folder.iterdir()}
-
-
-def test_the_shell(folder):
+def test_readme_from_top_to_bottom_twice_in_one_folder(folder):
+    """All that is typed into Python, then all that is for the shell; then both again."""
+    code = [
+        "".join(example.source for example in doctest.DocTestParser().get_examples(block)) or block
+        for block in blocks("python")
+    ]
+    assert len(code) >= 6
     (text,) = (block for block in blocks("sh") if "cdcp-igl map" in block)
     lines = [shlex.split(line, comments=True) for line in text.strip().splitlines()]
     assert {program for program, *_ in lines} == {"cdcp-igl"}
-    for _, *arguments in lines:
-        done = CliRunner().invoke(app, arguments)
-        # `check` says that the statue is no disk.
-        assert done.exit_code == (2 if arguments[0] == "check" else 0), done.output
-    for _, *arguments in lines:
-        if arguments[0] == "map":  # again, without --force
-            assert CliRunner().invoke(app, arguments).exit_code == 2
-    assert {"face_disk.obj", "statue_uv.obj", "scan_disk.obj", "face.html", "batch.html"} <= {
+    for again in (False, True):
+        known = {}
+        for block in code:
+            exec(block, known)
+        for _, *arguments in lines:
+            if again and arguments[0] == "map":  # what is there is kept
+                assert CliRunner().invoke(app, arguments).exit_code == 2
+                arguments.append("--force")
+            done = CliRunner().invoke(app, arguments)
+            # `check` says that the statue is no disk.
+            assert done.exit_code == (2 if arguments[0] == "check" else 0), done.output
+    made = {"map.html", "maps.html", "map.obj", "face_disk.obj", "statue_uv.glb", "scan_disk.obj"}
+    assert made | {"face.html", "maps.png", "batch.html"} <= {
         path.name for path in folder.iterdir()
     }
 
@@ -301,8 +298,7 @@ assert_type(cdcp_igl.DiskMapper("a.glb").map(), cdcp_igl.DiskMap)
 """
 KNOWN = """
 def block_{}(
-    V: NDArray[np.float64], F: NDArray[np.int64], V_later: NDArray[np.float64],
-    result: cdcp_igl.DiskMap, corners: list[int], anything: Any,
+    V: NDArray[np.float64], F: NDArray[np.int64], result: cdcp_igl.DiskMap, anything: Any,
 ) -> None:
     {}
 """

@@ -13,7 +13,7 @@ from ..records.results import Measured, Section
 from ..records.store import ROOT, read_results
 from .figures.style import style
 from .sections import FAMILY_TITLES, model_cells
-from .table import NOTHING, Cell, Table, markdown, name, number
+from .table import Cell, Table, markdown, name, number
 
 README = ROOT / "README.md"
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
@@ -38,15 +38,16 @@ def rewrite(page: Path, file: Path) -> None:
     # Other programs were measured beside CDCP, so that their times compare.
     results = sections.get("peers") or sections["tables"]
     names = [_name(results, model) for model in SHOWN]
-    headings = ["method", *names, "flips", "time"]
+    headings = ["method", "mean °", "flips", "time"]
     rows = [_row(results, method) for method in METHODS if _mapped(results, method)]
     table = Table("readme", "", "", headings, rows)
     note = (
-        "Mean angular distortion in degrees; flipped faces on all five; median time as a multiple "
-        "of CDCP's. The first two fill the disk; the others have a free outline, which has less to "
-        f"keep. {_best(file, sections)}Measured on {about['cpu']}, "
-        f"{about['cores']} cores, commit {about['commit']}, two cases side by side, by "
-        f"`make bench`; [all numbers](benchmarks/results/{file.stem}.md)."
+        f"Mean angular distortion of {', '.join(names[:-1])} and {names[-1]} in degrees: their "
+        "median (least–greatest); flipped faces on all five; median time as a multiple of CDCP's. "
+        "The first two fill the disk; the others have a free outline, which has less to keep. "
+        f"{_best(file, sections)}Measured on {about['cpu']}, {about['cores']} cores, commit "
+        f"{about['commit']}, two cases side by side, by `make bench`; "
+        f"[all numbers](benchmarks/results/{file.stem}.md)."
     )
     write_text(page, f"{head}{BEGIN}\n{markdown(table)}\n\n{note}\n{END}{tail}")
 
@@ -81,16 +82,17 @@ def _mapped(results: Section, method: str) -> list[str]:
 
 
 def _row(results: Section, method: str) -> list[Cell]:
-    """Make the row of a method: its name, means, flipped faces, time."""
+    """Make the row of a method: its name, means, flipped faces, time; and where there is no map."""
     label = style(method).label.removesuffix(", free boundary")
     done = _mapped(results, method)
-    means = {model: results.median(model, method, "mean") for model in done}
+    means = [results.median(model, method, "mean") for model in done]
     flips = sum(results.median(model, method, "flips") for model in done)
     times = [results.median(model, method) / results.median(model, "cdcp") for model in done]
-    none = {m: Cell("no map" if results.of(m, method) else NOTHING) for m in SHOWN}
+    lost = len([model for model in SHOWN if results.of(model, method)]) - len(done)
+    ends = f"{median(means):.2f} ({min(means):.2f}–{max(means):.2f})"
     return [
         name(label),
-        *(number(means[m], ".2f") if m in means else none[m] for m in SHOWN),
+        Cell(ends + f", no map of {lost}" * bool(lost)),
         Cell(f"{flips:,.0f}"),
         number(median(times), lambda t: f"{float(f'{t:.2g}'):,g}\N{NO-BREAK SPACE}×"),
     ]

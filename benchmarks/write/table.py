@@ -88,9 +88,9 @@ def number(value: float, form: str | Callable[[float], str]) -> Cell:
 
 
 def measured_part(table: Table) -> Table:
-    """Leave out the columns in which nothing is."""
+    """Leave out the columns in which nothing is, behind name and size."""
     at = range(len(table.headings))
-    kept = [k for k in at if any(row[k].text != NOTHING for row in table.rows)]
+    kept = [k for k in at if k < 2 or any(r[k].text != NOTHING or r[k].note for r in table.rows)]
     rows = [[row[k] for k in kept] for row in table.rows]
     return replace(table, headings=[table.headings[k] for k in kept], rows=rows)
 
