@@ -268,24 +268,61 @@ def test_pins_are_where_they_are_told_to_be(hill):
     plain = cdcp_igl.free_map(*hill, keep="lengths")
     rows = plain.mesh.loop[::12]
     pins = {int(row): 1.2 * plain.uv[row] + [0.3, -1] for row in rows}
-    result = plain.pinned(pins)
+    result = cdcp_igl.free_map(*hill, keep="lengths", pins=pins)
     assert result.valid
     assert_array_equal(result.uv[rows], [*pins.values()])
     assert result.kept.dirichlet > plain.kept.dirichlet
-    pinned = cdcp_igl.free_map(*hill).pinned({0: (0, 0), 5: (1, 1)})
+    more = result.continued(keep=0.9)
+    assert_array_equal(more.uv[rows], result.uv[rows])
+    assert more.kept.texels < result.kept.texels
+    pinned = cdcp_igl.free_map(*hill, pins={0: (0, 0), 5: (1, 1)})
     assert_array_equal(pinned.uv[[0, 5]], [[0, 0], [1, 1]])
+    assert pinned.kept.keep == 0
+    plane, F, _ = cdcp_igl.datasets.square(4)
+    flipped = cdcp_igl.free_map(plane, F[:, ::-1], pins={0: (0, 0), 4: (3, 0)})
+    assert_array_equal(flipped.uv[[0, 4]], [[0, 0], [3, 0]])
+    assert flipped.valid
+
+
+def test_pins_in_the_shell(hill, tmp_path):
+    surface, out, pins = (tmp_path / name for name in ("hill.npz", "out.npz", "pins.txt"))
+    np.savez(surface, V=hill[0], F=hill[1])
+    pins.write_text("0 0 0\n\n5 1 0.5\n")
+    done = invoke("map", "--free", "--pins", pins, surface, out)
+    assert done.exit_code == 0, done.output
+    assert_array_equal(np.load(out)["uv"][[0, 5]], [[0, 0], [1, 0.5]])
+    for text in ("0 0\n", "0 0 0\n0 1 1\n", "a b c\n", "0 0 0\n"):
+        pins.write_text(text)
+        done = invoke("map", "--free", "--pins", pins, surface, out, "--force")
+        assert done.exit_code == 2
+        assert "pins" in done.output
+    assert invoke("map", "--free", "--pins", tmp_path / "no.txt", surface, out).exit_code == 2
 
 
 @pytest.mark.parametrize(
     "pins",
     [
-        *({}, {0: (0, 0)}, {0: (0, 0), 10_000: (1, 1)}, {0: (0, 0), 1: (0, 0)}, [0, 1], None),
+        *({}, {0: (0, 0)}, {0: (0, 0), 10_000: (1, 1)}, {0: (0, 0), 1: (0, 0)}, [0, 1], 5),
         *({0: (0, 0), 1: (np.nan, 1)}, {0: (0, 0), 1: (1, 2, 3)}, {0: "a", 1: (1, 1)}, {0.5: "a"}),
+        *({0: (0, 0), -1: (1, 1)}, {0: (0, 0), 1: 1}, {True: (0, 0), False: (1, 1)}, {"0": (0, 0)}),
+        *({(0, 1): (0, 0), (2, 3): (1, 1)}, {0: (0, 0), 1: (1, 1j)}, {0: (0, 0), 2**70: (1, 1)}),
     ],
 )
 def test_what_are_no_pins_is_refused(hill, pins):
     with pytest.raises(ValueError, match="pins"):
-        cdcp_igl.free_map(*hill).pinned(pins)
+        cdcp_igl.free_map(*hill, pins=pins)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        *({"align": [1, 0, 0]}, {"refine": 2}, {"boundary_scale": np.ones(9)}),
+        *({"corners": {0: 2 * np.pi}}, {"keep": "texels<2"}),
+    ],
+)
+def test_what_goes_not_with_pins_is_refused(hill, more):
+    with pytest.raises(ValueError, match="pins"):
+        cdcp_igl.free_map(*hill, pins={0: (0, 0), 5: (1, 1)}, **more)
 
 
 def test_pins_that_turn_the_map_over_are_refused(hill):
@@ -294,7 +331,7 @@ def test_pins_that_turn_the_map_over_are_refused(hill):
     places = {int(v): plain.uv[v] for v in plain.mesh.loop[::6]}
     places |= {int(a): plain.uv[b], int(b): plain.uv[a], int(c): plain.uv[c]}
     with pytest.raises(cdcp_igl.MapError, match="Leave out pins"):
-        plain.pinned(places)
+        cdcp_igl.free_map(*hill, keep="lengths", pins=places)
 
 
 def test_keep_in_the_shell_and_of_charts(hill, tmp_path):

@@ -43,9 +43,10 @@ VALUES = {
     "seams": ("keep", "x"),
     "forbidden": ([[0, 13], [0, 16]], "x"),
     "keep": ("lengths", "volumes"),
+    "pins": ({0: (0.0, 0.0), 9: (1.0, 0.0)}, {0: (0.0, 0.0)}),
 }
-# What is not in the shell: it has an environment variable, or takes a number a vertex.
-IN_PYTHON = {"solver", "boundary_scale", "free corners", "sphere align"}
+# What is not in the shell, or by a file: an environment variable, or numbers of vertices.
+IN_PYTHON = {"solver", "boundary_scale", "free corners", "sphere align", "pins"}
 SWITCHES = {"merge": "--no-merge", "fill": "--no-fill"}
 
 

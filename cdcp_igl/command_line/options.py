@@ -38,7 +38,7 @@ GROUPS = {
         "max_charts",
     ),
     "Onto what": ("free", "sphere", "annulus", "rectangle", "center", "mobius", "align", "preset"),
-    "Quality": ("keep", "refine", "refine_norm", "refine_seconds"),
+    "Quality": ("keep", "pins", "refine", "refine_norm", "refine_seconds"),
     "Output": (
         *("disk", "out_dir", "format", "force", "report", "json_file", "csv_file"),
         *("picture", "view", "pattern", "unit", "quiet"),
@@ -213,6 +213,12 @@ def _map_options(
         help="What to keep rather than angles: T from 0 over 0.5, lengths, to 0.99, areas; or the "
         "least T at which densities of texels are within D. [default: angles]",
     ),
+    pins: Path | None = typer.Option(
+        None,
+        metavar="FILE",
+        help="With --free, where vertices are to be in the plane, in the unit of IN: in each line "
+        "of FILE a vertex counted from 0, x and y.",
+    ),
     refine: int | None = typer.Option(
         None,
         metavar="N",
@@ -251,6 +257,7 @@ def _map_options(
         "align": align and (int(align) if align.isdecimal() else _numbers(align, float)),
         "preset": preset,
         "keep": keep,
+        "pins": pins and _pins(pins),
         "refine": refine,
         "refine_norm": refine_norm,
         "refine_seconds": refine_seconds,
@@ -265,15 +272,28 @@ def _map_options(
 
 def _edges(option: str, file: Path) -> list[list[int]]:
     """Read a file of two vertices in each line."""
+    return _rows(option, file, (int, int), "two vertices")
+
+
+def _rows(option: str, file: Path, kinds: tuple[type, ...], what: str) -> list[list[Any]]:
+    """Read a file of as many numbers in each line, of these kinds."""
     try:
-        rows = [line.split() for line in file.read_text().splitlines()]
-        edges = [[int(one), int(other)] for one, other in filter(None, rows)]
+        lines = filter(None, map(str.split, file.read_text().splitlines()))
+        return [[kind(x) for kind, x in zip(kinds, line, strict=True)] for line in lines]
     except OSError:
         raise typer.BadParameter(f"{option}: {file.name!r} is no file that can be read.") from None
     except ValueError:  # also of bytes that are no text
-        problem = f"{option}: {file.name!r} must have two vertices in each line."
+        problem = f"{option}: {file.name!r} must have {what} in each line."
         raise typer.BadParameter(problem) from None
-    return edges
+
+
+def _pins(file: Path) -> dict[int, tuple[float, float]]:
+    """Read vertices and their places."""
+    rows = _rows("--pins", file, (int, float, float), "a vertex, x and y")
+    places = {vertex: (x, y) for vertex, x, y in rows}
+    if len(places) < len(rows):
+        raise typer.BadParameter(f"--pins: {file.name!r} names a vertex twice.")
+    return places
 
 
 def _numbers(text: str, kind: type) -> list[Any] | str:

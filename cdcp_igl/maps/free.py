@@ -4,16 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Complex, Floats, Ints, as_complex, coordinates, distinct_rows, marked, places
+from ..arrays import (
+    Bools,
+    Complex,
+    Floats,
+    Ints,
+    as_complex,
+    coordinates,
+    distinct_rows,
+    marked,
+    places,
+)
 from ..docstrings import like
-from ..errors import MapError, SolverError, spell
+from ..errors import MapError, SolverError, counted, spell
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
@@ -78,6 +88,8 @@ class FreeMap(KeepingMap, PlaneMap):
         As of every `Result`; the seconds include those of maps that were not taken.
     area_ratio : float
         Area of the image by that of the surface.
+    pins : (k,) int64
+        Vertices that are where they were told to be; `continued` leaves them there.
     boundary : str
         ``"own lengths"``, ``"given scale"`` or ``"given angles"``. Where the outline would
         overlap itself, or flipped faces be left: ``"eased by 25%"``, so far towards the lengths
@@ -105,63 +117,41 @@ class FreeMap(KeepingMap, PlaneMap):
     certificate: OutlineCertificate
     area_ratio: float
     mirrored: bool = False
+    pins: Ints = field(default_factory=lambda: np.empty(0, np.int64))
 
     _kind = "free"
     _plane = "Plane"
     _target = Outline()
     _reported = ("area_ratio",)
 
-    def pinned(self, pins: Mapping[int, ArrayLike]) -> FreeMap:
-        """Bring vertices to where they are told to be; the rest gives way, and no face flips.
-
-        It keeps what this map keeps, lengths or areas, or else angles.
-
-        Parameters
-        ----------
-        pins : mapping of int to (2,) array_like
-            Places of some vertices, in the unit of V; two at least.
-
-        Returns
-        -------
-        FreeMap
-            This map stays as it is.
-
-        Raises
-        ------
-        ValueError
-            If `pins` is none of that, or two vertices have the same place.
-        MapError
-            If they do not all get there, or the outline comes to overlap itself; its ``result`` is
-            the map as far as it went.
-
-        Examples
-        --------
-        >>> import cdcp_igl
-        >>> V, F, _ = cdcp_igl.datasets.square(6)
-        >>> result = cdcp_igl.free_map(V, F, keep="lengths")
-        >>> longer = result.pinned({0: (-2, 0), 6: (2, 0)})
-        >>> longer.uv[[0, 6]].tolist()
-        [[-2.0, 0.0], [2.0, 0.0]]
-        """
+    def pinned_to(self, pins: tuple[Ints, Floats] | None, phase: Phases) -> FreeMap:
+        """Bring vertices to their places (k, 2), if any; the rest keeps what this map keeps."""
+        if not pins:
+            return self
+        rows, places = pins
         mesh, t = self.mesh, self.kept.keep if self.kept else 0.0
-        rows, given = _checked_pins(pins, len(mesh.V))
-        goal = self._upwards(as_complex(mesh.in_own_unit(given)))
+        goal = self._upwards(as_complex(mesh.in_own_unit(places)))
         f = self._plane_map()
         # The similarity that brings them nearest.
         at, to = f[rows] - f[rows].mean(), goal - goal.mean()
         f = (f - f[rows].mean()) * (np.vdot(at, to) / np.vdot(at, at)) + goal.mean()
-        phase = Phases()
         with phase("refine"):
             newton = Newton(mesh, f, held=marked(len(f), rows))
             reached = newton.pull(Energy.of(mesh, t), rows, goal)
-        made = replace(self.moved_to(newton.f, phase), conformality=NOT_ASKED)
+        made = replace(self.moved_to(newton.f, phase), conformality=NOT_ASKED, pins=rows)
         made = replace(made, kept=Kept.of(mesh, newton.f, t, self._target, newton.steps))
-        made.uv[rows] = np.where(reached, given, made.uv[rows])
         if not reached:
             left = abs(newton.f[rows] - goal)
-            text = f"Vertex {rows[left.argmax()]} does not get to its place: the faces around turn"
-            raise MapError(f"{text} over. Leave out pins, or put them nearer to the map", made)
+            raise MapError(
+                f"Vertex {rows[left.argmax()]} does not get to its place: the faces around turn "
+                "over. Leave out pins, or put them nearer to the map",
+                made,
+            )
         return valid_map(made, "", "Leave out pins, or put them nearer to the map.")
+
+    @property
+    def _held(self) -> Bools | None:
+        return marked(len(self.mesh.V), self.pins) if len(self.pins) else None
 
     def _unfolded(self) -> tuple[Floats, Ints, Floats]:
         return self.mesh.positions, self._upward_faces, self.uv
@@ -199,6 +189,7 @@ class FreeMap(KeepingMap, PlaneMap):
             *self._kept_pairs(),
             ("boundary", f"{self.boundary}, {self.laplacian} Laplacian"),
             ("area", f"{self.area_ratio:.4g} times that of the surface"),
+            *[("pins", counted(len(self.pins), "vertex", "vertices"))] * bool(len(self.pins)),
             *super()._steps(),
         ]
 
@@ -219,6 +210,7 @@ def free_map(
     refine_norm: float = 1.5,
     refine_seconds: float = np.inf,
     keep: float | str = "angles",
+    pins: Mapping[int, ArrayLike] | None = None,
     solver: SolverName | None = None,
     progress: Progress | None = None,
 ) -> FreeMap:
@@ -252,6 +244,10 @@ def free_map(
         What the map is to keep as well as it can, as in `disk_map`, the outline and the size free:
         lengths are in the unit of V. The outline does not come to overlap itself. Not together with
         `refine`, `boundary_scale` or `corners`.
+    pins : mapping of int to (2,) array_like, optional
+        Where vertices are to be, in the unit of V: two at least. They get there to the last bit,
+        and no face flips; the rest gives way, and keeps what `keep` says. Not together with
+        `align`, `refine`, `boundary_scale`, `corners` or a bound on texels.
 
     Returns
     -------
@@ -260,8 +256,9 @@ def free_map(
     Raises
     ------
     MapError
-        If no map is a bijection onto a simple polygon. Its ``result`` is the one of least
-        distortion, whose certificate says where the outline overlaps itself.
+        If no map is a bijection onto a simple polygon, or if pins do not all get to their places.
+        Its ``result`` is the one of least distortion, whose certificate says where the outline
+        overlaps itself, or the map as far as it went.
 
     References
     ----------
@@ -281,6 +278,9 @@ def free_map(
     >>> twice = cdcp_igl.free_map(V, F, boundary_scale=np.full(len(V), 2))
     >>> round(twice.area_ratio, 9)
     4.0
+    >>> longer = cdcp_igl.free_map(V, F, keep="lengths", pins={0: (-2, 0), 10: (2, 0)})
+    >>> longer.uv[[0, 10]].tolist()
+    [[-2.0, 0.0], [2.0, 0.0]]
     """
     options = Options(
         align=align,
@@ -290,11 +290,13 @@ def free_map(
         solver=solver,
         keep=keep,
     )
-    check_boundary(boundary_scale, corners, options)
+    check_boundary(boundary_scale, corners, pins, options)
     phase = Phases(progress, refine or 0, skipped=OF_THE_DISK)
     with using(solver):
         surface = factored_surface(V, F, options, phase)
-        return as_given(free_map_of(surface, boundary_scale, corners, options, phase))
+        places = places_of(pins, len(surface.mesh.V))
+        made = free_map_of(surface, boundary_scale, corners, options, phase)
+        return as_given(made).pinned_to(places, phase)
 
 
 def free_map_of(
@@ -352,12 +354,18 @@ def as_given(made: FreeMap) -> FreeMap:
 
 
 def check_boundary(
-    boundary_scale: ArrayLike | None, corners: Mapping[int, float] | None, options: Options
+    boundary_scale: ArrayLike | None,
+    corners: Mapping[int, float] | None,
+    pins: Mapping[int, ArrayLike] | None,
+    options: Options,
 ) -> None:
-    """Check what is asked of the boundary, as far as that takes no mesh; ValueError."""
+    """Check what is asked of the outline, as far as that takes no mesh; ValueError."""
+    of_boundary = boundary_scale is not None or corners is not None
+    if places_of(pins):
+        _refuse_beside_pins(options, of_boundary=of_boundary)
     if boundary_scale is not None and corners is not None:
         raise ValueError("of boundary_scale and corners only one is possible")
-    if boundary_scale is not None or corners is not None:
+    if of_boundary:
         for moves in ("refine", *["keep"] * bool(options.kept)):
             if getattr(options, moves):
                 raise ValueError(
@@ -377,18 +385,34 @@ def check_boundary(
         )
 
 
-def _checked_pins(pins: Mapping[int, ArrayLike], n: int) -> tuple[Ints, Floats]:
-    """Vertices (k,) and their places (k, 2); ValueError if they are none."""
+def _refuse_beside_pins(options: Options, *, of_boundary: bool) -> None:
+    if of_boundary:
+        raise ValueError("pins move the boundary: leave them out, or boundary_scale or corners")
+    for name in ("refine", "align"):
+        if getattr(options, name) is not None:
+            raise ValueError(f"{name} moves what pins hold: leave one of them out")
+    if options.kept.texels < np.inf:
+        raise ValueError("pins hold places, and no bound on texels: keep a number")
+
+
+def places_of(
+    pins: Mapping[int, ArrayLike] | None, n: float = np.inf
+) -> tuple[Ints, Floats] | None:
+    """Vertices (k,) that are told where to be, and their places (k, 2); ValueError if not."""
+    if pins is None:
+        return None
     rows = np.array(list(pins)) if isinstance(pins, Mapping) else np.empty(0)
-    if len(rows) < 2 or rows.dtype.kind not in "iu" or not ((rows >= 0) & (rows < n)).all():
+    if len(rows) < 2 or rows.dtype.kind not in "iu" or rows.ndim > 1:
         raise ValueError(f"pins must give two vertices or more their places, not {pins!r}")
+    if absent := [row for row in rows if not 0 <= row < n]:
+        raise ValueError(f"pins name vertex {absent[0]}, which is not there")
     given = [np.asarray(place) for place in pins.values()]
     if any(place.shape != (2,) or place.dtype.kind not in "iuf" for place in given):
         raise ValueError("pins must give each vertex two real numbers")
-    there = np.array(given, dtype=np.float64)
-    if not np.isfinite(there).all() or len(distinct_rows(there)[0]) < len(rows):
+    places = np.array(given, dtype=np.float64)
+    if not np.isfinite(places).all() or len(distinct_rows(places)[0]) < len(rows):
         raise ValueError("places of pins must be finite, and all different")
-    return rows.astype(np.int64), there
+    return rows.astype(np.int64), places
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from ..solve.solvers import SolverName, using
 from ..steps.center import CenterMethod
 from ..surface.mesh import DiskMesh, Mesh
 from .disk import map_of
-from .free import OF_THE_DISK, FreeMap, as_given, check_boundary, free_map_of
+from .free import OF_THE_DISK, FreeMap, as_given, check_boundary, free_map_of, places_of
 
 # Phases of maps that a mapper has behind it from the beginning, or once it has a harmonic map.
 BEFORE = ("check", "laplacian", "factor")
@@ -130,13 +130,14 @@ class DiskMapper:
         refine_norm: float = 1.5,
         refine_seconds: float = np.inf,
         keep: float | str = "angles",
+        pins: Mapping[int, ArrayLike] | None = None,
         progress: Progress | None = None,
     ) -> FreeMap:
         """Map the surface with a free outline; the same map as `free_map` with these options.
 
         Parameters
         ----------
-        boundary_scale, corners, align, refine, refine_norm, refine_seconds, keep,
+        boundary_scale, corners, align, refine, refine_norm, refine_seconds, keep, pins,
         progress
             As in `free_map`.
 
@@ -156,12 +157,13 @@ class DiskMapper:
             refine_seconds=refine_seconds,
             keep=keep,
         )
-        check_boundary(boundary_scale, corners, options)
+        check_boundary(boundary_scale, corners, pins, options)
         options.check_rows(len(self.mesh.F), self.mesh.loop)
         phase = Phases(progress, refine or 0, (*BEFORE, *OF_THE_DISK))
         with using(self._solver):
             asked = boundary_scale, corners, options, phase
-            return as_given(free_map_of(self._surface, *asked, keep_factor=True))
+            made = as_given(free_map_of(self._surface, *asked, keep_factor=True))
+            return made.pinned_to(places_of(pins, len(self.mesh.V)), phase)
 
     def moved(self, V: ArrayLike) -> DiskMapper:
         """Take the same faces with moved vertices: no topological checks, no new ordering.

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from ..arrays import Complex, coordinates
+from ..arrays import Bools, Complex, coordinates
 from ..errors import MapError
 from ..options import KEPT, MOST, Keep
 from ..phases import Phases
@@ -136,7 +136,7 @@ class KeepingMap(MadeMap):
 
     def keeping(self, asked: Keep, placed: Callable[[Complex], Complex], phase: Phases) -> Self:
         """Let a valid map keep what is asked for; `placed` turns it, about its centroid if free."""
-        mesh, target = self.mesh, self._target
+        mesh, target, held = self.mesh, self._target, self._held
         f, t, steps = self._plane_map(), self.kept.keep if self.kept else 0.0, 0
 
         def measured(g: Complex, t: float) -> Kept:
@@ -144,10 +144,12 @@ class KeepingMap(MadeMap):
 
         def at(t: float, f: Complex, near: bool) -> Complex:
             nonlocal steps
-            start = f if near or isinstance(target, Disk) else resized(Energy.of(mesh, t), f)
-            newton = balanced(mesh, start, t, target, near=near)
+            fits = near or isinstance(target, Disk) or held is not None
+            start = f if fits else resized(Energy.of(mesh, t), f)
+            newton = balanced(mesh, start, t, target, near=near, held=held)
             g, steps = newton.f, steps + newton.steps
-            if isinstance(target, Outline) and not certify_outline(mesh, coordinates(g)).simple:
+            may_overlap = isinstance(target, Outline) and held is None
+            if may_overlap and not certify_outline(mesh, coordinates(g)).simple:
                 g, more = kept_apart(mesh, start, t, near=near)
                 steps += more
             return g
@@ -157,7 +159,7 @@ class KeepingMap(MadeMap):
                 f, t = at(asked.t, f, t > 0), asked.t
             else:
                 f, t = _least(asked.texels, f, t, at, lambda g: measured(g, t).texels)
-        made = self.moved_to(placed(f), phase)
+        made = self.moved_to(f if held is not None else placed(f), phase)
         valid_map(replace(made, conformality=NOT_ASKED), "", "Keep less of it, or cut the surface.")
         kept = measured(made._plane_map(), t)
         made = replace(made, kept=kept, conformality=NOT_ASKED)
@@ -168,6 +170,11 @@ class KeepingMap(MadeMap):
                 made,
             )
         return made
+
+    @property
+    def _held(self) -> Bools | None:
+        """(n,) which vertices stay where they are; None if all may move."""
+        return None
 
     @abstractmethod
     def _plane_map(self) -> Complex:

@@ -279,7 +279,7 @@ def _prepared(V: Array, F: Array, settings: Settings, source: Path) -> Cleaned:
 
 def _after_cleaning(name: str, value: Any, index: Ints) -> Any:
     """Find the rows of the file that an option names among those left; ValueError if one is not."""
-    if name not in ("align", "center", "corners"):
+    if name not in ("align", "center", "corners", "pins"):
         return value
     if isinstance(value, Mapping):
         return {_after_cleaning(name, row, index): value[row] for row in value}
