@@ -12,6 +12,7 @@ from commands import invoke
 
 from cdcp_igl import datasets, disk_map, submesh, surface_map
 from cdcp_igl.io import read_mesh, read_texture, write_map
+from cdcp_igl.io.images import checkerboard
 
 KINDS = {5121: "u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -244,8 +245,19 @@ def test_the_file_that_was_given_is_kept_everywhere(tmp_path, caplog):
         position = after["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
         assert after["accessors"][position]["count"] > 8
     assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()
+    caplog.clear()
     surface_map(given).save(tmp_path / "c.glb", image="checkerboard")
-    assert "skins" not in scene_of(tmp_path / "c.glb")[0]
+    after, new = scene_of(tmp_path / "c.glb")
+    assert [after[name] for name in ("animations", "skins")] == [
+        scene["animations"],
+        scene["skins"],
+    ]
+    assert caplog.messages == []
+    shown = {of["pbrMetallicRoughness"]["baseColorTexture"]["index"] for of in after["materials"]}
+    image = after["images"][after["textures"][shown.pop()]["source"]]
+    view = after["bufferViews"][image["bufferView"]]
+    assert new[view["byteOffset"] :][: view["byteLength"]] == checkerboard().data
+    assert (shown, PIXEL in new) == (set(), False)
 
 
 # -- ply ---------------------------------------------------------------------------------

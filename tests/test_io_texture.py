@@ -8,10 +8,13 @@ import pygltflib
 import pytest
 import surfaces
 import trimesh
+from batches import batch
+from commands import invoke
 from PIL import Image
 
-from cdcp_igl import MeshError, datasets, disk_map, surface_map
+from cdcp_igl import MeshError, datasets, disk_map, sphere_map, submesh, surface_map
 from cdcp_igl.io import read_mesh, write_map
+from cdcp_igl.io.painted import colours_at, images_of
 
 SCENE = """\
 # made by hand, in a hurry
@@ -262,6 +265,74 @@ def test_an_obj_that_shows_a_checkerboard(tmp_path, cap):
     assert (image[0, 0] != image[0, 16]).any()
 
 
+@pytest.fixture(scope="module")
+def patchwork(tmp_path_factory):
+    """A ball whose halves show two images by two materials, in files of all types."""
+    folder = tmp_path_factory.mktemp("patchwork")
+    V, F, _ = datasets.spheroid(2)
+    sphere, y = sphere_map(V, F), np.linspace(0, 1, 256)
+    right, up = np.meshgrid(y, y[::-1])
+    images = [np.dstack([right, up, 0 * up + k]) for k in (0, 1)]
+    for name in ("ball.glb", "ball.obj"):
+        write_map(folder / name, V, F, sphere, image=images[0])
+    as_image = trimesh.load(folder / "ball.glb").to_mesh().visual.material.baseColorTexture
+    as_image.save(folder / "ball.png")
+    Image.fromarray(np.rint(255 * images[1]).astype("u1")).save(folder / "other.png")
+    material = (folder / "ball.mtl").read_text()
+    other = material.replace("surface", "other side").replace("ball.png", "other.png")
+    (folder / "ball.mtl").write_text(f"{material}{other}bump dents.png\n")
+    lines = (folder / "ball.obj").read_text().splitlines()
+    half = len(lines) - len(F) // 2
+    lines.insert(half, "usemtl other side")
+    (folder / "ball.obj").write_text("\n".join(lines))
+    return folder
+
+
+@pytest.mark.parametrize("suffix", ["glb", "obj"])
+def test_an_image_goes_over_to_the_new_layout(tmp_path, patchwork, suffix, caplog):
+    given, out = patchwork / f"ball.{suffix}", tmp_path / f"new.{suffix}"
+    assert invoke("map", given, out, "--cut", "--bake", 256).exit_code == 0
+    assert caplog.messages == []
+    places = []
+    for path in (given, out):
+        images, of_face, uv = images_of(path)
+        shown = np.array([colours_at(image, uv.mean(axis=1)) for image in images])
+        places.append((shown[of_face, np.arange(len(uv))], uv))
+        assert len(images) == (2 if (path, suffix) == (given, "obj") else 1)
+    (before, old), (after, new) = places
+    assert abs(old - new).max() > 0.1
+    near = abs(before - after).max(axis=1)
+    assert (near < 0.02).mean() > 0.95  # beside the seam between hemispheres the image jumps
+    if suffix == "obj":
+        text = (tmp_path / "new.mtl").read_text()
+        assert re.findall("newmtl (.*)", text) == ["surface", "other side"]
+        assert (text.count("map_Kd new.png"), text.count("bump"), text.count("map_Kd")) == (2, 0, 2)
+        assert out.read_text().startswith("mtllib new.mtl\n")
+        assert out.read_text().count("usemtl") == 2
+    batch_of_one = batch(given, tmp_path / "maps", cut=True, bake=256, format="glb")
+    assert batch_of_one.failed == ()
+    assert images_of(tmp_path / "maps" / "ball.glb").images[0].shape == (256, 256, 3)
+
+
+def test_images_that_are_not_there(tmp_path, patchwork, cap):
+    V, F, result = cap
+    write_map(tmp_path / "a.obj", V, F, result)
+    with pytest.raises(MeshError, match="shows no image"):
+        disk_map(tmp_path / "a.obj").bake(tmp_path / "a.obj")
+    for name, *options in (["b.obj", "--disk"], ["b.obj", "--clean"], ["b.npz"], ["b.obj"]):
+        done = invoke("map", tmp_path / "a.obj", tmp_path / name, "--bake", 9, *options)
+        assert done.exit_code == 2
+    with pytest.raises(ValueError, match="glb"):
+        batch(tmp_path / "a.obj", tmp_path / "maps", bake=9)
+    lost = tmp_path / "lost.obj"
+    lost.write_bytes((patchwork / "ball.obj").read_bytes())
+    (tmp_path / "ball.mtl").write_bytes((patchwork / "ball.mtl").read_bytes())
+    with pytest.raises(MeshError, match=r"its image 'ball\.png' is not beside it"):
+        surface_map(lost).bake(lost)
+    with pytest.raises(ValueError, match="a part of a surface has other faces"):
+        disk_map(submesh(patchwork / "ball.obj", vertices=read_mesh(lost)[0][:, 0] < 0)).bake(lost)
+
+
 # -- what is refused ---------------------------------------------------------------------
 
 
@@ -294,7 +365,6 @@ def test_options_that_do_not_go_together(tmp_path, cap):
     for name, options, says in (
         ("a.ply", {"image": "checkerboard"}, "shows no image"),
         ("a.obj", {"image": __file__}, "no PNG or JPEG"),
-        ("a.obj", {"image": "checkerboard", "like": "b.obj"}, "only one"),
         ("a\0.obj", {}, "holds a zero"),
     ):
         with pytest.raises(ValueError, match=says):

@@ -54,6 +54,11 @@ CALLS = {
     "side": "disk.remesh(0); disk.remesh(-1); disk.remesh(2); disk.remesh(nan)",
     "bijection": "folded.invert([0, 0])",
     "size must be at least 1": "disk.bake(V, size=0)",
+    "a row for each": "disk.bake(lambda P: 1.0); disk.bake(lambda P: P[1:])",
+    "uv has shape": "disk.bake(np.ones((4, 4, 3)), uv=V[1:, :2])",
+    "not for a function": "disk.bake(lambda P: P, uv=V[:, :2])",
+    "the image has shape": "disk.bake(V, uv=V[:, :2])",
+    "no file says": "disk.bake('a.png')",
     "landmarks": (
         "disk.register(disk, [[0, 0]]); disk.register(disk, [[0, 1, 2]] * 2); "
         "disk.register(disk, [[0.5, 1]] * 2); disk.register(disk, [[1, 2], [1, 3]]); "

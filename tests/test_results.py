@@ -316,6 +316,7 @@ def test_what_is_baked_lies_where_the_map_is_packed(mapped, kind):
     V, F, result = mapped[kind]
     packed = packed_at_vertices(V, F, result)
     image = result.bake(packed, size=64)
+    np.testing.assert_allclose(result.bake(lambda P: 3 * P, 64), result.bake(3 * V, 64), atol=1e-12)
     row, column = np.mgrid[:64, :64]
     pixels = np.stack([(column + 0.5) / 64, 1 - (row + 0.5) / 64], axis=-1)
     away = np.linalg.norm(image - pixels, axis=2)
@@ -328,6 +329,20 @@ def test_what_is_baked_lies_where_the_map_is_packed(mapped, kind):
     y, x = np.nonzero(~inside)
     nearest = np.hypot(*(pixels[inside][:, None] - pixels[y, x]).transpose(2, 0, 1)).min(axis=0)
     assert (away[y, x] < nearest + 2 / 64).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_image_is_baked_from_its_old_place_to_the_new_one(mapped, kind):
+    """One whose colours are the places of its pixels, which lie by a projection of the surface."""
+    V, F, result = mapped[kind]
+    x, y = np.meshgrid((np.arange(32) + 0.5) / 32, 1 - (np.arange(64) + 0.5) / 64)
+    low, reach = V.min(axis=0), np.ptp(V, axis=0).max()
+    old = 0.1 + 0.8 * (V - low)[:, :2] / reach
+    for uv in (old, old[F]):
+        image = result.bake(np.dstack([x, y, x]), 64, uv=uv)
+        np.testing.assert_allclose(image[..., :2], result.bake(old, 64), atol=1e-9)
+    beside = result.bake(np.dstack([x, y, x]), 64, uv=old + 7)  # where the image comes again
+    np.testing.assert_allclose(beside[..., :2], result.bake(old, 64), atol=1e-9)
 
 
 def test_what_cannot_be_baked_is_refused(mapped):

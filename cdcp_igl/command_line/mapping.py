@@ -109,7 +109,8 @@ def map_command(
 
     if unit not in UNITS:
         raise typer.BadParameter(f"--unit takes {', '.join(UNITS)}, not {unit!r}.")
-    verify_target(out, (out.suffix.lower(),) if neuro_type(out) else WRITABLE)
+    writable = (".glb", ".obj") if options["bake"] else WRITABLE
+    verify_target(out, (out.suffix.lower(),) if neuro_type(out) else writable)
     name, notes = printable(source.name), list[str]()
     tried = [f"--{flag}" for flag in ("clean", "cut") if options[flag]]
     with exit_codes(files=files, tried=tried):

@@ -40,7 +40,7 @@ GROUPS = {
     "Onto what": ("free", "sphere", "annulus", "rectangle", "center", "mobius", "align", "preset"),
     "Quality": ("keep", "pins", "refine", "refine_norm", "refine_seconds"),
     "Output": (
-        *("disk", "out_dir", "format", "force", "report", "json_file", "csv_file"),
+        *("disk", "bake", "out_dir", "format", "force", "report", "json_file", "csv_file"),
         *("picture", "view", "pattern", "unit", "quiet"),
     ),
     "Run": ("jobs", "scheduler", "shard", "retry", "time_limit", "memory_limit", "methods"),
@@ -238,6 +238,13 @@ def _map_options(
     disk: bool = typer.Option(
         False, "--disk", help="Texture coordinates in the unit disk, not in [0, 1]^2."
     ),
+    bake: int | None = typer.Option(
+        None,
+        metavar="PIXELS",
+        min=1,
+        help="Bake the image that the surface shows to its new place, so that it looks as before: "
+        "into OUT.glb, or beside OUT.obj, square, with so many pixels a side.",
+    ),
 ) -> dict[str, Any]:
     """Return the flags, `onto`, and those options of the map that were given."""
     onto = {"sphere": sphere, "annulus": annulus, "rectangle": rectangle}
@@ -266,7 +273,7 @@ def _map_options(
     if mobius == "none":
         given["mobius"] = None
     flags = {"disk": disk, "clean": clean, "cut": cut, "free": free}
-    parts = {"within": within, "only": only, "without": without}
+    parts = {"within": within, "only": only, "without": without, "bake": bake}
     return {**flags, **parts, "onto": next(iter(chosen), None), **given}
 
 

@@ -93,12 +93,22 @@ def texture_of_gltf(path: Path) -> Floats:
     found = [np.empty((0, 3, 2))]
     for part in parts_of(scene, body, path):
         mesh = scene["meshes"][scene["nodes"][part.node]["mesh"]]
-        number = mesh["primitives"][part.primitive]["attributes"].get("TEXCOORD_0")
-        uv = np.full((len(part.positions), 2), np.nan)
-        if number is not None:  # from the upper left
-            uv = numbers(scene, number, body, path).astype(np.float64) * [1, -1] + [0, 1]
+        primitive, uv = (
+            mesh["primitives"][part.primitive],
+            np.full((len(part.positions), 2), np.nan),
+        )
+        if "TEXCOORD_0" in primitive["attributes"]:
+            uv = texture_of(scene, primitive, 0, body, path)
         found.append(uv[part.F[:, ::-1] if part.turned else part.F])
     return np.concatenate(found)
+
+
+def texture_of(
+    scene: dict[str, Any], primitive: dict[str, Any], number: int, body: bytes, path: Path
+) -> Floats:
+    """(n, 2) texture coordinates of a primitive, from the lower left."""
+    accessor = primitive["attributes"][f"TEXCOORD_{number}"]
+    return numbers(scene, accessor, body, path).astype(np.float64) * [1, -1] + [0, 1]
 
 
 def parts_of(scene: dict[str, Any], body: bytes, path: Path) -> Iterator[Part]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import mimetypes
 from collections import defaultdict
+from collections.abc import Iterator
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -16,12 +17,22 @@ from numpy.typing import NDArray
 from ..arrays import Floats, Ints
 from . import glb
 from .glb import Part
+from .images import Image
 
 log = logging.getLogger("cdcp_igl")
 
 
-def write_glb_like(path: Path, given: Path, texture: Floats, FT: Ints, vertex: Ints) -> None:
+def write_glb_like(
+    path: Path,
+    given: Path,
+    texture: Floats,
+    FT: Ints,
+    vertex: Ints,
+    image: Image | None = None,
+) -> None:
     """Write a given glb or gltf file again, with other texture coordinates.
+
+    All its triangles show an image, if there is one, in the place of those of base colours.
 
     Nodes, materials, skins, animations and all that is not known here stay; what lay beside the
     file comes into it. Vertices with several texture coordinates are written again behind the
@@ -50,7 +61,9 @@ def write_glb_like(path: Path, given: Path, texture: Floats, FT: Ints, vertex: I
             upper_left[low:high],
         )
         start += n
-    if rewritten.is_shown:
+    if image:
+        rewritten.show(image)
+    if rewritten.shows_old():
         log.warning("the images of %s fit the texture coordinates that it had", given.name)
     glb.write_pieces(path, rewritten.scene, rewritten.pieces)
 
@@ -68,7 +81,9 @@ class _Rewritten:
         self.views: list[dict[str, Any]] = self.scene.setdefault("bufferViews", [])
         self.pieces = [glb.piece(given, view, body, path) for view in self.views]
         self.mesh_of_node: dict[int, int] = {}
-        self.is_shown = False  # an image, by texture coordinates that are replaced
+        self.textured: list[dict[str, Any]] = []  # primitives whose texture coordinates are new
+        self.materials: set[int] = set()  # of those that had texture coordinates before
+        self.shown: int | None = None  # the texture that is new
         self.extended: dict[tuple[int, int, int], int] = {}
         for image in self.scene.get("images", []):
             beside = path.parent / unquote(image.get("uri", "data:"))
@@ -127,7 +142,9 @@ class _Rewritten:
             primitive.get("extensions", {}).pop(
                 "KHR_draco_mesh_compression", None
             )  # the same again
-            self.is_shown |= old is not None and self._is_shown(primitive)
+            if old is not None and "material" in primitive:
+                self.materials.add(primitive["material"])
+            self.textured.append(primitive)
             if len(again):
                 for each in (attributes, *primitive.get("targets", [])):
                     for name, accessor in each.items():
@@ -139,16 +156,46 @@ class _Rewritten:
                 made = self._put(old, entry, whole.view(np.uint8))
             attributes["TEXCOORD_0"] = made
 
-    def _is_shown(self, primitive: dict[str, Any]) -> bool:
-        """Whether a material of this scene shows an image by the first texture coordinates."""
+    def show(self, image: Image) -> None:
+        """Let the primitives whose texture coordinates are replaced show an image.
 
-        def shows(value: Any) -> bool:
-            if not isinstance(value, dict):
-                return False
-            here = "index" in value and value.get("texCoord", 0) == 0
-            return here or any(map(shows, value.values()))
+        It takes the place of the images of their base colours, unless others show these, too.
+        """
+        scene = self.scene
+        textures, images, materials = (
+            scene.setdefault(name, []) for name in ("textures", "images", "materials")
+        )
+        if any("material" not in primitive for primitive in self.textured):
+            materials.append({})
+        base, before = list[dict[str, Any]](), list[int]()
+        for primitive in self.textured:
+            material = materials[primitive.setdefault("material", len(materials) - 1)]
+            base.append(material.setdefault("pbrMetallicRoughness", {}))
+            if info := base[-1].pop("baseColorTexture", None):
+                before.append(info["index"])
+        others = {textures[info["index"]].get("source") for info in _textures_in(materials)} | {
+            None
+        }
+        sources = dict.fromkeys(textures[number].get("source") for number in before)
+        free = [source for source in sources if source not in others] or [len(images)]
+        images += [{}] * (free[0] == len(images))
+        new = {"bufferView": self._add({}, image.data), "mimeType": image.mime}
+        for source in free:
+            view = images[source].get("bufferView")
+            if view is not None and self.uses.count(view) < 2:
+                self.pieces[view] = b"\0"
+            images[source] = {k: x for k, x in images[source].items() if k != "uri"} | new
+        sampled = {k: x for one in before[:1] for k, x in textures[one].items() if k == "sampler"}
+        self.shown = len(textures)
+        textures.append({"source": free[0]} | sampled)
+        for of in base:
+            of["baseColorTexture"] = {"index": self.shown}
 
-        return "material" in primitive and shows(self.scene["materials"][primitive["material"]])
+    def shows_old(self) -> bool:
+        """Whether images are shown by texture coordinates that are replaced."""
+        old = [self.scene["materials"][material] for material in self.materials]
+        infos = [info for info in _textures_in(old) if info.get("texCoord", 0) == 0]
+        return any(info["index"] != self.shown for info in infos)
 
     def _extended(self, mesh: int, group: int, accessor: int, rows: Ints) -> int:
         """Repeat rows of an attribute; what primitives share, they go on to share."""
@@ -201,3 +248,13 @@ class _Rewritten:
         self.views.append(view)
         self.pieces.append(data)
         return len(self.views) - 1
+
+
+def _textures_in(value: Any) -> Iterator[dict[str, Any]]:
+    """Yield what refers to a texture in materials."""
+    if isinstance(value, dict) and "index" in value:
+        yield value
+    for part in (
+        value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    ):
+        yield from _textures_in(part)

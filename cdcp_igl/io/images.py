@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
@@ -24,8 +25,8 @@ newmtl surface
 Ka 1 1 1
 Kd 1 1 1
 Ks 0 0 0
-map_Kd {image}
 """
+MAPS = ("map_", "bump", "disp", "decal", "norm", "refl")  # lines of mtl files that name images
 
 
 class Image(NamedTuple):
@@ -85,10 +86,20 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
-def write_material(path: Path, image: Image) -> str:
-    """Write the mtl file of an obj file, and its image, beside it; return the name."""
+def write_material(path: Path, image: Image, given: Iterable[Path] = ()) -> str:
+    """Write the mtl file of an obj file, and its image, beside it; return the name.
+
+    Of `given` mtl files, all materials are kept and show this image; others, which fit their old
+    texture coordinates, go.
+    """
     materials, picture = path.with_suffix(".mtl"), path.with_suffix(image.suffix)
+    text, shown = "", f"map_Kd {picture.name}\n"
+    for line in "\n".join(file.read_text("utf-8", "replace") for file in given).splitlines():
+        keyword = line.split()[:1]
+        if keyword and keyword[0].lower().startswith(MAPS):
+            continue
+        text += f"{line}\n{shown if keyword == ['newmtl'] else ''}"
     with whole_file(picture) as unfinished:
         unfinished.write_bytes(image.data)
-    write_text(materials, MATERIAL.format(image=picture.name))
+    write_text(materials, text or MATERIAL + shown)
     return materials.name

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints
 from .polygons import rows_of_triangles
-from .text import BYTE_ORDER_MARK, polygons_of_obj
+from .text import BYTE_ORDER_MARK, decoded, polygons_of_obj
 
 ROWS = 1 << 16  # formatted at a time
 WORD = re.compile(r"([^\s\\]+)")
@@ -68,17 +68,33 @@ def _write_rows(file: TextIO, template: str, rows: NDArray[np.generic]) -> None:
         file.write(template * len(block) % tuple(block.ravel().tolist()))
 
 
-def write_like(path: Path, given: Path, texture: Floats, FT: Ints) -> None:
+def material_files(path: Path) -> list[Path]:
+    """Return the files of materials that an obj file names, and that are there."""
+    found = list[Path]()
+    for line in re.findall(rb"^[ \t]*mtllib[ \t]([^\r\n]*)", path.read_bytes(), re.MULTILINE):
+        words = line.decode("latin-1").partition("#")[0].split()
+        files = [path.parent / decoded(name) for name in (" ".join(words), *words)]
+        found += [file for file in dict.fromkeys(files) if file.is_file()]
+    return found
+
+
+def write_like(
+    path: Path, given: Path, texture: Floats, FT: Ints, materials: str | None = None
+) -> None:
     """Write a given obj file again, with other texture coordinates.
 
     Vertices, normals, groups, materials, comments and polygons stay as they are; in another
     folder, files of materials are named by the way to them from there. Only a
     polygon that was cut open within is written as triangles, with its texture coordinates
     on either side of the cut. ``texture[FT]`` are those of the corners of the triangles that
-    `read_obj` makes of `given`.
+    `read_obj` makes of `given`. `materials` is the name of an mtl file instead of all others; if
+    there are none, all faces get its material ``surface``.
     """
     faces: Iterator[tuple[Ints, Ints]] | None = None
     with path.open("w", encoding="latin-1", newline="") as file:
+        if materials:
+            file.write(f"mtllib {os.fsencode(materials).decode('latin-1')}\n")
+            file.write("" if material_files(given) else "usemtl surface\n")
         for lines in _statements(given):
             if lines[0].startswith(("v ", "vn ")):  # most, and nothing is to be done
                 file.writelines(lines)
@@ -86,7 +102,7 @@ def write_like(path: Path, given: Path, texture: Floats, FT: Ints) -> None:
             split = [_split(line) for line in lines]
             keyword, *words = [word for parts in split for word in parts[1::2]] or [""]
             name = keyword.removeprefix(BYTE_ORDER_MARK)
-            if name == "vt":
+            if name == "vt" or (name == "mtllib" and materials):
                 continue
             if name == "mtllib" and not path.parent.samefile(given.parent):
                 words = _elsewhere(words, given.parent, path.parent)
@@ -134,7 +150,7 @@ def _elsewhere(words: list[str], folder: Path, other: Path) -> list[str]:
     """Name files of a folder as they are found from another one; all words may be one name."""
 
     def is_there(name: str) -> bool:
-        return (folder / os.fsdecode(name.encode("latin-1"))).is_file()
+        return (folder / decoded(name)).is_file()
 
     above = folder.resolve()
     with suppress(ValueError):  # from one drive of Windows there is no way to another

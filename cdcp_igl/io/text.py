@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from array import array
 from collections.abc import Callable, Iterator
 from itertools import chain, islice
@@ -159,6 +160,11 @@ def words_of_lines(path: Path, *, continued: bool = False) -> Lines:
                 yield number, words
     if before:
         raise Damage("it ends in the middle of a line that goes on")
+
+
+def decoded(name: str) -> str:
+    """Return the name of a file that was read as Latin-1."""
+    return os.fsdecode(name.encode("latin-1"))
 
 
 def culprit(words: list[str], kind: Callable[[str], object], what: str) -> str:

@@ -18,9 +18,9 @@ from .contents import contents_of
 from .given import takes_meshes
 from .glb import warn_of_lost_faces, write_glb
 from .glb_like import write_glb_like
-from .images import Texture, as_image, write_material
+from .images import Image, Texture, as_image, write_material
 from .neuro import SPHERE, neuro_type, write_neuro
-from .obj import write_like, write_obj
+from .obj import material_files, write_like, write_obj
 from .output import whole_file
 from .ply import write_ply
 from .ply_like import write_ply_like
@@ -93,8 +93,9 @@ def write_map(
         another type; what else it has is logged, as it is not in the new one.
     image : path-like or (height, width, 3 or 4) array_like, optional
         A PNG or JPEG file to show on the surface, colours from 0 to 1, the top row at v = 1, or
-        ``"checkerboard"``, which is what a glb file has if nothing else is named. For an obj
-        file, a .mtl file and the image are written beside it, under its name.
+        ``"checkerboard"``, which is what a glb file has if nothing else is named, neither an image
+        nor colours. For an obj file, a .mtl file and the image are written beside it, under its
+        name. With `like`, its materials stay and show this image instead of their own.
 
     Raises
     ------
@@ -143,9 +144,7 @@ def write_map(
     texture, FT, vertex = _indexed(faces, plane)
     if suffix != ".obj":  # in which alone a face may be without
         texture = np.nan_to_num(texture)
-    if image is None and suffix == ".glb" and colours is None:
-        image = "checkerboard"
-    shown = None if image is None or kept else as_image(image)
+    shown = _image(image, bare=suffix == ".glb" and colours is None and not kept)
     with whole_file(path) as unfinished:
         if suffix == ".ply":
             at_corners = None if np.array_equal(vertex, np.arange(len(positions))) else FT
@@ -157,11 +156,14 @@ def write_map(
             write_vtk(unfinished, positions[vertex], FT, texture, xml=suffix == ".vtp")
         elif kept and suffix == ".glb":
             warn_of_lost_faces(positions, faces, texture, FT)
-            write_glb_like(unfinished, kept, texture, FT, vertex)
+            write_glb_like(unfinished, kept, texture, FT, vertex, shown)
         elif suffix == ".glb":
-            write_glb(unfinished, positions, faces, texture, FT, vertex, shown, colours)
+            shades = None if shown else colours  # which would darken an image
+            write_glb(unfinished, positions, faces, texture, FT, vertex, shown, shades)
         elif kept:
-            write_like(unfinished, kept, texture, FT)
+            files = material_files(kept)
+            materials = write_material(path, shown, files) if shown else None
+            write_like(unfinished, kept, texture, FT, materials)
         else:
             materials = write_material(path, shown) if shown else None
             write_obj(unfinished, positions, faces, texture, FT, materials, colours)
@@ -210,8 +212,13 @@ def _check_options(
         raise ValueError(f"{path.name!r} is of no known type. Writable: {known}")
     if image is not None and suffix not in (".glb", ".obj"):
         raise ValueError(f"A {suffix} file shows no image: write .glb or .obj.")
-    if image is not None and like is not None:
-        raise ValueError("Of like= and image= only one is possible: materials stay with like=.")
+
+
+def _image(image: Texture | None, *, bare: bool) -> Image | None:
+    """Take an image that was asked for; a `bare` surface shows the checkerboard."""
+    if image is None and bare:
+        image = "checkerboard"
+    return None if image is None else as_image(image)
 
 
 def _as_surface(uv: ArrayLike | MapResult, F: Ints) -> tuple[Floats, Ints, Ints]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from html import escape
 from os import PathLike
@@ -112,15 +112,32 @@ class Result(FromFile, ABC):
     def packed(self) -> Floats:
         """Return the map scaled into the unit square: texture coordinates, shaped as `uv`."""
 
-    def bake(self, values: ArrayLike, size: int = 1024, *, method: Method | None = None) -> Floats:
-        """Bake values at the vertices, such as colours, to an image of the unit square.
+    def bake(
+        self,
+        values: ArrayLike | str | PathLike[str] | Callable[[Floats], ArrayLike],
+        size: int = 1024,
+        *,
+        method: Method | None = None,
+        uv: ArrayLike | None = None,
+    ) -> Floats:
+        """Bake values at the vertices, a function, or another image to one of the unit square.
 
         Parameters
         ----------
-        values, method
-            As in `interpolate`.
+        values : (n, ...) array_like, callable, path-like or (height, width, c) array_like
+            Values at the vertices, such as colours, as in `interpolate`; a function of points
+            (k, 3) of the surface, in the unit of V, that returns k rows; or an image that the
+            surface showed before: a file of an image, an array with `uv`, or the obj, ply, glb or
+            gltf file of the surface itself, with the images of its materials (base colours; white
+            where a face has none). Images are read by Pillow, and repeat beside the square.
         size : int
             Pixels along each side of the square, where the map lies as in `packed`.
+        method
+            As in `interpolate`.
+        uv : (m, 3, 2) or (n, 2) array_like, optional
+            Where such an image lies, from its lower left corner: texture coordinates of the
+            corners or the vertices, as `cdcp_igl.io.read_texture` reads them. By default those of
+            the file that was given in place of V and F.
 
         Returns
         -------
@@ -131,8 +148,13 @@ class Result(FromFile, ABC):
         Raises
         ------
         ValueError
-            If `values` has not a row for each vertex or is complex, or `size` is not positive
-            or so small that no pixel lies on the surface.
+            If `values` has not a row for each vertex, or point, is complex, or no image; if `uv`
+            does not fit the faces or is needed; or if `size` is not positive or so small that no
+            pixel lies on the surface.
+        MeshError
+            If a file of a surface shows no image.
+        ImportError
+            If Pillow is needed, and not installed.
 
         Examples
         --------
@@ -143,16 +165,19 @@ class Result(FromFile, ABC):
         """
         from scipy.ndimage import distance_transform_edt  # slow to import, and used here alone
 
-        layout, field = self._layout(), self._field(values, method)
+        from .baking import painter
+
+        layout = self._layout()
+        paint = painter(self, layout, values, method, uv)
         if not size >= 1:
             raise ValueError(f"size must be at least 1, not {size!r}")
         left, bottom = -2 * layout.origin[0], -2 * layout.origin[1]  # of the unit square
         raster = sample(layout.uv, layout.F, size, (left, left + 2, bottom, bottom + 2))
         if not (seen := raster.seen).any():
             raise ValueError(f"no pixel lies on the surface: size must be larger than {size}")
-        image = np.zeros((size, size, *field.values.shape[1:]))
-        corners = layout.vertices[layout.F[raster.face[seen]]]
-        image[seen] = field.at(corners, raster.weights[seen])
+        painted = paint(raster.face[seen], raster.weights[seen])
+        image = np.zeros((size, size, *painted.shape[1:]))
+        image[seen] = painted
         row, column = distance_transform_edt(~seen, return_distances=False, return_indices=True)
         return image[row, column]
 
@@ -235,8 +260,7 @@ class Result(FromFile, ABC):
             The surface with its map for the types of `cdcp_igl.io.write_map`; a picture for
             .png, .svg and .pdf; the page of `view` for .html; the report for .json. An
             existing file is replaced once the new one is complete. Where a file was given in
-            place of V and F, what it has is kept as with `like` there, but not with an image;
-            what is not is logged.
+            place of V and F, what it has is kept as with `like` there; what is not is logged.
         image : path-like or (height, width, 3 or 4) array_like, optional
             What a glb or obj file shows, over the unit square that `packed` fills: as `view` has
             it as a texture, a PNG or JPEG file or colours, such as `bake` makes.
@@ -262,7 +286,7 @@ class Result(FromFile, ABC):
             write_map(path, *self._surface(), self, like=self.source)
         elif suffix in WRITABLE:
             (V, F), like = self._surface(), self.source
-            if like and (image is not None or self.given_rows):  # not as the file that was given
+            if like and self.given_rows:  # and not the file's
                 warn_of_loss(like, Path(path), rows=False)
                 like = None
             if like and not carries(like, suffix):
@@ -587,6 +611,11 @@ class Result(FromFile, ABC):
         """Return the numbers of vertices and faces."""
         V, F = self._surface()
         return len(V), len(F)
+
+    @property
+    @abstractmethod
+    def _faces(self) -> Ints:
+        """Those that were given."""
 
     @abstractmethod
     def _layout(self) -> Layout:

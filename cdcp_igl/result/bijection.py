@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -59,11 +58,6 @@ class Bijection(Result):
 
     _columns: ClassVar[int] = 2  # of the images
     _inscribed: ClassVar[bool] = True  # in the unit circle
-
-    @property
-    @abstractmethod
-    def _faces(self) -> Ints:
-        """Those that were given."""
 
     @property
     def _images(self) -> Floats:

@@ -64,6 +64,7 @@ class Settings:
     have a `free` outline, too; or a surface is mapped `onto` something else. The `options` are
     those of this map.
     Vertices along seams that lie `within` a distance of each other are merged by `clean`.
+    With `bake`, the image that the file shows is baked with so many pixels along each side.
     Of the vertices, `only` some are mapped, or all `without` some: a file, see `read_vertices`.
     """
 
@@ -76,6 +77,7 @@ class Settings:
     only: str | None = None
     without: str | None = None
     within: float = 0.0
+    bake: int | None = None
 
     def __post_init__(self) -> None:
         if self.only and self.without:
@@ -84,6 +86,12 @@ class Settings:
             raise ValueError(f"within must be 0 or more, not {self.within!r}")
         if self.within and not self.clean:
             raise ValueError("within is how near clean merges vertices: it needs clean")
+        if self.bake is not None and (self.disk or self.clean or self.is_part):
+            raise ValueError(
+                "bake is over the unit square, of whole surfaces: leave out disk, clean"
+            )
+        if self.bake is not None and self.bake < 1:
+            raise ValueError(f"bake must be 1 or more pixels, not {self.bake!r}")
         if self.onto not in (None, *ONTO):
             raise ValueError(f"onto must be one of {', '.join(ONTO)}, not {self.onto!r}")
         if self.disk and self.free:
@@ -166,6 +174,10 @@ class Mapped:
         cleaned, the rest of that file is kept.
         """
         suffix, result, V, F = target.suffix.lower(), self.result, self.V, self.F
+        if settings.bake:
+            image = result.bake(source, settings.bake)
+            write_map(target, V, F, result, like=source, image=image)
+            return
         if suffix not in WRITABLE:  # but by its whole name
             write_map(target, V, F, result, like=source)
             return

@@ -111,6 +111,7 @@ def batch(
     onto: Literal["sphere", "annulus", "rectangle"] | None = None,
     only: str | None = None,
     without: str | None = None,
+    bake: int | None = None,
     retry: bool = False,
     force: bool = False,
     time_limit: float = np.inf,
@@ -166,6 +167,9 @@ def batch(
         Of each surface, map only the vertices that a file names, or leave them out: a FreeSurfer
         or GIFTI file as in ``"../label/{hemi}.cortex.label"`` or
         ``"../label/{hemi}.aparc.annot:unknown,corpuscallosum"``, see `cdcp_igl.io.read_vertices`.
+    bake : int, optional
+        Bake the images that the files show, by as many pixels a side, and write glb files that
+        show them, see `Result.bake`.
     retry : bool
         Try again what failed in a former run.
     force : bool
@@ -215,8 +219,10 @@ def batch(
     for name in options:
         if meant := get_close_matches(name, signature(batch).parameters, 1, ALIKE):
             raise ValueError(f"{name}: no option of batch; did you mean {meant[0]}?")
-    settings = Settings(disk, clean, cut, free, onto, options, only, without, within)
+    settings = Settings(disk, clean, cut, free, onto, options, only, without, within, bake)
     _check_format(format)
+    if bake is not None and format != "glb":
+        raise ValueError('bake writes images into glb files: it needs format="glb"')
     if executor is not None and (jobs, time_limit, memory_limit) != (1, np.inf, np.inf):
         raise ValueError("jobs and limits are those of the executor; give one or the other")
     if jobs < 1:
