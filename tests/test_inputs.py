@@ -15,6 +15,7 @@ import cdcp_igl
 from cdcp_igl.io import read_mesh, read_polygons, write_map
 
 V, F = meshes.grid(4, 5)
+V[:, 0] -= 0.8 * V[:, 1]  # a square is cut along its shorter diagonal
 F = F.reshape(2, -1, 3).swapaxes(0, 1).reshape(-1, 3)  # the two halves of a square in succession
 W, G = surfaces.sphere(4, 6)
 QUADS = np.column_stack([F[::2], F[1::2, 2]])

@@ -141,8 +141,22 @@ def test_a_polygon_of_more_corners_than_are_searched(tmp_path):
     assert_covers(V, read_polygons(written(tmp_path / "a.off", V, range(k)))[1], np.arange(k))
 
 
-def test_a_convex_quad_is_cut_from_its_first_corner():
-    V, F = meshes.grid(4, 5)
-    quads = np.column_stack([F[: len(F) // 2], F[len(F) // 2 :, 2]])
-    made = cdcp_igl.io.given.surface_of((V, quads))[1]
-    np.testing.assert_array_equal(made[::2], quads[:, :3])
+@pytest.mark.parametrize("turn", range(4))
+def test_a_quad_is_cut_by_the_diagonal_of_delaunay_whichever_corner_comes_first(turn):
+    x, y, F = meshes.cells(4, 5)
+    quads = np.roll(np.column_stack([F[: len(F) // 2], F[len(F) // 2 :, 2]]), turn, axis=1)
+
+    def diagonals(V):
+        made = cdcp_igl.io.given.surface_of((V, quads))[1].reshape(-1, 2, 3)
+        return np.array([np.intersect1d(*pair) for pair in made])
+
+    flat = np.column_stack([x, y, 0 * x]) * [2.0, 1, 1]
+    rotated = flat @ np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    for V in (flat, rotated):  # of rectangles, all alike
+        assert len(np.unique(np.diff(diagonals(V)))) == 1
+    warped = flat + np.random.default_rng(4).normal(size=flat.shape) / 6
+    ends = diagonals(warped)
+    other = np.array([np.setdiff1d(*pair) for pair in zip(quads, ends, strict=True)])
+    lengths = [np.linalg.norm(np.diff(warped[k], axis=1), axis=2).ravel() for k in (ends, other)]
+    assert np.mean(lengths[0] < lengths[1]) > 0.9
+    np.testing.assert_array_equal(ends, diagonals(warped[:, [1, 0, 2]] * [1, -1, 1]))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import libigl
-from ..arrays import Bools, Floats, Ints, as_complex, unit_size
+from ..arrays import Floats, Ints, as_complex, unit_size
 from ..errors import Defect, MeshError
 from ..surface.filling import MOST_CORNERS, least_triangulation
 from ..surface.triangles import DEGENERATE
@@ -19,6 +19,10 @@ from ..surface.triangles import DEGENERATE
 BLOCK = 1 << 21  # triangles that are weighed at a time
 # What a triangle costs that has no area, or is flipped; cotangents of others are below 1e10.
 FLAT, FLIPPED = 1e12, 1e16
+# Triangles of a quad by its diagonal from the first corner, or by the other one; and by what part
+# that must be better, so that in a grid of rectangles rounding does not decide.
+DIAGONALS = np.array([[[0, 1, 2], [0, 2, 3]], [[0, 1, 3], [1, 2, 3]]])
+TIE = 1e-9
 
 POLYGONS = ("triangle", "quad", "polygon")  # types of cells, as meshio calls them
 
@@ -47,8 +51,8 @@ def triangles_of(V: ArrayLike, corners: ArrayLike, sizes: ArrayLike) -> tuple[In
 def rows_of_triangles(V: ArrayLike, corners: ArrayLike, sizes: ArrayLike) -> tuple[Ints, Ints]:
     """(m, 3) rows of `corners`, the triangles of `triangles_of`; and the polygon (m,) of each.
 
-    A convex quad is cut from its first corner, as ever. All others have Delaunay's triangles in
-    their planes, so that the surface does not depend on which corner comes first. Polygons without
+    They are Delaunay's in the plane of each polygon, so that the surface does not depend on which
+    corner comes first; a rectangle is cut from its corner of least coordinates. Polygons without
     area, or whose corners are no vertices or have no coordinates, stay fans, to be refused as
     such triangles are.
     """
@@ -63,7 +67,7 @@ def rows_of_triangles(V: ArrayLike, corners: ArrayLike, sizes: ArrayLike) -> tup
         these = np.flatnonzero(size == k)
         for some in np.array_split(these, 1 + len(these) * k**3 // BLOCK):
             rows = start[some, None] + np.arange(k)
-            anew = ~_is_fan(P[rows])
+            anew = abs(_normals(P[rows])).max(axis=1) > 0  # and a number
             if anew.any():
                 triangles = np.take_along_axis(rows[anew, None], _triangulation(P[rows[anew]]), 2)
                 F[first[some[anew], None] + np.arange(k - 2)] = triangles
@@ -89,16 +93,6 @@ def _normals(P: Floats) -> Floats:
     return np.where(flat, 0, areas / np.where(flat, 1, size))
 
 
-def _is_fan(P: Floats) -> Bools:
-    """(p,) which polygons (p, k, 3) are convex quads, or such that no triangles could cover."""
-    normals = _normals(P)
-    hopeless = ~(abs(normals).max(axis=1) > 0)  # without area, or not a number
-    if P.shape[1] > 4:
-        return hopeless
-    corners = np.roll(P, 1, axis=1), P, np.roll(P, -1, axis=1)
-    return hopeless | (_cotangents(normals, *corners).max(axis=1) < FLAT)
-
-
 def _cotangents(normals: Floats, *corners: Floats) -> Floats:
     """Sum the cotangents of triangles with corners (p, ..., 3), seen along the normals (p, 3).
 
@@ -122,6 +116,10 @@ def _triangulation(P: Floats) -> Ints:
     turned = (_least_corner(P)[:, None] + np.arange(k)) % k
     P = np.take_along_axis(P, turned[..., None], 1)
     normals, ears = _normals(P), np.empty((p, 0, 3), np.int64)
+    if k == 4:
+        costs = _cotangents(normals, *P[:, DIAGONALS].transpose(3, 0, 1, 2, 4)).sum(axis=2)
+        other = costs[:, 1] < (1 - TIE) * costs[:, 0]
+        return DIAGONALS[(turned[:, 0] + other) % 2]
     if k > MOST_CORNERS:
         ears, left = map(np.stack, zip(*map(_without_ears, P, normals), strict=True))
     else:
