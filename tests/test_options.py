@@ -42,12 +42,16 @@ VALUES = {
     "max_charts": (2, 0),
     "seams": ("keep", "x"),
     "forbidden": ([[0, 13], [0, 16]], "x"),
+    "size": (64, 0),
+    "padding": (1.5, -1.0),
+    "density": (20.0, -1.0),
+    "rotate": (False, "x"),
     "keep": ("lengths", "volumes"),
     "pins": ({0: (0.0, 0.0), 9: (1.0, 0.0)}, {0: (0.0, 0.0)}),
 }
 # What is not in the shell, or by a file: an environment variable, or numbers of vertices.
 IN_PYTHON = {"solver", "boundary_scale", "free corners", "sphere align", "pins"}
-SWITCHES = {"merge": "--no-merge", "fill": "--no-fill"}
+SWITCHES = {"merge": "--no-merge", "fill": "--no-fill", "rotate": "--no-rotate"}
 
 
 def options_of(function):

@@ -21,6 +21,7 @@ KNOWN = {
     **{"egg": EGG, "sphere": cdcp_igl.sphere_map(*EGG), "torus": surfaces.torus()},
     **{"square": SQUARE, "rim": DiskMesh(*SQUARE).loop[::8].tolist()},
     "folded": replace(DISK, certificate=replace(DISK.certificate, flipped=np.array([0]))),
+    "atlas": cdcp_igl.surface_map(*surfaces.soup(*SQUARE), merge=False),
     **{"nan": np.nan, "inf": np.inf, "np": np},
 }
 
@@ -97,7 +98,19 @@ CALLS = {
     "align": "surface_map(*torus, align=3)",
     "outline": "surface_map(*torus, outline='round')",
     "max_charts": "surface_map(*torus, max_charts=0); surface_map(*torus, max_charts=1.5)",
-    "must be True or False": "surface_map(*torus, merge='x')",
+    "must be True or False": (
+        "surface_map(*torus, merge='x'); surface_map(*torus, rotate=1); atlas.packed(rotate='x')"
+    ),
+    "size must be": "surface_map(*torus, size=0); atlas.packed(0.5); atlas.packed(size='large')",
+    "padding must be": (
+        "surface_map(*torus, padding=-1); atlas.packed(padding=nan); atlas.packed(8, 4); "
+        "atlas.packed(padding='wide')"
+    ),
+    "density must be": (
+        "surface_map(*torus, density=0); atlas.packed(density=nan); atlas.packed(density=1e9); "
+        "atlas.packed(density='high')"
+    ),
+    "with a padding of": "atlas.packed(size=40, padding=15)",
     "must be True, False or None": "surface_map(*torus, fill=0.1)",
     "progress must be": (
         "disk_map(V, F, progress=[]); surface_map(*torus, progress=[]); "

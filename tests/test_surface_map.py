@@ -1,6 +1,7 @@
 """Any surface onto charts."""
 
 from functools import partial
+from itertools import combinations
 
 import meshes
 import numpy as np
@@ -8,9 +9,10 @@ import pytest
 import surfaces
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import maximum_filter, minimum_filter
 
 import cdcp_igl
-from cdcp_igl.atlas.packing import laid_flat, packed_boxes
+from cdcp_igl.atlas.packing import Packing, laid_flat
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas
 
@@ -263,20 +265,89 @@ def test_scale_variation_does_not_depend_on_the_moebius_transformation():
 # -- packing ---------------------------------------------------------------------------
 
 
-@given(st.lists(st.tuples(*[st.floats(1e-3, 1e3)] * 2), min_size=1, max_size=60))
-def test_packed_boxes_are_apart(sizes):
-    corners, scale = packed_boxes(np.array(sizes))
-    ends = corners + scale * np.array(sizes)
-    assert corners.min() >= 0
-    assert ends.max() <= 1 + 1e-12
-    over = (corners[:, None] < ends).all(axis=2)
-    assert np.count_nonzero(over & over.T) == len(sizes)  # each overlaps itself alone
+@settings(max_examples=25)
+@given(
+    st.lists(st.tuples(*[st.floats(1e-3, 1e3)] * 2), min_size=1, max_size=40),
+    st.integers(100, 3000),
+    st.floats(0, 4),
+    st.booleans(),
+)
+def test_triangles_are_packed_apart(sizes, size, padding, rotate):
+    outlines = [np.array([0, width, width / 3 + 1j * height]) for width, height in sizes]
+    factor, move = Packing(size, padding, rotate=rotate).places(outlines)
+    assert rotate or (factor == factor[0].real).all()
+    np.testing.assert_allclose(abs(factor), abs(factor[0]))
+    placed = [size * (a * z + b) for a, b, z in zip(factor, move, outlines, strict=True)]
+    ends = [(z.real, z.imag) for z in placed]
+    assert np.min(ends) > padding - 1e-6
+    assert np.max(ends) < size - padding + 1e-6
+    # Two triangles that far apart, across or up, are so across one of their edges, or an axis.
+    across = [1j * (np.roll(z, -1) - z) for z in placed]
+    for i, j in combinations(range(len(placed)), 2):
+        ways = np.concatenate([across[i], across[j], [1, 1j]])
+        one, other = ((ways.conj()[:, None] * placed[k]).real for k in (i, j))
+        gaps = np.maximum(one.min(1) - other.max(1), other.min(1) - one.max(1))
+        assert (gaps / (abs(ways.real) + abs(ways.imag))).max() > padding - 1e-6
+
+
+@pytest.mark.parametrize("outline", ["free", "disk"])
+@pytest.mark.parametrize(("size", "padding"), [(400, 5), (150, 2), (64, 1)])
+def test_no_texel_is_nearer_to_two_charts_than_the_padding(outline, size, padding):
+    V, F = surfaces.voxels(0, size=4, share=0.15)
+    result = cdcp_igl.surface_map(V, F, outline=outline)
+    assert len(result.charts) > 3
+    t = np.arange(25) / 24
+    u, v = (way.ravel() for way in np.meshgrid(t, t))
+    weights = np.array([1 - u - v, u, v])[:, u + v <= 1 + 1e-9]
+    texels = size * np.einsum("fkx,kn->fnx", result.packed(size, padding), weights)
+    assert texels.min() > padding - 1e-6
+    assert texels.max() < size - padding + 1e-6
+    column, row = np.floor(texels).astype(int).reshape(-1, 2).T
+    chart = np.repeat(result.face_chart, weights.shape[1])
+    low, high = np.full((size, size), len(F)), np.full((size, size), -1)
+    np.minimum.at(low, (row, column), chart)
+    np.maximum.at(high, (row, column), chart)
+    low, high = minimum_filter(low, padding), maximum_filter(high, padding)
+    assert np.array_equal(low[high >= 0], high[high >= 0])
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5, 10, 100])
 def test_packing_is_not_wasteful(count):
-    _, scale = packed_boxes(np.ones((count, 2)))
-    assert count * scale**2 > 0.44
+    factor, _ = Packing().places([np.array([0, 1, 1 + 1j, 1j])] * count)
+    assert count * abs(factor[0]) ** 2 > 0.44
+
+
+def test_charts_lie_in_the_bays_of_others():
+    """Two brackets and a square."""
+    bracket = np.array([0, 4, 4 + 1j, 1 + 1j, 1 + 4j, 4j])
+    factor, _ = Packing().places([bracket, bracket, np.array([0, 2, 2 + 2j, 2j])])
+    assert 18 * abs(factor[0]) ** 2 > 0.5  # of their boxes, 18 / 64 at most
+
+
+def test_texels_by_the_unit_of_the_surface():
+    V, F = surfaces.torus()
+    result = cdcp_igl.surface_map(1000 * V, F, size=512, padding=2)
+    report, most = result.report(), result.texels_per_unit
+    assert report["packing"] == {
+        **{"size": 512, "padding": 2, "density": None, "rotate": True},
+        **{"fill": result.fill, "texels_per_unit": most},
+    }
+    assert "packing" in str(result)
+    packed = result.packed(density=most / 2)
+    assert 0 < packed.min() < packed.max() < 1
+    u, v = np.moveaxis(np.diff(packed, axis=1), 1, 0)
+    area = abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]).sum() / 2
+    assert 512 * np.sqrt(area / face_areas(1000 * V, F).sum()) == pytest.approx(most / 2)
+    for options in ({"density": 2 * most}, {"density": most, "size": 256}):
+        with pytest.raises(ValueError, match="density must be at most"):
+            result.packed(**options)
+
+
+def test_charts_lie_where_they_were_if_they_are_not_turned():
+    V, F = surfaces.torus()
+    result = cdcp_igl.surface_map(V, F, rotate=False)
+    there = (result.packed(), result.uv)
+    np.testing.assert_allclose(*(d / abs(d).max() for d in map(partial(np.diff, axis=1), there)))
 
 
 @given(st.floats(0, 7), st.floats(1, 50))

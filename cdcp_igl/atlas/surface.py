@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import asdict, astuple, dataclass, replace
+from dataclasses import asdict, astuple, dataclass, field, replace
 from time import perf_counter
 from typing import Any, Literal
 
@@ -46,7 +46,7 @@ from .charts import Chart, Limits, Outline, charts_of
 from .cut_graph import split_components
 from .cutting import Cut, cut_along
 from .own_seams import among_edges, checked_edges, checked_seams, cut_at, wanted_edges
-from .packing import laid_flat, packed_boxes
+from .packing import Packing
 from .sheets import Sheets, fill_left_out, oriented_sheets
 from .texels import TexelDensity
 
@@ -92,6 +92,12 @@ class SurfaceMap(Bijection):
         What it was to be at most.
     texel_density : TexelDensity
         How evenly a texture covers the surface.
+    packing : Packing
+        How its charts lie in the square of the texture: `size`, `padding`, `density`, `rotate`.
+    fill : float
+        Share of this square that they cover.
+    texels_per_unit : float
+        Square root of the texels that they cover by the area of their faces.
     shares : (k,) float64
         Share of each chart in the area of the surface.
     timings : dict of str to float
@@ -100,15 +106,15 @@ class SurfaceMap(Bijection):
 
     Examples
     --------
-    Two caps, the larger one packed below the other:
+    Two caps, as a texture shows them:
 
     >>> import numpy as np
     >>> import cdcp_igl
     >>> V, F, _ = cdcp_igl.datasets.spherical_cap(5)
     >>> result = cdcp_igl.surface_map(np.vstack([2 * V, V + 3]), np.vstack([F, F + len(V)]))
-    >>> below, above = result.packed()[: len(F)], result.packed()[len(F) :]
-    >>> bool(below[..., 1].max() < above[..., 1].min())
-    True
+    >>> large, small = np.split(1024 * result.packed(size=1024, padding=8), 2)
+    >>> round(float(large.min()), 6)
+    8.0
     """
 
     uv: Floats
@@ -123,6 +129,7 @@ class SurfaceMap(Bijection):
     shares: Floats
     _angles: AngleDistortion
     _stopped: str  # why the scale varies more than was asked, if it does
+    packing: Packing = field(default_factory=Packing)
 
     _kind = "surface"
 
@@ -138,16 +145,35 @@ class SurfaceMap(Bijection):
         uv_cut[self.cut.F] = self.uv
         return uv_cut
 
-    def packed(self) -> Floats:
-        """Lay the charts into the unit square, side by side, by area.
+    def packed(
+        self,
+        size: int | None = None,
+        padding: float | None = None,
+        density: float | None = None,
+        rotate: bool | None = None,
+    ) -> Floats:
+        """Lay the charts into the unit square by their shape, with areas as on the surface.
+
+        Parameters
+        ----------
+        size, padding, density, rotate
+            As in `surface_map`; None for what that was told. Files, pages and `bake` have what that
+            was told.
 
         Returns
         -------
         (m, 3, 2) float64
-            Texture coordinates of each corner. Charts have areas as on the surface; free outlines
-            are turned so that they need little room.
+            Texture coordinates of each corner.
+
+        Raises
+        ------
+        ValueError
+            If the charts do not fit.
         """
-        chart, (factor, move) = self._chart_of_vertex, self._places
+        asked = {"size": size, "padding": padding, "density": density, "rotate": rotate}
+        given: dict[str, Any] = {name: x for name, x in asked.items() if x is not None}
+        places = self._placed(replace(self.packing, **given)) if given else self._places
+        chart, (factor, move) = self._chart_of_vertex, places
         return coordinates(factor[chart] * self._in_charts + move[chart])[self.cut.F]
 
     @property
@@ -171,23 +197,46 @@ class SurfaceMap(Bijection):
     def _unfolded(self) -> tuple[Floats, Ints, Floats]:
         if not isinstance(self.charts[0], FreeMap):
             return super()._unfolded()
-        chart, turn = self._chart_of_vertex, self._places[0] / abs(self._places[0])
-        images = [turn[k] * as_complex(each.uv) for k, each in enumerate(self.charts)]
-        low = np.array([complex(z.real.min(), z.imag.min()) for z in images])
-        high = np.array([complex(z.real.max(), z.imag.max()) for z in images])
-        corner, scale = packed_boxes(coordinates(high - low))
-        move = as_complex(corner) / scale - low
-        uv = coordinates(turn[chart] * self._in_charts + move[chart])
+        chart = self._chart_of_vertex
+        factor, move = replace(self.packing, density=None).places(self._outlines)  # as they are
+        uv = coordinates((factor[chart] * self._in_charts + move[chart]) / abs(factor[0]))
         uv = np.ldexp(uv, size_exponent(self.cut.V))
         return self.cut.V, self._charted[1], uv
+
+    @property
+    def _outlines(self) -> list[Complex]:
+        """Images of the boundary of each chart."""
+        return [as_complex(chart.uv)[chart.mesh.loop] for chart in self.charts]
 
     @cached_property
     def _places(self) -> tuple[Complex, Complex]:
         """(k,) factor and displacement that take each chart to its place in the square."""
-        frames = [_frame(*each) for each in zip(self.charts, self.shares, strict=True)]
-        factor, low, size = np.array(frames).T
-        corner, scale = packed_boxes(coordinates(size))
-        return scale * factor, as_complex(corner) - scale * low
+        return self._placed(self.packing)
+
+    def _placed(self, packing: Packing) -> tuple[Complex, Complex]:
+        F, exponent = self.cut.F[self.face_chart >= 0], size_exponent(self.cut.V)
+        areas = self.shares * face_areas(unit_size(self.cut.V), F).sum()
+        ratios = [chart.area_ratio for chart in self.charts if isinstance(chart, FreeMap)]
+        if ratios:
+            scale = 1 / np.sqrt(ratios)
+        else:  # disks lie as `align` says
+            scale, packing = np.sqrt(areas / np.pi), replace(packing, rotate=False)
+        outlines = [k * z for k, z in zip(scale, self._outlines, strict=True)]
+        factor, move = packing.places(outlines, unit=np.ldexp(1.0, -exponent))
+        return factor * scale, move
+
+    @cached_property
+    def fill(self) -> float:
+        """Share of the square that the charts cover."""
+        _, F, uv = self._charted
+        return float(oriented_areas(as_complex(uv), F)[0].sum() / 2)
+
+    @property
+    def texels_per_unit(self) -> float:
+        """Square root of the texels that the charts cover by the area of their faces."""
+        V, F = self._surface()
+        area = face_areas(V, F[self.face_chart >= 0]).sum()
+        return float(self.packing.size * np.sqrt(self.fill / area))
 
     @cached_property
     def texel_density(self) -> TexelDensity:
@@ -218,6 +267,7 @@ class SurfaceMap(Bijection):
             ("texel density", str(self.texel_density)),
             ("scale variation", self._variation),
             ("length of the cut", f"{self.cut.length:.4g}"),
+            ("packing", self._packed_as),
             *(("change", change) for change in self.changes),
         ]
 
@@ -226,6 +276,11 @@ class SurfaceMap(Bijection):
         said, asked = f"{self.scale_variation:.2f}", self.scale_variation_asked
         within = self.scale_variation <= asked
         return said if within else f"{said}, asked for: {asked:g} ({self._stopped})"
+
+    @property
+    def _packed_as(self) -> str:
+        size = self.packing.size
+        return f"{self.fill:.0%} of {size:,} x {size:,}, {self.texels_per_unit:.4g} texels a unit"
 
     def _made(self) -> dict[str, Any]:
         """Of the worst chart; repairs are those of all."""
@@ -240,6 +295,8 @@ class SurfaceMap(Bijection):
             "scale_variation_asked": self.scale_variation_asked,
             "texel_density": asdict(self.texel_density)
             | {"charts": list(self.texel_density.charts)},
+            "packing": asdict(self.packing)
+            | {"fill": self.fill, "texels_per_unit": self.texels_per_unit},
             "cut_length": self.cut.length,
             "cut_edges": len(self.cut.edges),
             "added_edges": len(self.added),
@@ -319,6 +376,10 @@ def surface_map(
     forbidden: ArrayLike | None = None,
     scale_variation: float | None = None,
     max_charts: int | None = None,
+    size: int = 2048,
+    padding: float = 4,
+    density: float | None = None,
+    rotate: bool = True,
     center: CenterMethod = "torsion",
     mobius: Literal["angle", "area"] | None = "angle",
     align: ArrayLike | None = None,
@@ -381,6 +442,15 @@ def surface_map(
         growth. Parting ends with the first part that is no better than the whole.
     max_charts : int, optional
         So many charts a component has at most; as many as are needed by default.
+    size : int
+        Texels along each side of the square into which ``SurfaceMap.packed`` lays the charts.
+    padding : float
+        So many of these texels are between two charts, and between them and the rim.
+    density : float, optional
+        Texels a unit of V, such as for several surfaces alike; by default the charts are as large
+        as there is room for.
+    rotate : bool
+        Whether charts with free outlines are turned, so that they need less room.
     center, mobius, refine, refine_norm, refine_seconds, keep, preset, solver, progress
         As in `disk_map`, for each chart; `refine_seconds` for each. Only disks have `center`,
         `mobius` and `preset`. The surface is cut for angles, whatever is to be kept.
@@ -399,7 +469,8 @@ def surface_map(
     SolverError, MapError, ImportError
         As `disk_map`.
     ValueError
-        If an option is not one of those above; if an edge is in `seams` and in `forbidden`.
+        If an option is not one of those above; if an edge is in `seams` and in `forbidden`; if the
+        charts do not fit into the square.
 
     Examples
     --------
@@ -418,6 +489,7 @@ def surface_map(
     >>> result.cut.edges.tolist(), result.added.tolist()
     ([[0, 1], [0, 3]], [])
     """
+    packing = Packing(size, padding, density, rotate)
     wish = checked_seams(np.empty((0, 2), np.int64) if seams is None else seams)
     barred = checked_edges("forbidden", [] if forbidden is None else forbidden)
     if seams is not None and scale_variation is None:
@@ -452,7 +524,8 @@ def surface_map(
         progress("done", 1.0)
     made = _together(given.astype(np.float64), sheets, charts, limits, to_cut)
     mapping = sum(made.timings.values())
-    made = replace(made, timings={"cut": perf_counter() - start - mapping} | made.timings)
+    timings = {"cut": perf_counter() - start - mapping} | made.timings
+    made = replace(made, timings=timings, packing=packing)
     if made.scale_variation > limits.asked:
         log.warning("scale variation %s", made._variation)
     if lost := made._lost:
@@ -473,20 +546,6 @@ def _part_of(progress: Progress | None, done: float, share: float) -> Progress |
             progress(phase, reported)
 
     return advance
-
-
-def _frame(chart: DiskMap | FreeMap, share: float) -> tuple[complex, complex, complex]:
-    """Return a factor for an image, and the lower left corner and the size of its box then."""
-    if isinstance(chart, DiskMap):
-        radius = np.sqrt(share)
-        return radius, -radius * (1 + 1j), 2 * radius * (1 + 1j)
-    outline = as_complex(chart.uv)[chart.mesh.loop]
-    factor = laid_flat(outline) / np.sqrt(chart.area_ratio)
-    low, high = (
-        complex(end((factor * outline).real), end((factor * outline).imag))
-        for end in (np.min, np.max)
-    )
-    return factor, low, high - low
 
 
 def _together(

@@ -36,6 +36,7 @@ GROUPS = {
         "forbidden",
         "scale_variation",
         "max_charts",
+        *("size", "padding", "density", "no_rotate"),
     ),
     "Onto what": ("free", "sphere", "annulus", "rectangle", "center", "mobius", "align", "preset"),
     "Quality": ("keep", "pins", "refine", "refine_norm", "refine_seconds"),
@@ -166,6 +167,27 @@ def _map_options(
     max_charts: int | None = typer.Option(
         None, metavar="N", min=1, help="With --cut, so many charts a component at most."
     ),
+    size: int | None = typer.Option(
+        None,
+        metavar="N",
+        min=1,
+        help="With --cut, texels along each side of the texture. [default: 2048]",
+    ),
+    padding: float | None = typer.Option(
+        None,
+        metavar="N",
+        min=0,
+        help="With --cut, texels between charts, and between them and the rim. [default: 4]",
+    ),
+    density: float | None = typer.Option(
+        None,
+        metavar="D",
+        min=0,
+        help="With --cut, texels a unit of the surface. [default: as many as there is room for]",
+    ),
+    no_rotate: bool = typer.Option(
+        False, "--no-rotate", help="With --cut, do not turn charts to fill the texture better."
+    ),
     free: bool = typer.Option(
         False,
         "--free",
@@ -258,6 +280,10 @@ def _map_options(
         "forbidden": forbidden and _edges("--forbidden", forbidden),
         "scale_variation": scale_variation,
         "max_charts": max_charts,
+        "size": size,
+        "padding": padding,
+        "density": density,
+        "rotate": False if no_rotate else None,
         "corners": rectangle and _numbers(rectangle, int),
         "center": int(center) if center and center.isdecimal() else center,
         "mobius": mobius,
