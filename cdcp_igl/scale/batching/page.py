@@ -81,29 +81,27 @@ def _failures(records: Sequence[Record]) -> str:
         f'<td class="text">{escape(record.message)}</td></tr>'
         for record in records
     )
-    return f'<h2>Not mapped</h2><div class="scroll"><table><tbody>{rows}</tbody></table></div>'
+    return f"<h2>Not mapped</h2><table><tbody>{rows}</tbody></table>"
 
 
 def _table(records: Sequence[Record]) -> str:
     headings = ["surface", *(heading for heading, _, _ in COLUMNS), "conformal"]
     heads = "".join(f"<th><button>{heading}</button></th>" for heading in headings)
     rows = "".join(map(_row, records))
-    return (
-        '<h2>Mapped</h2><div class="scroll"><table>'
-        f"<thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></div>"
-    )
+    return f"<h2>Mapped</h2><table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
 
 
 def _row(record: Record) -> str:
     name = escape(printable(record.name))
-    values = [(getattr(record, column), form) for _, column, form in COLUMNS]
+    values = [(heading, getattr(record, column), form) for heading, column, form in COLUMNS]
     cells = "".join(
-        f'<td data-key="{x}">{x:{form}}</td>' if isfinite(x) else "<td data-key>–</td>"
-        for x, form in values
+        f'<td data-name="{heading}" data-key="{x if isfinite(x) else ""}">'
+        f"{format(x, form) if isfinite(x) else '–'}</td>"
+        for heading, x, form in values
     )
     doubt = f'<span class="warning">no: {escape(record.reasons)}</span>'
     verdict = "yes" if record.conformal else doubt
     return (
         f'<tr><td data-key="{name}" title="{escape(printable(record.input))}">{name}</td>{cells}'
-        f'<td data-key="{int(record.conformal)}">{verdict}</td></tr>'
+        f'<td class="text" data-name="conformal" data-key="{int(record.conformal)}">{verdict}</td></tr>'
     )
