@@ -72,7 +72,7 @@ CALLS = {
         "disk.view_html(fields={'f': nan * V[:, 0]})"
     ),
     "map 'LSCM' has shape": (
-        "disk.view_html(beside={'LSCM': V}); disk.view_html(beside={'LSCM': disk.uv[1:]})"
+        "disk.view_html(beside={'LSCM': V[:, :1]}); disk.view_html(beside={'LSCM': disk.uv[1:]})"
     ),
     "texture": (
         "disk.view_html(texture=np.full((4, 4), 0)); "

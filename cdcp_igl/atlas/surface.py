@@ -348,6 +348,8 @@ class SurfaceMap(Bijection):
 
     def _layout(self) -> Layout:
         cut, (faces, F, uv) = self.cut, self._charted
+        charts = np.full(len(cut.V), -1)
+        charts[F] = self.face_chart[faces, None]
         return Layout(
             V=unit_size(cut.V),
             F=F,
@@ -360,6 +362,8 @@ class SurfaceMap(Bijection):
             distortion=self.distortion,
             flipped=len(self.certificate.flipped),
             facts=self._facts(f"{len(np.unique(cut.vertex_index)):,} vertices"),
+            verdict=self.verdict,
+            charts=charts if len(self.charts) > 1 else None,
         )
 
 

@@ -26,9 +26,11 @@ class Layout:
     distortion: AngleDistortion  # of the faces that are drawn
     flipped: int  # how many of them are not positively oriented
     facts: tuple[str, ...]  # what there is to know of it
+    verdict: str  # whether it is valid and conformal
     middle: tuple[float, float] = (0.0, 0.0)
     scale: float = 1.0
     origin: tuple[float, float] = (0.5, 0.5)
+    charts: Ints | None = None  # (n,) where there are several, -1 of vertices of no face
     ball: Floats | None = None  # (n, 3) the image on the sphere; uv is then a chart for textures
 
     @property

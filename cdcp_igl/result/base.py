@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from html import escape
 from os import PathLike
@@ -412,14 +412,17 @@ class Result(FromFile, ABC):
         fields: Mapping[str, ArrayLike] | None = None,
         texture: Texture | None = None,
         beside: Mapping[str, ArrayLike] | None = None,
+        keep: Sequence[float | str] = (),
         title: str = "",
     ) -> Path:
         """Write a page that shows the map, or open it in the browser.
 
         A single file that needs no network and no library: the surface turns beside its image;
-        the face under the pointer is marked on both. It opens on what is given here, a texture
-        or a field, and on a checkerboard otherwise; normals, the angular distortion and the
-        conformal factor, each with its histogram, are a button away.
+        the face under the pointer is marked on both, and stays marked after a click. It opens on
+        what is given here, a texture or a field, and on a checkerboard otherwise; charts, normals,
+        the angular distortion and the conformal factor, each with its histogram, are a button away.
+        Colours of values have a range, a threshold below which they are grey, and a choice of
+        sequential, diverging and cyclic scales.
 
         Parameters
         ----------
@@ -427,14 +430,21 @@ class Result(FromFile, ABC):
             Named .html; replaced once the new one is complete. Without it, the page is written
             to a temporary folder and opened in the browser.
         fields : mapping of str to (n,) array_like, optional
-            More values at the vertices of the given mesh to colour by, under their names. Of
-            integers and truth values, which are labels, a face has that of one of its corners.
+            More values at the vertices of the given mesh to colour by, under their names; grey
+            where they are NaN. Of integers and truth values, which are labels, a face has that of
+            one of its corners, and lines run between them over all colours. What `io.read_values`
+            returns has the names of labels, too.
         texture : path-like or (height, width, 3 or 4) array_like, optional
             Image of the unit square that `packed` fills, the top row at v = 1: a png, jpeg or
             webp file, or colours from 0 to 1, such as `bake` makes.
-        beside : mapping of str to (n, 2) array_like, optional
+        beside : mapping of str to (n, 2) or (n, 3) array_like, optional
             Other maps of the vertices of the given mesh, each drawn beside this one under its
-            name, such as ``{"LSCM": uv}``; angular distortion is on one scale of colours.
+            name, such as ``{"LSCM": uv}``, with the means of its angular and area distortion
+            (of the absolute logarithm) and whether `certify` finds it valid; distortion is on one
+            scale of colours. With three columns, other shapes of the surface, to which it can be
+            switched, such as ``{"inflated": positions}``.
+        keep : sequence of {"lengths", "areas"}, float or str
+            Of the result of `disk_map` or `free_map`: what a slider goes on to, see `continued`.
         title : str
             The heading, such as the name of the surface.
 
@@ -446,7 +456,10 @@ class Result(FromFile, ABC):
         Raises
         ------
         ValueError
-            If a field or a map has not a row for each vertex, or the texture is no such image.
+            If a field or a map has not a row for each vertex, the texture is no such image, or the
+            result has no `continued`.
+        MapError
+            If no map is certified that keeps what is asked for.
         OSError
             If the file cannot be written, or the texture not be read.
         ImportError
@@ -467,9 +480,8 @@ class Result(FromFile, ABC):
         """
         from ..plot.viewer import show
 
-        return show(
-            self.view_html(fields=fields, texture=texture, beside=beside, title=title), path
-        )
+        made = self.view_html(fields=fields, texture=texture, beside=beside, keep=keep, title=title)
+        return show(made, path)
 
     def view_html(
         self,
@@ -477,13 +489,14 @@ class Result(FromFile, ABC):
         fields: Mapping[str, ArrayLike] | None = None,
         texture: Texture | None = None,
         beside: Mapping[str, ArrayLike] | None = None,
+        keep: Sequence[float | str] = (),
         title: str = "",
     ) -> str:
         """Return the page that `view` writes, a whole HTML document.
 
         Parameters
         ----------
-        fields, texture, beside, title
+        fields, texture, beside, keep, title
             As in `view`.
 
         Returns
@@ -492,7 +505,7 @@ class Result(FromFile, ABC):
 
         Raises
         ------
-        ValueError, OSError, ImportError
+        ValueError, MapError, OSError, ImportError
             As `view`.
 
         Examples
@@ -504,7 +517,9 @@ class Result(FromFile, ABC):
         """
         from ..plot.viewer import page
 
-        return page(self._layout(), fields or {}, texture, beside or {}, title)
+        layout = self._layout()
+        steps = self._kept_steps(keep) if keep else {"": layout}
+        return page({layout.plane: layout}, fields or {}, texture, beside or {}, title, steps)
 
     def summary(self) -> tuple[str, Pairs]:
         """Return what printing shows: a title, and pairs of a name and what is said of it.
@@ -621,6 +636,10 @@ class Result(FromFile, ABC):
     def _layout(self) -> Layout:
         """Return what is drawn."""
 
+    def _kept_steps(self, keep: Sequence[float | str]) -> dict[str, Layout]:
+        """Return what is drawn of this map and those that keep more, by what they keep."""
+        raise ValueError(f"keep={keep!r} needs a map of disk_map or free_map")
+
     def _drawn(self, V: Floats, F: Ints, uv: Floats, *measures: str, **more: Any) -> Layout:
         """Return a layout of these arrays; `more` are other fields of it, `measures` facts."""
         rows = {"vertices": np.arange(len(V)), "faces": np.arange(len(F))}
@@ -630,6 +649,7 @@ class Result(FromFile, ABC):
             distortion=self.distortion,
             flipped=len(self.certificate.flipped),
             facts=self._facts(self._subject(), *measures),
+            verdict=self.verdict,
         )
 
 

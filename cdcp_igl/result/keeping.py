@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, ClassVar, Self
 
@@ -13,6 +13,7 @@ from ..arrays import Bools, Complex, coordinates
 from ..errors import MapError
 from ..options import KEPT, MOST, Keep
 from ..phases import Phases
+from ..plot.layout import Layout
 from ..refine.apart import kept_apart
 from ..refine.balance import Energy, balanced, resized
 from ..refine.targets import Disk, Outline, Target
@@ -175,6 +176,12 @@ class KeepingMap(MadeMap):
     def _held(self) -> Bools | None:
         """(n,) which vertices stay where they are; None if all may move."""
         return None
+
+    def _kept_steps(self, keep: Sequence[float | str]) -> dict[str, Layout]:
+        maps = [self]
+        for asked in keep:
+            maps.append(maps[-1].continued(keep=asked))
+        return {made.kept.name if made.kept else "angles": made._layout() for made in maps}
 
     @abstractmethod
     def _plane_map(self) -> Complex:

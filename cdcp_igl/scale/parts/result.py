@@ -243,6 +243,7 @@ class PartsMap(OntoDisk):
             distortion=self.distortion,
             flipped=len(self.certificate.flipped),
             facts=self._facts(self._subject(), f"drawn by {len(cell):,} of them"),
+            verdict=self.verdict,
         )
 
     def _repr_html_(self) -> str:
