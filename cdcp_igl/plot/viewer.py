@@ -74,7 +74,8 @@ def view(
         As in `DiskMap.view`.
     fields, beside : mapping, optional
         As in `DiskMap.view`, the rows of one result after those of the other: (n, ...) array_like,
-        where n is the sum of the vertices.
+        where n is the sum of the vertices. A map or a shape that is NaN at all vertices of a
+        result is left out there.
     title : str
         The heading.
 
@@ -133,7 +134,9 @@ def page(
     Fields, texture, beside and title as in `Result.view`, of several results as in `view`. The
     `steps` are maps that the image of one result goes through, this one among them.
     """
-    given = {name: _drawn_rows(f"map {name!r}", x, layouts, (2, 3)) for name, x in beside.items()}
+    given = {
+        name: _drawn_rows(f"map {name!r}", x, layouts, [(2,), (3,)]) for name, x in beside.items()
+    }
     scenes = [
         _Scene.of(name, layout, steps, {other: parts[k] for other, parts in given.items()})
         for k, (name, layout) in enumerate(layouts.items())
@@ -199,8 +202,9 @@ class _Map:
 
 
 def _in_words(mean: float, areas: Floats, verdict: str) -> str:
-    """Say of a map what `compare` has of it: the means of both distortions, and the verdict."""
-    return f"mean {mean:.3g}° · area {abs(areas).mean():.2g} · {verdict}"
+    """Say of a map what `compare` has of it: mean of angles, SD of areas, and the verdict."""
+    sd = areas.std() if np.isfinite(areas).all() else np.inf
+    return f"mean {mean:.3g}° · area {sd:.3g} · {verdict}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,6 +235,8 @@ class _Scene:
         maps = [_Map.of(name, step, made) for step, made in (steps or {"": layout}).items()]
         shapes = {"Surface": V}
         for other, values in beside.items():
+            if np.isnan(values).all():
+                continue
             if values.shape[1] == 2:
                 maps.append(_Map.beside(other, V, F, values))
             elif np.isfinite(values).all():
@@ -275,9 +281,10 @@ class _Scene:
             for c, x in enumerate(V.T):
                 self.arrays[f"{'xyz'[c]} {k}"] = _quantized(x, low[c], low[c] + size)[self.order]
         images = {f"{k}": drawn.uv for k, drawn in enumerate(self.maps)}
-        for k, image in (images | ({} if layout.ball is None else {"ball": layout.ball})).items():
+        images |= {} if layout.ball is None else {"ball": layout.ball}
+        for name, image in images.items():
             for c, x in enumerate(image.T):
-                self.arrays[f"{'uvw'[c]} {k}"] = _quantized(x, -1, 1)[self.order]
+                self.arrays[f"{'uvw'[c]} {name}"] = _quantized(x, -1, 1)[self.order]
 
     def about(self) -> dict[str, Any]:
         """Describe the arrays."""
@@ -286,7 +293,7 @@ class _Scene:
         seen = layout.V @ home.T
         normals = vertex_normals(seen, layout.F)
         panels = list(dict.fromkeys(drawn.panel for drawn in self.maps))
-        turned = {}  # steps of a map lie as it does
+        turned: dict[str, float] = {}  # steps of a map lie as it does
         for drawn in self.maps:
             if drawn.panel not in turned:
                 spin = angle_to_view(seen, normals, drawn.uv) if layout.turns else 0.0
@@ -350,7 +357,7 @@ def _put_field(
     names: Mapping[int, str] = {}
     if isinstance(given, tuple) and len(given) == 2 and isinstance(given[1], Mapping):
         given, names = given
-    parts = _drawn_rows(f"field {name!r}", given, layouts, ())
+    parts = _drawn_rows(f"field {name!r}", given, layouts, [()])
     values = np.concatenate(parts)
     finite = values[np.isfinite(values)]
     if len(finite) == 0:
@@ -414,21 +421,17 @@ def _put_measures(scenes: Sequence[_Scene]) -> list[dict[str, Any]]:
 
 
 def _drawn_rows(
-    name: str, given: ArrayLike, layouts: Mapping[str, Layout], columns: tuple[int, ...]
+    name: str, given: ArrayLike, layouts: Mapping[str, Layout], shapes: Sequence[tuple[int, ...]]
 ) -> list[Floats]:
-    """Values at the vertices of each result that are drawn; ValueError if they have another shape.
-
-    They have one of these numbers of columns, or are (n,) if there is none.
-    """
+    """Rows of each result that are drawn; ValueError if they have none of these shapes."""
     values = Field.of(given).values
     sizes = [int(layout.vertices.max()) + 1 for layout in layouts.values()]
-    n, first = sum(sizes), np.cumsum([0, *sizes[:-1]])
+    n, rows = sum(sizes), values.shape[0] if values.ndim else 0
     # Of vertices of one result that no face uses, the last ones may be there or not.
-    enough = len(values) >= n if values.ndim and len(sizes) == 1 else len(values) == n
-    shape = values.shape[1:]
-    if values.ndim == 0 or not enough or shape not in ([(k,) for k in columns] or [()]):
-        wanted = " or ".join(str((n, k)) for k in columns) or str((n,))
+    if not (rows == n or (rows > n and len(sizes) == 1)) or values.shape[1:] not in shapes:
+        wanted = " or ".join(str((n, *shape)) for shape in shapes)
         raise ValueError(f"{name} has shape {values.shape}; it must be {wanted}")
+    first = np.cumsum([0, *sizes[:-1]])
     return [values[k + x.vertices] for k, x in zip(first, layouts.values(), strict=True)]
 
 

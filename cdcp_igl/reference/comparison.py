@@ -119,6 +119,8 @@ class Comparison:
     def view(self, path: str | PathLike[str] | None = None, *, title: str = "") -> Path:
         """Write the page of `Result.view`, of CDCP's map with all others beside it, or open it.
 
+        Of a closed surface, it switches to the sphere; other maps onto it are shapes there.
+
         Parameters
         ----------
         path : path-like, optional
@@ -131,13 +133,26 @@ class Comparison:
         Path
             Where the page is.
         """
-        shown = sphere_map(*self.closed) if self.closed else disk_map(*self.disk)
+        from ..plot import view
+
+        shown: dict[str, tuple[Callable[..., Any], Surface]] = {}
+        if not all(map(self._on_sphere, self.cases.values())):
+            shown["cdcp"] = disk_map, self.disk
+        if self.closed:
+            shown["sphere"] = sphere_map, self.closed
         beside = {
-            name: uv
-            for name, uv in self.maps.items()
-            if name != "cdcp" and self.cases[name].boundary != "sphere"
+            other: np.vstack([self._of(other, uv, *shown[name]) for name in shown])
+            for other, uv in self.maps.items()
+            if other not in shown
         }
-        return shown.view(path, beside=beside, title=title)
+        results = {name: function(*surface) for name, (function, surface) in shown.items()}
+        return view(results, path, beside=beside, title=title)
+
+    def _of(self, name: str, uv: Floats, function: Callable[..., Any], surface: Surface) -> Floats:
+        """Rows of a map for a surface: NaN if it is of the other one."""
+        n = int(surface[1].max()) + 1
+        of_other = self._on_sphere(self.cases[name]) != (function is sphere_map)
+        return np.full((n, uv.shape[1]), nan) if of_other else uv[:n]
 
     def _table(self) -> tuple[str, list[list[str]], list[str]]:
         """Title, rows, and why some have no map."""

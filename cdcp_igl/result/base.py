@@ -439,10 +439,10 @@ class Result(FromFile, ABC):
             webp file, or colours from 0 to 1, such as `bake` makes.
         beside : mapping of str to (n, 2) or (n, 3) array_like, optional
             Other maps of the vertices of the given mesh, each drawn beside this one under its
-            name, such as ``{"LSCM": uv}``, with the means of its angular and area distortion
-            (of the absolute logarithm) and whether `certify` finds it valid; distortion is on one
-            scale of colours. With three columns, other shapes of the surface, to which it can be
-            switched, such as ``{"inflated": positions}``.
+            name, such as ``{"LSCM": uv}``, with the mean of its angular distortion, the SD of
+            its area distortion (see `AreaDistortion`) and whether `certify` finds it valid;
+            distortion is on one scale of colours. With three columns, other shapes of the surface,
+            to which it can be switched, such as ``{"inflated": positions}``.
         keep : sequence of {"lengths", "areas"}, float or str
             Of the result of `disk_map` or `free_map`: what a slider goes on to, see `continued`.
         title : str

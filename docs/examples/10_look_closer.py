@@ -5,7 +5,18 @@ Turn it, and look closer
 A map is made to be looked at. ``result.view()`` opens a page in the browser in which the surface
 turns beside its disk, and ``result.view("map.html")`` writes it: one file that needs no network.
 In a notebook (:download:`an example <../examples/notebook.ipynb>`), and on this page, it shows
-itself. Hover over the disk to find a point on the surface, and the other way round.
+itself. Hover over the disk to find a point on the surface, and the other way round; a click keeps
+the mark.
+
+* ``fields={"depth": depth}`` colours by values of your own, sequential, diverging or cyclic, in a
+  range and above a threshold that can be changed. Labels, such as ``read_values("lh.annot")`` has
+  them, show their names, and have borders over all colours.
+* ``beside={"LSCM": uv, "inflated": positions}``: a map is drawn beside this one, with its mean
+  angular distortion, the SD of its area distortion and whether it is valid; another shape of the
+  surface is one to which it can be switched.
+* ``keep=[0.1, "lengths", 0.9]`` puts a slider on a map: what it keeps. ``texture=`` shows an image
+  with its texels.
+* ``cdcp_igl.plot.view({"left": left, "right": right})`` switches between results.
 """
 
 import matplotlib.pyplot as plt

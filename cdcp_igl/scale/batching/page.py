@@ -103,5 +103,6 @@ def _row(record: Record) -> str:
     verdict = "yes" if record.conformal else doubt
     return (
         f'<tr><td data-key="{name}" title="{escape(printable(record.input))}">{name}</td>{cells}'
-        f'<td class="text" data-name="conformal" data-key="{int(record.conformal)}">{verdict}</td></tr>'
+        f'<td class="text" data-name="conformal" data-key="{int(record.conformal)}">'
+        f"{verdict}</td></tr>"
     )
