@@ -56,8 +56,9 @@ def as_markdown(machine: Mapping[str, Any], measured: Measured) -> str:
     str
     """
     parts = [f"# {_title(machine)}"]
-    if "tables" in measured.sections:
-        parts += ["## In short", markdown(in_short(measured.sections["tables"], anchor))]
+    results = measured.sections.get("tables")
+    if results and (short := in_short(results, anchor)).rows:
+        parts += ["## In short", markdown(short)]
     parts += ["## What was measured on", "\n".join(_fact(*fact) for fact in about(machine))]
     for table in tables(measured):
         parts += [part for part in (f"## {table.title}", table.text, markdown(table)) if part]

@@ -138,7 +138,7 @@ def in_short(results: Section, anchor: Callable[[str], str]) -> Content:
     for family, title in FAMILY_TITLES.items():
         own = OURS[family]
         accurate, fast = (ranking(results, family, name) for name in ("mean", "seconds"))
-        if own not in summed.index or not accurate:
+        if own not in summed.index or not (accurate and fast):
             continue
 
         def link(text: str, table: str, title: str = title) -> Cell:

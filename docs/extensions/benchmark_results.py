@@ -57,7 +57,7 @@ def _gather(app):
         index.append(f"### {heading}\n\n```{{toctree}}\n:maxdepth: 1\n")
         for title, body in sections:
             if title == SHORT:
-                answers.append(f"### {heading}\n{linked(body)}")
+                answers.append(f"## {heading}\n{linked(body)}")
                 continue
             page = generated / f"{Path(at[title]).name}.md"
             page.write_text(f"# {title}\n{linked(body)}", encoding="utf-8")

@@ -4,13 +4,15 @@ import re
 from pathlib import Path
 
 import matplotlib as mpl
+import pooch
 from matplotlib.figure import Figure
-from PIL import Image
+from PIL import Image, ImageChops
 from sphinx_gallery.scrapers import figure_rst
 
 
 def style(gallery_conf, fname):
-    """Set Matplotlib's defaults, before and after each program."""
+    """Set Matplotlib's defaults, before and after each program; no word of downloads."""
+    pooch.get_logger().setLevel("WARNING")
     mpl.rcParams.update(
         {
             "figure.dpi": 100,
@@ -38,11 +40,17 @@ def _figures(block, block_vars, gallery_conf):
 
 
 def _shrink(app, exception):
-    """Store the pictures of the built pages with 256 colours, a third of the size."""
+    """Store the pictures of the built pages with 256 colours, a third of the size.
+
+    Those of the cards lose their white margins.
+    """
     for path in Path(app.outdir, "_images").glob("sphx_glr_*.png"):
         with Image.open(path) as picture:
             if picture.mode != "P":
-                small = picture.convert("RGB").quantize(256, dither=Image.Dither.NONE)
+                drawn = picture.convert("RGB")
+                if path.stem.endswith("_thumb"):
+                    drawn = drawn.crop(ImageChops.invert(drawn).getbbox())
+                small = drawn.quantize(256, dither=Image.Dither.NONE)
                 small.save(path, optimize=True)
 
 
