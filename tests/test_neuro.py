@@ -11,6 +11,7 @@ from pathlib import Path
 import nibabel
 import numpy as np
 import pytest
+from batches import invoke as invoke_batch
 from commands import invoke
 from nibabel.freesurfer import read_geometry, write_annot, write_geometry, write_morph_data
 
@@ -122,6 +123,11 @@ def test_a_part_knows_the_rows_of_the_whole(pial, tmp_path):
     assert np.array_equal(V[part.vertex_index], part.V)
     assert np.array_equal(F[part.face_index], part.vertex_index[part.F])
     result = cdcp_igl.free_map(part)
+    left_out = f"{len(V) - len(part.V):,} of {len(V):,} vertices"
+    assert dict(result.summary()[1])["left out"] == left_out
+    assert result.report()["vertices_left_out"] == result.left_out == len(V) - len(part.V)
+    assert f"({left_out} left out)" in str(cdcp_igl.check(part))
+    assert "left out" not in f"{cdcp_igl.free_map(*part[:2])}{cdcp_igl.check(*part[:2])}"
     uv = result.to_given(result.uv)
     assert np.array_equal(uv[part.vertex_index], result.uv)
     assert np.isnan(np.delete(uv, part.vertex_index, axis=0)).all()
@@ -147,6 +153,57 @@ def test_a_part_knows_the_rows_of_the_whole(pial, tmp_path):
         assert np.array_equal(faces, F[part.face_index])
         assert len(positions) == len(V)
         assert np.array_equal(positions[vertices, :2], result.uv.astype(np.float32))
+
+
+def patch_of_a_surface(file, n, faces):
+    """Read a flat patch as its users do, record by record: positions, faces, which are border.
+
+    A patch names its vertices only, from 1 and with a minus at the border; its faces are those of
+    the surface that have no other corners. So do FreeSurfer's read_patch.m and pycortex read it.
+    """
+    with file.open("rb") as opened:
+        version, count = struct.unpack(">2i", opened.read(8))
+        records = [struct.unpack(">i3f", opened.read(16)) for _ in range(count)]
+        assert (version, opened.read()) == (-1, b"")
+    side, points = np.zeros(n), np.full((n, 3), np.nan)
+    for vertex, *place in records:
+        side[abs(vertex) - 1], points[abs(vertex) - 1] = np.sign(vertex), place
+    return points, [face for face in faces.tolist() if side[face].all()], side < 0
+
+
+def test_another_reader_has_the_same_patch(pial, tmp_path):
+    part = cdcp_igl.submesh(pial, vertices=UPPER)
+    result = cdcp_igl.free_map(part, keep="lengths")
+    result.save(tmp_path / "lh.upper.flat.patch.3d")
+    points, faces, border = patch_of_a_surface(tmp_path / "lh.upper.flat.patch.3d", len(V), F)
+    assert np.array_equal(faces, F[part.face_index])
+    np.testing.assert_array_equal(points[:, :2], result.to_given(result.uv.astype(np.float32)))
+    assert set(points[part.vertex_index, 2]) == {0}
+    assert set(np.flatnonzero(border)) == set(part.vertex_index[result.mesh.loop])
+    one, other, third = points[faces].transpose(1, 0, 2)
+    assert (
+        np.cross(other - one, third - one)[:, 2] > 0
+    ).all()  # none is flipped in single precision
+
+
+def test_a_surface_with_faces_first_and_nothing_at_its_border(tmp_path):
+    """As hippocampi unfolded by hippunfold are: positions that it could not find are NaN."""
+    lower = cdcp_igl.submesh(V, F, without=UPPER)
+    lost = cdcp_igl.DiskMapper(*lower[:2]).mesh.loop[[0, 1, 7]]
+    W = lower.V.astype(np.float32)
+    W[lost] = np.nan
+    image = gifti((lower.F.astype(np.int32), 1009), (W, 1008))
+    image.to_filename(tmp_path / "sub_inner.surf.gii")
+    cleaned = cdcp_igl.clean(tmp_path / "sub_inner.surf.gii")
+    assert "with a NaN" in cleaned.changes[0]
+    result = cdcp_igl.disk_map(cleaned)
+    uv = result.to_given(result.uv)
+    assert result.valid
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(uv[:, 0])), np.sort(lost))
+    result.save(tmp_path / "sub_flat.surf.gii")
+    flat, faces = read_mesh(tmp_path / "sub_flat.surf.gii")
+    assert len(flat) == len(W)
+    assert np.array_equal(faces, lower.F[cleaned.face_index])
 
 
 def test_what_is_cleaned_after_it_was_parted_knows_the_rows_of_the_whole(pial, tmp_path):
@@ -332,8 +389,30 @@ def test_a_study_goes_on_where_a_subject_has_no_label(study):
     assert {record.error for record in made.failed} == {"FileNotFoundError"}
     for record in made.done:
         assert record.changes[0].startswith("kept")
+        assert record.left_out == (~UPPER).sum()
+    assert f"{2 * (~UPPER).sum():,} vertices left out, of 2 maps" in str(made)
     with np.load(next((study / "maps").rglob("*.npz"))) as arrays:
         assert np.array_equal(arrays["V"], V[arrays["vertex_index"]])
+
+
+def test_a_study_from_the_shell(study, monkeypatch):
+    """Its journal and its summary say which labels are missing."""
+    monkeypatch.chdir(study)
+    files = [file.relative_to(study) for file in sorted(study.glob("*/surf/?h.pial"))]
+    label = ("--only", "../label/{hemi}.cortex.label")
+    done = invoke_batch(*files, "maps", "--sphere", *label, "--clean", "--format", "gii")
+    assert done.exit_code == 4
+    assert "2 of 4 surfaces mapped" in done.output
+    for hemi in ("lh", "rh"):
+        assert f"two/surf/{hemi}: FileNotFoundError" in done.output
+    lines = map(json.loads, Path("maps", "results.jsonl").read_text().splitlines())
+    failed = [line for line in lines if line["status"] == "failed"]
+    assert [line["name"] for line in failed] == ["two/surf/lh", "two/surf/rh"]
+    for line, hemi in zip(failed, ("lh", "rh"), strict=True):
+        assert f"{hemi}.cortex.label" in line["message"]
+    points, faces = read_mesh(Path("maps", "one", "surf", "lh.gii"))
+    assert np.array_equal(faces, F[UPPER[F].all(axis=1)])
+    np.testing.assert_allclose(np.linalg.norm(points[UPPER], axis=1), 100, rtol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,7 @@ def batch_command(
     jobs: int = typer.Option(1, "--jobs", "-j", metavar="N", min=1, help="Processes side by side."),
     format: str = typer.Option(
         "npz",
-        metavar="npz|obj|ply|glb|same",
+        metavar="npz|obj|ply|glb|vtk|vtp|gii|same",
         help="Type of the results; `same` for that of each surface.",
     ),
     retry: bool = typer.Option(False, "--retry", help="Try again what failed in a former run."),

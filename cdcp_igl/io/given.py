@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
-from ..errors import Damage, Defect, MeshError
+from ..errors import Damage, Defect, MeshError, counted
 from .neuro import gifti_surface
 from .polygons import naming_polygons, triangulated
 from .reading import Array, read_polygons
@@ -39,8 +39,8 @@ INSTEAD = ("to_legacy", "extract_surface")
 POLYGONS_OF_VTK = (5, 7, 9)  # triangles, polygons, quads
 
 
-class FromFile:
-    """A map of a surface, which knows the file that was given, and of which part it is the map.
+class OfGiven:
+    """What is said of a surface, which knows the file that was given, and of which part it is.
 
     Attributes
     ----------
@@ -48,12 +48,31 @@ class FromFile:
         The file.
     given_rows : ((n,) int64, int) or None
         The row of the whole surface that each vertex comes from, -1 for a new one, and how many
-        rows that has: of what `submesh` and `clean` return. None if all was mapped.
+        rows that has: of what `submesh` and `clean` return. None if it is the whole.
     """
 
-    uv: Floats
     source: Path | None = None
     given_rows: tuple[Ints, int] | None = None
+
+    @property
+    def left_out(self) -> int:
+        """How many vertices of the whole surface are not in the part."""
+        if self.given_rows is None:
+            return 0
+        rows, size = self.given_rows
+        return size - len(np.unique(rows[rows >= 0]))
+
+    def _left_out(self) -> str:
+        """Say the same in words; nothing if all are there."""
+        if self.given_rows is None or not self.left_out:
+            return ""
+        return f"{self.left_out:,} of {counted(self.given_rows[1], 'vertex', 'vertices')}"
+
+
+class FromFile(OfGiven):
+    """A map of a surface or of a part of it."""
+
+    uv: Floats
 
     def to_given(self, values: ArrayLike, fill: float | None = None) -> Array:
         """Carry values at the vertices back to the rows of the surface that this is a part of.
@@ -164,7 +183,7 @@ def takes_meshes(function: Callable[..., Any]) -> Any:
 def _told_of(made: Any, given: Any, source: Path | None) -> Any:
     """Tell a map, or what `clean` returns, of the file and of the rows of the whole surface."""
     is_part = hasattr(given, "n_given")
-    if isinstance(made, FromFile):
+    if isinstance(made, OfGiven):
         object.__setattr__(made, "source", source)  # which may be frozen
         if is_part:
             object.__setattr__(made, "given_rows", (given.vertex_index, given.n_given))

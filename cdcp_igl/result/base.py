@@ -239,6 +239,7 @@ class Result(FromFile, ABC):
         report = {
             "vertices": vertices,
             "faces": faces,
+            "vertices_left_out": self.left_out,
             "valid": self.valid,
             "side": self.side,
             **self.conformality.report(),
@@ -537,7 +538,9 @@ class Result(FromFile, ABC):
         >>> title
         'disk map of 331 vertices: valid'
         """
-        return f"{self._kind} map of {self._subject()}: {self.verdict}", self._summary()
+        title = f"{self._kind} map of {self._subject()}: {self.verdict}"
+        left_out = [("left out", said)] if (said := self._left_out()) else []
+        return title, [*self._summary(), *left_out]
 
     def __str__(self) -> str:
         return as_text(*self.summary())

@@ -202,6 +202,7 @@ class Mapped:
         result = self.result
         charts = result.charts if isinstance(result, SurfaceMap) else (result,)
         return {
+            "left_out": result.left_out,
             "charts": len(charts),
             "flips": len(result.certificate.flipped),
             "mean": result.distortion.mean,

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Floats, Ints
 from ..defects import CLEAN, CUT, DEFECTS, IN_PYTHON, IN_SHELL, as_commands
 from ..errors import Defect, counted, spell
-from ..io.given import takes_meshes
+from ..io.given import OfGiven, takes_meshes
 from ..io.polygons import in_polygons
 from ..printing import as_html
 from .orientation import INWARD, wrong_side
@@ -22,7 +22,7 @@ NEAR = 0.01  # of the shortest edge
 
 
 @dataclass(frozen=True, eq=False)
-class MeshReport:
+class MeshReport(OfGiven):
     """What `check` found. Printing it gives a line for each defect, and the way to go on.
 
     Attributes
@@ -146,6 +146,7 @@ class MeshReport:
             "kind": self.kind,
             "vertices": self.n_vertices,
             "faces": self.n_faces,
+            "vertices_left_out": self.left_out,
             "boundary_vertices": self.n_boundary,
             "components": self.n_components,
             "boundary_loops": self.n_loops,
@@ -170,7 +171,8 @@ class MeshReport:
 
     @property
     def _size(self) -> str:
-        return f"{self.n_vertices:,} vertices, {counted(self.n_faces, 'face', 'faces')}"
+        size = f"{self.n_vertices:,} vertices, {counted(self.n_faces, 'face', 'faces')}"
+        return f"{size} ({said} left out)" if (said := self._left_out()) else size
 
     def __repr__(self) -> str:
         found = "a disk" if self.is_disk else ", ".join(d.name for d in self.defects)

@@ -51,6 +51,7 @@ class Record:
     changes: tuple[str, ...] = ()  #: on reading and cleaning, a sentence each
     vertices: int = 0  #: of the surface as it was given
     faces: int = 0
+    left_out: int = 0  #: vertices that were not mapped, by `only`, `without` or `clean`
     charts: int = 0  #: that it was mapped onto; 1 unless it was cut
     flips: int = 0  #: faces that are not positively oriented
     mean: float = math.nan  #: angular distortion in degrees; NaN, as below, if there is no map

@@ -39,6 +39,7 @@ from .names import located, result_names, shard_of, surface_files
 from .page import PAGE_BEGINS, report_page
 from .work import Task
 
+FORMATS = (*WRITABLE, ".gii")
 SAME = "same"
 ALIKE = 0.75  # are two names of which one is misspelt
 
@@ -89,6 +90,9 @@ class Batch:
                 f"  {counted(flips, 'flipped face', 'flipped faces')}, "
                 f"{counted(worse, 'map', 'maps')} not conformal",
             ]
+        if left_out := [record for record in self.done if record.left_out]:
+            vertices = counted(sum(r.left_out for r in left_out), "vertex", "vertices")
+            lines.append(f"  {vertices} left out, of {counted(len(left_out), 'map', 'maps')}")
         lines += [
             f"  {count:,} {error}"
             for error, count in Counter(record.error for record in self.failed).most_common()
@@ -144,9 +148,10 @@ def batch(
         where memory would not do for both.
     executor : concurrent.futures.Executor or dask.distributed.Client, optional
         Maps the surfaces instead, perhaps on many machines that share the file system.
-    format : {"npz", "obj", "ply", "glb", "same"}
+    format : {"npz", "obj", "ply", "glb", "vtk", "vtp", "gii", "same"}
         Type of the results, see `cdcp_igl.io.write_map`; ``"same"`` for that of each surface, and
-        obj where it is none of these.
+        obj where it is none of these. GIFTI has a map as positions of the vertices, in the rows of
+        the surface, and needs nibabel.
     disk : bool
         Texture coordinates in the unit disk, not in the unit square.
     clean : bool
@@ -362,7 +367,7 @@ def _remove(path: Path) -> None:
 
 
 def _check_format(format: str) -> None:
-    formats = [*(suffix[1:] for suffix in WRITABLE), SAME]
+    formats = [*(suffix[1:] for suffix in FORMATS), SAME]
     if format not in formats:
         raise ValueError(f"format must be one of {', '.join(formats)}, not {format!r}")
 
@@ -379,7 +384,7 @@ def _task(
     """Name the files of a surface, whose result is to be `result` with a suffix."""
     suffix = f".{format}"
     if format == SAME:
-        suffix = source.suffix if source.suffix.lower() in WRITABLE else ".obj"
+        suffix = source.suffix if source.suffix.lower() in FORMATS else ".obj"
     # Not the name of the result, which may be as long as names can be.
     draft = hashlib.sha256(f"{digest} {name}".encode(errors="surrogateescape")).hexdigest()
     target, draft = f"{result}{suffix}", f"{unfinished / draft}{suffix}"

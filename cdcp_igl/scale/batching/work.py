@@ -122,7 +122,10 @@ class Task:
         except Unwritten:
             raise
         except Exception as error:  # whatever it is, the other surfaces can do without this one
-            message = (error.strerror if isinstance(error, OSError) else None) or str(error)
+            message = str(error)
+            if isinstance(error, OSError) and error.strerror:
+                other = error.filename not in (None, self.source)  # such as a label
+                message = f"{printable(error.filename)}: " * other + error.strerror
             record = replace(record, error=type(error).__name__, message=message)
         seconds = perf_counter() - start
         return replace(record, seconds=seconds, memory=peak_memory(), finished=_now())
