@@ -455,12 +455,16 @@ def circle(n):
     return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
+TIP = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1]])
 SOLIDS = {
     "cube": (extruded([(0, 0), (1, 0), (1, 1), (0, 1)], 1), 1),
     "plank": (extruded([(0, 0), (9, 0), (9, 1), (0, 1)], 0.1), 1),
     "house": (extruded([(0, 0), (2, 0), (2, 1), (1, 2), (0, 1)], 3), 1),
     "prism": (extruded(circle(6), 2), 1),
     "can": (extruded(circle(40), 1), 1),
+    "L": (surfaces.skin(np.array([[[1, 1, 1], [1, 0, 0]]], dtype=bool)), 2),
+    "frame": (surfaces.skin(np.array([[[1, 1, 1], [1, 0, 1], [1, 1, 1]]], dtype=bool)), 2),
+    "cone without a base": (([[0, 0, 9], [1, 0, 0], [0, 1, 0], [-1, -1, 0]], TIP), 1),
 }
 
 
@@ -513,6 +517,24 @@ def test_the_scale_is_even(name, most, real_mesh):
     low, high = np.quantile(density, [0.05, 0.95])
     assert result.texel_density.ratio == pytest.approx(high / low, rel=0.01)
     assert high / low < 2
+
+
+def test_charts_of_more_than_a_degree_are_refined_unless_that_is_said():
+    V, F = surfaces.sphere(12, 16)
+    plain, fine = cdcp_igl.surface_map(V, F, refine=0), cdcp_igl.surface_map(V, F)
+    assert plain.distortion.mean > 1
+    assert fine.distortion.mean < 0.95 * plain.distortion.mean
+    assert [chart.refinement is None for chart in plain.charts] == [True]
+    np.testing.assert_array_equal(fine.cut.edges, plain.cut.edges)
+
+
+@pytest.mark.parametrize("outline", ["free", "disk"])
+def test_only_maps_that_are_kept_are_warned_of(outline, caplog):
+    V, F = surfaces.arms(6, 1)
+    result = cdcp_igl.surface_map(V, F, outline=outline, fill=True)
+    warned = "not conformal" in caplog.text
+    assert warned == (not result.conformal)
+    assert caplog.text.count("not conformal") == int(warned)
 
 
 def test_what_is_not_reached_is_said_first():

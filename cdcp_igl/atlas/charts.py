@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 
 from ..arrays import Bools, Floats, Ints, as_complex, coordinates
 from ..errors import MapError
-from ..maps.disk import disk_map
+from ..maps.disk import made_disk_map
 from ..maps.free import FreeMap
 from ..options import Options, is_real, is_whole
 from ..phases import Progress
@@ -25,8 +25,8 @@ from ..verdict.certificate import certify
 from ..verdict.distortion import conformal_factor
 from .cut_graph import Component, OpenedComponent, fill_holes
 from .cut_paths import branch_to, open_to_disk, straighten
-from .even import even_drafts
-from .parting import LEAST_FACES, limbs, narrow_side, parted_by
+from .even import even_drafts, exact_nets
+from .parting import LEAST_FACES, limbs, narrow_side, parted_by, pieces
 
 # A round of growth is kept if it lowers the scale variation, or the angle error, by more than this
 # share.
@@ -163,8 +163,12 @@ def _free_charts(
     charts, done = list[Chart](), 0
     with using(options.solver):
         for draft in even_drafts(component, options, limits.fill, limits.asked, limits.max_charts):
-            charts.append(_measured(draft.opened, draft.map))
-            done += len(charts[-1].F)
+            chart = _measured(draft.opened, draft.map)
+            if not chart.map.conformal:  # as faces are large, or few: its net is exact
+                for net in exact_nets(pieces(draft.opened), options):
+                    chart = _measured(net.opened, net.map)
+            charts.append(chart)
+            done += len(chart.F)
             if progress:
                 progress("cut", done / len(component.rows))
     return charts
@@ -276,7 +280,7 @@ def _chart(opened: OpenedComponent, options: Options, progress: Progress | None)
     """Map a component that is cut to a disk onto the unit disk."""
 
     def make() -> DiskMap:
-        return disk_map(opened.positions, opened.F, progress=progress, **vars(options))
+        return made_disk_map(opened.positions, opened.F, options, progress)
 
     return _measured(opened, make)
 

@@ -13,7 +13,7 @@ from .cones import Draft, seams
 from .cut_graph import Component, fill_holes
 from .cut_paths import open_to_disk
 from .nets import in_a_plane, net
-from .parting import narrow_side, parted_by, pieces, shortest_between
+from .parting import crease_between, narrow_side, parted_by, pieces, shortest_between
 
 # A round of slits is kept if it lowers the scale variation by more than this share, and if the cut
 # is no longer than this, by the square root of the area: a longer one parts the component.
@@ -47,7 +47,7 @@ def even_drafts(
         yield plain
         return
     may_be_net = not (fill and filled.n_filled)  # which cuts to holes
-    if may_be_net and (nets := _nets(component, options, most)):
+    if may_be_net and (nets := _likely_nets(component, options, most)):
         yield from nets
         return
     waiting, n_done = [component], 0
@@ -86,26 +86,40 @@ def _evened(component: Component, options: Options, fill: bool | None, wanted: f
     return draft
 
 
-def _nets(component: Component, options: Options, most: float) -> list[Draft]:
-    """Cut a component that is flat but for few vertices along a tree through these, if it is.
-
-    Pieces of such a net that overlap are parted.
-    """
+def _likely_nets(component: Component, options: Options, most: float) -> list[Draft]:
+    """Take the net of a component of planes, or of one that is closed, if it is short."""
     n_edges = len(component.edges)
     is_planes = n_edges > 0 and np.mean(in_a_plane(component)[component.edges]) >= FLAT
+    if not (is_planes or component.topology.euler_characteristic == 2):
+        return []
+    longest, n_pieces = NETS_OF_PLANES if is_planes else OTHER_NETS
+    return _nets(component, options, longest, min(most, n_pieces))
+
+
+def exact_nets(parts: list[Component], options: Options) -> list[Draft]:
+    """Take the net of a component in one part that cannot be mapped well otherwise."""
+    return _nets(parts[0], options, NETS_OF_PLANES[0], 1) if len(parts) == 1 else []
+
+
+def _nets(component: Component, options: Options, longest: float, most: float) -> list[Draft]:
+    """Cut a component that is flat but for few vertices along a tree through these, if it is.
+
+    Pieces of such a net that overlap are parted, into at most so many.
+    """
     opened = component.uncut.cut(net(component))
-    longest, pieces_at_most = NETS_OF_PLANES if is_planes else OTHER_NETS
-    if seams(opened) > longest or not (is_planes or component.topology.euler_characteristic == 2):
+    if seams(opened) > longest:
         return []
     waiting, drafts = pieces(opened), list[Draft]()
     while waiting:
         draft = Draft(open_to_disk(waiting.pop()), options)
         n_pieces = len(waiting) + len(drafts) + 1
-        if not draft.scale_variation < EXACT or n_pieces > min(most, pieces_at_most):
+        if not draft.scale_variation < EXACT or n_pieces > most:
             return []
         if len(draft.outline.meeting):
-            parts = _apart(draft)
-            if len(parts) == 1:  # there is no way between them
+            mesh = draft.surface.mesh
+            pairs = mesh.loop_index[draft.outline.meeting]
+            parts = pieces(draft.opened.cut(crease_between(draft.opened, mesh.loop, pairs)))
+            if len(parts) == 1:  # no crease is between them
                 return []
             waiting += parts
         else:

@@ -6,13 +6,11 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
-from ..arrays import Bools, Floats, Ints, marked, places
+from ..arrays import Bools, Floats, Ints, places
 from .cut_graph import Component
 
 FLAT = 1e-4  # an angle defect up to this, in radians, is none
 COPLANAR = 1e-6  # two faces are in one plane if the cosine between their normals is so near 1
-# A seam between faces of one plane costs so many times its length: others hide in creases.
-IN_A_PLANE = 2.0
 
 
 def net(component: Component) -> Ints:
@@ -60,15 +58,25 @@ def net(component: Component) -> Ints:
 
 def in_a_plane(component: Component) -> Bools:
     """(3m,) half-edges between two faces of one plane."""
-    V, F = component.V, component.F
-    normal = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]])
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
-    one, other = component.sides(component.edges)
-    flat = component.edges[(normal[one] * normal[other]).sum(axis=1) > 1 - COPLANAR]
-    return marked(F.size, flat, component.twin[flat])
+    return _flatness(component) > 1 - COPLANAR
 
 
 def seam_cost(component: Component) -> Floats:
-    """(3m,) length of each half-edge, in a plane more; next to nothing along the boundary."""
+    """(3m,) length of each half-edge; next to nothing along the boundary.
+
+    A seam hides in a crease: in a plane it costs twice as much as along a right angle.
+    """
     cost = np.where(component.twin < 0, 1e-9, 1) * component.length
-    return np.where(in_a_plane(component), IN_A_PLANE * cost, cost)
+    return cost * (1 + np.maximum(_flatness(component), 0))
+
+
+def _flatness(component: Component) -> Floats:
+    """(3m,) cosine of the angle between the normals on either side, on the boundary 0."""
+    V, F = component.V, component.F
+    normal = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]])
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    inner = np.flatnonzero(component.twin >= 0)
+    one, other = component.sides(inner)
+    cosine = np.zeros(F.size)
+    cosine[inner] = (normal[one] * normal[other]).sum(axis=1)
+    return cosine

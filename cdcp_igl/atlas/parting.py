@@ -15,7 +15,7 @@ from ..surface.topology import components_of_pairs
 from ..surface.triangles import face_areas
 from .cut_graph import Component, OpenedComponent, split_components
 from .cut_paths import way_to
-from .nets import seam_cost
+from .nets import in_a_plane, seam_cost
 from .sheets import part_sheets
 
 # A component of fewer faces is not parted, and its cut grows once: of 80 boxes, tubes and
@@ -89,6 +89,34 @@ def narrow_side(component: Component, ends: Ints | None = None) -> Bools:
         largest = np.bincount(region[low == side], area[low == side], count).argmax()
         low[region != largest] = not side
     return low
+
+
+def crease_between(opened: OpenedComponent, loop: Ints, pairs: Ints) -> Ints:
+    """Half-edges of the crease of a net that parts most of some pairs of boundary edges.
+
+    Of several, the shortest; none if none parts any. A crease is where two facets meet, which are
+    flat. Edges (k, 2) are named by the places in the loop that they leave.
+    """
+    component, half = opened.component, opened.component.edges
+    half = half[~opened.is_cut[half]]
+    one, other = component.sides(half)
+    joined = (in_a_plane(component) | component.is_barred)[half]
+    _, facet = components_of_pairs(one[joined], other[joined], len(opened.F))
+    low, high = np.sort([facet[one], facet[other]], axis=0)
+    half, low, high = (each[low < high] for each in (half, low, high))
+    if len(half) == 0:
+        return half
+    _, crease = np.unique(low.astype(np.int64) * len(opened.F) + high, return_inverse=True)
+    place = places(loop, opened.n)[[opened.tail[half], opened.head[half]]]
+    # In a net a crease goes from one place of the boundary to another.
+    first, last = np.full((2, crease.max() + 1), [[len(loop)], [-1]])
+    np.minimum.at(first, crease, np.where(place < 0, len(loop), place).min(axis=0))
+    np.maximum.at(last, crease, place.max(axis=0))
+    beyond = (first <= pairs[..., None]) & (pairs[..., None] < last)
+    parted = (beyond[:, 0] != beyond[:, 1]).sum(axis=0)
+    length = np.bincount(crease, component.length[half])
+    best = np.lexsort((length, -parted))[0]
+    return half[(crease == best) & (parted[best] > 0)]
 
 
 def shortest_between(opened: OpenedComponent, loop: Ints, pairs: Ints) -> Ints:

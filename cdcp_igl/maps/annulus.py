@@ -22,7 +22,7 @@ from ..plot.layout import Layout
 from ..refine.targets import Ring
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.repair import repaired
-from ..result.base import how_made, valid_map
+from ..result.base import announced, how_made, valid_map
 from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface
 from ..solve.solvers import SolverName, using
@@ -229,7 +229,7 @@ def annulus_map(
             best = refined(best, f, Ring(), surface.order, steps, made, options, phase)
     best = valid_map(best, " onto the ring", REMEDY)
     phase.done()
-    return best
+    return announced(best)
 
 
 def _filled(V: ArrayLike, F: ArrayLike) -> tuple[AnnulusMesh, tuple[int, int], int]:

@@ -17,7 +17,7 @@ from ..options import Options
 from ..phases import Phases, Progress
 from ..refine.refinement import DISK
 from ..rescue.harmonic_map import HarmonicMap
-from ..result.base import valid_map
+from ..result.base import announced, valid_map
 from ..result.disk_map import DiskMap, judged
 from ..result.making import refined, steps_of
 from ..solve.factored import FactoredSurface
@@ -80,7 +80,7 @@ def cdcp(
     options = Options(
         center, mobius, align, refine, refine_norm, refine_seconds, preset, solver, keep
     )
-    return _disk_map(V, F, options, progress).uv
+    return announced(made_disk_map(V, F, options, progress)).uv
 
 
 @takes_meshes
@@ -193,10 +193,13 @@ def disk_map(
     options = Options(
         center, mobius, align, refine, refine_norm, refine_seconds, preset, solver, keep
     )
-    return _disk_map(V, F, options, progress)
+    return announced(made_disk_map(V, F, options, progress))
 
 
-def _disk_map(V: ArrayLike, F: ArrayLike, options: Options, progress: Progress | None) -> DiskMap:
+def made_disk_map(
+    V: ArrayLike, F: ArrayLike, options: Options, progress: Progress | None
+) -> DiskMap:
+    """Map a disk as `disk_map` does, without a word where the map is not conformal."""
     phase = Phases(progress, options.refine or 0)
     with using(options.solver):
         return map_of(factored_surface(V, F, options, phase), options, phase)

@@ -31,7 +31,7 @@ from ..refine.balance import Energy, Newton
 from ..refine.refinement import lower_angle_distortion
 from ..refine.targets import Outline
 from ..rescue.repair import MANY, Repair, repair_locally
-from ..result.base import valid_map
+from ..result.base import announced, valid_map
 from ..result.keeping import KeepingMap, Kept
 from ..result.making import PATIENT, PlaneMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface, harmonic_extension
@@ -296,7 +296,7 @@ def free_map(
         surface = factored_surface(V, F, options, phase)
         places = places_of(pins, len(surface.mesh.V))
         made = free_map_of(surface, boundary_scale, corners, options, phase)
-        return as_given(made).pinned_to(places, phase)
+        return announced(as_given(made)).pinned_to(places, phase)
 
 
 def free_map_of(
@@ -307,14 +307,19 @@ def free_map_of(
     phase: Phases,
     *,
     keep_factor: bool = False,
+    enough: float = np.inf,
 ) -> FreeMap:
-    """Map a factored surface, as `free_map` does; the factor is kept if that is asked for."""
+    """Map a factored surface, as `free_map` does; the factor is kept if that is asked for.
+
+    A map whose mean error is more than `enough`, in degrees, is refined unless that is said.
+    """
     mesh = surface.mesh
     asked = _boundary(mesh, boundary_scale, corners)
     is_own = asked.name == OWN
-    best = _best_map(surface, asked, options, phase)
+    best = _best_map(surface, asked, options, phase, enough)
     steps = steps_of(best, options) if is_own else 0
-    if options.refine is None and best.boundary != asked.name and not options.kept:
+    is_far = best.boundary != asked.name or best.distortion.mean > enough
+    if options.refine is None and best.valid and is_far and not options.kept:
         steps = max(steps, EASING)
     if steps:
         plain, order = best, _order_of_all(surface)
@@ -452,14 +457,15 @@ def _boundary(
 
 
 def _best_map(
-    surface: FactoredSurface, asked: _Boundary, options: Options, phase: Phases
+    surface: FactoredSurface, asked: _Boundary, options: Options, phase: Phases, enough: float
 ) -> FreeMap:
     """Try one way after the other until a map is conformal; the best, valid or not."""
 
     def finished(f: Complex, name: str, laplacian: str) -> FreeMap:
         return _finished(surface, f, name, laplacian, asked.length, options, phase)
 
-    plain = best_of(partial(finished, *way) for way in _plain_maps(surface, asked, phase))
+    ways = (partial(finished, *way) for way in _plain_maps(surface, asked, phase))
+    plain = best_of(ways, lambda made: made.conformal and made.distortion.mean <= enough)
     if asked.name != OWN or plain.valid:
         return plain
     with phase("circle"):

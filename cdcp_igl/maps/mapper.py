@@ -13,6 +13,7 @@ from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
 from ..rescue.harmonic_map import HarmonicMap
+from ..result.base import announced
 from ..result.disk_map import DiskMap
 from ..solve.factored import FactoredSurface
 from ..solve.solvers import SolverName, using
@@ -118,7 +119,7 @@ class DiskMapper:
         known = options.first_steps in self._known
         phase = Phases(progress, refine or 0, BEFORE + HARMONIC * known)
         with using(self._solver):
-            return map_of(self._surface, options, phase, known=self._known)
+            return announced(map_of(self._surface, options, phase, known=self._known))
 
     def free(
         self,
@@ -162,7 +163,7 @@ class DiskMapper:
         phase = Phases(progress, refine or 0, (*BEFORE, *OF_THE_DISK))
         with using(self._solver):
             asked = boundary_scale, corners, options, phase
-            made = as_given(free_map_of(self._surface, *asked, keep_factor=True))
+            made = announced(as_given(free_map_of(self._surface, *asked, keep_factor=True)))
             return made.pinned_to(places_of(pins, len(self.mesh.V)), phase)
 
     def moved(self, V: ArrayLike) -> DiskMapper:

@@ -18,7 +18,7 @@ from ..options import Options
 from ..phases import Phases, Progress
 from ..refine.targets import Rectangle
 from ..rescue.repair import Repair, repaired
-from ..result.base import valid_map
+from ..result.base import announced, valid_map
 from ..result.making import PlaneMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.laplacian import LAPLACIANS, Laplacian
@@ -172,7 +172,7 @@ def rectangle_map(
     remedy = "Parts of it may be too small for double precision: choose corners farther apart"
     best = valid_map(best, " onto the rectangle", remedy)
     phase.done()
-    return best
+    return announced(best)
 
 
 @dataclass(frozen=True, eq=False)

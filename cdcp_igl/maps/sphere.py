@@ -22,7 +22,7 @@ from ..refine.balance import lower_shear
 from ..refine.targets import Sphere
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.untangling import over_hemispheres, repaired_on_sphere, without_pole
-from ..result.base import how_made, valid_map
+from ..result.base import announced, how_made, valid_map
 from ..result.bijection import Registered
 from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface
@@ -349,7 +349,7 @@ def sphere_map(
     best = replace(best, filled=filled, inward=inward, _n_faces=n_faces)
     best = valid_map(best, " onto the sphere", remedy)
     phase.done()
-    return best
+    return announced(best)
 
 
 def _closed(V: ArrayLike, F: ArrayLike) -> tuple[SphereMesh, int, int]:

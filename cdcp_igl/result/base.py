@@ -660,13 +660,18 @@ Kind = TypeVar("Kind", bound=Result)
 
 
 def valid_map(result: Kind, onto: str, remedy: str) -> Kind:
-    """Return a map that is valid, and log why it is not conformal; MapError if it is not valid.
+    """Return a map that is valid; MapError if it is not.
 
     The `remedy` may name what the map has, as in ``"{0.boundary}"``.
     """
     if not result.certificate.valid:
         failure = f"The map is not a bijection{onto}: {result.certificate}. {remedy.format(result)}"
         raise MapError(failure, result)
+    return result
+
+
+def announced(result: Kind) -> Kind:
+    """Return a map that is not one of several tried, and log why it is not conformal."""
     if reasons := result.conformality.reasons:
         log.warning("the map is not conformal: %s", "; ".join(reasons))
     return result
