@@ -50,7 +50,7 @@ def browser():
 
     options = webdriver.ChromeOptions()
     options.binary_location = programs[0]
-    for argument in ("headless=new", "no-sandbox", "disable-dev-shm-usage"):
+    for argument in ("headless=new", "disable-gpu", "no-sandbox", "disable-dev-shm-usage"):
         options.add_argument(f"--{argument}")
     # The layout needs no scripts, and surfaces would begin to turn.
     off = {"profile.managed_default_content_settings.javascript": 2}
