@@ -17,8 +17,10 @@ from scipy.io import savemat
 from scipy.sparse import eye
 
 from cdcp_igl import MeshError
-from cdcp_igl.io import read_mesh, write_map
+from cdcp_igl.io import read_mesh, read_texture, write_map
+from cdcp_igl.io.contents import contents_of
 from cdcp_igl.io.output import remove_stale, try_to_write, whole_file
+from cdcp_igl.io.painted import images_of
 
 V = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 F = np.array([[0, 1, 2], [0, 2, 3]])
@@ -279,6 +281,23 @@ def test_any_wrong_byte_is_a_mesh_or_a_mesh_error(tmp_path):
     counts = json.loads(run.stdout)
     assert len(counts) == 12
     assert all(refused > 0 for refused, _ in counts.values())
+
+
+def test_damaged_scenes_are_read_or_refused(tmp_path):
+    """Cut off, or with wrong bytes in a row, in the text or behind it: 60 of them."""
+    random, path = np.random.default_rng(4), tmp_path / "a.glb"
+    write_map(path, V, F, V[:, :2])
+    data, refused = path.read_bytes(), 0
+    for k in range(60):
+        at = int(random.integers(1, len(data) if k % 2 else 1500))
+        wrong = random.bytes(int(random.integers(1, 9)))
+        path.write_bytes(data[:at] if k < 20 else data[:at] + wrong + data[at + len(wrong) :])
+        for read in (read_mesh, read_texture, images_of, contents_of):
+            try:
+                read(path)
+            except (MeshError, ValueError):
+                refused += 1
+    assert 60 < refused < 240
 
 
 # -- files that appear whole or not at all ---------------------------------------------

@@ -333,6 +333,56 @@ def test_images_that_are_not_there(tmp_path, patchwork, cap):
         disk_map(submesh(patchwork / "ball.obj", vertices=read_mesh(lost)[0][:, 0] < 0)).bake(lost)
 
 
+UPRIGHT = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # y becomes z, as Blender has it
+
+
+def test_blender_opens_what_is_written(tmp_path):
+    """By its Python module: texture coordinates, places and colours of all corners, and names."""
+    bpy = pytest.importorskip("bpy")
+    V, F, _ = datasets.spherical_cap(3)
+    colours = np.random.default_rng(2).integers(0, 256, V.shape) / 255
+    lines = [
+        "o helmet",
+        *(
+            "v {!r} {!r} {!r} {!r} {!r} {!r}".format(*row)
+            for row in np.hstack([V, colours]).tolist()
+        ),
+    ]
+    lines += ["usemtl brass", *("f {} {} {}".format(*row) for row in (F + 1).tolist())]
+    (tmp_path / "given.obj").write_text("\n".join(lines))
+    openers = {
+        "obj": bpy.ops.wm.obj_import,
+        "ply": bpy.ops.wm.ply_import,
+        "glb": bpy.ops.import_scene.gltf,
+    }
+    for result, suffixes in ((disk_map, openers), (surface_map, ("obj", "glb"))):
+        result = result(tmp_path / "given.obj")
+        uv = result.packed() if result.uv.ndim == 3 else result.packed()[F]
+        for suffix in suffixes:
+            path = tmp_path / f"written.{suffix}"
+            result.save(path)
+            bpy.ops.wm.read_factory_settings(use_empty=True)
+            openers[suffix](filepath=str(path))
+            (thing,) = (thing for thing in bpy.data.objects if thing.type == "MESH")
+            mesh = thing.data
+            shown = [mesh.uv_layers.active.data[loop.index].uv[:] for loop in mesh.loops]
+            np.testing.assert_allclose(np.reshape(shown, uv.shape), uv, atol=1e-6)
+            at = [mesh.vertices[loop.vertex_index].co[:] for loop in mesh.loops]
+            placed = np.reshape(at, (-1, 3, 3)) @ np.array(thing.matrix_world)[:3, :3].T
+            np.testing.assert_allclose(
+                placed, V[F] @ (np.eye(3) if suffix == "ply" else UPRIGHT), atol=1e-6
+            )
+            painted = mesh.color_attributes[0]
+            k = [
+                loop.index if painted.domain == "CORNER" else loop.vertex_index
+                for loop in mesh.loops
+            ]
+            seen = np.reshape([painted.data[i].color_srgb[:3] for i in k], (-1, 3, 3))
+            np.testing.assert_allclose(seen, colours[F], atol=0.51 / 255)
+            if suffix == "obj":
+                assert (thing.name, mesh.materials[0].name) == ("helmet", "brass")
+
+
 # -- what is refused ---------------------------------------------------------------------
 
 

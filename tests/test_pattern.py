@@ -98,6 +98,21 @@ def test_what_can_be_unrolled_is_true_to_scale(tmp_path, suffix, shape, outlines
         assert (points <= box[:2] + box[2:]).all()
 
 
+@pytest.mark.parametrize("suffix", ["svg", "dxf"])
+def test_a_hull_is_drawn_as_it_is_mapped(tmp_path, suffix):
+    """One side of a boat, which no plate covers without stretching."""
+    x, z = np.meshgrid(np.linspace(-1, 1, 17), np.linspace(0, 1, 7), indexing="ij")
+    beam = 0.6 * (1 - x**2) * np.sqrt(z + 0.05)
+    V, F = np.dstack([3 * x, beam, z + 0.2 * x**2]).reshape(-1, 3), grid(17, 7)
+    result, path = free_map(V, F), tmp_path / f"hull.{suffix}"
+    pattern = result.pattern(path, unit="m")
+    ((polygon,), _) = outlines_of(path)
+    assert 1e-9 < pattern.largest_length_error < 0.1
+    assert abs(length(polygon) - pattern.length) < 1e-9
+    assert abs(abs(area([polygon])) - result.area_ratio * face_areas(V, F).sum()) < 1e-9
+    assert abs(abs(area([polygon])) - pattern.area) < 1e-9
+
+
 def test_edges_that_meet_have_the_same_number():
     """Of a torus in one chart or more, whatever is an edge of an outline has its other side."""
     V, F = surfaces.torus()

@@ -9,7 +9,7 @@ from typing import Any
 import typer
 
 from .batches import SCHEDULER, run_batch
-from .messages import check_targets, exit_codes, writing
+from .messages import check_targets, exit_codes, logged, writing
 from .options import (
     FORCE,
     PICTURES,
@@ -138,7 +138,8 @@ def map_command(
                 if report:
                     more = {"pattern": drawn.report()} if drawn else {}
                     write_text(report, json.dumps(mapped.report() | more, indent=2) + "\n")
-                mapped.write(out, source, settings)
+                with logged(notes):
+                    mapped.write(out, source, settings)
     if not quiet:
         title, pairs = mapped.result.summary()
         said = [text for _, text in pairs]  # by a surface that was cut

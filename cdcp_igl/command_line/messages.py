@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
+from logging import Handler, LogRecord, getLogger
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING
@@ -31,6 +32,26 @@ def writing(remedy: str = "") -> Iterator[None]:
             remedy = ""
         typer.echo(f"Not written: {reason(error)}{remedy}", err=True)
         raise typer.Exit(FAILED) from error
+
+
+class _Notes(Handler):
+    def __init__(self, notes: list[str]) -> None:
+        super().__init__()
+        self.notes = notes
+
+    def emit(self, record: LogRecord) -> None:
+        self.notes.append(record.getMessage())
+
+
+@contextmanager
+def logged(notes: list[str]) -> Iterator[None]:
+    """Take down what is logged meanwhile, such as what a file cannot hold."""
+    log, handler = getLogger("cdcp_igl"), _Notes(notes)
+    log.addHandler(handler)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
 
 
 @contextmanager

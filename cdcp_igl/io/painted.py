@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from base64 import b64decode
 from collections.abc import Callable
 from io import BytesIO
@@ -46,15 +47,16 @@ def images_of(path: Path) -> Painted:
 def pixels(file: Path | bytes) -> Floats:
     """(height, width, 3 or 4) colours from 0 to 1; ValueError if it is no image."""
     with from_extra("plot"):
-        from PIL import Image, UnidentifiedImageError
+        from PIL import Image
+    data = file if isinstance(file, bytes) else file.read_bytes()
     try:
-        with Image.open(BytesIO(file) if isinstance(file, bytes) else file) as image:
+        with Image.open(BytesIO(data)) as image:
             image.load()
             has_alpha = image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info
             return np.asarray(image.convert("RGBA" if has_alpha else "RGB")) / 255
-    except (UnidentifiedImageError, SyntaxError) as error:
+    except (OSError, SyntaxError, ValueError, struct.error, Image.DecompressionBombError) as error:
         name = "an image within" if isinstance(file, bytes) else repr(file.name)
-        raise ValueError(f"{name} is no image: {error}") from None
+        raise ValueError(f"{name} is no image, or damaged: {error}") from None
 
 
 Found = tuple[list[Any], Ints, Floats]  # files or bytes, the one of each face, and uv
