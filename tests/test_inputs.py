@@ -1,6 +1,7 @@
 """What people have in their hands: meshes of other libraries, files, seams, mistakes."""
 
 import base64
+import io
 import json
 import re
 from types import SimpleNamespace
@@ -28,6 +29,11 @@ def cells(*blocks):
 
 def flat(*polygons):
     return np.array([number for row in polygons for number in (len(row), *row)])
+
+
+def npz(faces):
+    np.savez(file := io.BytesIO(), V=V, F=faces)
+    return file.getvalue()
 
 
 def gltf(positions, corners, mode=4, **node):
@@ -91,6 +97,7 @@ DISKS = {
     "a tuple with arrays": ((V, list(F)), V, F),
     "a cut": (CHART, CHART.V, CHART.F),
     "quads.obj": (OBJ, V, F),
+    "quads.npz": (npz(QUADS), V, F),
     "stream.off": (OFF, V, F),
     "strip.ply": (PLY_STRIP, V[:10], STRIP),
     "triangles.gltf": (gltf(2 * V, F.ravel()), V.astype("f4"), F),
