@@ -7,6 +7,8 @@ from commands import invoke
 from surfaces import pierced_sphere, ring
 
 import cdcp_igl
+from cdcp_igl.maps.annulus import embedded_strip, ring_map
+from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.surface.mesh import AnnulusMesh
 from cdcp_igl.verdict.certificate import certify_ring
 
@@ -88,6 +90,23 @@ def test_where_an_edge_would_turn_by_more_than_pi_the_boundary_is_by_length():
     assert result.valid
     assert not result.conformal
     assert result.report()["boundary"]["method"].startswith("arc length")
+
+
+def test_a_ring_with_an_arm_whose_end_is_too_small_to_be_seen():
+    """Faces between three vertices of the circle would have no area; inside, mean values embed."""
+    x, y, F = meshes.cells(10, 30)
+    column, row = np.floor([x[F].mean(axis=1), y[F].mean(axis=1)])
+    hole = (column == 4) & (row == 4)
+    arm = (column >= 9) & (row > 2) & (row < 6)
+    used, G = np.unique(F[(column < 9) & ~hole | arm], return_inverse=True)
+    V = np.column_stack([x, y])[used]
+    assert cdcp_igl.annulus_map(V, G.reshape(-1, 3)).valid
+    mesh = AnnulusMesh(V, G.reshape(-1, 3))
+    strip, _ = ring_map(FactoredSurface.of(mesh), by_length=True, least=1e-3)
+    f = embedded_strip(mesh, strip + mesh.V @ [2, 3j, 0] * ~mesh.on_boundary)
+    edges = (f[mesh.F[:, k]] - f[mesh.F[:, 0]] for k in (1, 2))
+    one, other = (edge.real + 1j * np.angle(np.exp(1j * edge.imag)) for edge in edges)
+    assert ((one.conj() * other).imag > -1e-12).all()  # an ear is flat in a strip
 
 
 def test_other_loops_are_filled():

@@ -36,6 +36,7 @@ VALUES = {
     "corners": (dict.fromkeys(RECTANGLE, np.pi / 2), [1, 2, 3]),
     "rectangle corners": (RECTANGLE, [1, 2, 3]),
     "merge": (False, "x"),
+    "split": (True, "x"),
     "outline": ("disk", "round"),
     "fill": (False, "x"),
     "scale_variation": (3.0, -1.0),
@@ -51,7 +52,12 @@ VALUES = {
 }
 # What is not in the shell, or by a file: an environment variable, or numbers of vertices.
 IN_PYTHON = {"solver", "boundary_scale", "free corners", "sphere align", "pins"}
-SWITCHES = {"merge": "--no-merge", "fill": "--no-fill", "rotate": "--no-rotate"}
+SWITCHES = {
+    "merge": "--no-merge",
+    "fill": "--no-fill",
+    "rotate": "--no-rotate",
+    "split": "--split",
+}
 
 
 def options_of(function):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from commands import invoke
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import TWO_TRIANGLES, corridor, fan, grid, strip
@@ -12,6 +13,7 @@ from surfaces import capped_tube
 import cdcp_igl
 from cdcp_igl.maps.rectangle import along_side
 from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.surface.triangles import face_areas
 from cdcp_igl.verdict.certificate import certify_rectangle
 
 REAL = ["camelhead_11381", "femur_2411", "human_face_17157", "nefertiti_299"]
@@ -224,3 +226,29 @@ def test_arcs_come_to_lie_along_sides_as_schwarz_and_christoffel_say(angles):
             assert along == pytest.approx(length(start, t) / length(start, end), abs=1e-8)
         ends = along_side(corners[[side, (side + 1) % 4]], np.roll(corners, -side))
         np.testing.assert_allclose(ends, [0, 1], atol=1e-15)
+
+
+def test_edges_between_vertices_of_a_side_are_split_if_that_is_asked_for(tmp_path):
+    """Rows stay; halves come last, and the map is that of the surface with them."""
+    V, F = strip(8)
+    corners = DiskMesh(V, F).loop[[0, 1, 2, 3]].tolist()
+    result = cdcp_igl.rectangle_map(V, F, corners, split=True)
+    assert_on_sides(result)
+    (n, k), mesh = (len(V), len(result.split)), result.mesh
+    np.testing.assert_array_equal(mesh.positions[:n], V)
+    np.testing.assert_allclose(mesh.positions[n:], V[result.split].mean(axis=1))
+    assert (mesh.F.shape, k > 3) == ((len(F) + 2 * k, 3), True)
+    assert face_areas(mesh.positions, mesh.F).sum() == pytest.approx(face_areas(V, F).sum())
+    np.testing.assert_array_equal(result.to_given(result.uv), result.uv[:n])
+    part = cdcp_igl.submesh(np.vstack([V, V]), F + n, vertices=np.arange(n, 2 * n))
+    of_part = cdcp_igl.rectangle_map(part, corners, split=True)
+    np.testing.assert_array_equal(of_part.to_given(of_part.uv)[n:], result.uv[:n])
+
+    np.savez(tmp_path / "strip.npz", V=V, F=F)
+    text = ",".join(map(str, corners))
+    done = invoke("map", tmp_path / "strip.npz", tmp_path / "o.npz", "--rectangle", text, "--split")
+    assert (done.exit_code, f"split {k} edges" in done.output) == (0, True)
+    with np.load(tmp_path / "o.npz") as arrays:
+        written = dict(arrays)
+    np.testing.assert_array_equal(written["uv"], result.uv)
+    np.testing.assert_array_equal(written["F"], mesh.F)

@@ -38,7 +38,10 @@ GROUPS = {
         "max_charts",
         *("size", "padding", "density", "no_rotate"),
     ),
-    "Onto what": ("free", "sphere", "annulus", "rectangle", "center", "mobius", "align", "preset"),
+    "Onto what": (
+        *("free", "sphere", "annulus", "rectangle", "split"),
+        *("center", "mobius", "align", "preset"),
+    ),
     "Quality": ("keep", "pins", "refine", "refine_norm", "refine_seconds"),
     "Output": (
         *("disk", "bake", "out_dir", "format", "force", "report", "json_file", "csv_file"),
@@ -210,6 +213,11 @@ def _map_options(
         help="Map onto a rectangle with these boundary vertices, counted from 0, in its corners, "
         "from the lower left one on, the surface to the left.",
     ),
+    split: bool = typer.Option(
+        False,
+        "--split",
+        help="Split edges inside that join two vertices of one side of a rectangle.",
+    ),
     center: str | None = typer.Option(
         None,
         metavar="torsion|heat|centroid|FACE",
@@ -285,6 +293,7 @@ def _map_options(
         "density": density,
         "rotate": False if no_rotate else None,
         "corners": rectangle and _numbers(rectangle, int),
+        "split": split or None,
         "center": int(center) if center and center.isdecimal() else center,
         "mobius": mobius,
         "align": align and (int(align) if align.isdecimal() else _numbers(align, float)),

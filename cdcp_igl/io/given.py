@@ -186,7 +186,10 @@ def _told_of(made: Any, given: Any, source: Path | None) -> Any:
     if isinstance(made, OfGiven):
         object.__setattr__(made, "source", source)  # which may be frozen
         if is_part:
-            object.__setattr__(made, "given_rows", (given.vertex_index, given.n_given))
+            index, of_map = given.vertex_index, made.given_rows
+            if of_map is not None:  # of a map with new vertices
+                index = np.where(of_map[0] >= 0, index[of_map[0]], -1)
+            object.__setattr__(made, "given_rows", (index, given.n_given))
     elif hasattr(made, "n_given"):
         made = made._replace(source=source)
         if is_part:

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags
 from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.linalg import splu
 
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from ..docstrings import like
@@ -21,7 +22,7 @@ from ..phases import Phases, Progress
 from ..plot.layout import Layout
 from ..refine.targets import Ring
 from ..rescue.boundary import BoundaryMethod
-from ..rescue.repair import repaired
+from ..rescue.repair import MANY, mean_value_weights, repair_locally
 from ..result.base import announced, how_made, valid_map
 from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface
@@ -35,7 +36,7 @@ from ..verdict.certificate import Certificate, certify_ring
 from ..verdict.distortion import map_distortion
 from .disk import disk_map
 
-LEAST_SHARE = 1e-9  # of a turn, for each edge of a loop
+LEAST_SHARE, FAIR_SHARE = 1e-9, 1e-7  # of a turn, for each edge of a loop; faces then have an area
 WIDER = (1, 2, 4, 8)  # times the modulus, in turn, where straight edges cross the inner circle
 REMEDY = (
     "Parts of it may be too small for double precision: cut the surface, or fill a hole "
@@ -66,8 +67,8 @@ class AnnulusMap(MadeMap):
         through the one flows around the other, or as refinement has left it.
     boundary : str
         ``"flux"``: angles on the loops are what flows through them. Where that leaves flipped
-        faces, ``"arc length"``, or a ring with a smaller inner circle than it should have, as
-        ``"flux, 2 times as wide"``: not conformal, but by refinement.
+        faces, ``"arc length"``, mean values inside, or a ring with a smaller inner circle than it
+        should have, as ``"flux, 2 times as wide, mean value"``: not conformal, but by refinement.
     filled : int
         Boundary loops beyond two that were filled; those faces are not in the results.
     certificate : Certificate
@@ -203,7 +204,7 @@ def annulus_map(
         def finished(strip: Complex, known: float = 0.0, *, boundary: str) -> AnnulusMap:
             with phase("repair"):
                 f = np.exp(strip - 1j * strip.imag[mesh.loops[0][0]])
-                f, repair = repaired(mesh, f)
+                f, repair = repair_locally(mesh, f, MANY * len(mesh.F))
             with phase("certificate"):
                 certificate = certify_ring(mesh, f)
                 degrees = map_distortion(mesh, f)
@@ -254,16 +255,37 @@ def _strips(surface: FactoredSurface, strip: Complex) -> Iterator[tuple[str, Com
 
     No edge of a ring turns by pi or more around 0, and none crosses the inner circle.
     """
+    yield "flux", strip
     for name in ("flux", "arc length"):
-        if name == "arc length":
-            strip, _ = ring_map(surface, by_length=True)
+        strip, _ = ring_map(surface, by_length=name != "flux", least=FAIR_SHARE)
         for wider in WIDER:
             changed = f", {wider} times as wide" if wider > 1 else ""
-            yield name + changed, wider * strip.real + 1j * strip.imag
+            wide = wider * strip.real + 1j * strip.imag
+            yield name + changed, wide
+            yield f"{name}{changed}, mean value", embedded_strip(surface.mesh, wide)
+
+
+def embedded_strip(mesh: Mesh, strip: Complex) -> Complex:
+    """Set the interior of a strip (n,) to mean values of its neighbours: an embedding.
+
+    Positive weights and monotone edges of the strip suffice, as Floater's theorem has it for a
+    convex boundary: S. J. Gortler, C. Gotsman, D. Thurston. Discrete one-forms on meshes and
+    applications to 3D mesh parameterization. Comput. Aided Geom. Design 23(2), 2006.
+    """
+    edges, inside, (_, jump) = mesh.edges, mesh.interior, _branch_cut(mesh)
+    ends = np.append(edges.low, edges.high), np.append(edges.high, edges.low)
+    jumps = csr_matrix((1j * np.append(jump, -jump), ends), (len(strip), len(strip)))
+    weights = mean_value_weights(mesh.V, mesh.F, mesh.angles)
+    rows, total = weights[inside], weights.sum(axis=1).A1[inside]
+    f = np.where(mesh.on_boundary, strip, 0)
+    pull = rows @ f + rows.multiply(jumps[inside]).sum(axis=1).A1
+    system = splu((diags(total) - rows[:, inside]).tocsc())
+    f[inside] = as_complex(system.solve(coordinates(pull)))
+    return f
 
 
 def ring_map(
-    surface: FactoredSurface, *, by_length: bool = False
+    surface: FactoredSurface, *, by_length: bool = False, least: float = LEAST_SHARE
 ) -> tuple[Complex, tuple[float, float]]:
     """Map an annulus to a strip (n,), the logarithm of a ring around 0; bounds of its modulus.
 
@@ -278,11 +300,11 @@ def ring_map(
     flux = L.matrix() @ u
     energy = float(u @ flux)
     starts, jump = _branch_cut(mesh)
-    angle, forwards = _loop_angles(mesh, starts, None if by_length else flux)
+    angle, forwards = _loop_angles(mesh, starts, None if by_length else flux, least)
     if not forwards:  # through edges of obtuse faces
         D = surface.delaunay.laplacian.matrix()
         flux = D @ (one - surface.delaunay.solve(D @ one))
-        angle, _ = _loop_angles(mesh, starts, flux)
+        angle, _ = _loop_angles(mesh, starts, flux, least)
     flow = L.weights * (angle[L.high] - angle[L.low] + jump)
     sources = np.bincount(L.high, flow, len(u)) - np.bincount(L.low, flow, len(u))
     angle -= surface.solve(sources.astype(np.float64))
@@ -294,7 +316,9 @@ def ring_map(
     return -2 * np.pi / energy * u + 1j * angle, bounds
 
 
-def _loop_angles(mesh: Mesh, starts: list[int], flux: Floats | None) -> tuple[Floats, bool]:
+def _loop_angles(
+    mesh: Mesh, starts: list[int], flux: Floats | None, least: float
+) -> tuple[Floats, bool]:
     """Angles (n,) along both loops; whether all go forward. The inner loop runs clockwise.
 
     They are by the flux (n,) through their edges, or by the lengths of these.
@@ -306,7 +330,7 @@ def _loop_angles(mesh: Mesh, starts: list[int], flux: Floats | None) -> tuple[Fl
         shares = shares / shares.sum()
         forwards &= bool((shares > 0).all())
         start = -int(np.flatnonzero(loop == first)[0])
-        shares = np.roll(np.maximum(shares, LEAST_SHARE), start)
+        shares = np.roll(np.maximum(shares, least), start)
         passed = np.append(0, np.cumsum(shares[:-1])) / shares.sum()
         angle[np.roll(loop, start)] = turn * passed % (2 * np.pi)
     return angle, forwards

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -23,6 +23,7 @@ from ..result.making import PlaneMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.laplacian import LAPLACIANS, Laplacian
 from ..solve.solvers import SolverName, using
+from ..surface.filling import split_edges
 from ..surface.mesh import DiskMesh, Mesh
 from ..verdict.certificate import Certificate, along_sides, certify_rectangle
 from ..verdict.distortion import map_distortion
@@ -53,6 +54,9 @@ class RectangleMap(PlaneMap):
         Of the rectangle: the modulus, or as refinement has left it.
     corners : tuple of int
         The vertices at (0, 0), (width, 0), (width, 1) and (0, 1).
+    split : (k, 2) int64
+        The edges that were split at their middles. `mesh` and `uv` have these after the rows of V,
+        and the further halves of faces after those of F; ``to_given`` leaves them out.
     certificate : Certificate
         As of a `DiskMap`, with the sides of the rectangle in place of the circle.
     conformality, distortion, timings
@@ -84,10 +88,17 @@ class RectangleMap(PlaneMap):
     modulus_bounds: tuple[float, float]
     width: float
     corners: tuple[int, ...]
+    split: Ints = field(default_factory=lambda: np.empty((0, 2), np.int64))
 
     _kind = "rectangle"
     _plane = "Rectangle"
     _reported = ("modulus", "modulus_bounds", "width", "corners")
+
+    @property
+    def change(self) -> str:
+        """What was done to the surface, or nothing."""
+        edges = counted(len(self.split), "edge", "edges")
+        return f"split {edges} between two vertices of a side" if len(self.split) else ""
 
     def _key_figure(self) -> str:
         return f"modulus {self.modulus:.6g}"
@@ -98,6 +109,7 @@ class RectangleMap(PlaneMap):
             ("modulus", f"{self.modulus:.8g}, from {low:.8g} to {high:.8g}"),
             ("width", f"{self.width:.6g}"),
             ("boundary", f"{self.boundary}, {self.laplacian} Laplacian"),
+            *([("change", self.change)] if self.change else []),
             *super()._steps(),
         ]
 
@@ -109,6 +121,7 @@ def rectangle_map(
     F: ArrayLike,
     corners: ArrayLike,
     *,
+    split: bool = False,
     refine: int | None = None,
     refine_norm: float = 1.5,
     refine_seconds: float = np.inf,
@@ -129,6 +142,9 @@ def rectangle_map(
     corners : (4,) array_like of integers
         Boundary vertices in counterclockwise order (the surface on the left), which go to
         (0, 0), (width, 0), (width, 1) and (0, 1).
+    split : bool
+        Split edges inside that join two vertices of one side, as those of ears there, at their
+        middles; see `RectangleMap.split`. False refuses them.
 
     Returns
     -------
@@ -138,7 +154,8 @@ def rectangle_map(
     ------
     ValueError
         If the corners are no four boundary vertices in this order, or an edge inside joins
-        two vertices of one side: what it cuts off would become a segment of that side.
+        two vertices of one side, and `split` is False: what it cuts off would become a segment of
+        that side.
     MapError
         If no map is a bijection; the one of least distortion is its ``result``.
 
@@ -159,6 +176,8 @@ def rectangle_map(
     chosen = np.asarray(corners)
     if chosen.shape != (4,) or chosen.dtype.kind not in "iu":
         raise ValueError(f"corners must be four vertices, not {corners!r}")
+    if not isinstance(split, bool):
+        raise ValueError(f"split must be True or False, not {split!r}")
     options = Options(
         refine=refine, refine_norm=refine_norm, refine_seconds=refine_seconds, solver=solver
     )
@@ -167,8 +186,12 @@ def rectangle_map(
         with phase("check"):
             mesh = DiskMesh(V, F)
             sides = _boundary_sides(mesh, chosen)
-            _refuse_chords(mesh, sides)
-        best = _best_map(mesh, sides, options, phase)
+            n, chords = len(mesh.V), _chords(mesh, sides, split)
+            if len(chords):
+                mesh = DiskMesh(*split_edges(mesh.positions, mesh.F, chords))
+        best = replace(_best_map(mesh, sides, options, phase), split=chords)
+        if len(chords):
+            vars(best)["given_rows"] = np.append(np.arange(n), [-1] * len(chords)), n
     remedy = "Parts of it may be too small for double precision: choose corners farther apart"
     best = valid_map(best, " onto the rectangle", remedy)
     phase.done()
@@ -205,17 +228,18 @@ def _boundary_sides(mesh: Mesh, chosen: Ints) -> list[Ints]:
     ]
 
 
-def _refuse_chords(mesh: Mesh, sides: list[Ints]) -> None:
-    """Raise ValueError for edges inside that join two vertices of one side."""
-    for number, side in enumerate(sides, 1):
-        chords = mesh.edges.ends(mesh.edges.chords(marked(len(mesh.V), side)))
-        if len(chords):
-            found = counted(len(chords), "edge inside joins", "edges inside join")
+def _chords(mesh: Mesh, sides: list[Ints], split: bool) -> Ints:
+    """(k, 2) edges inside that join two vertices of one side; ValueError unless they are split."""
+    found = [mesh.edges.ends(mesh.edges.chords(marked(len(mesh.V), side))) for side in sides]
+    for number, chords in enumerate(found, 1):
+        if len(chords) and not split:
+            count = counted(len(chords), "edge inside joins", "edges inside join")
             raise ValueError(
-                f"{found} two vertices of side {number}, so that the faces cut off would have no "
-                f"area in a rectangle: {spell(chords)}. Choose a corner among these faces, or "
-                "split the edges."
+                f"{count} two vertices of side {number}, so that the faces cut off would have no "
+                f"area in a rectangle: {spell(chords)}. Choose a corner among these faces, or have "
+                "the edges split, by split=True."
             )
+    return np.concatenate(found)
 
 
 def _best_map(mesh: Mesh, sides: list[Ints], options: Options, phase: Phases) -> RectangleMap:

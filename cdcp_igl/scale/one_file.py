@@ -28,7 +28,7 @@ from ..io.writing import carries, warn_of_loss
 from ..maps.annulus import annulus_map
 from ..maps.disk import disk_map
 from ..maps.free import free_map
-from ..maps.rectangle import rectangle_map
+from ..maps.rectangle import RectangleMap, rectangle_map
 from ..maps.sphere import SphereMap, sphere_map
 from ..phases import Progress
 from ..result.base import Result
@@ -102,6 +102,8 @@ class Settings:
         by_rows = [name for name in self.options if name in BY_ROWS]
         if (self.clean or self.is_part) and by_rows:
             raise ValueError(f"{by_rows[0]} is by rows, which clean and parts change")
+        if (self.clean or self.is_part) and self.options.get("split"):
+            raise ValueError("split is for surfaces as they are: clean them first, to a file")
         with suppress(MeshError):  # of no surface, which comes when the options have been looked at
             self.map(NOTHING)
 
@@ -315,6 +317,9 @@ def _map(
 ) -> Mapped:
     V, F = surface[:2]
     result = settings.map(surface, polygon_of_face, progress)
+    if isinstance(result, RectangleMap) and result.change:
+        V, F = result._surface()
+        return Mapped(V, F, result, (result.change,), len(V), np.arange(len(F)), {}, False)
     if not isinstance(result, SurfaceMap):
         return Mapped(V, F, result, (), len(V), np.arange(len(F)), {})
     rows = np.flatnonzero(result.face_chart >= 0)

@@ -84,3 +84,27 @@ def _area_or_flat(points: Floats) -> Cost:
 
 def _is_flat(points: Floats, triangles: Ints) -> Bools:
     return marked(len(triangles), degenerate_faces(corner_cotangents(points, triangles)))
+
+
+def split_edges(V: Floats, F: Ints, ends: Ints) -> tuple[Floats, Ints]:
+    """Split edges with two faces, given by their ends (k, 2), at their middles.
+
+    New vertices, and the halves of faces that begin at the latter end, come last.
+    """
+    faces, n = F.tolist(), len(V)
+    near = np.flatnonzero(marked(n, ends)[F].sum(axis=1) > 1).tolist()
+    face_at = {side: row for row in near for side in _sides(faces[row])}
+    for middle, (one, other) in enumerate(ends.tolist(), n):
+        for tail, head in ((one, other), (other, one)):
+            row = face_at[tail, head]
+            [tip] = {*faces[row]} - {tail, head}
+            faces.append([middle, head, tip])
+            faces[row] = [tail, middle, tip]
+            for changed in (row, len(faces) - 1):
+                face_at |= dict.fromkeys(_sides(faces[changed]), changed)
+    middles = V[ends[:, 0]] + (V[ends[:, 1]] - V[ends[:, 0]]) / 2
+    return np.vstack([V, middles]), np.array(faces)
+
+
+def _sides(face: list[int]) -> list[tuple[int, int]]:
+    return [(face[k - 1], face[k]) for k in range(3)]
