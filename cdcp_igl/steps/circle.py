@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..arrays import Complex
+from ..arrays import Complex, Floats
 from ..verdict.certificate import increments, is_around
 from .zipper import geodesic_map
 
@@ -25,6 +25,9 @@ SMALLEST_TRACE = 1e-10
 
 WHITENINGS = 3
 
+# Lengths of edges that differ by less are equal, and so many edges tell where to begin.
+EQUAL, COMPARED = 1e-9, 100
+
 
 class Rejected(Exception):
     """A method that gives no map of the boundary onto the circle; the message says why."""
@@ -34,7 +37,9 @@ def whitened_geodesic_map(trace: Complex) -> Complex:
     """Run the geodesic algorithm on the trace as a round polygon with enough points.
 
     The algorithm follows circular arcs from point to point; on a short boundary, points
-    along the edges of the trace keep it to the harmonic map, which is linear there.
+    along the edges of the trace keep it to the harmonic map, which is linear there. It runs in the
+    direction, and from the longest edge, that are the same in another order of the points, and in a
+    mirror.
     """
     z = whiten_trace(trace)
     edge = np.append(z[1:], z[0]) - z
@@ -45,7 +50,31 @@ def whitened_geodesic_map(trace: Complex) -> Complex:
     first = np.cumsum(pieces) - pieces
     which = np.repeat(np.arange(len(z)), pieces)
     along = (np.arange(len(which)) - first[which]) / pieces[which]
-    return geodesic_map(z[which] + along * edge[which])[first]
+    curve = z[which] + along * edge[which]
+    start, forwards = first_edge(abs(np.append(curve[1:], curve[0]) - curve))
+    if forwards:
+        f = np.roll(geodesic_map(np.roll(curve, -start)), start)
+    else:  # the mirror image, which is clockwise the other way
+        f = geodesic_map(np.roll(curve[::-1].conj(), start + 2))
+        f = np.roll(f.conj(), -start - 2)[::-1]
+    return f[first]
+
+
+def first_edge(length: Floats) -> tuple[int, bool]:
+    """Choose with which edge of a closed curve to begin, and whether forwards.
+
+    By the lengths (N,) of edges: with the longest, of several with that after which the next are
+    longer; so is the direction chosen.
+    """
+    start = np.flatnonzero(length >= (1 - EQUAL) * length.max())
+    start, way = np.append(start, start), np.repeat([1, -1], len(start))
+    for further in range(1, min(COMPARED, len(length))):
+        if len(start) < 2:
+            break
+        after = length[(start + further * way) % len(length)]
+        longest = after >= (1 - EQUAL) * after.max()
+        start, way = start[longest], way[longest]
+    return (int(start[0]), bool(way[0] > 0)) if len(start) else (0, True)
 
 
 def onto_circle(
