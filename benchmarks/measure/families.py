@@ -9,7 +9,7 @@ from itertools import islice
 import igl
 import numpy as np
 
-from cdcp_igl import check
+from cdcp_igl import check, clean, surface_map
 from cdcp_igl.arrays import Floats, Ints
 from cdcp_igl.io import READABLE, read_mesh
 
@@ -19,7 +19,10 @@ from .punctures import opened, row_to_open
 LENGTHS = (5, 10, 20, 22, 25, 40, 60, 80)  # of strips, by their width
 CELLS = 10  # across a strip
 GIVEN = "given"  # the family of models that are chosen by name
-SEED = 1  # of the places where a closed surface is opened
+PLACES = (1, 2, 3)  # seeds of the places where a closed surface is opened
+TUBES = ((4, 1, 1), (6, 1, 9), (8, 8, 2), (16, 1, 0.1), (32, 40, 8))  # sides, rows, length
+BOXES = ((1, 1, 1), (4, 4, 4), (9, 9, 1), (12, 2, 1), (2, 2, 30))  # squares along each edge
+FEW_FACES = 60  # of a chart
 
 
 def family_of(model: str) -> str:
@@ -64,9 +67,50 @@ def _punctured() -> Iterator[tuple[str, Floats, Ints]]:
     """Yield closed surfaces less a face."""
     for name, V, F in _read("any"):
         if check(V, F).kind == "genus 0, closed":
-            row = row_to_open(np.random.default_rng(SEED), V, F, "face")
-            if row is not None:
-                yield name, *opened(V, F, "face", row)
+            yield from _opened(name, V, F, "face", PLACES)
+
+
+def _opened(
+    name: str, V: Floats, F: Ints, kind: str, places: tuple[int, ...]
+) -> Iterator[tuple[str, Floats, Ints]]:
+    for place in places:
+        row = row_to_open(np.random.default_rng(place), V, F, kind)
+        if row is not None:
+            yield f"{name}, {kind} {row}", *opened(V, F, kind, row)
+
+
+def _parts() -> Iterator[tuple[str, Floats, Ints]]:
+    """Yield parts as scenes have them: tubes with one end, cans and boxes with a hole, plates."""
+    for sides, rows, length in TUBES:
+        P, F = igl.triangulated_grid(sides + 1, rows + 1)
+        angle, name = 2 * np.pi * P[:, 0], f"{sides} sides, {length} long"
+        V = np.column_stack([np.cos(angle), np.sin(angle), length * P[:, 1]])
+        yield f"tube of {name}", *clean(V, F)[:2]
+        yield from _opened(f"can of {name}", *clean(V, F, close=True)[:2], "face", PLACES[:1])
+    for squares in BOXES:
+        V, F = _box(squares)
+        for kind in ("face", "vertex"):
+            yield from _opened(f"box of {squares}", V, F, kind, PLACES[:1])
+
+
+def _box(squares: tuple[int, ...]) -> tuple[Floats, Ints]:
+    sides = []
+    for axis in range(3):
+        P, F = igl.triangulated_grid(*(np.roll(squares, -axis)[1:] + 1))
+        for end in (0, 1):
+            V = np.roll(np.column_stack([np.full(len(P), end), P]), axis, axis=1)
+            sides.append((V * squares, F))
+    starts = np.cumsum([0, *(len(V) for V, _ in sides)])
+    faces = [F + start for (_, F), start in zip(sides, starts, strict=False)]
+    return clean(np.vstack([V for V, _ in sides]), np.vstack(faces))[:2]
+
+
+def _charts() -> Iterator[tuple[str, Floats, Ints]]:
+    """Yield charts of few faces."""
+    for name, V, F in _read("any"):
+        for number, chart in enumerate(surface_map(V, F).charts):
+            if len(chart.mesh.F) <= FEW_FACES:
+                yield f"{name}, chart {number}", chart.mesh.positions, chart.mesh.F
 
 
 def _strips() -> Iterator[tuple[str, Floats, Ints]]:
@@ -81,4 +125,6 @@ FAMILIES: dict[str, Callable[[], Iterator[tuple[str, Floats, Ints]]]] = {
     "fuzzed": _fuzzed,
     "punctured": _punctured,
     "strips": _strips,
+    "parts": _parts,
+    "charts": _charts,
 }
