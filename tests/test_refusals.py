@@ -74,6 +74,9 @@ CALLS = {
     "map 'LSCM' has shape": (
         "disk.view_html(beside={'LSCM': V[:, :1]}); disk.view_html(beside={'LSCM': disk.uv[1:]})"
     ),
+    "another name": (
+        "disk.view_html(beside={'Disk': disk.uv}); disk.view_html(beside={'Surface': V})"
+    ),
     "texture": (
         "disk.view_html(texture=np.full((4, 4), 0)); "
         "disk.view_html(texture=np.full((4, 4, 3), 2)); "

@@ -44,6 +44,7 @@ STEPS = 2**16 - 1  # of a coordinate, and of what is given as a field
 MEASURE_STEPS = 255  # of what is measured here: no eye tells more colours apart
 BEYOND = 0.005  # share of the vertices, at either end, that may lie beyond the scale of colours
 RAMPS = {"viridis": "viridis", "magma": "magma_r", "diverging": "RdBu_r", "cyclic": "twilight"}
+SURFACE = "Surface"  # what the shape that was mapped is called
 FLAT = 1e-6  # thickness of a flat shape, by its size: one looks straight at it
 
 
@@ -233,8 +234,10 @@ class _Scene:
         """Take a result with the steps of its image, and the maps and shapes beside it."""
         V, F = layout.V, layout.F
         maps = [_Map.of(name, step, made) for step, made in (steps or {"": layout}).items()]
-        shapes = {"Surface": V}
+        shapes = {SURFACE: V}
         for other, values in beside.items():
+            if other in (name, SURFACE):
+                raise ValueError(f"{other!r} is on the page already: give the map another name")
             if np.isnan(values).all():
                 continue
             if values.shape[1] == 2:
@@ -323,7 +326,7 @@ class _Scene:
         """Describe a shape: one sees it as the surface, and a flat one from above."""
         V = self.shapes[name]
         extent = np.ptp(V, axis=0) / (np.ptp(V, axis=0).max() or 1.0)
-        if name != "Surface" and extent.min() < FLAT:
+        if name != SURFACE and extent.min() < FLAT:
             home = choose_viewpoint(V, self.layout.F)
         return {"name": name, "extent": extent.tolist(), "home": home.ravel().tolist()}
 

@@ -55,12 +55,17 @@ function makeScene(told, arrays) {
     for (let i = 0; i < 3 * n; i++) P[i] /= radius;
     return { name, P, N, home: new Float32Array(home) };
   });
-  const edges = []; // an edge that is passed one way only lies at a border, which is drawn
+  return { ...told, n, F, shapes, maps, ball, arrays };
+}
+
+// Pairs of vertices; an edge that is passed one way only lies at a border, which is drawn anyway.
+function edgesOf(F) {
+  const edges = [];
   for (let c = 0; c < F.length; c++) {
     const i = F[c], j = F[c % 3 < 2 ? c + 1 : c - 2];
     if (i < j) edges.push(i, j);
   }
-  return { ...told, n, F, shapes, maps, ball, arrays: { ...arrays, edges } };
+  return Uint32Array.from(edges);
 }
 
 const middle = (three) => [...three].sort((a, b) => a - b)[1];
@@ -119,6 +124,7 @@ out vec4 color;
 float integral(float t) { return abs(mod(t, 2.0) - 1.0); }
 float wave(float t, float w) { return (integral(t + w / 2.0) - integral(t - w / 2.0)) / w; }
 void main() {
+  if (kind < 0) { color = vec4(0, 0, 0, 0.4); return; }
   vec3 unit = normalize(n);
   vec3 base;
   if (kind == 0) base = 0.5 + 0.5 * (home * unit);
@@ -260,6 +266,7 @@ const SMOOTH = 45; // milliseconds between frames; a slower machine draws less w
 // that thins out the faces.
 const EFFORTS = [[2, null], [1, null], [0.6, 80], [0.5, 40]];
 const MOST_LABELS = 200; // in the legend
+const MOST_STROKES = 300000; // edges of a wireframe by the pen: without a graphics card more are slow, and are thin lines
 const REST = 400; // milliseconds without a movement, after which a view is drawn in full
 
 function start(gl, image) {
@@ -506,11 +513,18 @@ function start(gl, image) {
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, stored(faces, gl.ELEMENT_ARRAY_BUFFER));
     gl.drawElements(gl.TRIANGLES, faces.length, gl.UNSIGNED_INT, 0);
     gl.disable(gl.POLYGON_OFFSET_FILL);
+    gl.enable(gl.BLEND);
+    if (state.wire) scene.arrays.edges ??= edgesOf(scene.F);
+    const strokable = state.wire && scene.arrays.edges.length < 2 * MOST_STROKES;
+    if (state.wire && !strokable && !cells) {
+      gl.uniform1i(paint.uniforms.kind, -1);
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, stored(scene.arrays.edges, gl.ELEMENT_ARRAY_BUFFER));
+      gl.drawElements(gl.LINES, scene.arrays.edges.length, gl.UNSIGNED_INT, 0);
+    }
     gl.useProgram(pen.made);
     gl.uniform2f(pen.uniforms.pixel, 2 / width, 2 / height);
-    gl.enable(gl.BLEND);
     const labels = state.borders && state.labels && `edges of ${state.labels.array}`;
-    const lines = [["edges", "--wire", 1, 0.4, state.wire], [labels, "--rim", 1.5, 1, labels], ["rim", "--rim", 1.5, 1, true], ["cut", "--cut", 2, 1, true]];
+    const lines = [["edges", "--wire", 1, 0.4, strokable], [labels, "--rim", 1.5, 1, labels], ["rim", "--rim", 1.5, 1, true], ["cut", "--cut", 2, 1, true]];
     for (const [name, color, wide, opaque, drawn] of lines) {
       if (cells || !drawn || !scene.arrays[name].length) continue;
       const at = placesOf(view), of = `${name} of ${view.plane ? map.k : state.shape}`;
