@@ -13,7 +13,8 @@ from meshes import TRIANGLE, TWO_TRIANGLES, cells, fan, grid, rugged, strip
 
 import cdcp_igl
 from cdcp_igl.datasets import ellipse, paraboloid, spherical_cap
-from cdcp_igl.refine.refinement import WeightedLaplacian, gauss_newton_step
+from cdcp_igl.refine.preconditioning import WeightedLaplacian
+from cdcp_igl.refine.refinement import gauss_newton_step
 from cdcp_igl.refine.targets import Outline
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.verdict.distortion import plane_angles

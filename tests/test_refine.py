@@ -6,9 +6,9 @@ import pytest
 
 import cdcp_igl
 from cdcp_igl.arrays import coordinates
+from cdcp_igl.refine.preconditioning import WeightedLaplacian
 from cdcp_igl.refine.refinement import (
     HALVINGS,
-    WeightedLaplacian,
     _reason_to_stop,
     gauss_newton_step,
     lower_angle_distortion,

@@ -15,7 +15,7 @@ from ..arrays import Complex, Floats, as_complex
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
-from ..refine.refinement import DISK
+from ..refine.targets import DISK
 from ..rescue.harmonic_map import HarmonicMap
 from ..result.base import announced, valid_map
 from ..result.disk_map import DiskMap, judged

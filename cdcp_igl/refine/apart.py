@@ -23,7 +23,7 @@ from .balance import HALF, LITTLE, Energy, Newton
 
 AIR = 1e-3  # what all air counts, by the energy of the map
 ROOM, RING = 2.0, 48  # radius of the circle by that of the map, and its corners
-STEPS = 6  # a round
+STEPS, FAR_STEPS = 6, 2  # a round; far from the minimum the air is soon in the way
 WORTH = 3e-3  # a round that gains less is the last
 FAR = 0.9  # above this t, first to 1/2
 
@@ -56,7 +56,7 @@ def _one_round(
     of_air = Energy.of(Mesh(_in_space(z), S, S[:0, 0]), HALF)
     joined = energy.joined(of_air.softened if far else of_air, share)
     newton = Newton(Mesh(_in_space(z), G, S[:0, 0]), z, held=marked(len(z), ring_rows))
-    newton.descend(joined, STEPS, far=far)
+    newton.descend(joined, FAR_STEPS if far else STEPS, far=far)
     return newton.f[: len(f)], newton.steps
 
 

@@ -42,8 +42,8 @@ from ..solve.solvers import solver
 from ..surface.mesh import Mesh
 from ..surface.triangles import blocks, face_areas
 from ..verdict.distortion import wirtinger_derivative
-from .refinement import DISK, WeightedLaplacian, _conjugate_gradients, _dot
-from .targets import Disk, Outline, Target
+from .preconditioning import WeightedLaplacian, conjugate_gradients, dot
+from .targets import DISK, PLANE, Disk, Target
 
 # First a part of k, as a step for cosh(kx) shortens x by 1 / k at most; and at t <= 1/2, as above
 # faces could shear at first as much as they like.
@@ -64,8 +64,6 @@ PULLS, PULLED, PULL = 120, 3, 0.6
 ISOMETRIC = 1e-20  # of the energy: rounding
 HALF = 0.5  # where shape and size count alike
 
-PLANE = Outline()
-
 
 @dataclass(frozen=True, eq=False)
 class Energy:
@@ -76,8 +74,9 @@ class Energy:
     F : (m, 3) int64
     area, weight : (m,) float64
         Of the faces at rest, and how much they count; the weights add up to 1.
-    derivative : (3, m) complex128
-        See `wirtinger_derivative`, of the faces at rest.
+    derivative : (2, m) complex128
+        See `wirtinger_derivative`, of the faces at rest, but for the first corner: they add up
+        to 0.
     t, k : (m,) float64
         What each face keeps, and how steeply the cost grows.
     """
@@ -92,14 +91,16 @@ class Energy:
     @classmethod
     def of(cls, mesh: Mesh, t: float, k: float = 1.0, target: Target = PLANE) -> Energy:
         """Let a surface keep t; on the disk, in the size that has the area of the disk."""
-        F, area, ones = mesh.F, face_areas(mesh.V, mesh.F), np.ones(len(mesh.F))
-        derivative, held = wirtinger_derivative(mesh.V, F).T, 0 * ones
+        F, area = mesh.F, face_areas(mesh.V, mesh.F)
+        derivative = np.ascontiguousarray(wirtinger_derivative(mesh.V, F)[:, 1:].T)
+        weight, t_of, k_of = area / area.sum(), *(np.broadcast_to(x, len(F)) for x in (t, k))
         if isinstance(target, Disk):
             scale = np.pi / area.sum()
             area, derivative = scale * area, derivative / np.sqrt(scale)
-            held[mesh.inscribed] = 1
-        weight, k_of = area * np.where(held, INSCRIBED, 1), k * np.where(held, SOFT, 1)
-        return cls(F, area, weight / area.sum(), derivative, t * ones, k_of)
+            weight[mesh.inscribed] *= INSCRIBED
+            k_of = k_of.copy()
+            k_of[mesh.inscribed] *= SOFT
+        return cls(F, area, weight, derivative, t_of, k_of)
 
     @property
     def softened(self) -> Energy:
@@ -130,7 +131,7 @@ class Energy:
     def stretch(self, f: Complex, part: slice) -> tuple[Floats, Floats, Complex]:
         """Compute s, q and f_z f_zbar, (k,), of some faces of a map (n,)."""
         z = f.take(self.F[part].T)
-        (x, y), (one, other) = z[1:] - z[0], self.derivative[1:, part]
+        (x, y), (one, other) = z[1:] - z[0], self.derivative[:, part]
         f_z, f_zbar = one * x + other * y, one.conj() * x + other.conj() * y
         area = np.maximum((x.conj() * y).imag / 2, np.finfo(float).tiny)
         q = np.log(area / self.area[part])
@@ -147,8 +148,8 @@ class Energy:
         beta, turn = np.empty((m, 3), complex), np.empty(m, complex)
         slope, real, imaginary = np.empty((2, m)), np.empty((3, m)), np.zeros((3, m))
         for part in blocks(m):
-            e = f.take(self.F[part].T)
-            e = e[[2, 0, 1]] - e[[1, 2, 0]]
+            i, j, k = f.take(self.F[part].T)
+            e = np.array([k - j, i - k, j - i])
             beta.T[:, part] = e * (0.5j / (e[0].conj() * e[1]).imag)
             s, q, product = self.stretch(f, part)
             size = abs(product)
@@ -168,8 +169,7 @@ class Energy:
                 imaginary[1, part] = 4 * across
         rows = np.arange(0, 3 * m + 1, 3)
         B = csr_matrix((beta.ravel(), self.F.ravel(), rows), (m, len(f)))
-        A = B.conj()
-        return Quadratic(beta, B, A, B.T, A.T, turn, slope, real, imaginary)
+        return Quadratic(beta, B, B.T, turn, slope, real, imaginary)
 
 
 def _grown(w: Floats, k: Floats, x: Floats) -> list[Floats]:
@@ -193,15 +193,13 @@ def _clamped(x: Floats, y: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
 class Quadratic:
     """The energy near a map: its slope, and two symmetric blocks a face.
 
-    a = A dz and p = turn B dz, with A = conj(B). The blocks [[x, c], [c, y]], rows of (3, m), are
+    p = turn B dz, and a = conj(B) dz. The blocks [[x, c], [c, y]], rows of (3, m), are
     for (Re a, Re p) and (Im a, Im p).
     """
 
     beta: Complex  # (m, 3) the entries of B
     B: csr_matrix
-    A: csr_matrix
     B_T: csc_matrix
-    A_T: csc_matrix
     turn: Complex  # (m,)
     slope: Floats  # (2, m) along Re a and Re p
     real: Floats
@@ -213,21 +211,26 @@ class Quadratic:
         weights: Floats = (self.real[:2].sum(axis=0) + self.imaginary[:2].sum(axis=0)) / 2
         return weights
 
-    def _back(self, a: Complex | Floats, p: Complex | Floats) -> Complex:
+    def _back(self, a: Complex, p: Complex) -> Complex:
         x: Complex = self.B_T @ a
-        x += self.A_T @ (self.turn.conj() * p)
+        np.conj(p, out=p)
+        p *= self.turn
+        x += (self.B_T @ p).conj()
         return x
 
     def gradient(self) -> Complex:
         """(n,) the gradient by the displacements of the vertices."""
-        return self._back(*self.slope)
+        return self._back(*self.slope.astype(complex))
 
     def times(self, dz: Complex) -> Complex:
         """(n,) the Hessian times displacements (n,)."""
-        a, p = self.A @ dz, self.turn * (self.B @ dz)
-        (x, y, c), (X, Y, C) = self.real, self.imaginary
-        to_a = x * a.real + c * p.real + 1j * (X * a.imag + C * p.imag)
-        return self._back(to_a, c * a.real + y * p.real + 1j * (C * a.imag + Y * p.imag))
+        a, p = self.B @ dz.conj(), self.B @ dz
+        for part in blocks(len(a)):
+            (x, y, c), (X, Y, C) = self.real[:, part], self.imaginary[:, part]
+            u, v = a[part].conj(), self.turn[part] * p[part]
+            a.real[part], a.imag[part] = x * u.real + c * v.real, X * u.imag + C * v.imag
+            p.real[part], p.imag[part] = c * u.real + y * v.real, C * u.imag + Y * v.imag
+        return self._back(a, p)
 
 
 class Newton:
@@ -279,6 +282,7 @@ class Newton:
                 self._laplacian.factor(quadratic.beta, quadratic.weights)
                 self.factors += 1
             step, slope, used = self._direction(quadratic, enough)
+            del quadratic  # before the next one: it is as large as all the rest
             least = used if anew else least
             found = self._search(energy, step, slope, value)
             if found is None:
@@ -330,11 +334,11 @@ class Newton:
         """Find a direction (n,) by CG, the slope along it, and how often CG took the factor."""
         gradient = self._possible(quadratic.gradient())
         towards = iter([self._laplacian.solve] * DIRECTIONS)
-        step = _conjugate_gradients(
+        step = conjugate_gradients(
             lambda dz: self._possible(quadratic.times(dz)),
             *(-gradient, towards, self._possible, enough),
         )
-        return step, _dot(gradient, step), DIRECTIONS - length_hint(towards)
+        return step, dot(gradient, step), DIRECTIONS - length_hint(towards)
 
     def _possible(self, x: Complex) -> Complex:
         x = self._target.tangential(self._mesh, self.f, x)

@@ -96,6 +96,9 @@ class Outline(Target):
         return certify_outline(mesh, coordinates(f), flipped)
 
 
+DISK, PLANE = Disk(), Outline()
+
+
 class Ring(Target):
     """A ring around 0, by the logarithm of the map: its circles are the edges of a strip.
 

@@ -14,7 +14,8 @@ from ..cached import cached_property
 from ..errors import MapError
 from ..phases import Phases
 from ..plot.layout import Layout
-from ..refine.refinement import DISK, Refinement
+from ..refine.refinement import Refinement
+from ..refine.targets import DISK
 from ..rescue.collapsed_faces import open_collapsed_faces
 from ..rescue.harmonic_map import Provenance, provenance
 from ..rescue.repair import repair_locally

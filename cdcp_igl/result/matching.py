@@ -11,7 +11,7 @@ from ..arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from ..cached import cached_property
 from ..errors import MapError
 from ..refine.balance import Energy, Newton
-from ..refine.refinement import DISK
+from ..refine.targets import DISK
 from ..surface.mesh import Mesh
 from ..verdict.certificate import Certificate, certify_disk
 from ..verdict.distortion import face_dilatation
