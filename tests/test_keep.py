@@ -2,6 +2,7 @@
 
 import json
 
+import meshes
 import numpy as np
 import pytest
 from commands import invoke
@@ -122,6 +123,16 @@ def test_what_is_said_of_a_map_is_what_was_asked_for(hill, make):
 
 def angles_kept(result):
     return Kept.of(result.mesh, result._plane_map(), 0, result._target, 0)
+
+
+def test_what_a_conformal_disk_crowds_together_is_drawn_apart():
+    corridor = meshes.corridor(20)
+    plain = cdcp_igl.disk_map(*corridor, mobius="area")
+    energy = Energy.of(plain.mesh, 0.5, target=Disk())
+    from_there = energy.value(balanced(plain.mesh, as_complex(plain.uv), 0.5, Disk()).f)
+    result = cdcp_igl.disk_map(*corridor, keep="lengths")
+    assert result.valid
+    assert energy.value(as_complex(result.uv)) < 1e-6 * from_there
 
 
 def test_lengths_are_those_of_the_surface_and_scale_with_it(hill):

@@ -27,7 +27,7 @@ from ..errors import MapError, SolverError, counted, spell
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
-from ..refine.balance import Energy, Newton
+from ..refine.balance import Energy, Newton, resized
 from ..refine.refinement import lower_angle_distortion
 from ..refine.targets import Outline
 from ..rescue.repair import MANY, Repair, repair_locally
@@ -148,6 +148,9 @@ class FreeMap(KeepingMap, PlaneMap):
                 made,
             )
         return valid_map(made, "", "Leave out pins, or put them nearer to the map.")
+
+    def _start(self, energy: Energy, f: Complex) -> Complex:
+        return resized(energy, f)
 
     @property
     def _held(self) -> Bools | None:

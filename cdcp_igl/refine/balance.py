@@ -93,7 +93,7 @@ class Energy:
         """Let a surface keep t; on the disk, in the size that has the area of the disk."""
         F, area = mesh.F, face_areas(mesh.V, mesh.F)
         derivative = np.ascontiguousarray(wirtinger_derivative(mesh.V, F)[:, 1:].T)
-        weight, t_of, k_of = area / area.sum(), *(np.broadcast_to(x, len(F)) for x in (t, k))
+        weight, t_of, k_of = area / area.sum(), *(np.broadcast_to(float(x), len(F)) for x in (t, k))
         if isinstance(target, Disk):
             scale = np.pi / area.sum()
             area, derivative = scale * area, derivative / np.sqrt(scale)

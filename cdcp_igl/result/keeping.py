@@ -15,7 +15,7 @@ from ..options import KEPT, MOST, Keep
 from ..phases import Phases
 from ..plot.layout import Layout
 from ..refine.apart import kept_apart
-from ..refine.balance import Energy, balanced, resized
+from ..refine.balance import Energy, balanced
 from ..refine.targets import Disk, Outline, Target
 from ..surface.mesh import Mesh
 from ..verdict.conformality import NOT_ASKED
@@ -145,8 +145,8 @@ class KeepingMap(MadeMap):
 
         def at(t: float, f: Complex, near: bool) -> Complex:
             nonlocal steps
-            fits = near or isinstance(target, Disk) or held is not None
-            start = f if fits else resized(Energy.of(mesh, t), f)
+            begins = not near and held is None
+            start = self._start(Energy.of(mesh, t, target=target), f) if begins else f
             newton = balanced(mesh, start, t, target, near=near, held=held)
             g, steps = newton.f, steps + newton.steps
             may_overlap = isinstance(target, Outline) and held is None
@@ -182,6 +182,10 @@ class KeepingMap(MadeMap):
         for asked in keep:
             maps.append(maps[-1].continued(keep=asked))
         return {made.kept.name if made.kept else "angles": made._layout() for made in maps}
+
+    @abstractmethod
+    def _start(self, energy: Energy, f: Complex) -> Complex:
+        """Return a map (n,) from which energy is to go down, given one that keeps angles."""
 
     @abstractmethod
     def _plane_map(self) -> Complex:
