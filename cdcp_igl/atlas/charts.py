@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components, dijkstra
@@ -23,6 +23,7 @@ from ..steps.mobius import conformal_barycenter
 from ..surface.triangles import face_areas, vertex_areas
 from ..verdict.certificate import certify
 from ..verdict.distortion import conformal_factor
+from ..verdict.outline import certify_outline
 from .cut_graph import Component, OpenedComponent, fill_holes
 from .cut_paths import branch_to, open_to_disk, straighten
 from .even import even_drafts, exact_nets
@@ -139,7 +140,7 @@ def charts_of(
 ) -> list[Chart]:
     """Map a component onto charts, unless it is like one that is `known`, by its faces.
 
-    Then it has the disk of that. MapError if there is a chart without a valid map.
+    Then it has the map of that. MapError if there is a chart without a valid map.
     """
     alike = known.setdefault(component.F.tobytes(), [])
     if options.align is None:
@@ -179,26 +180,33 @@ def _made_like(chart: Chart, component: Component, options: Options) -> Chart | 
 
     A face alone may have other angles: its map is a similarity.
     """
-    disk, variation = chart.map, chart.scale_variation
-    if not isinstance(disk, DiskMap):
+    known, variation = chart.map, chart.scale_variation
+    is_free = isinstance(known, FreeMap)
+    if is_free and options.kept:  # what is kept has a size
         return None
     if chart.opened.component.n_filled:
         component = fill_holes(component)
     opened = chart.opened.moved(component)
-    if len(component.F) == 1 and options.mobius != "area" and not options.refine:
-        mesh = disk.mesh.moved(component.V)
+    if not is_free and len(component.F) == 1 and options.mobius != "area" and not options.refine:
+        mesh = known.mesh.moved(component.V)
         uv = coordinates(by_inscribed_angles(mesh))
         # The barycentre is 0 in the equilateral triangle, where the scale is 1 / sin^2.
         variation = float(2 * np.log(np.sin(mesh.angles)).std())
     elif _same_angles(component, chart.opened.component):
-        mesh, uv = disk.mesh.moved(opened.positions), disk.uv
+        mesh, uv = known.mesh.moved(opened.positions), known.uv
     else:
         return None
-    certificate = certify(mesh, uv)
+    if is_free:
+        area, other = (
+            face_areas(each.V, each.F).sum() for each in (component, chart.opened.component)
+        )
+        uv = np.sqrt(area / other) * uv
+    certificate = (certify_outline if is_free else certify)(mesh, uv)
     if not certificate.valid:
         return None
-    disk = replace(disk, mesh=mesh, uv=uv, certificate=certificate, timings={})
-    return replace(chart, opened=opened, map=disk, scale_variation=variation)
+    same: dict[str, Any] = {"mesh": mesh, "uv": uv, "certificate": certificate, "timings": {}}
+    made = replace(known, **same)
+    return replace(chart, opened=opened, map=made, scale_variation=variation)
 
 
 def _same_angles(one: Component, other: Component) -> bool:

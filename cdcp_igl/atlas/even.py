@@ -40,12 +40,11 @@ def even_drafts(
     Their scale varies no more than is `wanted`, if that can be.
     """
     filled = component if fill is False else fill_holes(component)
-    plain = Draft(open_to_disk(filled), options)
-    if wanted == np.inf or (
-        filled.topology.euler_characteristic == 1 and plain.scale_variation < EXACT
-    ):
-        yield plain
-        return
+    if wanted == np.inf or filled.topology.euler_characteristic == 1:
+        plain = Draft(open_to_disk(filled), options)
+        if wanted == np.inf or plain.scale_variation < EXACT:
+            yield plain
+            return
     may_be_net = not (fill and filled.n_filled)  # which cuts to holes
     if may_be_net and (nets := _likely_nets(component, options, most)):
         yield from nets
