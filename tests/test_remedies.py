@@ -249,6 +249,15 @@ def test_the_remedy_leads_out(row, table):
             assert not getattr(result, "failed", ())
 
 
+@pytest.mark.parametrize(("call", "loops"), [(sphere_map, 1), (annulus_map, 1), (annulus_map, 2)])
+def test_a_handle_is_named_before_the_loops(call, loops):
+    """To close or to sew would not do."""
+    V, F = surfaces.torus()
+    with pytest.raises(cdcp_igl.MeshError) as raised:
+        call(V, np.delete(F, [0, 100][:loops], axis=0))
+    assert raised.value.defect == "handle"
+
+
 @pytest.mark.parametrize("row", DEFECTS)
 def test_in_the_shell_the_remedy_leads_out(row, table, tmp_path):
     said = DEFECTS[row]

@@ -193,7 +193,7 @@ class SphereMesh(Mesh):
         examined = examine(V, F)
         defects = _without(examined, "closed surface", "several boundary loops")
         n = len(examined.loops)
-        self._take(examined, (Defect.of("boundary", loops=n), *defects) if n else defects)
+        self._take(examined, (*defects, Defect.of("boundary", loops=n)) if n else defects)
 
 
 class AnnulusMesh(Mesh):
@@ -203,7 +203,7 @@ class AnnulusMesh(Mesh):
         examined = examine(V, F)
         n = len(examined.loops)
         defects = _without(examined, *["several boundary loops"] * (n == 2))
-        self._take(examined, (Defect.of("one boundary loop"), *defects) if n == 1 else defects)
+        self._take(examined, (*defects, Defect.of("one boundary loop")) if n == 1 else defects)
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:
