@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix, get_index_dtype
 from scipy.sparse.csgraph import breadth_first_order, connected_components
-from scipy.spatial import cKDTree
 
 from .. import libigl
 from ..arrays import Bools, Floats, Indices, Ints, distinct_rows, marked, unit_size
@@ -271,6 +270,8 @@ def rim_pairs(V: Floats, edges: Edges, within: float, part: float = 0.5) -> tupl
 
     And less than a part of the shortest edge at either of them, so that no face collapses.
     """
+    from scipy.spatial import cKDTree  # slow to import, and used here alone
+
     rims = edges.valence == 1
     at_rim = marked(len(V), edges.low[rims], edges.high[rims])
     ends = edges.ends(at_rim[edges.low] | at_rim[edges.high])
