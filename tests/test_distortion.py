@@ -3,6 +3,7 @@
 import json
 import logging
 
+import igl
 import meshes
 import numpy as np
 import pytest
@@ -204,6 +205,14 @@ def test_coarse_faces_are_no_shear():
     assert result.boundary.name == "geodesic"
     assert "as the faces are large" in result.conformality.reasons[0]
     assert cdcp_igl.disk_map(*meshes.corridor(6, 16)).conformal
+
+
+@pytest.mark.parametrize(("sides", "height"), [(3, 4), (4, 1), (5, 3), (6, 9)])
+def test_where_faces_are_said_to_be_large_smaller_ones_help(sides, height):
+    V, F = meshes.prism(sides, height)
+    result, finer = cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(*igl.upsample(V, F, 1))
+    assert "as the faces are large" in result.conformality.reasons[0]
+    assert finer.distortion.mean < 0.6 * result.distortion.mean
 
 
 @settings(max_examples=20)
