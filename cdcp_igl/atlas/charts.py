@@ -24,6 +24,7 @@ from ..surface.triangles import face_areas, vertex_areas
 from ..verdict.certificate import certify
 from ..verdict.distortion import conformal_factor
 from ..verdict.outline import certify_outline
+from .cones import Draft
 from .cut_graph import Component, OpenedComponent, fill_holes
 from .cut_paths import branch_to, open_to_disk, straighten
 from .even import even_drafts, exact_nets
@@ -32,6 +33,10 @@ from .parting import LEAST_FACES, limbs, narrow_side, parted_by, pieces
 # A round of growth is kept if it lowers the scale variation, or the angle error, by more than this
 # share.
 GAIN = 0.03
+# A chart whose mean angle error is more degrees is refined, if that is not said: along needles,
+# slits cost angles that a few steps win back. Where the scale would then vary more than is asked
+# for, it is so only if less than this share of the error is left.
+ENOUGH, WORTH_UNEVENNESS = 1.0, 1 / 3
 # Where a cut that has grown leaves the scale variation at more than this many times what is asked
 # for, or has halved it, it does not grow on, and the component is parted. No later round has made
 # up for more than 1.33, or lowered what had been halved.
@@ -106,6 +111,7 @@ class Chart:
     # (k,) the deviation before the cut had grown, if it has, or where that would be in vain.
     level: Floats | None = None
     is_lost: bool = False  # its cut grows only if it cannot be parted
+    is_traded: bool = False  # its even scale, for angles
 
     @property
     def F(self) -> Ints:
@@ -164,7 +170,7 @@ def _free_charts(
     charts, done = list[Chart](), 0
     with using(options.solver):
         for draft in even_drafts(component, options, limits.fill, limits.asked, limits.max_charts):
-            chart = _measured(draft.opened, draft.map)
+            chart = _free_chart(draft, options, limits.asked)
             if not chart.map.conformal:  # as faces are large, or few: its net is exact
                 for net in exact_nets(pieces(draft.opened), options):
                     chart = _measured(net.opened, net.map)
@@ -173,6 +179,18 @@ def _free_charts(
             if progress:
                 progress("cut", done / len(component.rows))
     return charts
+
+
+def _free_chart(draft: Draft, options: Options, asked: float) -> Chart:
+    """Map a component that is cut to a disk; refine the map where that is needed, and pays."""
+    plain = _measured(draft.opened, draft.map)
+    is_fine = plain.failure or plain.map.distortion.mean <= ENOUGH
+    if is_fine or options.refine is not None or options.kept:
+        return plain
+    fine = _measured(draft.opened, partial(draft.map, ENOUGH))
+    is_even = fine.scale_variation <= asked or plain.scale_variation > asked
+    pays = is_even or fine.map.distortion.mean < WORTH_UNEVENNESS * plain.map.distortion.mean
+    return plain if fine.failure or not pays else replace(fine, is_traded=not is_even)
 
 
 def _made_like(chart: Chart, component: Component, options: Options) -> Chart | None:

@@ -29,9 +29,6 @@ from .cut_paths import branch_to
 from .parting import LEAST_FACES
 
 MOST_CONES = 16  # in one round
-# A chart whose mean angle error is more degrees is refined, if that is not said: along needles,
-# slits cost angles that a few steps win back.
-ENOUGH = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +112,11 @@ class Draft:
             opened = branch_to(opened, cone)
         return Draft(opened, self.options)
 
-    def map(self) -> FreeMap:
-        """Go on to the map."""
-        return free_map_of(self.surface, None, None, self.options, self.phase, enough=ENOUGH)
+    def map(self, enough: float = np.inf) -> FreeMap:
+        """Go on to the map, and refine it if its mean error is more than so many degrees."""
+        how = self.options, self.phase
+        is_first = enough == np.inf  # after which there may be another
+        return free_map_of(self.surface, None, None, *how, keep_factor=is_first, enough=enough)
 
     def _centred(self, u: Floats) -> Floats:
         return u - self.area @ u

@@ -595,10 +595,17 @@ def _together(
         _angles=angles,
         scale_variation=max(chart.scale_variation for chart in charts),
         scale_variation_asked=limits.asked,
-        _stopped="max_charts" if len(charts) >= limits.max_charts else "no more charts lower it",
+        _stopped=_why_uneven(charts, limits),
         shares=areas / areas.sum(),
         timings=_sum_of_seconds(maps),
     )
+
+
+def _why_uneven(charts: list[Chart], limits: Limits) -> str:
+    """Say why the scale varies more than is asked for, if it does."""
+    if max(charts, key=lambda chart: chart.scale_variation).is_traded:
+        return "refined, as angles gain far more"
+    return "max_charts" if len(charts) >= limits.max_charts else "no more charts lower it"
 
 
 def _distortion(sheets: Sheets, uv: Floats) -> AngleDistortion:
