@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import mimetypes
 from collections import defaultdict
 from collections.abc import Iterator
 from copy import deepcopy
@@ -20,6 +19,10 @@ from .glb import Part
 from .images import Image
 
 log = logging.getLogger("cdcp_igl")
+
+# What glTF 2.0 and its extensions EXT_texture_webp and KHR_texture_basisu know.
+IMAGES = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
+IMAGES |= {".webp": "image/webp", ".ktx2": "image/ktx2"}
 
 
 def write_glb_like(
@@ -87,8 +90,8 @@ class _Rewritten:
         self.extended: dict[tuple[int, int, int], int] = {}
         for image in self.scene.get("images", []):
             beside = path.parent / unquote(image.get("uri", "data:"))
-            mime = mimetypes.guess_type(beside.name)[0] or ""
-            if mime.startswith("image/") and beside.is_file():
+            mime = IMAGES.get(beside.suffix.lower())
+            if mime and beside.is_file():
                 del image["uri"]
                 image |= {"bufferView": self._add({}, beside.read_bytes()), "mimeType": mime}
         # What uses an accessor: the vertices of primitives that share them, or else a primitive.

@@ -13,7 +13,6 @@ from base64 import b64decode, b64encode
 from itertools import islice
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,6 +151,8 @@ def _lists(flat: Ints) -> list[Ints]:
 
 
 def _read_vtp(data: bytes) -> Surface:
+    from xml.etree import ElementTree  # not imported with the library
+
     appended = re.search(rb"<AppendedData[^>]*encoding=.(\w+).[^>]*>\s*_", data)
     body, raw = b"", False
     if appended:

@@ -12,7 +12,6 @@ Trans. Graph. 36(6), 2017.
 
 from __future__ import annotations
 
-import mapbox_earcut
 import numpy as np
 
 from .. import libigl
@@ -65,6 +64,8 @@ def air(f: Complex, loop: Ints) -> tuple[Complex, Ints]:
 
     The corners are rows n, n + 1, ... of the faces. It is the constrained Delaunay triangulation.
     """
+    import mapbox_earcut  # by few maps alone
+
     outline = f[loop]
     low, high = (extreme(coordinates(outline), axis=0) for extreme in (np.min, np.max))
     middle = complex(*((low + high) / 2))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from fractions import Fraction
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from ..surface.location import z_order
 from ..surface.mesh import Mesh
 from ..surface.triangles import BLOCK, EPS, flipped_faces, orientations
 from .certificate import Verified
+
+if TYPE_CHECKING:
+    from fractions import Fraction
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,6 +201,8 @@ def _crossing(a: Complex, b: Complex, y: Floats) -> tuple[Floats, Floats]:
 
 
 def _exact(z: Complex, after: Ints, edge: int, y: float) -> Fraction:
+    from fractions import Fraction  # for the few that floats do not tell
+
     a, b = z[edge], z[after[edge]]
     ax, ay, bx, by = (Fraction(float(c)) for c in (a.real, a.imag, b.real, b.imag))
     return ax + (Fraction(float(y)) - ay) / (by - ay) * (bx - ax)
