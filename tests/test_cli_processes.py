@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from io import BytesIO, TextIOWrapper
 from pathlib import Path
 
@@ -71,9 +72,11 @@ def test_compare_writes_its_files_where_stdout_takes_no_more(main, monkeypatch, 
     else:
         reader, stdout = os.pipe()
         os.close(reader)
-    with open(stdout, "w") as stream:
-        monkeypatch.setattr(sys, "stdout", stream)
-        code = main(*COMPARE, "other.npz", "--json", "r.json")
+    stream = open(stdout, "w")  # noqa: SIM115 - closed below, with what it could not print
+    monkeypatch.setattr(sys, "stdout", stream)
+    code = main(*COMPARE, "other.npz", "--json", "r.json")
+    with suppress(BrokenPipeError):
+        stream.close()
     assert code == (FULL if broken == "full" else 1)
     assert re.findall('"mesh": "(.*)"', Path("r.json").read_text()) == ["in.npz", "other.npz"]
 

@@ -171,7 +171,8 @@ def _free_charts(
     with using(options.solver):
         for draft in even_drafts(component, options, limits.fill, limits.asked, limits.max_charts):
             chart = _free_chart(draft, options, limits.asked)
-            if not chart.map.conformal:  # as faces are large, or few: its net is exact
+            # As faces are large, or few: its net is exact.
+            if not chart.map.conformal and limits.asked < np.inf:
                 for net in exact_nets(pieces(draft.opened), options):
                     chart = _measured(net.opened, net.map)
             charts.append(chart)
