@@ -70,9 +70,8 @@ class Packing:
         """
         areas = np.array([abs((z.conj() * np.roll(z, -1)).imag.sum()) / 2 for z in outlines])
         longest = max(max(np.ptp(z.real), np.ptp(z.imag)) for z in outlines)
-        columns = COLUMNS / max(
-            np.sqrt(areas.sum()), longest / np.sqrt(2)
-        )  # a unit of the outlines
+        # A unit of the outlines.
+        columns = COLUMNS / max(np.sqrt(areas.sum()), longest / np.sqrt(2))
         n_turns = int(np.clip(ALL_TURNS // len(outlines), FEWEST_TURNS, MOST_TURNS))
         order = np.argsort(-areas, kind="stable").tolist()
         shapes = [
