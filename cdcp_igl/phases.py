@@ -52,6 +52,7 @@ class Phases:
         check_progress(progress)
         self.seconds: dict[str, float] = {}
         self._progress = progress
+        self._reached = 0.0
         shares = PHASES | {"refine": REFINEMENT_STEP * refinement_steps}
         shares |= dict.fromkeys(skipped, 0)
         self._shares = {phase: share / sum(shares.values()) for phase, share in shares.items()}
@@ -66,7 +67,9 @@ class Phases:
 
         def advance(done: float) -> None:
             if self._progress:
-                self._progress(phase, min(before + done * self._shares[phase], 1.0))
+                fraction = min(before + done * self._shares[phase], 1.0)
+                self._reached = max(self._reached, fraction)  # sums are rounded in many ways
+                self._progress(phase, self._reached)
 
         advance(0)
         start = perf_counter()
