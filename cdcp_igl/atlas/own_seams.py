@@ -76,6 +76,8 @@ def wanted_edges(sheets: Sheets, F: Ints, seams: Seams, forbidden: Ints) -> tupl
 
 def _edges_of(name: str, sheets: Sheets, F: Ints, pairs: Ints) -> Ints:
     """(k, 2) the edges that pairs of rows of V name."""
+    if len(pairs) == 0:  # as a rule: no edge need be looked for
+        return pairs
     edges = Topology(F, len(sheets.V)).edges
     missing = rows_not_in(edges.ends(edges.valence > 0), pairs)
     if len(missing):
@@ -100,7 +102,9 @@ def _between_unlike(sheets: Sheets, label: Ints) -> Ints:
 
 def among_edges(F: Ints, edges: Ints) -> Bools:
     """(m, 3) whether the edge that leaves each corner for the next is one of some edges (k, 2)."""
-    n = int(max(F.max(initial=0), edges.max(initial=0))) + 1
+    if len(edges) == 0:
+        return np.zeros(F.shape, dtype=bool)
+    n = int(max(F.max(), edges.max())) + 1
     low, high = np.sort(np.stack([F, np.roll(F, -1, axis=1)]), axis=0)
     return np.isin(low * n + high, edges[:, 0] * n + edges[:, 1])
 

@@ -34,7 +34,7 @@ from ..steps.stereographic import moved_to_center, rotation, spherical_barycente
 from ..surface.filling import fill_hole
 from ..surface.location import SphereFinder
 from ..surface.mesh import SphereMesh
-from ..surface.orientation import wrong_side
+from ..surface.orientation import points_inward
 from ..surface.topology import Topology
 from ..surface.triangles import face_areas, flipped_faces, oriented_areas
 from ..surface.validation import checked_surface
@@ -338,7 +338,7 @@ def sphere_map(
     with using(solver):
         with phase("check"):
             mesh, n_faces, filled = _closed(V, F)
-            inward = bool(wrong_side(mesh.V, Topology(mesh.F, len(mesh.V)))[0])
+            inward = points_inward(mesh.V, mesh.F)
             mesh = SphereMesh(V, mesh.F[:, ::-1]) if inward else mesh
             if directions and directions[0].max() >= len(mesh.V):
                 raise ValueError(f"align must give directions of vertices in 0..{len(mesh.V) - 1}")
