@@ -95,8 +95,7 @@ def _of_gltf(path: Path) -> Contents:
     others = [name for name in SCENE if scene.get(name)]
     found, any_colour = dict[tuple[int, int], Floats](), False
     for part in glb.parts_of(scene, body, path):
-        mesh = scene["meshes"][scene["nodes"][part.node]["mesh"]]
-        primitive = mesh["primitives"][part.primitive]
+        primitive = glb.primitive_of(scene, part)
         attributes = primitive["attributes"]
         others += [name for name in attributes if name not in ("POSITION", "TEXCOORD_0", "COLOR_0")]
         others += ["morph targets"] * bool(primitive.get("targets"))

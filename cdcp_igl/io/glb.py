@@ -69,6 +69,11 @@ class Part(NamedTuple):
         """Whether the other side of the triangles is outside."""
         return bool(np.linalg.det(self.matrix[:3, :3]) < 0)
 
+    @property
+    def outward(self) -> Ints:
+        """(m, 3) the faces of `read_gltf`, but for their vertices: the corners of `F`."""
+        return self.F[:, ::-1] if self.turned else self.F
+
 
 def read_gltf(path: Path) -> tuple[Floats, Ints]:
     """(n, 3) vertices and (m, 3) faces of all meshes of a glb or gltf file, where its nodes are.
@@ -78,12 +83,12 @@ def read_gltf(path: Path) -> tuple[Floats, Ints]:
     first: dict[tuple[int, int], int] = {}  # vertex of each accessor of a node
     vertices, faces, n = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
     for part in parts_of(*scene_and_body(path.read_bytes()), path):
-        F, place = part.F[:, ::-1] if part.turned else part.F, (part.node, part.accessor)
+        place = part.node, part.accessor
         if place not in first:
             first[place] = n
             vertices.append(part.positions @ part.matrix[:3, :3].T + part.matrix[:3, 3])
             n += len(part.positions)
-        faces.append(F + first[place])
+        faces.append(part.outward + first[place])
     return np.concatenate(vertices), np.concatenate(faces)
 
 
@@ -92,15 +97,19 @@ def texture_of_gltf(path: Path) -> Floats:
     scene, body = scene_and_body(path.read_bytes())
     found = [np.empty((0, 3, 2))]
     for part in parts_of(scene, body, path):
-        mesh = scene["meshes"][scene["nodes"][part.node]["mesh"]]
-        primitive, uv = (
-            mesh["primitives"][part.primitive],
-            np.full((len(part.positions), 2), np.nan),
-        )
+        primitive = primitive_of(scene, part)
+        uv = np.full((len(part.positions), 2), np.nan)
         if "TEXCOORD_0" in primitive["attributes"]:
             uv = texture_of(scene, primitive, 0, body, path)
-        found.append(uv[part.F[:, ::-1] if part.turned else part.F])
+        found.append(uv[part.outward])
     return np.concatenate(found)
+
+
+def primitive_of(scene: dict[str, Any], part: Part) -> dict[str, Any]:
+    """Return what a scene says of the triangles of a part."""
+    mesh = scene["meshes"][scene["nodes"][part.node]["mesh"]]
+    primitive: dict[str, Any] = mesh["primitives"][part.primitive]
+    return primitive
 
 
 def texture_of(

@@ -16,13 +16,11 @@ from numpy.typing import NDArray
 from ..arrays import Floats, Ints
 from . import glb
 from .glb import Part
-from .images import Image
+from .images import MIME, Image
 
 log = logging.getLogger("cdcp_igl")
 
-# What glTF 2.0 and its extensions EXT_texture_webp and KHR_texture_basisu know.
-IMAGES = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
-IMAGES |= {".webp": "image/webp", ".ktx2": "image/ktx2"}
+IMAGES = MIME | {".ktx2": "image/ktx2"}  # of the extension KHR_texture_basisu
 
 
 def write_glb_like(
@@ -176,9 +174,8 @@ class _Rewritten:
             base.append(material.setdefault("pbrMetallicRoughness", {}))
             if info := base[-1].pop("baseColorTexture", None):
                 before.append(info["index"])
-        others = {textures[info["index"]].get("source") for info in _textures_in(materials)} | {
-            None
-        }
+        shown = (textures[info["index"]].get("source") for info in _textures_in(materials))
+        others = {None, *shown}
         sources = dict.fromkeys(textures[number].get("source") for number in before)
         free = [source for source in sources if source not in others] or [len(images)]
         images += [{}] * (free[0] == len(images))

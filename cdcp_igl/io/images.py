@@ -26,6 +26,8 @@ Ka 1 1 1
 Kd 1 1 1
 Ks 0 0 0
 """
+# What browsers show, and glTF 2.0 knows with its extension EXT_texture_webp.
+MIME = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".webp": "image/webp"}
 MAPS = ("map_", "bump", "disp", "decal", "norm", "refl")  # lines of mtl files that name images
 
 

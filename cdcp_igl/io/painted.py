@@ -67,8 +67,7 @@ def _of_gltf(path: Path, uv: Floats) -> Found:
     names, of_face, m = list[int](), np.full(len(uv), -1), 0
     for part in glb.parts_of(scene, body, path):
         faces = slice(m, m := m + len(part.F))
-        mesh = scene["meshes"][scene["nodes"][part.node]["mesh"]]
-        primitive = mesh["primitives"][part.primitive]
+        primitive = glb.primitive_of(scene, part)
         info = base_texture(scene, primitive.get("material"))
         image = scene["textures"][info["index"]].get("source") if info else None
         if info is None or image is None:  # which is of a type that an extension knows
@@ -77,8 +76,7 @@ def _of_gltf(path: Path, uv: Floats) -> Found:
             names.append(image)
         of_face[faces] = names.index(image)
         if number := info.get("texCoord", 0):
-            at = glb.texture_of(scene, primitive, number, body, path)
-            uv[faces] = at[part.F[:, ::-1] if part.turned else part.F]
+            uv[faces] = glb.texture_of(scene, primitive, number, body, path)[part.outward]
         uv[faces] = _transformed(uv[faces], info)
     return [_image_of_gltf(scene, body, path, scene["images"][k]) for k in names], of_face, uv
 

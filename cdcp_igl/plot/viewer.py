@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Floats, Ints, as_complex, places
 from ..extras import from_extra
 from ..fields import Field
-from ..io.images import Texture, as_image
+from ..io.images import MIME, Texture, as_image
 from ..io.output import write_text
 from ..surface.location import z_order
 from ..surface.topology import group_by_edge, heads, tails
@@ -39,7 +39,6 @@ with from_extra("plot"):
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 
-IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".webp": "webp"}
 STEPS = 2**16 - 1  # of a coordinate, and of what is given as a field
 MEASURE_STEPS = 255  # of what is measured here: no eye tells more colours apart
 BEYOND = 0.005  # share of the vertices, at either end, that may lie beyond the scale of colours
@@ -459,10 +458,10 @@ def _image(texture: Texture) -> str:
     """Return the image as a data URI."""
     if isinstance(texture, str | PathLike):
         path = Path(texture)
-        if path.suffix.lower() not in IMAGES:
-            raise ValueError(f"{path.name!r} is no image a browser shows: {', '.join(IMAGES)}")
-        return _uri(path.read_bytes(), IMAGES[path.suffix.lower()])
-    return _uri(as_image(texture).data, "png")
+        if path.suffix.lower() not in MIME:
+            raise ValueError(f"{path.name!r} is no image a browser shows: {', '.join(MIME)}")
+        return _uri(path.read_bytes(), MIME[path.suffix.lower()])
+    return _uri(as_image(texture).data, "image/png")
 
 
 def poster(layout: Layout) -> str:
@@ -472,11 +471,11 @@ def poster(layout: Layout) -> str:
     figure = side_by_side([(V, F, maps)], turns=layout.turns)
     file = BytesIO()
     figure.savefig(file, format="jpeg", dpi=120, pil_kwargs={"quality": 75})
-    return _uri(file.getvalue(), "jpeg")
+    return _uri(file.getvalue(), "image/jpeg")
 
 
-def _uri(image: bytes, kind: str) -> str:
-    return f"data:image/{kind};base64,{b64encode(image).decode()}"
+def _uri(image: bytes, mime: str) -> str:
+    return f"data:{mime};base64,{b64encode(image).decode()}"
 
 
 def _quantized(x: Floats, low: float, high: float, steps: int = STEPS, missing: int = 0) -> Ints:

@@ -176,7 +176,8 @@ class Comparison:
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        return table_as_html(self._table()[0], HEADINGS, *self._table()[1:])
+        title, rows, failed = self._table()
+        return table_as_html(title, HEADINGS, rows, failed)
 
 
 def _written(value: float | str, form: str) -> str:
