@@ -13,6 +13,7 @@ import pytest
 from batches import write_surfaces
 
 from cdcp_igl import DiskMap, datasets, disk_map
+from cdcp_igl.reference import case
 
 # Deterministic: a failure in CI is a failure everywhere.
 hypothesis.settings.register_profile("cdcp_igl", derandomize=True, deadline=None)
@@ -55,6 +56,17 @@ def public_name(name: str) -> str | None:
 def scans(tmp_path):
     """A folder with three small disks."""
     return write_surfaces(tmp_path / "scans", 3)
+
+
+@pytest.fixture
+def cases_in_this_process(monkeypatch):
+    """Methods that are compared run here, where the tables of what they made are the matter."""
+
+    def run(method, V, F, *, table="cdcp_igl.reference:METHODS", **limits):
+        return case._Run(method, V, F, table).run()
+
+    for module in ("cdcp_igl.reference.comparison", "benchmarks.measure.cases"):
+        monkeypatch.setattr(f"{module}.run_case", run)
 
 
 @pytest.fixture(scope="session")

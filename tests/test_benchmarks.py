@@ -175,7 +175,7 @@ def test_a_sequence_is_measured_beside_single_maps():
 # -- commands --------------------------------------------------------------------------
 
 
-def test_each_command_writes_a_section_of_the_same_results(tmp_path):
+def test_each_command_writes_a_section_of_the_same_results(tmp_path, cases_in_this_process):
     shared = ("--out", tmp_path, "--work", tmp_path / "w", "--machine", "here")
     shared = (*shared, "--models", "ellipse_20")
     for command in (
@@ -388,7 +388,7 @@ def test_a_map_is_that_of_its_mesh_and_of_its_model(tmp_path):
         measured.surface("a_b")
 
 
-def test_the_commands_of_the_readme(tmp_path, monkeypatch):
+def test_the_commands_of_the_readme(tmp_path, monkeypatch, cases_in_this_process):
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"^```sh\n(python -m benchmarks .*?)^```", text, re.MULTILINE | re.DOTALL)
     (tmp_path / "scans").mkdir()

@@ -185,7 +185,7 @@ def test_a_comparison_draws_and_shows_itself(tmp_path):
 # -- the command -----------------------------------------------------------------------
 
 
-def test_every_row_is_there(tmp_path, mesh):
+def test_every_row_is_there(tmp_path, mesh, cases_in_this_process):
     V, F, _ = cdcp_igl.datasets.spherical_cap(6)  # without ears, which not every method can map
     np.savez(mesh, V=V, F=F)
     name = mesh.name
@@ -215,7 +215,9 @@ def test_every_row_is_there(tmp_path, mesh):
     assert invoke("compare", mesh, "b.obj", "--view", files[3]).exit_code == 2  # for one mesh
 
 
-def test_closed_surfaces_are_mapped_onto_the_sphere_and_cut_open(tmp_path, mesh):
+def test_closed_surfaces_are_mapped_onto_the_sphere_and_cut_open(
+    tmp_path, mesh, cases_in_this_process
+):
     V, F, _ = cdcp_igl.datasets.spheroid(2)
     np.savez(tmp_path / "egg.npz", V=V, F=F)
     np.savez(tmp_path / "ring.npz", V=torus()[0], F=torus()[1])

@@ -70,7 +70,7 @@ def test_every_public_name_is_in_the_reference(module, name):
 
 
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda path: path.stem)
-def test_program_of_the_gallery(program, monkeypatch, tmp_path):
+def test_program_of_the_gallery(program, monkeypatch, tmp_path, cases_in_this_process):
     """Without network and without a directory of meshes, as in a fresh clone.
 
     A program that then takes the terrain has a part of it; the pages are built with the whole.
@@ -243,7 +243,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_readme_from_top_to_bottom_twice_in_one_folder(folder):
+def test_readme_from_top_to_bottom_twice_in_one_folder(folder, cases_in_this_process):
     """All that is typed into Python, then all that is for the shell; then both again."""
     code = [
         "".join(example.source for example in doctest.DocTestParser().get_examples(block)) or block
