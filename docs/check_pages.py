@@ -3,7 +3,8 @@
     python docs/check_pages.py docs/build/html
 
 A page that is wider than the screen, an equation that is cut, a picture of the gallery that is
-too small to see, an empty table, and words of what is still to come are complaints. Without
+too small to see, an empty table, words of what is still to come, and text that is hard to read, by
+day or by night, are complaints. Without
 Chromium and its driver nothing is checked; with CDCP_IGL_REQUIRE_BROWSER=1 that is an error.
 """
 
@@ -14,6 +15,7 @@ from pathlib import Path
 
 WIDTHS = {1280: 900, 400: 800}  # of the screen, and heights
 LEAST = 200  # pixels across a picture in the gallery
+LEGIBLE = 4.5  # contrast of text, level AA of WCAG 2
 NOT_YET = ("not measured yet", "coming soon", "TODO")
 LISTINGS = ("_modules", "_static", "_downloads", "tests")  # of code
 
@@ -37,6 +39,27 @@ for (const e of all("table"))
     if (!all("td", e).some(cell => cell.textContent.trim() || cell.firstElementChild))
         found.push(`has an empty table, ${name(e)}`);
 for (const word of words) if (text.innerText.includes(word)) found.push(`says "${word}"`);
+return found;
+"""
+
+CONTRAST = """
+const [least, scheme] = arguments, found = [];
+document.documentElement.dataset.theme = scheme;
+const channels = color => color.match(/[\\d.]+/g).map(Number);
+const light = color => channels(color).slice(0, 3).map(c => c / 255)
+    .map(c => c > 0.04045 ? ((c + 0.055) / 1.055) ** 2.4 : c / 12.92)
+    .reduce((sum, c, i) => sum + c * [0.2126, 0.7152, 0.0722][i], 0.05);
+const paper = e => {
+    const color = e ? getComputedStyle(e).backgroundColor : "rgb(255, 255, 255)";
+    return (channels(color)[3] ?? 1) > 0.5 ? color : paper(e.parentElement);
+};
+const words = e => [...e.childNodes].filter(n => n.nodeType == 3).map(n => n.data).join("").trim();
+for (const e of document.body.querySelectorAll("article *")) {
+    if (!words(e) || !e.getClientRects().length || e.closest("svg")) continue;
+    const both = [light(getComputedStyle(e).color), light(paper(e))];
+    const ratio = Math.max(...both) / Math.min(...both);
+    if (ratio < least) found.push(`contrast ${ratio.toFixed(1)}: ${words(e).slice(0, 30)}`);
+}
 return found;
 """
 
@@ -71,6 +94,9 @@ def complaints(root, driver):
             driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
             for said in driver.execute_script(LOOK, LEAST, NOT_YET, here.parts[0] == "gallery"):
                 yield f"{here}, {width} pixels: {said}"
+        for scheme in ("light", "dark"):
+            for said in driver.execute_script(CONTRAST, LEGIBLE, scheme):
+                yield f"{here}, {scheme}: {said}"
 
 
 def main():
