@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 LONG = 100  # rows of a table that can still be read
 WORST = 20  # of a longer one: the maps with the largest distortion
-NUMBERS = ("vertices", "mean", "sd", "area", "flips", "seconds", "memory")
+NUMBERS = ("vertices", "mean", "sd", "area_sd", "texels", "flips", "seconds", "memory")
 SCHEDULER = typer.Option(
     None, metavar="tcp://...", help="Address of a Dask scheduler: map on its workers."
 )

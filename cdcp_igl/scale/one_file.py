@@ -34,6 +34,8 @@ from ..phases import Progress
 from ..result.base import Result
 from ..result.disk_map import DiskMap
 from ..surface.cleaning import Cleaned, clean, submesh
+from ..surface.triangles import face_areas
+from ..verdict.distortion import AreaDistortion, area_distortion
 
 Array = NDArray[Any]
 
@@ -203,14 +205,16 @@ class Mapped:
         """Return what the record of a batch has of the map."""
         result = self.result
         charts = result.charts if isinstance(result, SurfaceMap) else (result,)
+        V, F, image = result._layout().drawn
+        areas = AreaDistortion.of(np.exp(area_distortion(V, F, image)), face_areas(V, F))
         return {
             "left_out": result.left_out,
             "charts": len(charts),
             "flips": len(result.certificate.flipped),
             "mean": result.distortion.mean,
             "sd": result.distortion.sd,
-            "area": float(np.abs(result.area_distortion()).mean()),
-            "texels": result.texel_density.ratio if isinstance(result, SurfaceMap) else np.nan,
+            "area_sd": areas.sd,
+            "texels": areas.texels,
             "conformal": result.conformal,
             "reasons": "; ".join(result.conformality.reasons),
             "boundary": ", ".join(dict.fromkeys(map(_boundary, charts))),

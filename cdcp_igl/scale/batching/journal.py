@@ -56,8 +56,8 @@ class Record:
     flips: int = 0  #: faces that are not positively oriented
     mean: float = math.nan  #: angular distortion in degrees; NaN, as below, if there is no map
     sd: float = math.nan
-    area: float = math.nan  #: area distortion, mean of |log of the ratio of areas|
-    texels: float = math.nan  #: texel density, 95th by 5th percentile, of a surface that was cut
+    area_sd: float = math.nan  #: of the logarithm of the ratio of areas, as in `AreaDistortion`
+    texels: float = math.nan  #: density, 95th by 5th percentile of the surface, the same
     conformal: bool = False  #: whether it is what a conformal map should be, see `DiskMap`
     reasons: str = ""  #: why it is not
     boundary: str = ""  #: how it was laid out; of a sphere "none"
