@@ -1,8 +1,8 @@
 "use strict";
-// The surface beside its images in the plane, of one result at a time. WebGL draws one view after the other out of sight,
-// at less resolution and with fewer faces while a view moves on a slow machine; each panel has a
-// canvas to show it. What is under the pointer is found by looking at every face, which is fast
-// enough for a million.
+// The surface beside its images in the plane, of one result at a time. WebGL draws one view after
+// the other out of sight, at less resolution and with fewer faces while a view moves on a slow
+// machine; each panel has a canvas to show it. What is under the pointer is found by looking at
+// every face, which is fast enough for a million.
 
 const about = JSON.parse(document.getElementById("about").textContent);
 const byId = (id) => document.getElementById(id);
