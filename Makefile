@@ -30,8 +30,9 @@ lint: setup
 bench: setup
 	$(PYTHON) -m benchmarks speed --repeats 3 --out benchmarks/results
 	for command in tables 'tables --tier standard' ablation peers; do \
-	    $(PYTHON) -m benchmarks $$command --jobs 2 --time-limit 120 --out benchmarks/results || exit; \
+	    $(PYTHON) -m benchmarks $$command --jobs 2 --time-limit 60 --out benchmarks/results || exit; \
 	done
+	$(PYTHON) -m benchmarks surfaces --jobs 2 --out benchmarks/results/surfaces.md
 	$(PYTHON) -m benchmarks figures --out benchmarks/results
 	$(PYTHON) -m benchmarks readme
 

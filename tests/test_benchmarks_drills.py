@@ -18,7 +18,7 @@ from rich.console import Console
 import cdcp_igl
 from benchmarks.measure import faults, punctures
 from benchmarks.measure import fuzzing as fuzz
-from benchmarks.measure.any_surface import least_distortion
+from benchmarks.measure.any_surface import least_distortion, seam_length
 from benchmarks.measure.faults import DRILLS, FAULT, examine
 from benchmarks.measure.punctures import Comparison, Row, opened
 from benchmarks.measure.worker import kept_answers
@@ -174,7 +174,7 @@ def test_what_is_wrong(ours, others, fault, worse):
 # -- surfaces of all kinds -------------------------------------------------------------
 
 
-def test_a_row_for_each_surface_by_class(tmp_path):
+def test_a_row_for_each_surface_and_each_program(tmp_path):
     _, V, F, _ = meshes.NASTY["Moebius strip"]
     mesh = {
         "handles_torus": surfaces.torus(),
@@ -183,11 +183,27 @@ def test_a_row_for_each_surface_by_class(tmp_path):
     }
     for name, (V, F) in mesh.items():
         np.savez(tmp_path / f"{name}.npz", V=V, F=F)
-    shown = benchmarks("surfaces", tmp_path)
-    assert shown.exit_code == 0
-    assert shown.stdout.index("## handles") < shown.stdout.index("## loops")
-    assert "| loops_strip | 18 | 1 | yes | " in shown.stdout
-    assert "| handles_torus | 96 | 1 | yes | " in shown.stdout
+    np.savez(tmp_path / "points.npz", V=V, F=np.empty((0, 3), int))
+    table = tmp_path / "made.md"
+    shown = benchmarks("surfaces", tmp_path, "--work", tmp_path / "w", "--out", table)
+    assert shown.exit_code == 0, shown.output
+    for text in (shown.stdout, table.read_text()):
+        assert text.index("| handles_torus | 192 | cdcp_igl | 1 |") < text.index("| loops_strip |")
+        assert "| cdcp_igl | 3 of 4 | 3 | 1 | " in text
+        assert "no map: " in text
+    assert f"- Again: `python -m benchmarks surfaces {tmp_path}" in table.read_text()
+
+
+def test_seams_are_what_lies_apart_in_the_texture():
+    V, F = surfaces.torus()
+    result = cdcp_igl.surface_map(V, F)
+    mirrored = F[:, ::-1], result.uv[:, ::-1]
+    soup = np.arange(F.size).reshape(-1, 3)
+    for surface in ((V, F, result.uv), (V, *mirrored), (V[F.ravel()], soup, result.uv)):
+        assert seam_length(*surface) == pytest.approx(result.cut.length)
+    F, uv = F.copy(), result.uv.copy()
+    F[5], uv[5] = F[5, ::-1], uv[5, ::-1]  # one face is turned over: it has no other seams
+    assert seam_length(V, F, uv) == pytest.approx(result.cut.length)
 
 
 def test_surfaces_that_are_missing_are_told_with_what_to_do(tmp_path, monkeypatch):

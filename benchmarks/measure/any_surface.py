@@ -1,87 +1,158 @@
-"""Surfaces of all kinds: cut, filled, mapped; and what bounds the distortion from below."""
+"""Surfaces of all kinds as textures: how true and how even, by how many charts and seams."""
 
 from __future__ import annotations
 
+import shlex
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from itertools import groupby
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import Annotated
 
 import numpy as np
 import typer
 
-import cdcp_igl
-from cdcp_igl import MeshError, SurfaceMap
-from cdcp_igl.arrays import as_complex
+from cdcp_igl import MapError, MeshError, SolverError, SurfaceMap, certify, surface_map
+from cdcp_igl.arrays import Floats, Ints, as_complex
+from cdcp_igl.io import READABLE, read_mesh
+from cdcp_igl.io.output import write_text
 from cdcp_igl.libigl import angles
+from cdcp_igl.surface.topology import Topology
 from cdcp_igl.surface.triangles import face_areas
 from cdcp_igl.verdict.distortion import plane_angles
 
-from ..write.table import Cell, Row, Table, markdown, name, number
-from .models import files_of
+from ..records.store import WORK, code
+from ..write.report import facts
+from ..write.table import Cell, Content, entitled, markdown, name, number, word
+from .machine import describe
+from .models import digest, files_of
+from .peers import ATLASES
+from .worker import Jobs, WorkFolder, answered, kept_answers, wide_console
 
-COLUMNS = (
-    *("surface", "vertices", "disks", "valid", "conformal", "cut edges", "cut length"),
-    *("mean", "SD", "least mean", "scale variation", "area SD", "seconds", "by disk_map"),
-)
+SECONDS = 600.0  # after which a program hangs
+OURS = "cdcp_igl"
+MAPPED, LOST = "map", "no map"
+TYPED = MapError, MeshError, SolverError
 
-NOTE = """
-Angular distortion in degrees. Cut length by the square root of the area. Least mean: no map onto
-disks with this cut can be below it, by the angles around the vertices. Scale variation: standard
-deviation of the conformal factor. Area SD: that of the logarithm of the scale of area, over the
-area. By disk_map: seconds by those of one `disk_map` of the opened components, in the same run.
-"""
+
+@dataclass(frozen=True)
+class Row:
+    """What a program made of a surface; `mesh` is the digest of V and F."""
+
+    surface: str
+    mesh: str
+    program: str
+    outcome: str = answered("")
+    faces: int = answered(0)
+    charts: int = answered(0)
+    seams: float = answered(np.nan)  # their length by the square root of the area
+    mean: float = answered(np.nan)  # angular distortion, degrees
+    least: float = answered(np.nan)  # no map with these seams can be below it
+    texels: float = answered(np.nan)  # density, 95th by 5th percentile of the surface
+    fill: float = answered(np.nan)  # of the least square around all charts
+    valid: bool = answered(False)
+    conformal: bool = answered(False)
+    seconds: float = answered(np.nan)  # of CPU
 
 
 def surfaces(
     folder: Annotated[
         Path | None,
-        typer.Argument(
-            exists=True, file_okay=False, help="npz files of V and F, the class first in the name."
-        ),
+        typer.Argument(exists=True, file_okay=False, help="Files of any surfaces."),
     ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write the tables there, as Markdown.")
+    ] = None,
+    jobs: Jobs = 1,
+    work: WorkFolder = None,
 ) -> None:
-    """Map surfaces that are no disks, by class."""
-    files = files_of(folder, {".npz"})
-    for kind, group in groupby(files, key=lambda file: file.stem.partition("_")[0]):
-        rows = [_row(file) for file in group]
-        typer.echo(f"\n## {kind}\n\n{markdown(Table(kind, kind, '', COLUMNS, rows))}")
-    typer.echo(NOTE)
+    """Make charts of surfaces of all kinds, and let xatlas and Blender do so where they are.
 
-
-def _row(file: Path) -> Row:
-    """Map a surface; the row notes what holds it back if it is not conformal."""
-    with np.load(file) as mesh:
-        V, F = mesh["V"].astype(np.float64), mesh["F"].astype(np.int64)
-    names = [name(file.stem), Cell(f"{len(V):,}")]
-    start = perf_counter()
-    try:
-        result = cdcp_igl.surface_map(V, F)
-    except MeshError as error:
-        return [*names, Cell(f"refused: {error}"), *[Cell("")] * (len(COLUMNS) - 3)]
-    seconds = perf_counter() - start
-    alone = sum(sum(disk.timings.values()) for disk in result.charts)
-    mapped = result.face_chart >= 0
-    area = face_areas(V, F)
-    change = result.area_distortion()
-    weights = area[mapped] / area[mapped].sum()
-    area_sd = np.sqrt(weights @ (change - weights @ change) ** 2)
-    worst = max(result.charts, key=lambda disk: (not disk.conformal, len(disk.uv)))
-    return [
-        *names,
-        Cell(f"{len(result.charts)}"),
-        Cell("yes" if result.valid else "NO"),
-        Cell("yes") if result.conformal else Cell("no", note=str(worst.conformality)),
-        Cell(f"{len(result.cut.edges):,}"),
-        number(result.cut.length / np.sqrt(area[mapped].sum()), ".2f"),
-        number(result.distortion.mean, ".2f"),
-        number(result.distortion.sd, ".2f"),
-        number(least_distortion(result), ".2f"),
-        number(result.scale_variation, ".2f"),
-        number(area_sd, ".2f"),
-        number(seconds, ".2f"),
-        number(seconds / alone, ".1f"),
+    What has been mapped is kept in build/benchmarks, and not mapped again.
+    """
+    paths = {path.stem: path for path in files_of(folder, READABLE)}
+    missing = {program.missing() for program in ATLASES.values()} - {""}
+    programs = [OURS, *(name for name, program in ATLASES.items() if not program.missing())]
+    requests = [
+        Row(name, digest(*_surface(path)), program)
+        for name, path in paths.items()
+        for program in programs
     ]
+    console = wide_console()
+    kept = (work or WORK / code()) / "surfaces"
+    rows = kept_answers(partial(examine, paths), requests, kept, SECONDS, jobs, console)
+    tables = _summary(rows, programs), _details(rows)
+    text = "\n\n".join(f"## {each.title}\n\n{each.text}\n\n{markdown(each)}" for each in tables)
+    console.print("\n".join([text, *sorted(missing)]), markup=False, soft_wrap=True)
+    if out:
+        again = shlex.join(["python", "-m", "benchmarks", *sys.argv[1:]])
+        on = facts(describe(1) | {"commands": {"surfaces": again}})
+        write_text(out, f"# Charts of any surface\n\n## What was measured on\n\n{on}\n\n{text}\n")
+
+
+@cache
+def _surface(path: Path) -> tuple[Floats, Ints]:
+    V, F = read_mesh(path)
+    return V.astype(np.float64), F.astype(np.int64)
+
+
+def examine(paths: Mapping[str, Path], request: Row) -> Row:
+    """Let a program make charts of a surface, and measure them."""
+    V, F = _surface(paths[request.surface])
+    program: Callable[[Floats, Ints], Floats | SurfaceMap] = surface_map
+    if request.program != OURS:
+        ATLASES[request.program].prepare()
+        program = ATLASES[request.program].function
+    start = process_time()
+    try:
+        made = program(V, F)
+    except TYPED as error:
+        return replace(request, outcome=f"{LOST}: {error}"[:100], faces=len(F))
+    seconds = process_time() - start
+    uv = np.asarray(made.packed() if isinstance(made, SurfaceMap) else made, dtype=np.float64)
+    found = certify(V, F, uv)
+    area = face_areas(V, F).sum()
+    x, y = np.moveaxis(uv[:, 1:] - uv[:, :1], 2, 0)
+    side = np.ptp(uv[np.isfinite(uv).all(axis=(1, 2))].reshape(-1, 2), axis=0).max()
+    return replace(
+        request,
+        outcome=MAPPED,
+        faces=len(F),
+        charts=found.charts,
+        seams=seam_length(V, F, uv) / np.sqrt(area),
+        mean=found.angles.mean,
+        least=least_distortion(made) if isinstance(made, SurfaceMap) else np.nan,
+        texels=found.areas.texels,
+        fill=float(np.nansum(abs(x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0])) / 2 / side**2),
+        valid=found.valid,
+        conformal=isinstance(made, SurfaceMap) and made.conformal,
+        seconds=seconds,
+    )
+
+
+def seam_length(V: Floats, F: Ints, uv: Floats) -> float:
+    """Add up the edges whose two faces lie at different places of an atlas (m, 3, 2).
+
+    Vertices at one place are one, as what a file has opened for its texture is no seam of ours.
+    """
+    _, row = np.unique(V, axis=0, return_inverse=True)
+    F = row.reshape(-1)[F]
+    proper = (np.roll(F, 1, axis=1) != F).all(axis=1)
+    F, uv = F[proper], uv[proper]
+    sides = Topology(F, len(V)).twins
+    corners = [[(h // len(F) + k) % 3 for k in (0, 1)] for h in sides]
+    (a, b), (c, d) = (
+        [(F[h % len(F), k], uv[h % len(F), k]) for k in both]
+        for h, both in zip(sides, corners, strict=True)
+    )
+    opposite = a[0] == d[0]  # else one of the faces is turned over
+    there = np.where(opposite[:, None], [d[1], c[1]], [c[1], d[1]])
+    apart = (np.stack([a[1], b[1]], axis=1) != np.moveaxis(there, 0, 1)).any(axis=(1, 2))
+    V = V[np.unique(row.reshape(-1), return_index=True)[1]]
+    return float(np.linalg.norm(V[a[0]] - V[b[0]], axis=1)[apart].sum())
 
 
 def least_distortion(result: SurfaceMap) -> float:
@@ -101,3 +172,72 @@ def least_distortion(result: SurfaceMap) -> float:
     excess = abs(sums - 2 * np.pi)[interior].sum()
     excess += np.maximum(sums - np.pi, 0)[on_circle & ~interior].sum()
     return float(np.degrees(excess) / F.size)
+
+
+# -- what is told ----------------------------------------------------------------------
+
+
+@entitled("surfaces")
+def _summary(rows: Sequence[Row], programs: Sequence[str]) -> Content:
+    """All programs.
+
+    Medians over the surfaces that all of them have charts of, each with its default options. Valid:
+    no face is flipped, and no place of the texture has two.
+    """
+    groups = [list(group) for _, group in groupby(rows, key=lambda row: row.surface)]
+    made = [group for group in groups if all(row.outcome == MAPPED for row in group)] or groups
+    table = []
+    for k, program in enumerate(programs):
+        own = [group[k] for group in made]
+        every = [row for row in rows if row.program == program]
+        middle = {name: float(np.median([getattr(row, name) for row in own])) for name in MEDIANS}
+        table.append(
+            [
+                word(program),
+                Cell(f"{sum(row.outcome == MAPPED for row in every)} of {len(every)}"),
+                Cell(f"{sum(row.valid for row in every)}"),
+                *(number(middle[name], form) for name, form in MEDIANS.items()),
+                number(max(row.texels for row in own), ".3g"),
+                number(sum(row.seconds for row in own), ".1f"),
+            ]
+        )
+    return (
+        *("program", "mapped", "valid", "charts", "seams", "mean °", "texels", "fill"),
+        *("worst texels", "CPU s, all"),
+    ), table
+
+
+MEDIANS = {"charts": "g", "seams": ".2f", "mean": ".2f", "texels": ".2f", "fill": ".2f"}
+
+
+@entitled("every surface")
+def _details(rows: Sequence[Row]) -> Content:
+    """Every surface.
+
+    Seams: their length by the square root of the area. Mean: of angular distortion in degrees; no
+    map with the seams of cdcp_igl can be below the least, by the angles around the vertices.
+    Texels: how many times denser a texture is where 95 percent of the surface have less than where
+    5 percent do. Fill: share of the square. Seconds of CPU, as all programs ran side by side.
+    """
+    table = []
+    for row in rows:
+        first = row.program == OURS
+        table.append(
+            [
+                name(row.surface if first else ""),
+                Cell(f"{row.faces:,}" if first else ""),
+                word(row.program),
+                Cell(f"{row.charts}") if row.outcome == MAPPED else Cell("–", note=row.outcome),
+                number(row.seams, ".2f"),
+                number(row.mean, ".2f"),
+                number(row.least, ".2f"),
+                number(row.texels, ".3g"),
+                number(row.fill, ".2f"),
+                Cell("yes" if row.valid else "no"),
+                number(row.seconds, ".2f"),
+            ]
+        )
+    return (
+        *("surface", "faces", "program", "charts", "seams", "mean °", "least °", "texels"),
+        *("fill", "valid", "CPU s"),
+    ), table

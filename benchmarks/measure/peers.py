@@ -18,6 +18,7 @@ from cdcp_igl.errors import MapError
 from .candidate import Candidate
 
 PACKAGES = ("bpy", "pymeshlab", "xatlas")
+MARGIN = 0.001  # of charts in Blender, which has it by default when it unwraps; else they overlap
 
 
 def versions() -> dict[str, str]:
@@ -29,8 +30,8 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _blender(V: Floats, F: Ints, *, method: str) -> Floats:
-    """Unwrap in edit mode, as a person would; without seams it is one island."""
+def _in_blender(V: Floats, F: Ints, unwrap: Callable[[Any], None]) -> tuple[Floats, Ints]:
+    """Return images (3m, 2) and vertices (3m,) of the corners, by what is done in edit mode."""
     bpy = import_module("bpy")
     bpy.ops.wm.read_factory_settings(use_empty=True)
     mesh = bpy.data.meshes.new("surface")
@@ -42,13 +43,22 @@ def _blender(V: Floats, F: Ints, *, method: str) -> Floats:
     shown.select_set(True)
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.mesh.select_all(action="SELECT")
-    bpy.ops.uv.unwrap(method=method, margin=0, correct_aspect=False)
+    unwrap(bpy.ops.uv)
     bpy.ops.object.mode_set(mode="OBJECT")
     corners: Any = np.empty(6 * len(F), np.float32)
     vertices: Any = np.empty(3 * len(F), np.int32)
     mesh.uv_layers.active.data.foreach_get("uv", corners)
     mesh.loops.foreach_get("vertex_index", vertices)
-    return _of_corners(corners.reshape(-1, 2), vertices, len(V))
+    return corners.reshape(-1, 2), vertices
+
+
+def _blender(V: Floats, F: Ints, *, method: str) -> Floats:
+    """Unwrap as a person would; without seams it is one island."""
+
+    def unwrap(uv: Any) -> None:
+        uv.unwrap(method=method, margin=0, correct_aspect=False)
+
+    return _of_corners(*_in_blender(V, F, unwrap), len(V))
 
 
 def _meshlab(V: Floats, F: Ints, *, filter: str) -> Floats:
@@ -68,6 +78,26 @@ def _xatlas(V: Floats, F: Ints) -> Floats:
         raise MapError(f"cut into {atlas.chart_count} charts")
     vertices, _, uv = atlas[0]
     return _of_corners(uv, vertices, len(V))
+
+
+def _blender_atlas(V: Floats, F: Ints, *, again: str = "") -> Floats:
+    """Unwrap by the smart projection; then, by its seams, again."""
+
+    def unwrap(uv: Any) -> None:
+        uv.smart_project(island_margin=MARGIN)
+        if again:
+            uv.seams_from_islands()
+            uv.unwrap(method=again, margin=MARGIN)
+
+    corners, vertices = _in_blender(V, F, unwrap)
+    if not np.array_equal(vertices, F.ravel()):
+        raise MapError("the faces are others")
+    return corners.reshape(-1, 3, 2)
+
+
+def _xatlas_charts(V: Floats, F: Ints) -> Floats:
+    _, corners, uv = import_module("xatlas").parametrize(V.astype(np.float32), F.astype(np.uint32))
+    return uv[corners]
 
 
 def _of_corners(uv: Floats, vertices: Ints, n: int) -> Floats:
@@ -92,11 +122,11 @@ def _without(package: str) -> str:
 
 
 def _of_package(
-    package: str, map: Callable[[Floats, Ints], Any], citation: str, onto_disk: bool = False
+    package: str, function: Callable[[Floats, Ints], Any], citation: str, onto_disk: bool = False
 ) -> Candidate:
-    """Describe a map in single precision."""
+    """Describe what makes coordinates in single precision."""
     return Candidate(
-        partial(_counterclockwise, map=map),
+        function,
         *("free", citation, True),
         missing=partial(_without, package),
         prepare=partial(import_module, package),
@@ -104,19 +134,31 @@ def _of_package(
     )
 
 
+def _map(package: str, map: Callable[[Floats, Ints], Any], *about: Any) -> Candidate:
+    return _of_package(package, partial(_counterclockwise, map=map), *about)
+
+
 LSCM, HARMONIC = "least_squares_conformal_maps", "harmonic"  # as MeshLab calls its filters
+
+# Atlases of any surface, images (m, 3, 2) of the corners, each with the options that it has by
+# default.
+ATLASES: Mapping[str, Candidate] = {
+    "xatlas": _of_package("xatlas", _xatlas_charts, "charts that grow"),
+    "Blender smart projection": _of_package("bpy", _blender_atlas, "charts by direction"),
+    "Blender angle-based": _of_package(
+        "bpy", partial(_blender_atlas, again="ANGLE_BASED"), "ABF++, cut as the projection is"
+    ),
+}
 
 # Single precision is too coarse for a certificate: what is said to be onto the disk is taken for
 # a map with free boundary, too.
 PEERS: Mapping[str, Candidate] = {
-    "Blender angle-based": _of_package("bpy", partial(_blender, method="ANGLE_BASED"), "ABF++"),
-    "Blender conformal": _of_package("bpy", partial(_blender, method="CONFORMAL"), "LSCM"),
-    "Blender minimum stretch": _of_package(
-        "bpy", partial(_blender, method="MINIMUM_STRETCH"), "SLIM"
+    "Blender angle-based": _map("bpy", partial(_blender, method="ANGLE_BASED"), "ABF++"),
+    "Blender conformal": _map("bpy", partial(_blender, method="CONFORMAL"), "LSCM"),
+    "Blender minimum stretch": _map("bpy", partial(_blender, method="MINIMUM_STRETCH"), "SLIM"),
+    "MeshLab LSCM": _map("pymeshlab", partial(_meshlab, filter=LSCM), "LSCM"),
+    "MeshLab harmonic": _map(
+        "pymeshlab", partial(_meshlab, filter=HARMONIC), "harmonic, onto the circle", True
     ),
-    "MeshLab LSCM": _of_package("pymeshlab", partial(_meshlab, filter=LSCM), "LSCM"),
-    "MeshLab harmonic": _of_package(
-        "pymeshlab", partial(_meshlab, filter=HARMONIC), "harmonic, onto the circle", onto_disk=True
-    ),
-    "xatlas": _of_package("xatlas", _xatlas, "an atlas of charts"),
+    "xatlas": _map("xatlas", _xatlas, "an atlas of charts"),
 }

@@ -59,7 +59,7 @@ def as_markdown(machine: Mapping[str, Any], measured: Measured) -> str:
     results = measured.sections.get("tables")
     if results and (short := in_short(results, anchor)).rows:
         parts += ["## In short", markdown(short)]
-    parts += ["## What was measured on", "\n".join(_fact(*fact) for fact in about(machine))]
+    parts += ["## What was measured on", facts(machine)]
     for table in tables(measured):
         parts += [part for part in (f"## {table.title}", table.text, markdown(table)) if part]
     return "\n\n".join(parts) + "\n"
@@ -78,8 +78,10 @@ def anchor(title: str) -> str:
     return "#" + re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-")
 
 
-def _fact(name: str, text: str) -> str:
-    return f"- {name}: `{text}`" if name == "Again" else f"- {name}: {text}"
+def facts(machine: Mapping[str, Any]) -> str:
+    """List what was measured on, and with."""
+    lines = [f"- {k}: `{text}`" if k == "Again" else f"- {k}: {text}" for k, text in about(machine)]
+    return "\n".join(lines)
 
 
 def draw(folder: Path, machine: Mapping[str, Any], measured: Measured) -> Path:

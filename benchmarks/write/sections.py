@@ -71,13 +71,14 @@ def about(machine: Mapping[str, Any]) -> list[tuple[str, str]]:
             "cdcp_igl",
             f"{machine['cdcp_igl']}, commit {machine['commit']}, sources {machine['code']}",
         ),
-        (
-            "Limits",
-            f"{machine['time_limit']:g} s and {machine['memory_limit']:,.0f} MiB for each case, "
-            "in a process of its own",
-        ),
+        *([("Limits", _limits(machine))] if "memory_limit" in machine else []),
         ("Again", " && ".join(dict.fromkeys(machine["commands"].values()))),
     ]
+
+
+def _limits(machine: Mapping[str, Any]) -> str:
+    of_each = f"{machine['time_limit']:g} s and {machine['memory_limit']:,.0f} MiB for each case"
+    return f"{of_each}, in a process of its own"
 
 
 def tables(measured: Measured) -> list[Table]:
