@@ -15,12 +15,12 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from cdcp_igl import MapError, MeshError, SolverError, SurfaceMap, certify, surface_map
+from cdcp_igl import DiskMap, MapError, MeshError, SolverError, SurfaceMap, certify, surface_map
 from cdcp_igl.arrays import Floats, Ints, as_complex
 from cdcp_igl.io import READABLE, read_mesh
 from cdcp_igl.io.output import write_text
 from cdcp_igl.libigl import angles
-from cdcp_igl.surface.topology import Topology
+from cdcp_igl.surface.topology import Topology, components_of_pairs
 from cdcp_igl.surface.triangles import face_areas
 from cdcp_igl.verdict.distortion import plane_angles
 
@@ -95,8 +95,16 @@ def surfaces(
 
 @cache
 def _surface(path: Path) -> tuple[Floats, Ints]:
+    """Read a surface; vertices at one place are one, and so are faces with the same corners.
+
+    What a file has opened for its texture is no seam of a program, and no place is there twice.
+    """
     V, F = read_mesh(path)
-    return V.astype(np.float64), F.astype(np.int64)
+    V, row = np.unique(V.astype(np.float64), axis=0, return_inverse=True)
+    F = row.reshape(-1)[F]
+    proper = (np.roll(F, 1, axis=1) != F).all(axis=1)
+    _, first = np.unique(np.sort(F[proper], axis=1), axis=0, return_index=True)
+    return V, F[np.flatnonzero(proper)[np.sort(first)]]
 
 
 def examine(paths: Mapping[str, Path], request: Row) -> Row:
@@ -116,13 +124,14 @@ def examine(paths: Mapping[str, Path], request: Row) -> Row:
     found = certify(V, F, uv)
     area = face_areas(V, F).sum()
     x, y = np.moveaxis(uv[:, 1:] - uv[:, :1], 2, 0)
+    seams, charts = seams_and_charts(V, F, uv)
     side = np.ptp(uv[np.isfinite(uv).all(axis=(1, 2))].reshape(-1, 2), axis=0).max()
     return replace(
         request,
         outcome=MAPPED,
         faces=len(F),
-        charts=found.charts,
-        seams=seam_length(V, F, uv) / np.sqrt(area),
+        charts=charts,
+        seams=seams / np.sqrt(area),
         mean=found.angles.mean,
         least=least_distortion(made) if isinstance(made, SurfaceMap) else np.nan,
         texels=found.areas.texels,
@@ -133,33 +142,33 @@ def examine(paths: Mapping[str, Path], request: Row) -> Row:
     )
 
 
-def seam_length(V: Floats, F: Ints, uv: Floats) -> float:
-    """Add up the edges whose two faces lie at different places of an atlas (m, 3, 2).
+def seams_and_charts(V: Floats, F: Ints, uv: Floats) -> tuple[float, int]:
+    """Add up the edges whose faces lie apart in an atlas (m, 3, 2); count what hangs together.
 
-    Vertices at one place are one, as what a file has opened for its texture is no seam of ours.
+    Whichever side of a face is up.
     """
-    _, row = np.unique(V, axis=0, return_inverse=True)
-    F = row.reshape(-1)[F]
-    proper = (np.roll(F, 1, axis=1) != F).all(axis=1)
-    F, uv = F[proper], uv[proper]
-    sides = Topology(F, len(V)).twins
-    corners = [[(h // len(F) + k) % 3 for k in (0, 1)] for h in sides]
-    (a, b), (c, d) = (
-        [(F[h % len(F), k], uv[h % len(F), k]) for k in both]
-        for h, both in zip(sides, corners, strict=True)
-    )
-    opposite = a[0] == d[0]  # else one of the faces is turned over
-    there = np.where(opposite[:, None], [d[1], c[1]], [c[1], d[1]])
-    apart = (np.stack([a[1], b[1]], axis=1) != np.moveaxis(there, 0, 1)).any(axis=(1, 2))
-    V = V[np.unique(row.reshape(-1), return_index=True)[1]]
-    return float(np.linalg.norm(V[a[0]] - V[b[0]], axis=1)[apart].sum())
+    m = len(F)
+
+    def ends(half: Ints) -> tuple[Ints, Floats]:
+        face, corner = half % m, half // m
+        both = np.stack([corner, (corner + 1) % 3])
+        both = np.where(F[face, both[0]] < F[face, both[1]], both, both[::-1])
+        return F[face, both], uv[face, both]
+
+    here, there = Topology(F, len(V)).twins
+    (vertices, one), (_, other) = ends(here), ends(there)
+    apart = (one != other).any(axis=(0, 2))
+    length = np.linalg.norm(V[vertices[0]] - V[vertices[1]], axis=1)[apart].sum()
+    charts, _ = components_of_pairs(here[~apart] % m, there[~apart] % m, m)
+    return float(length), charts
 
 
 def least_distortion(result: SurfaceMap) -> float:
     """Bound the mean angular distortion from below by the angles around the vertices, in degrees.
 
-    In the plane they are 2 pi around an interior vertex, and less than pi at a vertex of a
-    convex polygon. What they are on the surface beyond that, some corner has to change.
+    In the plane they are 2 pi around an interior vertex, and less than pi at a vertex of the
+    convex polygon that a map onto the disk is. What they are on the surface beyond that, some
+    corner has to change.
     """
     mapped = result.face_chart >= 0
     F, uv = result.cut.F[mapped], result.uv_cut
@@ -168,7 +177,8 @@ def least_distortion(result: SurfaceMap) -> float:
     sums = np.bincount(F.ravel(), angles(V, F).ravel(), len(V))
     around = np.bincount(F.ravel(), abs(plane_angles(as_complex(uv), F)).ravel(), len(V))
     interior = abs(around - 2 * np.pi) < 1e-6
-    on_circle = np.hypot(*np.nan_to_num(uv).T) > 1 - 1e-9
+    is_disk = isinstance(result.charts[0], DiskMap)
+    on_circle = is_disk & (np.hypot(*np.nan_to_num(uv).T) > 1 - 1e-9)
     excess = abs(sums - 2 * np.pi)[interior].sum()
     excess += np.maximum(sums - np.pi, 0)[on_circle & ~interior].sum()
     return float(np.degrees(excess) / F.size)
