@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -24,9 +25,11 @@ MANY = 0.03  # of the faces: so many flipped faces are not near each other, but 
 FEW = 10  # flipped faces that are worth another attempt even if the last one repaired none
 SOFTNESSES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the relaxation of flipped faces, in turn
 SWEEPS = 4  # of a relaxation near flipped faces
-POWERS = (1, 1 / 2, 0)  # of the mean-value weights of a whole surface, in turn
+LEAST_COTANGENT = 0.01  # where they are to be positive
 RELAXED = 6  # rings around the vertices that were moved, relaxed with them at the end
 MOST_MOVES, MOST_SWEEPS = 200_000, 30  # of single vertices, and of all, at the end
+
+Weights = Callable[[Floats, Ints, Floats], csr_matrix]  # of the neighbours, by V, F and angles
 
 
 @dataclass(frozen=True)
@@ -84,16 +87,17 @@ def embedding(mesh: Mesh, f: Complex, *, on_disk: bool = False) -> tuple[Complex
     """Set the interior of a map (n,) with a convex boundary to mean values of its neighbours.
 
     Floater's theorem applies: positive weights and a convex boundary give an embedding, as far as
-    double precision goes. Where the mean values crowd too much for it, the weights differ less. If
-    the map is `on_disk` and most of the surface is in one spot, a Möbius transformation takes that
+    double precision goes. Where the mean values crowd too much for it, or lie almost on a line,
+    their roots are taken for weights, and then the cotangents, as far as they are positive. If the
+    map is `on_disk` and most of the surface is in one spot, a Möbius transformation takes that
     to 0. Returns the map and the point that has gone to 0.
 
     References
     ----------
     M. S. Floater. Mean value coordinates. Comput. Aided Geom. Design 20(1), 2003.
     """
-    for power in POWERS:
-        whole, w = Neighbourhood(mesh, np.ones(len(f), dtype=bool), power), 0j
+    for weights in EMBEDDING:
+        whole, w = Neighbourhood(mesh, np.ones(len(f), dtype=bool), weights), 0j
         g = whole.combine(f, whole.free)
         if on_disk:
             g, w = recentered(mesh, g, partial(whole.combine, patch=whole.free))
@@ -143,15 +147,32 @@ def mean_value_weights(V: Floats, F: Ints, angles: Floats) -> csr_matrix:
     return csr_matrix((weights.ravel(), (i.ravel(), j.ravel())), (len(V), len(V)))
 
 
+def roots_of_mean_values(V: Floats, F: Ints, angles: Floats) -> csr_matrix:
+    """(n, n) roots of the mean-value weights, which differ less."""
+    return mean_value_weights(V, F, angles).sqrt()
+
+
+def positive_cotangents(V: Floats, F: Ints, angles: Floats) -> csr_matrix:
+    """(n, n) sums of the cotangents of the angles opposite each edge, raised where too small."""
+    i, j = F[:, [1, 2, 0]].ravel(), F[:, [2, 0, 1]].ravel()
+    weights = csr_matrix((1 / np.tan(angles).ravel(), (i, j)), (len(V), len(V)))
+    weights = csr_matrix(weights + weights.T)
+    weights.data = np.maximum(weights.data, LEAST_COTANGENT)
+    return weights
+
+
+EMBEDDING = mean_value_weights, roots_of_mean_values, positive_cotangents  # in turn
+
+
 class Neighbourhood:
     """A part of a surface, in which vertices move; nothing here costs more than its size.
 
     Its `vertices` (k,) are rows of V. Those are `free` (k,) to move that lie inside with all their
     faces; `moved` (k,) says which have been. The patch around a vertex at a flipped face that is
-    tried next has `reach` (k,) rings; `rounds` counts the tries. `weights` (k, k) are mean values.
+    tried next has `reach` (k,) rings; `rounds` counts the tries. `weights` (k, k) are positive.
     """
 
-    def __init__(self, mesh: Mesh, inside: Bools, power: float = 1.0) -> None:
+    def __init__(self, mesh: Mesh, inside: Bools, weights: Weights = mean_value_weights) -> None:
         faces = np.flatnonzero(inside[mesh.F].all(axis=1))
         self.vertices, corners = np.unique(mesh.F[faces], return_inverse=True)
         self.F: Ints = corners.reshape(-1, 3)
@@ -162,8 +183,7 @@ class Neighbourhood:
         self.moved: Bools = np.zeros(len(self.vertices), dtype=bool)
         self.reach: Ints = np.zeros(len(self.vertices), dtype=np.int64)
         self.rounds = 0
-        self.weights = mean_value_weights(self.V, self.F, mesh.angles[faces])
-        self.weights.data **= power
+        self.weights = weights(self.V, self.F, mesh.angles[faces])
 
     def flipped(self, g: Complex) -> Ints:
         """Rows of F that are not positively oriented."""
