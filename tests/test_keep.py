@@ -275,6 +275,17 @@ def test_what_are_no_pairs_is_refused(two, pairs, said):
         one.match(other, pairs)
 
 
+@pytest.mark.parametrize("seed", [8, 14])
+def test_pairs_that_press_faces_flat_are_an_error_of_maps(seed):
+    """The energy of one that is all but flipped is no number any more."""
+    V, F, _ = cdcp_igl.datasets.spherical_cap(4)
+    result, rng = cdcp_igl.disk_map(V, F), np.random.default_rng(seed)
+    inside = result.mesh.interior
+    pairs = np.column_stack([rng.permutation(inside) for _ in range(2)])[:18]
+    with pytest.raises(cdcp_igl.MapError, match="do not all meet"):
+        result.match(result, pairs)
+
+
 def test_pins_are_where_they_are_told_to_be(hill):
     plain = cdcp_igl.free_map(*hill, keep="lengths")
     rows = plain.mesh.loop[::12]

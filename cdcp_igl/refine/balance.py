@@ -121,7 +121,7 @@ class Energy:
     def value(self, f: Complex) -> float:
         """Sum up the energy of a map (n,) without flipped faces."""
         total = 0.0
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
             for part in blocks(len(self.F)):
                 s, q, _ = self.stretch(f, part)
                 (S, *_), (Q, *_) = self._factors(s, q, part)
@@ -324,6 +324,8 @@ class Newton:
                     self.f = trial
                     break
                 length /= 2
+            if not np.isfinite(energy.value(self.f)):  # for a face is all but flipped
+                return False
             self.descend(energy, PULLED)
         else:
             return False
