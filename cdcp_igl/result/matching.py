@@ -88,8 +88,12 @@ class Match:
 
     @property
     def suspects(self) -> Ints:
-        """Pairs whose `gains` are more than three times the median: they may be false."""
-        return np.flatnonzero(self.gains > SUSPECT * np.median(self.gains))
+        """Pairs that may be false: `gains` of three times the median, and half the largest.
+
+        Those around a false pair give way to it, and would gain a little, too.
+        """
+        least = max(SUSPECT * np.median(self.gains), self.gains.max() / 2)
+        return np.flatnonzero(self.gains > least)
 
 
 def matched(mesh: Mesh, near: Complex, to: DiskBijection, pairs: Ints) -> Match:
