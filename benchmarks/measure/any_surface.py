@@ -54,7 +54,6 @@ class Row:
     texels: float = answered(np.nan)  # density, 95th by 5th percentile of the surface
     fill: float = answered(np.nan)  # of the least square around all charts
     valid: bool = answered(False)
-    conformal: bool = answered(False)
     seconds: float = answered(np.nan)  # of CPU
 
 
@@ -137,7 +136,6 @@ def examine(paths: Mapping[str, Path], request: Row) -> Row:
         texels=found.areas.texels,
         fill=float(np.nansum(abs(x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0])) / 2 / side**2),
         valid=found.valid,
-        conformal=isinstance(made, SurfaceMap) and made.conformal,
         seconds=seconds,
     )
 
