@@ -81,7 +81,7 @@ def surfaces(
         for program in programs
     ]
     console = wide_console()
-    kept = (work or WORK / code()) / "surfaces"
+    kept = (work or WORK / code()) / "atlases"
     rows = kept_answers(partial(examine, paths), requests, kept, SECONDS, jobs, console)
     tables = _summary(rows, programs), _details(rows)
     text = "\n\n".join(f"## {each.title}\n\n{each.text}\n\n{markdown(each)}" for each in tables)
