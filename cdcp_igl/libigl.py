@@ -16,6 +16,8 @@ from .arrays import Bools, Floats, Ints
 
 # For more faces `squared_edge_lengths` starts threads, which takes longer than to do without.
 SERIAL = 999
+# The power of lengths that makes a Delaunay triangulation unique.
+STRICT = 1 - 1e-12
 
 
 def adjacency_matrix(F: Ints) -> csc_matrix:
@@ -67,12 +69,23 @@ def harmonic(V: Floats, F: Ints, S: Ints, c: Floats) -> Floats:
 
 def intrinsic_delaunay_cotangent_matrix(V: Floats, F: Ints) -> csc_matrix:
     """(n, n) cotangent matrix of the intrinsic Delaunay triangulation, negative semidefinite."""
-    return igl.intrinsic_delaunay_cotmatrix(V, F)[0]
+    lengths, F = _intrinsic_delaunay(V, F)
+    return igl.cotmatrix_intrinsic(lengths ** (1 / STRICT), F)
 
 
 def intrinsic_delaunay_faces(V: Floats, F: Ints) -> Ints:
     """(m, 3) faces of the intrinsic Delaunay triangulation; edges of one face stay."""
-    return igl.intrinsic_delaunay_triangulation(np.sqrt(squared_edge_lengths(V, F)), F)[1]
+    return _intrinsic_delaunay(V, F)[1]
+
+
+def _intrinsic_delaunay(V: Floats, F: Ints) -> tuple[Floats, Ints]:
+    """Lengths, to the power `STRICT`, opposite the corners of the faces, and these (m, 3).
+
+    The diagonal of four vertices on one circle libigl flips to and fro for ever, if rounding says
+    so. With these lengths it is strictly Delaunay, and stays.
+    """
+    lengths = np.sqrt(squared_edge_lengths(V, F))
+    return igl.intrinsic_delaunay_triangulation((lengths / lengths.mean()) ** STRICT, F)[:2]
 
 
 def is_counterclockwise(triangles: Floats) -> Bools:

@@ -180,3 +180,41 @@ def ring(rows, around, profile):
     first = np.where(odd, np.stack([a, b, d], 2), np.stack([a, b, c], 2))
     second = np.where(odd, np.stack([a, d, c], 2), np.stack([b, d, c], 2))
     return V, np.concatenate([first, second]).reshape(-1, 3), t
+
+
+def cup(n=12, height=0.05, neck=(0.5, 1.0)):
+    """A tube that narrows to another one, its bottom a fan of needles, as CAD programs write it."""
+    turn = 2 * np.pi * np.arange(n) / n
+    radius, top = neck
+    profile = [(1.0, 0.0), (1.0, height), (radius, height), (radius, height + top)]
+    V = [[r * np.cos(t), r * np.sin(t), z] for r, z in profile for t in turn]
+    bottom = [[0, k + 1, k] for k in range(1, n - 1)]
+    k, after = np.arange(n), np.roll(np.arange(n), -1)
+    sides = [
+        [[a + k, a + after, b + after], [a + k, b + after, b + k]]
+        for a, b in ((0, n), (n, 2 * n), (2 * n, 3 * n))
+    ]
+    return np.array(V), np.vstack(
+        [bottom, *(np.array(side).transpose(0, 2, 1).reshape(-1, 3) for side in sides)]
+    )
+
+
+def needles(seed, n):
+    """A narrow wavy strip, many vertices at its sides and few in between."""
+    random = np.random.default_rng(seed)
+    few = max(2, int(n * random.uniform(0.05, 0.3)))
+    x, y = np.linspace(0, 1, n), np.linspace(0, 1, few)
+    waves = np.sin(6 * x + random.uniform(0, 6)), random.normal(size=few), np.cos(9 * x)
+    rows = [(x, 0.0, waves[0]), (y, 0.05, waves[1]), (x, 0.1, waves[2])]
+    V = np.vstack([np.column_stack([along, 0 * along + at, 0.2 * z]) for along, at, z in rows])
+    F = []
+    for one, other, k, m in ((0, n, n, few), (n, n + few, few, n)):
+        i = j = 0
+        while i < k - 1 or j < m - 1:
+            if j == m - 1 or (i < k - 1 and (i + 1) / (k - 1) <= (j + 1) / (m - 1)):
+                F.append([one + i, one + i + 1, other + j])
+                i += 1
+            else:
+                F.append([one + i, other + j + 1, other + j])
+                j += 1
+    return V, np.array(F)

@@ -1,5 +1,9 @@
 """What comes out of libigl, what must be more exact, and the Laplacian with its factor."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import igl
 import meshes
 import mpmath
@@ -282,3 +286,9 @@ def test_large_meshes_are_dissected():
     assert "minimum degree ordering" in plain.solver
     b = RNG.normal(size=len(V))
     np.testing.assert_allclose(surface.solve(b), plain.solve(b), rtol=1e-9, atol=1e-9)
+
+
+def test_the_diagonal_of_four_vertices_on_a_circle_is_not_flipped_for_ever():
+    code = "import cdcp_igl, surfaces; print(cdcp_igl.free_map(*surfaces.cup()).valid)"
+    how = {"capture_output": True, "text": True, "timeout": 60, "cwd": Path(__file__).parent}
+    assert subprocess.run([sys.executable, "-c", code], **how).stdout.strip() == "True"
