@@ -6,6 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+import surfaces
 from batches import batch
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -350,3 +351,17 @@ def test_a_clockwise_plane_mesh_keeps_its_shape_in_all_that_is_done_with_its_map
     pins = {0: result.uv[0], len(V) - 1: result.uv[-1] * [1.5, 1]}
     longer = cdcp_igl.free_map(flat, F, pins=pins)
     assert abs(longer.uv[-1] - [3, 1]).max() < 1e-9
+
+
+def test_faces_at_the_outline_are_repaired_with_it():
+    """Inside alone a face that has two vertices on the outline cannot be: 9.8 degrees."""
+    V, F = surfaces.needles(4, 24)
+    result = cdcp_igl.free_map(V, F)
+    assert result.boundary == "own lengths"
+    assert result.repair.n_flipped > 0
+    assert result.distortion.mean < 5
+    length = np.linalg.norm(V[result.mesh.loop] - V[np.roll(result.mesh.loop, -1)], axis=1).sum()
+    outline = result.uv[result.mesh.loop]
+    assert np.linalg.norm(outline - np.roll(outline, -1, axis=0), axis=1).sum() == pytest.approx(
+        length
+    )

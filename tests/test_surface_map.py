@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import maximum_filter, minimum_filter
 
 import cdcp_igl
+from cdcp_igl.atlas import cones
 from cdcp_igl.atlas.packing import Packing, laid_flat
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas
@@ -465,7 +466,7 @@ SOLIDS = {
     "prism": (extruded(circle(6), 2), 1),
     "can": (extruded(circle(40), 1), 1),
     "L": (surfaces.skin(np.array([[[1, 1, 1], [1, 0, 0]]], dtype=bool)), 2),
-    "frame": (surfaces.skin(np.array([[[1, 1, 1], [1, 0, 1], [1, 1, 1]]], dtype=bool)), 2),
+    "frame": (surfaces.skin(np.array([[[1, 1, 1], [1, 0, 1], [1, 1, 1]]], dtype=bool)), 1),
     "cone without a base": (([[0, 0, 9], [1, 0, 0], [0, 1, 0], [-1, -1, 0]], TIP), 1),
 }
 
@@ -546,3 +547,26 @@ def test_what_is_not_reached_is_said_first():
     result = cdcp_igl.surface_map(V, F, scale_variation=0.001, max_charts=1)
     assert "asked for: 0.001 (max_charts)" in str(result).splitlines()[0]
     assert "asked for" not in str(cdcp_igl.surface_map(V, F))
+
+
+def test_a_chart_without_a_map_is_parted(monkeypatch):
+    """As far as there may be more charts."""
+    made_of = cones.free_map_of
+
+    def of_few_faces(surface, *args, **how):
+        made = made_of(surface, *args, **how)
+        if len(made.mesh.F) > 200:
+            raise cdcp_igl.MapError("no map", made)
+        return made
+
+    monkeypatch.setattr(cones, "free_map_of", of_few_faces)
+    V, F = surfaces.sphere()
+    result = cdcp_igl.surface_map(V, F)
+    assert_consistent(result, V, F)
+    assert len(result.charts) > 1
+    assert max(len(chart.mesh.F) for chart in result.charts) <= 200
+    assert len(cdcp_igl.surface_map(V, F, max_charts=len(result.charts)).charts) == len(
+        result.charts
+    )
+    with pytest.raises(cdcp_igl.MapError, match="no map"):
+        cdcp_igl.surface_map(V, F, max_charts=1)

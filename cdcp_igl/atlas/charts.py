@@ -27,7 +27,7 @@ from ..verdict.outline import certify_outline
 from .cones import Draft
 from .cut_graph import Component, OpenedComponent, fill_holes
 from .cut_paths import branch_to, open_to_disk, straighten
-from .even import even_drafts, exact_nets
+from .even import even_drafts, exact_nets, halves
 from .parting import LEAST_FACES, limbs, narrow_side, parted_by, pieces
 
 # A round of growth is kept if it lowers the scale variation, or the angle error, by more than this
@@ -166,25 +166,40 @@ def charts_of(
 def _free_charts(
     component: Component, options: Options, limits: Limits, progress: Progress | None
 ) -> list[Chart]:
-    """Map a component onto charts with free outlines."""
-    charts, done = list[Chart](), 0
+    """Map a component onto charts with free outlines; part those that have no map as they are."""
+    charts, failed, done = list[Chart](), list[Draft](), 0
     with using(options.solver):
         for draft in even_drafts(component, options, limits.fill, limits.asked, limits.max_charts):
-            chart = _free_chart(draft, options, limits.asked)
+            chart = _free_chart(draft, options, limits.asked, may_ease=False)
             # As faces are large, or few: its net is exact.
             if not chart.map.conformal and limits.asked < np.inf:
                 for net in exact_nets(pieces(draft.opened), options):
                     chart = _measured(net.opened, net.map)
-            charts.append(chart)
+            if chart.failure:
+                failed.append(draft)
+            else:
+                charts.append(chart)
             done += len(chart.F)
             if progress:
                 progress("cut", done / len(component.rows))
+        while failed:
+            draft = failed.pop()
+            spare = limits.max_charts - len(charts) - len(failed) - 1
+            parts = halves(draft) if spare and limits.asked < np.inf else []
+            if not 1 < len(parts) <= 1 + spare:
+                charts.append(_free_chart(draft, options, limits.asked))
+                continue
+            spare -= len(parts) - 1
+            for part in parts:
+                more = _free_charts(part, options, replace(limits, max_charts=1 + spare), None)
+                spare -= len(more) - 1
+                charts += more
     return charts
 
 
-def _free_chart(draft: Draft, options: Options, asked: float) -> Chart:
+def _free_chart(draft: Draft, options: Options, asked: float, *, may_ease: bool = True) -> Chart:
     """Map a component that is cut to a disk; refine the map where that is needed, and pays."""
-    plain = _measured(draft.opened, draft.map)
+    plain = _measured(draft.opened, partial(draft.map, may_ease=may_ease))
     is_fine = plain.failure or plain.map.distortion.mean <= ENOUGH
     if is_fine or options.refine is not None or options.kept:
         return plain

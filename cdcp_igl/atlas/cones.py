@@ -10,6 +10,7 @@ they are few, as each needs a slit.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
@@ -112,11 +113,11 @@ class Draft:
             opened = branch_to(opened, cone)
         return Draft(opened, self.options)
 
-    def map(self, enough: float = np.inf) -> FreeMap:
+    def map(self, enough: float = np.inf, *, may_ease: bool = True) -> FreeMap:
         """Go on to the map, and refine it if its mean error is more than so many degrees."""
-        how = self.options, self.phase
         is_first = enough == np.inf  # after which there may be another
-        return free_map_of(self.surface, None, None, *how, keep_factor=is_first, enough=enough)
+        how: dict[str, Any] = {"keep_factor": is_first, "enough": enough, "may_ease": may_ease}
+        return free_map_of(self.surface, None, None, self.options, self.phase, **how)
 
     def _centred(self, u: Floats) -> Floats:
         return u - self.area @ u

@@ -56,7 +56,7 @@ def even_drafts(
         overlaps = len(draft.outline.meeting) > 0
         is_uneven = draft.scale_variation > wanted and not draft.is_small
         if room > 1 and (overlaps or is_uneven):
-            parts = _halves(draft)
+            parts = halves(draft)
             if overlaps and len(parts) == 1:
                 parts = _apart(draft)
         if 1 < len(parts) <= room:
@@ -126,7 +126,7 @@ def _nets(component: Component, options: Options, longest: float, most: float) -
     return drafts
 
 
-def _halves(draft: Draft) -> list[Component]:
+def halves(draft: Draft) -> list[Component]:
     """Part a disk where it is narrow: between two places that overlap, or between far ends."""
     parts = pieces(draft.opened)
     if len(parts) > 1:  # without what fills holes

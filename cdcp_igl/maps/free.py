@@ -224,9 +224,10 @@ def free_map(
     lengths tell the outline; the coordinates inside are harmonic. With the factor of a map onto
     the disk it takes two more solves. Refinement then moves the outline, too.
 
-    An outline that overlaps itself is eased: its lengths go towards those that it has on the disk,
-    as far as needed. ``result.boundary`` says so. One that only touches itself, like the sides of a
-    slit, is set apart by what rounding needs, at most 1e-10 of its size.
+    Where a face at the outline is flipped, the vertices near it are relaxed: ``result.repair`` says
+    how many. An outline that overlaps itself is eased: its lengths go towards those that it has on
+    the disk, as far as needed. ``result.boundary`` says so. One that only touches itself, like the
+    sides of a slit, is set apart by what rounding needs, at most 1e-10 of its size.
 
     Parameters
     ----------
@@ -311,15 +312,17 @@ def free_map_of(
     *,
     keep_factor: bool = False,
     enough: float = np.inf,
+    may_ease: bool = True,
 ) -> FreeMap:
     """Map a factored surface, as `free_map` does; the factor is kept if that is asked for.
 
-    A map whose mean error is more than `enough`, in degrees, is refined unless that is said.
+    A map whose mean error is more than `enough`, in degrees, is refined unless that is said. If its
+    boundary cannot keep its lengths, that is a MapError, unless these `may` be `eased`.
     """
     mesh = surface.mesh
     asked = _boundary(mesh, boundary_scale, corners)
     is_own = asked.name == OWN
-    best = _best_map(surface, asked, options, phase, enough)
+    best = _best_map(surface, asked, options, phase, enough, may_ease)
     steps = steps_of(best, options) if is_own else 0
     is_far = best.boundary != asked.name or best.distortion.mean > enough
     if options.refine is None and best.valid and is_far and not options.kept:
@@ -330,7 +333,7 @@ def free_map_of(
             surface.release()
 
         def finished(f: Complex, known: float) -> FreeMap:
-            kind = plain.boundary, plain.laplacian, asked.length
+            kind = plain.boundary, plain.laplacian, asked
             return _finished(surface, f, *kind, options, phase, known)
 
         f = as_complex(plain.uv)
@@ -460,16 +463,21 @@ def _boundary(
 
 
 def _best_map(
-    surface: FactoredSurface, asked: _Boundary, options: Options, phase: Phases, enough: float
+    surface: FactoredSurface,
+    asked: _Boundary,
+    options: Options,
+    phase: Phases,
+    enough: float,
+    may_ease: bool,
 ) -> FreeMap:
     """Try one way after the other until a map is conformal; the best, valid or not."""
 
     def finished(f: Complex, name: str, laplacian: str) -> FreeMap:
-        return _finished(surface, f, name, laplacian, asked.length, options, phase)
+        return _finished(surface, f, name, laplacian, asked, options, phase)
 
     ways = (partial(finished, *way) for way in _plain_maps(surface, asked, phase))
     plain = best_of(ways, lambda made: made.conformal and made.distortion.mean <= enough)
-    if asked.name != OWN or plain.valid:
+    if asked.name != OWN or plain.valid or not may_ease:
         return plain
     with phase("circle"):
         disk = map_of(surface, Options(refine=0), Phases(), known={})
@@ -533,7 +541,7 @@ def _finished(
     f: Complex,
     boundary: str,
     laplacian: str,
-    length: float,
+    asked: _Boundary,
     options: Options,
     phase: Phases,
     known: float = 0.0,
@@ -545,13 +553,12 @@ def _finished(
     mesh = surface.mesh
     with phase("repair"):
         f = rotate(mesh, f, options.align, on_circle=False)
-        outline = f[mesh.loop]
-        f = f * (length / abs(np.roll(outline, -1) - outline).sum())
-        f, certificate, repair = *_set_apart(mesh, f), Repair()
+        f, certificate, repair = *_set_apart(mesh, _of_length(mesh, f, asked.length)), Repair()
         if len(certificate.flipped):
-            # The outline stays where it is: one that overlaps itself is beyond repair.
+            # An outline that overlaps itself is beyond repair.
             most = MANY * len(mesh.F) if certificate.simple else 0
-            f, repair = repair_locally(mesh, f, most)
+            f, repair = repair_locally(mesh, f, most, is_free=asked.name == OWN)
+            f = _of_length(mesh, f, asked.length)
             certificate = certify_outline(mesh, coordinates(f))
     return FreeMap(
         **_judged(mesh, f, certificate, repair, phase, known),
@@ -559,6 +566,12 @@ def _finished(
         laplacian=laplacian,
         solver=surface.solver,
     )
+
+
+def _of_length(mesh: Mesh, f: Complex, length: float) -> Complex:
+    """Scale a map (n,) until its outline is so long."""
+    outline = f[mesh.loop]
+    return f * (length / abs(np.roll(outline, -1) - outline).sum())
 
 
 def _judged(

@@ -41,7 +41,7 @@ class Repair:
     n_flipped : int
         Faces that the harmonic map had flipped; 0 if there was nothing to do.
     n_moved : int
-        Interior vertices that were moved, so that they are not harmonic any more.
+        Vertices that were moved, so that they are not harmonic any more, or on a free outline.
     rounds : int
         Times that patches were tried.
     """
@@ -106,21 +106,24 @@ def embedding(mesh: Mesh, f: Complex, *, on_disk: bool = False) -> tuple[Complex
     return g, w
 
 
-def repair_locally(mesh: Mesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:
+def repair_locally(
+    mesh: Mesh, f: Complex, most: float = np.inf, *, is_free: bool = False
+) -> tuple[Complex, Repair]:
     """Repair flipped faces by moving vertices near them and no others.
 
     Cotangents of obtuse angles are negative, and a harmonic map with negative weights may
     flip faces. The vertices of the flipped faces are set to mean-value combinations of their
     neighbours, whose weights are positive; a patch of them is kept if it has fewer flipped
     faces then, and larger the next time if it has not. What no patch repairs, a relaxation
-    of the flipped faces may. At the end what was moved is relaxed towards conformality.
-    Nothing is done about more than `most` flipped faces; some may be left.
+    of the flipped faces may, with the boundary near them if the outline `is_free`. At the end
+    what was moved is relaxed towards conformality. Nothing is done about more than `most` flipped
+    faces; some may be left.
     """
     flipped, _ = flipped_faces(f, mesh.F)
     if len(flipped) == 0 or len(flipped) > most:
         return f, Repair(len(flipped))
     at_flipped = marked(len(f), mesh.F[flipped])
-    near = Neighbourhood(mesh, grow(mesh.F, at_flipped, RINGS + RELAXED + 1))
+    near = Neighbourhood(mesh, grow(mesh.F, at_flipped, RINGS + RELAXED + 1), is_free=is_free)
     g = f[near.vertices]
     failed = 0
     for attempt in range(1, ATTEMPTS + 1):
@@ -168,11 +171,19 @@ class Neighbourhood:
     """A part of a surface, in which vertices move; nothing here costs more than its size.
 
     Its `vertices` (k,) are rows of V. Those are `free` (k,) to move that lie inside with all their
-    faces; `moved` (k,) says which have been. The patch around a vertex at a flipped face that is
-    tried next has `reach` (k,) rings; `rounds` counts the tries. `weights` (k, k) are positive.
+    faces, and `loose` (k,) to be relaxed, on a free outline, too; `moved` (k,) says which have
+    been. The patch around a vertex at a flipped face that is tried next has `reach` (k,) rings;
+    `rounds` counts the tries. `weights` (k, k) are positive.
     """
 
-    def __init__(self, mesh: Mesh, inside: Bools, weights: Weights = mean_value_weights) -> None:
+    def __init__(
+        self,
+        mesh: Mesh,
+        inside: Bools,
+        weights: Weights = mean_value_weights,
+        *,
+        is_free: bool = False,
+    ) -> None:
         faces = np.flatnonzero(inside[mesh.F].all(axis=1))
         self.vertices, corners = np.unique(mesh.F[faces], return_inverse=True)
         self.F: Ints = corners.reshape(-1, 3)
@@ -180,6 +191,7 @@ class Neighbourhood:
         degree = np.bincount(mesh.F.ravel(), minlength=len(mesh.V))[self.vertices]
         whole = np.bincount(self.F.ravel(), minlength=len(self.vertices)) == degree
         self.free: Bools = whole & ~mesh.on_boundary[self.vertices]
+        self.loose: Bools = whole if is_free else self.free
         self.moved: Bools = np.zeros(len(self.vertices), dtype=bool)
         self.reach: Ints = np.zeros(len(self.vertices), dtype=np.int64)
         self.rounds = 0
@@ -225,7 +237,7 @@ class Neighbourhood:
         if len(flipped) == 0:
             return g
         at_flipped = marked(len(g), self.F[flipped])
-        moving = self.free & grow(self.F, at_flipped, rings)
+        moving = self.loose & grow(self.F, at_flipped, rings)
         relaxation, trial = Relaxation(self.V, self.F, moving), g
         for softness in SOFTNESSES:
             trial = relaxation.sweep(trial, SWEEPS, softness)
@@ -256,7 +268,7 @@ class Neighbourhood:
 
     def relaxed(self, g: Complex) -> Complex:
         """Relax what has been moved towards conformality, unless rounding flips a face then."""
-        moving = self.free & grow(self.F, self.moved, RELAXED)
+        moving = self.loose & grow(self.F, self.moved, RELAXED)
         sweeps = min(MOST_SWEEPS, 1 + MOST_MOVES // (1 + int(moving.sum())))
         trial = Relaxation(self.V, self.F, moving).sweep(g, sweeps)
         if len(self.flipped(trial)) > len(self.flipped(g)):
