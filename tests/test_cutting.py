@@ -16,7 +16,7 @@ from test_io import ply_header
 from test_io_texture import corner_places, corner_set
 
 import cdcp_igl
-from cdcp_igl.atlas.cut_graph import Component, cut_to_disk
+from cdcp_igl.atlas.cut_graph import Component, OpenedComponent, cut_to_disk
 from cdcp_igl.atlas.cut_paths import open_to_disk, straight_path, straighten
 from cdcp_igl.io import read_polygons, write_map
 from cdcp_igl.io.polygons import triangles_of
@@ -144,6 +144,24 @@ def test_straightening_lowers_what_a_flat_map_has_to_bend(seed):
     before, after = (o.bend + o.component.length[o.cut_edges].sum() for o in (first, opened))
     assert after <= before
     assert_disks(opened.F, opened.n, V, F)
+
+
+def test_an_arc_is_laid_anew_by_the_faces_near_it(monkeypatch):
+    """Of a bar with forty holes."""
+    solid = np.ones((3, 81, 1), dtype=bool)
+    solid[1, 1::2] = False
+    bar, looked_at = component(*surfaces.skin(solid)), []
+    part = OpenedComponent.part
+
+    def counted(opened, rows):
+        looked_at.append(len(rows))
+        return part(opened, rows)
+
+    monkeypatch.setattr(OpenedComponent, "part", counted)
+    opened = straighten(cut_to_disk(bar))
+    assert Topology(opened.F, opened.n).euler_characteristic == 1
+    assert len(looked_at) > 40
+    assert np.mean(looked_at) < len(bar.F) / 4
 
 
 def test_the_bend_of_a_path_is_what_it_adds():

@@ -111,6 +111,13 @@ class Component:
         return corner_angles(corner_cotangents(self.V, self.F)).T.ravel()
 
     @cached_property
+    def graph(self) -> csr_matrix:
+        """(n, n) symmetric matrix of the lengths of the edges."""
+        n = len(self.V)
+        graph = csr_matrix((self.length, (self.tail, self.head)), (n, n))
+        return graph.maximum(graph.T)  # at the boundary, half-edges go one way
+
+    @cached_property
     def uncut(self) -> OpenedComponent:
         """The component with its own boundary and no cut."""
         return OpenedComponent(self, self.twin < 0)
@@ -211,12 +218,25 @@ class OpenedComponent:
         return marked(self.n, self.tail[self.is_cut])
 
     @cached_property
+    def boundary(self) -> Ints:
+        """(k,) half-edges of the boundary."""
+        return np.flatnonzero(self.is_cut)
+
+    @cached_property
+    def following(self) -> Ints:
+        """(k,) which comes after each half-edge of the boundary."""
+        component = self.component
+        following = component.after(self.boundary)
+        while len(inner := np.flatnonzero(~self.is_cut[following])):
+            following[inner] = component.after(component.twin[following[inner]])
+        return following
+
+    @cached_property
     def loop(self) -> Ints:
-        """(n,) number of the boundary loop of each vertex from 0, -1 in the interior."""
-        tail, head = self.tail[self.is_cut], self.head[self.is_cut]
-        _, component = components_of_pairs(tail, head, self.n)
-        loop = np.full(self.n, -1)
-        loop[self.on_boundary] = np.unique(component[self.on_boundary], return_inverse=True)[1]
+        """(3m,) number of the boundary loop of each half-edge from 0, -1 in the interior."""
+        count, loop = len(self.boundary), np.full(len(self.is_cut), -1)
+        after = places(self.boundary, len(loop))[self.following]
+        loop[self.boundary] = components_of_pairs(np.arange(count), after, count)[1]
         return loop
 
     @cached_property
@@ -249,30 +269,53 @@ class OpenedComponent:
         return self.component.edges[self.is_cut[self.component.edges]]
 
     @cached_property
-    def arcs(self) -> list[list[int]]:
-        """Half-edges of the cut, each arc from one end or branching to the next."""
-        component = self.component
-        halves = np.concatenate([self.cut_edges, component.twin[self.cut_edges]])
-        names = halves.tolist()
-        twin = dict(zip(names, component.twin[halves].tolist(), strict=True))
-        head = dict(zip(names, component.head[halves].tolist(), strict=True))
-        leaving: dict[int, list[int]] = {}
-        for half in names:
-            leaving.setdefault(head[twin[half]], []).append(half)
-        at_border = component.uncut.on_boundary
-        nodes = {v for v, out in leaving.items() if len(out) != 2 or at_border[v]}
-        arcs: list[list[int]] = []
-        seen: set[int] = set()
-        for v in [*sorted(nodes), *sorted(set(leaving) - nodes)]:  # the latter are on closed arcs
-            for half in leaving[v]:
-                if half in seen:
-                    continue
-                arc = [half]
-                while (at := head[arc[-1]]) not in nodes and at != v:
-                    arc.append(next(on for on in leaving[at] if on != twin[arc[-1]]))
-                seen.update(arc, [twin[on] for on in arc])
-                arcs.append(arc)
+    def is_node(self) -> Bools:
+        """(l,) the vertices of the component at which an arc of the cut ends."""
+        component, ends = self.component, [self.component.tail, self.component.head]
+        n_cut = sum(np.bincount(end[self.cut_edges], minlength=len(component.V)) for end in ends)
+        return (n_cut != 2) | component.uncut.on_boundary
+
+    @property
+    def arcs(self) -> list[Ints]:
+        """The arcs of the cut, none of which is longer than from one node to the next."""
+        arcs, seen = list[Ints](), np.zeros(len(self.is_cut), dtype=bool)
+        for half in self.cut_edges.tolist():
+            if not seen[half]:
+                arcs.append(self.arc_through(half))
+                seen[arcs[-1]] = seen[self.component.twin[arcs[-1]]] = True
         return arcs
+
+    def arc_through(self, half: int) -> Ints:
+        """Half-edges of the arc of the cut on which one lies."""
+        twin = self.component.twin
+        back = self._way_to_node(int(twin[half]))
+        return np.concatenate([twin[back[:0:-1]], self._way_to_node(half)])
+
+    def _way_to_node(self, half: int) -> Ints:
+        way, head = [half], self.component.head
+        while not self.is_node[head[way[-1]]]:
+            way.append(self._next[way[-1]])
+        return np.array(way)
+
+    @cached_property
+    def _next(self) -> dict[int, int]:
+        return dict(zip(self.boundary.tolist(), self.following.tolist(), strict=True))
+
+    def part(self, rows: Ints) -> tuple[OpenedComponent, Ints]:
+        """Take some of the faces (l,), their rim as a boundary; return their half-edges (3l,), too.
+
+        Lengths, angles and what is barred are as in the whole.
+        """
+        whole, m = self.component, len(self.component.F)
+        half = (rows + m * np.arange(3)[:, None]).ravel()
+        vertices, F = np.unique(whole.F[rows], return_inverse=True)
+        F = F.reshape(-1, 3)
+        part = Component(whole.V[vertices], F, whole.polygon[rows], rows, whole.forbidden[rows])
+        for name in "length", "angle", "is_barred":
+            part.__dict__[name] = getattr(whole, name)[half]
+        twin = whole.twin[half]
+        part.__dict__["twin"] = np.where(twin < 0, -1, places(half, whole.F.size)[twin])
+        return OpenedComponent(part, self.is_cut[half] | (part.twin < 0)), half
 
     def graph(self, weight: Floats) -> csr_matrix:
         """(n, n) symmetric matrix of the weights (3m,) of the half-edges that can be cut."""

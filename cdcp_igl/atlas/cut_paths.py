@@ -68,49 +68,64 @@ def straighten(opened: OpenedComponent) -> OpenedComponent:
     Without one of its arcs the disk is an annulus, and any path between the two loops of
     it makes a disk again: the ends of an arc slide along the others.
     """
-    component, cost = opened.component, _cost(opened)
+    component = opened.component
     for _ in range(ROUNDS):
-        before = cost
-        for middle in [arc[len(arc) // 2] for arc in opened.arcs]:
+        before = opened
+        for middle in [int(arc[len(arc) // 2]) for arc in opened.arcs]:
             # The arcs laid anew before may have changed this one.
-            arc = next((arc for arc in opened.arcs if middle in arc), None)
-            if arc is None:
+            if not opened.is_cut[middle]:
                 continue
+            arc = opened.arc_through(middle)
             # Whichever way one goes along an arc, its name is the same.
-            name = tuple(sorted(min(half, int(component.twin[half])) for half in arc))
+            name = tuple(sorted(np.minimum(arc, component.twin[arc]).tolist()))
             if name in component.best_arcs:
                 continue
-            joined = opened.joined(np.array(arc))
-            path = _path_in_place_of(joined, np.array(arc))
-            changed = joined.cut(path)
-            if len(path) and _cost(changed) < cost:
-                opened, cost = changed, _cost(changed)
+            path = _path_in_place_of(arc, opened)
+            if len(path):
+                opened = opened.joined(arc).cut(path)
             else:
                 component.best_arcs.add(name)
-        if not cost < before:
+        if opened is before:
             break
     return opened
 
 
-def _cost(opened: OpenedComponent) -> float:
-    return opened.bend + STRETCH * float(opened.component.length[opened.cut_edges].sum())
+def _path_in_place_of(arc: Ints, opened: OpenedComponent) -> Ints:
+    """Half-edges of a better path in place of an arc of the cut, or none.
 
+    Its ends slide no farther than the arc is long: what takes time are the faces near it, as a cut
+    may have hundreds of arcs.
+    """
+    component, joined = opened.component, opened.joined(arc)
+    twin, longest = component.twin, component.length[arc].sum() * (1 + 1e-9)
+    on_arc = np.append(component.tail[arc], component.tail[twin[arc[-1]]])
+    reach = max(longest, CORRIDOR)
+    distance = dijkstra(component.graph, indices=on_arc, min_only=True, limit=reach)
+    near, half = joined.part(np.flatnonzero(np.isfinite(distance)[component.F].any(axis=1)))
+    loop = joined.loop[half]
 
-def _path_in_place_of(joined: OpenedComponent, arc: Ints) -> Ints:
-    """Half-edges of the best path in place of an arc that has just been joined, or none."""
-    component = joined.component
-    ends = component.tail[arc[0]], component.head[arc[-1]]
-    loose = [marked(joined.n, int(end)) for end in ends if not joined.on_boundary[end]]
+    def vertices(of: Bools) -> Bools:
+        return marked(near.n, near.tail[of], near.head[of])
+
+    rim = vertices(near.is_cut & (loop < 0))
+    ends = near.tail[[np.flatnonzero(half == end)[0] for end in (arc[0], twin[arc[-1]])]]
+    loose = [marked(near.n, int(end)) for end in ends if not near.on_boundary[end]]
     if loose:
-        start, end = loose[0], loose[1] if len(loose) == 2 else joined.on_boundary
+        start, end = loose[0], loose[1] if len(loose) == 2 else vertices(loop >= 0) & ~rim
     elif joined.loop.max() == 1:
-        start, end = joined.loop == 0, joined.loop == 1
+        start, end = (vertices(loop == k) & ~rim for k in (0, 1))
     else:
         return arc[:0]
-    longest = component.length[arc].sum() * (1 + 1e-9)
-    path = straight_path(joined, start, end, longest)
+    path = straight_path(near, start, end, longest)
     # One edge with two loose ends does not open a sphere.
-    return path if len(path) > 1 or len(loose) < 2 else arc[:0]
+    is_path = len(path) > 0 and len(path) >= len(loose)
+    if not is_path or _cost(near.cut(path)) >= _cost(near.cut(np.flatnonzero(np.isin(half, arc)))):
+        return arc[:0]
+    return half[path]
+
+
+def _cost(opened: OpenedComponent) -> float:
+    return opened.bend + STRETCH * float(opened.component.length[opened.cut_edges].sum())
 
 
 # -- paths -----------------------------------------------------------------------------

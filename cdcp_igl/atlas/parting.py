@@ -66,9 +66,8 @@ def narrow_side(component: Component, ends: Ints | None = None) -> Bools:
     Of the level lines of the difference of the distances from the ends, along the one that is
     shortest for the smaller of the areas on either side.
     """
-    m, n, area = len(component.F), len(component.V), face_areas(component.V, component.F)
-    graph = csr_matrix((component.length, (component.tail, component.head)), (n, n))
-    distances = partial(dijkstra, graph, directed=False)  # at the boundary, edges go one way
+    m, area = len(component.F), face_areas(component.V, component.F)
+    distances = partial(dijkstra, component.graph)
     one = distances(indices=0).argmax() if ends is None else ends[0]
     from_end = distances(indices=one)
     way = from_end - distances(indices=from_end.argmax() if ends is None else ends[1])
