@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import maximum_filter, minimum_filter
 
 import cdcp_igl
-from cdcp_igl.atlas import cones
+from cdcp_igl.atlas import cones, even
 from cdcp_igl.atlas.packing import Packing, laid_flat
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas
@@ -570,3 +570,24 @@ def test_a_chart_without_a_map_is_parted(monkeypatch):
     )
     with pytest.raises(cdcp_igl.MapError, match="no map"):
         cdcp_igl.surface_map(V, F, max_charts=1)
+
+
+def test_a_surface_of_many_handles_is_parted_before_it_is_cut(monkeypatch):
+    """As long as there may be more charts."""
+    genera, laid = [], even.open_to_disk
+
+    def opened(component):
+        genera.append(component.topology.genus)
+        return laid(component)
+
+    monkeypatch.setattr(even, "open_to_disk", opened)
+    solid = np.ones((9, 9, 1), dtype=bool)
+    solid[1::2, 1::2] = False
+    V, F = surfaces.skin(solid)
+    V = V + 0.01 * np.random.default_rng(0).normal(size=V.shape)
+    result = cdcp_igl.surface_map(V, F)
+    assert_consistent(result, V, F)
+    assert 0 < max(genera) < 16
+    genera.clear()
+    assert len(cdcp_igl.surface_map(V, F, max_charts=1).charts) == 1
+    assert max(genera) == 16

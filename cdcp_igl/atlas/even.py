@@ -28,6 +28,9 @@ FLAT = 0.25
 EXACT = 1e-6
 # Holes are cut to rather than filled where that leaves less than this share of the variation.
 WORTH_CUTTING = 0.5
+# With so many handles a component is parted before it is cut: laying the cut takes most of the time
+# then, and its one disk is parted all the same.
+MANY_HANDLES = 16
 # So many of the pairs of edges that overlap are looked at to part a net.
 MOST_PAIRS = 8
 
@@ -51,19 +54,26 @@ def even_drafts(
         return
     waiting, n_done = [component], 0
     while waiting:
-        draft = _evened(waiting.pop(), options, fill, wanted)
-        room, parts = most - len(waiting) - n_done, []
-        overlaps = len(draft.outline.meeting) > 0
-        is_uneven = draft.scale_variation > wanted and not draft.is_small
-        if room > 1 and (overlaps or is_uneven):
-            parts = halves(draft)
-            if overlaps and len(parts) == 1:
-                parts = _apart(draft)
+        component = waiting.pop()
+        room = most - len(waiting) - n_done
+        has_many = room > 1 and (component.topology.genus or 0) >= MANY_HANDLES
+        parts = parted_by(component, narrow_side(component)) if has_many else []
+        if not 1 < len(parts) <= room:
+            draft = _evened(component, options, fill, wanted)
+            parts = _parts(draft, wanted) if room > 1 else []
         if 1 < len(parts) <= room:
             waiting += parts
         else:
             n_done += 1
             yield draft
+
+
+def _parts(draft: Draft, wanted: float) -> list[Component]:
+    """Part a disk that overlaps itself, or whose scale varies more than is wanted."""
+    overlaps = len(draft.outline.meeting) > 0
+    is_uneven = draft.scale_variation > wanted and not draft.is_small
+    parts = halves(draft) if overlaps or is_uneven else []
+    return _apart(draft) if overlaps and len(parts) == 1 else parts
 
 
 def _evened(component: Component, options: Options, fill: bool | None, wanted: float) -> Draft:
