@@ -17,7 +17,7 @@ from .arrays import Bools, Floats, Ints
 # For more faces `squared_edge_lengths` starts threads, which takes longer than to do without.
 SERIAL = 999
 # The power of lengths that makes a Delaunay triangulation unique.
-STRICT = 1 - 1e-12
+STRICT = 1 - 1e-14
 
 
 def adjacency_matrix(F: Ints) -> csc_matrix:
@@ -69,8 +69,7 @@ def harmonic(V: Floats, F: Ints, S: Ints, c: Floats) -> Floats:
 
 def intrinsic_delaunay_cotangent_matrix(V: Floats, F: Ints) -> csc_matrix:
     """(n, n) cotangent matrix of the intrinsic Delaunay triangulation, negative semidefinite."""
-    lengths, F = _intrinsic_delaunay(V, F)
-    return igl.cotmatrix_intrinsic(lengths ** (1 / STRICT), F)
+    return igl.cotmatrix_intrinsic(*_intrinsic_delaunay(V, F))
 
 
 def intrinsic_delaunay_faces(V: Floats, F: Ints) -> Ints:
@@ -82,7 +81,8 @@ def _intrinsic_delaunay(V: Floats, F: Ints) -> tuple[Floats, Ints]:
     """Lengths, to the power `STRICT`, opposite the corners of the faces, and these (m, 3).
 
     The diagonal of four vertices on one circle libigl flips to and fro for ever, if rounding says
-    so. With these lengths it is strictly Delaunay, and stays.
+    so. With these lengths it is strictly Delaunay, and stays; and needles, which need the triangle
+    inequality to the last bit, only become wider.
     """
     lengths = np.sqrt(squared_edge_lengths(V, F))
     return igl.intrinsic_delaunay_triangulation((lengths / lengths.mean()) ** STRICT, F)[:2]
