@@ -17,7 +17,9 @@ from .arrays import Bools, Floats, Ints
 # For more faces `squared_edge_lengths` starts threads, which takes longer than to do without.
 SERIAL = 999
 # The power of lengths that makes a Delaunay triangulation unique.
-STRICT = 1 - 1e-14
+STRICT = 1 - 1e-12
+# Of needles, whose lengths do not bear a change of that size, these are kept.
+NEEDLE = 1e-10
 
 
 def adjacency_matrix(F: Ints) -> csc_matrix:
@@ -69,7 +71,10 @@ def harmonic(V: Floats, F: Ints, S: Ints, c: Floats) -> Floats:
 
 def intrinsic_delaunay_cotangent_matrix(V: Floats, F: Ints) -> csc_matrix:
     """(n, n) cotangent matrix of the intrinsic Delaunay triangulation, negative semidefinite."""
-    return igl.cotmatrix_intrinsic(*_intrinsic_delaunay(V, F))
+    lengths, F = _intrinsic_delaunay(V, F)
+    own = lengths ** (1 / STRICT)
+    is_needle = 2 * own.max(axis=1) > (1 - NEEDLE) * own.sum(axis=1)
+    return igl.cotmatrix_intrinsic(np.where(is_needle[:, None], lengths, own), F)
 
 
 def intrinsic_delaunay_faces(V: Floats, F: Ints) -> Ints:
