@@ -14,7 +14,12 @@ from cdcp_igl.steps.least_distortion import (
     least_angle_distortion,
     least_angle_distortion_nelder_mead,
 )
-from cdcp_igl.steps.mobius import conformal_barycenter, mobius_transformation, normalize
+from cdcp_igl.steps.mobius import (
+    conformal_barycenter,
+    harmless,
+    mobius_transformation,
+    normalize,
+)
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.verdict.distortion import plane_angles
 
@@ -144,6 +149,26 @@ def gutter(length, n=12):
     i, j = np.divmod(np.arange(shape[0] * shape[1]), shape[1])
     V = np.column_stack([np.cos(np.pi * i / n), np.sin(np.pi * i / n), np.pi * j / n])
     return V, meshes.grid(*shape)[1]
+
+
+def test_a_part_of_the_way_is_sought_only_where_it_may_help():
+    tried = []
+
+    def attempt(w):
+        tried.append(w)
+        return w, np.array([3, 5] if abs(w) > 0.2 else [3])
+
+    moved, done = harmless("angle", 0.5, lambda w: True, attempt, lambda: np.array([3]))
+    assert (moved, done.w, done.rejected, tried) == (None, 0, "flipped faces", [0.5])
+    # What is flipped without it is no harm, and what only psi_w flips is worth a shorter way.
+    assert harmless("angle", 0.1, lambda w: True, attempt, lambda: np.array([3]))[0] == 0.1
+    none = np.array([], dtype=int)
+
+    def alone(w):
+        return w, none if w < 0.2 else np.array([5])
+
+    moved, done = harmless("angle", 0.5, lambda w: True, alone, lambda: none)
+    assert (moved, done.reached) == (0.125, 0.25)
 
 
 @pytest.mark.parametrize("length", [1, 2, 4])

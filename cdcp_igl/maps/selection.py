@@ -172,7 +172,8 @@ def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> DiskM
     repairing = partial(repair_locally, most=MANY_FLIPPED * len(harmonic.surface.mesh.F))
     method = options.mobius_method
     candidate = _finished(harmonic, method, options, phase, repairing)
-    if method is None or not (harmonic.w or candidate.repair.rounds):
+    unmoved = method is None or not candidate.mobius.reached
+    if unmoved or not (harmonic.w or candidate.repair.rounds):
         return candidate
     plain = _finished(harmonic, None, options, phase, repairing)
     share = PRICE_OF_AREA if method == "area" else FREE_SHARE

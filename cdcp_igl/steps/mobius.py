@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -102,11 +103,15 @@ def normalized(
         made = finished(moved)
         return made, flipped_faces(made[0], mesh.F)[0]
 
+    @cache
+    def without() -> tuple[Complex, Made]:
+        return finished(f)
+
     made, done = harmless(
         *(method, w, lambda w: errors.mean(w) <= most, attempt),
-        lambda: flipped_faces(finished(f)[0], mesh.F)[0],
+        lambda: flipped_faces(without()[0], mesh.F)[0],
     )
-    return *(made or finished(f)), done
+    return *(made or without()), done
 
 
 def nearest_to(barycenter: complex, errors: AngleErrors) -> tuple[complex, float]:
@@ -142,7 +147,8 @@ def harmless(
     """Halve w until psi_w does no harm: the moved map, if there is one, and what was done.
 
     An attempt gives the moved map and its flipped faces, None where the boundary is crowded. Those
-    faces are allowed that are flipped without psi_w, too.
+    faces are allowed that are flipped without psi_w, too; where there are such, and others, no part
+    of the way makes the map valid, and none is sought.
     """
     allowed: Ints | None = None
     reason = ""
@@ -159,6 +165,8 @@ def harmless(
             if allowed is None or np.isin(flipped, allowed).all():
                 return moved, Normalization(method, w, reason, 0.5**halvings)
             reason = "flipped faces"
+            if len(allowed):
+                break
         w /= 2
     return None, Normalization(method, 0j, reason, 0.0)
 
