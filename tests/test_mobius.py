@@ -158,16 +158,23 @@ def test_a_part_of_the_way_is_sought_only_where_it_may_help():
         tried.append(w)
         return w, np.array([3, 5] if abs(w) > 0.2 else [3])
 
-    moved, done = harmless("angle", 0.5, lambda w: True, attempt, lambda: np.array([3]))
-    assert (moved, done.w, done.rejected, tried) == (None, 0, "flipped faces", [0.5])
-    # What is flipped without it is no harm, and what only psi_w flips is worth a shorter way.
-    assert harmless("angle", 0.1, lambda w: True, attempt, lambda: np.array([3]))[0] == 0.1
+    def without():
+        return "plain", np.array([3])
+
+    given = lambda w: True, attempt, without
+    moved, done = harmless("angle", 0.5, *given, repaired=True)
+    assert (moved, done.w, done.rejected, tried) == ("plain", 0, "flipped faces", [0.5])
+    # What is flipped without it is no harm, and may be repaired later on.
+    assert harmless("angle", 0.1, *given, repaired=True)[0] == 0.1
+    moved, done = harmless("angle", 0.5, *given)
+    assert (moved, done.reached) == (0.125, 0.25)
+    # What only psi_w flips is worth a shorter way.
     none = np.array([], dtype=int)
 
     def alone(w):
         return w, none if w < 0.2 else np.array([5])
 
-    moved, done = harmless("angle", 0.5, lambda w: True, alone, lambda: none)
+    moved, done = harmless("angle", 0.5, lambda w: True, alone, lambda: (0, none), repaired=True)
     assert (moved, done.reached) == (0.125, 0.25)
 
 

@@ -172,8 +172,8 @@ def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> DiskM
     repairing = partial(repair_locally, most=MANY_FLIPPED * len(harmonic.surface.mesh.F))
     method = options.mobius_method
     candidate = _finished(harmonic, method, options, phase, repairing)
-    unmoved = method is None or not candidate.mobius.reached
-    if unmoved or not (harmonic.w or candidate.repair.rounds):
+    moved = candidate.mobius.w != harmonic.w
+    if not (moved and (harmonic.w or candidate.repair.rounds)):
         return candidate
     plain = _finished(harmonic, None, options, phase, repairing)
     share = PRICE_OF_AREA if method == "area" else FREE_SHARE
@@ -211,7 +211,8 @@ def _finished(
         return f, (n_opened, repair)
 
     with phase("mobius"):
-        f, (n_opened, repair), mobius = normalized(mesh, harmonic.f, method, placed)  # (19), (20)
+        given = mesh, harmonic.f, method, placed
+        f, (n_opened, repair), mobius = normalized(*given, repaired=True)  # (19), (20)
     mobius = replace(mobius, w=composed(harmonic.w, mobius.w))
     if repair.n_flipped:
         log.info("%s", repair)

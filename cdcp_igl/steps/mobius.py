@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -74,6 +73,8 @@ def normalized(
     f: Complex,
     method: MobiusMethod | None,
     finished: Callable[[Complex], tuple[Complex, Made]],
+    *,
+    repaired: bool = False,
 ) -> tuple[Complex, Made, Normalization]:
     """Apply the best Möbius transformation that does no harm.
 
@@ -82,7 +83,8 @@ def normalized(
     not: what can be gained on the way is gained. It is not applied where it costs angles.
 
     The first boundary vertex of the map f (n,) lies at 1. `finished` is what is done to the map
-    after psi_w, before its flipped faces are counted; it returns the map, and anything else.
+    after psi_w, before its flipped faces are counted; it returns the map, and anything else. For
+    maps that are `repaired` by it see `harmless`.
     """
     if method is None:
         return *finished(f), Normalization("none", 0j)
@@ -100,18 +102,17 @@ def normalized(
         moved = at_one(mesh, mobius_transformation(f, w), mesh.loop[0])
         if not is_around(moved[mesh.loop]):
             return None
-        made = finished(moved)
+        return with_flipped(moved)
+
+    def with_flipped(f: Complex) -> tuple[tuple[Complex, Made], Ints]:
+        made = finished(f)
         return made, flipped_faces(made[0], mesh.F)[0]
 
-    @cache
-    def without() -> tuple[Complex, Made]:
-        return finished(f)
-
     made, done = harmless(
-        *(method, w, lambda w: errors.mean(w) <= most, attempt),
-        lambda: flipped_faces(without()[0], mesh.F)[0],
+        *(method, w, lambda w: errors.mean(w) <= most, attempt, lambda: with_flipped(f)),
+        repaired=repaired,
     )
-    return *(made or without()), done
+    return *made, done
 
 
 def nearest_to(barycenter: complex, errors: AngleErrors) -> tuple[complex, float]:
@@ -142,15 +143,17 @@ def harmless(
     w: complex,
     improves: Callable[[complex], bool],
     attempt: Callable[[complex], tuple[Moved, Ints] | None],
-    flipped_without: Callable[[], Ints],
-) -> tuple[Moved | None, Normalization]:
-    """Halve w until psi_w does no harm: the moved map, if there is one, and what was done.
+    without: Callable[[], tuple[Moved, Ints]],
+    *,
+    repaired: bool = False,
+) -> tuple[Moved, Normalization]:
+    """Halve w until psi_w does no harm: the map, moved or as it is without, and what was done.
 
     An attempt gives the moved map and its flipped faces, None where the boundary is crowded. Those
-    faces are allowed that are flipped without psi_w, too; where there are such, and others, no part
-    of the way makes the map valid, and none is sought.
+    faces are allowed that are flipped `without` psi_w, too. If they have been `repaired` in vain
+    there, and psi_w leaves others, no part of the way is sought, as repair takes long.
     """
-    allowed: Ints | None = None
+    plain: tuple[Moved, Ints] | None = None
     reason = ""
     for halvings in range(HALVINGS):
         if not improves(w):
@@ -160,15 +163,15 @@ def harmless(
             reason = "crowding"
         else:
             moved, flipped = tried
-            if len(flipped) and allowed is None:
-                allowed = flipped_without()
-            if allowed is None or np.isin(flipped, allowed).all():
+            if len(flipped) and plain is None:
+                plain = without()
+            if plain is None or np.isin(flipped, plain[1]).all():
                 return moved, Normalization(method, w, reason, 0.5**halvings)
             reason = "flipped faces"
-            if len(allowed):
+            if repaired and len(plain[1]):
                 break
         w /= 2
-    return None, Normalization(method, 0j, reason, 0.0)
+    return (plain or without())[0], Normalization(method, 0j, reason, 0.0)
 
 
 def mobius_transformation(z: Complex, w: complex) -> Complex:

@@ -383,19 +383,19 @@ class _Mapping:
         """
         method = self.options.mobius
         if method is None:
-            finished, done = None, Normalization()
+            made, done = self.finish(0j)[0], Normalization()
         else:
             some = sample.only(faces_to_judge_by(self.folder.faces))
             errors = AngleErrors.of(some.F, sample.f, some.angles)
             w, most = self.barycenter(), np.inf
             if method == "angle":
                 w, most = nearest_to(w, errors)
-            finished, done = harmless(
+            made, done = harmless(
                 *(method, w, lambda w: errors.mean(w) <= most),
                 lambda w: self.finish(w) if is_around(self.moved(w)[self.border]) else None,
-                lambda: self.finish(0j)[1],
+                lambda: self.finish(0j),
             )
-        self.finished, self.final = finished or self.finish(0j)[0]
+        self.finished, self.final = made
         return done
 
     def barycenter(self) -> complex:
