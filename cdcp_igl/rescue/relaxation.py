@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Bools, Complex, Floats, Ints, places
+from ..arrays import Bools, Complex, Floats, Ints, Numbers, places
 from ..verdict.distortion import wirtinger_derivative
 
 HALVINGS = 12  # of a vertex's step
 HALVINGS_AT_FLIPPED = 4  # of that of a vertex at a flipped face: shorter ones hardly ever help
+TERMS = 5  # a gradient, and a symmetric Hessian
 
 
 class Relaxation:
@@ -35,6 +36,7 @@ class Relaxation:
         derivative = wirtinger_derivative(V, F)
         self._stars = [_Star(len(V), F, derivative, chosen) for chosen in _colour(F, moving)]
 
+    @np.errstate(all="ignore")  # at a collapsed face
     def sweep(self, f: Complex, times: int, softness: float = 0.0) -> Complex:
         """Move every vertex so many times.
 
@@ -49,7 +51,10 @@ class Relaxation:
 
 
 class _Star:
-    """The faces around an independent set of vertices, one row a corner."""
+    """The faces around an independent set of vertices, one column a corner.
+
+    What has two rows is for p and q, that is for the derivatives and their conjugates.
+    """
 
     def __init__(self, n: int, F: Ints, derivative: Complex, vertices: Ints) -> None:
         row = places(vertices, n)
@@ -58,33 +63,38 @@ class _Star:
         self._owner = row[F[face, corner]]
         self._corners = F[face].T.copy()
         # By differences from the first corner, lest a small face lose its digits to its place.
-        by_corner = derivative[face, 1:].T.copy()
-        self._derivatives = by_corner, by_corner.conj()
-        self._own = derivative[face, corner]
+        one, other = derivative[face, 1:].T
+        self._second, self._third = (np.array([c, c.conj()]) for c in (one, other))
+        c = derivative[face, corner]
+        self._own, self._bend = np.array([c, c.conj()]), 4 * abs(c) ** 2
+        self._owners = (np.arange(TERMS)[:, None] * len(vertices) + self._owner).ravel()
         self._count = np.bincount(self._owner, minlength=len(vertices))
 
-    @np.errstate(all="ignore")  # at a collapsed face
     def improve(self, f: Complex, softness: float) -> None:
         """Take one Newton step, in place."""
-        c, z = self._own, f[self._corners]
-        z = z[1:] - z[0]
-        p, q = (first * z[0] + second * z[1] for first, second in self._derivatives)
-        p_squared, q_squared = abs(p) ** 2, abs(q) ** 2
-        above, below = p_squared + q_squared, p_squared - q_squared
-        size = np.bincount(self._owner, above, len(self._vertices)) / self._count
-        soft = (softness * size)[self._owner] if softness else None
+        first, second, third = f[self._corners]
+        pq = self._second * (second - first) + self._third * (third - first)
+        above, below = _sum_and_difference(abs(pq) ** 2)
+        soft = None
+        if softness:
+            soft = (softness * (self._sum(above) / self._count))[self._owner]
         # Gradients with respect to the vertex (x, y) as complex numbers x + iy. `below` is
         # linear in it, `above` has the Hessian 4 |c|^2.
         lifted, slope = softened(below, soft)
-        d_above, d_below = 2 * (c.conj() * p + c * q), 2 * slope * (c.conj() * p - c * q)
-        ratio = above / lifted
-        gradient = (d_above - ratio * d_below) / lifted  # of the energy
-        x, y = self._sum(gradient.real), self._sum(gradient.imag)
-        mixed = 2 * (ratio * d_below - d_above) / lifted**2
-        curvature = 4 * abs(c) ** 2 / lifted
-        xx = self._sum(curvature + mixed.real * d_below.real)
-        yy = self._sum(curvature + mixed.imag * d_below.imag)
-        xy = self._sum(mixed.real * d_below.imag + mixed.imag * d_below.real) / 2
+        d_above, d_below = _sum_and_difference(2 * (self._own[::-1] * pq))
+        d_below *= slope
+        change = d_above - above / lifted * d_below  # of the energy, times `lifted`
+        gradient, mixed = change / lifted, -2 * change / lifted**2
+        curvature = self._bend / lifted
+        terms = [
+            *(gradient.real, gradient.imag),
+            curvature + mixed.real * d_below.real,
+            curvature + mixed.imag * d_below.imag,
+            mixed.real * d_below.imag + mixed.imag * d_below.real,
+        ]
+        sums = np.bincount(self._owners, np.concatenate(terms), TERMS * len(self._vertices))
+        x, y, xx, yy, twice_xy = sums.reshape(TERMS, -1)
+        xy = twice_xy / 2
         step = xy * y - yy * x + 1j * (xy * x - xx * y)
         step /= xx * yy - xy**2
         step[~np.isfinite(step)] = 0
@@ -93,10 +103,9 @@ class _Star:
         most = np.where(np.isfinite(energy), HALVINGS, HALVINGS_AT_FLIPPED)
         scale = np.ones(len(step))
         for halvings in range(HALVINGS):
-            move = (scale * step)[self._owner]
-            p_squared, q_squared = abs(p + c * move) ** 2, abs(q + c.conj() * move) ** 2
-            lifted, _ = softened(p_squared - q_squared, soft)
-            after = self._energy(p_squared + q_squared, lifted)
+            moved = pq + self._own * (scale * step)[self._owner]
+            above, below = _sum_and_difference(abs(moved) ** 2)
+            after = self._energy(above, softened(below, soft)[0])
             worse = ~(np.isfinite(after) & (after <= energy))
             if not (worse & (halvings < most)).any():
                 break
@@ -111,6 +120,10 @@ class _Star:
     def _sum(self, values: Floats) -> Floats:
         """Add up over the faces around each vertex."""
         return np.bincount(self._owner, values, len(self._vertices)).astype(float, copy=False)
+
+
+def _sum_and_difference(pair: Numbers) -> tuple[Numbers, Numbers]:
+    return pair[0] + pair[1], pair[0] - pair[1]
 
 
 def softened(below: Floats, soft: Floats | None) -> tuple[Floats, Floats | float]:
