@@ -142,6 +142,19 @@ def test_slivers_of_a_ct_scan(map_of):
     assert result.distortion.mean < 1.25
 
 
+@pytest.mark.parametrize("size", [5, 8])
+def test_slivers_whose_best_face_is_an_ear_make_no_noise(size):
+    """Of that face no harmonic measure is known, and no start of an embedding by it."""
+    turn = 2 * np.pi * np.arange(size) / size
+    tip = [20 * np.cos(turn[:2]).mean(), 5, 0]
+    V = np.vstack([[0, 0, 0], np.column_stack([20 * np.cos(turn), np.sin(turn), 0 * turn]), tip])
+    fan = [[0, 1 + k, 1 + (k + 1) % size] for k in range(size)]
+    result = cdcp_igl.disk_map(V, [*fan, [2, 1, size + 1]])  # warnings are errors
+    assert result.valid
+    assert any("no interior vertex" in reason for reason in result.boundary.rejected)
+    assert not any("no certificate" in reason for reason in result.boundary.rejected)
+
+
 def test_repair_of_one_face_stays_near_it():
     V, F = meshes.grid(40, 40)
     mesh = DiskMesh(V, F)

@@ -152,9 +152,12 @@ def embedded(
     """Yield maps that no flipped face keeps from coming near: from embeddings, by lower shear."""
     mesh = surface.mesh
     for name, boundary in STARTS.items():
-        with phase("circle"):
-            f = np.zeros(len(mesh.V), dtype=complex)
-            f[mesh.loop] = boundary(surface, center.face)
+        f = np.zeros(len(mesh.V), dtype=complex)
+        try:
+            with phase("circle"):
+                f[mesh.loop] = boundary(surface, center.face)
+        except Rejected:
+            continue  # as harmonic measure was before
         with phase("repair"):
             f, w = embedding(mesh, f, on_disk=True)
             f = lower_shear(mesh, f)

@@ -82,10 +82,7 @@ def by_harmonic_measure(surface: FactoredSurface, face: int) -> Complex:
     Raises `Rejected` if no corner of the central face lies inside, or many boundary vertices would
     coincide.
     """
-    shares = harmonic_shares(surface.delaunay, face)
-    if not np.isfinite(shares).all():
-        raise Rejected("harmonic measure: no interior vertex at the central face")
-    shares = _balanced(surface.delaunay, shares)
+    shares = _balanced(surface.delaunay, _shares_from(surface.delaunay, face))
     if _are_crowded(shares):
         crowded = surface.mesh.loop[shares < CROWDED]
         raise Rejected(
@@ -94,6 +91,14 @@ def by_harmonic_measure(surface: FactoredSurface, face: int) -> Complex:
             "tell apart; to lower the distortion, cut the surface into shorter parts"
         )
     return around(shares)
+
+
+def _shares_from(surface: FactoredSurface, face: int) -> Floats:
+    """`harmonic_shares` (nB,) of a face; `Rejected` if it has none."""
+    shares = harmonic_shares(surface, face)
+    if not np.isfinite(shares).all():
+        raise Rejected("harmonic measure: no interior vertex at the central face")
+    return shares
 
 
 def _are_crowded(shares: Floats) -> bool:
@@ -127,9 +132,10 @@ def _balanced(surface: FactoredSurface, shares: Floats) -> Floats:
 def between_the_two(surface: FactoredSurface, face: int) -> Complex:
     """Place the boundary (nB,) by the geometric mean of harmonic measure and length.
 
-    No part is as crowded as by the one, nor as far from where it belongs as by the other.
+    No part is as crowded as by the one, nor as far from where it belongs as by the other. Raises
+    `Rejected` if no corner of the central face lies inside.
     """
-    shares, lengths = harmonic_shares(surface.delaunay, face), edge_lengths(surface.mesh)
+    shares, lengths = _shares_from(surface.delaunay, face), edge_lengths(surface.mesh)
     return around(np.sqrt(np.maximum(shares, CROWDED) * lengths))
 
 
