@@ -31,6 +31,7 @@ from ..steps.mobius import (
     rotate,
 )
 from ..surface.mesh import Mesh
+from ..surface.triangles import flipped_faces
 
 log = logging.getLogger("cdcp_igl")
 
@@ -170,13 +171,18 @@ def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> DiskM
     """Apply the Möbius transformation, unless the map is better without it; repair, and judge.
 
     A transformed map that repair was tried on, which may be in vain, or that has moved a small part
-    of the surface away from 0, is held against the map without the transformation.
+    of the surface away from 0, is held against the map without the transformation; but not if few
+    vertices were moved, and would be there, too: then the transformation lowers the distortion.
     """
-    repairing = partial(repair_locally, most=MANY_FLIPPED * len(harmonic.surface.mesh.F))
+    mesh = harmonic.surface.mesh
+    repairing = partial(repair_locally, most=MANY_FLIPPED * len(mesh.F))
     method = options.mobius_method
     candidate = _finished(harmonic, method, options, phase, repairing)
     moved = candidate.mobius.w != harmonic.w
     if not (moved and (harmonic.w or candidate.repair.rounds)):
+        return candidate
+    little = candidate.valid and not (harmonic.w or candidate.is_much_repaired)
+    if method != "area" and little and len(flipped_faces(harmonic.f, mesh.F)[0]):
         return candidate
     plain = _finished(harmonic, None, options, phase, repairing)
     share = PRICE_OF_AREA if method == "area" else FREE_SHARE

@@ -84,10 +84,14 @@ class MadeMap(Bijection):
         return not self.valid, not self.conformal, self.distortion.mean
 
     @property
+    def is_much_repaired(self) -> bool:
+        """Whether so many vertices were moved that the map is another one."""
+        return self.repair.n_moved > MUCH_REPAIRED * len(self.mesh.V)
+
+    @property
     def steps_due(self) -> int:
         """Steps of refinement for a map that is measurably not near the conformal one."""
-        repaired = self.repair.n_moved / len(self.mesh.V)
-        if self.conformality.reasons or repaired > MUCH_REPAIRED or self._embedded:
+        if self.conformality.reasons or self.is_much_repaired or self._embedded:
             return MOST_STEPS
         coarse = self._straightened > COARSE or self.conformality.excess > EXCESS
         return STEPS_DUE if coarse else 0
