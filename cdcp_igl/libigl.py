@@ -69,12 +69,12 @@ def harmonic(V: Floats, F: Ints, S: Ints, c: Floats) -> Floats:
     return igl.harmonic(V, F, S, c, 1)
 
 
-def intrinsic_delaunay_cotangent_matrix(V: Floats, F: Ints) -> csc_matrix:
-    """(n, n) cotangent matrix of the intrinsic Delaunay triangulation, negative semidefinite."""
+def intrinsic_delaunay_cotangents(V: Floats, F: Ints) -> tuple[Floats, Ints]:
+    """(m, 3) half the cotangents, and the faces (m, 3), of the intrinsic Delaunay triangulation."""
     lengths, F = _intrinsic_delaunay(V, F)
     own = lengths ** (1 / STRICT)
     is_needle = 2 * own.max(axis=1) > (1 - NEEDLE) * own.sum(axis=1)
-    return igl.cotmatrix_intrinsic(np.where(is_needle[:, None], lengths, own), F)
+    return igl.cotmatrix_entries(np.where(is_needle[:, None], lengths, own)), F
 
 
 def intrinsic_delaunay_faces(V: Floats, F: Ints) -> Ints:

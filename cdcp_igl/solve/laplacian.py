@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, triu
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 
 from .. import libigl
-from ..arrays import Bools, Floats, Indices, Ints, Numbers
+from ..arrays import Floats, Indices, Ints, Numbers
 from ..surface.mesh import Mesh
 from ..surface.topology import Edges
 
@@ -112,23 +112,21 @@ def intrinsic_delaunay_laplacian(mesh: Mesh) -> Laplacian:
     n, thin = len(mesh.V), mesh.angles.min(axis=1) < THINNEST
     weights = csr_matrix((n, n))
     if not thin.all():
-        flipped = libigl.intrinsic_delaunay_cotangent_matrix(mesh.V, mesh.F[~thin])
-        flipped.resize(n, n)  # the last vertices may be of thin faces only
-        weights = triu(flipped, 1).tocsr()
+        weights = _by_edge(*libigl.intrinsic_delaunay_cotangents(mesh.V, mesh.F[~thin]), n)
     if thin.any():
-        weights = weights + _half_cotangents(mesh, thin)
+        weights = weights + _by_edge(mesh.cotangents[thin] / 2, mesh.F[thin], n)
         weights.sort_indices()
         weights.data = np.maximum(weights.data, LEAST_WEIGHT)
     above = weights.tocoo()
     return Laplacian.of(above.row, above.col, above.data, n)
 
 
-def _half_cotangents(mesh: Mesh, faces: Bools) -> csr_matrix:
-    """(n, n) what faces give to the weights of their edges, above the diagonal."""
-    F, n = mesh.F[faces], len(mesh.V)
+def _by_edge(x: Floats, F: Ints, n: int) -> csr_matrix:
+    """(n, n) sums of x (m, 3) at the corners opposite each edge of faces F, above the diagonal."""
     tails, heads = F[:, [1, 2, 0]].ravel(), F[:, [2, 0, 1]].ravel()
-    ends = np.minimum(tails, heads), np.maximum(tails, heads)
-    return coo_matrix((mesh.cotangents[faces].ravel() / 2, ends), (n, n)).tocsr()
+    low, high = np.minimum(tails, heads), np.maximum(tails, heads)
+    proper = low < high  # edges of a triangulation that is not the mesh's may be loops
+    return coo_matrix((x.ravel()[proper], (low[proper], high[proper])), (n, n)).tocsr()
 
 
 LAPLACIANS: dict[str, Callable[[Mesh], Laplacian]] = {
