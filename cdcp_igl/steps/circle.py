@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..arrays import Complex, Floats
+from ..arrays import Complex, Floats, shifted
 from ..verdict.certificate import increments, is_around
 from .zipper import geodesic_map
 
@@ -42,7 +42,7 @@ def whitened_geodesic_map(trace: Complex) -> Complex:
     mirror.
     """
     z = whiten_trace(trace)
-    edge = np.append(z[1:], z[0]) - z
+    edge = shifted(z) - z
     length = abs(edge)
     # Of a trace without area all lengths are NaN, and one point an edge is enough to show that.
     share = np.nan_to_num(length / length.sum())
@@ -51,12 +51,13 @@ def whitened_geodesic_map(trace: Complex) -> Complex:
     which = np.repeat(np.arange(len(z)), pieces)
     along = (np.arange(len(which)) - first[which]) / pieces[which]
     curve = z[which] + along * edge[which]
-    start, forwards = first_edge(abs(np.append(curve[1:], curve[0]) - curve))
+    start, forwards = first_edge(abs(shifted(curve) - curve))
     if forwards:
-        f = np.roll(geodesic_map(np.roll(curve, -start)), start)
+        f = shifted(geodesic_map(shifted(curve, start)), -start)
     else:  # the mirror image, which is clockwise the other way
-        f = geodesic_map(np.roll(curve[::-1].conj(), start + 2))
-        f = np.roll(f.conj(), -start - 2)[::-1]
+        last = -(start + 2) % len(curve)
+        f = geodesic_map(shifted(curve[::-1].conj(), last))
+        f = shifted(f.conj(), -last)[::-1]
     return f[first]
 
 
@@ -105,11 +106,11 @@ def _turns_back(trace: Complex) -> bool:
 
     Next to a circle, a chord turns from the one before by half of both arcs.
     """
-    edge = np.append(trace[1:], trace[0]) - trace
+    edge = shifted(trace) - trace
     length = abs(edge)
-    both = length + np.append(length[1:], length[0])
+    both = length + shifted(length)
     half_arcs = np.pi * both / max(length.sum(), SMALLEST_TRACE)
-    turn = np.append(edge[1:], edge[0]) * edge.conj() * np.exp(1j * half_arcs)
+    turn = shifted(edge) * edge.conj() * np.exp(1j * half_arcs)
     return bool((turn.real < 0).any())
 
 
@@ -141,7 +142,7 @@ def _whitened(z: Complex) -> Complex:
 def _area_and_centroid(z: Complex) -> tuple[float, complex]:
     origin = z.mean()  # near the polygon, so that the products below do not cancel
     z = z - origin
-    after = np.append(z[1:], z[0])
+    after = shifted(z)
     cross = (z.conj() * after).imag
     area = cross.sum() / 2
     return area, origin + (cross * (z + after)).sum() / (6 * area)
@@ -149,7 +150,7 @@ def _area_and_centroid(z: Complex) -> tuple[float, complex]:
 
 def _anisotropy(z: Complex) -> complex:
     """Integral of z^2 over integral of |z|^2, both over the enclosed area."""
-    after = np.append(z[1:], z[0])
+    after = shifted(z)
     cross = (z.conj() * after).imag
     squares = (cross * (z * z + z * after + after * after)).sum()
     moduli = (cross * (abs(z) ** 2 + (z.conj() * after).real + abs(after) ** 2)).sum()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, Numbers
+from ..arrays import Complex, Floats, Ints, Numbers, shifted
 from ..solve.factored import FactoredSurface
 from ..surface.mesh import Mesh
 from ..surface.triangles import corner_angles
@@ -93,8 +93,8 @@ def shares_of_edges(flux: Numbers, length: Floats, around: Floats) -> Numbers:
     exponent = np.pi / around
     # The part of the edge that follows, at most 1 / (1 + 0): a power of a ratio may overflow.
     with np.errstate(over="ignore"):
-        next_edge = 1 / (1 + (np.roll(length, 1) / length) ** exponent)
-    shares: Numbers = flux * next_edge + np.roll(flux * (1 - next_edge), -1)
+        next_edge = 1 / (1 + (shifted(length, -1) / length) ** exponent)
+    shares: Numbers = flux * next_edge + shifted(flux * (1 - next_edge))
     return shares
 
 
@@ -105,5 +105,5 @@ def edge_lengths(mesh: Mesh, loop: Ints | None = None) -> Floats:
 
 def lengths_along(points: Floats) -> Floats:
     """(k,) distances from each of some points (k, 3) to the next, in a ring."""
-    lengths: Floats = np.linalg.norm(np.concatenate([points[1:], points[:1]]) - points, axis=1)
+    lengths: Floats = np.linalg.norm(shifted(points) - points, axis=1)
     return lengths

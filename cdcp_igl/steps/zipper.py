@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Bools, Complex, Floats, Numbers
+from ..arrays import Bools, Complex, Floats, Numbers, shifted
 
 COINCIDENT = 1e-8  # points closer than this to the one before, by the size of the curve
 PINCHED = 1e-14  # the flattest geodesic arc that double precision can open
@@ -44,17 +44,17 @@ def geodesic_map(z: Complex) -> Complex:
     conformal mapping. SIAM J. Numer. Anal. 45(6), 2007.
     """
     # Start at the longest edge, which two points describe worst; of several, at the first.
-    lengths = abs(np.append(z[1:], z[0]) - z)
+    lengths = abs(shifted(z) - z)
     first = int((lengths >= (1 - 1e-9) * lengths.max()).argmax())
-    curve = np.append(z[first:], z[:first])
-    steps: Floats = np.abs(np.diff(curve, prepend=curve[-1]))
+    curve = shifted(z, first)
+    steps: Floats = np.abs(curve - shifted(curve, -1))
     kept = steps > COINCIDENT * abs(curve - curve.mean()).max()
     kept[:2] = True
     f = np.empty_like(curve)
     f[kept] = _zip(curve[kept])
     if not kept.all():
         f = _interpolate_dropped(f, kept, steps)
-    return np.append(f[-first:], f[:-first])
+    return shifted(f, -first)
 
 
 def _zip(z: Complex) -> Complex:

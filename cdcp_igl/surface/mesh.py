@@ -112,6 +112,8 @@ class Mesh:
 
     def angles_of(self, faces: Ints) -> Floats:
         """(k, 3) corner angles of some faces, in radians: for few of them, not all are reckoned."""
+        if 2 * len(faces) > len(self.F):
+            return self.angles[faces]
         return corner_angles(self.cotangents[faces])
 
     @cached_property

@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix, csr_matrix, get_index_dtype
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from .. import libigl
-from ..arrays import Bools, Floats, Indices, Ints, distinct_rows, marked, unit_size
+from ..arrays import Bools, Floats, Indices, Ints, distinct_rows, marked, shifted, unit_size
 from ..cached import cached_property
 
 ROUNDING = 2.0**-36  # of the size: as far apart may vertices lie that were to be at one place
@@ -28,7 +28,9 @@ class Edges:
     @property
     def valence(self) -> Indices:
         """(e,) number of half-edges, which is that of faces, of each edge."""
-        return np.diff(self.start, append=self.start.dtype.type(len(self.sides)))
+        valence = shifted(self.start) - self.start
+        valence[-1:] += len(self.sides)
+        return valence
 
     @property
     def twins(self) -> tuple[Indices, Indices]:
@@ -209,7 +211,7 @@ class Topology:
             tail, head = np.where(flipped, head, tail), np.where(flipped, tail, head)
         if self._is_plain and len(tail):
             loop = libigl.path(np.column_stack([tail, head]).astype(np.int64))
-            return [np.roll(loop, -int(loop.argmin()))]
+            return [shifted(loop, int(loop.argmin()))]
         return _cycles(tail, head)
 
     @cached_property
@@ -237,8 +239,7 @@ def tails(F: Ints, n: int) -> Indices:
 
 def heads(tail: Indices) -> Indices:
     """(3m,) where half-edges end, by where they begin."""
-    m = len(tail) // 3
-    return np.append(tail[m:], tail[:m])
+    return shifted(tail, len(tail) // 3)
 
 
 def group_by_edge(tail: Indices, n: int) -> Edges:

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .. import libigl
-from ..arrays import Complex, Floats, Ints, as_complex
+from ..arrays import Complex, Floats, Ints, as_complex, shifted
 from ..errors import counted
 from ..surface.mesh import Mesh
 from ..surface.triangles import EPS, flipped_faces
@@ -272,7 +272,7 @@ def certify_rectangle(
     width = f.real[top[0]]
     off = f.imag[bottom], f.real[right] - width, f.imag[top] - 1, f.real[left]
     from_middle = f[mesh.loop] - (width + 1j) / 2
-    turns = np.angle(np.roll(from_middle, -1) * from_middle.conj())
+    turns = np.angle(shifted(from_middle) * from_middle.conj())
     flipped, n_exact = known or flipped_faces(f, mesh.F)
     return Certificate(
         finite=True,
@@ -301,14 +301,14 @@ def around(boundary: Complex) -> tuple[int, bool]:
     # Rounding may give an arc of zero either sign, so the exact orientation of the triangles
     # with 0 decides. Only arcs of more than a half turn have clockwise triangles, too.
     n = len(boundary)
-    fan = np.column_stack([np.full(n, n), np.arange(n), np.append(np.arange(1, n), 0)])
+    fan = np.column_stack([np.full(n, n), np.arange(n), shifted(np.arange(n))])
     not_forward, _ = flipped_faces(np.append(boundary, 0), fan)
     return turns, turns == 1 and bool((arcs[not_forward] > 1).all())
 
 
 def increments(z: Complex) -> Floats:
     """(N,) angle from each point of a closed curve about 0 to the next, in [0, 2 pi)."""
-    return np.angle(np.append(z[1:], z[0]) * z.conj()) % (2 * np.pi)
+    return np.angle(shifted(z) * z.conj()) % (2 * np.pi)
 
 
 def is_around(f_B: Complex) -> bool:
