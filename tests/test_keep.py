@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import cdcp_igl
 from cdcp_igl.arrays import as_complex, coordinates
 from cdcp_igl.refine import balance
+from cdcp_igl.refine.apart import air
 from cdcp_igl.refine.balance import Energy, balanced, resized, way_to_flip
 from cdcp_igl.refine.targets import Disk, Outline
 from cdcp_igl.result.keeping import Kept
@@ -219,6 +220,22 @@ def test_an_outline_is_kept_apart():
     result = cdcp_igl.free_map(V, F, keep="lengths")
     assert result.valid
     assert result.kept.dirichlet < angles_kept(plain).dirichlet
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-9])
+def test_air_that_is_too_thin_is_left_as_it_is(monkeypatch, gap):
+    """Of angles that lengths do not determine, libigl flips edges until the memory is full."""
+    calls = list[int]()
+
+    def counting(V, F):
+        calls.append(len(F))
+        return F
+
+    monkeypatch.setattr("cdcp_igl.libigl.intrinsic_delaunay_faces", counting)
+    f = np.array([0, 1, 1.1 + 0.5j, 1.1 + (0.5 + gap) * 1j, 1 + 1j, 1j])
+    ring, S = air(f, np.arange(6))
+    assert bool(calls) == (gap > 1e-3)
+    assert len(flipped_faces(np.append(f, ring), S)[0]) == 0
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,9 @@ import numpy as np
 
 from .. import libigl
 from ..arrays import Complex, Floats, Ints, coordinates, marked
+from ..solve.laplacian import THINNEST
 from ..surface.mesh import Mesh
-from ..surface.triangles import corner_cotangents, degenerate_faces
+from ..surface.triangles import corner_angles, corner_cotangents
 from .balance import HALF, LITTLE, Energy, Newton
 
 AIR = 1e-3  # what all air counts, by the energy of the map
@@ -62,7 +63,8 @@ def _one_round(
 def air(f: Complex, loop: Ints) -> tuple[Complex, Ints]:
     """Triangulate the outside of the outline of a map (n,): corners of a circle, and faces.
 
-    The corners are rows n, n + 1, ... of the faces. It is the constrained Delaunay triangulation.
+    The corners are rows n, n + 1, ... of the faces. It is the constrained Delaunay triangulation,
+    unless a face is too thin for that.
     """
     import mapbox_earcut  # by few maps alone
 
@@ -77,7 +79,7 @@ def air(f: Complex, loop: Ints) -> tuple[Complex, Ints]:
     area = libigl.double_areas(points, F)
     F[area < 0] = F[area < 0, ::-1]
     flat = np.column_stack([points, np.zeros(len(points))])
-    if not len(degenerate_faces(corner_cotangents(flat, F))):
+    if corner_angles(corner_cotangents(flat, F)).min() > THINNEST:
         F = libigl.intrinsic_delaunay_faces(flat, F)
     return ring, np.concatenate([len(f) + np.arange(RING), loop])[F]
 
