@@ -11,6 +11,7 @@ import cdcp_igl
 from benchmarks.measure.punctures import RINGS, opened, row_to_open
 from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.arrays import coordinates
+from cdcp_igl.maps import disk
 from cdcp_igl.reference import fdcp, harmonic
 from cdcp_igl.refine.balance import lower_shear
 from cdcp_igl.rescue.boundary import BoundaryMethod, around, harmonic_shares
@@ -121,6 +122,35 @@ def test_what_no_repair_mends_begins_with_an_embedding_and_says_so(seed):
         assert "mean value Laplacian (rejected geodesic: the trace turns back)" in str(made)
     assert plain.refinement is None
     assert result.distortion.mean < 0.95 * plain.distortion.mean
+
+
+def test_a_map_that_lower_errors_would_undo_is_held_against_embeddings():
+    """It is conformal at 9.4 degrees, and the next step of refinement would make it needles."""
+    result = cdcp_igl.disk_map(*_stretched(1, 8))
+    assert result.conformal
+    assert (result.boundary.name, result.boundary.laplacian) == ("harmonic measure", "mean value")
+    assert result.distortion.mean < 7.5
+
+
+def test_a_hopeless_embedding_is_not_refined(monkeypatch):
+    refined = list[str]()
+
+    def counting(surface, plain, *options, **due):
+        refined.append(f"{plain.boundary.name} {plain.boundary.laplacian}")
+        return lowered(surface, plain, *options, **due)
+
+    lowered = disk._lowered
+    monkeypatch.setattr(disk, "_lowered", counting)
+    result = cdcp_igl.disk_map(*_stretched(2, 20))
+    halfway = "harmonic measure and arc length"
+    assert refined[1:] == ["harmonic measure mean value", f"{halfway} mean value"]
+    assert any(reason.startswith("arc length: mean") for reason in result.boundary.rejected)
+    assert result.distortion.mean < 8
+
+
+def _stretched(seed, length):
+    V, F = meshes.rugged(seed)
+    return V * [length, 1, 0.3], F
 
 
 def test_a_repaired_map_is_held_against_that_without_its_moebius_transformation(real_mesh):

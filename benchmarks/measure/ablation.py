@@ -128,11 +128,15 @@ def _replaced(function: Callable[..., Any], by: Callable[..., Any]) -> Iterator[
         yield
 
 
-def _without_boundary(name: str) -> AbstractContextManager[Any]:
+@contextmanager
+def _without_boundary(name: str) -> Iterator[None]:
     from unittest import mock
 
-    left = {key: boundary for key, boundary in FALLBACKS.items() if key != name}
-    return mock.patch.dict(FALLBACKS, left, clear=True)
+    with ExitStack() as stack:
+        for boundaries in (FALLBACKS, STARTS):
+            left = {key: boundary for key, boundary in boundaries.items() if key != name}
+            stack.enter_context(mock.patch.dict(boundaries, left, clear=True))
+        yield
 
 
 def _without_starts() -> AbstractContextManager[Any]:

@@ -84,7 +84,8 @@ def rescue(
     """Find a better map than the one of Algorithm 1, or one where it has none.
 
     The boundary by the trace, else by harmonic measure, else by arc length; flipped faces are
-    repaired. The best valid map is returned, or else the best that there is.
+    repaired. The best valid map is returned, or else the best that there is. If it will be refined,
+    one other boundary is enough: maps from embeddings, which come next, are better than a third.
     """
     tried: list[tuple[HarmonicMap, DiskMap]] = []
     rejected: list[str] = []
@@ -92,11 +93,12 @@ def rescue(
         if isinstance(harmonic, Rejected):
             rejected.append(str(harmonic))
             continue
+        enough = options.preset is None and options.refine != 0 and harmonic is not first
         with phase("extension"):
             harmonic = harmonic.corrected(straightened=options.preset is None)
         candidate = _normalized(harmonic, options, phase)
         tried.append((harmonic, candidate))
-        if not _is_doubtful(candidate, options):
+        if enough or not _is_doubtful(candidate, options):
             break
     candidates = [candidate for _, candidate in tried]
     if all(candidate.conformality.sheared for candidate in candidates):

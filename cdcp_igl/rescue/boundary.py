@@ -212,7 +212,11 @@ def _places(differences: csr_matrix, wanted: Floats, least: float) -> Floats:
 # In the order in which they are tried.
 FALLBACKS = {"harmonic measure": by_harmonic_measure, "arc length": by_arc_length}
 # Of embeddings whose boundary then slides.
-STARTS = {"harmonic measure and arc length": between_the_two, "arc length": by_arc_length}
+STARTS = {
+    "harmonic measure": by_harmonic_measure,
+    "harmonic measure and arc length": between_the_two,
+    "arc length": by_arc_length,
+}
 
 
 def harmonic_shares(surface: FactoredSurface, face: int) -> Floats:
