@@ -153,14 +153,13 @@ def _stretched(seed, length):
     return V * [length, 1, 0.3], F
 
 
-def test_a_repaired_map_is_held_against_that_without_its_moebius_transformation(real_mesh):
-    """Here that needs no repair, and is better: with it, 25.8 degrees."""
-    V, F = real_mesh("any/closed_octopus_451")
-    row = row_to_open(np.random.default_rng([1, RINGS["vertex"], 1]), V, F, "vertex")
-    result = cdcp_igl.disk_map(*opened(V, F, "vertex", row), refine=0)
+@pytest.mark.parametrize("seed", [7, 9])
+def test_a_repaired_map_is_held_against_that_without_its_moebius_transformation(seed):
+    """Here that needs no repair, and is better: with it, 10 degrees at least."""
+    result = cdcp_igl.disk_map(*_stretched(seed, 8), refine=0)
     assert (result.mobius.method, result.mobius.rejected) == ("angle", "repair")
     assert result.repair.n_flipped == 0
-    assert result.distortion.mean < 25.2
+    assert result.distortion.mean < 9.5
 
 
 def test_a_map_that_is_little_repaired_keeps_its_moebius_transformation(real_mesh, monkeypatch):

@@ -166,18 +166,23 @@ def embedded(
             f = lower_shear(mesh, f)
         method = BoundaryMethod(name, laplacian="mean value")
         done = Provenance(center=center, boundary=method)
-        yield _normalized(HarmonicMap(surface, f, done, w), options, phase)
+        # Repair would take long, and an embedding has no need of it.
+        most = MANY_FLIPPED if len(flipped_faces(f, mesh.F)[0]) else 0
+        yield _normalized(HarmonicMap(surface, f, done, w), options, phase, most)
 
 
-def _normalized(harmonic: HarmonicMap, options: Options, phase: Phases) -> DiskMap:
+def _normalized(
+    harmonic: HarmonicMap, options: Options, phase: Phases, most: float = MANY_FLIPPED
+) -> DiskMap:
     """Apply the Möbius transformation, unless the map is better without it; repair, and judge.
 
     A transformed map that repair was tried on, which may be in vain, or that has moved a small part
     of the surface away from 0, is held against the map without the transformation; but not if few
     vertices were moved, and would be there, too: then the transformation lowers the distortion.
+    No more than the share `most` of the faces is repaired.
     """
     mesh = harmonic.surface.mesh
-    repairing = partial(repair_locally, most=MANY_FLIPPED * len(mesh.F))
+    repairing = partial(repair_locally, most=most * len(mesh.F))
     method = options.mobius_method
     candidate = _finished(harmonic, method, options, phase, repairing)
     moved = candidate.mobius.w != harmonic.w
