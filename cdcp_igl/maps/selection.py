@@ -160,7 +160,7 @@ def embedded(
             with phase("circle"):
                 f[mesh.loop] = boundary(surface, center.face)
         except Rejected:
-            continue  # as it was in `rescue`, which has told why
+            continue  # the next one needs less
         with phase("repair"):
             f, w = embedding(mesh, f, on_disk=True)
             f = lower_shear(mesh, f)

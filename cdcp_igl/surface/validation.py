@@ -95,7 +95,9 @@ def without_data(V: NDArray[Any], F: Ints) -> tuple[Ints, str]:
     x = V[:, 0][F]
     flat = F[(x[:, 0] == x[:, 1]) & (x[:, 1] == x[:, 2])]
     whole = (V[flat] == V[flat[:, :1]]).all(axis=(1, 2))
-    for place in np.unique(V[flat[whole, 0]], axis=0) if whole.any() else ():
+    if not whole.any():  # nearly always
+        return found, where
+    for place in np.unique(V[flat[whole, 0]], axis=0):
         if _is_far(V, F, there := (place == V).all(axis=1)):
             found = np.union1d(found, np.flatnonzero(there))
             where = where or f"({', '.join(f'{x:g}' for x in place.tolist())})"

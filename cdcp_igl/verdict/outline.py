@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .. import libigl
-from ..arrays import Bools, Complex, Floats, Ints, as_complex, coordinates, places
+from ..arrays import Bools, Complex, Floats, Ints, as_complex, coordinates, places, shifted
 from ..errors import spell
 from ..surface.location import z_order
 from ..surface.mesh import Mesh
@@ -75,9 +75,8 @@ def certify_outline(
     if not np.isfinite(uv).all():
         return OutlineCertificate(False, 0, np.empty((0, 2), int), np.arange(len(mesh.F)), 0)
     f = as_complex(uv)
-    turns = exterior_angles(f[mesh.loop], np.roll(np.arange(len(mesh.loop)), -1)).sum() / (
-        2 * np.pi
-    )
+    after = shifted(np.arange(len(mesh.loop)))
+    turns = exterior_angles(f[mesh.loop], after).sum() / (2 * np.pi)
     flipped, n_exact = known or flipped_faces(f, mesh.F)
     meeting = mesh.loop[meeting_edges(f[mesh.loop])]
     return OutlineCertificate(True, round(turns), meeting, flipped, n_exact)
@@ -101,7 +100,7 @@ def meeting_edges(z: Complex) -> Ints:
         pairs = pairs[_may_meet(z, *pairs.T)]
         return pairs[[_meet(z, i, j) for i, j in pairs.tolist()]]
 
-    return _among_near_edges(np.stack([coordinates(z), coordinates(np.append(z[1:], z[0]))]), met)
+    return _among_near_edges(np.stack([coordinates(z), coordinates(shifted(z))]), met)
 
 
 def overlapping_edges(z: Complex, after: Ints) -> Ints:
