@@ -18,6 +18,9 @@ from .arrays import Bools, Floats, Ints
 SERIAL = 999
 # The power of lengths that makes a Delaunay triangulation unique.
 STRICT = 1 - 1e-12
+# The lengths of the sides do not determine an angle as small as this, in radians: its square is
+# below their last digit. Edges of such faces would be flipped to and fro for ever.
+THINNEST = 5e-8
 # Of needles, whose lengths do not bear a change of that size, these are kept.
 NEEDLE = 1e-10
 
@@ -70,7 +73,10 @@ def harmonic(V: Floats, F: Ints, S: Ints, c: Floats) -> Floats:
 
 
 def intrinsic_delaunay_cotangents(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """(m, 3) half the cotangents, and the faces (m, 3), of the intrinsic Delaunay triangulation."""
+    """(m, 3) half the cotangents, and the faces (m, 3), of the intrinsic Delaunay triangulation.
+
+    No angle of the given faces may be smaller than `THINNEST`.
+    """
     lengths, F = _intrinsic_delaunay(V, F)
     own = lengths ** (1 / STRICT)
     is_needle = 2 * own.max(axis=1) > (1 - NEEDLE) * own.sum(axis=1)
@@ -78,7 +84,10 @@ def intrinsic_delaunay_cotangents(V: Floats, F: Ints) -> tuple[Floats, Ints]:
 
 
 def intrinsic_delaunay_faces(V: Floats, F: Ints) -> Ints:
-    """(m, 3) faces of the intrinsic Delaunay triangulation; edges of one face stay."""
+    """(m, 3) faces of the intrinsic Delaunay triangulation; edges of one face stay.
+
+    No angle of the given faces may be smaller than `THINNEST`.
+    """
     return _intrinsic_delaunay(V, F)[1]
 
 

@@ -16,7 +16,6 @@ import numpy as np
 
 from .. import libigl
 from ..arrays import Complex, Floats, Ints, coordinates, marked
-from ..solve.laplacian import THINNEST
 from ..surface.mesh import Mesh
 from ..surface.triangles import corner_angles, corner_cotangents
 from .balance import HALF, LITTLE, Energy, Newton
@@ -79,7 +78,7 @@ def air(f: Complex, loop: Ints) -> tuple[Complex, Ints]:
     area = libigl.double_areas(points, F)
     F[area < 0] = F[area < 0, ::-1]
     flat = np.column_stack([points, np.zeros(len(points))])
-    if corner_angles(corner_cotangents(flat, F)).min() > THINNEST:
+    if corner_angles(corner_cotangents(flat, F)).min() >= libigl.THINNEST:
         F = libigl.intrinsic_delaunay_faces(flat, F)
     return ring, np.concatenate([len(f) + np.arange(RING), loop])[F]
 

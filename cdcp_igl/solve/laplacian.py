@@ -13,9 +13,6 @@ from ..arrays import Floats, Indices, Ints, Numbers
 from ..surface.mesh import Mesh
 from ..surface.topology import Edges
 
-# The lengths of the sides do not determine an angle as small as this, in radians: its square is
-# below their last digit. libigl would flip edges to and fro for ever.
-THINNEST = 5e-8
 # Where thin faces are kept, smaller weights, also negative ones, become this one: that of an edge
 # opposite two angles of 89.4 degrees. With less, these faces come nearer to collapse than doubles
 # can hold.
@@ -109,7 +106,7 @@ def intrinsic_delaunay_laplacian(mesh: Mesh) -> Laplacian:
     of intrinsic Delaunay triangulations with applications to digital geometry
     processing. SIGGRAPH Courses, 2006.
     """
-    n, thin = len(mesh.V), mesh.angles.min(axis=1) < THINNEST
+    n, thin = len(mesh.V), mesh.angles.min(axis=1) < libigl.THINNEST
     weights = csr_matrix((n, n))
     if not thin.all():
         weights = _by_edge(*libigl.intrinsic_delaunay_cotangents(mesh.V, mesh.F[~thin]), n)
