@@ -55,7 +55,7 @@ def _one_round(
     of_air = Energy.of(Mesh(_in_space(z), S, S[:0, 0]), HALF)
     joined = energy.joined(of_air.softened if far else of_air, share)
     newton = Newton(Mesh(_in_space(z), G, S[:0, 0]), z, held=marked(len(z), ring_rows))
-    newton.descend(joined, FAR_STEPS if far else STEPS, far=far)
+    newton.descend(joined, *(FAR_STEPS, LITTLE) if far else (STEPS,))
     return newton.f[: len(f)], newton.steps
 
 

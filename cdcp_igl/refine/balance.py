@@ -51,8 +51,10 @@ SOFT, FIRST_STEPS, STEPS = 0.1, 60, 30
 # A step that gains less than so ends those that are soft, those that are far from the minimum, or
 # all; unless it is short, as a face was about to flip: then its gain says nothing.
 LITTLE, NEAR, WORTH, SHORT = 0.1, 0.03, 1e-3, 0.5
-# Directions of CG at most, and the share of what all have gained that ends them: soft or not.
-DIRECTIONS, ENOUGH_OF_SOFT, ENOUGH = 12, 1e-2, 1e-3
+# Of an embedding's shear: refinement, in which faces get into the way, takes longer for that.
+SHEAR_STEPS, SHEAR_WORTH = 100, 4e-3
+# Directions of CG at most, and the share of what all have gained that ends them: roughly or not.
+DIRECTIONS, ENOUGH_ROUGHLY, ENOUGH = 12, 1e-2, 1e-3
 SPARE = 6  # further directions than with a factor that is new, before another is made
 TRIALS, SUFFICIENT = 16, 1e-4  # of the length of a step, which lowers by this share of its slope
 SHARE, SHARE_OF_SLIDING = 0.9, 0.5  # of the way to the first flip; where the boundary turns
@@ -266,14 +268,14 @@ class Newton:
     def lower(self, energy: Energy, *, soft: bool = True, steps: int = STEPS) -> float:
         """Go down to the minimum, the `soft` energy first; return the energy there."""
         if soft:
-            self.descend(energy.softened, FIRST_STEPS, far=True)
+            self.descend(energy.softened, FIRST_STEPS, LITTLE)
         return self.descend(energy, steps)
 
-    def descend(self, energy: Energy, steps: int = STEPS, *, far: bool = False) -> float:
-        """Go down while it is worth it; `far` from the minimum only roughly."""
+    def descend(self, energy: Energy, steps: int = STEPS, worth: float = WORTH) -> float:
+        """Go down until a step gains less than a share that is `worth` it."""
         value, whole, anew, failed, least = energy.value(self.f), False, True, False, 0
         self.done = value < ISOMETRIC
-        enough, worth = (ENOUGH_OF_SOFT, LITTLE) if far else (ENOUGH, WORTH)
+        enough = ENOUGH_ROUGHLY if worth > WORTH else ENOUGH
         for _ in range(steps):
             if self.done:
                 break
@@ -294,7 +296,7 @@ class Newton:
             self.f, self.steps = found[2], self.steps + 1
             self.done = value < ISOMETRIC or (length > SHORT and gain < worth)
             was, near = whole, gain < NEAR
-            whole = not far and not failed and (whole or near)
+            whole = worth < NEAR and not failed and (whole or near)
             solved = used < min(DIRECTIONS, least + SPARE + 1)
             anew = not (was and whole and near and solved)
         return value
@@ -437,5 +439,5 @@ def lower_shear(mesh: Mesh, f: Complex) -> Complex:
     weight = np.full(len(mesh.F), 1 / len(mesh.F))
     weight[mesh.inscribed] *= INSCRIBED
     newton = Newton(mesh, f, DISK)
-    newton.descend(replace(energy, weight=weight).softened, FIRST_STEPS, far=True)
+    newton.descend(replace(energy, weight=weight).softened, SHEAR_STEPS, SHEAR_WORTH)
     return newton.f

@@ -66,8 +66,8 @@ class Refinement:
     stopped : str
         Why they are fewer: ``"no improvement"``; of steps that were not asked for,
         ``"little to gain"``, or ``"out of reach"`` if they cannot make the map conformal;
-        ``"no certificate"`` of the map that they led to, or ``"not conformal"`` if the next step
-        would take this from the map; or ``"time limit"``. Empty if they are not fewer.
+        ``"no certificate"`` of the map that they led to, or ``"not conformal"`` if steps would have
+        taken this from the map; or ``"time limit"``. Empty if they are not fewer.
     norm : float
         The exponent p.
     before, after : float
@@ -118,10 +118,11 @@ def lower_angle_distortion(
 
     Gauss-Newton with iteratively reweighted least squares. A step that flips a face or does
     not lower the objective is halved, where it flips or everywhere, and then computed again with
-    Levenberg-Marquardt damping of the shear of every face; when the strongest damping does not
-    help, the refinement ends. The weights begin with those of p = 2, which bring the large
-    errors down that a smaller p would take for outliers; each step without damping lowers p
-    until it is the norm, from 1 to 2.
+    Levenberg-Marquardt damping of the shear of every face; so is one to a map that is not
+    `accepted`, with its angle errors (m, 3). When the strongest damping does not help, the
+    refinement ends. The weights begin with those of p = 2, which bring the large errors down that a
+    smaller p would take for outliers; each step without damping lowers p until it is the norm, from
+    1 to 2.
 
     `order` are the interior vertices, or all that move if there is no circle on which others slide,
     in a fill-reducing order, or in that of an `analysis` of their Laplacian.
@@ -129,10 +130,9 @@ def lower_angle_distortion(
     computed again with more damping; more of them are slower, and help where a map is bad. After
     the `least` number of steps, if it is told, further ones end where there is little to gain, or
     where it is out of reach that only the share `wanted` of the objective is left, which would make
-    the map conformal. They end before a step to a map that is not `accepted`, with its angle errors
-    (m, 3). Of a map that is `near` the conformal one, most steps need no factor. `advance` is
-    called after each step with the share that is done. Returns f itself if no step was an
-    improvement, or if it has flipped faces or overlaps itself.
+    the map conformal. Of a map that is `near` the conformal one, most steps need no factor.
+    `advance` is called after each step with the share that is done. Returns f itself if no step was
+    an improvement, or if it has flipped faces or overlaps itself.
 
     References
     ----------
@@ -144,7 +144,7 @@ def lower_angle_distortion(
     flipped = target.flipped(mesh.F, f)
     r = target.errors(mesh, f, flipped)
     before = objective = measure(r)
-    schedule, gains, stopped = Schedule(norm, near), list[float](), ""
+    schedule, gains, stopped, refused = Schedule(norm, near), list[float](), "", False
     if len(order) == 0 or not target.certificate(mesh, f, flipped).valid:
         return f, Refinement(steps, 0, "no improvement", norm, before, objective)
     laplacian = WeightedLaplacian(mesh, order, analysis)
@@ -162,7 +162,8 @@ def lower_angle_distortion(
         if found is None:
             schedule.failed()
         elif not accepted(*found[:2]):
-            stopped = "not conformal"
+            refused = True
+            schedule.failed()
         else:
             schedule.went(found[0] - f, objective, found[2])
             gains.append(1 - found[2] / objective)
@@ -172,6 +173,8 @@ def lower_angle_distortion(
                 stopped = "no improvement"
             elif least is not None and least <= len(gains) < steps:
                 stopped = _reason_to_stop(gains, steps - len(gains), wanted * before / objective)
+    if refused and stopped not in ("", "time limit"):
+        stopped = "not conformal"
     return f, Refinement(steps, len(gains), stopped, norm, before, objective)
 
 

@@ -231,14 +231,14 @@ def refined(
 
     def no_less_conformal(f: Complex, r: Floats) -> bool:
         nonlocal conformal, known
-        degrees, before = np.degrees(abs(r)), conformal
+        degrees = np.degrees(abs(r))
         mean, closely = float(degrees.mean()), repair.n_flipped > 0
-        conformal = mean <= LARGEST_DEGREES and bool(
+        is_now = mean <= LARGEST_DEGREES and bool(
             judge(mesh, target.image(f), degrees, closely=closely, known=known)
         )
-        if conformal:
-            known = max(known, mean)
-        return conformal or not before
+        if is_now:
+            conformal, known = True, max(known, mean)
+        return is_now or not conformal
 
     with phase("refine") as advance:
         f, refinement = lower_angle_distortion(
