@@ -57,7 +57,7 @@ SHEAR_STEPS, SHEAR_WORTH = 100, 4e-3
 DIRECTIONS, ENOUGH_ROUGHLY, ENOUGH = 12, 1e-2, 1e-3
 SPARE = 6  # further directions than with a factor that is new, before another is made
 TRIALS, SUFFICIENT = 16, 1e-4  # of the length of a step, which lowers by this share of its slope
-SHARE, SHARE_OF_SLIDING = 0.9, 0.5  # of the way to the first flip; where the boundary turns
+SHARE = 0.9  # of the way to the first flip
 # A face with all corners on the circle has the shape that this gives it, and counts little.
 INSCRIBED = 0.01
 # Rounds in which vertices are pulled to where they are told to be, the steps after each, and the
@@ -262,7 +262,6 @@ class Newton:
         )
         order, ordering, _ = elimination_order(pattern, mesh.V, free, solver())
         self._laplacian = WeightedLaplacian(mesh, order, ordering=ordering)
-        self._share = SHARE_OF_SLIDING if isinstance(target, Disk) else SHARE
         self.f, self.steps, self.factors, self.done = f, 0, 0, False
 
     def lower(self, energy: Energy, *, soft: bool = True, steps: int = STEPS) -> float:
@@ -354,7 +353,7 @@ class Newton:
         self, energy: Energy, step: Complex, slope: float, value: float
     ) -> tuple[float, float, Complex] | None:
         """Go along a step, back by parabolas or on by doubling: energy, length and map, or None."""
-        limit = self._share * way_to_flip(energy.F, self.f, step)
+        limit = SHARE * way_to_flip(energy.F, self.f, step)
         length, found = min(1.0, limit), None
         for _ in range(TRIALS):
             trial = self._target.moved(self._mesh, self.f, length * step)
