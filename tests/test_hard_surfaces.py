@@ -129,9 +129,9 @@ def test_needles_whose_lengths_do_not_know_their_angles(height):
 def test_steps_go_on_where_they_pay(real_mesh):
     V, F = real_mesh("any/closed_belt_8194")
     result = cdcp_igl.disk_map(V, np.delete(F, 1000, axis=0))
-    assert 20 < result.refinement.steps < result.refinement.asked
+    assert 10 < result.refinement.steps < result.refinement.asked
     assert result.conformal
-    assert result.distortion.mean < 2.4  # 2.79 with 20 steps
+    assert result.distortion.mean < 2.1
 
 
 # -- strips, against their exact conformal map -----------------------------------------

@@ -1,3 +1,4 @@
+from itertools import chain, repeat
 from time import sleep
 
 import meshes
@@ -253,10 +254,23 @@ def test_steps_that_nobody_asked_for_end_where_there_is_little_to_gain_or_no_hop
 
 
 def test_refinement_ends_before_a_step_that_is_not_accepted():
-    answers = iter([True, True, False])
+    answers = chain([True, True], repeat(False))
     f, account = lower_angle_distortion(MESH, Z, ORDER, 9, 1.5, accepted=lambda f, r: next(answers))
     assert (account.steps, account.stopped) == (2, "not conformal")
     assert np.array_equal(f, lower_angle_distortion(MESH, Z, ORDER, 2, 1.5)[0])
+
+
+def test_a_step_that_is_not_accepted_is_damped():
+    asked = []
+
+    def accepted(f, r):
+        asked.append(abs(f - Z).max())
+        return len(asked) > 1
+
+    f, account = lower_angle_distortion(MESH, Z, ORDER, 1, 1.5, accepted=accepted)
+    assert (account.steps, account.stopped) == (1, "")
+    assert asked[1] < 0.9 * asked[0]
+    assert abs(f - Z).max() == asked[1]
 
 
 def test_steps_that_cannot_make_a_map_conformal_end():

@@ -11,7 +11,6 @@ import cdcp_igl
 from benchmarks.measure.punctures import RINGS, opened, row_to_open
 from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.arrays import coordinates
-from cdcp_igl.maps import disk
 from cdcp_igl.reference import fdcp, harmonic
 from cdcp_igl.refine.balance import lower_shear
 from cdcp_igl.rescue.boundary import BoundaryMethod, around, harmonic_shares
@@ -132,20 +131,13 @@ def test_a_map_that_lower_errors_would_undo_is_held_against_embeddings():
     assert result.distortion.mean < 7.5
 
 
-def test_a_hopeless_embedding_is_not_refined(monkeypatch):
-    refined = list[str]()
-
-    def counting(surface, plain, *options, **due):
-        refined.append(f"{plain.boundary.name} {plain.boundary.laplacian}")
-        return lowered(surface, plain, *options, **due)
-
-    lowered = disk._lowered
-    monkeypatch.setattr(disk, "_lowered", counting)
-    result = cdcp_igl.disk_map(*_stretched(2, 20))
-    halfway = "harmonic measure and arc length"
-    assert refined[1:] == ["harmonic measure mean value", f"{halfway} mean value"]
-    assert any(reason.startswith("arc length: mean") for reason in result.boundary.rejected)
-    assert result.distortion.mean < 8
+def test_a_boundary_that_crowds_too_much_for_an_embedding_is_passed_over():
+    """Halfway between harmonic measure, which is refused, and arc length, a face is flipped."""
+    result = cdcp_igl.disk_map(*_stretched(4, 50))
+    assert result.valid
+    assert (result.boundary.name, result.boundary.laplacian) == ("arc length", "mean value")
+    assert not any("and arc length" in reason for reason in result.boundary.rejected)
+    assert result.distortion.mean < 13
 
 
 def _stretched(seed, length):

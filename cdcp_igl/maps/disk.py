@@ -30,9 +30,6 @@ from ..surface.mesh import DiskMesh
 from .selection import chosen, embedded, inscribed, is_good, rescue
 
 REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
-# A map from an embedding with more than so many times the distortion of the best is not refined: 74
-# that came out as the best began with 2.3 times at most.
-HOPELESS = 2.5
 MARGIN = 1.05  # by which a map that is not conformal has to be better than one that is
 REMEDY = (
     "Boundary: {0.boundary}. Parts of it may be too small on the disk for double precision: cut "
@@ -276,12 +273,9 @@ def finish(
     best = _lowered(surface, best, options, phase, due=due)
     if due and not (good or is_settled(best) or (best.valid and options.refine == 0)):
         tried = [best]
-        for other in embedded(surface, best.center, options, phase):
-            lowest = min((made.distortion.mean for made in tried if made.valid), default=np.inf)
-            if other.distortion.mean < HOPELESS * lowest:
-                other = _lowered(surface, other, options, phase, due=due)
-            tried.append(other)
-            if is_settled(other):
+        for start in embedded(surface, best.center, options, phase):
+            tried.append(_lowered(surface, start, options, phase, due=due))
+            if is_settled(tried[-1]):
                 break
         # What refinement has brought down farthest, even if the scale does not explain the rest.
         tried.sort(key=lambda m: (not m.valid, m.distortion.mean * (1 if m.conformal else MARGIN)))

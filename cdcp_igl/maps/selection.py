@@ -163,12 +163,13 @@ def embedded(
             continue  # the next one needs less
         with phase("repair"):
             f, w = embedding(mesh, f, on_disk=True)
+            if len(flipped_faces(f, mesh.F)[0]):  # the boundary crowds too much for doubles
+                continue
             f = lower_shear(mesh, f)
         method = BoundaryMethod(name, laplacian="mean value")
         done = Provenance(center=center, boundary=method)
         # Repair would take long, and an embedding has no need of it.
-        most = MANY_FLIPPED if len(flipped_faces(f, mesh.F)[0]) else 0
-        yield _normalized(HarmonicMap(surface, f, done, w), options, phase, most)
+        yield _normalized(HarmonicMap(surface, f, done, w), options, phase, most=0)
 
 
 def _normalized(
