@@ -272,14 +272,17 @@ def finish(
         surface.release()
     best = _lowered(surface, best, options, phase, due=due)
     if due and not (good or is_settled(best) or (best.valid and options.refine == 0)):
-        tried = [best]
+        tried, rejected = [best], list(best.boundary.rejected)
         for start in embedded(surface, best.center, options, phase):
+            if isinstance(start, Rejected):
+                rejected.append(str(start))
+                continue
             tried.append(_lowered(surface, start, options, phase, due=due))
             if is_settled(tried[-1]):
                 break
         # What refinement has brought down farthest, even if the scale does not explain the rest.
         tried.sort(key=lambda m: (not m.valid, m.distortion.mean * (1 if m.conformal else MARGIN)))
-        best = chosen(tried, best.boundary.rejected)
+        best = chosen(tried, tuple(rejected))
     if options.kept and best.valid:
         if not keep_factor:
             surface.release()

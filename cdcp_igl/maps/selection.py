@@ -151,7 +151,7 @@ def _harmonic_maps(
 
 def embedded(
     surface: FactoredSurface, center: Center, options: Options, phase: Phases
-) -> Iterator[DiskMap]:
+) -> Iterator[DiskMap | Rejected]:
     """Yield maps that no flipped face keeps from coming near: from embeddings, by lower shear."""
     mesh = surface.mesh
     for name, boundary in STARTS.items():
@@ -159,11 +159,13 @@ def embedded(
         try:
             with phase("circle"):
                 f[mesh.loop] = boundary(surface, center.face)
-        except Rejected:
-            continue  # the next one needs less
+        except Rejected as reason:
+            yield reason
+            continue
         with phase("repair"):
             f, w = embedding(mesh, f, on_disk=True)
-            if len(flipped_faces(f, mesh.F)[0]):  # the boundary crowds too much for doubles
+            if len(flipped_faces(f, mesh.F)[0]):
+                yield Rejected(f"{name}: it crowds the mean values too much for double precision")
                 continue
             f = lower_shear(mesh, f)
         method = BoundaryMethod(name, laplacian="mean value")
