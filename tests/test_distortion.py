@@ -251,7 +251,7 @@ def test_the_result_says_so(caplog):
     with caplog.at_level(logging.INFO, "cdcp_igl"):
         result = cdcp_igl.disk_map(V, F)
     assert str(result).startswith(f"disk map of {len(V):,} vertices: valid, NOT CONFORMAL")
-    assert "the boundary lies by arc length" in str(result)
+    assert "the boundary began by arc length" in str(result)
     report = result.report()
     assert json.loads(json.dumps(report)) == report
     assert report["valid"]
