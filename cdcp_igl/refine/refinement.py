@@ -42,7 +42,7 @@ DAMPINGS = (0, 1, 10, 100)  # tried in turn
 # The preconditioner is used again after a step that has lowered the objective by less than this
 # share, as the weights are much the same; but not if p is smaller, as they change too much then.
 SMALL_GAIN, STEADY = 0.02, 1.5
-LOWERING = 0.5  # of p from 2 to the norm, with each step that needs no damping
+LOWERING = 0.5  # of p from 2 to the norm, with each step
 
 HALVINGS = 6  # of a step, before it is computed again with more damping
 # The corners of a face that a step flips go a shorter part of it; where this part is too long, too,
@@ -121,8 +121,7 @@ def lower_angle_distortion(
     Levenberg-Marquardt damping of the shear of every face; so is one to a map that is not
     `accepted`, with its angle errors (m, 3). When the strongest damping does not help, the
     refinement ends. The weights begin with those of p = 2, which bring the large errors down that a
-    smaller p would take for outliers; each step without damping lowers p until it is the norm, from
-    1 to 2.
+    smaller p would take for outliers; each step lowers p until it is the norm, from 1 to 2.
 
     `order` are the interior vertices, or all that move if there is no circle on which others slide,
     in a fill-reducing order, or in that of an `analysis` of their Laplacian.
@@ -214,8 +213,7 @@ class Schedule:
     def went(self, way: Complex, before: float, after: float) -> None:
         """Take account of a step (n,) and of what it did to the objective."""
         used = self._p, self.attempt
-        if self.attempt == 0:
-            self._p = max(self._norm, self._p - LOWERING)
+        self._p = max(self._norm, self._p - LOWERING)
         self.attempt = max(self.attempt - 1, 0)
         self.along = way if after < GOOD else None
         self._little = after >= (1 - GOOD_GAIN) * before
