@@ -274,10 +274,10 @@ def test_a_step_that_is_not_accepted_is_damped():
 
 
 def test_steps_that_cannot_make_a_map_conformal_end():
-    """Ten of 0.3 % each, and ninety more of them, would leave three quarters."""
-    assert _reason_to_stop([0.003] * 9, 91, 0.2) == ""
-    assert _reason_to_stop([0.003] * 10, 90, 0.2) == "out of reach"
-    assert _reason_to_stop([0.003] * 10, 90, 0.3) == ""
+    """Ten of 0.4 % each, and ninety more of them, would leave two thirds."""
+    assert _reason_to_stop([0.004] * 9, 91, 0.2) == ""
+    assert _reason_to_stop([0.004] * 10, 90, 0.2) == "out of reach"
+    assert _reason_to_stop([0.004] * 10, 90, 0.3) == ""
 
 
 def test_no_step_is_taken_if_none_is_wanted():
