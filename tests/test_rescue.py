@@ -135,6 +135,7 @@ def test_a_boundary_that_crowds_too_much_for_an_embedding_is_passed_over():
     """Halfway between harmonic measure, which is refused, and arc length, a face is flipped."""
     result = cdcp_igl.disk_map(*_stretched(4, 50))
     assert result.valid
+    assert result.boundary.name == "arc length"
     crowded = "arc length: it crowds the mean values too much for double precision"
     assert f"harmonic measure and {crowded}" in result.boundary.rejected
     assert result.distortion.mean < 13

@@ -107,8 +107,8 @@ def test_the_shear_of_faces_on_the_sphere():
     np.testing.assert_allclose(expected[away], ((one - other) / 2e-6)[away], atol=1e-6)
 
 
-@pytest.mark.parametrize(("k", "most"), [(16, 0.02), (32, 1)])
-def test_a_can_without_inner_vertices_is_mapped_to_itself(k, most):
+@pytest.mark.parametrize("k", [16, 32, 64])
+def test_a_can_without_inner_vertices_is_mapped_to_itself(k):
     """All corners lie on a sphere: no angle need change, and the dipole's map is 23 degrees off."""
     i, t = np.arange(k), np.arange(k) * 2 * np.pi / k
     j, fan = (i + 1) % k, np.arange(1, k - 1)
@@ -117,7 +117,7 @@ def test_a_can_without_inner_vertices_is_mapped_to_itself(k, most):
     low, high = np.array([0 * fan, fan + 1, fan]).T, np.array([0 * fan, fan, fan + 1]).T + k
     result = cdcp_igl.sphere_map(V, np.vstack([sides, low, high]))
     assert result.laplacian == "mean value"
-    assert result.distortion.mean < most
+    assert result.distortion.mean < 0.5
 
 
 @pytest.mark.parametrize("stretch", [1, 8, 40])
