@@ -323,8 +323,7 @@ def _lowered(
 def _causes(done: DiskMap) -> Iterator[str]:
     """Say what may have kept a map from being conformal."""
     if done.boundary.name == "arc length":
-        slid = done.boundary.laplacian == "mean value"
-        yield f"the boundary {'began' if slid else 'lies'} by arc length"
+        yield f"the boundary {'began' if done.is_embedded else 'lies'} by arc length"
         yield from (reason for reason in done.boundary.rejected if "crowding" in reason)
     n = len(done.mesh.V)
     if done.repair.n_moved > REPAIRED_SHARE * n:

@@ -107,7 +107,8 @@ class SphereMap(MadeMap):
         return how_made(self, BoundaryMethod("none", laplacian=self.laplacian), self.mobius)
 
     @property
-    def _embedded(self) -> bool:
+    def is_embedded(self) -> bool:
+        """Whether the map comes from an embedding by mean values."""
         return self.laplacian == "mean value"
 
     @cached_property

@@ -127,7 +127,8 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
     _target = DISK
 
     @property
-    def _embedded(self) -> bool:
+    def is_embedded(self) -> bool:
+        """Whether the map comes from an embedding by mean values."""
         return self.boundary.laplacian == "mean value"
 
     @property

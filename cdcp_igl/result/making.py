@@ -54,7 +54,7 @@ class MadeMap(Bijection):
     _straightened: ClassVar[float] = 0.0  # the share of the distortion that was taken out before
 
     @property
-    def _embedded(self) -> bool:
+    def is_embedded(self) -> bool:
         """Whether the map comes from an embedding by mean values."""
         return False
 
@@ -91,7 +91,7 @@ class MadeMap(Bijection):
     @property
     def steps_due(self) -> int:
         """Steps of refinement for a map that is measurably not near the conformal one."""
-        if self.conformality.reasons or self.is_much_repaired or self._embedded:
+        if self.conformality.reasons or self.is_much_repaired or self.is_embedded:
             return MOST_STEPS
         coarse = self._straightened > COARSE or self.conformality.excess > EXCESS
         return STEPS_DUE if coarse else 0
