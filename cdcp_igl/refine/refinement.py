@@ -249,7 +249,7 @@ def search_along(
             faces = mesh.F[flipped[0]]
             corners = np.unique(faces)
             scale[corners] = np.where(scale[corners] > SMALLEST_SCALE, scale[corners] / 2, 0)
-            size, distance = extents(f[faces])
+            size, distance = extents(f.take(faces.T))
             scale[faces[size < TINY * distance]] = 0
             continue
         r = target.errors(mesh, trial, flipped)

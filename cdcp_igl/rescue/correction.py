@@ -16,13 +16,14 @@ from ..steps.circle import RESOLVED
 from ..steps.least_distortion import pseudo_huber_corner
 from ..surface.mesh import Mesh
 from ..verdict.certificate import increments, is_around
-from ..verdict.distortion import plane_angles
+from ..verdict.distortion import angles_between, plane_angles
 
 FEW_FACES = 1_000  # enough to tell whether there is anything to correct
 MANY_FACES = 30_000  # for what is gained by straightening
 WORTH = 0.02  # of the mean angular distortion: a smaller gain is not worth two solves
 STEPS = 8  # of Gauss-Newton; one is enough but for the strongest shear
-WEIGHTINGS = 8  # of reweighted least squares
+# Rounds of reweighted least squares: to tell whether there is shear, and to take it out.
+FEW_WEIGHTINGS, WEIGHTINGS = 4, 8
 HALVINGS = 5
 # Faces this small by their distance from 0, and from the circle, have angles with errors of 1e-4.
 TOO_SMALL = 1e-12
@@ -108,8 +109,9 @@ def _straighter(
     # To first order in a = x + iy, i zeta theta = i (a conj(zeta) + conj(a) zeta^3) / 2, and
     # the extension of conj(zeta) is conj(f).
     moves = [(f.conj() + third) / 2 * 1j, (third - f.conj()) / 2]
-    responses = [_angle_response(f[faces], move[faces]).imag for move in moves]
-    a, _ = _least_errors(plane_angles(f, faces) - angles, *responses)
+    corners = f.take(faces.T)
+    responses = [_angle_response(corners, move.take(faces.T)).imag for move in moves]
+    a, _ = _least_errors(WEIGHTINGS, angles_between(*corners) - angles.T, *responses)
     for _ in range(HALVINGS):
         moved = boundary * np.exp(1j * (a * boundary.conj() ** 2).real)
         moved /= moved[0]
@@ -134,32 +136,34 @@ def common_shear(f: Complex, F: Ints, angles: Floats) -> tuple[complex, float]:
     Returns mu, and the share of the distortion of faces F, with these angles (k, 3) on the surface,
     that it would remove.
     """
-    corners = f[F]
-    errors = plane_angles(f, F) - angles
+    corners = f.take(F.T)
+    errors = angles_between(*corners) - angles.T
     response = _angle_response(corners, -corners.conj())
-    mu, after = _least_errors(errors, response.imag, response.real)
+    mu, after = _least_errors(FEW_WEIGHTINGS, errors, response.imag, response.real)
     before = abs(errors).mean()
     return mu, float(1 - after / before) if before > 0 else 0.0
 
 
 def _angle_response(corners: Complex, move: Complex) -> Complex:
-    """(k, 3) change of the angles of plane triangles (k, 3) when their corners move.
+    """(3, k) change of the angles of plane triangles when their corners (3, k) move.
 
     An edge e that changes by de turns by Im(de / e). Edges that have collapsed do not count. The
     imaginary part is the change, and the real part that for i times the move.
     """
-    edge, change = (x[:, [1, 2, 0]] - x for x in (corners, move))  # leaves its corner
+    edge, change = (x[[1, 2, 0]] - x for x in (corners, move))  # leaves its corner
     turn = np.divide(change, edge, out=np.zeros_like(edge), where=edge != 0)
-    return turn[:, [2, 0, 1]] - turn
+    return turn[[2, 0, 1]] - turn
 
 
-def _least_errors(errors: Floats, by_x: Floats, by_y: Floats) -> tuple[complex, float]:
+def _least_errors(
+    weightings: int, errors: Floats, by_x: Floats, by_y: Floats
+) -> tuple[complex, float]:
     """Find x + iy with the least mean of |errors + x by_x + y by_y|, and that mean."""
     x = y = 0.0
     terms = np.array([by_x.ravel(), by_y.ravel(), errors.ravel()])
     r = terms[2]
     soft = pseudo_huber_corner(r)
-    for _ in range(WEIGHTINGS):
+    for _ in range(weightings):
         weighted = terms[:2] / np.sqrt(r * r + soft * soft)
         (xx, xy, gx), (_, yy, gy) = np.einsum("ac,bc->ab", weighted, terms).tolist()
         determinant = xx * yy - xy * xy
@@ -205,7 +209,7 @@ def deep_vertex(mesh: Mesh, f: Complex, faces: Ints) -> int | None:
 
     They are far from the circle and from 0. None in the ordinary case.
     """
-    size, distance = extents(f[faces])
+    size, distance = extents(f.take(faces.T))
     small = size < TOO_SMALL * np.minimum(distance, 1 - distance)
     if np.count_nonzero(small) <= FEW * len(faces):
         return None
@@ -216,6 +220,6 @@ def deep_vertex(mesh: Mesh, f: Complex, faces: Ints) -> int | None:
 
 
 def extents(corners: Complex) -> tuple[Floats, Floats]:
-    """(k,) longest edges of faces with these corners (k, 3), and their largest distances from 0."""
-    size = abs(corners - corners[:, [2, 0, 1]]).max(axis=1)
-    return size, abs(corners).max(axis=1)
+    """(k,) longest edges of faces with these corners (3, k), and their largest distances from 0."""
+    size = abs(corners - corners[[2, 0, 1]]).max(axis=0)
+    return size, abs(corners).max(axis=0)
