@@ -27,6 +27,7 @@ from ..errors import MapError, SolverError, counted, spell
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
+from ..refine.apart import kept_apart
 from ..refine.balance import Energy, Newton, resized
 from ..refine.refinement import lower_angle_distortion
 from ..refine.targets import Outline
@@ -58,8 +59,9 @@ from .disk import disk_map, factored_surface, map_of
 APART = (1e-13, 1e-12, 1e-11, 1e-10)
 # The first share of easing, towards the lengths that the boundary has on the disk.
 EASED = 1 / 64
-EASING = 5  # steps of refinement that free the outline of a disk, or one that was eased too far
-OWN, DELAUNAY = "own lengths", "intrinsic Delaunay"
+# Steps of refinement of an outline that was eased, and of one that was the circle.
+EASING, FREEING = 5, 10
+OWN, DELAUNAY, FREED = "own lengths", "intrinsic Delaunay", "eased from the disk"
 SUM_TOLERANCE = 1e-9  # of exterior angles, which add up to 2 pi
 # Phases of a map onto the disk that one with a free outline only has where its outline is eased.
 OF_THE_DISK = ("center", "trace", "circle", "mobius")
@@ -93,7 +95,8 @@ class FreeMap(KeepingMap, PlaneMap):
     boundary : str
         ``"own lengths"``, ``"given scale"`` or ``"given angles"``. Where the outline would
         overlap itself, or flipped faces be left: ``"eased by 25%"``, so far towards the lengths
-        that it has on the disk; or ``"eased from the disk"`` by refinement.
+        that it has on the disk; or ``"eased from the disk"``, from which shear was lowered with
+        the outline free.
     laplacian : str
         ``"cotangent"``; or, where that gives no valid map, or none that is conformal,
         ``"intrinsic Delaunay"``.
@@ -242,8 +245,8 @@ def free_map(
         What lies to the right of the centroid, as in `disk_map`.
     refine : int or None
         Steps of refinement, as in `disk_map`, the outline free. None is as needed: up to five of
-        an outline that was eased. Not together with `boundary_scale` or `corners`, which it would
-        not keep.
+        an outline that was eased, ten of one that was a circle. Not together with `boundary_scale`
+        or `corners`, which it would not keep.
     keep : {"angles", "lengths", "areas"}, float or str
         What the map is to keep as well as it can, as in `disk_map`, the outline and the size free:
         lengths are in the unit of V. The outline does not come to overlap itself. Not together with
@@ -326,7 +329,7 @@ def free_map_of(
     steps = steps_of(best, options) if is_own else 0
     is_far = best.boundary != asked.name or best.distortion.mean > enough
     if options.refine is None and best.valid and is_far and not options.kept:
-        steps = max(steps, EASING)
+        steps = max(steps, FREEING if best.boundary == FREED else EASING)
     if steps:
         plain, order = best, _order_of_all(surface)
         if not keep_factor:
@@ -499,7 +502,14 @@ def _best_map(
                 low, high = share, max(high, min(2 * share, 1.0))
         return best
 
-    def from_the_disk() -> FreeMap:
+    def freed_by_newton() -> FreeMap:
+        """Lower the shear of the map onto the disk, its outline free but kept simple."""
+        with phase("refine"):
+            f, _ = kept_apart(surface.mesh, as_complex(disk.uv), 0.0)
+        return finished(f, FREED, disk.boundary.laplacian)
+
+    def freed_by_refinement() -> FreeMap:
+        """Lower its angle errors: on a rough surface that goes farther."""
         with phase("refine"):
             f, _ = lower_angle_distortion(
                 *(surface.mesh, as_complex(disk.uv), _order_of_all(surface)),
@@ -507,9 +517,9 @@ def _best_map(
                 halvings=PATIENT,
                 target=Outline(),
             )
-        return finished(f, "eased from the disk", disk.boundary.laplacian)
+        return finished(f, FREED, disk.boundary.laplacian)
 
-    return best_of([eased, from_the_disk])
+    return best_of([eased, freed_by_newton, freed_by_refinement])
 
 
 def _plain_maps(
