@@ -63,7 +63,7 @@ def unreadable(path):
         ("before.obj", OBJ + "f -5 1 2\n", "before the first"),
         ("goes on.obj", OBJ + "f 1 2 \\\n", "goes on"),
         ("utf-16.obj", OBJ.encode("utf-16"), "no text in UTF-8"),
-        ("binary.off", "OFF BINARY\n", "first line"),
+        ("binary.off", "OFF BINARY\n", "it is binary"),
         ("word.off", "OFF\n1 0 0\n0 0 zero\n", "line 3: 'zero' is no number"),
         ("counts.off", "OFF\n1 one 0\n", "line 2: 'one' is no count"),
         ("negative.off", "OFF\n-5 1 0\n0 0 0\n", "a count is negative"),

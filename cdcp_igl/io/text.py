@@ -106,8 +106,10 @@ def _rows_of_words(lines: Lines) -> Lines:
 def _read_off(lines: Lines) -> tuple[Floats, Ints, Ints]:
     vertices, corners, sizes = array("d"), array("q"), array("q")
     _, magic = next(lines, (1, [""]))
-    if magic[0] not in ("OFF", "COFF", "NOFF", "CNOFF") or "BINARY" in magic:
-        raise Damage("the first line must be OFF, COFF, NOFF or CNOFF, followed by text")
+    if "BINARY" in magic:
+        raise Damage("it is binary, and of off files only those of text are read")
+    if magic[0] not in ("OFF", "COFF", "NOFF", "CNOFF"):
+        raise Damage("the first line must be OFF, COFF, NOFF or CNOFF")
     number, words = (1, magic[1:]) if len(magic) > 1 else next(lines, (2, []))
     try:
         n, m = map(int, words[:2])
