@@ -3,6 +3,7 @@
 import igl
 import numpy as np
 from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
 
 
 def voxels(seed, size=4, share=0.5, missing=0):
@@ -19,6 +20,17 @@ def voxels(seed, size=4, share=0.5, missing=0):
     F = np.delete(F, rng.permutation(_plain(F))[:missing], axis=0)
     used, faces = np.unique(F, return_inverse=True)
     return V[used] + rng.uniform(-0.2, 0.2, (len(used), 3)), faces.reshape(F.shape)
+
+
+def star(seed, n):
+    """A sphere of n random vertices, at random distances from its centre; faces point outwards."""
+    rng = np.random.default_rng(seed)
+    V = rng.normal(size=(n, 3))
+    V /= np.linalg.norm(V, axis=1)[:, None]
+    F = ConvexHull(V).simplices.astype(np.int64)
+    inwards = np.linalg.det(V[F]) < 0
+    F[inwards] = F[inwards, ::-1]
+    return V * rng.uniform(0.2, 3, (n, 1)), F
 
 
 def random_voxels(size):

@@ -572,6 +572,18 @@ def test_a_chart_without_a_map_is_parted(monkeypatch):
         cdcp_igl.surface_map(V, F, max_charts=1)
 
 
+def test_a_chart_that_is_not_conformal_is_parted():
+    """A coarse star: in one chart its faces are too large, and the scale varies more."""
+    V, F = surfaces.star(1, 72)
+    whole = cdcp_igl.surface_map(V, F, max_charts=1)
+    assert not whole.conformal
+    result = cdcp_igl.surface_map(V, F)
+    assert_consistent(result, V, F)
+    assert result.conformal
+    assert 1 < len(result.charts) < 8
+    assert result.scale_variation < whole.scale_variation / 2
+
+
 def test_a_surface_of_many_handles_is_parted_before_it_is_cut(monkeypatch):
     """As long as there may be more charts."""
     genera, laid = [], even.open_to_disk

@@ -166,8 +166,8 @@ def charts_of(
 def _free_charts(
     component: Component, options: Options, limits: Limits, progress: Progress | None
 ) -> list[Chart]:
-    """Map a component onto charts with free outlines; part those that have no map as they are."""
-    charts, failed, done = list[Chart](), list[Draft](), 0
+    """Map a component onto charts with free outlines; part those without a conformal map."""
+    charts, failed, done = list[Chart](), list[tuple[Draft, Chart]](), 0
     with using(options.solver):
         for draft in even_drafts(component, options, limits.fill, limits.asked, limits.max_charts):
             chart = _free_chart(draft, options, limits.asked, may_ease=False)
@@ -175,19 +175,19 @@ def _free_charts(
             if not chart.map.conformal and limits.asked < np.inf:
                 for net in exact_nets(pieces(draft.opened), options):
                     chart = _measured(net.opened, net.map)
-            if chart.failure:
-                failed.append(draft)
+            if chart.failure or not (chart.map.conformal or limits.asked == np.inf):
+                failed.append((draft, chart))
             else:
                 charts.append(chart)
             done += len(chart.F)
             if progress:
                 progress("cut", done / len(component.rows))
         while failed:
-            draft = failed.pop()
+            draft, whole = failed.pop()
             spare = limits.max_charts - len(charts) - len(failed) - 1
             parts = halves(draft) if spare and limits.asked < np.inf else []
             if not 1 < len(parts) <= 1 + spare:
-                charts.append(_free_chart(draft, options, limits.asked))
+                charts.append(_free_chart(draft, options, limits.asked) if whole.failure else whole)
                 continue
             spare -= len(parts) - 1
             for part in parts:

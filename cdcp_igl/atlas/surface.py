@@ -406,7 +406,8 @@ def surface_map(
     Charts have the outline that distorts least, and a scale that is the same nearly everywhere, so
     that texels are: short slits lead to where curvature would vary it, and what is flat between its
     corners, such as a box or a can, is unfolded to its net, without any distortion. Where outlines
-    would overlap themselves, slits get too long, or faces stay flipped, there are more charts.
+    would overlap themselves, slits get too long, faces stay flipped, or are too large for a
+    conformal map, there are more charts.
 
     Parameters
     ----------
