@@ -227,9 +227,10 @@ def test_an_outline_that_overlaps_itself_is_eased(turns, boundary):
 
 
 def test_an_eased_outline_is_refined():
+    """Though its sides lie close together: 4 % is gained if all vertices wait for those there."""
     V, F = sector(3, 1.3, height=0.1)
     plain = cdcp_igl.free_map(V, F, refine=0)
-    assert cdcp_igl.free_map(V, F).distortion.mean < 0.97 * plain.distortion.mean
+    assert cdcp_igl.free_map(V, F).distortion.mean < 0.93 * plain.distortion.mean
 
 
 def test_the_outline_of_a_disk_is_freed_without_shear():

@@ -17,6 +17,7 @@ from ..rescue.correction import extents
 from ..solve.cholesky import Cholesky
 from ..surface.mesh import Mesh
 from ..surface.triangles import blocks
+from ..verdict.outline import OutlineCertificate
 from .preconditioning import WeightedLaplacian, conjugate_gradients
 from .targets import DISK, Target
 
@@ -238,7 +239,8 @@ def search_along(
 ) -> tuple[Complex, Floats, float] | None:
     """Halve a step until the objective falls, and at faces that it flips until it does not.
 
-    The step (n,) is tangential to the `target`; `measure` takes angle errors (m, 3) to the
+    Where the outline would meet itself its vertices are slowed by more than the others. The step
+    (n,) is tangential to the `target`; `measure` takes angle errors (m, 3) to the
     objective. Returns the map, its angle errors and its objective; None if nothing helps.
     """
     scale = np.ones(len(f))
@@ -248,16 +250,26 @@ def search_along(
         if len(flipped[0]):
             faces = mesh.F[flipped[0]]
             corners = np.unique(faces)
-            scale[corners] = np.where(scale[corners] > SMALLEST_SCALE, scale[corners] / 2, 0)
+            scale[corners] = _slower(scale[corners], 2)
             size, distance = extents(f.take(faces.T))
             scale[faces[size < TINY * distance]] = 0
             continue
         r = target.errors(mesh, trial, flipped)
         value = measure(r)
-        if value < objective and target.certificate(mesh, trial, flipped).valid:
-            return trial, r, value
+        if value < objective:
+            certificate = target.certificate(mesh, trial, flipped)
+            if certificate.valid:
+                return trial, r, value
+            if isinstance(certificate, OutlineCertificate):
+                start = np.unique(mesh.loop_index[certificate.meeting])
+                ends = np.union1d(mesh.loop[start], mesh.loop[(start + 1) % len(mesh.loop)])
+                scale[ends] = _slower(scale[ends], 4)
         scale /= 2
     return None
+
+
+def _slower(scale: Floats, times: int) -> Floats:
+    return np.where(scale > SMALLEST_SCALE, scale / times, 0)
 
 
 def _reason_to_stop(gains: list[float], left: int, wanted: float) -> str:
