@@ -22,14 +22,21 @@ def voxels(seed, size=4, share=0.5, missing=0):
     return V[used] + rng.uniform(-0.2, 0.2, (len(used), 3)), faces.reshape(F.shape)
 
 
-def star(seed, n):
-    """A sphere of n random vertices, at random distances from its centre; faces point outwards."""
-    rng = np.random.default_rng(seed)
+def random_sphere(rng, n):
+    """The hull of n random points of the unit sphere, which need not surround 0; faces outwards."""
     V = rng.normal(size=(n, 3))
     V /= np.linalg.norm(V, axis=1)[:, None]
-    F = ConvexHull(V).simplices.astype(np.int64)
-    inwards = np.linalg.det(V[F]) < 0
-    F[inwards] = F[inwards, ::-1]
+    hull = ConvexHull(V)
+    F = hull.simplices.astype(np.int64)
+    normal = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]])
+    outwards = (normal * hull.equations[:, :3]).sum(axis=1) > 0
+    return V, np.where(outwards[:, None], F, F[:, ::-1])
+
+
+def star(seed, n):
+    """A sphere of n random vertices, at random distances from its centre."""
+    rng = np.random.default_rng(seed)
+    V, F = random_sphere(rng, n)
     return V * rng.uniform(0.2, 3, (n, 1)), F
 
 

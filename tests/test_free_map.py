@@ -222,6 +222,7 @@ def test_an_outline_that_overlaps_itself_is_eased(turns, boundary):
     assert result.valid
     assert result.boundary == boundary
     assert result.boundary in str(result)
+    assert result.distortion.mean <= cdcp_igl.free_map(V, F, refine=0).distortion.mean
     assert result.conformal
     assert result.distortion.mean < 2
 

@@ -6,9 +6,8 @@ from batches import batch
 from commands import invoke
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
-from surfaces import skin, sphere
+from surfaces import random_sphere, skin, sphere
 
 import cdcp_igl
 from cdcp_igl.reference import flash
@@ -26,13 +25,7 @@ CLOSED = {
 def star(seed):
     """A random closed surface: a triangulated sphere whose radius varies, stretched."""
     rng = np.random.default_rng(seed)
-    V = rng.normal(size=(int(rng.integers(5, 150)), 3))
-    V /= np.linalg.norm(V, axis=1)[:, None]
-    hull = ConvexHull(V)
-    F = hull.simplices.astype(np.int64)
-    normal = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]])
-    outwards = (normal * hull.equations[:, :3]).sum(axis=1) > 0
-    F = np.where(outwards[:, None], F, F[:, ::-1])
+    V, F = random_sphere(rng, int(rng.integers(5, 150)))
     radius = np.exp(np.sin(V @ rng.normal(size=(3, 4))).sum(axis=1) + rng.normal(size=len(V)) / 8)
     return V * radius[:, None] * np.exp(rng.normal(size=3)), F
 

@@ -168,14 +168,15 @@ def _free_charts(
 ) -> list[Chart]:
     """Map a component onto charts with free outlines; part those without a conformal map."""
     charts, failed, done = list[Chart](), list[tuple[Draft, Chart]](), 0
+    may_part = limits.asked < np.inf
     with using(options.solver):
         for draft in even_drafts(component, options, limits.fill, limits.asked, limits.max_charts):
             chart = _free_chart(draft, options, limits.asked, may_ease=False)
             # As faces are large, or few: its net is exact.
-            if not chart.map.conformal and limits.asked < np.inf:
+            if may_part and not chart.map.conformal:
                 for net in exact_nets(pieces(draft.opened), options):
                     chart = _measured(net.opened, net.map)
-            if chart.failure or not (chart.map.conformal or limits.asked == np.inf):
+            if chart.failure or (may_part and not chart.map.conformal):
                 failed.append((draft, chart))
             else:
                 charts.append(chart)
@@ -185,7 +186,7 @@ def _free_charts(
         while failed:
             draft, whole = failed.pop()
             spare = limits.max_charts - len(charts) - len(failed) - 1
-            parts = halves(draft) if spare and limits.asked < np.inf else []
+            parts = halves(draft) if may_part and spare else []
             if not 1 < len(parts) <= 1 + spare:
                 charts.append(_free_chart(draft, options, limits.asked) if whole.failure else whole)
                 continue

@@ -240,8 +240,8 @@ def search_along(
     """Halve a step until the objective falls, and at faces that it flips until it does not.
 
     Where the outline would meet itself its vertices are slowed by more than the others. The step
-    (n,) is tangential to the `target`; `measure` takes angle errors (m, 3) to the
-    objective. Returns the map, its angle errors and its objective; None if nothing helps.
+    (n,) is tangential to the `target`; `measure` takes angle errors (m, 3) to the objective.
+    Returns the map, its angle errors and its objective; None if nothing helps.
     """
     scale = np.ones(len(f))
     for _ in range(halvings):
@@ -249,8 +249,7 @@ def search_along(
         flipped = target.flipped(mesh.F, trial)
         if len(flipped[0]):
             faces = mesh.F[flipped[0]]
-            corners = np.unique(faces)
-            scale[corners] = _slower(scale[corners], 2)
+            scale[faces] = _slower(scale[faces], 2)
             size, distance = extents(f.take(faces.T))
             scale[faces[size < TINY * distance]] = 0
             continue
@@ -261,14 +260,15 @@ def search_along(
             if certificate.valid:
                 return trial, r, value
             if isinstance(certificate, OutlineCertificate):
-                start = np.unique(mesh.loop_index[certificate.meeting])
-                ends = np.union1d(mesh.loop[start], mesh.loop[(start + 1) % len(mesh.loop)])
+                start = mesh.loop_index[certificate.meeting]
+                ends = mesh.loop[np.array([start, start + 1]) % len(mesh.loop)]
                 scale[ends] = _slower(scale[ends], 4)
         scale /= 2
     return None
 
 
 def _slower(scale: Floats, times: int) -> Floats:
+    """Make parts of a step so many times smaller; 0 where they are the smallest already."""
     return np.where(scale > SMALLEST_SCALE, scale / times, 0)
 
 
