@@ -21,7 +21,7 @@ def as_complex(uv: Floats) -> Complex:
 
 def coordinates(z: Complex) -> Floats:
     """(n, 2) real and imaginary parts."""
-    return np.column_stack([z.real, z.imag])
+    return np.array(z, dtype=np.complex128, order="C")[:, None].view(np.float64)
 
 
 def marked(n: int, *rows: NDArray[Any] | int) -> Bools:

@@ -7,8 +7,10 @@ import pytest
 import scipy.sparse as sp
 from threadpoolctl import ThreadpoolController, threadpool_info, threadpool_limits
 
+from cdcp_igl import disk_map
+from cdcp_igl.datasets import spherical_cap
 from cdcp_igl.errors import SolverError
-from cdcp_igl.solve.solvers import SOLVERS, factorize, solver, using
+from cdcp_igl.solve.solvers import SOLVERS, VARIABLE, factorize, solver
 from cdcp_igl.solve.threads import one_thread
 
 RNG = np.random.default_rng(0)
@@ -20,8 +22,8 @@ def name(request, monkeypatch):
     name, _, supernodal = request.param.partition(", ")
     if supernodal:
         monkeypatch.setattr("cdcp_igl.solve.with_scikit_sparse.SUPERNODAL", 0)
-    with using(name):
-        yield name
+    monkeypatch.setenv(VARIABLE, name)
+    return name
 
 
 @pytest.fixture
@@ -136,6 +138,18 @@ def test_the_callers_settings_are_back(A, sign):
         except SolverError:
             assert sign == -1
         assert settings() == before
+
+
+def test_a_whole_map_is_on_one_thread():
+    factorize(sp.identity(2))
+    seen: list[list[tuple[int, ...]]] = []
+    V, F, _ = spherical_cap(5)
+    with threadpool_limits(2):
+        before = settings()
+        disk_map(V, F, progress=lambda *done: seen.append(settings()))
+        assert settings() == before
+    assert seen
+    assert {number for seen_by in seen for numbers in seen_by for number in numbers} <= {0, 1}
 
 
 def test_nothing_is_parallel_in_bodies_that_overlap():

@@ -480,6 +480,16 @@ def test_a_collapsed_ear_is_held_open_by_the_last_digits(turn):
     assert np.flatnonzero(g != f).tolist() == [mesh.loop[tip]]
 
 
+def test_an_ear_that_is_turned_over_is_none_that_has_collapsed():
+    mesh = DiskMesh(*meshes.corridor(6))
+    f = cdcp_igl.cdcp(mesh.positions, mesh.F) @ [1, 1j]
+    f[mesh.F[mesh.inscribed[0]]] = np.exp([0, 0.002j, 0.001j])
+    assert 0 in flipped_faces(f, mesh.F[mesh.inscribed])[0]
+    same, count = open_collapsed_faces(mesh, f)
+    assert same is f
+    assert count == 0
+
+
 def test_given_boundary_values_do_not_see_the_boundary_edges():
     """Obtuse angles opposite the boundary make negative weights, which eq. (18) does see."""
     V, F, _ = cdcp_igl.datasets.paraboloid(8)

@@ -7,7 +7,7 @@ import numpy as np
 from ..arrays import Complex, Ints, coordinates
 from ..libigl import is_counterclockwise
 from ..surface.mesh import Mesh
-from ..surface.triangles import flipped_faces
+from ..surface.triangles import flipped_faces, oriented_areas
 from ..verdict.certificate import increments
 
 LAST_DIGIT = 2.0**-53  # of a coordinate between 1/2 and 1
@@ -41,8 +41,13 @@ def open_collapsed_faces(mesh: Mesh, f: Complex) -> tuple[Complex, int]:
 
 
 def _collapsed(mesh: Mesh, f: Complex) -> Ints:
-    """Rows of ``mesh.inscribed`` whose faces are not positively oriented."""
-    return flipped_faces(f, mesh.F[mesh.inscribed])[0]
+    """Rows of ``mesh.inscribed`` whose faces have lost their area, and may get it back."""
+    F = mesh.F[mesh.inscribed]
+    rows = flipped_faces(f, F)[0]
+    if len(rows) == 0:
+        return rows
+    area, _ = oriented_areas(f, F[rows])
+    return rows[area > -2 * MOST]  # a side is 2 long at most
 
 
 def _tips(mesh: Mesh, f: Complex) -> tuple[Ints, Complex]:

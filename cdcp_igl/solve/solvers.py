@@ -17,7 +17,7 @@ from scipy.sparse import csc_matrix, spmatrix
 from ..extras import MissingExtra
 from .cholesky import Cholesky, Ordering
 from .memory import require_buffers
-from .threads import THREADS, held_while_forking, libraries_were_loaded
+from .threads import THREADS, held_while_forking, libraries_were_loaded, one_thread
 
 SolverName = Literal["scikit-sparse", "cvxopt", "scipy"]  # from the fastest to the slowest
 SOLVERS: tuple[SolverName, ...] = get_args(SolverName)
@@ -44,13 +44,15 @@ def solver() -> type[Cholesky]:
 
 @contextmanager
 def using(name: SolverName | None) -> Iterator[None]:
-    """Let the body use a solver, one of `SOLVERS`; None asks for none.
+    """Let the body use a solver, one of `SOLVERS`, on one thread; None asks for none.
 
     Other threads are not concerned, and what was factored stays with its solver.
     """
     token = _asked_for.set(_asked_for.get() if name is None else checked(name))
     try:
-        yield
+        solver()  # for libraries that are loaded in the body would keep their threads
+        with one_thread():
+            yield
     finally:
         _asked_for.reset(token)
 

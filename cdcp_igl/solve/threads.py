@@ -46,8 +46,11 @@ def libraries_were_loaded() -> None:
 def one_thread() -> Iterator[None]:
     """Run the body on one thread; the caller's own settings are back at the end.
 
-    Bodies may overlap, in threads of the caller.
+    Bodies may overlap, in threads of the caller; one inside another costs next to nothing.
     """
+    if get_ident() in _inside:
+        yield
+        return
     with _serial_blas(), _serial_openmp():
         yield
 

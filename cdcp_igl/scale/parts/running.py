@@ -10,7 +10,6 @@ from typing import Any
 
 from ...solve.memory import require
 from ...solve.solvers import SolverName, using
-from ...solve.threads import one_thread
 from ..batching.executors import run_on
 from ..batching.work import MIB_OF_PYTHON
 from ..pool import Pool
@@ -49,7 +48,7 @@ class Task:
         try:
             if not self.folder.has(self.name):
                 require(self.memory * 2**20, self.name, "Part the surface into more parts")
-                with using(self.solver), one_thread():
+                with using(self.solver):
                     arrays = self.what(self.folder, self.of, *self.given)
                     self.folder.write(self.name, **arrays)
         except Exception as error:
