@@ -88,11 +88,12 @@ def without_data(V: NDArray[Any], F: Ints) -> tuple[Ints, str]:
     lead to them, four vertices or more.
     """
     found, where = np.empty(0, np.int64), ""
-    for extreme in (np.fmin.reduce(V), np.fmax.reduce(V)):
+    columns = np.ascontiguousarray(V.T)  # whose extremes take a tenth of the time
+    for extreme in (np.fmin.reduce(columns, axis=1), np.fmax.reduce(columns, axis=1)):
         for axis, value in enumerate(extreme.tolist()):
             if value in NO_DATA and _is_far(V, F, there := V[:, axis] == value):
                 found, where = np.flatnonzero(there), f"{'xyz'[axis]} = {value:g}"
-    x = V[:, 0][F]
+    x = columns[0].take(F)
     flat = F[(x[:, 0] == x[:, 1]) & (x[:, 1] == x[:, 2])]
     whole = (V[flat] == V[flat[:, :1]]).all(axis=(1, 2))
     if not whole.any():  # nearly always
