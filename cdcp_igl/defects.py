@@ -279,6 +279,10 @@ DEFECTS = {
     "unreadable file, empty": Row(
         "no vertices were found in {name!r}", "Export it again, or in another format."
     ),
+    "unreadable file, a pointer": Row(
+        "{name!r} is a pointer of Git LFS, which stands for the file",
+        "Get the file: git lfs pull.",
+    ),
     "unreadable file, without a map": Row(
         "{name!r} has no texture coordinates",
         "Export them with the surface; {surface_map} makes some.",

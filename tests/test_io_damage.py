@@ -71,6 +71,7 @@ def unreadable(path):
         ("index.off", "OFF\n1 1 0\n0 0 0\n3 0 0 0.5\n", "line 4: '0.5' is no index"),
         ("cut faces.off", f"OFF\n4 2 0\n{ROWS}3 0 1 2\n", "4 vertices and 1 faces of 4 and 2"),
         ("cut line.off", f"OFF\n4 1 0\n{ROWS}3 0 1", "line 7: a corner is missing"),
+        ("pointer.obj", "version https://git-lfs.github.com/spec/v1\nsize 9\n", "git lfs pull"),
         ("empty.ply", "", "no vertices were found in"),
         ("header.ply", "ply\nformat ascii 1.0\nelement vertex 3\n", "no end of it"),
         ("type.ply", PLY.format(1, "uchar", "half"), "its header says 'property list uchar half"),

@@ -316,6 +316,15 @@ def test_damage_is_told(kind, pial, surf_gii, tmp_path):
             read(path)
 
 
+def test_values_and_what_is_not_packed_are_no_surface(surf_gii, tmp_path):
+    gifti((V[:, 2].astype(np.float32), 2005)).to_filename(tmp_path / "lh.shape.gii")
+    with pytest.raises(cdcp_igl.MeshError, match="readable gii file: it holds values, and no surf"):
+        read_mesh(tmp_path / "lh.shape.gii")
+    (tmp_path / "a.gii.gz").write_bytes(surf_gii.read_bytes())
+    with pytest.raises(cdcp_igl.MeshError, match="readable gii file: it is not packed by gzip"):
+        read_mesh(tmp_path / "a.gii.gz")
+
+
 def test_a_patch_is_no_surface_by_itself(tmp_path):
     file = tmp_path / "lh.x.patch.flat"
     cdcp_igl.free_map(cdcp_igl.submesh(V, F, vertices=UPPER)).save(file)

@@ -97,6 +97,7 @@ def files(folder):
     text = {
         "scan.xyz": "0 0 0",
         "none.off": "\n",
+        "pointer.obj": "version https://git-lfs.github.com/spec/v1\n",
         "short.off": "3 1 0\n",
         "few.obj": good.read_text() + "f 1 2\n",
     }
@@ -206,6 +207,7 @@ def cases_in(folder):
         "unreadable file": [Case(folder / "scan.xyz", good)],
         "unreadable file, a folder": [Case(folder / "scans", folder / "scans" / "a.obj")],
         "unreadable file, empty": [Case(folder / "none.off", good)],
+        "unreadable file, a pointer": [Case(folder / "pointer.obj", good)],
         "unreadable file, damaged": [Case(folder / "short.off", good)],
         "unreadable file, without a map": [
             Case(

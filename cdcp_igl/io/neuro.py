@@ -33,6 +33,7 @@ QUADS = {b"\xff\xff\xff": 6, b"\xff\xff\xfd": 12}  # and bytes a vertex
 PATCH = b"\xff\xff\xff\xff"  # -1
 RECORD = np.dtype([("row", ">i4"), ("position", ">f4", 3)])
 SPHERE = 100.0  # FreeSurfer's radius of a sphere, in mm
+GZIP = b"\x1f\x8b"
 STAMP = "created by cdcp_igl"
 # Codes of what an array of a GIFTI file is: positions, triangles, labels.
 POINTSET, TRIANGLE, LABEL = 1008, 1009, 1002
@@ -86,6 +87,8 @@ def read_neuro(path: Path) -> tuple[Floats, Ints]:
 def gifti_surface(image: Any) -> tuple[Floats, Ints]:
     """Vertices (n, 3) and faces (m, 3) of a GIFTI image; Damage if it has not one of each."""
     arrays = {}
+    if image.darrays and not {a.intent for a in image.darrays} & {POINTSET, TRIANGLE}:
+        raise Damage("it holds values, and no surface: give the one that they belong to")
     for intent, what in ((POINTSET, "positions"), (TRIANGLE, "triangles")):
         found = [array.data for array in image.darrays if array.intent == intent]
         if len(found) != 1:
@@ -246,6 +249,8 @@ def _load(path: Path) -> Any:
     """Load a GIFTI image."""
     if path.name.lower().endswith(".gz"):
         data = path.read_bytes()
+        if data[:2] != GZIP:
+            raise Damage("it is not packed by gzip")
         check_unpacking("it", int.from_bytes(data[-4:], "little"), len(data))
     with nibabel_read() as nibabel:
         image = nibabel.load(path)

@@ -47,6 +47,7 @@ READERS: dict[str, Callable[[Path], tuple[Array, ...]]] = {
 }
 READABLE = (*READERS, ".gii.gz")
 
+POINTER = b"version https://git-lfs"  # how what Git LFS puts in the place of a file begins
 # What libraries below the readers raise on bytes that they do not understand.
 DAMAGE = (
     *(OSError, EOFError, ValueError, LookupError, ArithmeticError, RuntimeError),
@@ -161,8 +162,11 @@ def file_to_read(path: Path) -> Iterator[Path]:
     if not stat.S_ISREG(path.stat().st_mode):  # to open a FIFO may take for ever
         raise _unreadable(f"{path.name!r} is a device, a FIFO or a socket")
     with path.open("rb") as file:  # OSError if it is forbidden; later ones mean damage
-        if not file.read(1):
-            raise _empty(path)
+        head = file.read(len(POINTER))
+    if not head:
+        raise _empty(path)
+    if head == POINTER:
+        raise MeshError(Defect.of("unreadable file, a pointer", name=path.name))
     try:
         yield path
     except Damage as error:
@@ -184,9 +188,9 @@ def _empty(path: Path) -> MeshError:
 
 
 def _damaged(path: Path, reason: str) -> MeshError:
-    suffix = path.suffix[1:]
+    kind = Path(path.name.removesuffix(".gz")).suffix[1:]
     return MeshError(
-        Defect.of("unreadable file, damaged", name=path.name, type=suffix, reason=reason)
+        Defect.of("unreadable file, damaged", name=path.name, type=kind, reason=reason)
     )
 
 
