@@ -148,7 +148,7 @@ def test_a_long_tube_with_one_end(corners):
 
 def test_what_is_no_bijection_is_not_returned():
     """The spot is smaller than the distance of two doubles."""
-    V, F = capped_tube(8, 250)
+    V, F = capped_tube(5, 500)
     with pytest.raises(cdcp_igl.MapError, match=r"rectangle: [\d,]+ flipped") as caught:
         cdcp_igl.rectangle_map(V, F, quarters(V, F))
     result = caught.value.result

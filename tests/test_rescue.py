@@ -5,7 +5,7 @@ from functools import partial
 import meshes
 import numpy as np
 import pytest
-from surfaces import arms, blob
+from surfaces import arms, blob, skin
 
 import cdcp_igl
 from benchmarks.measure.punctures import RINGS, opened, row_to_open
@@ -13,7 +13,7 @@ from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.arrays import coordinates
 from cdcp_igl.reference import fdcp, harmonic
 from cdcp_igl.refine.balance import lower_shear
-from cdcp_igl.rescue.boundary import BoundaryMethod, around, harmonic_shares
+from cdcp_igl.rescue.boundary import BoundaryMethod, arc_length_map, around, harmonic_shares
 from cdcp_igl.rescue.correction import (
     Straightening,
     common_shear,
@@ -33,7 +33,7 @@ from cdcp_igl.rescue.repair import (
 )
 from cdcp_igl.solve.factored import FactoredSurface, extended_again, harmonic_extension
 from cdcp_igl.steps.center import central_face
-from cdcp_igl.steps.mobius import composed, mobius_transformation
+from cdcp_igl.steps.mobius import at_one, composed, mobius_transformation
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import flipped_faces
 from cdcp_igl.verdict.certificate import certify, is_around
@@ -64,6 +64,38 @@ def test_weights_that_differ_less_embed_what_mean_values_crowd(monkeypatch, weig
     embedded, _ = embedding(mesh, f, on_disk=True)
     assert is_around(embedded[mesh.loop])
     assert (len(flipped_faces(embedded, mesh.F)[0]) == 0) == (weights is not mean_value_weights)
+
+
+def table(width, length):
+    """A narrow table on legs of cubes, less a face on its top, with the boundary by arc length."""
+    solid = np.zeros((3, width, length + 1), dtype=bool)
+    solid[..., 0] = solid[::2, ::2] = True
+    mesh = DiskMesh(*opened(*skin(solid), "face", 0))
+    f = np.zeros(len(mesh.V), dtype=complex)
+    f[mesh.loop] = arc_length_map(mesh)
+    return mesh, f
+
+
+def test_long_legs_are_embedded_by_what_lies_further_out(monkeypatch):
+    """Seven times as long as their circumference, each of which shrinks them by exp(-2 pi)."""
+    mesh, f = table(3, 30)
+    flipped = []
+    for weights in EMBEDDING:
+        monkeypatch.setattr("cdcp_igl.rescue.repair.EMBEDDING", (weights,))
+        flipped.append(len(flipped_faces(embedding(mesh, f, on_disk=True)[0], mesh.F)[0]))
+    assert all(flipped[:-1])
+    assert flipped[-1] == 0
+
+
+def test_what_a_turn_would_round_away_is_not_turned():
+    mesh, f = table(1, 40)
+    start, _ = embedding(mesh, f, on_disk=True)
+    first = mesh.loop[0]
+    turned = at_one(mesh, lower_shear(mesh, start), first)
+    assert len(flipped_faces(turned, mesh.F)[0]) > 0
+    result = cdcp_igl.disk_map(mesh.positions, mesh.F)
+    assert result.valid
+    assert result.uv[first].tolist() == [1, 0]
 
 
 def test_cotangents_embed_what_mean_values_take_to_a_line(map_of):

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from ..arrays import Complex
+from ..arrays import Complex, marked
 from ..options import Options
 from ..phases import Phases
 from ..refine.balance import lower_shear
@@ -26,6 +26,7 @@ from ..steps.mobius import (
     FREE_SHARE,
     MobiusMethod,
     Normalization,
+    at_one,
     composed,
     normalized,
     rotate,
@@ -163,15 +164,27 @@ def embedded(
             yield reason
             continue
         with phase("repair"):
-            f, w = embedding(mesh, f, on_disk=True)
-            if len(flipped_faces(f, mesh.F)[0]):
+            start, w = embedding(mesh, f, on_disk=True)
+            if len(flipped_faces(start, mesh.F)[0]):
                 yield Rejected(f"{name}: it crowds the mean values too much for double precision")
                 continue
-            f = lower_shear(mesh, f)
+            f = _sheared_less(mesh, start)
         method = BoundaryMethod(name, laplacian="mean value")
         done = Provenance(center=center, boundary=method)
         # Repair would take long, and an embedding has no need of it.
         yield _normalized(HarmonicMap(surface, f, done, w), options, phase, most=0)
+
+
+def _sheared_less(mesh: Mesh, start: Complex) -> Complex:
+    """Lower the shear of an embedding (n,) so that no face is flipped when the map is turned.
+
+    That puts the first boundary vertex at 1, and rounds all coordinates. Where it flips faces that
+    are very small, this vertex stays at 1 from the beginning, and nothing is left to turn.
+    """
+    f, first = lower_shear(mesh, start), mesh.loop[0]
+    if len(flipped_faces(at_one(mesh, f, first), mesh.F)[0]):
+        f = lower_shear(mesh, at_one(mesh, start, first), marked(len(f), first))
+    return f
 
 
 def _normalized(

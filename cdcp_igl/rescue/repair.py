@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags, identity
+from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
 from ..arrays import Bools, Complex, Floats, Ints, as_complex, marked
@@ -26,6 +27,7 @@ FEW = 10  # flipped faces that are worth another attempt even if the last one re
 SOFTNESSES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the relaxation of flipped faces, in turn
 SWEEPS = 4  # of a relaxation near flipped faces
 LEAST_COTANGENT = 0.01  # where they are to be positive
+INWARDS = 0.1  # the weight of a neighbour one ring further from the boundary
 RELAXED = 6  # rings around the vertices that were moved, relaxed with them at the end
 MOST_MOVES, MOST_SWEEPS = 200_000, 30  # of single vertices, and of all, at the end
 
@@ -88,9 +90,10 @@ def embedding(mesh: Mesh, f: Complex, *, on_disk: bool = False) -> tuple[Complex
 
     Floater's theorem applies: positive weights and a convex boundary give an embedding, as far as
     double precision goes. Where the mean values crowd too much for it, or lie almost on a line,
-    their roots are taken for weights, and then the cotangents, as far as they are positive. If the
-    map is `on_disk` and most of the surface is in one spot, a Möbius transformation takes that
-    to 0. Returns the map and the point that has gone to 0.
+    their roots are taken for weights, then the cotangents, as far as they are positive, and then
+    mean values of which those towards the boundary count more. If the map is `on_disk` and most of
+    the surface is in one spot, a Möbius transformation takes that to 0. Returns the map and the
+    point that has gone to 0.
 
     References
     ----------
@@ -164,7 +167,24 @@ def positive_cotangents(V: Floats, F: Ints, angles: Floats) -> csr_matrix:
     return weights
 
 
-EMBEDDING = mean_value_weights, roots_of_mean_values, positive_cotangents  # in turn
+def outward_mean_values(V: Floats, F: Ints, angles: Floats) -> csr_matrix:
+    """(n, n) mean-value weights, of which those of neighbours nearer to the boundary count more.
+
+    Along a leg mean values shrink by exp(-2 pi) for each length that is its circumference. Means of
+    those further out alone would shrink by cos(pi / k) for each ring of k vertices.
+    """
+    weights = mean_value_weights(V, F, angles)
+    weights.sum_duplicates()
+    on_boundary = np.diff(weights.indptr) > np.bincount(F.ravel())  # more neighbours than faces
+    rims = np.flatnonzero(on_boundary)
+    depth = dijkstra(weights, indices=rims, unweighted=True, min_only=True)
+    deeper = depth[weights.indices] - np.repeat(depth, np.diff(weights.indptr))
+    weights.data *= INWARDS**deeper
+    return weights
+
+
+# In turn.
+EMBEDDING = mean_value_weights, roots_of_mean_values, positive_cotangents, outward_mean_values
 
 
 class Neighbourhood:

@@ -256,4 +256,5 @@ def at_one(mesh: Mesh, f: Complex, vertex: int) -> Complex:
     """Put a boundary vertex at 1, and the boundary on the circle to the last bit."""
     f = f / f[vertex]
     f[mesh.loop] /= abs(f[mesh.loop])
+    f[vertex] = 1  # where it stays, to the last bit, when it is turned again
     return f
