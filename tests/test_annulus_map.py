@@ -4,13 +4,15 @@ import meshes
 import numpy as np
 import pytest
 from commands import invoke
-from surfaces import pierced_sphere, ring
+from surfaces import pierced_sphere, ring, star
 
 import cdcp_igl
-from cdcp_igl.maps.annulus import embedded_strip, ring_map
-from cdcp_igl.solve.factored import FactoredSurface
-from cdcp_igl.surface.mesh import AnnulusMesh
-from cdcp_igl.verdict.certificate import certify_ring
+from cdcp_igl.arrays import coordinates
+from cdcp_igl.maps.rings import centered, embedded_rings
+from cdcp_igl.rescue.boundary import arc_length_map
+from cdcp_igl.rescue.repair import embedding
+from cdcp_igl.surface.mesh import AnnulusMesh, DiskMesh
+from cdcp_igl.verdict.certificate import certify, certify_ring
 
 
 @pytest.mark.parametrize(
@@ -87,13 +89,13 @@ def test_where_an_edge_would_turn_by_more_than_pi_the_boundary_is_by_length():
     V = [[0, 0], [10, 0], [5, 8], [4.9, 0.1], [5.1, 0.1], [5, 0.3]]
     F = [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4], [2, 0, 3], [2, 3, 5]]
     result = cdcp_igl.annulus_map(V, F)
-    assert result.valid
-    assert not result.conformal
+    assert result.conformal
+    assert result.distortion.mean < 4.2
     assert result.report()["boundary"]["method"].startswith("arc length")
 
 
 def test_a_ring_with_an_arm_whose_end_is_too_small_to_be_seen():
-    """Faces between three vertices of the circle would have no area; inside, mean values embed."""
+    """Faces between three vertices of the circle would have no area."""
     x, y, F = meshes.cells(10, 30)
     column, row = np.floor([x[F].mean(axis=1), y[F].mean(axis=1)])
     hole = (column == 4) & (row == 4)
@@ -101,12 +103,45 @@ def test_a_ring_with_an_arm_whose_end_is_too_small_to_be_seen():
     used, G = np.unique(F[(column < 9) & ~hole | arm], return_inverse=True)
     V = np.column_stack([x, y])[used]
     assert cdcp_igl.annulus_map(V, G.reshape(-1, 3)).valid
-    mesh = AnnulusMesh(V, G.reshape(-1, 3))
-    strip, _ = ring_map(FactoredSurface.of(mesh), by_length=True, least=1e-3)
-    f = embedded_strip(mesh, strip + mesh.V @ [2, 3j, 0] * ~mesh.on_boundary)
-    edges = (f[mesh.F[:, k]] - f[mesh.F[:, 0]] for k in (1, 2))
-    one, other = (edge.real + 1j * np.angle(np.exp(1j * edge.imag)) for edge in edges)
-    assert ((one.conj() * other).imag > -1e-12).all()  # an ear is flat in a strip
+
+
+def pierced_star(seed, n):
+    """A star of n vertices less two faces far from each other."""
+    V, F = star(seed, n)
+    middle = V[F].mean(axis=1)
+    far = int(np.linalg.norm(middle - middle[0], axis=1).argmax())
+    return V, np.delete(F, [0, far], axis=0)
+
+
+@pytest.mark.parametrize(("seed", "n"), [(8, 12), (11, 12), (3, 20), (8, 60), (11, 150), (23, 150)])
+def test_where_angles_by_flux_flip_faces_a_disk_is_embedded(seed, n):
+    """Outside are three vertices: on the chords between them, much lies inside of the circle."""
+    result = cdcp_igl.annulus_map(*pierced_star(seed, n))
+    assert result.valid
+    assert result.boundary.startswith("arc length, hole ")
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_rings_are_embedded_by_disks_whose_hole_is_closed_or_filled(seed):
+    mesh = AnnulusMesh(*pierced_star(seed, 40))
+    rings = dict(embedded_rings(mesh))
+    assert list(rings) == ["arc length, hole filled", "arc length, hole closed"]
+    for f in rings.values():
+        assert certify_ring(mesh, f).valid
+
+
+def test_a_vertex_that_one_corner_draws_most_is_in_the_middle_all_the_same():
+    """By mean values alone it would have to lie at more than half of the way to that corner."""
+    outside = np.exp([0, 2j * np.pi / 3, 4j * np.pi / 3])
+    z = np.append(outside, [0.85, 0.9])
+    F = [[0, 1, 4], [0, 4, 2], [1, 2, 3], [1, 3, 4], [2, 4, 3]]
+    disk = DiskMesh(coordinates(z), F)
+    f = np.zeros(5, dtype=complex)
+    f[disk.loop] = arc_length_map(disk)
+    assert abs(embedding(disk, f)[0][-1]) > 0.5
+    f = centered(disk)
+    assert f[-1] == 0
+    assert certify(disk, coordinates(f)).valid
 
 
 def test_other_loops_are_filled():

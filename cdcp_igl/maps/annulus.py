@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_matrix, diags
+from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
-from scipy.sparse.linalg import splu
 
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from ..docstrings import like
@@ -22,12 +21,12 @@ from ..phases import Phases, Progress
 from ..plot.layout import Layout
 from ..refine.targets import Ring
 from ..rescue.boundary import BoundaryMethod
-from ..rescue.repair import MANY, mean_value_weights, repair_locally
+from ..rescue.repair import MANY, repair_locally
 from ..result.base import announced, how_made, valid_map
 from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface
 from ..solve.solvers import SolverName, using
-from ..steps.trace import edge_lengths, shared_by_edges
+from ..steps.trace import shared_by_edges
 from ..surface.filling import fill_hole
 from ..surface.mesh import AnnulusMesh, Mesh
 from ..surface.topology import Topology, by_reach
@@ -35,9 +34,9 @@ from ..surface.validation import checked_surface
 from ..verdict.certificate import Certificate, certify_ring
 from ..verdict.distortion import map_distortion
 from .disk import disk_map
+from .rings import embedded_rings
 
 LEAST_SHARE, FAIR_SHARE = 1e-9, 1e-7  # of a turn, for each edge of a loop; faces then have an area
-WIDER = (1, 2, 4, 8)  # times the modulus, in turn, where straight edges cross the inner circle
 REMEDY = (
     "Parts of it may be too small for double precision: cut the surface, or fill a hole "
     "(cdcp_igl.surface_map)"
@@ -67,8 +66,9 @@ class AnnulusMap(MadeMap):
         through the one flows around the other, or as refinement has left it.
     boundary : str
         ``"flux"``: angles on the loops are what flows through them. Where that leaves flipped
-        faces, ``"arc length"``, mean values inside, or a ring with a smaller inner circle than it
-        should have, as ``"flux, 2 times as wide, mean value"``: not conformal, but by refinement.
+        faces, the outer loop begins by arc length, in an embedding of the disk that is there when
+        the hole is drawn together to a point, ``"arc length, hole closed"``, or filled,
+        ``"arc length, hole filled"``: conformal by refinement.
     filled : int
         Boundary loops beyond two that were filled; those faces are not in the results.
     certificate : Certificate
@@ -98,6 +98,11 @@ class AnnulusMap(MadeMap):
     _kind = "annulus"
     _plane = "Ring"
     _reported = ("modulus", "modulus_bounds", "radius", "filled")
+
+    @property
+    def is_embedded(self) -> bool:
+        """Whether the map comes from an embedding of a disk."""
+        return self.boundary.startswith("arc length")
 
     def _made(self) -> dict[str, Any]:
         return how_made(self, BoundaryMethod(self.boundary), "none")
@@ -256,40 +261,17 @@ def _strips(surface: FactoredSurface, strip: Complex) -> Iterator[tuple[str, Com
     No edge of a ring turns by pi or more around 0, and none crosses the inner circle.
     """
     yield "flux", strip
-    for name in ("flux", "arc length"):
-        strip, _ = ring_map(surface, by_length=name != "flux", least=FAIR_SHARE)
-        for wider in WIDER:
-            changed = f", {wider} times as wide" if wider > 1 else ""
-            wide = wider * strip.real + 1j * strip.imag
-            yield name + changed, wide
-            yield f"{name}{changed}, mean value", embedded_strip(surface.mesh, wide)
-
-
-def embedded_strip(mesh: Mesh, strip: Complex) -> Complex:
-    """Set the interior of a strip (n,) to mean values of its neighbours: an embedding.
-
-    Positive weights and monotone edges of the strip suffice, as Floater's theorem has it for a
-    convex boundary: S. J. Gortler, C. Gotsman, D. Thurston. Discrete one-forms on meshes and
-    applications to 3D mesh parameterization. Comput. Aided Geom. Design 23(2), 2006.
-    """
-    edges, inside, (_, jump) = mesh.edges, mesh.interior, _branch_cut(mesh)
-    ends = np.append(edges.low, edges.high), np.append(edges.high, edges.low)
-    jumps = csr_matrix((1j * np.append(jump, -jump), ends), (len(strip), len(strip)))
-    weights = mean_value_weights(mesh.V, mesh.F, mesh.angles)
-    rows, total = weights[inside], weights.sum(axis=1).A1[inside]
-    f = np.where(mesh.on_boundary, strip, 0)
-    pull = rows @ f + rows.multiply(jumps[inside]).sum(axis=1).A1
-    system = splu((diags(total) - rows[:, inside]).tocsc())
-    f[inside] = as_complex(system.solve(coordinates(pull)))
-    return f
+    yield "flux", ring_map(surface, least=FAIR_SHARE)[0]
+    for name, f in embedded_rings(surface.mesh):
+        yield name, np.log(f)
 
 
 def ring_map(
-    surface: FactoredSurface, *, by_length: bool = False, least: float = LEAST_SHARE
+    surface: FactoredSurface, *, least: float = LEAST_SHARE
 ) -> tuple[Complex, tuple[float, float]]:
     """Map an annulus to a strip (n,), the logarithm of a ring around 0; bounds of its modulus.
 
-    The angles on the loops are what flows through them, or, which is not conformal, their lengths.
+    The angles on the loops are what flows through them.
 
     As much flows through the real part as around it, 2 pi, so that far from the loops there is no
     shear. The mean of the bounds of the modulus would lay a loop's errors on the whole surface.
@@ -300,7 +282,7 @@ def ring_map(
     flux = L.matrix() @ u
     energy = float(u @ flux)
     starts, jump = _branch_cut(mesh)
-    angle, forwards = _loop_angles(mesh, starts, None if by_length else flux, least)
+    angle, forwards = _loop_angles(mesh, starts, flux, least)
     if not forwards:  # through edges of obtuse faces
         D = surface.delaunay.laplacian.matrix()
         flux = D @ (one - surface.delaunay.solve(D @ one))
@@ -316,17 +298,14 @@ def ring_map(
     return -2 * np.pi / energy * u + 1j * angle, bounds
 
 
-def _loop_angles(
-    mesh: Mesh, starts: list[int], flux: Floats | None, least: float
-) -> tuple[Floats, bool]:
-    """Angles (n,) along both loops; whether all go forward. The inner loop runs clockwise.
+def _loop_angles(mesh: Mesh, starts: list[int], flux: Floats, least: float) -> tuple[Floats, bool]:
+    """Angles (n,) along both loops by the flux (n,); whether all go forward.
 
-    They are by the flux (n,) through their edges, or by the lengths of these.
+    The inner loop runs clockwise.
     """
     angle, forwards = np.zeros(len(mesh.V)), True
     for loop, first, turn in zip(mesh.loops, starts, (2 * np.pi, -2 * np.pi), strict=True):
-        lengths = edge_lengths(mesh, loop)
-        shares = lengths if flux is None else shared_by_edges(mesh, loop, flux[loop])
+        shares = shared_by_edges(mesh, loop, flux[loop])
         shares = shares / shares.sum()
         forwards &= bool((shares > 0).all())
         start = -int(np.flatnonzero(loop == first)[0])

@@ -120,7 +120,8 @@ class Ring(Target):
 
     def flipped(self, F: Ints, f: Complex) -> Flipped:
         """Faces that are not positively oriented, exactly, and how many were in doubt."""
-        return flipped_faces(np.exp(f), F)
+        with np.errstate(over="ignore", invalid="ignore"):  # of a step that is far too long
+            return flipped_faces(np.exp(f), F)
 
     def moved(self, mesh: Mesh, f: Complex, step: Complex) -> Complex:
         """Move a map by a displacement (n,), if all of the inner circle moves by the same."""

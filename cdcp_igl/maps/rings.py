@@ -1,0 +1,131 @@
+"""Rings without flipped faces, from embeddings of disks in which the hole is in the middle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+
+import numpy as np
+from scipy.sparse import diags, identity
+from scipy.sparse.linalg import splu
+
+from ..arrays import Complex, Ints, as_complex, coordinates, marked, places, shifted
+from ..errors import MeshError
+from ..refine.balance import lower_shear
+from ..rescue.boundary import arc_length_map
+from ..rescue.repair import EMBEDDING
+from ..steps.mobius import conformal_barycenter, mobius_transformation
+from ..surface.mesh import DiskMesh, Mesh
+from ..surface.triangles import flipped_faces
+
+# No psi_w takes the middle to 0 where one boundary vertex draws it by more than half: one that has
+# more than the first share is left with the second.
+MOST_DRAWN, DRAWN, ROUNDS = 0.4, 0.3, 20
+HALVINGS = 40  # of the radius of the inner circle
+EVEN = 0.1  # the share of even distances on it, so that none is 0
+
+
+def embedded_rings(mesh: Mesh) -> Iterator[tuple[str, Complex]]:
+    """Yield maps (n,) onto rings around 0 without flipped faces, with what was done to the hole.
+
+    The outer loop lies by arc length until the shear is lowered.
+    """
+    for name, way in (("filled", _from_filled), ("closed", _from_closed)):
+        with suppress(MeshError):
+            f = way(mesh)
+            if f is not None:
+                yield f"arc length, hole {name}", f
+
+
+def _from_closed(mesh: Mesh) -> Complex | None:
+    """Draw the inner loop together to one vertex, and open it again to a circle.
+
+    Where that is small enough, no face with one corner on it is flipped. Neither is one with an
+    edge on it where the edge is seen from outside by the third corner: the ends of edges lie
+    halfway between the directions of these corners, so that the middle of an edge is off the
+    direction of its corner by a quarter of the difference of two angles, of less than 2 pi
+    together. MeshError if what has been drawn together is no disk.
+    """
+    loop, n = mesh.loops[1], len(mesh.V)
+    others = np.flatnonzero(~marked(n, loop))
+    row = places(others, n)
+    F = np.where(row < 0, len(others), row)[mesh.F]
+    F = F[np.count_nonzero(len(others) == F, axis=1) < 2]
+    middle = mesh.V[loop].mean(axis=0)
+    g = centered(DiskMesh(np.vstack([mesh.V[others], middle]), F))
+    if g is None:
+        return None
+    f = np.zeros(n, dtype=complex)
+    f[others] = g[:-1]
+    near = mesh.F[marked(n, loop)[mesh.F].any(axis=1)]
+    radius = abs(f[near[row[near] >= 0]]).min()
+    seen = np.angle(f[_seen_by(mesh, loop)])
+    steps = (seen - shifted(seen)) % (2 * np.pi)  # the loop runs clockwise
+    ends = np.cumsum(steps) - steps - shifted(steps, -1) / 2
+    even = 2 * np.pi * np.arange(len(loop)) / len(loop)
+    even += (ends - even).mean()
+    angle = seen[0] - ((1 - EVEN) * ends + EVEN * even)
+    return _opened(mesh, f, radius, np.exp(1j * angle))
+
+
+def _from_filled(mesh: Mesh) -> Complex | None:
+    """Fill the hole by a fan, and draw the inner loop to a circle around its middle."""
+    loop, n = mesh.loops[1], len(mesh.V)
+    fan = np.column_stack([shifted(loop), loop, np.full(len(loop), n)])
+    middle = mesh.V[loop].mean(axis=0)
+    g = centered(DiskMesh(np.vstack([mesh.V, middle]), np.vstack([mesh.F, fan])))
+    if g is None:
+        return None
+    size = abs(g[loop])
+    return _opened(mesh, g[:-1], float(np.exp(np.log(size).mean())), g[loop] / size)
+
+
+def _seen_by(mesh: Mesh, loop: Ints) -> Ints:
+    """(k,) third corners of the faces at the edges of a loop (k,), which begin at its vertices."""
+    place, seen_by = places(loop, len(mesh.V)), np.empty_like(loop)
+    for tail, head, corner in (np.roll(mesh.F, -k, axis=1).T for k in range(3)):
+        at, following = place[tail], place[head]
+        on_loop = (at >= 0) & (following == (at + 1) % len(loop))
+        seen_by[at[on_loop]] = corner[on_loop]
+    return seen_by
+
+
+def _opened(mesh: Mesh, f: Complex, radius: float, on_circle: Complex) -> Complex | None:
+    """Halve the radius of the inner circle until no face of a map (n,) is flipped."""
+    for _ in range(HALVINGS):
+        f[mesh.loops[1]] = radius * on_circle
+        if len(flipped_faces(f, mesh.F)[0]) == 0:
+            return f
+        radius /= 2
+    return None
+
+
+def centered(disk: DiskMesh) -> Complex | None:
+    """Embed a disk with its last vertex at 0, and lower the shear (n,); None where doubles cannot.
+
+    By how much each boundary vertex draws the last one follows from the weights, which may be any
+    that are positive. They are moved by psi_w, eq. (19), until they balance.
+    """
+    last, inside = len(disk.V) - 1, disk.interior
+    at_last = (inside == last).astype(float)
+    for weigh in EMBEDDING:
+        weights = weigh(disk.V, disk.F, disk.angles)
+        for _ in range(ROUNDS):
+            rows = (diags(1 / np.asarray(weights.sum(axis=1)).ravel()) @ weights)[inside]
+            system = splu((identity(len(inside)) - rows[:, inside]).tocsc())
+            draw = rows[:, disk.loop].T @ system.solve(at_last, trans="T")
+            most = np.flatnonzero(draw > MOST_DRAWN)
+            if len(most) == 0:
+                break
+            scale = np.ones(len(disk.V))
+            scale[disk.loop[most]] = DRAWN / (1 - DRAWN) * (1 / draw[most] - 1)
+            weights = weights @ diags(scale)
+        z = arc_length_map(disk)
+        z = mobius_transformation(z, conformal_barycenter(z, draw))
+        f = np.zeros(last + 1, dtype=complex)
+        f[disk.loop] = z = z / abs(z)
+        f[inside] = as_complex(system.solve(coordinates(rows[:, disk.loop] @ z)))
+        f[last] = 0
+        if len(flipped_faces(f, disk.F)[0]) == 0:
+            return lower_shear(disk, f, marked(last + 1, last))
+    return None
