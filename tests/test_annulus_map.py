@@ -4,11 +4,13 @@ import meshes
 import numpy as np
 import pytest
 from commands import invoke
+from scipy.spatial import KDTree
 from surfaces import pierced_sphere, ring, star
 
 import cdcp_igl
 from cdcp_igl.arrays import coordinates
 from cdcp_igl.maps.rings import centered, embedded_rings
+from cdcp_igl.refine.targets import Ring
 from cdcp_igl.rescue.boundary import arc_length_map
 from cdcp_igl.rescue.repair import embedding
 from cdcp_igl.surface.mesh import AnnulusMesh, DiskMesh
@@ -119,6 +121,25 @@ def test_where_angles_by_flux_flip_faces_a_disk_is_embedded(seed, n):
     result = cdcp_igl.annulus_map(*pierced_star(seed, n))
     assert result.valid
     assert result.boundary.startswith("arc length, hole ")
+
+
+def test_where_flux_crowds_the_loops_a_disk_is_embedded(real_mesh):
+    """A ragged sheet less the face that is farthest from its edge: 55 degrees by flux, refined."""
+    V, F = real_mesh("lost/disk_heleshaw_3505")
+    edge = V[DiskMesh(V, F).loop]
+    face = KDTree(edge).query(V[F].mean(axis=1))[0].argmax()
+    result = cdcp_igl.annulus_map(V, np.delete(F, face, axis=0))
+    assert result.boundary.startswith("arc length")
+    assert result.distortion.mean < 22
+
+
+def test_no_vertex_runs_to_the_middle():
+    mesh = AnnulusMesh(*pierced_star(0, 40))
+    _, f = next(embedded_rings(mesh))
+    strip, step = np.log(f), np.zeros(len(f), dtype=complex)
+    step[mesh.interior[0]] = -1e4
+    moved = Ring().moved(mesh, strip, step)
+    assert moved.real.min() == moved.real[mesh.loops[1]].mean() - 1
 
 
 @pytest.mark.parametrize("seed", range(5))

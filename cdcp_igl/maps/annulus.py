@@ -66,9 +66,9 @@ class AnnulusMap(MadeMap):
         through the one flows around the other, or as refinement has left it.
     boundary : str
         ``"flux"``: angles on the loops are what flows through them. Where that leaves flipped
-        faces, the outer loop begins by arc length, in an embedding of the disk that is there when
-        the hole is drawn together to a point, ``"arc length, hole closed"``, or filled,
-        ``"arc length, hole filled"``: conformal by refinement.
+        faces, or is not conformal even if refined, the outer loop begins by arc length, in an
+        embedding of the disk that is there when the hole is filled, ``"arc length, hole filled"``,
+        or drawn together to a point, ``"arc length, hole closed"``. The best one is taken.
     filled : int
         Boundary loops beyond two that were filled; those faces are not in the results.
     certificate : Certificate
@@ -228,11 +228,17 @@ def annulus_map(
                 _n_faces=m,
             )
 
-        ways = (partial(finished, f, boundary=name) for name, f in _strips(surface, strip))
-        best = best_of(ways, lambda made: made.valid)
-        if steps := steps_of(best, options):
-            f, made = np.log(as_complex(best._whole)), partial(finished, boundary=best.boundary)
-            best = refined(best, f, Ring(), surface.order, steps, made, options, phase)
+        def lowered(name: str, strip: Complex) -> AnnulusMap:
+            plain = finished(strip, boundary=name)
+            if not (steps := steps_of(plain, options)):
+                return plain
+            f, again = np.log(as_complex(plain._whole)), partial(finished, boundary=name)
+            return refined(plain, f, Ring(), surface.order, steps, again, options, phase)
+
+        def enough(made: AnnulusMap) -> bool:
+            return made.conformal or (made.valid and options.refine == 0)
+
+        best = best_of((partial(lowered, *way) for way in _strips(surface, strip)), enough)
     best = valid_map(best, " onto the ring", REMEDY)
     phase.done()
     return announced(best)
@@ -256,7 +262,7 @@ def _filled(V: ArrayLike, F: ArrayLike) -> tuple[AnnulusMesh, tuple[int, int], i
 
 
 def _strips(surface: FactoredSurface, strip: Complex) -> Iterator[tuple[str, Complex]]:
-    """Yield a map to a strip (n,), and others that may be valid where it is not, with their names.
+    """Yield a map to a strip (n,), and others that may be better, with their names.
 
     No edge of a ring turns by pi or more around 0, and none crosses the inner circle.
     """

@@ -124,9 +124,14 @@ class Ring(Target):
             return flipped_faces(np.exp(f), F)
 
     def moved(self, mesh: Mesh, f: Complex, step: Complex) -> Complex:
-        """Move a map by a displacement (n,), if all of the inner circle moves by the same."""
+        """Move a map by a displacement (n,), if all of the inner circle moves by the same.
+
+        Three corners of a hole may lie on one half of their circle, and 0 outside of the hole: no
+        vertex goes there, where the logarithm ends.
+        """
         moved, inner = f + step, mesh.loops[1]
-        moved.real[inner] = moved.real[inner].mean()
+        moved.real[inner] = radius = moved.real[inner].mean()
+        moved.real = np.maximum(moved.real, radius - INSIDE)
         return moved
 
     def tangential(self, mesh: Mesh, f: Complex, x: Complex) -> Complex:
@@ -169,6 +174,7 @@ class Rectangle(Target):
         return x
 
 
+INSIDE = 1.0  # the logarithm of how much nearer than the inner circle a vertex may come to 0
 COARSE = 2_000  # vertices: on more, what is of second order in the length of edges can be left out
 AT_INFINITY = 1e12  # the place of the pole of the sphere in the plane, 2e-12 from it
 
