@@ -50,8 +50,9 @@ class AnnulusMap(MadeMap):
     Attributes
     ----------
     uv : (n, 2) float64
-        Row i is the image of row i of V, between the circles of radius `radius` and 1. The vertex
-        of smallest index of the loop that reaches farthest lies at (1, 0).
+        Row i is the image of row i of V, between the circles of radius `radius` and 1; few corners
+        of a hole may lie on one half of its circle, and vertices between that and their chords.
+        The vertex of smallest index of the loop that reaches farthest lies at (1, 0).
     mesh : AnnulusMesh
         The surface; holes that were filled come last.
     modulus : float
