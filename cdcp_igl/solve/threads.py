@@ -1,4 +1,4 @@
-"""One thread for BLAS and OpenMP while the solver runs."""
+"""One thread for BLAS and OpenMP while a map is made."""
 
 from __future__ import annotations
 
