@@ -268,7 +268,9 @@ def _strips(surface: FactoredSurface, strip: Complex) -> Iterator[tuple[str, Com
     No edge of a ring turns by pi or more around 0, and none crosses the inner circle.
     """
     yield "flux", strip
-    yield "flux", ring_map(surface, least=FAIR_SHARE)[0]
+    fair, _ = ring_map(surface, least=FAIR_SHARE)
+    if not np.array_equal(fair, strip):
+        yield "flux", fair
     for name, f in embedded_rings(surface.mesh):
         yield name, np.log(f)
 

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from contextlib import suppress
 
 import numpy as np
-from scipy.sparse import diags, identity
-from scipy.sparse.linalg import splu
+from scipy.sparse import diags
 
-from ..arrays import Complex, Ints, as_complex, coordinates, marked, places, shifted
+from ..arrays import Complex, Floats, Ints, as_complex, coordinates, marked, places, shifted
 from ..errors import MeshError
 from ..refine.balance import lower_shear
 from ..rescue.boundary import arc_length_map
-from ..rescue.repair import EMBEDDING
+from ..rescue.repair import EMBEDDING, means_of_neighbours
+from ..steps.circle import Rejected
 from ..steps.mobius import conformal_barycenter, mobius_transformation
 from ..surface.mesh import DiskMesh, Mesh
 from ..surface.triangles import flipped_faces
@@ -31,13 +31,11 @@ def embedded_rings(mesh: Mesh) -> Iterator[tuple[str, Complex]]:
     The outer loop lies by arc length until the shear is lowered.
     """
     for name, way in (("filled", _from_filled), ("closed", _from_closed)):
-        with suppress(MeshError):
-            f = way(mesh)
-            if f is not None:
-                yield f"arc length, hole {name}", f
+        with suppress(MeshError, Rejected):
+            yield f"arc length, hole {name}", way(mesh)
 
 
-def _from_closed(mesh: Mesh) -> Complex | None:
+def _from_closed(mesh: Mesh) -> Complex:
     """Draw the inner loop together to one vertex, and open it again to a circle.
 
     Where that is small enough, no face with one corner on it is flipped. Neither is one with an
@@ -47,18 +45,16 @@ def _from_closed(mesh: Mesh) -> Complex | None:
     together. MeshError if what has been drawn together is no disk.
     """
     loop, n = mesh.loops[1], len(mesh.V)
-    others = np.flatnonzero(~marked(n, loop))
+    inner = marked(n, loop)
+    others = np.flatnonzero(~inner)
     row = places(others, n)
-    F = np.where(row < 0, len(others), row)[mesh.F]
-    F = F[np.count_nonzero(len(others) == F, axis=1) < 2]
-    middle = mesh.V[loop].mean(axis=0)
-    g = centered(DiskMesh(np.vstack([mesh.V[others], middle]), F))
-    if g is None:
-        return None
+    row[loop] = len(others)
+    F = row[mesh.F]
+    F = F[np.count_nonzero(inner[mesh.F], axis=1) < 2]
     f = np.zeros(n, dtype=complex)
-    f[others] = g[:-1]
-    near = mesh.F[marked(n, loop)[mesh.F].any(axis=1)]
-    radius = abs(f[near[row[near] >= 0]]).min()
+    f[others] = centered(DiskMesh(_with_middle(mesh.V[others], mesh.V[loop]), F))[:-1]
+    near = mesh.F[inner[mesh.F].any(axis=1)]
+    radius = abs(f[near[~inner[near]]]).min()
     seen = np.angle(f[_seen_by(mesh, loop)])
     steps = (seen - shifted(seen)) % (2 * np.pi)  # the loop runs clockwise
     ends = np.cumsum(steps) - steps - shifted(steps, -1) / 2
@@ -68,40 +64,43 @@ def _from_closed(mesh: Mesh) -> Complex | None:
     return _opened(mesh, f, radius, np.exp(1j * angle))
 
 
-def _from_filled(mesh: Mesh) -> Complex | None:
+def _from_filled(mesh: Mesh) -> Complex:
     """Fill the hole by a fan, and draw the inner loop to a circle around its middle."""
     loop, n = mesh.loops[1], len(mesh.V)
     fan = np.column_stack([shifted(loop), loop, np.full(len(loop), n)])
-    middle = mesh.V[loop].mean(axis=0)
-    g = centered(DiskMesh(np.vstack([mesh.V, middle]), np.vstack([mesh.F, fan])))
-    if g is None:
-        return None
-    size = abs(g[loop])
-    return _opened(mesh, g[:-1], float(np.exp(np.log(size).mean())), g[loop] / size)
+    disk = DiskMesh(_with_middle(mesh.V, mesh.V[loop]), np.vstack([mesh.F, fan]))
+    f = centered(disk)[:-1]
+    size = abs(f[loop])
+    return _opened(mesh, f, float(np.exp(np.log(size).mean())), f[loop] / size)
+
+
+def _with_middle(V: Floats, corners: Floats) -> Floats:
+    """(n + 1, 3) vertices, and the middle of some corners."""
+    return np.vstack([V, corners.mean(axis=0)])
 
 
 def _seen_by(mesh: Mesh, loop: Ints) -> Ints:
     """(k,) third corners of the faces at the edges of a loop (k,), which begin at its vertices."""
-    place, seen_by = places(loop, len(mesh.V)), np.empty_like(loop)
-    for tail, head, corner in (np.roll(mesh.F, -k, axis=1).T for k in range(3)):
-        at, following = place[tail], place[head]
-        on_loop = (at >= 0) & (following == (at + 1) % len(loop))
-        seen_by[at[on_loop]] = corner[on_loop]
+    # Half-edge k m + f leaves corner k of face f, and lies opposite corner k - 1.
+    corner, border = mesh.F.T.ravel(), mesh.edges.border.astype(np.int64)
+    at = places(loop, len(mesh.V))[corner[border]]
+    seen_by = np.empty_like(loop)
+    seen_by[at[at >= 0]] = corner[border[at >= 0] - len(mesh.F)]
     return seen_by
 
 
-def _opened(mesh: Mesh, f: Complex, radius: float, on_circle: Complex) -> Complex | None:
-    """Halve the radius of the inner circle until no face of a map (n,) is flipped."""
+def _opened(mesh: Mesh, f: Complex, radius: float, on_circle: Complex) -> Complex:
+    """Halve the inner radius of a map (n,) until no face is flipped; `Rejected` if one stays so."""
     for _ in range(HALVINGS):
         f[mesh.loops[1]] = radius * on_circle
         if len(flipped_faces(f, mesh.F)[0]) == 0:
             return f
         radius /= 2
-    return None
+    raise Rejected("the hole cannot be opened to a circle")
 
 
-def centered(disk: DiskMesh) -> Complex | None:
-    """Embed a disk with its last vertex at 0, and lower the shear (n,); None where doubles cannot.
+def centered(disk: DiskMesh) -> Complex:
+    """Embed a disk with its last vertex at 0, and lower the shear (n,); `Rejected` by doubles.
 
     By how much each boundary vertex draws the last one follows from the weights, which may be any
     that are positive. They are moved by psi_w, eq. (19), until they balance.
@@ -111,8 +110,7 @@ def centered(disk: DiskMesh) -> Complex | None:
     for weigh in EMBEDDING:
         weights = weigh(disk.V, disk.F, disk.angles)
         for _ in range(ROUNDS):
-            rows = (diags(1 / np.asarray(weights.sum(axis=1)).ravel()) @ weights)[inside]
-            system = splu((identity(len(inside)) - rows[:, inside]).tocsc())
+            rows, system = means_of_neighbours(weights, inside)
             draw = rows[:, disk.loop].T @ system.solve(at_last, trans="T")
             most = np.flatnonzero(draw > MOST_DRAWN)
             if len(most) == 0:
@@ -128,4 +126,4 @@ def centered(disk: DiskMesh) -> Complex | None:
         f[last] = 0
         if len(flipped_faces(f, disk.F)[0]) == 0:
             return lower_shear(disk, f, marked(last + 1, last))
-    return None
+    raise Rejected("it crowds the mean values too much for double precision")

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from scipy.sparse import csr_matrix, diags, identity
 from scipy.sparse.csgraph import dijkstra
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from ..arrays import Bools, Complex, Floats, Ints, as_complex, marked
 from ..errors import counted
@@ -183,6 +183,16 @@ def outward_mean_values(V: Floats, F: Ints, angles: Floats) -> csr_matrix:
     return weights
 
 
+def means_of_neighbours(weights: csr_matrix, inside: Ints) -> tuple[csr_matrix, SuperLU]:
+    """(k, n) parts that neighbours have in the means that vertices are to be; the system, factored.
+
+    The weights (n, n) are positive, the vertices `inside` (k,) those that are means.
+    """
+    rows = weights[inside]
+    rows = diags(1 / np.asarray(rows.sum(axis=1)).ravel()) @ rows
+    return rows, splu((identity(len(inside)) - rows[:, inside]).tocsc())
+
+
 # In turn.
 EMBEDDING = mean_value_weights, roots_of_mean_values, positive_cotangents, outward_mean_values
 
@@ -275,9 +285,7 @@ class Neighbourhood:
         differences are more accurate than positions.
         """
         inside = np.flatnonzero(patch)
-        rows = self.weights[inside]
-        rows = diags(1 / np.asarray(rows.sum(axis=1)).ravel()) @ rows
-        system = splu((identity(len(inside)) - rows[:, inside]).tocsc())
+        rows, system = means_of_neighbours(self.weights, inside)
         owner = np.repeat(np.arange(len(inside)), np.diff(rows.indptr))
         g = g.copy()
         for _ in range(2):
