@@ -135,6 +135,7 @@ REFUSED = {
     "empty.obj": ("", "no vertices were found"),
     "binary.obj": ("\x01\x02\n", "no vertices were found"),
     "cloud.obj": (OBJ.partition("f")[0], "There are no faces"),
+    "own child.gltf": (gltf(V, F.ravel(), children=[1]), "a node is a child of two others"),
 }
 
 

@@ -125,17 +125,17 @@ def test_ply_strips(tmp_path, rows):
 @pytest.mark.parametrize(
     "name", ["a", "vertex part", "endloop of a facet with a vertex", "endsolid"]
 )
-@pytest.mark.parametrize("binary", [False, True])
-def test_stl_corners_are_merged_in_order_of_appearance(tmp_path, binary, name):
+@pytest.mark.parametrize("end", [None, "endsolid", "end solid"])
+def test_stl_corners_are_merged_in_order_of_appearance(tmp_path, end, name):
     path = tmp_path / "a.stl"
     corners = V5[[[2, 0, 1], [3, 0, 2]]]
-    if binary:
+    if end is None:  # a binary file
         facets = (struct.pack("<12fH", 0, 0, 1, *np.ravel(c), 0) for c in corners)
         path.write_bytes(bytes(80) + struct.pack("<I", 2) + b"".join(facets))
     else:
         loops = ("".join("vertex {} {} {}\n".format(*p) for p in c) for c in corners)
         facets = (f"facet normal 0 0 1\nouter loop\n{a}endloop\nendfacet\n" for a in loops)
-        path.write_text(f"solid {name}\n{''.join(facets)}endsolid {name}\n")
+        path.write_text(f"solid {name}\n{''.join(facets)}{end} {name}\n")
     assert_read(path, V5[[2, 0, 1, 3]], [[0, 1, 2], [3, 1, 0]])
 
 

@@ -126,6 +126,16 @@ def test_what_is_wrong_is_told(tmp_path, name, text, says):
         read_mesh(path)
 
 
+def test_cells_that_meshio_does_not_know(tmp_path):
+    pytest.importorskip("meshio")
+    path = tmp_path / "prism.vtk"
+    cells = f"CELLS 1 13\n12 {' '.join(map(str, range(12)))}\nCELL_TYPES 1\n16\n"
+    points = f"DATASET UNSTRUCTURED_GRID\nPOINTS 12 float\n{'0 ' * 36}\n"
+    path.write_text(f"# vtk DataFile Version 3.0\nL\nASCII\n{points}{cells}")
+    with pytest.raises(cdcp_igl.MeshError, match=r"meshio does not read.*Surface"):
+        read_mesh(path)
+
+
 @pytest.mark.parametrize("suffix", ["vtk", "vtp"])
 def test_maps_are_written_and_read_again(tmp_path, suffix):
     W, F, uv = cdcp_igl.datasets.spherical_cap(5)

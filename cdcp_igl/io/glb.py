@@ -168,7 +168,7 @@ def _placed_nodes(scene: dict[str, Any]) -> Iterator[tuple[int, Floats]]:
         if "mesh" in nodes[node]:
             yield node, matrix
     if left:
-        raise Damage("its nodes go around in a circle")
+        raise Damage("a node is a child of two others, or of itself, which glTF forbids")
 
 
 def _matrix(node: dict[str, Any]) -> Floats:

@@ -14,6 +14,7 @@ from ..errors import Damage
 FACET = np.dtype([("normal", "<3f4"), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 LOOP = re.compile(rb"outer\s+loop\s" + 3 * rb"\s*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s" + rb"\s*endloop")
 FACETS = re.compile(rb"facet\s+normal")
+END = re.compile(rb"end *solid")
 HEADER = 84  # bytes, of which the last four are the number of facets
 
 
@@ -36,13 +37,12 @@ def read_stl(path: Path) -> tuple[Floats, Ints]:
 def _corners(text: bytes) -> Floats:
     """(3m, 3) corners of the facets of a text file."""
     # Before them and behind them comes a name, of any words.
-    facets = FACETS.split(text.lower(), maxsplit=1)[-1]
-    body, end, _ = facets.rpartition(b"endsolid")
-    facets = body if end else facets
+    *solids, rest = END.split(FACETS.split(text.lower(), maxsplit=1)[-1])
+    facets = b"".join(solids) or rest
     loops = LOOP.findall(facets)
     if not len(loops) == facets.count(b"endloop") == facets.count(b"vertex") / 3:
         raise Damage("a facet has not three corners")
-    if not end:
+    if not solids:
         raise Damage("it is cut off: it has no end")
     try:
         return np.array([float(x) for loop in loops for x in loop]).reshape(-1, 3)

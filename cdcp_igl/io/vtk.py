@@ -49,8 +49,11 @@ def read_vtk(path: Path) -> Surface:
         import meshio
     try:
         mesh = (meshio.vtk if path.suffix.lower() == ".vtk" else meshio.vtu).read(path)
-    except meshio.ReadError as error:
-        raise Damage(str(error).rstrip(".") or "meshio does not understand it") from None
+    except (meshio.ReadError, LookupError, RuntimeError, ValueError):
+        raise Damage(
+            "it is damaged, or of a kind that meshio does not read: ParaView's filter Extract "
+            "Surface makes PolyData"
+        ) from None
     F, polygon = triangulated(mesh.points, mesh.cells)
     if len(F) == 0:
         raise Damage(
