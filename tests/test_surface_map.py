@@ -40,6 +40,13 @@ def test_what_filled_a_hole_leaves_no_fans_at_one_vertex():
     assert cdcp_igl.surface_map(*surfaces.voxels(5, size=4, missing=8)).valid
 
 
+def test_outlines_that_meet_only_where_a_hole_is_filled():
+    """One side of the cut there is no part of the surface, and is no end to part it between."""
+    V, F = surfaces.voxels(224)
+    pierced = F[~np.isin(F, np.arange(0, len(V), 35)).any(axis=1)]
+    assert cdcp_igl.surface_map(V, pierced).valid
+
+
 @settings(max_examples=5)
 @given(surfaces.random_voxels(3), st.integers(0, 1000), st.sampled_from([0, 0.3]))
 def test_flipped_faces_are_mapped_as_the_others(mesh, seed, share):

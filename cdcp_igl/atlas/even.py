@@ -141,11 +141,11 @@ def halves(draft: Draft) -> list[Component]:
     parts = pieces(draft.opened)
     if len(parts) > 1:  # without what fills holes
         return parts
-    ends = None
-    if len(meeting := draft.outline.meeting):
-        given = np.unique(draft.opened.F[: len(draft.opened.component.rows)])
-        ends = np.searchsorted(given, meeting[0])
-    return parted_by(parts[0], narrow_side(parts[0], ends))
+    row = np.full(draft.opened.n, -1)  # of vertices that only what fills holes has
+    row[draft.opened.F[: len(parts[0].F)]] = parts[0].F
+    meeting = row[draft.outline.meeting]
+    meeting = meeting[(meeting >= 0).all(axis=1)]
+    return parted_by(parts[0], narrow_side(parts[0], meeting[0] if len(meeting) else None))
 
 
 def _apart(draft: Draft) -> list[Component]:
