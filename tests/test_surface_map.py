@@ -591,6 +591,20 @@ def test_a_chart_that_is_not_conformal_is_parted():
     assert result.scale_variation < whole.scale_variation / 2
 
 
+@pytest.mark.parametrize("seed", [1, 6, 27])
+def test_a_chart_of_large_faces_is_parted_where_its_scale_is_far_from_even(seed):
+    """Its draft is even, as that is linear."""
+    V, F = surfaces.star(seed, 40)
+    whole = cdcp_igl.surface_map(V, F, max_charts=1)
+    assert whole.conformal
+    assert whole.scale_variation > 0.4
+    result = cdcp_igl.surface_map(V, F)
+    assert_consistent(result, V, F)
+    assert 1 < len(result.charts) < 6
+    assert result.scale_variation < whole.scale_variation / 2
+    assert result.distortion.mean < whole.distortion.mean
+
+
 def test_a_surface_of_many_handles_is_parted_before_it_is_cut(monkeypatch):
     """As long as there may be more charts."""
     genera, laid = [], even.open_to_disk

@@ -61,6 +61,9 @@ MOST_VARIATION = 709
 # What it may vary by default: texels differ by less than one level of a mipmap, a factor of two,
 # between the fifth and the 95th percentile. Disks, which shrink what lies behind a neck, reach 1.
 EVEN, EVEN_DISKS = 0.2, 1.0
+# Where faces are large a map varies more than its draft, which is linear: from so many times what
+# is asked a chart is parted, if this share of the variation is left at most.
+FAR, WORTH_PARTING = 2.0, 0.75
 # Where an edge has collapsed the conformal factor is minus infinity: counted as this.
 LEAST_FACTOR = -50.0
 
@@ -166,9 +169,9 @@ def charts_of(
 def _free_charts(
     component: Component, options: Options, limits: Limits, progress: Progress | None
 ) -> list[Chart]:
-    """Map a component onto charts with free outlines; part those without a conformal map."""
+    """Map a component onto charts with free outlines; part what is not conformal, or uneven."""
     charts, failed, done = list[Chart](), list[tuple[Draft, Chart]](), 0
-    may_part = limits.asked < np.inf
+    may_part, enough = limits.asked < np.inf, (False, False, FAR * limits.asked)
     with using(options.solver):
         for draft in even_drafts(component, options, limits.fill, limits.asked, limits.max_charts):
             chart = _free_chart(draft, options, limits.asked, may_ease=False)
@@ -176,7 +179,7 @@ def _free_charts(
             if may_part and not chart.map.conformal:
                 for net in exact_nets(pieces(draft.opened), options):
                     chart = _measured(net.opened, net.map)
-            if chart.failure or (may_part and not chart.map.conformal):
+            if chart.failure or (may_part and chart.unevenness > enough):
                 failed.append((draft, chart))
             else:
                 charts.append(chart)
@@ -187,14 +190,18 @@ def _free_charts(
             draft, whole = failed.pop()
             spare = limits.max_charts - len(charts) - len(failed) - 1
             parts = halves(draft) if may_part and spare else []
-            if not 1 < len(parts) <= 1 + spare:
-                charts.append(_free_chart(draft, options, limits.asked) if whole.failure else whole)
-                continue
-            spare -= len(parts) - 1
-            for part in parts:
-                more = _free_charts(part, options, replace(limits, max_charts=1 + spare), None)
-                spare -= len(more) - 1
+            more = list[Chart]()
+            if 1 < len(parts) <= 1 + spare:
+                spare -= len(parts) - 1
+                for part in parts:
+                    made = _free_charts(part, options, replace(limits, max_charts=1 + spare), None)
+                    spare -= len(made) - 1
+                    more += made
+            better = (*whole.unevenness[:2], WORTH_PARTING * whole.scale_variation)
+            if max((chart.unevenness for chart in more), default=whole.unevenness) < better:
                 charts += more
+            else:
+                charts.append(_free_chart(draft, options, limits.asked) if whole.failure else whole)
     return charts
 
 

@@ -442,6 +442,7 @@ def surface_map(
         less than a factor of two, one level of a mipmap, from the 5th to the 95th percentile. Where
         it is not reached, the first line of the result says so.
         With infinity, as by default with `seams`, there are no slits, and nothing is parted.
+        Where faces are large a chart may vary by up to twice as much: it is parted from there on.
         Of disks it is 1 by default: the cut grows to what shrank, as long as that gains, and then
         the component is parted, limbs first. It is parted before where that leaves more than 1.4
         times what is asked for or halves it, or where more than twice this is left before any
@@ -606,7 +607,7 @@ def _why_uneven(charts: list[Chart], limits: Limits) -> str:
     """Say why the scale varies more than is asked for, if it does."""
     if max(charts, key=lambda chart: chart.scale_variation).is_traded:
         return "refined, as angles gain far more"
-    return "max_charts" if len(charts) >= limits.max_charts else "no more charts lower it"
+    return "max_charts" if len(charts) >= limits.max_charts else "more charts are not worth it"
 
 
 def _distortion(sheets: Sheets, uv: Floats) -> AngleDistortion:
