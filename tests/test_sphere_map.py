@@ -246,3 +246,14 @@ def test_on_the_command_line_and_in_a_batch(tmp_path):
     assert [record.status for record in made.records] == ["done"]
     for wrong in (["--cut"], ["--disk"], ["--center", "heat"]):
         assert invoke("map", "--sphere", *wrong, source, tmp_path / "x.npz").exit_code == 2
+
+
+@pytest.mark.parametrize("height", [1, 2])
+def test_a_hole_is_not_filled_by_the_back_of_an_ear(height):
+    """One face of a spike is left: its back and the plain below it have the least area."""
+    V, F = sphere(20, 32)
+    V[100] *= height
+    spike = np.flatnonzero((F == 100).any(axis=1))
+    result = cdcp_igl.sphere_map(V, np.delete(F, spike[1:], axis=0))
+    assert (result.valid, result.filled) == (True, 1)
+    assert result.distortion.mean < 1

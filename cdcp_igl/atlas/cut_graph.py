@@ -400,7 +400,7 @@ def fill_holes(component: Component) -> Component:
     V, filling = component.V, []
     outer = by_reach(V, loops)[0]
     for loop in loops:
-        faces = None if loop is outer or _has_slit(V[loop]) else fill_hole(V, loop)
+        faces = None if loop is outer or _has_slit(V[loop]) else fill_hole(V, component.F, loop)
         if faces is not None:
             if faces.max() == len(V):
                 V = np.vstack([V, V[loop].mean(axis=0)])

@@ -254,7 +254,7 @@ def _filled(V: ArrayLike, F: ArrayLike) -> tuple[AnnulusMesh, tuple[int, int], i
         return AnnulusMesh(V, F), size, 0
     corners, filling = np.asarray(V, dtype=np.float64), [faces]
     for loop in loops[2:]:
-        if (patch := fill_hole(positions, loop)) is not None:
+        if (patch := fill_hole(positions, faces, loop)) is not None:
             if patch.max() == len(corners):
                 corners = np.vstack([corners, corners[loop].mean(axis=0)])
                 positions = np.vstack([positions, positions[loop].mean(axis=0)])

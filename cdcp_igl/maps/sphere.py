@@ -363,7 +363,7 @@ def _closed(V: ArrayLike, F: ArrayLike) -> tuple[SphereMesh, int, int]:
             raise
         positions, faces = checked_surface(V, F)
         loops = Topology(faces, len(positions)).loops
-        patches = [fill_hole(positions, loop, middle=False) for loop in loops]
+        patches = [fill_hole(positions, faces, loop, middle=False) for loop in loops]
         filling = np.concatenate([patch for patch in patches if patch is not None] or [faces])
         areas = [face_areas(positions, some).sum() for some in (filling, faces)]
         if any(patch is None for patch in patches) or areas[0] > HOLES * areas[1]:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, marked
+from ..arrays import Bools, Floats, Ints, marked, places
 from .triangles import corner_cotangents, degenerate_faces, face_areas
 
 # The search for a triangulation takes the cube of this many steps, about two seconds.
@@ -15,13 +15,13 @@ MOST_CORNERS = 300
 Cost = Callable[[Floats, Floats, Floats], Floats]  # of triangles with these corners (..., 3)
 
 
-def fill_hole(V: Floats, loop: Ints, *, middle: bool = True) -> Ints | None:
+def fill_hole(V: Floats, F: Ints, loop: Ints, *, middle: bool = True) -> Ints | None:
     """Triangulate a hole by a fan around its middle or, if that is flat, without a new vertex.
 
     The surface is on the left of the `loop` (k,) around the hole. The faces (m, 3) are oriented
     like those of the surface; the vertex n, if they use it, has to be put at the mean of the loop.
     Without `middle`, none does.
-    None if each triangulation has faces without area.
+    None if each triangulation has faces without area, or edges that the surface has.
     """
     polygon, k = loop[::-1], len(loop)  # the hole lies on the right of its loop
     points = np.vstack([V[polygon], V[polygon].mean(axis=0)])
@@ -29,16 +29,35 @@ def fill_hole(V: Floats, loop: Ints, *, middle: bool = True) -> Ints | None:
     if middle and not _is_flat(points, fan).any():
         return np.append(polygon, len(V))[fan]
     if k <= MOST_CORNERS:
-        triangles = least_triangulation(points[:-1])
-        if not _is_flat(points, triangles).any():
+        barred = _joined(F, polygon)
+        triangles = least_triangulation(points[:-1], barred=barred)
+        is_edge = barred[triangles, np.roll(triangles, -1, axis=1)]
+        if not (_is_flat(points, triangles).any() or is_edge.any()):
             return polygon[triangles]
     return None
 
 
-def least_triangulation(points: Floats, cost: Cost | None = None) -> Ints:
+def _joined(F: Ints, polygon: Ints) -> Bools:
+    """(k, k) which corners of a polygon (k,) edges of the surface join, but for its own sides."""
+    k = len(polygon)
+    tail = places(polygon, int(F.max()) + 1)[F]
+    head = np.roll(tail, -1, axis=1)
+    both = (tail >= 0) & (head >= 0)
+    joined = np.zeros((k, k), dtype=bool)
+    joined[tail[both], head[both]] = True
+    sides = np.arange(k), np.roll(np.arange(k), -1)
+    joined |= joined.T
+    joined[sides] = joined[sides[::-1]] = False
+    return joined
+
+
+def least_triangulation(
+    points: Floats, cost: Cost | None = None, barred: Bools | None = None
+) -> Ints:
     """(..., k - 2, 3) triangles of closed polygons (..., k, 3), those whose costs add up to least.
 
-    By default, the fewest flat ones, then the least area.
+    By default, the fewest flat ones, then the least area. Diagonals that are `barred` (k, k) are
+    taken only if there is no other way.
 
     G. Barequet, M. Sharir. Filling gaps in the boundary of a polyhedron. Computer Aided
     Geometric Design 12(2), 1995.
@@ -56,6 +75,8 @@ def least_triangulation(points: Floats, cost: Cost | None = None) -> Ints:
         best = total.argmin(axis=2)
         apex[:, start, start + width] = start + 1 + best
         least[:, start, start + width] = np.take_along_axis(total, best[..., None], 2)[..., 0]
+        if barred is not None:
+            least[:, start, start + width] += np.where(barred[start, start + width], np.inf, 0)
     chosen, n_parts = np.zeros((len(polygons), k - 2, 3), np.int64), np.ones(len(polygons), int)
     chosen[:, 0, 2] = k - 1  # each row is a part of the polygon, until its triangle is known
     polygon = np.arange(len(polygons))
