@@ -22,15 +22,9 @@ from cdcp_igl.rescue.correction import (
     straighten,
 )
 from cdcp_igl.rescue.harmonic_map import HarmonicMap, Provenance
+from cdcp_igl.rescue.means import EMBEDDING, mean_value_weights
 from cdcp_igl.rescue.relaxation import Relaxation, softened
-from cdcp_igl.rescue.repair import (
-    EMBEDDING,
-    Neighbourhood,
-    embedding,
-    mean_value_weights,
-    repair_locally,
-    repaired,
-)
+from cdcp_igl.rescue.repair import Neighbourhood, embedding, repair_locally, repaired
 from cdcp_igl.solve.factored import FactoredSurface, extended_again, harmonic_extension
 from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.mobius import at_one, composed, mobius_transformation
@@ -66,11 +60,11 @@ def test_weights_that_differ_less_embed_what_mean_values_crowd(monkeypatch, weig
     assert (len(flipped_faces(embedded, mesh.F)[0]) == 0) == (weights is not mean_value_weights)
 
 
-def table(width, length):
+def table(width, length, face=0):
     """A narrow table on legs of cubes, less a face on its top, with the boundary by arc length."""
     solid = np.zeros((3, width, length + 1), dtype=bool)
     solid[..., 0] = solid[::2, ::2] = True
-    mesh = DiskMesh(*opened(*skin(solid), "face", 0))
+    mesh = DiskMesh(*opened(*skin(solid), "face", face))
     f = np.zeros(len(mesh.V), dtype=complex)
     f[mesh.loop] = arc_length_map(mesh)
     return mesh, f
@@ -85,6 +79,20 @@ def test_long_legs_are_embedded_by_what_lies_further_out(monkeypatch):
         flipped.append(len(flipped_faces(embedding(mesh, f, on_disk=True)[0], mesh.F)[0]))
     assert all(flipped[:-1])
     assert flipped[-1] == 0
+
+
+def test_what_lies_beyond_a_hole_in_a_leg_is_embedded_around_0():
+    """A Möbius transformation takes it there, too, but bends the edges of three vertices."""
+    mesh, f = table(1, 40, face=222)
+    plain = Neighbourhood(mesh, np.ones(len(f), dtype=bool), EMBEDDING[-1])
+    again = partial(plain.combine, patch=plain.free)
+    bent, _ = recentered(mesh, again(f), again)
+    assert len(flipped_faces(bent, mesh.F)[0]) > 0
+    around, w = embedding(mesh, f, on_disk=True)
+    assert len(flipped_faces(around, mesh.F)[0]) == 0
+    assert 0 in around[mesh.interior]
+    assert abs(w) < 1
+    assert cdcp_igl.disk_map(mesh.positions, mesh.F).valid
 
 
 def test_what_a_turn_would_round_away_is_not_turned():

@@ -6,21 +6,16 @@ from collections.abc import Iterator
 from contextlib import suppress
 
 import numpy as np
-from scipy.sparse import diags
 
-from ..arrays import Complex, Floats, Ints, as_complex, coordinates, marked, places, shifted
+from ..arrays import Complex, Floats, Ints, marked, places, shifted
 from ..errors import MeshError
 from ..refine.balance import lower_shear
 from ..rescue.boundary import arc_length_map
-from ..rescue.repair import EMBEDDING, means_of_neighbours
+from ..rescue.means import EMBEDDING, centered
 from ..steps.circle import Rejected
-from ..steps.mobius import conformal_barycenter, mobius_transformation
 from ..surface.mesh import DiskMesh, Mesh
 from ..surface.triangles import flipped_faces
 
-# No psi_w takes the middle to 0 where one boundary vertex draws it by more than half: one that has
-# more than the first share is left with the second.
-MOST_DRAWN, DRAWN, ROUNDS = 0.4, 0.3, 20
 HALVINGS = 40  # of the radius of the inner circle
 EVEN = 0.1  # the share of even distances on it, so that none is 0
 
@@ -52,7 +47,7 @@ def _from_closed(mesh: Mesh) -> Complex:
     F = row[mesh.F]
     F = F[np.count_nonzero(inner[mesh.F], axis=1) < 2]
     f = np.zeros(n, dtype=complex)
-    f[others] = centered(DiskMesh(_with_middle(mesh.V[others], mesh.V[loop]), F))[:-1]
+    f[others] = _embedded(DiskMesh(_with_middle(mesh.V[others], mesh.V[loop]), F))[:-1]
     near = mesh.F[inner[mesh.F].any(axis=1)]
     radius = abs(f[near[~inner[near]]]).min()
     seen = np.angle(f[_seen_by(mesh, loop)])
@@ -69,7 +64,7 @@ def _from_filled(mesh: Mesh) -> Complex:
     loop, n = mesh.loops[1], len(mesh.V)
     fan = np.column_stack([shifted(loop), loop, np.full(len(loop), n)])
     disk = DiskMesh(_with_middle(mesh.V, mesh.V[loop]), np.vstack([mesh.F, fan]))
-    f = centered(disk)[:-1]
+    f = _embedded(disk)[:-1]
     size = abs(f[loop])
     return _opened(mesh, f, float(np.exp(np.log(size).mean())), f[loop] / size)
 
@@ -99,31 +94,11 @@ def _opened(mesh: Mesh, f: Complex, radius: float, on_circle: Complex) -> Comple
     raise Rejected("the hole cannot be opened to a circle")
 
 
-def centered(disk: DiskMesh) -> Complex:
-    """Embed a disk with its last vertex at 0, and lower the shear (n,); `Rejected` by doubles.
-
-    By how much each boundary vertex draws the last one follows from the weights, which may be any
-    that are positive. They are moved by psi_w, eq. (19), until they balance.
-    """
-    last, inside = len(disk.V) - 1, disk.interior
-    at_last = (inside == last).astype(float)
+def _embedded(disk: DiskMesh) -> Complex:
+    """Embed a disk with its last vertex at 0, and lower the shear (n,); `Rejected` by doubles."""
+    last, z = len(disk.V) - 1, arc_length_map(disk)
     for weigh in EMBEDDING:
-        weights = weigh(disk.V, disk.F, disk.angles)
-        for _ in range(ROUNDS):
-            rows, system = means_of_neighbours(weights, inside)
-            draw = rows[:, disk.loop].T @ system.solve(at_last, trans="T")
-            most = np.flatnonzero(draw > MOST_DRAWN)
-            if len(most) == 0:
-                break
-            scale = np.ones(len(disk.V))
-            scale[disk.loop[most]] = DRAWN / (1 - DRAWN) * (1 / draw[most] - 1)
-            weights = weights @ diags(scale)
-        z = arc_length_map(disk)
-        z = mobius_transformation(z, conformal_barycenter(z, draw))
-        f = np.zeros(last + 1, dtype=complex)
-        f[disk.loop] = z = z / abs(z)
-        f[inside] = as_complex(system.solve(coordinates(rows[:, disk.loop] @ z)))
-        f[last] = 0
+        f, _ = centered(disk, z, last, weigh(disk.V, disk.F, disk.angles))
         if len(flipped_faces(f, disk.F)[0]) == 0:
             return lower_shear(disk, f, marked(last + 1, last))
     raise Rejected("it crowds the mean values too much for double precision")

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.sparse import csr_matrix, diags, identity
-from scipy.sparse.csgraph import dijkstra
-from scipy.sparse.linalg import SuperLU, splu
 
-from ..arrays import Bools, Complex, Floats, Ints, as_complex, marked
+from ..arrays import Bools, Complex, Ints, as_complex, marked
 from ..errors import counted
 from ..surface.mesh import Mesh
 from ..surface.topology import components_of_pairs
 from ..surface.triangles import flipped_faces
-from .correction import recentered
+from .correction import deep_vertex, recentered
+from .means import EMBEDDING, Weights, centered, mean_value_weights, means_of_neighbours
 from .relaxation import Relaxation
 
 RINGS = 10  # largest radius of a patch around a flipped face
@@ -26,12 +23,8 @@ MANY = 0.03  # of the faces: so many flipped faces are not near each other, but 
 FEW = 10  # flipped faces that are worth another attempt even if the last one repaired none
 SOFTNESSES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the relaxation of flipped faces, in turn
 SWEEPS = 4  # of a relaxation near flipped faces
-LEAST_COTANGENT = 0.01  # where they are to be positive
-INWARDS = 0.1  # the weight of a neighbour one ring further from the boundary
 RELAXED = 6  # rings around the vertices that were moved, relaxed with them at the end
 MOST_MOVES, MOST_SWEEPS = 200_000, 30  # of single vertices, and of all, at the end
-
-Weights = Callable[[Floats, Ints, Floats], csr_matrix]  # of the neighbours, by V, F and angles
 
 
 @dataclass(frozen=True)
@@ -92,20 +85,28 @@ def embedding(mesh: Mesh, f: Complex, *, on_disk: bool = False) -> tuple[Complex
     double precision goes. Where the mean values crowd too much for it, or lie almost on a line,
     their roots are taken for weights, then the cotangents, as far as they are positive, and then
     mean values of which those towards the boundary count more. If the map is `on_disk` and most of
-    the surface is in one spot, a Möbius transformation takes that to 0. Returns the map and the
-    point that has gone to 0.
+    the surface is in one spot, a Möbius transformation takes that to 0, and where faces at the
+    boundary are flipped by it, or more, the boundary is moved alone. Returns the map and the point
+    that has gone to 0.
 
     References
     ----------
     M. S. Floater. Mean value coordinates. Comput. Aided Geom. Design 20(1), 2003.
     """
+    deep = None
     for weights in EMBEDDING:
         whole, w = Neighbourhood(mesh, np.ones(len(f), dtype=bool), weights), 0j
         g = whole.combine(f, whole.free)
         if on_disk:
+            deep = deep_vertex(mesh, g, mesh.F) if deep is None else deep
             g, w = recentered(mesh, g, partial(whole.combine, patch=whole.free))
         if len(whole.flipped(g)) == 0:
-            break
+            return g, w
+    if deep is not None:
+        for weights in EMBEDDING:
+            g, w = centered(mesh, f[mesh.loop], deep, weights(mesh.V, mesh.F, mesh.angles))
+            if len(flipped_faces(g, mesh.F)[0]) == 0:
+                break
     return g, w
 
 
@@ -140,61 +141,6 @@ def repair_locally(
     f = f.copy()
     f[near.vertices] = g if left else near.relaxed(g)
     return f, Repair(len(flipped), int(near.moved.sum()), near.rounds)
-
-
-def mean_value_weights(V: Floats, F: Ints, angles: Floats) -> csr_matrix:
-    """(n, n) mean-value weights: (tan(a/2) + tan(b/2)) / |v_i - v_j|, all positive.
-
-    a and b are the angles at v_i in the two faces at the edge; row i belongs to v_i.
-    """
-    half_tangents = np.tan(angles / 2)
-    i, j = np.repeat(F, 2, axis=1), F[:, [1, 2, 2, 0, 0, 1]]
-    weights = np.repeat(half_tangents, 2, axis=1) / np.linalg.norm(V[i] - V[j], axis=2)
-    return csr_matrix((weights.ravel(), (i.ravel(), j.ravel())), (len(V), len(V)))
-
-
-def roots_of_mean_values(V: Floats, F: Ints, angles: Floats) -> csr_matrix:
-    """(n, n) roots of the mean-value weights, which differ less."""
-    return mean_value_weights(V, F, angles).sqrt()
-
-
-def positive_cotangents(V: Floats, F: Ints, angles: Floats) -> csr_matrix:
-    """(n, n) sums of the cotangents of the angles opposite each edge, raised where too small."""
-    i, j = F[:, [1, 2, 0]].ravel(), F[:, [2, 0, 1]].ravel()
-    weights = csr_matrix((1 / np.tan(angles).ravel(), (i, j)), (len(V), len(V)))
-    weights = csr_matrix(weights + weights.T)
-    weights.data = np.maximum(weights.data, LEAST_COTANGENT)
-    return weights
-
-
-def outward_mean_values(V: Floats, F: Ints, angles: Floats) -> csr_matrix:
-    """(n, n) mean-value weights, of which those of neighbours nearer to the boundary count more.
-
-    Along a leg mean values shrink by exp(-2 pi) for each length that is its circumference. Means of
-    those further out alone would shrink by cos(pi / k) for each ring of k vertices.
-    """
-    weights = mean_value_weights(V, F, angles)
-    weights.sum_duplicates()
-    on_boundary = np.diff(weights.indptr) > np.bincount(F.ravel())  # more neighbours than faces
-    rims = np.flatnonzero(on_boundary)
-    depth = dijkstra(weights, indices=rims, unweighted=True, min_only=True)
-    deeper = depth[weights.indices] - np.repeat(depth, np.diff(weights.indptr))
-    weights.data *= INWARDS**deeper
-    return weights
-
-
-def means_of_neighbours(weights: csr_matrix, inside: Ints) -> tuple[csr_matrix, SuperLU]:
-    """(k, n) parts that neighbours have in the means that vertices are to be; the system, factored.
-
-    The weights (n, n) are positive, the vertices `inside` (k,) those that are means.
-    """
-    rows = weights[inside]
-    rows = diags(1 / np.asarray(rows.sum(axis=1)).ravel()) @ rows
-    return rows, splu((identity(len(inside)) - rows[:, inside]).tocsc())
-
-
-# In turn.
-EMBEDDING = mean_value_weights, roots_of_mean_values, positive_cotangents, outward_mean_values
 
 
 class Neighbourhood:
