@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from commands import invoke
 from numpy.testing import assert_allclose, assert_array_equal
+from surfaces import skin
 
 import cdcp_igl
 from cdcp_igl.arrays import as_complex, coordinates
@@ -134,6 +135,16 @@ def test_what_a_conformal_disk_crowds_together_is_drawn_apart():
     result = cdcp_igl.disk_map(*corridor, keep="lengths")
     assert result.valid
     assert energy.value(as_complex(result.uv)) < 1e-6 * from_there
+
+
+def test_limbs_that_a_free_conformal_map_crowds_together_are_drawn_apart():
+    """Two prongs, less a face of one; from the conformal map alone the energy was above 1e9."""
+    solid = np.zeros((3, 1, 25), dtype=bool)
+    solid[..., 0] = solid[::2] = True
+    V, F = skin(solid)
+    result = cdcp_igl.free_map(V, np.delete(F, 100, axis=0), keep="lengths")
+    assert result.valid
+    assert result.kept.dirichlet < 20
 
 
 def test_lengths_are_those_of_the_surface_and_scale_with_it(hill):

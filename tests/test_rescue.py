@@ -50,12 +50,11 @@ def test_a_valid_map_is_returned_as_it_is():
 
 
 @pytest.mark.parametrize("weights", EMBEDDING[:2])
-def test_weights_that_differ_less_embed_what_mean_values_crowd(monkeypatch, weights):
+def test_weights_that_differ_less_embed_what_mean_values_crowd(weights):
     mesh = DiskMesh(*arms(32, 2))
     f = np.zeros(len(mesh.V), dtype=complex)
     f[mesh.loop] = np.exp(2j * np.pi * np.arange(len(mesh.loop)) / len(mesh.loop))
-    monkeypatch.setattr("cdcp_igl.rescue.repair.EMBEDDING", (weights,))
-    embedded, _ = embedding(mesh, f, on_disk=True)
+    embedded, _ = embedding(mesh, f, [weights], on_disk=True)
     assert is_around(embedded[mesh.loop])
     assert (len(flipped_faces(embedded, mesh.F)[0]) == 0) == (weights is not mean_value_weights)
 
@@ -70,13 +69,13 @@ def table(width, length, face=0):
     return mesh, f
 
 
-def test_long_legs_are_embedded_by_what_lies_further_out(monkeypatch):
+def test_long_legs_are_embedded_by_what_lies_further_out():
     """Seven times as long as their circumference, each of which shrinks them by exp(-2 pi)."""
     mesh, f = table(3, 30)
     flipped = []
     for weights in EMBEDDING:
-        monkeypatch.setattr("cdcp_igl.rescue.repair.EMBEDDING", (weights,))
-        flipped.append(len(flipped_faces(embedding(mesh, f, on_disk=True)[0], mesh.F)[0]))
+        embedded, _ = embedding(mesh, f, [weights], on_disk=True)
+        flipped.append(len(flipped_faces(embedded, mesh.F)[0]))
     assert all(flipped[:-1])
     assert flipped[-1] == 0
 

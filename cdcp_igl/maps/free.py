@@ -28,7 +28,7 @@ from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
 from ..refine.apart import kept_apart
-from ..refine.balance import Energy, Newton, resized
+from ..refine.balance import Energy, Newton
 from ..refine.refinement import lower_angle_distortion
 from ..refine.targets import Outline
 from ..rescue.repair import MANY, Repair, repair_locally
@@ -151,9 +151,6 @@ class FreeMap(KeepingMap, PlaneMap):
                 made,
             )
         return valid_map(made, "", "Leave out pins, or put them nearer to the map.")
-
-    def _start(self, energy: Energy, f: Complex) -> Complex:
-        return resized(energy, f)
 
     @property
     def _held(self) -> Bools | None:

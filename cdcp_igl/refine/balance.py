@@ -45,12 +45,14 @@ from ..verdict.distortion import wirtinger_derivative
 from .preconditioning import WeightedLaplacian, conjugate_gradients, dot
 from .targets import DISK, PLANE, Disk, Target
 
-# First a part of k, as a step for cosh(kx) shortens x by 1 / k at most; and at t <= 1/2, as above
-# faces could shear at first as much as they like.
-SOFT, FIRST_STEPS, STEPS = 0.1, 60, 30
-# A step that gains less than so ends those that are soft, those that are far from the minimum, or
-# all; unless it is short, as a face was about to flip: then its gain says nothing.
-LITTLE, NEAR, WORTH, SHORT = 0.1, 0.03, 1e-3, 0.5
+# First a part of k, and then some times as much, as a step for cosh(kx) shortens x by 1 / k at
+# most; and at t <= 1/2, as above faces could shear at first as much as they like.
+SOFT, HARDER, FIRST_STEPS, STEPS = 0.1, 3, 60, 100
+MANY = 40  # steps to a minimum: another may be lower
+CROWDED = 100.0  # a map of so much energy has parts that are far too small
+# A step that gains less than so ends those that are soft or far from the minimum, or all; unless it
+# is short, as a face was about to flip: then its gain says nothing.
+NEAR, WORTH, SHORT = 0.03, 1e-3, 0.5
 # Of an embedding's shear: refinement, in which faces get into the way, takes longer for that.
 SHEAR_STEPS, SHEAR_WORTH = 100, 4e-3
 # Directions of CG at most, and the share of what all have gained that ends them: roughly or not.
@@ -129,6 +131,10 @@ class Energy:
                 (S, *_), (Q, *_) = self._factors(s, q, part)
                 total += float((self.weight[part] / self.k[part] ** 2) @ (S + Q + S * Q))
         return total
+
+    def is_crowded(self, f: Complex) -> bool:
+        """Whether it is so much that parts of the map are far too small."""
+        return not self.value(f) <= CROWDED  # nor NaN
 
     def stretch(self, f: Complex, part: slice) -> tuple[Floats, Floats, Complex]:
         """Compute s, q and f_z f_zbar, (k,), of some faces of a map (n,)."""
@@ -267,7 +273,10 @@ class Newton:
     def lower(self, energy: Energy, *, soft: bool = True, steps: int = STEPS) -> float:
         """Go down to the minimum, the `soft` energy first; return the energy there."""
         if soft:
-            self.descend(energy.softened, FIRST_STEPS, LITTLE)
+            first = energy.softened
+            self.descend(first, FIRST_STEPS, NEAR)
+            if energy.is_crowded(self.f):
+                self.descend(replace(first, k=HARDER * first.k), FIRST_STEPS, NEAR)
         return self.descend(energy, steps)
 
     def descend(self, energy: Energy, steps: int = STEPS, worth: float = WORTH) -> float:
@@ -412,12 +421,12 @@ def balanced(
 ) -> Newton:
     """Let a map f (n,) without flipped faces keep t; no face flips on the way.
 
-    It may have any size; one of a `near` t is gone on from as it is. Where the steps do not end of
-    themselves, they go on from t = 1/2, and the lower map is taken.
+    It may have any size; one of a `near` t is gone on from as it is. Where that takes many steps,
+    they go on from t = 1/2 as well, and the lower map is taken.
     """
     energy, newton = Energy.of(mesh, t, k, target), Newton(mesh, f, target, held)
     value = newton.lower(energy, soft=not near)
-    if not (near or newton.done or t == HALF):
+    if not (near or t == HALF or newton.steps < MANY):
         best, newton.f = newton.f, f
         newton.lower(Energy.of(mesh, HALF, k, target))
         if newton.descend(energy) >= value:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -78,7 +79,9 @@ def repaired(mesh: Mesh, f: Complex) -> tuple[Complex, Repair]:
     return g, repair
 
 
-def embedding(mesh: Mesh, f: Complex, *, on_disk: bool = False) -> tuple[Complex, complex]:
+def embedding(
+    mesh: Mesh, f: Complex, ways: Sequence[Weights] = EMBEDDING, *, on_disk: bool = False
+) -> tuple[Complex, complex]:
     """Set the interior of a map (n,) with a convex boundary to mean values of its neighbours.
 
     Floater's theorem applies: positive weights and a convex boundary give an embedding, as far as
@@ -94,7 +97,7 @@ def embedding(mesh: Mesh, f: Complex, *, on_disk: bool = False) -> tuple[Complex
     M. S. Floater. Mean value coordinates. Comput. Aided Geom. Design 20(1), 2003.
     """
     deep = None
-    for weights in EMBEDDING:
+    for weights in ways:
         whole, w = Neighbourhood(mesh, np.ones(len(f), dtype=bool), weights), 0j
         g = whole.combine(f, whole.free)
         if on_disk:
@@ -103,7 +106,7 @@ def embedding(mesh: Mesh, f: Complex, *, on_disk: bool = False) -> tuple[Complex
         if len(whole.flipped(g)) == 0:
             return g, w
     if deep is not None:
-        for weights in EMBEDDING:
+        for weights in ways:
             g, w = centered(mesh, f[mesh.loop], deep, weights(mesh.V, mesh.F, mesh.angles))
             if len(flipped_faces(g, mesh.F)[0]) == 0:
                 break

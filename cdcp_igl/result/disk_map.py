@@ -14,13 +14,11 @@ from ..cached import cached_property
 from ..errors import MapError
 from ..phases import Phases
 from ..plot.layout import Layout
-from ..refine.balance import Energy
 from ..refine.refinement import Refinement
 from ..refine.targets import DISK
-from ..rescue.boundary import arc_length_map
 from ..rescue.collapsed_faces import open_collapsed_faces
 from ..rescue.harmonic_map import Provenance, provenance
-from ..rescue.repair import embedding, repair_locally
+from ..rescue.repair import repair_locally
 from ..surface.mesh import Mesh
 from ..verdict.certificate import BOUNDARY_TOLERANCE, Certificate, certify_disk
 from ..verdict.distortion import AngleDistortion, map_distortion
@@ -251,17 +249,6 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
                 f"of the pair {here}, {there} only one is on the boundary: the boundaries meet"
             )
         return matched(self.mesh, as_complex(self.register(to, chosen)), to, chosen)
-
-    def _start(self, energy: Energy, f: Complex) -> Complex:
-        """Return f, or the embedding with the boundary by arc length: what costs less energy.
-
-        Parts that a conformal map crowds together, along seams above all, are hard to draw apart.
-        """
-        even = np.zeros_like(f)
-        even[self.mesh.loop] = arc_length_map(self.mesh)
-        even, _ = embedding(self.mesh, even, on_disk=True)
-        flipped = len(DISK.flipped(self.mesh.F, even)[0]) > 0
-        return f if flipped or energy.value(f) <= energy.value(even) else even
 
     def _plane_map(self) -> Complex:
         return as_complex(self.uv)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -15,9 +16,12 @@ from ..options import KEPT, MOST, Keep
 from ..phases import Phases
 from ..plot.layout import Layout
 from ..refine.apart import kept_apart
-from ..refine.balance import Energy, balanced
+from ..refine.balance import Energy, balanced, resized
 from ..refine.targets import Disk, Outline, Target
+from ..rescue.boundary import arc_length_map
+from ..rescue.repair import embedding
 from ..surface.mesh import Mesh
+from ..surface.triangles import flipped_faces
 from ..verdict.conformality import NOT_ASKED
 from ..verdict.distortion import DENSITIES, weighted_quantiles
 from ..verdict.outline import certify_outline
@@ -183,9 +187,22 @@ class KeepingMap(MadeMap):
             maps.append(maps[-1].continued(keep=asked))
         return {made.kept.name if made.kept else "angles": made._layout() for made in maps}
 
-    @abstractmethod
     def _start(self, energy: Energy, f: Complex) -> Complex:
-        """Return a map (n,) from which energy is to go down, given one that keeps angles."""
+        """Return f, which keeps angles, or an embedding: that from which to go down.
+
+        Parts that a conformal map crowds together, along seams above all, are hard to draw apart.
+        On the disk they always are; else an embedding costs more than it gives, as a rule.
+        """
+        on_disk = isinstance(self._target, Disk)
+        fit = (lambda g: g) if on_disk else partial(resized, energy)
+        starts = [fit(f)]
+        if on_disk or energy.is_crowded(starts[0]):
+            even = np.zeros_like(f)
+            even[self.mesh.loop] = arc_length_map(self.mesh)
+            even, _ = embedding(self.mesh, even, on_disk=True)
+            if len(flipped_faces(even, self.mesh.F)[0]) == 0:
+                starts.append(fit(even))
+        return min(starts, key=lambda g: np.nan_to_num(energy.value(g), nan=np.inf))
 
     @abstractmethod
     def _plane_map(self) -> Complex:
