@@ -23,7 +23,7 @@ from .balance import HALF, Energy, Newton
 AIR = 1e-3  # what all air counts, by the energy of the map
 ROOM, RING = 2.0, 48  # radius of the circle by that of the map, and its corners
 STEPS, FAR_STEPS = 6, 2  # a round; far from the minimum the air is soon in the way
-WORTH, LITTLE = 3e-3, 0.1  # a round that gains less is the last; or is far from the minimum
+WORTH, LITTLE = 3e-3, 0.1  # a round that gains less is the last, near the minimum and far from it
 FAR = 0.9  # above this t, first to 1/2
 
 
