@@ -176,7 +176,7 @@ def _free_charts(
         for draft in even_drafts(component, options, limits.fill, limits.asked, limits.max_charts):
             chart = _free_chart(draft, options, limits.asked, may_ease=False)
             # As faces are large, or few: its net is exact.
-            if may_part and not chart.map.conformal:
+            if may_part and chart.unevenness > enough:
                 for net in exact_nets(pieces(draft.opened), options):
                     chart = _measured(net.opened, net.map)
             if chart.failure or (may_part and chart.unevenness > enough):
