@@ -22,9 +22,9 @@ from cdcp_igl.rescue.correction import (
     straighten,
 )
 from cdcp_igl.rescue.harmonic_map import HarmonicMap, Provenance
-from cdcp_igl.rescue.means import EMBEDDING, mean_value_weights
+from cdcp_igl.rescue.means import EMBEDDING, combined, embedding, mean_value_weights
 from cdcp_igl.rescue.relaxation import Relaxation, softened
-from cdcp_igl.rescue.repair import Neighbourhood, embedding, repair_locally, repaired
+from cdcp_igl.rescue.repair import Neighbourhood, repair_locally, repaired
 from cdcp_igl.solve.factored import FactoredSurface, extended_again, harmonic_extension
 from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.mobius import at_one, composed, mobius_transformation
@@ -50,11 +50,12 @@ def test_a_valid_map_is_returned_as_it_is():
 
 
 @pytest.mark.parametrize("weights", EMBEDDING[:2])
-def test_weights_that_differ_less_embed_what_mean_values_crowd(weights):
+def test_weights_that_differ_less_embed_what_mean_values_crowd(monkeypatch, weights):
     mesh = DiskMesh(*arms(32, 2))
     f = np.zeros(len(mesh.V), dtype=complex)
     f[mesh.loop] = np.exp(2j * np.pi * np.arange(len(mesh.loop)) / len(mesh.loop))
-    embedded, _ = embedding(mesh, f, [weights], on_disk=True)
+    monkeypatch.setattr("cdcp_igl.rescue.means.EMBEDDING", (weights,))
+    embedded, _ = embedding(mesh, f, on_disk=True)
     assert is_around(embedded[mesh.loop])
     assert (len(flipped_faces(embedded, mesh.F)[0]) == 0) == (weights is not mean_value_weights)
 
@@ -69,13 +70,13 @@ def table(width, length, face=0):
     return mesh, f
 
 
-def test_long_legs_are_embedded_by_what_lies_further_out():
+def test_long_legs_are_embedded_by_what_lies_further_out(monkeypatch):
     """Seven times as long as their circumference, each of which shrinks them by exp(-2 pi)."""
     mesh, f = table(3, 30)
     flipped = []
     for weights in EMBEDDING:
-        embedded, _ = embedding(mesh, f, [weights], on_disk=True)
-        flipped.append(len(flipped_faces(embedded, mesh.F)[0]))
+        monkeypatch.setattr("cdcp_igl.rescue.means.EMBEDDING", (weights,))
+        flipped.append(len(flipped_faces(embedding(mesh, f, on_disk=True)[0], mesh.F)[0]))
     assert all(flipped[:-1])
     assert flipped[-1] == 0
 
@@ -83,8 +84,8 @@ def test_long_legs_are_embedded_by_what_lies_further_out():
 def test_what_lies_beyond_a_hole_in_a_leg_is_embedded_around_0():
     """A Möbius transformation takes it there, too, but bends the edges of three vertices."""
     mesh, f = table(1, 40, face=222)
-    plain = Neighbourhood(mesh, np.ones(len(f), dtype=bool), EMBEDDING[-1])
-    again = partial(plain.combine, patch=plain.free)
+    weights = EMBEDDING[-1](mesh.V, mesh.F, mesh.angles)
+    again = partial(combined, weights, inside=mesh.interior)
     bent, _ = recentered(mesh, again(f), again)
     assert len(flipped_faces(bent, mesh.F)[0]) > 0
     around, w = embedding(mesh, f, on_disk=True)

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
 from ..arrays import Bools, Floats, Ints, distinct_rows, marked, places
 from ..cached import cached_property
-from ..surface.filling import fill_hole
+from ..surface.filling import fill_hole, with_middle
 from ..surface.topology import Topology, by_reach, components_of_pairs
 from ..surface.triangles import corner_angles, corner_cotangents
 
@@ -400,10 +400,12 @@ def fill_holes(component: Component) -> Component:
     V, filling = component.V, []
     outer = by_reach(V, loops)[0]
     for loop in loops:
-        faces = None if loop is outer or _has_slit(V[loop]) else fill_hole(V, component.F, loop)
+        faces = (
+            None if loop is outer or _has_slit(V[loop]) else fill_hole(V, component.topology, loop)
+        )
         if faces is not None:
             if faces.max() == len(V):
-                V = np.vstack([V, V[loop].mean(axis=0)])
+                V = with_middle(V, V[loop])
             filling.append(faces)
     F = np.vstack([component.F, *filling])
     alone = component.polygon.max() + np.arange(1, len(F) - len(component.F) + 1)

@@ -27,7 +27,7 @@ from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface
 from ..solve.solvers import SolverName, using
 from ..steps.trace import shared_by_edges
-from ..surface.filling import fill_hole
+from ..surface.filling import fill_hole, with_middle
 from ..surface.mesh import AnnulusMesh, Mesh
 from ..surface.topology import Topology, by_reach
 from ..surface.validation import checked_surface
@@ -249,15 +249,16 @@ def _filled(V: ArrayLike, F: ArrayLike) -> tuple[AnnulusMesh, tuple[int, int], i
     """Fill all loops but the two that reach farthest; the vertices and faces given, and loops."""
     positions, faces = checked_surface(V, F)
     size = np.asarray(V).shape[0], len(faces)
-    loops = by_reach(positions, Topology(faces, len(positions)).loops)
+    topology = Topology(faces, len(positions))
+    loops = by_reach(positions, topology.loops)
     if len(loops) <= 2:
         return AnnulusMesh(V, F), size, 0
     corners, filling = np.asarray(V, dtype=np.float64), [faces]
     for loop in loops[2:]:
-        if (patch := fill_hole(positions, faces, loop)) is not None:
+        if (patch := fill_hole(positions, topology, loop)) is not None:
             if patch.max() == len(corners):
-                corners = np.vstack([corners, corners[loop].mean(axis=0)])
-                positions = np.vstack([positions, positions[loop].mean(axis=0)])
+                corners = with_middle(corners, corners[loop])
+                positions = with_middle(positions, positions[loop])
             filling.append(patch)
     return AnnulusMesh(corners, np.vstack(filling)), size, len(filling) - 1
 

@@ -7,12 +7,13 @@ from contextlib import suppress
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, marked, places, shifted
+from ..arrays import Complex, Ints, marked, places, shifted
 from ..errors import MeshError
 from ..refine.balance import lower_shear
 from ..rescue.boundary import arc_length_map
-from ..rescue.means import EMBEDDING, centered
+from ..rescue.means import centered
 from ..steps.circle import Rejected
+from ..surface.filling import with_middle
 from ..surface.mesh import DiskMesh, Mesh
 from ..surface.triangles import flipped_faces
 
@@ -47,7 +48,7 @@ def _from_closed(mesh: Mesh) -> Complex:
     F = row[mesh.F]
     F = F[np.count_nonzero(inner[mesh.F], axis=1) < 2]
     f = np.zeros(n, dtype=complex)
-    f[others] = _embedded(DiskMesh(_with_middle(mesh.V[others], mesh.V[loop]), F))[:-1]
+    f[others] = _embedded(DiskMesh(with_middle(mesh.V[others], mesh.V[loop]), F))[:-1]
     near = mesh.F[inner[mesh.F].any(axis=1)]
     radius = abs(f[near[~inner[near]]]).min()
     seen = np.angle(f[_seen_by(mesh, loop)])
@@ -63,15 +64,10 @@ def _from_filled(mesh: Mesh) -> Complex:
     """Fill the hole by a fan, and draw the inner loop to a circle around its middle."""
     loop, n = mesh.loops[1], len(mesh.V)
     fan = np.column_stack([shifted(loop), loop, np.full(len(loop), n)])
-    disk = DiskMesh(_with_middle(mesh.V, mesh.V[loop]), np.vstack([mesh.F, fan]))
+    disk = DiskMesh(with_middle(mesh.V, mesh.V[loop]), np.vstack([mesh.F, fan]))
     f = _embedded(disk)[:-1]
     size = abs(f[loop])
     return _opened(mesh, f, float(np.exp(np.log(size).mean())), f[loop] / size)
-
-
-def _with_middle(V: Floats, corners: Floats) -> Floats:
-    """(n + 1, 3) vertices, and the middle of some corners."""
-    return np.vstack([V, corners.mean(axis=0)])
 
 
 def _seen_by(mesh: Mesh, loop: Ints) -> Ints:
@@ -96,9 +92,8 @@ def _opened(mesh: Mesh, f: Complex, radius: float, on_circle: Complex) -> Comple
 
 def _embedded(disk: DiskMesh) -> Complex:
     """Embed a disk with its last vertex at 0, and lower the shear (n,); `Rejected` by doubles."""
-    last, z = len(disk.V) - 1, arc_length_map(disk)
-    for weigh in EMBEDDING:
-        f, _ = centered(disk, z, last, weigh(disk.V, disk.F, disk.angles))
-        if len(flipped_faces(f, disk.F)[0]) == 0:
-            return lower_shear(disk, f, marked(last + 1, last))
-    raise Rejected("it crowds the mean values too much for double precision")
+    last = len(disk.V) - 1
+    f, _ = centered(disk, arc_length_map(disk), last)
+    if len(flipped_faces(f, disk.F)[0]):
+        raise Rejected("it crowds the mean values too much for double precision")
+    return lower_shear(disk, f, marked(last + 1, last))

@@ -16,7 +16,8 @@ from ..refine.balance import lower_shear
 from ..rescue.boundary import FALLBACKS, STARTS, BoundaryMethod, by_inscribed_angles
 from ..rescue.collapsed_faces import open_collapsed_faces
 from ..rescue.harmonic_map import HarmonicMap, Provenance
-from ..rescue.repair import MANY, Repair, embedding, repair_locally
+from ..rescue.means import embedding
+from ..rescue.repair import MANY, Repair, repair_locally
 from ..result.disk_map import DiskMap, judged
 from ..solve.factored import FactoredSurface, extended_again, harmonic_extension
 from ..steps.center import Center

@@ -362,8 +362,9 @@ def _closed(V: ArrayLike, F: ArrayLike) -> tuple[SphereMesh, int, int]:
         if [defect.name for defect in error.defects] != ["boundary"]:
             raise
         positions, faces = checked_surface(V, F)
-        loops = Topology(faces, len(positions)).loops
-        patches = [fill_hole(positions, faces, loop, middle=False) for loop in loops]
+        topology = Topology(faces, len(positions))
+        loops = topology.loops
+        patches = [fill_hole(positions, topology, loop, middle=False) for loop in loops]
         filling = np.concatenate([patch for patch in patches if patch is not None] or [faces])
         areas = [face_areas(positions, some).sum() for some in (filling, faces)]
         if any(patch is None for patch in patches) or areas[0] > HOLES * areas[1]:

@@ -270,14 +270,14 @@ class Newton:
         self._laplacian = WeightedLaplacian(mesh, order, ordering=ordering)
         self.f, self.steps, self.factors, self.done = f, 0, 0, False
 
-    def lower(self, energy: Energy, *, soft: bool = True, steps: int = STEPS) -> float:
+    def lower(self, energy: Energy, *, soft: bool = True) -> float:
         """Go down to the minimum, the `soft` energy first; return the energy there."""
         if soft:
             first = energy.softened
             self.descend(first, FIRST_STEPS, NEAR)
             if energy.is_crowded(self.f):
                 self.descend(replace(first, k=HARDER * first.k), FIRST_STEPS, NEAR)
-        return self.descend(energy, steps)
+        return self.descend(energy)
 
     def descend(self, energy: Energy, steps: int = STEPS, worth: float = WORTH) -> float:
         """Go down until a step gains less than a share that is `worth` it."""

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
-from ..arrays import Bools, Complex, Ints, as_complex, marked
+from ..arrays import Bools, Complex, Ints, marked
 from ..errors import counted
 from ..surface.mesh import Mesh
 from ..surface.topology import components_of_pairs
 from ..surface.triangles import flipped_faces
-from .correction import deep_vertex, recentered
-from .means import EMBEDDING, Weights, centered, mean_value_weights, means_of_neighbours
+from .means import combined, embedding, mean_value_weights
 from .relaxation import Relaxation
 
 RINGS = 10  # largest radius of a patch around a flipped face
@@ -79,40 +76,6 @@ def repaired(mesh: Mesh, f: Complex) -> tuple[Complex, Repair]:
     return g, repair
 
 
-def embedding(
-    mesh: Mesh, f: Complex, ways: Sequence[Weights] = EMBEDDING, *, on_disk: bool = False
-) -> tuple[Complex, complex]:
-    """Set the interior of a map (n,) with a convex boundary to mean values of its neighbours.
-
-    Floater's theorem applies: positive weights and a convex boundary give an embedding, as far as
-    double precision goes. Where the mean values crowd too much for it, or lie almost on a line,
-    their roots are taken for weights, then the cotangents, as far as they are positive, and then
-    mean values of which those towards the boundary count more. If the map is `on_disk` and most of
-    the surface is in one spot, a Möbius transformation takes that to 0, and where faces at the
-    boundary are flipped by it, or more, the boundary is moved alone. Returns the map and the point
-    that has gone to 0.
-
-    References
-    ----------
-    M. S. Floater. Mean value coordinates. Comput. Aided Geom. Design 20(1), 2003.
-    """
-    deep = None
-    for weights in ways:
-        whole, w = Neighbourhood(mesh, np.ones(len(f), dtype=bool), weights), 0j
-        g = whole.combine(f, whole.free)
-        if on_disk:
-            deep = deep_vertex(mesh, g, mesh.F) if deep is None else deep
-            g, w = recentered(mesh, g, partial(whole.combine, patch=whole.free))
-        if len(whole.flipped(g)) == 0:
-            return g, w
-    if deep is not None:
-        for weights in ways:
-            g, w = centered(mesh, f[mesh.loop], deep, weights(mesh.V, mesh.F, mesh.angles))
-            if len(flipped_faces(g, mesh.F)[0]) == 0:
-                break
-    return g, w
-
-
 def repair_locally(
     mesh: Mesh, f: Complex, most: float = np.inf, *, is_free: bool = False
 ) -> tuple[Complex, Repair]:
@@ -155,14 +118,7 @@ class Neighbourhood:
     `rounds` counts the tries. `weights` (k, k) are positive.
     """
 
-    def __init__(
-        self,
-        mesh: Mesh,
-        inside: Bools,
-        weights: Weights = mean_value_weights,
-        *,
-        is_free: bool = False,
-    ) -> None:
+    def __init__(self, mesh: Mesh, inside: Bools, *, is_free: bool = False) -> None:
         faces = np.flatnonzero(inside[mesh.F].all(axis=1))
         self.vertices, corners = np.unique(mesh.F[faces], return_inverse=True)
         self.F: Ints = corners.reshape(-1, 3)
@@ -174,7 +130,7 @@ class Neighbourhood:
         self.moved: Bools = np.zeros(len(self.vertices), dtype=bool)
         self.reach: Ints = np.zeros(len(self.vertices), dtype=np.int64)
         self.rounds = 0
-        self.weights = weights(self.V, self.F, mesh.angles[faces])
+        self.weights = mean_value_weights(self.V, self.F, mesh.angles[faces])
 
     def flipped(self, g: Complex) -> Ints:
         """Rows of F that are not positively oriented."""
@@ -191,7 +147,7 @@ class Neighbourhood:
             at_flipped = np.unique(self.F[flipped])
             patch = self.free & self._within(at_flipped, self.reach)
             component = _connected(self.F, patch)
-            trial = self.combine(g, patch)
+            trial = combined(self.weights, g, np.flatnonzero(patch))
             if self.rounds:  # mean values have left faces flipped, or flipped others
                 around = self.free & grow(self.F, patch, 2)
                 trial = Relaxation(self.V, self.F, around).sweep(trial, SWEEPS)
@@ -225,22 +181,6 @@ class Neighbourhood:
         if len(self.flipped(trial)) < len(flipped):
             self.moved |= moving
             return trial
-        return g
-
-    def combine(self, g: Complex, patch: Bools) -> Complex:
-        """Make the vertices of a patch the weighted means of their neighbours.
-
-        Solved for the displacements, by differences of neighbours: where a patch is small,
-        differences are more accurate than positions.
-        """
-        inside = np.flatnonzero(patch)
-        rows, system = means_of_neighbours(self.weights, inside)
-        owner = np.repeat(np.arange(len(inside)), np.diff(rows.indptr))
-        g = g.copy()
-        for _ in range(2):
-            pull = rows.data * (g[rows.indices] - g[inside[owner]])
-            b = [np.bincount(owner, part, len(inside)) for part in (pull.real, pull.imag)]
-            g[inside] += as_complex(system.solve(np.column_stack(b)))
         return g
 
     def relaxed(self, g: Complex) -> Complex:

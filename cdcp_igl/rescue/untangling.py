@@ -11,7 +11,8 @@ from ..steps.dipole import star
 from ..steps.stereographic import axes_along
 from ..surface.mesh import DiskMesh, Mesh
 from ..verdict.certificate import flipped_on_sphere
-from .repair import MANY, Repair, embedding, grow, repair_locally
+from .means import embedding
+from .repair import MANY, Repair, grow, repair_locally
 
 HEMISPHERE = 0.5  # cosine of the radius of a chart in which flipped faces are repaired
 CHARTS = 200  # of them

@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -19,7 +18,7 @@ from ..refine.apart import kept_apart
 from ..refine.balance import Energy, balanced, resized
 from ..refine.targets import Disk, Outline, Target
 from ..rescue.boundary import arc_length_map
-from ..rescue.repair import embedding
+from ..rescue.means import embedding
 from ..surface.mesh import Mesh
 from ..surface.triangles import flipped_faces
 from ..verdict.conformality import NOT_ASKED
@@ -194,15 +193,16 @@ class KeepingMap(MadeMap):
         On the disk they always are; else an embedding costs more than it gives, as a rule.
         """
         on_disk = isinstance(self._target, Disk)
-        fit = (lambda g: g) if on_disk else partial(resized, energy)
-        starts = [fit(f)]
-        if on_disk or energy.is_crowded(starts[0]):
-            even = np.zeros_like(f)
-            even[self.mesh.loop] = arc_length_map(self.mesh)
-            even, _ = embedding(self.mesh, even, on_disk=True)
-            if len(flipped_faces(even, self.mesh.F)[0]) == 0:
-                starts.append(fit(even))
-        return min(starts, key=lambda g: np.nan_to_num(energy.value(g), nan=np.inf))
+        start = f if on_disk else resized(energy, f)
+        if not (on_disk or energy.is_crowded(start)):
+            return start
+        even = np.zeros_like(f)
+        even[self.mesh.loop] = arc_length_map(self.mesh)
+        even, _ = embedding(self.mesh, even, on_disk=True)
+        if len(flipped_faces(even, self.mesh.F)[0]):
+            return start
+        even = even if on_disk else resized(energy, even)
+        return min(start, even, key=lambda g: np.nan_to_num(energy.value(g), nan=np.inf))
 
     @abstractmethod
     def _plane_map(self) -> Complex:

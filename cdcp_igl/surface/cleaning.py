@@ -328,7 +328,7 @@ class _Surface:
 
     def _filling(self, hole: Ints, on_boundary: Bools) -> Ints | None:
         """Faces that fill a hole, widened until they have an area; None if that cannot be."""
-        while (faces := fill_hole(self._scaled(), self.F, hole)) is None:
+        while (faces := fill_hole(self._scaled(), self._topology(), hole)) is None:
             wider = self._widened(hole, on_boundary)
             if wider is None:
                 return None

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints, marked, places
+from .topology import Topology
 from .triangles import corner_cotangents, degenerate_faces, face_areas
 
 # The search for a triangulation takes the cube of this many steps, about two seconds.
@@ -15,21 +16,24 @@ MOST_CORNERS = 300
 Cost = Callable[[Floats, Floats, Floats], Floats]  # of triangles with these corners (..., 3)
 
 
-def fill_hole(V: Floats, F: Ints, loop: Ints, *, middle: bool = True) -> Ints | None:
+def fill_hole(V: Floats, topology: Topology, loop: Ints, *, middle: bool = True) -> Ints | None:
     """Triangulate a hole by a fan around its middle or, if that is flat, without a new vertex.
 
     The surface is on the left of the `loop` (k,) around the hole. The faces (m, 3) are oriented
-    like those of the surface; the vertex n, if they use it, has to be put at the mean of the loop.
-    Without `middle`, none does.
+    like those of the surface; the vertex n, if they use it, is `with_middle` of the loop. Without
+    `middle`, none does.
     None if each triangulation has faces without area, or edges that the surface has.
     """
     polygon, k = loop[::-1], len(loop)  # the hole lies on the right of its loop
-    points = np.vstack([V[polygon], V[polygon].mean(axis=0)])
+    points = with_middle(V[polygon], V[polygon])
     fan = np.column_stack([np.arange(k), np.roll(np.arange(k), -1), np.full(k, k)])
     if middle and not _is_flat(points, fan).any():
         return np.append(polygon, len(V))[fan]
     if k <= MOST_CORNERS:
-        barred = _joined(F, polygon)
+        corners = places(polygon, topology.n)[topology.chords]
+        i, j = corners[(corners >= 0).all(axis=1)].T
+        barred = np.zeros((k, k), dtype=bool)
+        barred[i, j] = barred[j, i] = True
         triangles = least_triangulation(points[:-1], barred=barred)
         is_edge = barred[triangles, np.roll(triangles, -1, axis=1)]
         if not (_is_flat(points, triangles).any() or is_edge.any()):
@@ -37,18 +41,9 @@ def fill_hole(V: Floats, F: Ints, loop: Ints, *, middle: bool = True) -> Ints | 
     return None
 
 
-def _joined(F: Ints, polygon: Ints) -> Bools:
-    """(k, k) which corners of a polygon (k,) edges of the surface join, but for its own sides."""
-    k = len(polygon)
-    tail = places(polygon, int(F.max()) + 1)[F]
-    head = np.roll(tail, -1, axis=1)
-    both = (tail >= 0) & (head >= 0)
-    joined = np.zeros((k, k), dtype=bool)
-    joined[tail[both], head[both]] = True
-    sides = np.arange(k), np.roll(np.arange(k), -1)
-    joined |= joined.T
-    joined[sides] = joined[sides[::-1]] = False
-    return joined
+def with_middle(V: Floats, corners: Floats) -> Floats:
+    """(n + 1, 3) vertices, and the middle of some corners."""
+    return np.vstack([V, corners.mean(axis=0)])
 
 
 def least_triangulation(
