@@ -353,6 +353,22 @@ def test_texels_by_the_unit_of_the_surface():
             result.packed(**options)
 
 
+@pytest.mark.parametrize("smaller", [20, 1e4, 1e12])
+def test_charts_that_take_a_small_part_of_the_square(smaller):
+    squares = [k * np.array([0, 1, 1 + 1j, 1j]) for k in (1, 2, 3)]
+    most = Packing().size * abs(Packing().places(squares)[0][0])
+    factor, move = Packing(density=most / smaller).places(squares)
+    np.testing.assert_allclose(abs(factor), most / smaller / Packing().size)
+    places = factor[:, None] * squares + move[:, None]
+    low, high = places.real.min(axis=1), places.real.max(axis=1)
+    apart = Packing().padding / Packing().size * (1 - 1e-9)
+    assert min(low.min(), places.imag.min()) >= apart
+    assert high.max() < 3.5 / smaller + 0.01
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        gap = abs(np.subtract.outer(places[i], places[j])).min()
+        assert gap >= apart
+
+
 def test_charts_lie_where_they_were_if_they_are_not_turned():
     V, F = surfaces.torus()
     result = cdcp_igl.surface_map(V, F, rotate=False)

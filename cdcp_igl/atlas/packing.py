@@ -20,8 +20,8 @@ from ..errors import counted
 from ..options import is_real, is_whole
 
 # The smallest square into which all charts may go has so many columns. With twice as many, 40
-# surfaces fill as much of theirs.
-COLUMNS = 300
+# surfaces fill as much of theirs. A square of which they take a small part has no more than `MOST`.
+COLUMNS, MOST = 300, 3000
 # Directions in which a chart is tried: of many charts, of one, and of all together.
 FEWEST_TURNS, MOST_TURNS, ALL_TURNS = 2, 64, 128
 # The side of the square grows by this share until all charts go into it; then the last step is
@@ -72,6 +72,8 @@ class Packing:
         longest = max(max(np.ptp(z.real), np.ptp(z.imag)) for z in outlines)
         # A unit of the outlines.
         columns = COLUMNS / max(np.sqrt(areas.sum()), longest / np.sqrt(2))
+        if self.density:
+            columns = min(columns, MOST * self.density / (self.size * unit))
         n_turns = int(np.clip(ALL_TURNS // len(outlines), FEWEST_TURNS, MOST_TURNS))
         order = np.argsort(-areas, kind="stable").tolist()
         shapes = [
