@@ -135,7 +135,7 @@ def test_what_is_wrong_is_said_before_anything_is_read(kind, name, tmp_path):
     [
         ({"refine_secs": 1}, "refine_secs: no option of the disk map; did you mean refine_seconds"),
         ({"job": 2}, "job: no option of batch; did you mean jobs"),
-        ({"fill": False}, "fill: no option of the disk map; the surface map has it"),
+        ({"fill": False}, "fill: no option of the disk map; the surface .cut. map has it"),
         ({"onto": "rectangle"}, "the rectangle map needs corners"),
         ({"onto": "cube"}, "onto must be one of sphere, annulus, rectangle, not 'cube'"),
         ({"onto": "annulus", "clean": True, "free": True}, "^free: no option of the annulus"),

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from ..arrays import Floats, Ints, size_exponent
 from ..fields import Field, Method
 from ..io.painted import Painted, colours_at, images_of, pixels
-from ..io.texture import TEXTURED, read_texture
+from ..io.reading import READABLE
+from ..io.texture import read_texture
 from ..plot.layout import Layout
 
 Function = Callable[[Floats], ArrayLike]  # of points (k, 3) of the surface
@@ -90,7 +91,7 @@ def _painted(result: WithSurface, values: Any, uv: ArrayLike | None) -> Painted:
     if is_file and uv is None:
         if result.given_rows:
             raise ValueError("a part of a surface has other faces than its file: give uv=, too")
-        if Path(values).suffix.lower() in TEXTURED:
+        if Path(values).suffix.lower() in READABLE:
             return images_of(Path(values))
         if result.source is None:
             raise ValueError("where the image lay, no file says: give uv=, too")

@@ -145,7 +145,8 @@ def refuse_unknown(
     if unknown := [name for name in given if name not in known]:
         first, hint = unknown[0], ""
         if others := [name for name in MAPS if first in signature(MAPS[name][0]).parameters]:
-            hint = f"; the {' or '.join(others)} map has it" if first not in OWN else ""
+            named = " or ".join(others).replace("surface", "surface (cut)")
+            hint = f"; the {named} map has it" if first not in OWN else ""
         elif near := get_close_matches(first, known, 1):
             hint = f"; did you mean {near[0]}?"
         raise ValueError(f"{', '.join(unknown)}: no option of the {kind} map{hint}")
