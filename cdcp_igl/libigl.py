@@ -16,13 +16,6 @@ from .arrays import Bools, Floats, Ints
 
 # For more faces `squared_edge_lengths` starts threads, which takes longer than to do without.
 SERIAL = 999
-# The power of lengths that makes a Delaunay triangulation unique.
-STRICT = 1 - 1e-12
-# The lengths of the sides do not determine an angle as small as this, in radians: its square is
-# below their last digit. Edges of such faces would be flipped to and fro for ever.
-THINNEST = 5e-8
-# Of needles, whose lengths do not bear a change of that size, these are kept.
-NEEDLE = 1e-10
 
 
 def adjacency_matrix(F: Ints) -> csc_matrix:
@@ -70,36 +63,6 @@ def grid_faces(columns: int, rows: int) -> Ints:
 def harmonic(V: Floats, F: Ints, S: Ints, c: Floats) -> Floats:
     """(n, 2) cotangent-harmonic extension of the values c (k, 2) at the vertices S."""
     return igl.harmonic(V, F, S, c, 1)
-
-
-def intrinsic_delaunay_cotangents(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """(m, 3) half the cotangents, and the faces (m, 3), of the intrinsic Delaunay triangulation.
-
-    No angle of the given faces may be smaller than `THINNEST`.
-    """
-    lengths, F = _intrinsic_delaunay(V, F)
-    own = lengths ** (1 / STRICT)
-    is_needle = 2 * own.max(axis=1) > (1 - NEEDLE) * own.sum(axis=1)
-    return igl.cotmatrix_entries(np.where(is_needle[:, None], lengths, own)), F
-
-
-def intrinsic_delaunay_faces(V: Floats, F: Ints) -> Ints:
-    """(m, 3) faces of the intrinsic Delaunay triangulation; edges of one face stay.
-
-    No angle of the given faces may be smaller than `THINNEST`.
-    """
-    return _intrinsic_delaunay(V, F)[1]
-
-
-def _intrinsic_delaunay(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """Lengths, to the power `STRICT`, opposite the corners of the faces, and these (m, 3).
-
-    The diagonal of four vertices on one circle libigl flips to and fro for ever, if rounding says
-    so. With these lengths it is strictly Delaunay, and stays; and needles, which need the triangle
-    inequality to the last bit, only become wider.
-    """
-    lengths = np.sqrt(squared_edge_lengths(V, F))
-    return igl.intrinsic_delaunay_triangulation((lengths / lengths.mean()) ** STRICT, F)[:2]
 
 
 def is_counterclockwise(triangles: Floats) -> Bools:

@@ -233,19 +233,11 @@ def test_an_outline_is_kept_apart():
     assert result.kept.dirichlet < angles_kept(plain).dirichlet
 
 
-@pytest.mark.parametrize("gap", [1e-2, 1e-9])
-def test_air_that_is_too_thin_is_left_as_it_is(monkeypatch, gap):
+@pytest.mark.parametrize("gap", [1e-2, 1e-9, 1e-15])
+def test_air_that_is_thin(gap):
     """Of angles that lengths do not determine, libigl flips edges until the memory is full."""
-    calls = list[int]()
-
-    def counting(V, F):
-        calls.append(len(F))
-        return F
-
-    monkeypatch.setattr("cdcp_igl.libigl.intrinsic_delaunay_faces", counting)
     f = np.array([0, 1, 1.1 + 0.5j, 1.1 + (0.5 + gap) * 1j, 1 + 1j, 1j])
     ring, S = air(f, np.arange(6))
-    assert bool(calls) == (gap > 1e-3)
     assert len(flipped_faces(np.append(f, ring), S)[0]) == 0
 
 

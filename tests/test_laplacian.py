@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections import Counter, defaultdict
 from pathlib import Path
 
 import igl
@@ -9,6 +10,7 @@ import meshes
 import mpmath
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 
 import cdcp_igl
 from cdcp_igl import libigl
@@ -17,6 +19,7 @@ from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.laplacian import cotangent_laplacian, intrinsic_delaunay_laplacian
 from cdcp_igl.solve.ordering import LARGE, dissected
 from cdcp_igl.solve.solvers import solver, using
+from cdcp_igl.surface.delaunay import intrinsic_delaunay
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import corner_cotangents, degenerate_faces, face_areas
 from cdcp_igl.verdict.distortion import angle_distortion
@@ -211,13 +214,61 @@ def test_intrinsic_delaunay_laplacian_has_no_negative_weight_inside():
     assert x @ delaunay @ x <= x @ plain @ x  # Rippa: Delaunay has the least energy
 
 
-def test_faces_whose_lengths_do_not_know_their_angles_are_kept():
-    """Its edges would be flipped to and fro for ever."""
-    mesh = DiskMesh([[0, 0], [1, 0], [0.5, 1e-8], [0, 1]], [[0, 1, 2], [0, 2, 3]])
-    L = intrinsic_delaunay_laplacian(mesh)
-    assert list(zip(L.low, L.high, strict=True)) == [(0, 1), (0, 2), (0, 3), (1, 2), (2, 3)]
-    assert (L.weights > 0).all()
-    assert (L.weights[[1, 3]] > 1e7).all()
+def edge_set(F):
+    return {tuple(edge) for edge in np.sort(F[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)).tolist()}
+
+
+def sums_inside(F, cotangents):
+    """Cotangents opposite the two sides of each edge, added up, where no edge is there twice."""
+    sums, count = defaultdict(float), Counter()
+    for k in range(3):
+        ends = np.sort(F[:, [(k + 1) % 3, (k + 2) % 3]]).tolist()
+        for edge, cotangent in zip(map(tuple, ends), cotangents[:, k], strict=True):
+            sums[edge] += cotangent
+            count[edge] += 1
+    return np.array([sums[edge] for edge in sums if count[edge] == 2])
+
+
+@pytest.mark.parametrize("squeezed", [1, 0.1, 1e-3, 1e-4])
+def test_in_the_plane_it_is_the_triangulation_of_delaunay(squeezed):
+    V, F, _ = cdcp_igl.datasets.square(12)
+    mesh = DiskMesh(V, F)
+    V[mesh.interior, :2] += np.random.default_rng(1).uniform(-0.02, 0.02, (len(mesh.interior), 2))
+    V[:, 1] *= squeezed
+    faces, cotangents = intrinsic_delaunay(DiskMesh(V, F))
+    expected = Delaunay(V[:, :2]).simplices
+    assert edge_set(faces) == edge_set(expected)
+    np.testing.assert_allclose(cotangents, corner_cotangents(V, faces), rtol=1e-9, atol=1e-9)
+    assert sums_inside(faces, cotangents).min() > -1e-9
+
+
+def test_the_intrinsic_triangulation_is_that_of_libigl():
+    V, F = meshes.grid(40, 30)
+    mesh = DiskMesh(V * [3, 1, 1], F)
+    lengths = np.sqrt(igl.squared_edge_lengths(mesh.V, mesh.F))
+    expected_lengths, expected, *_ = igl.intrinsic_delaunay_triangulation(lengths, mesh.F)
+    faces, cotangents = intrinsic_delaunay(mesh)
+    assert not np.array_equal(faces, mesh.F)
+    order, expected_order = (np.lexsort(np.sort(G).T) for G in (faces, expected))
+    np.testing.assert_array_equal(np.sort(faces)[order], np.sort(expected)[expected_order])
+    expected_cotangents = 2 * igl.cotmatrix_entries(expected_lengths)
+    for C, G in ((cotangents, faces), (expected_cotangents, expected)):
+        C[:] = np.take_along_axis(C, np.argsort(G), axis=1)
+    np.testing.assert_allclose(
+        cotangents[order], expected_cotangents[expected_order], rtol=1e-9, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("thin", [1e-6, 1e-8, 1e-9])
+def test_needles_are_flipped_and_not_for_ever(thin):
+    """Among faces whose lengths do not know their angles libigl flips until the memory is full."""
+    V, F = meshes.grid(30, 20)
+    mesh = DiskMesh(V * [1, thin, thin], F)
+    faces, cotangents = intrinsic_delaunay(mesh)
+    assert np.isfinite(cotangents).all()
+    sums = sums_inside(faces, cotangents)
+    assert sums.min() >= -1e-9 * sums.max()
+    assert (sums_inside(mesh.F, mesh.cotangents) < 0).sum() > 50
 
 
 # -- its factor and the order of elimination -------------------------------------------

@@ -16,8 +16,8 @@ import numpy as np
 
 from .. import libigl
 from ..arrays import Complex, Floats, Ints, coordinates, marked
+from ..surface.delaunay import intrinsic_delaunay
 from ..surface.mesh import Mesh
-from ..surface.triangles import corner_angles, corner_cotangents
 from .balance import HALF, Energy, Newton
 
 AIR = 1e-3  # what all air counts, by the energy of the map
@@ -62,8 +62,7 @@ def _one_round(
 def air(f: Complex, loop: Ints) -> tuple[Complex, Ints]:
     """Triangulate the outside of the outline of a map (n,): corners of a circle, and faces.
 
-    The corners are rows n, n + 1, ... of the faces. It is the constrained Delaunay triangulation,
-    unless a face is too thin for that.
+    The corners are rows n, n + 1, ... of the faces. It is the constrained Delaunay triangulation.
     """
     import mapbox_earcut  # by few maps alone
 
@@ -72,14 +71,13 @@ def air(f: Complex, loop: Ints) -> tuple[Complex, Ints]:
     middle = complex(*((low + high) / 2))
     turns = np.exp(2j * np.pi * np.arange(RING) / RING)
     ring = middle + ROOM * abs(outline - middle).max() * turns
-    points = coordinates(np.concatenate([ring, outline]))
+    z = np.concatenate([ring, outline])
+    points = coordinates(z)
     ends = np.array([RING, len(points)], dtype=np.uint32)
     F = mapbox_earcut.triangulate_float64(points, ends).reshape(-1, 3).astype(np.int64)
     area = libigl.double_areas(points, F)
     F[area < 0] = F[area < 0, ::-1]
-    flat = np.column_stack([points, np.zeros(len(points))])
-    if corner_angles(corner_cotangents(flat, F)).min() >= libigl.THINNEST:
-        F = libigl.intrinsic_delaunay_faces(flat, F)
+    F, _ = intrinsic_delaunay(Mesh(_in_space(z), F, F[:0, 0]))
     return ring, np.concatenate([len(f) + np.arange(RING), loop])[F]
 
 

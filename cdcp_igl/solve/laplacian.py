@@ -8,15 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 
-from .. import libigl
 from ..arrays import Floats, Indices, Ints, Numbers
+from ..surface.delaunay import intrinsic_delaunay
 from ..surface.mesh import Mesh
 from ..surface.topology import Edges
-
-# Where thin faces are kept, smaller weights, also negative ones, become this one: that of an edge
-# opposite two angles of 89.4 degrees. With less, these faces come nearer to collapse than doubles
-# can hold.
-LEAST_WEIGHT = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,32 +93,15 @@ def sum_opposite(edges: Edges, x: Floats) -> Floats:
 def intrinsic_delaunay_laplacian(mesh: Mesh) -> Laplacian:
     """Compute the cotangent Laplacian of the intrinsic Delaunay triangulation.
 
-    The same surface, vertices and boundary with edges flipped until no interior edge has
-    a negative weight. Faces that are too thin are kept; then all weights are made positive, which
-    is not conformal where cotangents of these faces are negative.
-
-    M. Fisher, B. Springborn, A. Bobenko, P. Schröder. An algorithm for the construction
-    of intrinsic Delaunay triangulations with applications to digital geometry
-    processing. SIGGRAPH Courses, 2006.
+    It has no negative weight inside.
     """
-    n, thin = len(mesh.V), mesh.angles.min(axis=1) < libigl.THINNEST
-    weights = csr_matrix((n, n))
-    if not thin.all():
-        weights = _by_edge(*libigl.intrinsic_delaunay_cotangents(mesh.V, mesh.F[~thin]), n)
-    if thin.any():
-        weights = weights + _by_edge(mesh.cotangents[thin] / 2, mesh.F[thin], n)
-        weights.sort_indices()
-        weights.data = np.maximum(weights.data, LEAST_WEIGHT)
-    above = weights.tocoo()
-    return Laplacian.of(above.row, above.col, above.data, n)
-
-
-def _by_edge(x: Floats, F: Ints, n: int) -> csr_matrix:
-    """(n, n) sums of x (m, 3) at the corners opposite each edge of faces F, above the diagonal."""
+    F, cotangents = intrinsic_delaunay(mesh)
+    n, weights = len(mesh.V), cotangents.ravel() / 2
     tails, heads = F[:, [1, 2, 0]].ravel(), F[:, [2, 0, 1]].ravel()
     low, high = np.minimum(tails, heads), np.maximum(tails, heads)
     proper = low < high  # edges of a triangulation that is not the mesh's may be loops
-    return coo_matrix((x.ravel()[proper], (low[proper], high[proper])), (n, n)).tocsr()
+    above = coo_matrix((weights[proper], (low[proper], high[proper])), (n, n)).tocsr().tocoo()
+    return Laplacian.of(above.row, above.col, above.data, n)
 
 
 LAPLACIANS: dict[str, Callable[[Mesh], Laplacian]] = {
