@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import maximum_filter, minimum_filter
 
 import cdcp_igl
-from cdcp_igl.atlas import cones, even
+from cdcp_igl.atlas import charts, cones, even
 from cdcp_igl.atlas.packing import Packing, laid_flat
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas
@@ -60,6 +60,26 @@ def test_flipped_faces_are_mapped_as_the_others(mesh, seed, share):
     up = (a * d > b * c) ^ flipped
     assert len(np.unique([result.face_chart, up], axis=1).T) == len(result.charts)
     assert share or up.all()
+
+
+@pytest.mark.parametrize("outline", ["free", "disk"])
+def test_parts_are_compared_with_those_that_may_be_like_them(monkeypatch, outline):
+    """And not each with all others: of 4,000 leaves that took a minute."""
+    compared, made_like = list[bool](), charts._made_like
+
+    def counting(*args):
+        made = made_like(*args)
+        compared.append(made is not None)
+        return made
+
+    monkeypatch.setattr(charts, "_made_like", counting)
+    V = np.random.default_rng(0).normal(size=(120, 3))
+    V = np.vstack([V, 2 * V + 20])
+    F = np.arange(len(V)).reshape(-1, 3)
+    result = cdcp_igl.surface_map(V, F, outline=outline, merge=False)
+    assert len(result.charts) == len(F) == 80
+    assert sum(compared) >= len(F) / 2  # scaled copies, or any face onto a disk
+    assert len(compared) < 2 * len(F)
 
 
 def test_duplicates_have_the_images_of_their_twins():

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from bisect import bisect, insort
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import itemgetter
 from typing import Any, Literal
 
 import numpy as np
@@ -144,16 +146,20 @@ def charts_of(
     component: Component,
     options: Options,
     limits: Limits,
-    known: dict[bytes, list[Chart]],
+    known: dict[bytes, list[tuple[float, Chart]]],
     progress: Progress | None,
 ) -> list[Chart]:
     """Map a component onto charts, unless it is like one that is `known`, by its faces.
 
-    Then it has the map of that. MapError if there is a chart without a valid map.
+    Then it has the map of that. Those with the same faces are sorted by a mark, which differs as
+    little as their angles. MapError if there is a chart without a valid map.
     """
     alike = known.setdefault(component.F.tobytes(), [])
+    angles, by_mark = component.angle.ravel(), itemgetter(0)
+    mark, most = float(angles @ np.cos(np.arange(len(angles)))), len(angles) * SAME_ANGLE
     if options.align is None:
-        for chart in alike:
+        near = slice(*(bisect(alike, mark + change, key=by_mark) for change in (-most, most)))
+        for _, chart in (*alike[:1], *alike[near]):  # a face alone may be like any other
             if made := _made_like(chart, component, options):
                 return [made]
     make = _free_charts if limits.outline == "free" else _disks
@@ -162,7 +168,7 @@ def charts_of(
         if chart.failure:
             raise MapError(chart.failure, chart.map)
     if len(charts) == 1:
-        alike += charts
+        insort(alike, (mark, charts[0]), key=by_mark)
     return charts
 
 

@@ -522,7 +522,7 @@ def surface_map(
     is_seam, is_barred = (among_edges(sheets.F, edges) for edges in (to_cut, barred))
     vertices = cut_at(sheets.vertices, is_seam) if is_seam.any() else sheets.vertices
     charts, done = [], 0.0
-    known: dict[bytes, list[Chart]] = {}
+    known: dict[bytes, list[tuple[float, Chart]]] = {}
     for component in split_components(sheets.V, sheets.F, vertices, sheets.polygon, is_barred):
         share = len(component.rows) / len(sheets.F)
         part = _part_of(progress, done, share)
