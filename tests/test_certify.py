@@ -12,6 +12,7 @@ import cdcp_igl
 from cdcp_igl import certify
 from cdcp_igl.io import read_texture, write_map
 from cdcp_igl.libigl import grid_faces
+from cdcp_igl.verdict import any_map, outline
 
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
 TWO = np.array([[0, 1, 2], [0, 2, 3]])
@@ -187,6 +188,23 @@ def test_charts_of_any_surface_and_faces_in_none():
         [4],
         [-1, -1],
     )
+
+
+def test_many_charts_on_one_another(monkeypatch):
+    """As the leaves of a tree share a texture: of 10,000, all pairs took more than the memory."""
+    inside = [(size * (SQUARE - 0.5), TWO) for size in 1.5 ** -np.arange(30.0)]
+    layout = side_by_side(*inside, *[square(3, 3)] * 20, *(square(0, k) for k in range(9, 20)))
+    found = certify(*layout).stacked
+    expected = {*combinations(range(30, 50), 2)} | {(j, i) for i, j in combinations(range(30), 2)}
+    assert {*map(tuple, found.tolist())} >= expected
+    assert found.max() < 50
+    monkeypatch.setattr(outline, "MOST_NEAR", 7)
+    np.testing.assert_array_equal(certify(*layout).stacked, found)
+    monkeypatch.setattr(any_map, "MANY", 20)
+    some = certify(*layout)
+    assert 20 < len(some.stacked) < len(found) / 2
+    assert not some.valid
+    assert {*map(tuple, some.stacked.tolist())} < {*map(tuple, found.tolist())}
 
 
 def test_spheres():

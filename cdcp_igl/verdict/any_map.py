@@ -35,6 +35,8 @@ from .distortion import (
 )
 from .outline import exterior_angles, goes_around, overlapping_edges
 
+MANY = 100_000  # pairs of charts on one another: no more are sought
+
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class MapCertificate:
@@ -64,6 +66,7 @@ class MapCertificate:
         there are any, and not always all.
     stacked : (k, 2) ndarray of int64
         Charts of which the first has an outline that lies on the second; a chart on itself, too.
+        Of very many, not all.
     not_finite : (k,) ndarray of int64
         Faces with some coordinates that are not finite. All else is said of the others.
     angles : AngleDistortion
@@ -319,12 +322,15 @@ def _stacked(z: Complex, after: Ints, loop: Indices, chart: Indices, n: int) -> 
     by_rise, steepest = np.argsort(rise), np.zeros(loop.max(initial=-1) + 1, np.int64)
     steepest[loop[by_rise]] = by_rise  # the last one stays
     asked = steepest[rise[steepest] > 0]
-    query, edge, sign = goes_around(z, after, asked)
-    both, which = np.unique(query * n + chart[edge], return_inverse=True)
-    times = np.bincount(which.ravel(), sign, len(both))
-    first, second = chart[asked[both // n]], both % n
-    on = times != (first == second)
-    return np.unique(np.column_stack([first, second])[on], axis=0)
+    found = [np.empty((0, 2), np.int64)]
+    for query, edge, sign in goes_around(z, after, asked):
+        both, which = np.unique(query * n + chart[edge], return_inverse=True)
+        times = np.bincount(which.ravel(), sign, len(both))
+        first, second = chart[asked[both // n]], both % n
+        found.append(np.column_stack([first, second])[times != (first == second)])
+        if sum(map(len, found)) > MANY:
+            break
+    return np.unique(np.concatenate(found), axis=0)
 
 
 def _on_sphere(charts: _Charts, P: Floats) -> Found:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,8 @@ from .certificate import Verified
 
 if TYPE_CHECKING:
     from fractions import Fraction
+
+MOST_NEAR = 1 << 20  # edges that rays are held against at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,39 +159,52 @@ def _in_wedge(at: Complex, out: Complex, back: Complex, z: Complex) -> Bools:
     return np.asarray(inside | ((left == 0) & along(out, z)))
 
 
-def goes_around(z: Complex, after: Ints, edges: Ints) -> tuple[Ints, Ints, Ints]:
+def goes_around(z: Complex, after: Ints, edges: Ints) -> Iterator[tuple[Ints, Ints, Ints]]:
     """Find which edges of closed polygons lie to the right of the left sides of some of them.
 
     That is the count of how many times the polygons go around the place immediately left of the
     middle of an edge, exactly; no edges may cross, and the given ones may not be level.
 
-    Returns
-    -------
+    Yields
+    ------
     query, edge, sign : (k,) ndarray of int64
-        Row in `edges`, edge that a ray to the right passes, 1 if it goes up and -1 if down.
+        Row in `edges`, edge that a ray to the right passes, 1 if it goes up and -1 if down. Each
+        time for some of the `edges`, all that is passed.
     """
     low, high = z.imag[edges], z.imag[after[edges]]
     level = low / 2 + high / 2
     level = np.where(level == np.maximum(low, high), np.minimum(low, high), level)
     order = np.argsort(level)
-    y, y_next = z.imag, z.imag[after]
-    first, last = (
-        np.searchsorted(level[order], end(y, y_next), side="left")
-        for end in (np.minimum, np.maximum)
-    )
-    count = last - first
-    edge = np.repeat(np.arange(len(z)), count)
-    rank = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + first[edge]
-    query = order[rank]
-    own, upwards = edges[query], (high > low)[query]
-    x, error = _crossing(z[edge], z[after[edge]], level[query])
-    x_own, error_own = _crossing(z[own], z[after[own]], level[query])
-    right = x > x_own
-    for k in np.flatnonzero(abs(x - x_own) <= error + error_own).tolist():
-        gap = _exact(z, after, edge[k], level[query[k]]) - _exact(z, after, own[k], level[query[k]])
-        right[k] = gap > 0 or (gap == 0 and upwards[k])
-    sign = np.where(y_next > y, 1, -1)
-    return query[right], edge[right], sign[edge[right]]
+    first, last = _levels_between(z, after, level[order])
+    change = [np.bincount(rank, minlength=len(edges) + 1)[:-1] for rank in (first, last)]
+    near = np.cumsum(np.cumsum(change[0] - change[1]))  # edges at the level of each and before
+    upwards = high > low
+    for rows in np.split(order, np.flatnonzero(np.diff(near // MOST_NEAR)) + 1):
+        first, last = _levels_between(z, after, level[rows])
+        count = last - first
+        edge = np.repeat(np.arange(len(z)), count)
+        rank = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count) + first[edge]
+        query = rows[rank]
+        own = edges[query]
+        x, error = _crossing(z[edge], z[after[edge]], level[query])
+        x_own, error_own = _crossing(z[own], z[after[own]], level[query])
+        right = x > x_own
+        in_doubt = np.flatnonzero(abs(x - x_own) <= error + error_own)
+        ends = (np.sort([z[e], z[after[e]]], axis=0) for e in (edge[in_doubt], own[in_doubt]))
+        is_other = np.not_equal(*ends).any(axis=0)
+        right[in_doubt] = upwards[query[in_doubt]]  # if one lies on the other
+        for k in in_doubt[is_other].tolist():
+            at = level[query[k]]
+            gap = _exact(z, after, edge[k], at) - _exact(z, after, own[k], at)
+            right[k] = gap > 0 or (gap == 0 and upwards[query[k]])
+        sign = np.where(z.imag[after[edge]] > z.imag[edge], 1, -1)
+        yield query[right], edge[right], sign[right]
+
+
+def _levels_between(z: Complex, after: Ints, level: Floats) -> tuple[Ints, Ints]:
+    """(n,) ranks among sorted levels (k,) of the first that an edge reaches, and after its last."""
+    low, high = np.minimum(z.imag, z.imag[after]), np.maximum(z.imag, z.imag[after])
+    return np.searchsorted(level, low), np.searchsorted(level, high)
 
 
 def _crossing(a: Complex, b: Complex, y: Floats) -> tuple[Floats, Floats]:
