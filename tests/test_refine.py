@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import chain, repeat
 from time import sleep
 
@@ -6,7 +7,9 @@ import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.arrays import coordinates
+from cdcp_igl.arrays import as_complex, coordinates
+from cdcp_igl.options import Options
+from cdcp_igl.phases import Phases
 from cdcp_igl.refine.preconditioning import WeightedLaplacian
 from cdcp_igl.refine.refinement import (
     HALVINGS,
@@ -15,7 +18,8 @@ from cdcp_igl.refine.refinement import (
     lower_angle_distortion,
     search_along,
 )
-from cdcp_igl.refine.targets import Disk
+from cdcp_igl.refine.targets import DISK, Disk
+from cdcp_igl.result.making import refined
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.verdict.certificate import certify
 from cdcp_igl.verdict.distortion import plane_angles
@@ -271,6 +275,26 @@ def test_a_step_that_is_not_accepted_is_damped():
     assert (account.steps, account.stopped) == (1, "")
     assert asked[1] < 0.9 * asked[0]
     assert abs(f - Z).max() == asked[1]
+
+
+@pytest.mark.parametrize("bad", [0, 1, 2, 3])
+def test_where_rounding_flips_a_face_at_the_end_half_of_the_steps_are_taken(bad):
+    plain, tried, phase = cdcp_igl.disk_map(V, F, refine=0), list[complex](), Phases(None, 0)
+
+    def finished(f, known):
+        tried.append(f)
+        made = plain.moved_to(f, phase, known)
+        if len(tried) <= bad:
+            made = replace(made, certificate=replace(made.certificate, flipped=np.array([0])))
+        return made
+
+    options = Options(refine=6, refine_norm=2)
+    made = refined(plain, as_complex(plain.uv), DISK, ORDER, 6, finished, options, phase)
+    assert made.valid
+    assert (made.refinement.asked, made.refinement.steps) == (6, (6, 3, 1, 0)[bad])
+    assert made.refinement.stopped == ("no certificate" if bad else "")
+    expected = tried[bad] if bad < 3 else as_complex(plain.uv)
+    np.testing.assert_array_equal(as_complex(made.uv), expected)
 
 
 def test_steps_that_cannot_make_a_map_conformal_end():

@@ -223,8 +223,9 @@ def refined(
 
     It is f (n,) in the coordinate of its `target`; `finished` repairs, certifies and judges such a
     map, the mean error that is no shear being known. For `order` and `more` see
-    `lower_angle_distortion`. No step takes a map that is conformal to one that is not. Where
-    rounding at the end does, or flips faces, the plain one is returned.
+    `lower_angle_distortion`. No step takes a map that is conformal to one that is not; where
+    rounding at the end does, the plain one is returned. Where that flips faces, half of the steps
+    are taken.
     """
     mesh, verdict, repair = plain.mesh, plain.conformality, plain.repair
     conformal, known = plain.conformal, 0.0 if verdict.sheared else verdict.mean
@@ -241,7 +242,7 @@ def refined(
         return is_now or not conformal
 
     with phase("refine") as advance:
-        f, refinement = lower_angle_distortion(
+        g, refinement = lower_angle_distortion(
             *(mesh, f, order, steps, options.refine_norm),
             seconds=options.refine_seconds,
             halvings=PATIENT if steps >= MOST_STEPS else HALVINGS,
@@ -256,7 +257,13 @@ def refined(
         log.info("refinement: %s", refinement)
     if refinement.steps == 0:
         return replace(plain, refinement=refinement)
-    better = finished(f, known)
+    better = finished(g, known)
+    if not better.valid and refinement.steps > 1:
+        fewer = refinement.steps // 2
+        made = refined(plain, f, target, order, fewer, finished, options, phase, **more)
+        if (told := made.refinement) is not None:
+            told = replace(told, asked=refinement.asked, stopped="no certificate")
+        return replace(made, refinement=told)
     if (better.valid, better.conformal) < (plain.valid, plain.conformal):
         stopped = "not conformal" if better.valid else "no certificate"
         return replace(plain, refinement=refinement.undone(stopped))
