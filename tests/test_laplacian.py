@@ -20,7 +20,7 @@ from cdcp_igl.solve.laplacian import cotangent_laplacian, intrinsic_delaunay_lap
 from cdcp_igl.solve.ordering import LARGE, dissected
 from cdcp_igl.solve.solvers import solver, using
 from cdcp_igl.surface.delaunay import intrinsic_delaunay
-from cdcp_igl.surface.mesh import DiskMesh
+from cdcp_igl.surface.mesh import DiskMesh, Mesh
 from cdcp_igl.surface.triangles import corner_cotangents, degenerate_faces, face_areas
 from cdcp_igl.verdict.distortion import angle_distortion
 
@@ -235,7 +235,9 @@ def test_in_the_plane_it_is_the_triangulation_of_delaunay(squeezed):
     mesh = DiskMesh(V, F)
     V[mesh.interior, :2] += np.random.default_rng(1).uniform(-0.02, 0.02, (len(mesh.interior), 2))
     V[:, 1] *= squeezed
-    faces, cotangents = intrinsic_delaunay(DiskMesh(V, F))
+    by_columns = np.asfortranarray(F)
+    faces, cotangents = intrinsic_delaunay(Mesh(V, by_columns, mesh.loop))
+    np.testing.assert_array_equal(by_columns, F)
     expected = Delaunay(V[:, :2]).simplices
     assert edge_set(faces) == edge_set(expected)
     np.testing.assert_allclose(cotangents, corner_cotangents(V, faces), rtol=1e-9, atol=1e-9)
@@ -257,6 +259,14 @@ def test_the_intrinsic_triangulation_is_that_of_libigl():
     np.testing.assert_allclose(
         cotangents[order], expected_cotangents[expected_order], rtol=1e-9, atol=1e-9
     )
+
+
+def test_a_fan_takes_as_many_rounds_as_it_has_faces():
+    angle = np.linspace(0, 2 * np.pi, 1500, endpoint=False)
+    V = np.column_stack([3 * np.cos(angle), np.sin(angle)])
+    rim = np.arange(1, 1499)
+    mesh = DiskMesh(V, np.column_stack([0 * rim, rim, rim + 1]))
+    assert sums_inside(*intrinsic_delaunay(mesh)).min() > -1e-9
 
 
 @pytest.mark.parametrize("thin", [1e-6, 1e-8, 1e-9])

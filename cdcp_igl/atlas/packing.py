@@ -20,7 +20,7 @@ from ..errors import counted
 from ..options import is_real, is_whole
 
 # The smallest square into which all charts may go has so many columns. With twice as many, 40
-# surfaces fill as much of theirs. A square of which they take a small part has no more than `MOST`.
+# surfaces fill as much of theirs. A square of which they take a small part has `MOST` at most.
 COLUMNS, MOST = 300, 3000
 # Directions in which a chart is tried: of many charts, of one, and of all together.
 FEWEST_TURNS, MOST_TURNS, ALL_TURNS = 2, 64, 128
