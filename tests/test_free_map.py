@@ -14,6 +14,7 @@ from meshes import TRIANGLE, TWO_TRIANGLES, cells, fan, grid, rugged, strip
 
 import cdcp_igl
 from cdcp_igl.datasets import ellipse, paraboloid, spherical_cap
+from cdcp_igl.libigl import grid_faces
 from cdcp_igl.refine.preconditioning import WeightedLaplacian
 from cdcp_igl.refine.refinement import gauss_newton_step
 from cdcp_igl.refine.targets import Outline
@@ -310,6 +311,40 @@ def test_small_disks():
     for V, F in (TRIANGLE, TWO_TRIANGLES, fan(), strip()):
         for refine in (None, 3):
             assert cdcp_igl.free_map(V, F, refine=refine).valid
+
+
+@pytest.mark.parametrize(("seed", "most"), [(184, 5.0), (207, 2.1), (337, 3.6), (532, 4.3)])
+def test_one_flipped_face_of_few_is_repaired(seed, most):
+    """And is not so many that another Laplacian is better: that leaves a third more."""
+    rng, (V, F) = np.random.default_rng(seed), grid(4, 5)
+    V = V * [1, rng.uniform(0.2, 1), 1] + rng.normal(size=V.shape) * rng.choice([0.05, 0.1, 0.2])
+    result = cdcp_igl.free_map(V, F)
+    assert (result.repair.n_flipped, result.conformal) == (1, True)
+    assert result.distortion.mean < most
+
+
+@pytest.mark.parametrize("gap", [0, 3e-16])
+def test_sides_that_touch_do_not_cross_wherever_the_map_is_moved(gap):
+    """Two strips with a gap of no width between them, whose sides have other vertices."""
+
+    def rows(n, low):
+        x = np.linspace(0, 1, n)
+        return np.concatenate([np.column_stack([x, np.full(n, y)]) for y in (low, low + 1)])
+
+    left = np.array([[-0.3, 0], [-0.3, 1], [-0.3, 2]])
+    points = np.concatenate([left, rows(8, 0), rows(12, 1 + gap)])
+    F = np.concatenate([grid_faces(8, 2) + 3, grid_faces(12, 2) + 19])
+    F = np.concatenate([F, [[0, 3, 11], [0, 11, 1], [1, 11, 31], [1, 31, 2]]])
+    F[F == 19] = 11  # the end of the gap
+    kept, rows_kept = np.unique(F, return_inverse=True)
+    F = rows_kept.reshape(-1, 3)
+    for angle in np.arange(30) + 0.1:
+        turn = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+        V = points[kept] @ turn
+        result = cdcp_igl.surface_map(V, F, merge=False)
+        assert len(result.charts) == 1
+        assert result.distortion.mean < 1e-8
+        assert cdcp_igl.certify(V, F, result.packed()).valid
 
 
 def test_a_mapper_makes_the_same_map_and_keeps_its_factor():

@@ -29,7 +29,12 @@ from cdcp_igl.solve.factored import FactoredSurface, extended_again, harmonic_ex
 from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.mobius import at_one, composed, mobius_transformation
 from cdcp_igl.surface.mesh import DiskMesh
-from cdcp_igl.surface.triangles import flipped_faces
+from cdcp_igl.surface.triangles import (
+    flipped_faces,
+    flipped_or_flat,
+    opposite_edges,
+    twice_areas,
+)
 from cdcp_igl.verdict.certificate import certify, is_around
 from cdcp_igl.verdict.distortion import angle_errors
 
@@ -254,6 +259,20 @@ def test_a_relaxation_that_flips_faces_is_undone(size, relaxed):
     near, f = Neighbourhood(MESH, np.ones(len(V), dtype=bool)), 0.7 + 0.1j + size * Z
     near.moved = near.free.copy()
     assert (near.relaxed(f) is not f) == relaxed
+
+
+def test_a_face_that_only_rounding_keeps_is_repaired():
+    """Its corners lie on a line to the last digits: where the map is moved, it is turned over."""
+    face = F[np.flatnonzero(np.isin(F, MESH.interior).all(axis=1))[20]]
+    v, i, j = face
+    f, middle = Z.copy(), (Z[i] + Z[j]) / 2
+    f[v] = middle + 1e-14 * (Z[v] - middle)
+    assert len(flipped_faces(f, F)[0]) == 0
+    assert len(flipped_or_flat(f, F)) == 1
+    mended, repair = repair_locally(MESH, f)
+    assert repair.n_flipped == 1
+    edges = opposite_edges(mended[F])
+    assert (twice_areas(edges) > 1e-3 * abs(edges).max(axis=1) ** 2).all()
 
 
 def test_too_many_flipped_faces_are_left_alone():

@@ -21,7 +21,7 @@ from ..phases import Phases, Progress
 from ..plot.layout import Layout
 from ..refine.targets import Ring
 from ..rescue.boundary import BoundaryMethod
-from ..rescue.repair import MANY, repair_locally
+from ..rescue.repair import repair_locally, repairable
 from ..result.base import announced, how_made, valid_map
 from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface
@@ -210,7 +210,7 @@ def annulus_map(
         def finished(strip: Complex, known: float = 0.0, *, boundary: str) -> AnnulusMap:
             with phase("repair"):
                 f = np.exp(strip - 1j * strip.imag[mesh.loops[0][0]])
-                f, repair = repair_locally(mesh, f, MANY * len(mesh.F))
+                f, repair = repair_locally(mesh, f, repairable(mesh))
             with phase("certificate"):
                 certificate = certify_ring(mesh, f)
                 degrees = map_distortion(mesh, f)

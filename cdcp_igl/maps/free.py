@@ -31,7 +31,7 @@ from ..refine.apart import kept_apart
 from ..refine.balance import Energy, Newton
 from ..refine.refinement import lower_angle_distortion
 from ..refine.targets import Outline
-from ..rescue.repair import MANY, Repair, repair_locally
+from ..rescue.repair import Repair, repair_locally, repairable
 from ..result.base import announced, valid_map
 from ..result.keeping import KeepingMap, Kept
 from ..result.making import PATIENT, PlaneMap, best_of, fields_of, refined, steps_of
@@ -44,7 +44,7 @@ from ..surface.orientation import wrong_side
 from ..surface.topology import Topology
 from ..verdict.conformality import NOT_ASKED
 from ..verdict.distortion import map_distortion
-from ..verdict.outline import OutlineCertificate, certify_outline
+from ..verdict.outline import OutlineCertificate, certify_outline, meeting_edges
 from .boundary_first import (
     angles_of_scale,
     closed_curve,
@@ -54,9 +54,9 @@ from .boundary_first import (
 )
 from .disk import disk_map, factored_surface, map_of
 
-# An outline that touches itself, as both sides of a slit do, is set apart by so much of its size:
-# the least that rounding lets be.
-APART = (1e-13, 1e-12, 1e-11, 1e-10)
+# An outline that touches itself, or nearly so, as both sides of a slit do, is set apart by so much
+# of its size: the least that rounding lets be, in a square in which there are other charts.
+APART = (1e-12, 1e-11, 1e-10)
 # The first share of easing, towards the lengths that the boundary has on the disk.
 EASED = 1 / 64
 # Steps of refinement of an outline that was eased, and of one that was the circle.
@@ -560,11 +560,11 @@ def _finished(
     mesh = surface.mesh
     with phase("repair"):
         f = rotate(mesh, f, options.align, on_circle=False)
-        f, certificate, repair = *_set_apart(mesh, _of_length(mesh, f, asked.length)), Repair()
-        if len(certificate.flipped):
-            # An outline that overlaps itself is beyond repair.
-            most = MANY * len(mesh.F) if certificate.simple else 0
-            f, repair = repair_locally(mesh, f, most, is_free=asked.name == OWN)
+        f, certificate = _set_apart(mesh, _of_length(mesh, f, asked.length))
+        # An outline that overlaps itself is beyond repair.
+        most = repairable(mesh) if certificate.simple else 0
+        f, repair = repair_locally(mesh, f, most, is_free=asked.name == OWN)
+        if repair.n_flipped:
             f = _of_length(mesh, f, asked.length)
             certificate = certify_outline(mesh, coordinates(f))
     return FreeMap(
@@ -605,16 +605,21 @@ def own_outline(surface: FactoredSurface, phase: Phases) -> OutlineCertificate:
 
 
 def _set_apart(mesh: Mesh, f: Complex) -> tuple[Complex, OutlineCertificate]:
-    """Certify a map (n,); one whose outline only touches itself, its sides set apart."""
+    """Certify a map (n,); one whose outline only touches itself, its sides set apart.
+
+    So near as to touch are sides that rounding may let cross when the map is moved.
+    """
     certificate = touching = certify_outline(mesh, coordinates(f))
-    if not len(touching.meeting):
+    if not touching.finite:
         return f, touching
     outline = f[mesh.loop]
     along = np.exp(1j * np.angle(np.roll(outline, -1) - outline))
-    inward = 1j * (along + np.roll(along, 1)) / 2
+    inward = 1j * (along + np.roll(along, 1)) / 2 * abs(outline).max()
+    if not (len(touching.meeting) or len(meeting_edges(outline - APART[0] * inward))):
+        return f, touching
     for share in APART:
         apart = f.copy()
-        apart[mesh.loop] += share * abs(outline).max() * inward
+        apart[mesh.loop] += share * inward
         certificate = certify_outline(mesh, coordinates(apart))
         if certificate.simple:
             return apart, certificate

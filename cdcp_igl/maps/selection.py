@@ -17,7 +17,7 @@ from ..rescue.boundary import FALLBACKS, STARTS, BoundaryMethod, by_inscribed_an
 from ..rescue.collapsed_faces import open_collapsed_faces
 from ..rescue.harmonic_map import HarmonicMap, Provenance
 from ..rescue.means import embedding
-from ..rescue.repair import MANY, Repair, repair_locally
+from ..rescue.repair import Repair, repair_locally, repairable
 from ..result.disk_map import DiskMap, judged
 from ..solve.factored import FactoredSurface, extended_again, harmonic_extension
 from ..steps.center import Center
@@ -173,7 +173,7 @@ def embedded(
         method = BoundaryMethod(name, laplacian="mean value")
         done = Provenance(center=center, boundary=method)
         # Repair would take long, and an embedding has no need of it.
-        yield _normalized(HarmonicMap(surface, f, done, w), options, phase, most=0)
+        yield _normalized(HarmonicMap(surface, f, done, w), options, phase, repaired=0)
 
 
 def _sheared_less(mesh: Mesh, start: Complex) -> Complex:
@@ -189,17 +189,17 @@ def _sheared_less(mesh: Mesh, start: Complex) -> Complex:
 
 
 def _normalized(
-    harmonic: HarmonicMap, options: Options, phase: Phases, most: float = MANY_FLIPPED
+    harmonic: HarmonicMap, options: Options, phase: Phases, repaired: float = MANY_FLIPPED
 ) -> DiskMap:
     """Apply the Möbius transformation, unless the map is better without it; repair, and judge.
 
     A transformed map that repair was tried on, which may be in vain, or that has moved a small part
     of the surface away from 0, is held against the map without the transformation; but not if few
     vertices were moved, and would be there, too: then the transformation lowers the distortion.
-    No more than the share `most` of the faces is repaired.
+    No more than the share `repaired` of the faces is, or one of few, unless it is 0.
     """
     mesh = harmonic.surface.mesh
-    repairing = partial(repair_locally, most=most * len(mesh.F))
+    repairing = partial(repair_locally, most=repairable(mesh, repaired) if repaired else 0)
     method = options.mobius_method
     candidate = _finished(harmonic, method, options, phase, repairing)
     moved = candidate.mobius.w != harmonic.w
@@ -220,7 +220,7 @@ def _normalized(
 
 def _repaired(harmonic: HarmonicMap, options: Options, phase: Phases) -> DiskMap:
     """Repair also many flipped faces, and do without a Möbius transformation."""
-    repairing = partial(repair_locally, most=MANY * len(harmonic.surface.mesh.F))
+    repairing = partial(repair_locally, most=repairable(harmonic.surface.mesh))
     candidate = _finished(harmonic, None, options, phase, repairing)
     if options.mobius_method is not None:
         rejected = Normalization(options.mobius_method, 0j, "repair", 0.0)

@@ -10,14 +10,14 @@ from ..arrays import Bools, Complex, Ints, marked
 from ..errors import counted
 from ..surface.mesh import Mesh
 from ..surface.topology import components_of_pairs
-from ..surface.triangles import flipped_faces
+from ..surface.triangles import flipped_faces, flipped_or_flat
 from .means import combined, embedding, mean_value_weights
 from .relaxation import Relaxation
 
 RINGS = 10  # largest radius of a patch around a flipped face
 ATTEMPTS = 4  # with patches up to a quarter of that, a half and so on
 MAX_FAILED_ATTEMPTS = 2  # in succession
-MANY = 0.03  # of the faces: so many flipped faces are not near each other, but everywhere
+MANY = 0.03  # of the faces: more flipped faces are not near each other, but everywhere
 FEW = 10  # flipped faces that are worth another attempt even if the last one repaired none
 SOFTNESSES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the relaxation of flipped faces, in turn
 SWEEPS = 4  # of a relaxation near flipped faces
@@ -67,13 +67,18 @@ def repaired(mesh: Mesh, f: Complex) -> tuple[Complex, Repair]:
     Where `repair_locally` cannot, because of many flipped faces or stubborn ones, the whole
     interior is that of an `embedding`, and relaxed. The boundary stays where it is.
     """
-    g, repair = repair_locally(mesh, f, MANY * len(mesh.F))
+    g, repair = repair_locally(mesh, f, repairable(mesh))
     if len(flipped_faces(g, mesh.F)[0]):
         whole = Neighbourhood(mesh, np.ones(len(f), dtype=bool))
         whole.moved, (g, _) = whole.free, embedding(mesh, f)
         g = whole.relaxed(g)
         repair = Repair(repair.n_flipped, len(mesh.interior), repair.rounds + 1)
     return g, repair
+
+
+def repairable(mesh: Mesh, share: float = MANY) -> float:
+    """How many flipped faces are worth repair: a share of all, and one of few."""
+    return max(1.0, share * len(mesh.F))
 
 
 def repair_locally(
@@ -87,9 +92,9 @@ def repair_locally(
     faces then, and larger the next time if it has not. What no patch repairs, a relaxation
     of the flipped faces may, with the boundary near them if the outline `is_free`. At the end
     what was moved is relaxed towards conformality. Nothing is done about more than `most` flipped
-    faces; some may be left.
+    faces; some may be left. Those that only rounding keeps count as flipped.
     """
-    flipped, _ = flipped_faces(f, mesh.F)
+    flipped = flipped_or_flat(f, mesh.F)
     if len(flipped) == 0 or len(flipped) > most:
         return f, Repair(len(flipped))
     at_flipped = marked(len(f), mesh.F[flipped])
@@ -133,8 +138,8 @@ class Neighbourhood:
         self.weights = mean_value_weights(self.V, self.F, mesh.angles[faces])
 
     def flipped(self, g: Complex) -> Ints:
-        """Rows of F that are not positively oriented."""
-        return flipped_faces(g, self.F)[0]
+        """Rows of F that are not positively oriented, or only as rounding has it."""
+        return flipped_or_flat(g, self.F)
 
     def average(self, g: Complex, rings: int) -> Complex:
         """Set patches around flipped faces to mean values, and keep those that are better then.

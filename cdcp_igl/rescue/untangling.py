@@ -12,7 +12,7 @@ from ..steps.stereographic import axes_along
 from ..surface.mesh import DiskMesh, Mesh
 from ..verdict.certificate import flipped_on_sphere
 from .means import embedding
-from .repair import MANY, Repair, grow, repair_locally
+from .repair import Repair, grow, repair_locally, repairable
 
 HEMISPHERE = 0.5  # cosine of the radius of a chart in which flipped faces are repaired
 CHARTS = 200  # of them
@@ -26,7 +26,7 @@ def repaired_on_sphere(mesh: Mesh, P: Floats) -> tuple[Floats, Repair]:
     A part is seen in central projection, which keeps the orientation of its triangles.
     """
     n_flipped = len(flipped := flipped_on_sphere(P, mesh.F)[0])
-    if n_flipped > MANY * len(mesh.F):
+    if n_flipped > repairable(mesh):
         return P, Repair(n_flipped)
     moved, rounds = np.zeros(len(P), dtype=bool), 0
     tried = np.zeros(len(mesh.F), dtype=bool)

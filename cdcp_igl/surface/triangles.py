@@ -17,6 +17,10 @@ ORIENTATION_BOUND = (3 + 16 * EPS) * EPS
 # cotangents above 1e10 would leave the other faces at a vertex too few digits.
 DEGENERATE = 1e-10
 
+# A face whose sides are so near to one line, by the sine of their angle, is turned over by rounding
+# when its map is moved. No angle of a face of a surface is as small.
+FLAT = 1e-12
+
 BLOCK = 1 << 14  # faces
 
 
@@ -92,6 +96,15 @@ def flipped_faces(f: Complex, F: Ints) -> tuple[Ints, int]:
     flipped = np.ones(len(others), dtype=bool)
     flipped[in_doubt] = ~libigl.is_counterclockwise(np.stack([corners.real, corners.imag], axis=-1))
     return others[flipped], int(np.count_nonzero(in_doubt))
+
+
+def flipped_or_flat(f: Complex, F: Ints) -> Ints:
+    """Faces that are flipped, or that rounding flips if the map (n,) is moved."""
+    found = [np.empty(0, np.int64)]
+    for part in blocks(len(F)):
+        area, error = oriented_areas(f, F[part])
+        found.append(part.start + np.flatnonzero(~(area > FLAT / ORIENTATION_BOUND * error)))
+    return np.concatenate(found)
 
 
 def orientations(i: Complex, j: Complex, k: Complex) -> Ints:
