@@ -100,11 +100,11 @@ def flipped_faces(f: Complex, F: Ints) -> tuple[Ints, int]:
 
 def flipped_or_flat(f: Complex, F: Ints) -> Ints:
     """Faces that are flipped, or that rounding flips if the map (n,) is moved."""
-    found = [np.empty(0, np.int64)]
+    positive = np.empty(len(F), dtype=bool)
     for part in blocks(len(F)):
         area, error = oriented_areas(f, F[part])
-        found.append(part.start + np.flatnonzero(~(area > FLAT / ORIENTATION_BOUND * error)))
-    return np.concatenate(found)
+        np.greater(area, FLAT / ORIENTATION_BOUND * error, out=positive[part])
+    return np.flatnonzero(~positive)
 
 
 def orientations(i: Complex, j: Complex, k: Complex) -> Ints:
