@@ -77,10 +77,11 @@ class _HalfEdges:
 
         h leads from p to q; a is to its left, and b to its right.
         """
-        corners = self._laid_out(h)
-        is_convex = (_areas(*corners) > 0).all(axis=0)
-        h, corners = h[is_convex], corners[:, is_convex]
-        (a_p, b_p, a_q, b_q), (p_area, q_area) = corners, _areas(*corners)
+        a_p, b_p, a_q, b_q = corners = self._laid_out(h)
+        areas = np.stack([(b_p.conj() * a_p).imag, (a_q.conj() * b_q).imag])  # doubled
+        is_convex = (areas > 0).all(axis=0)
+        h, (p_area, q_area) = h[is_convex], areas[:, is_convex]
+        a_p, b_p, a_q, b_q = corners[:, is_convex]
         H, qa, ap, pb, bq = self._around(h)
         tail, length, cot, twin, place = self.tail, self.length, self.cot, self.twin, self._place
         # pb comes to h and qa to H, and the new edge where these were.
@@ -114,8 +115,3 @@ class _HalfEdges:
         """Twins H (k,), the half-edges after and before h, and those after and before H."""
         H, m = self.twin[h], self.m
         return [H, *(half % (3 * m) for half in (h + m, h - m, H + m, H - m))]
-
-
-def _areas(a_p: Complex, b_p: Complex, a_q: Complex, b_q: Complex) -> Floats:
-    """(2, k) twice the areas of faces a, p, b and b, q, a."""
-    return np.stack([(b_p.conj() * a_p).imag, (a_q.conj() * b_q).imag])

@@ -83,11 +83,7 @@ def oriented_areas(z: Complex, F: Ints) -> tuple[Floats, Floats]:
 
 def flipped_faces(f: Complex, F: Ints) -> tuple[Ints, int]:
     """Faces that are not positively oriented, exactly, and how many were in doubt."""
-    positive = np.empty(len(F), dtype=bool)
-    for part in blocks(len(F)):
-        area, error = oriented_areas(f, F[part])
-        np.greater(area, error, out=positive[part])
-    others = np.flatnonzero(~positive)
+    others = _not_above(f, F, 1)
     if len(others) == 0:
         return others, 0
     area, error = oriented_areas(f, F[others])
@@ -100,11 +96,17 @@ def flipped_faces(f: Complex, F: Ints) -> tuple[Ints, int]:
 
 def flipped_or_flat(f: Complex, F: Ints) -> Ints:
     """Faces that are flipped, or that rounding flips if the map (n,) is moved."""
-    positive = np.empty(len(F), dtype=bool)
+    return _not_above(f, F, FLAT / ORIENTATION_BOUND)
+
+
+def _not_above(f: Complex, F: Ints, times: float) -> Ints:
+    """Faces with an area of no more than so many times the bound of its rounding error."""
+    above = np.empty(len(F), dtype=bool)
     for part in blocks(len(F)):
         area, error = oriented_areas(f, F[part])
-        np.greater(area, FLAT / ORIENTATION_BOUND * error, out=positive[part])
-    return np.flatnonzero(~positive)
+        error *= times
+        np.greater(area, error, out=above[part])
+    return np.flatnonzero(~above)
 
 
 def orientations(i: Complex, j: Complex, k: Complex) -> Ints:

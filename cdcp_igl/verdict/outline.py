@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -175,36 +176,34 @@ def goes_around(z: Complex, after: Ints, edges: Ints) -> Iterator[tuple[Ints, In
     level = low / 2 + high / 2
     level = np.where(level == np.maximum(low, high), np.minimum(low, high), level)
     order = np.argsort(level)
-    first, last = _levels_between(z, after, level[order])
+    y, y_next = z.imag, z.imag[after]
+    first, last = (
+        np.searchsorted(level[order], end(y, y_next)) for end in (np.minimum, np.maximum)
+    )
     change = [np.bincount(rank, minlength=len(edges) + 1)[:-1] for rank in (first, last)]
     near = np.cumsum(np.cumsum(change[0] - change[1]))  # edges at the level of each and before
     upwards = high > low
-    for rows in np.split(order, np.flatnonzero(np.diff(near // MOST_NEAR)) + 1):
-        first, last = _levels_between(z, after, level[rows])
-        count = last - first
+    ends = np.flatnonzero(np.diff(near // MOST_NEAR)) + 1
+    for start, stop in pairwise([0, *ends.tolist(), len(order)]):
+        begin = np.clip(first, start, stop)
+        count = np.clip(last, start, stop) - begin
         edge = np.repeat(np.arange(len(z)), count)
-        rank = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count) + first[edge]
-        query = rows[rank]
+        rank = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count) + begin[edge]
+        query = order[rank]
         own = edges[query]
         x, error = _crossing(z[edge], z[after[edge]], level[query])
         x_own, error_own = _crossing(z[own], z[after[own]], level[query])
         right = x > x_own
         in_doubt = np.flatnonzero(abs(x - x_own) <= error + error_own)
-        ends = (np.sort([z[e], z[after[e]]], axis=0) for e in (edge[in_doubt], own[in_doubt]))
-        is_other = np.not_equal(*ends).any(axis=0)
+        both = (np.sort([z[e], z[after[e]]], axis=0) for e in (edge[in_doubt], own[in_doubt]))
+        is_other = np.not_equal(*both).any(axis=0)
         right[in_doubt] = upwards[query[in_doubt]]  # if one lies on the other
         for k in in_doubt[is_other].tolist():
             at = level[query[k]]
             gap = _exact(z, after, edge[k], at) - _exact(z, after, own[k], at)
             right[k] = gap > 0 or (gap == 0 and upwards[query[k]])
-        sign = np.where(z.imag[after[edge]] > z.imag[edge], 1, -1)
+        sign = np.where(y_next[edge] > y[edge], 1, -1)
         yield query[right], edge[right], sign[right]
-
-
-def _levels_between(z: Complex, after: Ints, level: Floats) -> tuple[Ints, Ints]:
-    """(n,) ranks among sorted levels (k,) of the first that an edge reaches, and after its last."""
-    low, high = np.minimum(z.imag, z.imag[after]), np.maximum(z.imag, z.imag[after])
-    return np.searchsorted(level, low), np.searchsorted(level, high)
 
 
 def _crossing(a: Complex, b: Complex, y: Floats) -> tuple[Floats, Floats]:
