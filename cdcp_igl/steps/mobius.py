@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Complex, Floats, Ints
 from ..surface.mesh import Mesh
-from ..surface.triangles import flipped_faces
+from ..surface.triangles import blocks, flipped_faces
 from ..verdict.certificate import is_around
 from .least_distortion import (
     AngleErrors,
@@ -198,9 +198,14 @@ def conformal_barycenter(z: Complex, mass: Floats) -> complex:
     mass = mass / mass.sum()
 
     def moments(w: complex) -> tuple[complex, complex]:
-        moved = mobius_transformation(z, w)
-        # In an order of summation that no number of threads changes.
-        return complex((mass * moved).sum()), complex((mass * moved * moved).sum())
+        c = q = 0j
+        for part in blocks(len(z)):
+            moved = mobius_transformation(z[part], w)
+            weighted = mass[part] * moved
+            # In an order of summation that no number of threads changes.
+            c += complex(weighted.sum())
+            q += complex((weighted * moved).sum())
+        return c, q
 
     return barycenter_by_moments(moments)
 

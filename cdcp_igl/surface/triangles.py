@@ -36,7 +36,12 @@ def face_areas(V: Floats, F: Ints) -> Floats:
 
 def vertex_areas(V: Floats, F: Ints) -> Floats:
     """(n,) a third of the sum of the areas of the faces at each vertex."""
-    return np.bincount(F.ravel(), np.repeat(face_areas(V, F) / 3, 3), len(V)).astype(np.float64)
+    areas = np.zeros(len(V))
+    for part in blocks(len(F)):
+        third = face_areas(V, F[part]) / 3
+        for corners in F[part].T:
+            np.add.at(areas, corners, third)
+    return areas
 
 
 def corner_cotangents(V: Floats, F: Ints) -> Floats:
