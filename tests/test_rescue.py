@@ -169,11 +169,13 @@ def test_what_no_repair_mends_begins_with_an_embedding_and_says_so(seed):
 
 
 def test_a_map_that_lower_errors_would_undo_is_held_against_embeddings():
-    """It is conformal at 9.4 degrees, and the next step of refinement would make it needles."""
-    result = cdcp_igl.disk_map(*_stretched(1, 8))
+    """It is conformal, and the next step of refinement would make it needles; here it is better."""
+    result = cdcp_igl.disk_map(*_stretched(2, 10))
     assert result.conformal
-    assert (result.boundary.name, result.boundary.laplacian) == ("harmonic measure", "mean value")
-    assert result.distortion.mean < 7.5
+    assert result.refinement.stopped == "not conformal"
+    assert result.distortion.mean < 7.15
+    other = "harmonic measure: mean distortion 7."
+    assert any(reason.startswith(other) for reason in result.boundary.rejected)
 
 
 def test_a_boundary_that_crowds_too_much_for_an_embedding_is_passed_over():
@@ -351,7 +353,7 @@ def test_the_common_shear_is_taken_out(seed):
     f, account = straighten(mesh, plain.f, partial(harmonic_extension, surface))
     after = angle_errors(mesh, f)
     assert possible > 0.02
-    assert account.gain > 0.5 * possible
+    assert account.after < (1 - 0.5 * possible) * account.before
     assert abs(after).mean() < 0.99 * abs(before).mean()
     assert common_shear(f, mesh.F, mesh.angles)[1] < 0.02
     assert account.shear == pytest.approx(abs(mu), rel=0.3)
@@ -376,10 +378,12 @@ def test_a_long_boundary_is_left_as_it_is():
     assert result.refinement is None
 
 
-def test_what_was_straightened_much_is_refined_and_says_so():
-    V, F = punctured(7)
+@pytest.mark.parametrize(("seed", "kind"), [(7, "face"), (2, "vertex")])
+def test_what_was_straightened_is_refined_and_says_so(seed, kind):
+    """Also where little was to be gained by that."""
+    V, F = punctured(seed, kind)
     result = cdcp_igl.disk_map(V, F)
-    assert result.straightening.gain > 0.2
+    assert result.straightening.after < result.straightening.before
     assert result.refinement.steps >= 2
     assert "common shear" in str(result)
     assert result.report()["straightening"]["shear"] == result.straightening.shear

@@ -47,11 +47,6 @@ class Straightening:
     before: float = 0.0
     after: float = 0.0
 
-    @property
-    def gain(self) -> float:
-        """The share of the angular distortion that was removed."""
-        return 1 - self.after / self.before if self.before else 0.0
-
     def __str__(self) -> str:
         if not self.before:
             return "not needed"

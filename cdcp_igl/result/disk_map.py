@@ -130,8 +130,9 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
         return self.boundary.laplacian == "mean value"
 
     @property
-    def _straightened(self) -> float:  # type: ignore[override]
-        return self.straightening.gain
+    def is_straightened(self) -> bool:
+        """Whether a shear that all faces have in common was taken out."""
+        return self.straightening.before > 0
 
     def register(self, to: DiskMap, landmarks: ArrayLike) -> Registered:
         """Lay the map over that of another surface, by landmarks.

@@ -28,9 +28,8 @@ from .bijection import Bijection
 log = logging.getLogger("cdcp_igl")
 
 # A harmonic map is refined, even if no steps are asked for, where it is not near the conformal one:
-# straightening has removed more than the share COARSE of the distortion, as the boundary has few
-# vertices, or the errors are more than EXCESS times what the scale explains.
-COARSE = 0.2
+# it had to be straightened, as the boundary has few vertices, or the errors are more than so many
+# times what the scale explains.
 EXCESS = 1.05
 # A map that is not conformal, that comes from an embedding by mean values, or in which repair has
 # moved more than this share of the vertices, is refined by up to MOST_STEPS, each halved up to
@@ -51,11 +50,15 @@ class MadeMap(Bijection):
     solver: str
 
     _reported: ClassVar[tuple[str, ...]] = ()  # attributes that only this kind of map has
-    _straightened: ClassVar[float] = 0.0  # the share of the distortion that was taken out before
 
     @property
     def is_embedded(self) -> bool:
         """Whether the map comes from an embedding by mean values."""
+        return False
+
+    @property
+    def is_straightened(self) -> bool:
+        """Whether a shear that all faces have in common was taken out."""
         return False
 
     @cached_property
@@ -93,7 +96,7 @@ class MadeMap(Bijection):
         """Steps of refinement for a map that is measurably not near the conformal one."""
         if self.conformality.reasons or self.is_much_repaired or self.is_embedded:
             return MOST_STEPS
-        coarse = self._straightened > COARSE or self.conformality.excess > EXCESS
+        coarse = self.is_straightened or self.conformality.excess > EXCESS
         return STEPS_DUE if coarse else 0
 
     def _steps(self) -> list[tuple[str, str]]:
