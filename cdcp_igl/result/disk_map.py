@@ -14,7 +14,7 @@ from ..cached import cached_property
 from ..errors import MapError
 from ..phases import Phases
 from ..plot.layout import Layout
-from ..refine.refinement import Refinement
+from ..refine.refinement import STEPS_DUE, Refinement
 from ..refine.targets import DISK
 from ..rescue.collapsed_faces import open_collapsed_faces
 from ..rescue.harmonic_map import Provenance, provenance
@@ -130,9 +130,10 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
         return self.boundary.laplacian == "mean value"
 
     @property
-    def is_straightened(self) -> bool:
-        """Whether a shear that all faces have in common was taken out."""
-        return self.straightening.before > 0
+    def steps_due(self) -> int:
+        """Steps of refinement for a map that is not near the conformal one, nor the first."""
+        is_first = not (self.straightening.before or self.boundary.rejected)
+        return super().steps_due or (0 if is_first else STEPS_DUE)
 
     def register(self, to: DiskMap, landmarks: ArrayLike) -> Registered:
         """Lay the map over that of another surface, by landmarks.

@@ -28,8 +28,7 @@ from .bijection import Bijection
 log = logging.getLogger("cdcp_igl")
 
 # A harmonic map is refined, even if no steps are asked for, where it is not near the conformal one:
-# it had to be straightened, as the boundary has few vertices, or the errors are more than so many
-# times what the scale explains.
+# its errors are more than so many times what the scale explains.
 EXCESS = 1.05
 # A map that is not conformal, that comes from an embedding by mean values, or in which repair has
 # moved more than this share of the vertices, is refined by up to MOST_STEPS, each halved up to
@@ -54,11 +53,6 @@ class MadeMap(Bijection):
     @property
     def is_embedded(self) -> bool:
         """Whether the map comes from an embedding by mean values."""
-        return False
-
-    @property
-    def is_straightened(self) -> bool:
-        """Whether a shear that all faces have in common was taken out."""
         return False
 
     @cached_property
@@ -96,8 +90,7 @@ class MadeMap(Bijection):
         """Steps of refinement for a map that is measurably not near the conformal one."""
         if self.conformality.reasons or self.is_much_repaired or self.is_embedded:
             return MOST_STEPS
-        coarse = self.is_straightened or self.conformality.excess > EXCESS
-        return STEPS_DUE if coarse else 0
+        return STEPS_DUE if self.conformality.excess > EXCESS else 0
 
     def _steps(self) -> list[tuple[str, str]]:
         return [
