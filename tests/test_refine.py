@@ -26,7 +26,7 @@ from cdcp_igl.verdict.distortion import plane_angles
 
 V, F = meshes.grid(9, 11)
 MESH = DiskMesh(V, F)
-Z = cdcp_igl.cdcp(V, F) @ [1, 1j]
+Z = cdcp_igl.cdcp(V, F, refine=0) @ [1, 1j]
 ORDER = np.random.default_rng(0).permutation(MESH.interior)  # any order will do
 
 
@@ -159,7 +159,7 @@ def test_more_steps_are_never_worse(norm):
 
 
 def test_account_and_the_rest_of_the_map():
-    plain, refined = cdcp_igl.disk_map(V, F), cdcp_igl.disk_map(V, F, refine=3)
+    plain, refined = (cdcp_igl.disk_map(V, F, refine=steps) for steps in (0, 3))
     assert plain.refinement is None
     assert "not asked for" in str(plain)
     account = refined.refinement
@@ -241,6 +241,7 @@ def test_no_step_begins_after_the_time_limit():
         seen.append(phase)
 
     seen = []
+    V, F, _ = cdcp_igl.datasets.ellipse(8)
     result = cdcp_igl.disk_map(V, F, refine=5, refine_seconds=0.5, progress=wait)
     assert (result.refinement.steps, result.refinement.stopped) == (1, "time limit")
     assert "1 of 5 steps (time limit)" in str(result)
@@ -255,6 +256,19 @@ def test_steps_that_nobody_asked_for_end_where_there_is_little_to_gain_or_no_hop
     assert account.stopped == "little to gain"
     assert 3 <= account.steps < 30
     assert certify(MESH, coordinates(f)).valid
+
+
+def test_a_coarse_map_is_refined():
+    """Its scale explains the errors, which are large all the same."""
+    V, F = meshes.rugged(0)
+    plain, result = (cdcp_igl.disk_map(V * [2, 1, 0.3], F, refine=steps) for steps in (0, None))
+    assert plain.conformality.excess < 1.05
+    assert plain.distortion.mean > 6
+    assert result.refinement.steps == 2
+    assert result.distortion.mean < 0.95 * plain.distortion.mean
+    free = cdcp_igl.free_map(V * [2, 1, 0.3], F)
+    assert free.distortion.mean > 6
+    assert free.refinement is None
 
 
 def test_refinement_ends_before_a_step_that_is_not_accepted():

@@ -30,6 +30,16 @@ def star(seed):
     return V * radius[:, None] * np.exp(rng.normal(size=3)), F
 
 
+@pytest.mark.parametrize("seed", [27, 34, 47])
+def test_a_coarse_map_is_refined(seed):
+    rng = np.random.default_rng(seed)
+    V, F = random_sphere(rng, int(rng.integers(8, 120)))
+    assert cdcp_igl.sphere_map(V, F, refine=0).distortion.mean > 7
+    result = cdcp_igl.sphere_map(V, F)
+    assert result.refinement.steps == 2
+    assert result.distortion.mean < 1.1
+
+
 @pytest.mark.parametrize("refine", [None, 5])
 @pytest.mark.parametrize("height", [0.5, 1, 2])
 def test_maps_of_spheroids_converge_at_second_order(height, refine):

@@ -128,9 +128,10 @@ def disk_map(
         Steps of refinement, 0 for none: Gauss-Newton on the sum of |angle error|^p over all
         corners; boundary vertices slide on the circle. Not in the paper. Most of the gain
         comes with the first two; five take about as long as the map itself.
-        None is as needed: no step for a good map, two for one that is measurably not near
-        the conformal one, and for one that is not conformal, or had to be replaced by repair,
-        as many as gain enough, see `Refinement`. Such a map has these if fewer are asked for,
+        None is as needed: no step for a good map; two for one that is measurably not near
+        the conformal one, whose errors are above 6 degrees in the mean, or whose boundary has
+        few vertices; and for one that is not conformal, or had to be replaced by repair, as
+        many as gain enough, see `Refinement`. Such a map has these if fewer are asked for,
         too.
     refine_norm : float
         The exponent p, from 1 to 2. The default lowers mean and SD; the nearer to 1, the

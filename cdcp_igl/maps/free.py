@@ -126,6 +126,7 @@ class FreeMap(KeepingMap, PlaneMap):
     _plane = "Plane"
     _target = Outline()
     _reported = ("area_ratio",)
+    _coarse = np.inf  # an atlas weighs angles against an even scale
 
     def pinned_to(self, pins: tuple[Ints, Floats] | None, phase: Phases) -> FreeMap:
         """Bring vertices to their places (k, 2), if any; the rest keeps what this map keeps."""

@@ -131,9 +131,8 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
 
     @property
     def steps_due(self) -> int:
-        """Steps of refinement for a map that is not near the conformal one, nor the first."""
-        is_first = not (self.straightening.before or self.boundary.rejected)
-        return super().steps_due or (0 if is_first else STEPS_DUE)
+        """Steps of refinement for a map that is not near the conformal one, or was straightened."""
+        return super().steps_due or (STEPS_DUE if self.straightening.before else 0)
 
     def register(self, to: DiskMap, landmarks: ArrayLike) -> Registered:
         """Lay the map over that of another surface, by landmarks.

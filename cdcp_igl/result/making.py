@@ -28,8 +28,9 @@ from .bijection import Bijection
 log = logging.getLogger("cdcp_igl")
 
 # A harmonic map is refined, even if no steps are asked for, where it is not near the conformal one:
-# its errors are more than so many times what the scale explains.
-EXCESS = 1.05
+# its errors are more than EXCESS times what the scale explains; or, as on coarse meshes, more than
+# so many degrees.
+EXCESS, COARSE = 1.05, 6.0
 # A map that is not conformal, that comes from an embedding by mean values, or in which repair has
 # moved more than this share of the vertices, is refined by up to MOST_STEPS, each halved up to
 # PATIENT times. They are counted, not timed, as equal inputs have equal outputs; they take most of
@@ -49,6 +50,7 @@ class MadeMap(Bijection):
     solver: str
 
     _reported: ClassVar[tuple[str, ...]] = ()  # attributes that only this kind of map has
+    _coarse: ClassVar[float] = COARSE
 
     @property
     def is_embedded(self) -> bool:
@@ -90,7 +92,8 @@ class MadeMap(Bijection):
         """Steps of refinement for a map that is measurably not near the conformal one."""
         if self.conformality.reasons or self.is_much_repaired or self.is_embedded:
             return MOST_STEPS
-        return STEPS_DUE if self.conformality.excess > EXCESS else 0
+        is_far = self.conformality.excess > EXCESS or self.conformality.mean > self._coarse
+        return STEPS_DUE if is_far else 0
 
     def _steps(self) -> list[tuple[str, str]]:
         return [
