@@ -82,11 +82,6 @@ def lscm(V: Floats, F: Ints, S: Ints, c: Floats) -> Floats:
     return igl.lscm(V, F, S, c)[0]
 
 
-def meet(a: Floats, b: Floats, c: Floats, d: Floats) -> bool:
-    """Whether the segments from a to b and from c to d, plane points, have a point in common."""
-    return igl.predicates.segment_segment_intersect(a, b, c, d)
-
-
 def path(edges: Ints) -> Ints:
     """(k,) vertices of one closed loop of directed edges (k, 2), in their direction."""
     vertices, _, column = igl.edges_to_path(edges)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .. import libigl
 from ..arrays import Bools, Complex, Floats, Ints, as_complex, coordinates, places, shifted
 from ..errors import spell
 from ..surface.location import z_order
@@ -98,12 +97,20 @@ def meeting_edges(z: Complex) -> Ints:
 
     Edge i leaves z[i]. Whether edges meet is decided exactly.
     """
+    head = shifted(z)
 
     def met(pairs: Ints) -> Ints:
         pairs = pairs[_may_meet(z, *pairs.T)]
-        return pairs[[_meet(z, i, j) for i, j in pairs.tolist()]]
+        i, j = pairs.T
+        sides = [orientations(z[i], head[i], end) for end in (z[j], head[j])]
+        sides += [orientations(z[j], head[j], end) for end in (z[i], head[i])]
+        # Their boxes overlap, so that they meet if both have the other's ends on either side, or
+        # on their line: neighbours always do, and go back along one line if all is on it.
+        met = (sides[0] * sides[1] <= 0) & (sides[2] * sides[3] <= 0)
+        met[_are_neighbours(i, j, len(z)) & np.any(sides, axis=0)] = False
+        return pairs[met]
 
-    return _among_near_edges(np.stack([coordinates(z), coordinates(shifted(z))]), met)
+    return _among_near_edges(np.stack([coordinates(z), coordinates(head)]), met)
 
 
 def overlapping_edges(z: Complex, after: Ints) -> Ints:
@@ -260,15 +267,9 @@ def _may_meet(z: Complex, i: Ints, j: Ints) -> Bools:
     middle = np.where(j - i == 1, j, i)
     back, on = z[middle - 1] - z[middle], z[(middle + 1) % n] - z[middle]
     folded = (np.sign(back.real) == np.sign(on.real)) & (np.sign(back.imag) == np.sign(on.imag))
-    return np.asarray(folded | ((j - i > 1) & (j - i < n - 1)))
+    return np.asarray(folded | ~_are_neighbours(i, j, n))
 
 
-def _meet(z: Complex, i: int, j: int) -> bool:
-    """Whether edges i < j of a closed polygon meet elsewhere than at a common end, exactly."""
-    n = len(z)
-    if j - i not in (1, n - 1):
-        points = coordinates(z[[i, i + 1, j, (j + 1) % n]])
-        return libigl.meet(*points)
-    p, q, r = z[[i, j, (j + 1) % n] if j - i == 1 else [j, i, i + 1]]
-    both = coordinates(np.array([[p, q, r], [r, q, p]]).ravel()).reshape(2, 3, 2)
-    return not libigl.is_counterclockwise(both).any()  # they go back along one line
+def _are_neighbours(i: Ints, j: Ints, n: int) -> Bools:
+    """(k,) whether edges i < j of a closed polygon have a common end."""
+    return np.asarray((j - i == 1) | (j - i == n - 1))
