@@ -50,7 +50,7 @@ class MadeMap(Bijection):
     solver: str
 
     _reported: ClassVar[tuple[str, ...]] = ()  # attributes that only this kind of map has
-    _coarse: ClassVar[float] = COARSE
+    _coarse: ClassVar[float] = COARSE  # a free outline has no such bound
 
     @property
     def is_embedded(self) -> bool:

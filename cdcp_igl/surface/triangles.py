@@ -25,7 +25,7 @@ BLOCK = 1 << 14  # faces
 
 
 def blocks(m: int) -> list[slice]:
-    """Split m faces into blocks whose arrays stay in the cache."""
+    """Split m faces, or vertices, into blocks whose arrays stay in the cache."""
     return [slice(start, start + BLOCK) for start in range(0, m, BLOCK)]
 
 

@@ -106,9 +106,9 @@ def meeting_edges(z: Complex) -> Ints:
         sides += [orientations(z[j], head[j], end) for end in (z[i], head[i])]
         # Their boxes overlap, so that they meet if both have the other's ends on either side, or
         # on their line: neighbours always do, and go back along one line if all is on it.
-        met = (sides[0] * sides[1] <= 0) & (sides[2] * sides[3] <= 0)
-        met[_are_neighbours(i, j, len(z)) & np.any(sides, axis=0)] = False
-        return pairs[met]
+        found = (sides[0] * sides[1] <= 0) & (sides[2] * sides[3] <= 0)
+        found[_are_neighbours(i, j, len(z)) & np.any(sides, axis=0)] = False
+        return pairs[found]
 
     return _among_near_edges(np.stack([coordinates(z), coordinates(head)]), met)
 
