@@ -39,6 +39,7 @@ class Draft:
     opened: OpenedComponent
     options: Options
     phase: Phases = field(default_factory=Phases)
+    _known: dict[str, FreeMap] = field(default_factory=dict)
 
     @cached_property
     def surface(self) -> FactoredSurface:
@@ -117,6 +118,7 @@ class Draft:
         """Go on to the map, and refine it if its mean error is more than so many degrees."""
         is_first = enough == np.inf  # after which there may be another
         how: dict[str, Any] = {"keep_factor": is_first, "enough": enough, "may_ease": may_ease}
+        how["known"] = self._known
         return free_map_of(self.surface, None, None, self.options, self.phase, **how)
 
     def _centred(self, u: Floats) -> Floats:

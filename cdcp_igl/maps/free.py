@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -23,7 +22,7 @@ from ..arrays import (
     places,
 )
 from ..docstrings import like
-from ..errors import MapError, SolverError, counted, spell
+from ..errors import MapError, counted, spell
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
@@ -314,16 +313,19 @@ def free_map_of(
     keep_factor: bool = False,
     enough: float = np.inf,
     may_ease: bool = True,
+    known: dict[str, FreeMap] | None = None,
 ) -> FreeMap:
     """Map a factored surface, as `free_map` does; the factor is kept if that is asked for.
 
     A map whose mean error is more than `enough`, in degrees, is refined unless that is said. If its
-    boundary cannot keep its lengths, that is a MapError, unless these `may` be `eased`.
+    boundary cannot keep its lengths, that is a MapError, unless these `may` be `eased`. What is
+    `known` of a surface that will be mapped again are its plain maps, by the Laplacian.
     """
     mesh = surface.mesh
     asked = _boundary(mesh, boundary_scale, corners)
     is_own = asked.name == OWN
-    best = _best_map(surface, asked, options, phase, enough, may_ease)
+    known = {} if known is None else known
+    best = _best_map(surface, asked, options, phase, enough, may_ease, known)
     steps = steps_of(best, options) if is_own else 0
     is_far = best.boundary != asked.name or best.distortion.mean > enough
     if options.refine is None and best.valid and is_far and not options.kept:
@@ -470,13 +472,24 @@ def _best_map(
     phase: Phases,
     enough: float,
     may_ease: bool,
+    known: dict[str, FreeMap],
 ) -> FreeMap:
     """Try one way after the other until a map is conformal; the best, valid or not."""
 
     def finished(f: Complex, name: str, laplacian: str) -> FreeMap:
         return _finished(surface, f, name, laplacian, asked, options, phase)
 
-    ways = (partial(finished, *way) for way in _plain_maps(surface, asked, phase))
+    def laid_out(laplacian: str) -> FreeMap:
+        """Return the map with the boundary as asked."""
+        if laplacian not in known:
+            of = surface
+            if laplacian == DELAUNAY:
+                with phase("factor"):
+                    of = surface.delaunay
+            known[laplacian] = finished(_laid_out(of, asked, phase), asked.name, laplacian)
+        return known[laplacian]
+
+    ways = [partial(laid_out, laplacian) for laplacian in ("cotangent", DELAUNAY)]
     plain = best_of(ways, lambda made: made.conformal and made.distortion.mean <= enough)
     if asked.name != OWN or plain.valid or not may_ease:
         return plain
@@ -518,17 +531,6 @@ def _best_map(
         return finished(f, FREED, disk.boundary.laplacian)
 
     return best_of([eased, freed_by_newton, freed_by_refinement])
-
-
-def _plain_maps(
-    surface: FactoredSurface, asked: _Boundary, phase: Phases
-) -> Iterator[tuple[Complex, str, str]]:
-    """Yield the maps with the boundary as asked, on both Laplacians."""
-    yield _laid_out(surface, asked, phase), asked.name, "cotangent"
-    with suppress(SolverError):
-        with phase("factor"):
-            delaunay = surface.delaunay
-        yield _laid_out(delaunay, asked, phase), asked.name, DELAUNAY
 
 
 def _laid_out(surface: FactoredSurface, boundary: _Boundary, phase: Phases) -> Complex:
