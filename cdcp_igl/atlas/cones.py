@@ -10,7 +10,6 @@ they are few, as each needs a slit.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
@@ -39,7 +38,7 @@ class Draft:
     opened: OpenedComponent
     options: Options
     phase: Phases = field(default_factory=Phases)
-    _known: dict[str, FreeMap] = field(default_factory=dict)
+    _plain: dict[str, FreeMap] = field(default_factory=dict, init=False)  # maps by the Laplacian
 
     @cached_property
     def surface(self) -> FactoredSurface:
@@ -116,10 +115,13 @@ class Draft:
 
     def map(self, enough: float = np.inf, *, may_ease: bool = True) -> FreeMap:
         """Go on to the map, and refine it if its mean error is more than so many degrees."""
-        is_first = enough == np.inf  # after which there may be another
-        how: dict[str, Any] = {"keep_factor": is_first, "enough": enough, "may_ease": may_ease}
-        how["known"] = self._known
-        return free_map_of(self.surface, None, None, self.options, self.phase, **how)
+        return free_map_of(
+            *(self.surface, None, None, self.options, self.phase),
+            keep_factor=enough == np.inf,  # there may be another map after this
+            enough=enough,
+            may_ease=may_ease,
+            known=self._plain,
+        )
 
     def _centred(self, u: Floats) -> Floats:
         return u - self.area @ u
