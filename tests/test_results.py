@@ -55,7 +55,7 @@ def test_what_is_lost_in_single_precision(tmp_path, caplog):
     assert f"{lost} faces have no area" in caplog.text
     assert f"{lost / len(F):.2g} of the surface" in caplog.text
     caplog.clear()
-    atlas = cdcp_igl.surface_map(*corridor(24, 6), outline="disk", scale_variation=np.inf)
+    atlas = cdcp_igl.surface_map(*corridor(14, 8), outline="disk", scale_variation=np.inf)
     faces, share = atlas.lost_in_single_precision()
     assert faces > 100
     said = counted(faces, "face", "faces")
