@@ -185,6 +185,28 @@ def test_charts_of_both_hemispheres_keep_the_orientation(height):
     assert (np.linalg.det(uv[:, 1:] - uv[:, :1]) > 0).all()
 
 
+@pytest.mark.parametrize("height", [0.1, 0.8, 1.5, 12])
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_hemispheres_of_a_texture_are_apart(level, height, caplog):
+    V, F, _ = cdcp_igl.datasets.spheroid(level, height)
+    V = V * [1, 1.1, 1] + 0.05 * np.sin(4 * V[:, [1]])
+    found = cdcp_igl.certify(V, F, cdcp_igl.sphere_map(V, F).packed())
+    assert found.valid
+    assert found.charts == 2
+    assert "texture" not in caplog.text
+
+
+def test_a_texture_that_overlaps_itself_is_told(tmp_path, caplog):
+    """A body of few large faces, whose map is certified on the sphere."""
+    V, F = star(3)
+    result = cdcp_igl.sphere_map(V, F)
+    assert not cdcp_igl.certify(V, F, result.uv).valid
+    assert not caplog.records
+    result.save(tmp_path / "a.obj")
+    result.save(tmp_path / "a.glb")
+    assert caplog.text.count("texture overlaps itself") == 1
+
+
 def test_what_is_shown_and_saved(tmp_path):
     V, F, _ = cdcp_igl.datasets.spheroid(2, 1.5)
     result = cdcp_igl.sphere_map(V, F)

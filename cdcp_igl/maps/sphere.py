@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -10,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Bools, Complex, Floats, Indices, Ints, as_complex
+from ..arrays import Bools, Complex, Floats, Indices, Ints
 from ..cached import cached_property
 from ..docstrings import like
 from ..errors import MapError, MeshError, counted
@@ -36,13 +37,17 @@ from ..surface.location import SphereFinder
 from ..surface.mesh import SphereMesh
 from ..surface.orientation import points_inward
 from ..surface.topology import Topology
-from ..surface.triangles import face_areas, flipped_faces, oriented_areas
+from ..surface.triangles import face_areas, flipped_faces
 from ..surface.validation import checked_surface
+from ..verdict.any_map import certify
 from ..verdict.certificate import SphereCertificate, certify_sphere
 from ..verdict.distortion import area_distortion, sphere_angle_errors
 from .disk import disk_map
 
+log = logging.getLogger("cdcp_igl")
+
 HOLES = 0.05  # of the area of the surface: more is no hole
+GAP = 0.01  # between the hemispheres of a chart, by their width
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -56,7 +61,8 @@ class SphereMap(MadeMap):
         outside; unless they point inward on the surface, too.
     uv : (m, 3, 2) float64
         A chart for pictures and textures: the corners of each face on one of two hemispheres,
-        upper and lower, in stereographic projection side by side: around (-1, 0) and (1, 0).
+        upper and lower, in stereographic projection side by side: around (-x, 0) and (x, 0), where
+        x lets the outermost corners be apart, a little more than 1.
     mesh : SphereMesh
         The surface, seen from outside; faces that fill holes come last.
     inward : bool
@@ -117,13 +123,21 @@ class SphereMap(MadeMap):
         corners, side = self.points[self._faces], np.where(self._upper, 1, -1)[:, None]
         scale = 1 + side * corners[..., 2]
         x, y = corners[..., 0] / scale, side * corners[..., 1] / scale
-        return np.stack([x - side, y], axis=2)
+        return np.stack([x - (1 + GAP) * (side * x).max() * side, y], axis=2)
 
     @cached_property
     def _upper(self) -> Bools:
-        """(m,) faces turned upwards: the pole below is outside of their circles on the sphere."""
-        outward = self.mesh.F[: self._n_faces]
-        return oriented_areas(as_complex(self.points[:, :2]), outward)[0] > 0
+        """(m,) faces that are higher than low, of those counterclockwise in either projection.
+
+        In that of the upper hemisphere are those outside of whose circle the pole below is.
+        """
+        i, j, k = self.points[self.mesh.F[: self._n_faces]].transpose(1, 0, 2)
+        normal = np.cross(j - i, k - i)
+        above = (normal * i).sum(axis=1)  # the centre of the sphere
+        height = np.stack([i, j, k])[..., 2]
+        middle = height.min(axis=0) + height.max(axis=0)
+        upper: Bools = np.where(abs(normal[:, 2]) < above, middle, normal[:, 2]) > 0
+        return upper
 
     @property
     def _faces(self) -> Ints:
@@ -134,8 +148,22 @@ class SphereMap(MadeMap):
         return self.inward
 
     def packed(self) -> Floats:
-        """Return the chart `uv` scaled into the unit square, (m, 3, 2): texture coordinates."""
-        return 0.5 + self.uv / (2 * self._reach)
+        """Return the chart `uv` scaled into the unit square, (m, 3, 2): texture coordinates.
+
+        Whether these overlap themselves, as they may where faces are large, or crowded, is logged:
+        what is certified are `points`.
+        """
+        return self._texture
+
+    @cached_property
+    def _texture(self) -> Floats:
+        texture = 0.5 + self.uv / (2 * self._reach)
+        if not certify(*self._surface(), texture).valid:
+            log.warning(
+                "the sphere's texture overlaps itself, or has flipped faces (cdcp_igl.certify says "
+                "where): cut the surface for one without (cdcp_igl.surface_map, --cut)"
+            )
+        return texture
 
     def apply(self, face: ArrayLike, barycentric: ArrayLike) -> Floats:
         """Map points of the surface to the unit sphere, as `Bijection.apply`: (..., 3)."""
