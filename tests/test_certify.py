@@ -6,6 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from commands import invoke
+from scipy.io import savemat
 from surfaces import torus
 
 import cdcp_igl
@@ -237,7 +238,7 @@ def test_order_and_orientation_of_the_faces_do_not_matter():
     assert (found.valid, found.charts) == (True, 4)
 
 
-@pytest.mark.parametrize("suffix", [".obj", ".ply", ".glb"])
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".glb", ".npz", ".vtk", ".vtp"])
 def test_texture_coordinates_of_files_and_exit_codes(tmp_path, suffix):
     V, F, uv = side_by_side(RING, square())
     good, bad, none = (tmp_path / f"{name}{suffix}" for name in ("good", "bad", "none"))
@@ -254,6 +255,30 @@ def test_texture_coordinates_of_files_and_exit_codes(tmp_path, suffix):
     assert [row["valid"] for row in json.loads(done.stdout)] == [True, False]
     none.write_bytes(b"nothing")
     assert invoke("certify", bad, none).exit_code == 2
+
+
+@pytest.mark.parametrize("at_corners", [False, True])
+@pytest.mark.parametrize("suffix", [".npz", ".mat"])
+def test_maps_among_other_arrays(tmp_path, suffix, at_corners):
+    """As NumPy and MATLAB keep them; faces that count from 1 name the same rows."""
+    V, F, uv = cdcp_igl.datasets.spherical_cap(4)
+    path = tmp_path / f"a{suffix}"
+    given = {"V": V, "F": F + 1, "uv": uv[F] if at_corners else uv, "more": np.eye(3)}
+    np.savez(path, **given) if suffix == ".npz" else savemat(path, given)
+    for array, other in zip(read_texture(path), (V, F, uv[F]), strict=True):
+        np.testing.assert_array_equal(array, other)
+    assert invoke("certify", path).exit_code == 0
+    for wrong, why in (
+        (uv[:-1], "not those of its faces"),
+        (uv + 1j, "uv must be"),
+        (V, "uv must"),
+    ):
+        np.savez(tmp_path / "b.npz", V=V, F=F, uv=wrong)
+        with pytest.raises(cdcp_igl.MeshError, match=why):
+            read_texture(tmp_path / "b.npz")
+    np.savez(tmp_path / "b.npz", V=V, F=F)
+    with pytest.raises(cdcp_igl.MeshError, match="no texture"):
+        read_texture(tmp_path / "b.npz")
 
 
 def test_files_without_texture_coordinates(tmp_path):

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.io import read_mesh, read_polygons, write_map
+from cdcp_igl.io import read_mesh, read_polygons, read_texture, write_map
 
 V = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [1, 1, 0], [1, 2, 0], [0, 2, 0], [3, 0, 0]], float)
 L, TRIANGLE, STRIP = [0, 1, 2, 3, 4, 5], [1, 6, 2], [5, 4, 3]
 POLYGONS = [L, TRIANGLE]
+UV = V[:, :2] / 4
 
 
 def legacy(version, binary):
@@ -37,7 +38,8 @@ def legacy(version, binary):
             flat = [number for cell in cells for number in (len(cell), *cell)]
             text += [f"{name} {len(cells)} {len(flat)}\n".encode(), put(flat, ">i4")]
     text.append(f"POINT_DATA {len(V)}\nSCALARS s float\nLOOKUP_TABLE default\n".encode())
-    return b"".join([*text, put(np.arange(len(V)), ">f4")])
+    text.append(put(np.arange(len(V)), ">f4"))
+    return b"".join([*text, b"TEXTURE_COORDINATES uv 2 float\n", put(UV.ravel(), ">f4")])
 
 
 def vtp(form, packed=False):
@@ -69,7 +71,8 @@ def vtp(form, packed=False):
         arrays = array("connectivity", corners, "Int64") + array("offsets", ends, "Int64")
         return f"<{name}>{arrays}</{name}>"
 
-    body = f"<Points>{array('Points', V.ravel(), 'Float32', 3)}</Points>"
+    body = f"<PointData TCoords='uv'>{array('uv', UV.ravel(), 'Float32', 2)}</PointData>"
+    body += f"<Points>{array('Points', V.ravel(), 'Float32', 3)}</Points>"
     body += cells("Polys", POLYGONS) + cells("Strips", [STRIP])
     compressor = ' compressor="vtkZLibDataCompressor"' if packed else ""
     head = f'<VTKFile type="PolyData" byte_order="LittleEndian"{compressor}><PolyData><Piece>'
@@ -95,6 +98,7 @@ def test_surfaces_of_vtk_are_read(tmp_path, name):
     assert polygon.tolist() == [0, 0, 0, 0, 1, 2]
     np.testing.assert_array_equal(F[4:], [TRIANGLE, STRIP])
     assert cdcp_igl.check(W, F[:5]).is_disk
+    np.testing.assert_array_equal(read_texture(path)[2], UV[F])
 
 
 @pytest.mark.parametrize(
@@ -142,5 +146,5 @@ def test_maps_are_written_and_read_again(tmp_path, suffix):
     path = tmp_path / f"a.{suffix}"
     for plane in (uv, uv[F]):
         write_map(path, W, F, plane)
-        for array, other in zip(read_mesh(path), (W, F), strict=True):
+        for array, other in zip(read_texture(path), (W, F, (uv[F] + 1) / 2), strict=True):
             np.testing.assert_array_equal(array, other)

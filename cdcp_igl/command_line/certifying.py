@@ -11,7 +11,8 @@ from .messages import BAD_INPUT, NO_MAP, exit_codes
 from .screen import show_text
 
 MAPS = typer.Argument(
-    metavar="IN...", help="Surfaces with texture coordinates (.obj .ply .glb .gltf)."
+    metavar="IN...",
+    help="Surfaces with texture coordinates (.glb .gltf .mat .npz .obj .ply .vtk .vtp).",
 )
 
 

@@ -1,4 +1,4 @@
-"""V and F among other arrays: NumPy's npz files, and MATLAB's mat files up to version 7.
+"""V, F and uv among other arrays: NumPy's npz files, and MATLAB's mat files up to version 7.
 
 SciPy's reader of mat files from version 5 on ends the process on some damaged ones, as it trusts
 the types they state. A mesh needs little of the format: a list of elements, each with its type
@@ -15,7 +15,7 @@ import math
 import struct
 import warnings
 import zlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,14 +25,15 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import Floats
 from ..errors import Damage, Defect, MeshError
 
 Array = NDArray[Any]
-# Arrays by name; None are those that are no part of a mesh, and are not unpacked.
+# Arrays by name; None are those that are not asked for, and are not unpacked.
 Found = dict[str, Array | None]
 
 NAMES = (("V", "F"), ("v", "f"))
-READ = frozenset(sum(NAMES, ()))
+MESH, MAP = frozenset(sum(NAMES, ())), frozenset({"uv"})
 
 # Arrays of a mesh pack to a fifth or a tenth of their size, those of a plane grid to a
 # thirteenth; zeros pack to a thousandth, and a file of them that fits into an email would
@@ -57,6 +58,13 @@ def _vertices_and_faces(found: Found) -> tuple[Array, Array]:
     raise Damage(f"it must hold V and F (or v and f), not {', '.join(found) or 'nothing'}")
 
 
+def _texture(found: Found) -> Floats | None:
+    uv = found.get("uv")
+    if uv is not None and (uv.dtype.kind not in "iuf" or uv.shape[1:] not in ((2,), (3, 2))):
+        raise Damage(f"uv must be (n, 2) or (m, 3, 2), not {uv.shape} of type {uv.dtype}")
+    return None if uv is None else uv.astype(np.float64)
+
+
 def check_unpacking(name: str, size: int, packed: int) -> None:
     """Refuse what would unpack to much more than a mesh does; sizes in bytes."""
     if size > max(NEVER_REFUSED, MOST_PACKED * packed):
@@ -73,6 +81,15 @@ ENCRYPTED = 1  # flag of a member
 
 def read_npz(path: Path) -> tuple[Array, Array]:
     """V and F of a NumPy archive."""
+    return _vertices_and_faces(_arrays_of_npz(path, MESH))
+
+
+def texture_of_npz(path: Path) -> Floats | None:
+    """(n, 2) or (m, 3, 2) the uv of a NumPy archive, if it has them."""
+    return _texture(_arrays_of_npz(path, MAP))
+
+
+def _arrays_of_npz(path: Path, wanted: Collection[str]) -> Found:
     try:
         archive = ZipFile(path)
     except BadZipFile:
@@ -82,7 +99,7 @@ def read_npz(path: Path) -> tuple[Array, Array]:
         for info in archive.infolist():
             name = info.filename.removesuffix(".npy")
             found[name] = None
-            if name in READ:
+            if name in wanted:
                 if info.flag_bits & ENCRYPTED:
                     raise Damage(f"{name} is encrypted")
                 check_unpacking(name, info.file_size, info.compress_size)
@@ -93,7 +110,7 @@ def read_npz(path: Path) -> tuple[Array, Array]:
                     raise Damage(f"{name} is no array of real numbers, or cut off") from None
                 if data.read(1):
                     raise Damage(f"{name} has more numbers than its shape says")
-    return _vertices_and_faces(found)
+    return found
 
 
 def write_npz(path: Path, V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> None:
@@ -127,24 +144,32 @@ class Element(NamedTuple):
 
 def read_mat(path: Path) -> tuple[Array, Array]:
     """V and F of a MATLAB file."""
+    return _vertices_and_faces(_variables_of_mat(path, MESH))
+
+
+def texture_of_mat(path: Path) -> Floats | None:
+    """(n, 2) or (m, 3, 2) the uv of a MATLAB file, if it has them."""
+    return _texture(_variables_of_mat(path, MAP))
+
+
+def _variables_of_mat(path: Path, wanted: Collection[str]) -> Found:
     data = memoryview(path.read_bytes())
     if len(data) >= 4 and 0 in data[:4]:  # text, without zeros, begins the later versions
-        return _vertices_and_faces(_variables_of_version_4(path))
+        return _variables_of_version_4(path, wanted)
     order = {b"IM": "<", b"MI": ">"}.get(bytes(data[126:128]))
     if order is None:
         raise Damage("it has no MATLAB header")
     if struct.unpack_from(order + "H", data, 124) != (0x100,):
         raise Damage("it is of MATLAB version 7.3, or unknown: save it with the option -v7")
-    variables = dict(_variable(element, order) for element in _elements(data[128:], order))
-    return _vertices_and_faces(variables)
+    return dict(_variable(element, order, wanted) for element in _elements(data[128:], order))
 
 
-def _variables_of_version_4(path: Path) -> Found:
+def _variables_of_version_4(path: Path, wanted: Collection[str]) -> Found:
     from scipy.io import loadmat, whosmat  # slow to import
 
     # SciPy reads this version in Python, which checks what a file says of its arrays.
     with warnings.catch_warnings(action="ignore"):  # which are about byte orders of old machines
-        arrays = loadmat(path, variable_names=READ)
+        arrays = loadmat(path, variable_names=wanted)
         return {name: arrays.get(name) for name, _, _ in whosmat(path)}
 
 
@@ -166,7 +191,7 @@ def _elements(data: memoryview, order: str) -> Iterator[Element]:
         yield Element(kind, data[start : start + size])
 
 
-def _variable(element: Element, order: str) -> tuple[str, Array | None]:
+def _variable(element: Element, order: str, wanted: Collection[str]) -> tuple[str, Array | None]:
     """Name, and numbers if they are asked for, of an element of the file."""
     kind, data = element
     size = len(data)
@@ -179,7 +204,7 @@ def _variable(element: Element, order: str) -> tuple[str, Array | None]:
     if kind != MATRIX:
         return "", None
     name = _heading(memoryview(head)[8:] if packed else data, order)[0]
-    if name not in READ:
+    if name not in wanted:
         return name, None
     if packed:
         check_unpacking(name, size, len(data))

@@ -11,11 +11,13 @@ import numpy as np
 
 from ..arrays import Floats, Ints
 from ..errors import Damage, Defect, MeshError
+from .archives import texture_of_mat, texture_of_npz
 from .glb import texture_of_gltf
 from .ply import texture_of_ply
 from .polygons import rows_of_triangles
 from .reading import file_to_read, read_mesh
 from .text import polygons_of_obj, texture_of_obj
+from .vtk import texture_of_vtk
 
 
 def _of_obj(path: Path) -> Floats:
@@ -24,11 +26,16 @@ def _of_obj(path: Path) -> Floats:
     return uv
 
 
-TEXTURED: dict[str, Callable[[Path], Floats]] = {
+# (m, 3, 2) coordinates of the corners, or (n, 2) of the vertices; None or NaN where there are none.
+TEXTURED: dict[str, Callable[[Path], Floats | None]] = {
     ".glb": texture_of_gltf,
     ".gltf": texture_of_gltf,
+    ".mat": texture_of_mat,
+    ".npz": texture_of_npz,
     ".obj": _of_obj,
     ".ply": texture_of_ply,
+    ".vtk": texture_of_vtk,
+    ".vtp": texture_of_vtk,
 }
 
 
@@ -38,7 +45,8 @@ def read_texture(path: str | PathLike[str]) -> tuple[Floats, Ints, Floats]:
     Parameters
     ----------
     path : path-like
-        A file named .obj, .ply, .glb or .gltf. Of several sets of coordinates, the first is read.
+        A file named .obj, .ply, .glb or .gltf; .npz or .mat with uv beside V and F; or .vtk or .vtp
+        with a surface (POLYDATA). Of several sets of coordinates, the first is read.
 
     Returns
     -------
@@ -74,9 +82,11 @@ def read_texture(path: str | PathLike[str]) -> tuple[Floats, Ints, Floats]:
         raise MeshError(Defect.of("unreadable file", reason=reason))
     with file_to_read(path):
         uv = TEXTURED[path.suffix.lower()](path)
-        if uv.shape != (len(F), 3, 2):
+        if uv is not None and uv.shape == (len(V), 2):
+            uv = uv[F]
+        if uv is not None and uv.shape != (len(F), 3, 2):
             raise Damage("its texture coordinates are not those of its faces")
-    if np.isnan(uv).all():
+    if uv is None or np.isnan(uv).all():
         raise MeshError(Defect.of("unreadable file, without a map", name=path.name))
     return V, F, uv
 

@@ -33,18 +33,22 @@ XML = {
 }
 CELLS = ("VERTICES", "LINES", "POLYGONS", "TRIANGLE_STRIPS")
 Surface = tuple[NDArray[Any], Ints, Ints]
+# How legacy files begin, up to a surface, and up to the texture coordinates of vertices.
+HEAD = rb"(?:[^\n]*\n){2}\s*(ASCII|BINARY)\s+DATASET\s+"
+POLYDATA = re.compile(HEAD + rb"POLYDATA\s", re.IGNORECASE)
+TEXTURE = re.compile(
+    HEAD + rb".*?\nPOINT_DATA\s+(\d+)\b.*?\nTEXTURE_COORDINATES\s+\S+\s+([23])\s+(\w+)\s*?\n",
+    re.IGNORECASE | re.DOTALL,
+)
 
 
 def read_vtk(path: Path) -> Surface:
     """Vertices, triangles and their polygons."""
     data = path.read_bytes()
-    kind = re.match(
-        rb"(?:[^\n]*\n){2}\s*(ASCII|BINARY)\s+DATASET\s+POLYDATA\s", data, re.IGNORECASE
-    )
     if path.suffix.lower() == ".vtp":
-        return _read_vtp(data)
-    if path.suffix.lower() == ".vtk" and kind:
-        return _read_polydata(_Legacy(data, kind.end(), binary=kind[1].upper() == b"BINARY"))
+        return _read_vtp(_Xml(data))
+    if path.suffix.lower() == ".vtk" and (kind := POLYDATA.match(data)):
+        return _read_polydata(_Legacy(data, kind))
     with from_extra("vtk"):
         import meshio
     try:
@@ -62,6 +66,18 @@ def read_vtk(path: Path) -> Surface:
     return mesh.points, F, polygon
 
 
+def texture_of_vtk(path: Path) -> Floats | None:
+    """(n, 2) texture coordinates of the vertices, if there are any."""
+    data = path.read_bytes()
+    if path.suffix.lower() == ".vtp":
+        return _texture_of_vtp(_Xml(data))
+    if not (found := TEXTURE.match(data)):
+        return None
+    columns = int(found[3])
+    uv = _Legacy(data, found).numbers(int(found[2]) * columns, found[4].decode())
+    return uv.reshape(-1, columns)[:, :2].astype(np.float64)
+
+
 def _surface(V: NDArray[Any], polygons: list[Ints], rows: list[Ints]) -> Surface:
     """Put polygons and strips, each a list of corners and of sizes, together."""
     F, polygon = triangles_of(V, *polygons)
@@ -74,10 +90,10 @@ def _surface(V: NDArray[Any], polygons: list[Ints], rows: list[Ints]) -> Surface
 
 
 class _Legacy:
-    """What follows the header of a legacy file, from a byte on."""
+    """What follows the `head` of a legacy file, which says first whether it is binary."""
 
-    def __init__(self, data: bytes, at: int, *, binary: bool) -> None:
-        self.data, self.at, self.binary = data, at, binary
+    def __init__(self, data: bytes, head: re.Match[bytes]) -> None:
+        self.data, self.at, self.binary = data, head.end(), head[1].upper() == b"BINARY"
         version = re.match(rb"# vtk DataFile Version (\d+)", data)
         self.offsets = version is not None and int(version[1]) >= 5
 
@@ -153,47 +169,56 @@ def _lists(flat: Ints) -> list[Ints]:
 # -- XML files -------------------------------------------------------------------------
 
 
-def _read_vtp(data: bytes) -> Surface:
-    from xml.etree import ElementTree  # not imported with the library
+class _Xml:
+    """A vtp file: its elements, and the numbers of each array."""
 
-    appended = re.search(rb"<AppendedData[^>]*encoding=.(\w+).[^>]*>\s*_", data)
-    body, raw = b"", False
-    if appended:
-        end = data.rindex(b"</AppendedData>")
-        body, raw = data[appended.end() : end], appended[1] == b"raw"
-        data = data[: appended.end() - 1] + data[end:]
-    try:
-        root = ElementTree.fromstring(data)
-    except ElementTree.ParseError as error:
-        raise Damage(f"its XML is broken: {error}") from None
-    if root.get("type") != "PolyData":
-        raise Damage(f"it is {root.get('type')}: ParaView's filter Extract Surface makes PolyData")
-    order = "<" if root.get("byte_order", "LittleEndian") == "LittleEndian" else ">"
-    head = np.dtype(order + XML[root.get("header_type", "UInt32")])
-    if root.get("compressor") not in (None, "vtkZLibDataCompressor"):
-        raise Damage(f"it is compressed by {root.get('compressor')}: write it without")
+    def __init__(self, data: bytes) -> None:
+        from xml.etree import ElementTree  # not imported with the library
 
-    def numbers(array: Any) -> NDArray[Any]:
-        kind = np.dtype(order + XML[array.get("type")])
+        appended = re.search(rb"<AppendedData[^>]*encoding=.(\w+).[^>]*>\s*_", data)
+        self._body, self._raw = b"", False
+        if appended:
+            end = data.rindex(b"</AppendedData>")
+            self._body, self._raw = data[appended.end() : end], appended[1] == b"raw"
+            data = data[: appended.end() - 1] + data[end:]
+        try:
+            self.root = ElementTree.fromstring(data)
+        except ElementTree.ParseError as error:
+            raise Damage(f"its XML is broken: {error}") from None
+        kind, said = self.root.get("type"), self.root.get
+        if kind != "PolyData":
+            raise Damage(f"it is {kind}: ParaView's filter Extract Surface makes PolyData")
+        self._order = "<" if said("byte_order", "LittleEndian") == "LittleEndian" else ">"
+        self._head = np.dtype(self._order + XML[said("header_type", "UInt32")])
+        if said("compressor") not in (None, "vtkZLibDataCompressor"):
+            raise Damage(f"it is compressed by {said('compressor')}: write it without")
+        self._packed = bool(said("compressor"))
+
+    def numbers(self, array: Any) -> NDArray[Any]:
+        """Read the numbers of an element."""
+        kind = np.dtype(self._order + XML[array.get("type")])
         if array.get("format", "ascii") == "ascii":
             text = (array.text or "").split()
             return np.array(text, np.float64 if kind.kind == "f" else np.int64)
         if array.get("format") == "appended":
-            code, coded = body[int(array.get("offset")) :], not raw
+            code, coded = self._body[int(array.get("offset")) :], not self._raw
         else:
             code, coded = (array.text or "").strip().encode(), True
-        return np.frombuffer(_block(code, coded, head, bool(root.get("compressor"))), kind)
+        return np.frombuffer(_block(code, coded, self._head, self._packed), kind)
 
+
+def _read_vtp(file: _Xml) -> Surface:
     vertices, n = [np.empty((0, 3))], 0
     lists: dict[str, list[list[Ints]]] = {"Polys": [], "Strips": []}
-    for piece in root.iter("Piece"):
+    for piece in file.root.iter("Piece"):
         points = piece.find("Points/DataArray")
-        V = np.empty((0, 3)) if points is None else numbers(points).reshape(-1, 3)
+        V = np.empty((0, 3)) if points is None else file.numbers(points).reshape(-1, 3)
         for name, found in lists.items():
             by_name = {each.get("Name"): each for each in piece.findall(f"{name}/DataArray")}
             if len(by_name) > 1:
                 corners, ends = (
-                    numbers(by_name[each]).astype(np.int64) for each in ("connectivity", "offsets")
+                    file.numbers(by_name[each]).astype(np.int64)
+                    for each in ("connectivity", "offsets")
                 )
                 found.append([corners + n, np.diff(ends, prepend=0)])
         vertices.append(V.astype(np.float64))
@@ -204,6 +229,16 @@ def _read_vtp(data: bytes) -> Surface:
         for name in lists
     ]
     return _surface(np.concatenate(vertices), *joined)
+
+
+def _texture_of_vtp(file: _Xml) -> Floats | None:
+    rows = []
+    for of_points in file.root.iterfind(".//Piece/PointData[@TCoords]"):
+        name = of_points.get("TCoords")
+        for array in (each for each in of_points if each.get("Name") == name):
+            columns = int(array.get("NumberOfComponents", 1))
+            rows.append(file.numbers(array).reshape(-1, columns)[:, :2].astype(np.float64))
+    return np.concatenate(rows) if rows else None
 
 
 def _block(code: bytes, coded: bool, head: np.dtype[Any], packed: bool) -> bytes:
