@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Bools, Complex, Floats, Indices, Ints
+from ..arrays import Bools, Complex, Floats, Indices, Ints, coordinates
 from ..cached import cached_property
 from ..docstrings import like
 from ..errors import MapError, MeshError, counted
@@ -22,6 +22,7 @@ from ..plot.layout import Layout
 from ..refine.balance import lower_shear
 from ..refine.targets import Sphere
 from ..rescue.boundary import BoundaryMethod
+from ..rescue.repair import repair_locally
 from ..rescue.untangling import over_hemispheres, repaired_on_sphere, without_pole
 from ..result.base import announced, how_made, valid_map
 from ..result.bijection import Registered
@@ -61,8 +62,8 @@ class SphereMap(MadeMap):
         outside; unless they point inward on the surface, too.
     uv : (m, 3, 2) float64
         A chart for pictures and textures: the corners of each face on one of two hemispheres,
-        upper and lower, in stereographic projection side by side: around (-x, 0) and (x, 0), where
-        x lets the outermost corners be apart, a little more than 1.
+        upper and lower, in stereographic projection side by side: to the left and to the right of
+        0. Where that flips faces, the vertices near them are relaxed.
     mesh : SphereMesh
         The surface, seen from outside; faces that fill holes come last.
     inward : bool
@@ -120,23 +121,21 @@ class SphereMap(MadeMap):
     @cached_property
     def uv(self) -> Floats:  # type: ignore[override]
         """(m, 3, 2) the chart of two hemispheres."""
-        corners, side = self.points[self._faces], np.where(self._upper, 1, -1)[:, None]
-        scale = 1 + side * corners[..., 2]
-        x, y = corners[..., 0] / scale, side * corners[..., 1] / scale
-        return np.stack([x - (1 + GAP) * (side * x).max() * side, y], axis=2)
+        uv = np.empty((len(self._upper), 3, 2))
+        for side in np.unique(np.where(self._upper, 1, -1)):
+            faces = np.flatnonzero(self._upper == (side > 0))
+            half, rows = self.mesh.part(faces)
+            x, y, height = self.points[rows].T
+            # Slivers and large faces may be flipped, as edges are straight on the sphere, too.
+            f, _ = repair_locally(half, (x + side * y * 1j) / (1 + side * height), is_free=True)
+            uv[faces] = coordinates(f - side * (1 + GAP) * (side * f.real).max())[half.F]
+        return uv[:, :: -1 if self.inward else 1]
 
     @cached_property
     def _upper(self) -> Bools:
-        """(m,) faces that are higher than low, of those counterclockwise in either projection.
-
-        In that of the upper hemisphere are those outside of whose circle the pole below is.
-        """
-        i, j, k = self.points[self.mesh.F[: self._n_faces]].transpose(1, 0, 2)
-        normal = np.cross(j - i, k - i)
-        above = (normal * i).sum(axis=1)  # the centre of the sphere
-        height = np.stack([i, j, k])[..., 2]
-        middle = height.min(axis=0) + height.max(axis=0)
-        upper: Bools = np.where(abs(normal[:, 2]) < above, middle, normal[:, 2]) > 0
+        """(m,) faces that reach farther up than down."""
+        height = self.points[self.mesh.F[: self._n_faces], 2]
+        upper: Bools = height.min(axis=1) + height.max(axis=1) > 0
         return upper
 
     @property
