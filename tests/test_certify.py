@@ -281,6 +281,21 @@ def test_maps_among_other_arrays(tmp_path, suffix, at_corners):
         read_texture(tmp_path / "b.npz")
 
 
+@pytest.mark.parametrize("outline", ["free", "disk"])
+def test_charts_that_a_file_has_around_0(tmp_path, outline):
+    V, F = torus(12, 8)
+    F = np.vstack([F, F + len(V), F + 2 * len(V)])
+    V = np.vstack([V, 2 * V, V * [1, 1, 2]])
+    np.savez(tmp_path / "a.npz", V=V, F=F)
+    invoke("map", "--cut", "--outline", outline, tmp_path / "a.npz", tmp_path / "b.npz")
+    with np.load(tmp_path / "b.npz") as saved:
+        charts = int(saved["face_chart"].max()) + 1
+        assert not cdcp_igl.certify(V, F, saved["uv"]).valid
+    done = invoke("certify", tmp_path / "b.npz")
+    assert charts > 2
+    assert f"in {charts} charts: valid" in done.stdout
+
+
 def test_files_without_texture_coordinates(tmp_path):
     for text, why in (("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "no texture"),
                       ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1 2/1 3/1\n", "not there")):  # fmt: skip

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Floats
+from ..arrays import Floats, size_exponent
 from ..errors import Damage, Defect, MeshError
 
 Array = NDArray[Any]
@@ -33,7 +33,7 @@ Array = NDArray[Any]
 Found = dict[str, Array | None]
 
 NAMES = (("V", "F"), ("v", "f"))
-MESH, MAP = frozenset(sum(NAMES, ())), frozenset({"uv"})
+MESH, MAP = frozenset(sum(NAMES, ())), frozenset({"uv", "face_chart"})
 
 # Arrays of a mesh pack to a fifth or a tenth of their size, those of a plane grid to a
 # thirteenth; zeros pack to a thousandth, and a file of them that fits into an email would
@@ -62,7 +62,15 @@ def _texture(found: Found) -> Floats | None:
     uv = found.get("uv")
     if uv is not None and (uv.dtype.kind not in "iuf" or uv.shape[1:] not in ((2,), (3, 2))):
         raise Damage(f"uv must be (n, 2) or (m, 3, 2), not {uv.shape} of type {uv.dtype}")
-    return None if uv is None else uv.astype(np.float64)
+    if uv is None:
+        return None
+    uv, chart = uv.astype(np.float64), found.get("face_chart")
+    if chart is None or chart.shape != (len(uv),) or chart.dtype.kind not in "iu" or uv.ndim < 3:
+        return uv
+    # Charts of a cut surface, each around 0.
+    cell = np.ldexp(1.0, size_exponent(np.nan_to_num(uv)) + 1)
+    row, column = np.divmod(chart, math.isqrt(int(chart.max(initial=0))) + 1)
+    return uv + cell * np.stack([column, row], axis=1)[:, None]
 
 
 def check_unpacking(name: str, size: int, packed: int) -> None:

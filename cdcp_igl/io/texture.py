@@ -53,7 +53,8 @@ def read_texture(path: str | PathLike[str]) -> tuple[Floats, Ints, Floats]:
     V, F
         As of `read_mesh`.
     uv : (m, 3, 2) float64
-        Coordinates of the corners of each face, v upwards; NaN where a face has none.
+        Coordinates of the corners of each face, v upwards; NaN where a face has none. Charts that
+        a batch has written to npz, each around 0, are laid beside one another.
 
     Raises
     ------
