@@ -59,12 +59,12 @@ def _vertices_and_faces(found: Found) -> tuple[Array, Array]:
 
 
 def _texture(found: Found) -> Floats | None:
-    uv = found.get("uv")
-    if uv is not None and (uv.dtype.kind not in "iuf" or uv.shape[1:] not in ((2,), (3, 2))):
-        raise Damage(f"uv must be (n, 2) or (m, 3, 2), not {uv.shape} of type {uv.dtype}")
+    uv, chart = found.get("uv"), found.get("face_chart")
     if uv is None:
         return None
-    uv, chart = uv.astype(np.float64), found.get("face_chart")
+    if uv.dtype.kind not in "iuf" or uv.shape[1:] not in ((2,), (3, 2)):
+        raise Damage(f"uv must be (n, 2) or (m, 3, 2), not {uv.shape} of type {uv.dtype}")
+    uv = uv.astype(np.float64)
     if chart is None or chart.shape != (len(uv),) or chart.dtype.kind not in "iu" or uv.ndim < 3:
         return uv
     # Charts of a cut surface, each around 0.

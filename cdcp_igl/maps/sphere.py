@@ -126,7 +126,7 @@ class SphereMap(MadeMap):
             faces = np.flatnonzero(self._upper == (side > 0))
             half, rows = self.mesh.part(faces)
             x, y, height = self.points[rows].T
-            # Slivers and large faces may be flipped, as edges are straight on the sphere, too.
+            # Slivers and large faces may be flipped: their edges are straight here, and no arcs.
             f, _ = repair_locally(half, (x + side * y * 1j) / (1 + side * height), is_free=True)
             uv[faces] = coordinates(f - side * (1 + GAP) * (side * f.real).max())[half.F]
         return uv[:, :: -1 if self.inward else 1]
