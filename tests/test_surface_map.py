@@ -342,6 +342,14 @@ def test_no_texel_is_nearer_to_two_charts_than_the_padding(outline, size, paddin
     assert np.array_equal(low[high >= 0], high[high >= 0])
 
 
+def test_charts_without_padding_do_not_overlap_by_rounding():
+    for seed in range(3):
+        V, F = surfaces.voxels(seed, size=4, share=0.15)
+        texture = cdcp_igl.surface_map(V, F).packed(padding=0)
+        assert cdcp_igl.certify(V, F, texture).valid
+        assert 0 <= texture.min() < texture.max() <= 1
+
+
 @pytest.mark.parametrize("count", [1, 2, 3, 5, 10, 100])
 def test_packing_is_not_wasteful(count):
     factor, _ = Packing().places([np.array([0, 1, 1 + 1j, 1j])] * count)

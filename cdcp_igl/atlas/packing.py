@@ -27,6 +27,7 @@ FEWEST_TURNS, MOST_TURNS, ALL_TURNS = 2, 64, 128
 # The side of the square grows by this share until all charts go into it; then the last step is
 # bisected so often. Where they do not at so many times the side, the padding leaves no room.
 STEP, BISECTIONS, HOPELESS = 0.25, 6, 32
+APART = 1e-6  # texels at least between charts: those that only touch may overlap by rounding
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ class Packing:
 
     def _skyline(self, shapes: list[list[Shape]], side: float) -> list[Placed] | None:
         """Place shapes in a square, each in one of its directions; None if there is no room."""
-        padding = self.padding * side / self.size
+        padding = max(self.padding, APART) * side / self.size
         room, aside = side - 2 * padding, int(np.ceil(padding))
         skyline, placed = np.zeros(int(room)), list[Placed]()  # where the next shape may begin
         for directions in shapes:
