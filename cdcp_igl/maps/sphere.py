@@ -32,7 +32,7 @@ from ..solve.laplacian import LAPLACIANS
 from ..solve.solvers import SolverName, using
 from ..steps.dipole import dipole_map
 from ..steps.mobius import conformal_barycenter, mobius_transformation
-from ..steps.stereographic import moved_to_center, rotation, spherical_barycenter
+from ..steps.stereographic import moved_to_center, rotation, spherical_barycenter, to_plane
 from ..surface.filling import fill_hole
 from ..surface.location import SphereFinder
 from ..surface.mesh import SphereMesh
@@ -125,9 +125,8 @@ class SphereMap(MadeMap):
         for side in np.unique(np.where(self._upper, 1, -1)):
             faces = np.flatnonzero(self._upper == (side > 0))
             half, rows = self.mesh.part(faces)
-            x, y, height = self.points[rows].T
             # Slivers and large faces may be flipped: their edges are straight here, and no arcs.
-            f, _ = repair_locally(half, (x + side * y * 1j) / (1 + side * height), is_free=True)
+            f, _ = repair_locally(half, to_plane(self.points[rows], side), is_free=True)
             uv[faces] = coordinates(f - side * (1 + GAP) * (side * f.real).max())[half.F]
         return uv[:, :: -1 if self.inward else 1]
 

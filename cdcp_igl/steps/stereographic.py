@@ -20,6 +20,13 @@ def from_plane(z: Complex, side: int) -> Floats:
     return P / (1 + square)[:, None]
 
 
+def to_plane(P: Floats, side: int) -> Complex:
+    """(n,) the z of which `from_plane` makes points (n, 3), none at the other pole."""
+    x, y, height = P.T
+    z: Complex = (x + side * y * 1j) / (1 + side * height)
+    return z
+
+
 def moved_to_center(P: Floats, w: Floats) -> Floats:
     """Transform the unit ball such that w goes to 0, and points (n, 3) of the sphere with it."""
     from_w = P - w
