@@ -73,25 +73,24 @@ def read_ply(path: Path) -> tuple[Floats, Ints, Ints]:
     return V, F, np.arange(len(F))
 
 
-def texture_of_ply(path: Path) -> Floats:
-    """(m, 3, 2) texture coordinates of the corners of the faces of `read_ply`; NaN without any.
+def texture_of_ply(path: Path) -> Floats | None:
+    """Texture coordinates of the vertices (n, 2), as u and v, or of the corners (m, 3, 2).
 
-    Properties of the vertices, as u and v, or a list ``texcoord`` of each face.
+    The latter, of the faces of `read_ply`, if these have a list ``texcoord``; None without any.
     """
-    V, F, _ = read_ply(path)
     tables = read_tables(path.read_bytes())
     vertices, faces = tables.get("vertex", {}), tables.get("face", {})
     if (of_corners := faces.get("texcoord")) and (polygons := lists_of_vertices(faces, "faces")):
-        rows, _ = rows_of_triangles(V, *polygons)
+        rows, _ = rows_of_triangles(read_ply(path)[0], *polygons)
         uv = of_corners.entries.astype(np.float64).reshape(-1, 2)
         if len(uv) != len(polygons[0]):
             raise Damage("its texture coordinates are not those of its corners")
         return uv[rows]
     for u, v in TEXTURE:
         if u in vertices and v in vertices:
-            at = np.column_stack([vertices[u].entries, vertices[v].entries]).astype(np.float64)
-            return at[F]
-    return np.full((len(F), 3, 2), np.nan)
+            at = np.column_stack([vertices[u].entries, vertices[v].entries])
+            return at.astype(np.float64)
+    return None
 
 
 def triangles_of_ply(path: Path) -> tuple[NDArray[Any], NDArray[Any]] | None:
