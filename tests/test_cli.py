@@ -217,6 +217,7 @@ def test_version_and_completion():
 def test_help_names_what_the_library_has():
     assert options.READABLE == io.READABLE
     assert options.WRITABLE == io.WRITABLE
+    assert tuple(io.texture.TEXTURED) == options.TEXTURED
     assert tuple(cdcp_igl.reference.METHODS) == comparing.METHODS
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import typer
 
 from .messages import BAD_INPUT, NO_MAP, exit_codes
+from .options import TEXTURED
 from .screen import show_text
 
 MAPS = typer.Argument(
-    metavar="IN...",
-    help="Surfaces with texture coordinates (.glb .gltf .mat .npz .obj .ply .vtk .vtp).",
+    metavar="IN...", help=f"Surfaces with texture coordinates ({' '.join(TEXTURED)})."
 )
 
 

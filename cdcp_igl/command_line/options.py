@@ -17,6 +17,7 @@ READABLE = (
     *(".vtk", ".vtp", ".vtu", ".gii.gz"),
 )
 WRITABLE = (".glb", ".npz", ".obj", ".ply", ".vtk", ".vtp")
+TEXTURED = (".glb", ".gltf", ".mat", ".npz", ".obj", ".ply", ".vtk", ".vtp")
 PICTURES = (".png", ".svg", ".pdf")
 SURFACES = " ".join(READABLE)
 
