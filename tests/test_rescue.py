@@ -9,6 +9,7 @@ from surfaces import arms, blob, skin
 
 import cdcp_igl
 from benchmarks.measure.punctures import RINGS, opened, row_to_open
+from cdcp_igl import maps
 from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.arrays import coordinates
 from cdcp_igl.reference import fdcp, harmonic
@@ -52,6 +53,25 @@ def test_a_valid_map_is_returned_as_it_is():
     assert f is Z
     assert repair.n_flipped == 0
     assert str(repair) == "not needed"
+
+
+def test_large_faces_hardly_stretched_are_as_good_as_embeddings_make_them(monkeypatch):
+    W, G, _ = cdcp_igl.datasets.square(4)
+    start = DiskMesh(W, G).loop
+    end = np.roll(start, -1)
+    teeth = 1.4 * (W[start] + W[end]) / 2 - 0.4 * W[start].mean(axis=0)
+    G = np.vstack([G, np.column_stack([end, start, len(W) + np.arange(len(start))])])
+    saw = np.vstack([W, teeth]), G
+
+    result = cdcp_igl.disk_map(*saw)
+    assert not result.conformal
+    assert not result.is_embedded
+    assert result.conformality.stretch < maps.disk.LITTLE_STRETCH
+
+    monkeypatch.setattr(maps.disk, "LITTLE_STRETCH", 0)
+    others = cdcp_igl.disk_map(*saw)
+    assert len(others.boundary.rejected) > len(result.boundary.rejected)
+    assert others.distortion.mean > 0.97 * result.distortion.mean
 
 
 @pytest.mark.parametrize("weights", EMBEDDING[:2])

@@ -263,10 +263,10 @@ def finish(
 ) -> DiskMap:
     """Refine a map if that is asked for or needed, and say what it is; MapError if it is not valid.
 
-    Where it is not conformal or in doubt, and refinement leaves it so, maps that begin with
-    embeddings are refined, too, and the best is taken. Unless `keep_factor`, refinement of a good
-    map, which makes a factor of its own, begins by giving back the memory of the surface's. A map
-    that is to keep lengths or areas begins here.
+    Where another may be nearer to the conformal map, and refinement leaves it so, maps that begin
+    with embeddings are refined, too, and the best is taken. Unless `keep_factor`, refinement of a
+    good map, which makes a factor of its own, begins by giving back the memory of the surface's. A
+    map that is to keep lengths or areas begins here.
     """
     due = options.preset is None and len(surface.mesh.interior) > 0
     good = is_settled(best)
@@ -300,10 +300,10 @@ def finish(
 
 
 def is_settled(made: DiskMap) -> bool:
-    """Whether no other map is nearer to the conformal one.
+    """Whether no other map may be nearer to the conformal one.
 
-    It is conformal beyond doubt, and no step of refinement would have undone it; or faces are large
-    but hardly stretched, and the scale explains all errors.
+    It is conformal beyond doubt, or its faces are large, but hardly stretched, and the scale
+    explains all errors; and no step of refinement would have undone that.
     """
     if made.refinement is not None and made.refinement.stopped == "not conformal":
         return False
