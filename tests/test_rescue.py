@@ -185,6 +185,8 @@ def test_what_no_repair_mends_begins_with_an_embedding_and_says_so(seed):
         assert made.boundary.laplacian == "mean value"
         assert "mean value Laplacian (rejected geodesic: the trace turns back)" in str(made)
     assert plain.refinement is None
+    starts = [why for why in plain.boundary.rejected if why.startswith("harmonic measure and arc")]
+    assert not starts  # as the first is valid
     assert result.distortion.mean < 0.95 * plain.distortion.mean
 
 

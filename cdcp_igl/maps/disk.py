@@ -269,18 +269,22 @@ def finish(
     map that is to keep lengths or areas begins here.
     """
     due = options.preset is None and len(surface.mesh.interior) > 0
+
+    def is_enough(made: DiskMap) -> bool:
+        return is_settled(made) or (made.valid and options.refine == 0)
+
     good = is_settled(best)
     if good and not keep_factor and steps_of(best, options, due=due):
         surface.release()
     best = _lowered(surface, best, options, phase, due=due)
-    if due and not (good or is_settled(best) or (best.valid and options.refine == 0)):
+    if due and not (good or is_enough(best)):
         tried, rejected = [best], list(best.boundary.rejected)
         for start in embedded(surface, best.center, options, phase):
             if isinstance(start, Rejected):
                 rejected.append(str(start))
                 continue
             tried.append(_lowered(surface, start, options, phase, due=due))
-            if is_settled(tried[-1]):
+            if is_enough(tried[-1]):
                 break
         # What refinement has brought down farthest, even if the scale does not explain the rest.
         tried.sort(key=lambda m: (not m.valid, m.distortion.mean * (1 if m.conformal else MARGIN)))
