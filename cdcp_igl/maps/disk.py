@@ -31,7 +31,7 @@ from .selection import chosen, embedded, inscribed, is_good, rescue
 
 REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
 MARGIN = 1.05  # by which a map that is not conformal has to be better than one that is
-LITTLE_STRETCH = 1.6  # of maps with large faces: others lower no mean by 3 %
+LITTLE_STRETCH = 1.6  # of maps with large faces: no other map has a mean lower by 5 %
 REMEDY = (
     "Boundary: {0.boundary}. Parts of it may be too small on the disk for double precision: cut "
     "the surface where it is long or branches (cdcp_igl.cut)"
