@@ -240,6 +240,42 @@ def test_a_map_that_is_little_repaired_keeps_its_moebius_transformation(real_mes
     assert result.distortion.mean < 4.6
 
 
+def _crumpled(steps, stretch, seed):
+    """A square, stretched along x, of which every vertex is moved by half an edge in space."""
+    W, G, _ = cdcp_igl.datasets.square(steps)
+    noise = np.random.default_rng(seed).normal(size=(len(W), 3)) / (2 * steps)
+    return np.column_stack([stretch * W[:, 0], W[:, 1], 0 * W[:, 0]]) + noise, G
+
+
+def test_what_repair_has_moved_is_refined(monkeypatch):
+    """Unasked, though the scale explains the errors; that is better by a fifth."""
+    surface = _crumpled(24, 6, seed=3)
+    result = cdcp_igl.disk_map(*surface)
+    assert result.is_repaired
+    assert not result.is_much_repaired
+    assert result.refinement.steps > 2
+
+    monkeypatch.setattr("cdcp_igl.result.making.REPAIRED", 1)
+    plain = cdcp_igl.disk_map(*surface)
+    assert plain.conformal
+    assert plain.refinement is None
+    assert result.distortion.mean < 0.85 * plain.distortion.mean
+
+
+def test_a_map_that_is_much_repaired_is_held_against_one_from_an_embedding(monkeypatch):
+    """Where faces that are hardly open hold refinement up, that is better by a twelfth."""
+    surface = _crumpled(6, 8, seed=5)
+    result = cdcp_igl.disk_map(*surface)
+    assert result.is_embedded
+    assert result.repair.n_moved == 0
+
+    monkeypatch.setattr("cdcp_igl.result.making.MUCH_REPAIRED", 1)
+    held_up = cdcp_igl.disk_map(*surface)
+    assert held_up.conformal
+    assert held_up.is_repaired
+    assert result.distortion.mean < 0.95 * held_up.distortion.mean
+
+
 def test_slivers_of_a_ct_scan(map_of):
     """1,924 flipped faces of the cotangent Laplacian, 2 of the intrinsic Delaunay one."""
     result = map_of("cthead_115491")

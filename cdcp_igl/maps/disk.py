@@ -29,7 +29,6 @@ from ..steps.mobius import rotate
 from ..surface.mesh import DiskMesh
 from .selection import chosen, embedded, inscribed, is_good, rescue
 
-REPAIRED_SHARE = 0.01  # of the vertices; less than that shows in no mean
 MARGIN = 1.05  # by which a map that is not conformal has to be better than one that is
 LITTLE_STRETCH = 1.6  # of maps with large faces: no other map has a mean lower by 5 %
 REMEDY = (
@@ -131,9 +130,9 @@ def disk_map(
         comes with the first two; five take about as long as the map itself.
         None is as needed: no step for a good map; two for one that is measurably not near
         the conformal one, whose errors are above 6 degrees in the mean, or whose boundary has
-        few vertices; and for one that is not conformal, or had to be replaced by repair, as
-        many as gain enough, see `Refinement`. Such a map has these if fewer are asked for,
-        too.
+        few vertices; and for one that is not conformal, or of which repair has moved more than
+        a hundredth, as many as gain enough, see `Refinement`. Such a map has these if fewer
+        are asked for, too.
     refine_norm : float
         The exponent p, from 1 to 2. The default lowers mean and SD; the nearer to 1, the
         lower the mean and the higher the SD.
@@ -307,9 +306,12 @@ def is_settled(made: DiskMap) -> bool:
     """Whether no other map may be nearer to the conformal one.
 
     It is conformal beyond doubt, or its faces are large, but hardly stretched, and the scale
-    explains all errors; and no step of refinement would have undone that.
+    explains all errors; no step of refinement would have undone that, and repair has left the most
+    of it as it was, or else refinement goes farther from an embedding.
     """
     if made.refinement is not None and made.refinement.stopped == "not conformal":
+        return False
+    if made.is_much_repaired:
         return False
     verdict = made.conformality
     hardly = made.valid and not verdict.sheared and verdict.stretch <= LITTLE_STRETCH
@@ -338,6 +340,6 @@ def _causes(done: DiskMap) -> Iterator[str]:
     if done.boundary.name == "arc length":
         yield f"the boundary {'began' if done.is_embedded else 'lies'} by arc length"
         yield from (reason for reason in done.boundary.rejected if "crowding" in reason)
-    n = len(done.mesh.V)
-    if done.repair.n_moved > REPAIRED_SHARE * n:
-        yield f"repair of flipped faces moved {done.repair.n_moved / n:.0%} of the vertices"
+    if done.is_repaired:
+        share = done.repair.n_moved / len(done.mesh.V)
+        yield f"repair of flipped faces moved {share:.0%} of the vertices"

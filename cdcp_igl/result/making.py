@@ -32,12 +32,14 @@ log = logging.getLogger("cdcp_igl")
 # so many degrees.
 EXCESS, COARSE = 1.05, 6.0
 # A map that is not conformal, that comes from an embedding by mean values, or in which repair has
-# moved more than this share of the vertices, is refined by up to MOST_STEPS, each halved up to
-# PATIENT times. They are counted, not timed, as equal inputs have equal outputs; they take most of
-# the time of a surface that is hard.
-MUCH_REPAIRED = 0.1
+# moved more than this share of the vertices, as less shows in no mean, is refined by up to
+# MOST_STEPS, each halved up to PATIENT times. They are counted, not timed, as equal inputs have
+# equal outputs; they take most of the time of a surface that is hard.
+REPAIRED = 0.01
 MOST_STEPS = 60
 PATIENT = 12
+# Above this share, faces that repair has barely opened may hold refinement up.
+MUCH_REPAIRED = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -83,6 +85,11 @@ class MadeMap(Bijection):
         return not self.valid, not self.conformal, self.distortion.mean
 
     @property
+    def is_repaired(self) -> bool:
+        """Whether so many vertices were moved that it shows in the mean."""
+        return self.repair.n_moved > REPAIRED * len(self.mesh.V)
+
+    @property
     def is_much_repaired(self) -> bool:
         """Whether so many vertices were moved that the map is another one."""
         return self.repair.n_moved > MUCH_REPAIRED * len(self.mesh.V)
@@ -90,7 +97,7 @@ class MadeMap(Bijection):
     @property
     def steps_due(self) -> int:
         """Steps of refinement for a map that is measurably not near the conformal one."""
-        if self.conformality.reasons or self.is_much_repaired or self.is_embedded:
+        if self.conformality.reasons or self.is_repaired or self.is_embedded:
             return MOST_STEPS
         is_far = self.conformality.excess > EXCESS or self.conformality.mean > self._coarse
         return STEPS_DUE if is_far else 0
