@@ -15,6 +15,7 @@ from ..arrays import Complex, Floats, as_complex
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
+from ..refine.refinement import GOOD
 from ..refine.targets import DISK
 from ..rescue.harmonic_map import HarmonicMap
 from ..result.base import announced, valid_map
@@ -306,12 +307,13 @@ def is_settled(made: DiskMap) -> bool:
     """Whether no other map may be nearer to the conformal one.
 
     It is conformal beyond doubt, or its faces are large, but hardly stretched, and the scale
-    explains all errors; no step of refinement would have undone that, and repair has left the most
-    of it as it was, or else refinement goes farther from an embedding.
+    explains all errors; no step of refinement would have undone that. And repair has left most of
+    it as it was, or what is left of the errors belongs to single faces: else refinement may go
+    farther from an embedding.
     """
     if made.refinement is not None and made.refinement.stopped == "not conformal":
         return False
-    if made.is_much_repaired:
+    if made.is_much_repaired and made.conformality.mean > GOOD:
         return False
     verdict = made.conformality
     hardly = made.valid and not verdict.sheared and verdict.stretch <= LITTLE_STRETCH
