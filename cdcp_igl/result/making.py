@@ -38,7 +38,7 @@ EXCESS, COARSE = 1.05, 6.0
 REPAIRED = 0.01
 MOST_STEPS = 60
 PATIENT = 12
-# Above this share, faces that repair has barely opened may hold refinement up.
+# Above this share of them, faces that repair has barely opened may hold refinement up.
 MUCH_REPAIRED = 0.05
 
 
