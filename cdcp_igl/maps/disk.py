@@ -343,5 +343,4 @@ def _causes(done: DiskMap) -> Iterator[str]:
         yield f"the boundary {'began' if done.is_embedded else 'lies'} by arc length"
         yield from (reason for reason in done.boundary.rejected if "crowding" in reason)
     if done.is_repaired:
-        share = done.repair.n_moved / len(done.mesh.V)
-        yield f"repair of flipped faces moved {share:.0%} of the vertices"
+        yield f"repair of flipped faces moved {done.repaired_share:.0%} of the vertices"

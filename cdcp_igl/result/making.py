@@ -38,7 +38,7 @@ EXCESS, COARSE = 1.05, 6.0
 REPAIRED = 0.01
 MOST_STEPS = 60
 PATIENT = 12
-# Above this share of them, faces that repair has barely opened may hold refinement up.
+# Where repair has moved more than this share, faces that it has barely opened may hold steps up.
 MUCH_REPAIRED = 0.05
 
 
@@ -85,14 +85,19 @@ class MadeMap(Bijection):
         return not self.valid, not self.conformal, self.distortion.mean
 
     @property
+    def repaired_share(self) -> float:
+        """The share of the vertices that repair has moved."""
+        return self.repair.n_moved / len(self.mesh.V)
+
+    @property
     def is_repaired(self) -> bool:
         """Whether so many vertices were moved that it shows in the mean."""
-        return self.repair.n_moved > REPAIRED * len(self.mesh.V)
+        return self.repaired_share > REPAIRED
 
     @property
     def is_much_repaired(self) -> bool:
         """Whether so many vertices were moved that the map is another one."""
-        return self.repair.n_moved > MUCH_REPAIRED * len(self.mesh.V)
+        return self.repaired_share > MUCH_REPAIRED
 
     @property
     def steps_due(self) -> int:
