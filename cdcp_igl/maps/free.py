@@ -521,14 +521,16 @@ def _best_map(
 
     def freed_by_refinement() -> FreeMap:
         """Lower its angle errors: on a rough surface that goes farther."""
-        with phase("refine"):
-            f, _ = lower_angle_distortion(
-                *(surface.mesh, as_complex(disk.uv), _order_of_all(surface)),
-                *(EASING, options.refine_norm),
-                halvings=PATIENT,
-                target=Outline(),
-            )
-        return finished(f, FREED, disk.boundary.laplacian)
+        f, order = as_complex(disk.uv), _order_of_all(surface)
+        how: dict[str, Any] = {"halvings": PATIENT, "target": Outline()}
+        for steps in EASING, FREEING:  # after few, what was crowded may be too small to be turned
+            with phase("refine"):
+                g, _ = lower_angle_distortion(
+                    surface.mesh, f, order, steps, options.refine_norm, **how
+                )
+            if (made := finished(g, FREED, disk.boundary.laplacian)).valid:
+                break
+        return made
 
     return best_of([eased, freed_by_newton, freed_by_refinement])
 
