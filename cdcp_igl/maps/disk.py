@@ -30,7 +30,6 @@ from ..steps.mobius import rotate
 from ..surface.mesh import DiskMesh
 from .selection import chosen, embedded, inscribed, is_good, rescue
 
-MARGIN = 1.05  # by which a map that is not conformal has to be better than one that is
 LITTLE_STRETCH = 1.6  # of maps with large faces: no other map has a mean lower by 5 %
 REMEDY = (
     "Boundary: {0.boundary}. Parts of it may be too small on the disk for double precision: cut "
@@ -286,8 +285,7 @@ def finish(
             tried.append(_lowered(surface, start, options, phase, due=due))
             if is_enough(tried[-1]):
                 break
-        # What refinement has brought down farthest, even if the scale does not explain the rest.
-        tried.sort(key=lambda m: (not m.valid, m.distortion.mean * (1 if m.conformal else MARGIN)))
+        tried.sort(key=lambda made: made.refined_rank)
         best = chosen(tried, tuple(rejected))
     if options.kept and best.valid:
         if not keep_factor:

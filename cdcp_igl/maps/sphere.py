@@ -446,7 +446,7 @@ def _best_map(
     for how in dict.fromkeys((mobius, None)):  # large faces may be flipped by the first
         other = _finished(mesh, P, *kind, how, align, phase)
         made.append(_lowered(mesh, other, orders[-1], options, phase))
-    return min(made, key=lambda one: (not one.valid, one.distortion.mean))
+    return min(made, key=lambda one: one.refined_rank)
 
 
 def _embedded(mesh: SphereMesh, pole: int) -> Floats:

@@ -40,6 +40,8 @@ MOST_STEPS = 60
 PATIENT = 12
 # Where repair has moved more than this share, faces that it has barely opened may hold steps up.
 MUCH_REPAIRED = 0.05
+# By so much a map that is not conformal has to be better than one that is, if both were refined.
+MARGIN = 1.05
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -83,6 +85,11 @@ class MadeMap(Bijection):
     def rank(self) -> tuple[bool, bool, float]:
         """Valid maps come first, of these the conformal ones, then those of low mean distortion."""
         return not self.valid, not self.conformal, self.distortion.mean
+
+    @property
+    def refined_rank(self) -> tuple[bool, float]:
+        """Of those that were refined, the lowest comes first, even if the scale explains less."""
+        return not self.valid, self.distortion.mean * (1 if self.conformal else MARGIN)
 
     @property
     def repaired_share(self) -> float:
@@ -209,7 +216,7 @@ def best_of(
             break
     if failure and not found:
         raise failure
-    return min(found, key=lambda made: made.rank) if found[1:] else found[0]
+    return min(found, key=lambda made: made.refined_rank) if found[1:] else found[0]
 
 
 def steps_of(plain: MadeMap, options: Options, *, due: bool = True) -> int:
