@@ -122,7 +122,8 @@ def lower_angle_distortion(
     Gauss-Newton with iteratively reweighted least squares. A step that flips a face or does
     not lower the objective is halved, where it flips or everywhere, and then computed again with
     Levenberg-Marquardt damping of the shear of every face; so is one to a map that is not
-    `accepted`, with its angle errors (m, 3). When the strongest damping does not help, the
+    `accepted`, with its angle errors (m, 3). One that all vertices went a part of, and that gains
+    little, is followed by a damped one. When the strongest damping does not help, the
     refinement ends. The weights begin with those of p = 2, which bring the large errors down that a
     smaller p would take for outliers; each step lowers p until it is the norm, from 1 to 2.
 
@@ -167,10 +168,14 @@ def lower_angle_distortion(
             refused = True
             schedule.failed()
         else:
-            schedule.went(found[0] - f, objective, found[2])
-            gains.append(1 - found[2] / objective)
-            f, r, objective = found
+            way, was = found[0] - f, objective
+            f, r, objective, is_held = found
+            gains.append(1 - objective / was)
             advance(len(gains) / steps)
+            if is_held and gains[-1] < WORTH and schedule.attempt == 0:
+                schedule.failed()  # its gain says nothing of a damped one, which flips fewer faces
+                continue
+            schedule.went(way, was, objective)
             if len(gains) >= PATIENCE and max(gains[-PATIENCE:]) < NOTHING:
                 stopped = "no improvement"
             elif least is not None and least <= len(gains) < steps:
@@ -236,12 +241,13 @@ def search_along(
     objective: float,
     halvings: int,
     target: Target,
-) -> tuple[Complex, Floats, float] | None:
+) -> tuple[Complex, Floats, float, bool] | None:
     """Halve a step until the objective falls, and at faces that it flips until it does not.
 
     Where the outline would meet itself its vertices are slowed by more than the others. The step
     (n,) is tangential to the `target`; `measure` takes angle errors (m, 3) to the objective.
-    Returns the map, its angle errors and its objective; None if nothing helps.
+    Returns the map, its angle errors, its objective, and whether all vertices were slowed; None if
+    nothing helps.
     """
     scale = np.ones(len(f))
     for _ in range(halvings):
@@ -258,7 +264,7 @@ def search_along(
         if value < objective:
             certificate = target.certificate(mesh, trial, flipped)
             if certificate.valid:
-                return trial, r, value
+                return trial, r, value, bool(scale.max() < 1)
             if isinstance(certificate, OutlineCertificate):
                 start = mesh.loop_index[certificate.meeting]
                 ends = mesh.loop[np.array([start, start + 1]) % len(mesh.loop)]
