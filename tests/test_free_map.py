@@ -16,7 +16,7 @@ import cdcp_igl
 from cdcp_igl.datasets import ellipse, paraboloid, spherical_cap
 from cdcp_igl.libigl import grid_faces
 from cdcp_igl.refine.preconditioning import WeightedLaplacian
-from cdcp_igl.refine.refinement import gauss_newton_step
+from cdcp_igl.refine.refinement import gauss_newton_step, lower_angle_distortion
 from cdcp_igl.refine.targets import Outline
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.verdict.distortion import plane_angles
@@ -241,6 +241,26 @@ def test_the_outline_of_a_disk_is_freed_without_shear():
     assert result.boundary == "eased from the disk"
     assert result.distortion.mean < 1.6
     assert result.conformality.stretch < 1.1
+
+
+def test_a_disk_whose_parts_are_too_small_to_be_turned_takes_more_steps(monkeypatch):
+    """Mirrored, so that all faces are flipped, stands for flipped by rounding."""
+    asked = []
+
+    def lowered(mesh, f, order, steps, *more, **options):
+        asked.append(steps)
+        f, refinement = lower_angle_distortion(mesh, f, order, steps, *more, **options)
+        return f.conj() if len(asked) == 1 else f, refinement
+
+    def crowded(*_):
+        raise cdcp_igl.SolverError("the air has a face without area")
+
+    monkeypatch.setattr("cdcp_igl.maps.free.lower_angle_distortion", lowered)
+    monkeypatch.setattr("cdcp_igl.maps.free.kept_apart", crowded)
+    result = cdcp_igl.free_map(*sector(3, 6, height=0.1), refine=0)
+    assert result.valid
+    assert result.boundary == "eased from the disk"
+    assert asked[1] > asked[0]
 
 
 def test_an_outline_that_was_asked_for_and_overlaps_itself_is_refused():

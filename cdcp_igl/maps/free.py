@@ -519,18 +519,21 @@ def _best_map(
             f, _ = kept_apart(surface.mesh, as_complex(disk.uv), 0.0)
         return finished(f, FREED, disk.boundary.laplacian)
 
+    def after(steps: int) -> FreeMap:
+        with phase("refine"):
+            f, _ = lower_angle_distortion(
+                *(surface.mesh, as_complex(disk.uv), _order_of_all(surface)),
+                *(steps, options.refine_norm),
+                halvings=PATIENT,
+                target=Outline(),
+            )
+        return finished(f, FREED, disk.boundary.laplacian)
+
     def freed_by_refinement() -> FreeMap:
         """Lower its angle errors: on a rough surface that goes farther."""
-        f, order = as_complex(disk.uv), _order_of_all(surface)
-        how: dict[str, Any] = {"halvings": PATIENT, "target": Outline()}
-        for steps in EASING, FREEING:  # after few, what was crowded may be too small to be turned
-            with phase("refine"):
-                g, _ = lower_angle_distortion(
-                    surface.mesh, f, order, steps, options.refine_norm, **how
-                )
-            if (made := finished(g, FREED, disk.boundary.laplacian)).valid:
-                break
-        return made
+        # After few steps, what was crowded on the disk may be too small to be turned.
+        ways = [partial(after, steps) for steps in (EASING, FREEING)]
+        return best_of(ways, lambda made: made.valid)
 
     return best_of([eased, freed_by_newton, freed_by_refinement])
 
