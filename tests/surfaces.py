@@ -5,6 +5,8 @@ import numpy as np
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
+from cdcp_igl import datasets
+
 
 def voxels(seed, size=4, share=0.5, missing=0):
     """The surface of a random set of cubes: closed, oriented, of random genus, in parts.
@@ -237,3 +239,16 @@ def needles(seed, n):
                 F.append([one + i, other + j + 1, other + j])
                 j += 1
     return V, np.array(F)
+
+
+def spiky_ring(seed, n=12, spikes=4):
+    """A square with spikes, up to five times as high as it is wide, without one vertex."""
+    V, F, _ = datasets.square(n)
+    rng, xy = np.random.default_rng(seed), V[:, :2] / abs(V).max()
+    height = np.zeros(len(V))
+    for _ in range(spikes):
+        at, width = rng.uniform(-0.8, 0.8, 2), rng.uniform(0.05, 0.2)
+        height += rng.uniform(0.3, 5) * np.exp(-((xy - at) ** 2).sum(axis=1) / width**2)
+    hole = len(V) // 2 + 3
+    F = F[(hole != F).all(axis=1)]
+    return np.delete(np.column_stack([xy, height]), hole, axis=0), F - (hole < F)
