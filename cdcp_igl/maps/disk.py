@@ -15,7 +15,6 @@ from ..arrays import Complex, Floats, as_complex
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
-from ..refine.refinement import GOOD
 from ..refine.targets import DISK
 from ..rescue.harmonic_map import HarmonicMap
 from ..result.base import announced, valid_map
@@ -311,7 +310,7 @@ def is_settled(made: DiskMap) -> bool:
     """
     if made.refinement is not None and made.refinement.stopped == "not conformal":
         return False
-    if made.is_much_repaired and made.conformality.mean > GOOD:
+    if made.is_far_from_mended:
         return False
     verdict = made.conformality
     hardly = made.valid and not verdict.sheared and verdict.stretch <= LITTLE_STRETCH

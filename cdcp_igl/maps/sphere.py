@@ -63,7 +63,8 @@ class SphereMap(MadeMap):
     uv : (m, 3, 2) float64
         A chart for pictures and textures: the corners of each face on one of two hemispheres,
         upper and lower, in stereographic projection side by side: to the left and to the right of
-        0. Where that flips faces, the vertices near them are relaxed.
+        0. Where that flips faces, the vertices near them are relaxed; where the chart overlaps
+        itself all the same, upper and lower are along another axis, if that mends it.
     mesh : SphereMesh
         The surface, seen from outside; faces that fill holes come last.
     inward : bool
@@ -118,24 +119,40 @@ class SphereMap(MadeMap):
         """Whether the map comes from an embedding by mean values."""
         return self.laplacian == "mean value"
 
-    @cached_property
+    @property
     def uv(self) -> Floats:  # type: ignore[override]
         """(m, 3, 2) the chart of two hemispheres."""
-        uv = np.empty((len(self._upper), 3, 2))
-        for side in np.unique(np.where(self._upper, 1, -1)):
-            faces = np.flatnonzero(self._upper == (side > 0))
-            half, rows = self.mesh.part(faces)
-            # Slivers and large faces may be flipped: their edges are straight here, and no arcs.
-            f, _ = repair_locally(half, to_plane(self.points[rows], side), is_free=True)
-            uv[faces] = coordinates(f - side * (1 + GAP) * (side * f.real).max())[half.F]
-        return uv[:, :: -1 if self.inward else 1]
+        return self._chart[0]
 
     @cached_property
-    def _upper(self) -> Bools:
-        """(m,) faces that reach farther up than down."""
-        height = self.points[self.mesh.F[: self._n_faces], 2]
-        upper: Bools = height.min(axis=1) + height.max(axis=1) > 0
-        return upper
+    def _chart(self) -> tuple[Floats, Bools, bool]:
+        """(m, 3, 2) the chart, the faces (m,) that lie upwards, and whether it is one to one.
+
+        It is seen along the first axis of three along which it is, or else along the third.
+        """
+        charts = []
+        for turn in range(3):
+            uv, upper = self._halves(np.roll(self.points, turn, axis=1))
+            texture = 0.5 + uv / (2 * abs(uv).max())
+            charts.append((uv, upper, certify(*self._surface(), texture).valid))
+            if charts[-1][2]:
+                return charts[-1]
+        return charts[0]
+
+    def _halves(self, P: Floats) -> tuple[Floats, Bools]:
+        """Lay two halves of a map P (n, 3) side by side: (m, 3, 2), and (m,) the upper faces.
+
+        Those reach farther up than down.
+        """
+        height = P[self.mesh.F[: self._n_faces], 2]
+        uv, upper = np.empty((len(height), 3, 2)), height.min(axis=1) + height.max(axis=1) > 0
+        for side in np.unique(np.where(upper, 1, -1)):
+            faces = np.flatnonzero(upper == (side > 0))
+            half, rows = self.mesh.part(faces)
+            # Slivers and large faces may be flipped: their edges are straight here, and no arcs.
+            f, _ = repair_locally(half, to_plane(P[rows], side), is_free=True)
+            uv[faces] = coordinates(f - side * (1 + GAP) * (side * f.real).max())[half.F]
+        return uv[:, :: -1 if self.inward else 1], upper
 
     @property
     def _faces(self) -> Ints:
@@ -155,13 +172,12 @@ class SphereMap(MadeMap):
 
     @cached_property
     def _texture(self) -> Floats:
-        texture = 0.5 + self.uv / (2 * self._reach)
-        if not certify(*self._surface(), texture).valid:
+        if not self._chart[2]:
             log.warning(
                 "the sphere's texture overlaps itself, or has flipped faces (cdcp_igl.certify says "
                 "where): cut the surface for one without (cdcp_igl.surface_map, --cut)"
             )
-        return texture
+        return 0.5 + self.uv / (2 * self._reach)
 
     def apply(self, face: ArrayLike, barycentric: ArrayLike) -> Floats:
         """Map points of the surface to the unit sphere, as `Bijection.apply`: (..., 3)."""
@@ -276,7 +292,7 @@ class SphereMap(MadeMap):
 
     def _layout(self) -> Layout:
         # A vertex comes twice where its faces are on both hemispheres.
-        name, corner = np.unique(2 * self._faces + self._upper[:, None], return_inverse=True)
+        name, corner = np.unique(2 * self._faces + self._chart[1][:, None], return_inverse=True)
         uv = np.empty((len(name), 2))
         F = corner.reshape(-1, 3)
         uv[F] = self.uv / self._reach
@@ -438,7 +454,7 @@ def _best_map(
         lambda made: made.conformal and made.repair.n_flipped == 0,
     )
     best = _lowered(mesh, best, orders[-1], options, phase)
-    if best.conformal:
+    if best.conformal and not best.is_far_from_mended:
         return best
     with phase("repair"):
         P = _embedded(mesh, best.pole)

@@ -15,7 +15,7 @@ from ..errors import MapError, SolverError
 from ..options import Options
 from ..phases import Phases
 from ..plot.layout import Layout
-from ..refine.refinement import HALVINGS, STEPS_DUE, Refinement, lower_angle_distortion
+from ..refine.refinement import GOOD, HALVINGS, STEPS_DUE, Refinement, lower_angle_distortion
 from ..refine.targets import Target
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.repair import Repair
@@ -105,6 +105,14 @@ class MadeMap(Bijection):
     def is_much_repaired(self) -> bool:
         """Whether so many vertices were moved that the map is another one."""
         return self.repaired_share > MUCH_REPAIRED
+
+    @property
+    def is_far_from_mended(self) -> bool:
+        """Whether refinement may go farther from an embedding than from what repair has left.
+
+        Not where what is left of the errors belongs to single faces.
+        """
+        return self.is_much_repaired and self.conformality.mean > GOOD
 
     @property
     def steps_due(self) -> int:
