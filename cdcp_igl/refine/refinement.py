@@ -174,8 +174,8 @@ def lower_angle_distortion(
             advance(len(gains) / steps)
             if is_held and gains[-1] < WORTH and schedule.attempt == 0:
                 schedule.failed()  # its gain says nothing of a damped one, which flips fewer faces
-                continue
-            schedule.went(way, was, objective)
+            else:
+                schedule.went(way, was, objective)
             if len(gains) >= PATIENCE and max(gains[-PATIENCE:]) < NOTHING:
                 stopped = "no improvement"
             elif least is not None and least <= len(gains) < steps:
