@@ -10,7 +10,6 @@ from surfaces import pierced_sphere, ring, spiky_ring, star
 import cdcp_igl
 from cdcp_igl.arrays import coordinates
 from cdcp_igl.maps.rings import embedded_rings
-from cdcp_igl.refine.refinement import search_along
 from cdcp_igl.refine.targets import Ring
 from cdcp_igl.rescue.boundary import arc_length_map
 from cdcp_igl.rescue.means import centered, embedding
@@ -164,21 +163,6 @@ def test_a_vertex_that_one_corner_draws_most_is_in_the_middle_all_the_same():
     f, _ = centered(disk, f[disk.loop], 4)
     assert f[-1] == 0
     assert certify(disk, coordinates(f)).valid
-
-
-def test_a_step_that_faces_hold_back_is_followed_by_a_damped_one(monkeypatch):
-    """Its small gain is no reason to end: by damped steps it comes down by a third more."""
-    surface = spiky_ring(9)
-    result = cdcp_igl.annulus_map(*surface)
-    assert result.valid
-
-    def as_if_free(*given):
-        found = search_along(*given)
-        return found and (*found[:3], False)
-
-    monkeypatch.setattr("cdcp_igl.refine.refinement.search_along", as_if_free)
-    held = cdcp_igl.annulus_map(*surface)
-    assert result.distortion.mean < 0.7 * held.distortion.mean
 
 
 def test_the_lowest_of_refined_rings_is_taken_though_the_scale_does_not_explain_it(monkeypatch):

@@ -13,6 +13,7 @@ from cdcp_igl.phases import Phases
 from cdcp_igl.refine.preconditioning import WeightedLaplacian
 from cdcp_igl.refine.refinement import (
     HALVINGS,
+    WORTH,
     _reason_to_stop,
     gauss_newton_step,
     lower_angle_distortion,
@@ -289,6 +290,27 @@ def test_a_step_that_is_not_accepted_is_damped():
     assert (account.steps, account.stopped) == (1, "")
     assert asked[1] < 0.9 * asked[0]
     assert abs(f - Z).max() == asked[1]
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_step_that_faces_hold_back_is_followed_by_a_damped_one(held, monkeypatch):
+    """If it gains little; and that by an undamped one again."""
+    dampings = []
+
+    def stepped(mesh, f, r, p, damping, *more, **how):
+        dampings.append(damping)
+        return gauss_newton_step(mesh, f, r, p, damping, *more, **how)
+
+    def searched(mesh, f, step, measure, objective, *more):
+        if len(dampings) > 1:
+            return search_along(mesh, f, step, measure, objective, *more)
+        return f, errors(f), (1 - WORTH / 2) * objective, held
+
+    monkeypatch.setattr("cdcp_igl.refine.refinement.gauss_newton_step", stepped)
+    monkeypatch.setattr("cdcp_igl.refine.refinement.search_along", searched)
+    _, account = lower_angle_distortion(MESH, Z, ORDER, 3, 1.5)
+    assert account.steps == 3
+    assert dampings == [0, int(held), 0]
 
 
 @pytest.mark.parametrize("bad", [0, 1, 2, 3])
