@@ -133,9 +133,9 @@ class SphereMap(MadeMap):
         charts = []
         for turn in range(3):
             uv, upper = self._halves(np.roll(self.points, turn, axis=1))
-            texture = 0.5 + uv / (2 * abs(uv).max())
-            charts.append((uv, upper, certify(*self._surface(), texture).valid))
-            if charts[-1][2]:
+            is_one_to_one = certify(*self._surface(), _in_square(uv)).valid
+            charts.append((uv, upper, is_one_to_one))
+            if is_one_to_one:
                 return charts[-1]
         return charts[0]
 
@@ -177,7 +177,7 @@ class SphereMap(MadeMap):
                 "the sphere's texture overlaps itself, or has flipped faces (cdcp_igl.certify says "
                 "where): cut the surface for one without (cdcp_igl.surface_map, --cut)"
             )
-        return 0.5 + self.uv / (2 * self._reach)
+        return _in_square(self.uv)
 
     def apply(self, face: ArrayLike, barycentric: ArrayLike) -> Floats:
         """Map points of the surface to the unit sphere, as `Bijection.apply`: (..., 3)."""
@@ -299,6 +299,11 @@ class SphereMap(MadeMap):
         rows = name // 2
         also = {"scale": self._reach, "ball": self.points[rows], "vertices": rows}
         return self._drawn(self.mesh.V[rows], F, uv, **also)
+
+
+def _in_square(uv: Floats) -> Floats:
+    """Scale a chart (m, 3, 2), which lies around 0, into the unit square."""
+    return 0.5 + uv / (2 * abs(uv).max())
 
 
 @takes_meshes

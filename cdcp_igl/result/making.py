@@ -40,7 +40,7 @@ MOST_STEPS = 60
 PATIENT = 12
 # Where repair has moved more than this share, faces that it has barely opened may hold steps up.
 MUCH_REPAIRED = 0.05
-# By so much a map that is not conformal has to be better than one that is, if both were refined.
+# By so much a map that is not conformal has to be better than one that is, where both are refined.
 MARGIN = 1.05
 
 
@@ -88,7 +88,7 @@ class MadeMap(Bijection):
 
     @property
     def refined_rank(self) -> tuple[bool, float]:
-        """Of those that were refined, the lowest comes first, even if the scale explains less."""
+        """Where maps are refined the lowest is first, one not conformal if it is so by `MARGIN`."""
         return not self.valid, self.distortion.mean * (1 if self.conformal else MARGIN)
 
     @property
