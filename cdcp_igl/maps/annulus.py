@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -26,6 +27,7 @@ from ..result.base import announced, how_made, valid_map
 from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
 from ..solve.factored import FactoredSurface
 from ..solve.solvers import SolverName, using
+from ..steps.circle import Rejected
 from ..steps.trace import shared_by_edges
 from ..surface.filling import fill_hole, with_middle
 from ..surface.mesh import AnnulusMesh, Mesh
@@ -34,8 +36,9 @@ from ..surface.validation import checked_surface
 from ..verdict.certificate import Certificate, certify_ring
 from ..verdict.distortion import map_distortion
 from .disk import disk_map
-from .rings import embedded_rings
+from .rings import embedded_ring
 
+EMBEDDED = "arc length, hole filled"
 LEAST_SHARE, FAIR_SHARE = 1e-9, 1e-7  # of a turn, for each edge of a loop; faces then have an area
 REMEDY = (
     "Parts of it may be too small for double precision: cut the surface, or fill a hole "
@@ -68,8 +71,8 @@ class AnnulusMap(MadeMap):
     boundary : str
         ``"flux"``: angles on the loops are what flows through them. Where that leaves flipped
         faces, or is not conformal even if refined, the outer loop begins by arc length, in an
-        embedding of the disk that is there when the hole is filled, ``"arc length, hole filled"``,
-        or drawn together to a point, ``"arc length, hole closed"``. The best one is taken.
+        embedding of the disk that is there when the hole is filled: ``"arc length, hole filled"``.
+        The best one is taken.
     filled : int
         Boundary loops beyond two that were filled; those faces are not in the results.
     certificate : Certificate
@@ -103,7 +106,7 @@ class AnnulusMap(MadeMap):
     @property
     def is_embedded(self) -> bool:
         """Whether the map comes from an embedding of a disk."""
-        return self.boundary.startswith("arc length")
+        return self.boundary == EMBEDDED
 
     def _made(self) -> dict[str, Any]:
         return how_made(self, BoundaryMethod(self.boundary), "none")
@@ -272,8 +275,8 @@ def _strips(surface: FactoredSurface, strip: Complex) -> Iterator[tuple[str, Com
     fair, _ = ring_map(surface, least=FAIR_SHARE)
     if not np.array_equal(fair, strip):
         yield "flux", fair
-    for name, f in embedded_rings(surface.mesh):
-        yield name, np.log(f)
+    with suppress(MeshError, Rejected):
+        yield EMBEDDED, np.log(embedded_ring(surface.mesh))
 
 
 def ring_map(

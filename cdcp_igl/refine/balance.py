@@ -434,19 +434,25 @@ def balanced(
     return newton
 
 
-def lower_shear(mesh: Mesh, f: Complex, held: Bools | None = None) -> Complex:
-    """Take an embedding (n,) on the disk, however bad, to where refinement can go on.
+def soft_shear(mesh: Mesh) -> Energy:
+    """Return the energy that takes a map onto the disk, however bad, to where refinement can go on.
 
     That is t = 0, softly: to second order the sum of s^2, the squared hyperbolic distances of the
     shapes of the faces from those on the surface. It is free of scale: all faces count the same,
-    whose sizes may range over many powers of ten. Vertices that are `held` (n,) stay. f itself if
-    it has flipped faces.
+    whose sizes may range over many powers of ten.
+    """
+    weight = np.full(len(mesh.F), 1 / len(mesh.F))
+    weight[mesh.inscribed] *= INSCRIBED
+    return replace(Energy.of(mesh, 0.0, target=DISK), weight=weight).softened
+
+
+def lower_shear(mesh: Mesh, f: Complex, held: Bools | None = None) -> Complex:
+    """Lower the `soft_shear` of an embedding (n,) on the disk; vertices that are `held` (n,) stay.
+
+    f itself if it has flipped faces.
     """
     if len(DISK.flipped(mesh.F, f)[0]):
         return f
-    energy = Energy.of(mesh, 0.0, target=DISK)
-    weight = np.full(len(mesh.F), 1 / len(mesh.F))
-    weight[mesh.inscribed] *= INSCRIBED
     newton = Newton(mesh, f, DISK, held)
-    newton.descend(replace(energy, weight=weight).softened, SHEAR_STEPS, SHEAR_WORTH)
+    newton.descend(soft_shear(mesh), SHEAR_STEPS, SHEAR_WORTH)
     return newton.f
