@@ -20,7 +20,7 @@ def embedded_ring(mesh: Mesh) -> Complex:
     The hole is filled by a fan whose middle is held at 0; the outer loop lies by arc length until
     the shear is lowered. Then the inner loop is pulled to a circle, each vertex along its ray, as
     far at a time as no face flips. `Rejected` if doubles do not suffice for that; MeshError if a
-    face has all three corners on the inner loop.
+    face of the fan has no area.
     """
     loop, n = mesh.loops[1], len(mesh.V)
     fan = np.column_stack([shifted(loop), loop, np.full(len(loop), n)])
