@@ -15,6 +15,7 @@ from cdcp_igl import DiskMap, disk_map
 from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.arrays import Complex, Floats, Ints
 from cdcp_igl.errors import MapError
+from cdcp_igl.maps.selection import chosen
 from cdcp_igl.reference.certified import certified_disk_map
 from cdcp_igl.rescue.boundary import FALLBACKS, STARTS, _balanced
 from cdcp_igl.rescue.collapsed_faces import open_collapsed_faces
@@ -145,6 +146,12 @@ def _without_starts() -> AbstractContextManager[Any]:
     return mock.patch.dict(STARTS, clear=True)
 
 
+def _chosen_if_any(candidates: list[DiskMap], rejected: tuple[str, ...]) -> DiskMap:
+    if not candidates:  # which the library never comes to: arc length is always possible
+        raise MapError(f"No boundary is left, rejected {'; '.join(rejected)}")
+    return chosen(candidates, rejected)
+
+
 def _not_balanced(surface: object, shares: Floats) -> Floats:
     return shares
 
@@ -186,6 +193,7 @@ MECHANISMS: Mapping[str, Without] = {
 
 def _mapped(V: Floats, F: Ints, *, without: tuple[str, ...] = ()) -> DiskMap:
     with ExitStack() as stack:
+        stack.enter_context(_replaced(chosen, _chosen_if_any))
         for name in without:
             stack.enter_context(MECHANISMS[name]())
         return disk_map(V, F)
