@@ -245,6 +245,13 @@ DEFECTS = {
         subject=("face has", "faces have"),
         by=(CLEAN, CUT),
     ),
+    "edge across the inner circle": Row(
+        "two vertices of the loop that would be the inner circle, inside of which it would lie",
+        "{clean} fills this hole, {surface_map} maps the surface as it is.",
+        subject=("edge inside joins", "edges inside join"),
+        kind="edges",
+        by=(CLEAN, CUT),
+    ),
     "handle": Row(
         "The surface has genus {genus}, a disk has 0",
         "{surface_map} cuts each handle open, and maps it.",

@@ -49,6 +49,14 @@ def ear_at_a_hole():
     return V, np.delete(F, star[1:], axis=0), star[0]
 
 
+def edge_across_a_hole():
+    """A grid with an ear at a hole that has a vertex in its middle; the edge it hangs on."""
+    V, F, ear = ear_at_a_hole()
+    (a, b), middle = F[ear][F[ear] != 19], V[F[ear]].mean(axis=0)
+    split = [np.where(F[ear] == corner, len(V), F[ear]) for corner in F[ear]]
+    return np.vstack([V, middle]), np.vstack([np.delete(F, ear, axis=0), split]), [[a, b]]
+
+
 def _tetrahedron():
     V = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     return V, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])

@@ -87,6 +87,15 @@ def test_ears_at_the_inner_loop_are_refused():
     assert cdcp_igl.annulus_map(V[used], F.reshape(-1, 3)).valid
 
 
+def test_an_edge_across_the_inner_circle_is_refused():
+    V, F, edge = meshes.edge_across_a_hole()
+    with pytest.raises(cdcp_igl.MeshError, match="1 edge inside joins two vertices") as raised:
+        cdcp_igl.annulus_map(V, F)
+    np.testing.assert_array_equal(raised.value.indices, np.sort(edge))
+    assert cdcp_igl.disk_map(*cdcp_igl.clean(V, F)[:2]).valid
+    assert cdcp_igl.surface_map(V, F).valid
+
+
 def test_where_an_edge_would_turn_by_more_than_pi_the_boundary_is_by_length():
     V = [[0, 0], [10, 0], [5, 8], [4.9, 0.1], [5.1, 0.1], [5, 0.3]]
     F = [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4], [2, 0, 3], [2, 3, 5]]

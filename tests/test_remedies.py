@@ -185,6 +185,9 @@ def cases_in(folder):
         "several boundary loops": [nasty("annulus")],
         "one boundary loop": [Case(tube(), None, annulus_map)],
         "face on the inner circle": [ring_with_ear()],
+        "edge across the inner circle": [
+            Case(meshes.edge_across_a_hole()[:2], None, annulus_map, then=disk_map)
+        ],
         "handle": [nasty("handle")],
         "nothing left": [
             Case((0 * V, F), (V, F), lambda given: disk_map(clean(given)), shell=("map", "--clean"))

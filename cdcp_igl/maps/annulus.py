@@ -175,7 +175,8 @@ def annulus_map(
     ------
     MeshError
         If the surface is closed, has one boundary loop, a handle or several components, or is no
-        mesh; or if a face has all three corners on the loop that goes to the inner circle.
+        mesh; or if all three corners of a face, or both ends of an edge inside, lie on the loop
+        that goes to the inner circle: it would lie inside of that.
     MapError
         If the map is no bijection; it is the ``result``.
 
@@ -201,10 +202,11 @@ def annulus_map(
     with using(solver):
         with phase("check"):
             mesh, (n, m), filled = _filled(V, F)
-            inscribed = marked(len(mesh.V), mesh.loops[1])[mesh.F].all(axis=1)
-            if inscribed.any():
-                rows = np.flatnonzero(inscribed)
+            inner = marked(len(mesh.V), mesh.loops[1])
+            if len(rows := np.flatnonzero(inner[mesh.F].all(axis=1))):
                 raise MeshError(Defect.of("face on the inner circle", rows))
+            if len(across := mesh.edges.ends(mesh.edges.chords(inner))):
+                raise MeshError(Defect.of("edge across the inner circle", across))
         with phase("factor"):
             surface = FactoredSurface.of(mesh)
         with phase("trace"):
