@@ -16,7 +16,9 @@ from ..errors import counted, spell
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
+from ..refine.balance import lower_shear
 from ..refine.targets import Rectangle
+from ..rescue.means import embedding
 from ..rescue.repair import Repair, repaired
 from ..result.base import announced, valid_map
 from ..result.making import PlaneMap, best_of, fields_of, refined, steps_of
@@ -51,7 +53,7 @@ class RectangleMap(PlaneMap):
         coordinates are trial functions in Dirichlet's principle. `modulus` is their
         geometric mean.
     width : float
-        Of the rectangle: the modulus, or as refinement has left it.
+        Of the rectangle: the modulus, or as lower shear and refinement have left it.
     corners : tuple of int
         The vertices at (0, 0), (width, 0), (width, 1) and (0, 1).
     split : (k, 2) int64
@@ -69,7 +71,8 @@ class RectangleMap(PlaneMap):
         make vertices on it change places.
     laplacian : str
         ``"cotangent"``; or, where that flipped faces, or its map is not conformal, and this
-        distorts less, ``"intrinsic Delaunay"``.
+        distorts less, ``"intrinsic Delaunay"``; or, where no map is conformal, ``"mean value"``:
+        shear was lowered from an embedding.
     repair, refinement, solver
         As of a `DiskMap`.
 
@@ -93,6 +96,11 @@ class RectangleMap(PlaneMap):
     _kind = "rectangle"
     _plane = "Rectangle"
     _reported = ("modulus", "modulus_bounds", "width", "corners")
+
+    @property
+    def is_embedded(self) -> bool:
+        """Whether the map comes from an embedding by mean values."""
+        return self.laplacian == "mean value"
 
     @property
     def change(self) -> str:
@@ -134,8 +142,9 @@ def rectangle_map(
     functions with values 0 and 1 on two opposite sides, whose derivative across the other
     two vanishes; their energies give the modulus and bounds for it. Vertices slide along the
     sides, in refinement, too, which leaves the width free. Where that does not lead to a conformal
-    map, the sides are placed as a map onto the disk tells. The image is a bijection onto the
-    rectangle, certified as a map onto the disk is.
+    map, the sides are placed as a map onto the disk tells; and where that does not, shear is
+    lowered from an embedding that has these sides. The image is a bijection onto the rectangle,
+    certified as a map onto the disk is.
 
     Parameters
     ----------
@@ -244,29 +253,41 @@ def _chords(mesh: Mesh, sides: list[Ints], split: bool) -> Ints:
 
 def _best_map(mesh: Mesh, sides: list[Ints], options: Options, phase: Phases) -> RectangleMap:
     """Try one way after the other until a map is conformal; the best, refined, valid or not."""
-    ways: list[Callable[[Mesh, list[Ints], Phases], _Square]]
-    ways = [*(partial(_sliding, name) for name in LAPLACIANS), _by_disk_map]
     squares: dict[RectangleMap, _Square] = {}
 
-    def made(way: Callable[[Mesh, list[Ints], Phases], _Square]) -> RectangleMap:
-        square = way(mesh, sides, phase)
-        result = _finished(mesh, sides, square, phase)
+    def made(square: _Square, f: Complex | None = None) -> RectangleMap:
+        result = _finished(mesh, sides, square, phase, f)
         squares[result] = square
         return result
+
+    def by(way: Callable[[], _Square]) -> RectangleMap:
+        return made(way())
 
     def enough(made: RectangleMap) -> bool:
         # Flipped faces that were repaired are worth another Laplacian, not a map onto the disk.
         conformal = [one for one in squares if one.conformal]
         return bool(conformal) and (len(squares) > 1 or made.repair.n_flipped == 0)
 
-    best = best_of((partial(made, way) for way in ways), enough)
-    if steps := steps_of(best, options):
-        square, f = squares[best], as_complex(best.uv)
+    def lowered(plain: RectangleMap) -> RectangleMap:
+        if not (steps := steps_of(plain, options)):
+            return plain
+        square, f = squares[plain], as_complex(plain.uv)
         order = square.surface.order
         order = order[~mesh.on_boundary[order]]
         finished = partial(_finished, mesh, sides, square, phase)
-        best = refined(best, f, Rectangle(sides), order, steps, finished, options, phase)
-    return best
+        return refined(plain, f, Rectangle(sides), order, steps, finished, options, phase)
+
+    def embedded() -> RectangleMap:
+        plain, square = list(squares.items())[-1]
+        with phase("repair"):
+            f, _ = embedding(mesh, as_complex(plain.uv))
+            f = lower_shear(mesh, f, target=Rectangle(sides))
+        return lowered(made(replace(square, laplacian="mean value"), f))
+
+    ways = [partial(_sliding, name, mesh, sides, phase) for name in LAPLACIANS]
+    ways.append(partial(_by_disk_map, mesh, sides, phase))
+    best = lowered(best_of((partial(by, way) for way in ways), enough))
+    return best_of((lambda: best, embedded), lambda _: any(one.conformal for one in squares))
 
 
 def _sliding(name: str, mesh: Mesh, sides: list[Ints], phase: Phases) -> _Square:
@@ -332,7 +353,7 @@ def _finished(
     f: Complex | None = None,
     known: float = 0.0,
 ) -> RectangleMap:
-    """Scale a map onto the unit square to the modulus, or take one f (n,) that is refined.
+    """Scale a map onto the unit square to the modulus, or take one f (n,) that is there.
 
     It is repaired, certified and judged.
     """

@@ -43,7 +43,7 @@ from ..surface.mesh import Mesh
 from ..surface.triangles import blocks, face_areas
 from ..verdict.distortion import wirtinger_derivative
 from .preconditioning import WeightedLaplacian, conjugate_gradients, dot
-from .targets import DISK, PLANE, Disk, Target
+from .targets import DISK, PLANE, Disk, Rectangle, Target
 
 # First a part of k, and then some times as much, as a step for cosh(kx) shortens x by 1 / k at
 # most; and at t <= 1/2, as above faces could shear at first as much as they like.
@@ -261,7 +261,7 @@ class Newton:
     ) -> None:
         self._mesh, self._target, self._held = mesh, target, held
         free = np.ones(len(f), dtype=bool) if held is None else ~held
-        if isinstance(target, Disk):
+        if isinstance(target, (Disk, Rectangle)):
             free &= ~mesh.on_boundary
         pattern = Laplacian.of(
             mesh.edges.low, mesh.edges.high, np.ones(len(mesh.edges.low)), len(f)
@@ -446,13 +446,15 @@ def soft_shear(mesh: Mesh) -> Energy:
     return replace(Energy.of(mesh, 0.0, target=DISK), weight=weight).softened
 
 
-def lower_shear(mesh: Mesh, f: Complex, held: Bools | None = None) -> Complex:
-    """Lower the `soft_shear` of an embedding (n,) on the disk; vertices that are `held` (n,) stay.
+def lower_shear(
+    mesh: Mesh, f: Complex, held: Bools | None = None, target: Target = DISK
+) -> Complex:
+    """Lower the `soft_shear` of an embedding (n,); vertices that are `held` (n,) stay.
 
     f itself if it has flipped faces.
     """
-    if len(DISK.flipped(mesh.F, f)[0]):
+    if len(target.flipped(mesh.F, f)[0]):
         return f
-    newton = Newton(mesh, f, DISK, held)
+    newton = Newton(mesh, f, target, held)
     newton.descend(soft_shear(mesh), SHEAR_STEPS, SHEAR_WORTH)
     return newton.f
