@@ -255,13 +255,11 @@ def _best_map(mesh: Mesh, sides: list[Ints], options: Options, phase: Phases) ->
     """Try one way after the other until a map is conformal; the best, refined, valid or not."""
     squares: dict[RectangleMap, _Square] = {}
 
-    def made(square: _Square, f: Complex | None = None) -> RectangleMap:
+    def made(way: Callable[[], _Square], f: Complex | None = None) -> RectangleMap:
+        square = way()
         result = _finished(mesh, sides, square, phase, f)
         squares[result] = square
         return result
-
-    def by(way: Callable[[], _Square]) -> RectangleMap:
-        return made(way())
 
     def enough(made: RectangleMap) -> bool:
         # Flipped faces that were repaired are worth another Laplacian, not a map onto the disk.
@@ -282,11 +280,11 @@ def _best_map(mesh: Mesh, sides: list[Ints], options: Options, phase: Phases) ->
         with phase("repair"):
             f, _ = embedding(mesh, as_complex(plain.uv))
             f = lower_shear(mesh, f, target=Rectangle(sides))
-        return lowered(made(replace(square, laplacian="mean value"), f))
+        return lowered(made(partial(replace, square, laplacian="mean value"), f))
 
     ways = [partial(_sliding, name, mesh, sides, phase) for name in LAPLACIANS]
     ways.append(partial(_by_disk_map, mesh, sides, phase))
-    best = lowered(best_of((partial(by, way) for way in ways), enough))
+    best = lowered(best_of((partial(made, way) for way in ways), enough))
     return best_of((lambda: best, embedded), lambda _: any(one.conformal for one in squares))
 
 

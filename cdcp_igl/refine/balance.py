@@ -43,7 +43,7 @@ from ..surface.mesh import Mesh
 from ..surface.triangles import blocks, face_areas
 from ..verdict.distortion import wirtinger_derivative
 from .preconditioning import WeightedLaplacian, conjugate_gradients, dot
-from .targets import DISK, PLANE, Disk, Rectangle, Target
+from .targets import DISK, PLANE, Disk, Target
 
 # First a part of k, and then some times as much, as a step for cosh(kx) shortens x by 1 / k at
 # most; and at t <= 1/2, as above faces could shear at first as much as they like.
@@ -261,7 +261,7 @@ class Newton:
     ) -> None:
         self._mesh, self._target, self._held = mesh, target, held
         free = np.ones(len(f), dtype=bool) if held is None else ~held
-        if isinstance(target, (Disk, Rectangle)):
+        if target.slides:
             free &= ~mesh.on_boundary
         pattern = Laplacian.of(
             mesh.edges.low, mesh.edges.high, np.ones(len(mesh.edges.low)), len(f)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 
@@ -30,6 +31,8 @@ Flipped = tuple[Ints, int]
 
 class Target(ABC):
     """What a surface is mapped onto; here in the plane, and every vertex may go anywhere."""
+
+    slides: ClassVar[bool] = False  # whether boundary vertices do: the Laplacian is of the others
 
     @abstractmethod
     def certificate(self, mesh: Mesh, f: Complex, flipped: Flipped) -> Verified:
@@ -65,6 +68,8 @@ class Target(ABC):
 
 class Disk(Target):
     """The unit disk: boundary vertices slide on the circle."""
+
+    slides = True
 
     def certificate(self, mesh: Mesh, f: Complex, flipped: Flipped) -> Certificate:
         """Verify a map f (n,) whose `flipped` faces are known."""
@@ -105,6 +110,8 @@ class Ring(Target):
     Boundary vertices slide on both, and the inner one is as large as refinement makes it. Where the
     strip is cut open does not matter.
     """
+
+    slides = True
 
     def certificate(self, mesh: Mesh, f: Complex, flipped: Flipped) -> Certificate:
         """Verify a map f (n,) whose `flipped` faces are known."""
@@ -152,6 +159,8 @@ class Rectangle(Target):
 
     Boundary vertices slide on their `sides`, the first of which is the lower one; corners stay.
     """
+
+    slides = True
 
     def __init__(self, sides: Sequence[Ints]) -> None:
         self._sides = sides
