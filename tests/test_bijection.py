@@ -50,8 +50,8 @@ MAPS = {
     "spheroid": (
         *(lambda: cdcp_igl.sphere_map(*cdcp_igl.datasets.spheroid(3, 2)[:2]), 1e-14, 1e-12),
     ),
-    # With edges of 1e-13, by which a weight is known to less than its last digits.
-    "crowded sphere": (lambda: cdcp_igl.sphere_map(*sphere(30, 12, 40)), 1e-14, 1e-6),
+    # With edges of 1e-21, by which a weight is known to less than its last digits.
+    "crowded sphere": (lambda: cdcp_igl.sphere_map(*sphere(30, 12, 160)), 1e-14, 1e-6),
     "ring": (
         *(lambda: cdcp_igl.annulus_map(*ring(20, 40, lambda s: (0.3**s, 0 * s))[:2]), 1e-14, 1e-12),
     ),

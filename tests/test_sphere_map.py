@@ -123,6 +123,17 @@ def test_a_can_without_inner_vertices_is_mapped_to_itself(k):
     assert result.distortion.mean < 0.5
 
 
+def test_the_other_hemisphere_has_room_for_large_faces():
+    """Around the dipole's pole the map of this star is 20 degrees off, and not conformal."""
+    V, F = star(5_000_196)
+    result = cdcp_igl.sphere_map(V, F)
+    assert result.is_embedded
+    assert result.pole == SphereMesh(V, F).vertex_areas.argmax()
+    assert f"without vertex {result.pole}" in str(result)
+    assert result.conformal
+    assert result.distortion.mean < 8.5
+
+
 def test_a_map_that_is_much_repaired_is_held_against_one_from_an_embedding(monkeypatch):
     """As on the disk: faces that repair has barely opened hold refinement up."""
     V, F = sphere(6, 16)
@@ -137,13 +148,13 @@ def test_a_map_that_is_much_repaired_is_held_against_one_from_an_embedding(monke
     assert result.distortion.mean < 0.93 * held_up.distortion.mean
 
 
-@pytest.mark.parametrize("stretch", [1, 8, 40])
+@pytest.mark.parametrize("stretch", [1, 8, 40, 160])
 def test_long_tubes_are_mapped_one_to_one(stretch):
-    """At 40 the ends are smaller than double precision can hold, and the verdict says so."""
+    """At 160 the ends are smaller than double precision can hold, and the verdict says so."""
     V, F = sphere(30, 12, stretch)
     result = cdcp_igl.sphere_map(V, F)
     assert result.valid
-    assert result.conformal == (stretch < 40)
+    assert result.conformal == (stretch < 160)
 
 
 def test_arms_of_cubes_are_mapped_one_to_one():

@@ -77,7 +77,7 @@ class SphereMap(MadeMap):
         Mean, SD and maximum of the angular distortion in degrees, between the faces of the surface
         and the straight triangles with their corners on the sphere.
     pole : int
-        The vertex that carried the dipole.
+        The vertex that carried the dipole, or was taken out for an embedding.
     mobius : {"area", "none"}
         What chose the Möbius transformation of the sphere.
     laplacian : str
@@ -276,7 +276,11 @@ class SphereMap(MadeMap):
 
     def _steps(self) -> list[tuple[str, str]]:
         return [
-            ("dipole", f"at vertex {self.pole:,}"),
+            (
+                ("embedding", f"without vertex {self.pole:,}")
+                if self.is_embedded
+                else ("dipole", f"at vertex {self.pole:,}")
+            ),
             ("Laplacian", self.laplacian),
             ("Möbius", "centre of mass at 0" if self.mobius == "area" else "none"),
             *(
@@ -461,13 +465,19 @@ def _best_map(
     best = _lowered(mesh, best, orders[-1], options, phase)
     if best.conformal and not best.is_far_from_mended:
         return best
-    with phase("repair"):
-        P = _embedded(mesh, best.pole)
-    kind, made = (best.pole, "mean value", best.solver), [best]
-    for how in dict.fromkeys((mobius, None)):  # large faces may be flipped by the first
-        other = _finished(mesh, P, *kind, how, align, phase)
-        made.append(_lowered(mesh, other, orders[-1], options, phase))
-    return min(made, key=lambda one: one.refined_rank)
+
+    def around(pole: int) -> SphereMap:
+        with phase("repair"):
+            P = _embedded(mesh, pole)
+        kind, made = (pole, "mean value", best.solver), [best]
+        for how in dict.fromkeys((mobius, None)):  # large faces may be flipped by the first
+            other = _finished(mesh, P, *kind, how, align, phase)
+            made.append(_lowered(mesh, other, orders[-1], options, phase))
+        return min(made, key=lambda one: one.refined_rank)
+
+    # A hemisphere for the faces of a vertex: where one is too narrow, there is another.
+    poles = dict.fromkeys((best.pole, int(mesh.vertex_areas.argmax())))
+    return best_of(partial(around, pole) for pole in poles)
 
 
 def _embedded(mesh: SphereMesh, pole: int) -> Floats:
@@ -536,12 +546,3 @@ def _finished(
         solver=solver,
         timings=phase.seconds,
     )
-
-
-# -- eq. (18) -------------------------------------------------------------------------------------
-
-
-# -- Möbius transformations of the sphere ---------------------------------------------------------
-
-
-# -- flipped faces --------------------------------------------------------------------------------
