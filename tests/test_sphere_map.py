@@ -317,6 +317,30 @@ def test_on_the_command_line_and_in_a_batch(tmp_path):
         assert invoke("map", "--sphere", *wrong, source, tmp_path / "x.npz").exit_code == 2
 
 
+def test_directions_in_the_shell_and_a_batch(tmp_path):
+    V, F, _ = cdcp_igl.datasets.spheroid(1)
+    source, given = tmp_path / "egg.npz", tmp_path / "directions.txt"
+    np.savez(source, V=V, F=F)
+    directions = {5: (1, 0, 0), 7: (0, 1, 0.5)}
+    given.write_text("5 1 0 0\n7 0 1 0.5\n")
+    expected = cdcp_igl.sphere_map(V, F, align=directions).points
+    for clean in ([], ["--clean"]):
+        out = tmp_path / f"map{len(clean)}.npz"
+        done = invoke("map", "--sphere", *clean, "--align", given, source, out)
+        assert done.exit_code == 0, done.output
+        np.testing.assert_allclose(np.load(out)["points"], expected, atol=1e-12)
+    made = batch(source, tmp_path / "out", onto="sphere", align=directions)
+    assert [record.status for record in made.records] == ["done"]
+    with np.load(tmp_path / "out/egg.npz") as saved:
+        np.testing.assert_allclose(saved["points"], expected, atol=1e-12)
+    for text in ("5 1 0\n", "5 1 0 0\n5 0 1 0\n", "5 0 0 0\n", "42 1 0 0\n"):
+        given.write_text(text)
+        done = invoke("map", "--sphere", "--align", given, source, tmp_path / "x.npz")
+        assert done.exit_code == 2
+        assert "align" in done.output
+    assert invoke("map", "--sphere", "--align", 5, source, tmp_path / "x.npz").exit_code == 2
+
+
 @pytest.mark.parametrize("height", [1, 2])
 def test_a_hole_is_not_filled_by_the_back_of_an_ear(height):
     """One face of a spike is left: its back and the plain below it have the least area."""

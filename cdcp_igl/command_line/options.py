@@ -231,9 +231,10 @@ def _map_options(
     ),
     align: str | None = typer.Option(
         None,
-        metavar="VERTEX|X,Y,Z",
+        metavar="VERTEX|X,Y,Z|FILE",
         help="What lies to the right: a boundary vertex counted from 0, or a direction in space. "
-        "[default: the first boundary vertex]",
+        "[default: the first boundary vertex] Of a sphere, directions in which vertices are to "
+        "lie: in each line of FILE a vertex counted from 0, x, y and z.",
     ),
     preset: str | None = typer.Option(
         None, metavar="paper", help="Follow the paper; sets --center and --mobius itself."
@@ -297,10 +298,10 @@ def _map_options(
         "split": split or None,
         "center": int(center) if center and center.isdecimal() else center,
         "mobius": mobius,
-        "align": align and (int(align) if align.isdecimal() else _numbers(align, float)),
+        "align": align and _align(align, sphere=sphere),
         "preset": preset,
         "keep": keep,
-        "pins": pins and _pins(pins),
+        "pins": pins and _vectors("--pins", pins, "xy"),
         "refine": refine,
         "refine_norm": refine_norm,
         "refine_seconds": refine_seconds,
@@ -330,13 +331,21 @@ def _rows(option: str, file: Path, kinds: tuple[type, ...], what: str) -> list[l
         raise typer.BadParameter(problem) from None
 
 
-def _pins(file: Path) -> dict[int, tuple[float, float]]:
-    """Read vertices and their places."""
-    rows = _rows("--pins", file, (int, float, float), "a vertex, x and y")
-    places = {vertex: (x, y) for vertex, x, y in rows}
-    if len(places) < len(rows):
-        raise typer.BadParameter(f"--pins: {file.name!r} names a vertex twice.")
-    return places
+def _align(text: str, *, sphere: bool) -> Any:
+    """Read what lies to the right, or of a sphere the file of directions."""
+    if sphere:
+        return _vectors("--align", Path(text), "xyz")
+    return int(text) if text.isdecimal() else _numbers(text, float)
+
+
+def _vectors(option: str, file: Path, axes: str) -> dict[int, tuple[float, ...]]:
+    """Read a vector for each of some vertices."""
+    kinds = (int, *[float] * len(axes))
+    rows = _rows(option, file, kinds, ", ".join(("a vertex", *axes)))
+    vectors = {vertex: tuple(vector) for vertex, *vector in rows}
+    if len(vectors) < len(rows):
+        raise typer.BadParameter(f"{option}: {file.name!r} names a vertex twice.")
+    return vectors
 
 
 def _numbers(text: str, kind: type) -> list[Any] | str:

@@ -246,7 +246,7 @@ def _chords(mesh: Mesh, sides: list[Ints], split: bool) -> Ints:
             raise ValueError(
                 f"{count} two vertices of side {number}, so that the faces cut off would have no "
                 f"area in a rectangle: {spell(chords)}. Choose a corner among these faces, or have "
-                "the edges split, by split=True."
+                "the edges split (split=True, --split)."
             )
     return np.concatenate(found)
 
