@@ -191,6 +191,32 @@ def test_charts_of_any_surface_and_faces_in_none():
     )
 
 
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".glb", ".npz"])
+def test_a_face_without_area_covers_nothing(tmp_path, suffix):
+    """An edge is split on one side only: the map of such a file is what `certify` calls valid."""
+    V, F, _ = cdcp_igl.datasets.spheroid(1)
+    (a, b, c), new = F[0], len(V)
+    V = np.vstack([V, (V[a] + V[b]) / 2])
+    F = np.vstack([F[1:], [[a, new, c], [new, b, c], [a, b, new]]])
+    source, out = tmp_path / "solid.obj", tmp_path / f"map{suffix}"
+    cdcp_igl.io.write_map(source, V, F, V[:, :2])
+    assert invoke("map", "--cut", source, out).exit_code == 0
+    done = invoke("certify", out)
+    assert done.exit_code == 0, done.output
+
+
+def test_only_a_face_without_area_may_be_at_one_place():
+    V = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0, 0]])
+    F = np.array([[0, 4, 3], [4, 1, 2], [4, 2, 3], [0, 1, 4]])
+    uv = V[F, :2]
+    assert certify(V, F, uv).flipped.tolist() == [3]
+    uv[3] = 7
+    found = certify(V, F, uv)
+    assert (found.valid, found.report()["unmapped_faces"]) == (True, 1)
+    uv[2] = 7
+    assert certify(V, F, uv).flipped.tolist() == [2]
+
+
 def test_many_charts_on_one_another(monkeypatch):
     """As the leaves of a tree share a texture: of 10,000, all pairs took more than the memory."""
     inside = [(size * (SQUARE - 0.5), TWO) for size in 1.5 ** -np.arange(30.0)]

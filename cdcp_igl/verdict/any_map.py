@@ -24,7 +24,14 @@ from ..errors import counted, spell
 from ..io.given import takes_meshes
 from ..printing import Pairs, as_html, as_text, finite
 from ..surface.topology import Topology, components_of_pairs, tails
-from ..surface.triangles import face_areas, flipped_faces, lost_in_single_precision, oriented_areas
+from ..surface.triangles import (
+    corner_cotangents,
+    degenerate_faces,
+    face_areas,
+    flipped_faces,
+    lost_in_single_precision,
+    oriented_areas,
+)
 from ..surface.validation import checked_surface
 from .certificate import flipped_on_sphere, solid_angles
 from .distortion import (
@@ -176,7 +183,8 @@ def certify(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> MapCertificate:
         chart.
     uv : (n, 2), (m, 3, 2) or (n, 3) array_like
         Images in the plane, of the vertices or of the corners of each face, NaN at all corners of
-        a face that is on no chart; or, of a closed surface, images on the unit sphere.
+        a face that is on no chart; or, of a closed surface, images on the unit sphere. A face that
+        has no area in V, and is all at one place in the image, is on no chart, either.
 
     Returns
     -------
@@ -209,7 +217,9 @@ def certify(V: ArrayLike, F: ArrayLike, uv: ArrayLike) -> MapCertificate:
         raise ValueError(f"uv has shape {given.shape}; it must be {shapes}")
     image = given if given.ndim == 3 else given[faces]
     is_finite, nowhere = np.isfinite(image).all(axis=(1, 2)), np.isnan(image).all(axis=(1, 2))
-    rows = np.flatnonzero(is_finite)
+    at_one_place = np.flatnonzero((image == image[:, :1]).all(axis=(1, 2)))
+    flat = degenerate_faces(corner_cotangents(unit_size(positions), faces[at_one_place]))
+    rows = np.setdiff1d(np.flatnonzero(is_finite), at_one_place[flat])
     if len(rows) == 0:
         raise ValueError("uv maps no face: none has finite coordinates at all corners")
     image, on_sphere = image[rows], given.shape == (n, 3)
