@@ -1,3 +1,4 @@
+from contextlib import suppress
 from dataclasses import replace
 from itertools import chain, repeat
 from time import sleep
@@ -257,6 +258,12 @@ def test_steps_that_nobody_asked_for_end_where_there_is_little_to_gain_or_no_hop
     assert account.stopped == "little to gain"
     assert 3 <= account.steps < 30
     assert certify(MESH, coordinates(f)).valid
+
+
+def test_weights_beyond_double_precision_warn_of_nothing():
+    """As of a free outline that begins where parts of the disk are crowded."""
+    with suppress(cdcp_igl.SolverError):  # as some solvers say
+        WeightedLaplacian(MESH, ORDER).factor(np.full(F.shape, 1e100 + 0j), np.full(len(F), 1e200))
 
 
 def test_a_coarse_map_is_refined():

@@ -46,6 +46,7 @@ class WeightedLaplacian:
             corner[part] = s[part, None] * abs(beta[part]) ** 2
         self._inverse = 1 / np.bincount(self._F.ravel(), corner.ravel(), self._n)
 
+    @np.errstate(over="ignore", invalid="ignore")  # the solver refuses what is not finite
     def factor(self, beta: Complex, s: Floats) -> None:
         """Set the weights, as `weigh` does, and factor the interior block."""
         self.weigh(beta, s)
