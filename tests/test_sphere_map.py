@@ -36,8 +36,8 @@ def test_a_coarse_map_is_refined(seed):
     V, F = random_sphere(rng, int(rng.integers(8, 120)))
     assert cdcp_igl.sphere_map(V, F, refine=0).distortion.mean > 7
     result = cdcp_igl.sphere_map(V, F)
-    assert result.refinement.steps == 2
-    assert result.distortion.mean < 1.1
+    assert result.refinement.steps == result.refinement.asked > 2
+    assert result.distortion.mean < 0.02
 
 
 @pytest.mark.parametrize("refine", [None, 5])

@@ -129,9 +129,9 @@ def disk_map(
         comes with the first two; five take about as long as the map itself.
         None is as needed: no step for a good map; two for one that is measurably not near
         the conformal one, whose errors are above 6 degrees in the mean, or whose boundary has
-        few vertices; and for one that is not conformal, or of which repair has moved more than
-        a hundredth of the vertices, as many as gain enough, see `Refinement`. Such a map has
-        these if fewer are asked for, too.
+        few vertices, and up to nine while each takes off a fiftieth; and for one that is not
+        conformal, or of which repair has moved more than a hundredth of the vertices, as many
+        as gain enough, see `Refinement`. Such maps have these if fewer are asked for, too.
     refine_norm : float
         The exponent p, from 1 to 2. The default lowers mean and SD; the nearer to 1, the
         lower the mean and the higher the SD.

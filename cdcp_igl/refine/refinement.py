@@ -21,8 +21,6 @@ from ..verdict.outline import OutlineCertificate
 from .preconditioning import WeightedLaplacian, conjugate_gradients
 from .targets import DISK, Target
 
-# A map that is measurably not near the conformal one has so many steps even if none are asked for.
-STEPS_DUE = 2
 # Further steps are taken while one of the last three lowers the objective by this share.
 PATIENCE, WORTH = 3, 0.004
 # However many are asked for, they end where the last three lower it by less than this: 1,200 steps
@@ -112,6 +110,7 @@ def lower_angle_distortion(
     halvings: int = HALVINGS,
     least: int | None = None,
     wanted: float = 0.0,
+    gaining: tuple[int, float] = (PATIENCE, WORTH),
     near: bool = False,
     target: Target = DISK,
     accepted: Callable[[Complex, Floats], bool] = lambda f, r: True,
@@ -131,9 +130,10 @@ def lower_angle_distortion(
     in a fill-reducing order, or in that of an `analysis` of their Laplacian.
     After so many `seconds` no step is begun. A step is halved up to `halvings` times before it is
     computed again with more damping; more of them are slower, and help where a map is bad. After
-    the `least` number of steps, if it is told, further ones end where there is little to gain, or
-    where it is out of reach that only the share `wanted` of the objective is left, which would make
-    the map conformal. Of a map that is `near` the conformal one, most steps need no factor.
+    the `least` number of steps, if it is told, further ones end where there is little to gain, as
+    among so many of the last none was `gaining` this share of the objective, or where it is out of
+    reach that only the share `wanted` of it is left, which would make the map conformal. Of a map
+    that is `near` the conformal one, most steps need no factor.
     `advance` is called after each step with the share that is done. Returns f itself if no step was
     an improvement, or if it has flipped faces or overlaps itself.
 
@@ -179,7 +179,9 @@ def lower_angle_distortion(
             if len(gains) >= PATIENCE and max(gains[-PATIENCE:]) < NOTHING:
                 stopped = "no improvement"
             elif least is not None and least <= len(gains) < steps:
-                stopped = _reason_to_stop(gains, steps - len(gains), wanted * before / objective)
+                stopped = _reason_to_stop(
+                    gains, steps - len(gains), wanted * before / objective, *gaining
+                )
     if refused and stopped not in ("", "time limit"):
         stopped = "not conformal"
     return f, Refinement(steps, len(gains), stopped, norm, before, objective)
@@ -278,14 +280,17 @@ def _slower(scale: Floats, times: int) -> Floats:
     return np.where(scale > SMALLEST_SCALE, scale / times, 0)
 
 
-def _reason_to_stop(gains: list[float], left: int, wanted: float) -> str:
+def _reason_to_stop(
+    gains: list[float], left: int, wanted: float, patience: int = PATIENCE, worth: float = WORTH
+) -> str:
     """Say why further steps are not worth their time; empty if they may be.
 
     `gains` are the shares of the objective that each step has removed, `left` is how many more
-    there can be, and `wanted` the share of the objective that is to be left in the end.
+    there can be, and `wanted` the share of the objective that is to be left in the end. There is
+    little to gain if `patience` of the last have gained less than a share that is `worth` it.
     """
-    best = max(gains[-PATIENCE:])
-    if len(gains) >= PATIENCE and best < WORTH:
+    best = max(gains[-patience:])
+    if len(gains) >= patience and best < worth:
         return "little to gain"
     hopeless = len(gains) >= FEW_STEPS and (1 - best) ** left > HOPE * wanted
     return "out of reach" if hopeless else ""

@@ -14,7 +14,7 @@ from ..cached import cached_property
 from ..errors import MapError
 from ..phases import Phases
 from ..plot.layout import Layout
-from ..refine.refinement import STEPS_DUE, Refinement
+from ..refine.refinement import Refinement
 from ..refine.targets import DISK
 from ..rescue.collapsed_faces import open_collapsed_faces
 from ..rescue.harmonic_map import Provenance, provenance
@@ -26,7 +26,7 @@ from .base import how_made
 from .bijection import Bijection, DiskBijection, Registered
 from .keeping import KeepingMap
 from .landmarks import landmark_automorphism
-from .making import fields_of
+from .making import FURTHER, fields_of
 from .matching import Match, matched
 
 
@@ -132,7 +132,7 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
     @property
     def steps_due(self) -> int:
         """Steps of refinement for a map that is not near the conformal one, or was straightened."""
-        return super().steps_due or (STEPS_DUE if self.straightening.before else 0)
+        return super().steps_due or (FURTHER if self.straightening.before else 0)
 
     def register(self, to: DiskMap, landmarks: ArrayLike) -> Registered:
         """Lay the map over that of another surface, by landmarks.

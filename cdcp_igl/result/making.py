@@ -15,7 +15,14 @@ from ..errors import MapError, SolverError
 from ..options import Options
 from ..phases import Phases
 from ..plot.layout import Layout
-from ..refine.refinement import GOOD, HALVINGS, STEPS_DUE, Refinement, lower_angle_distortion
+from ..refine.refinement import (
+    GOOD,
+    HALVINGS,
+    PATIENCE,
+    WORTH,
+    Refinement,
+    lower_angle_distortion,
+)
 from ..refine.targets import Target
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.repair import Repair
@@ -29,8 +36,9 @@ log = logging.getLogger("cdcp_igl")
 
 # A harmonic map is refined, even if no steps are asked for, where it is not near the conformal one:
 # its errors are more than EXCESS times what the scale explains; or, as on coarse meshes, more than
-# so many degrees.
+# so many degrees. It has STEPS_DUE, and up to FURTHER while each gains a share of GAINING.
 EXCESS, COARSE = 1.05, 6.0
+STEPS_DUE, FURTHER, GAINING = 2, 9, 0.02
 # A map that is not conformal, that comes from an embedding by mean values, or in which repair has
 # moved more than this share of the vertices, as less shows in no mean, is refined by up to
 # MOST_STEPS, each halved up to PATIENT times. They are counted, not timed, as equal inputs have
@@ -120,7 +128,7 @@ class MadeMap(Bijection):
         if self.conformality.reasons or self.is_repaired or self.is_embedded:
             return MOST_STEPS
         is_far = self.conformality.excess > EXCESS or self.conformality.mean > self._coarse
-        return STEPS_DUE if is_far else 0
+        return FURTHER if is_far else 0
 
     def _steps(self) -> list[tuple[str, str]]:
         return [
@@ -254,6 +262,7 @@ def refined(
     are taken.
     """
     mesh, verdict, repair = plain.mesh, plain.conformality, plain.repair
+    few = steps == plain.steps_due == FURTHER
     conformal, known = plain.conformal, 0.0 if verdict.sheared else verdict.mean
 
     def no_less_conformal(f: Complex, r: Floats) -> bool:
@@ -274,11 +283,14 @@ def refined(
             halvings=PATIENT if steps >= MOST_STEPS else HALVINGS,
             least=options.refine or STEPS_DUE,
             wanted=verdict.wanted,
+            gaining=(1, GAINING) if few else (PATIENCE, WORTH),
             target=target,
             accepted=no_less_conformal,
             advance=advance,
             **more,
         )
+    if few and refinement.stopped == "little to gain":  # further ones had not been asked for
+        refinement = replace(refinement, asked=refinement.steps, stopped="")
     if refinement.stopped:
         log.info("refinement: %s", refinement)
     if refinement.steps == 0:
