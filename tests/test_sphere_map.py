@@ -131,7 +131,7 @@ def test_the_other_hemisphere_has_room_for_large_faces():
     assert result.pole == SphereMesh(V, F).vertex_areas.argmax()
     assert f"without vertex {result.pole}" in str(result)
     assert result.conformal
-    assert result.distortion.mean < 8.5
+    assert result.distortion.mean < 10
 
 
 def test_a_map_that_is_much_repaired_is_held_against_one_from_an_embedding(monkeypatch):
