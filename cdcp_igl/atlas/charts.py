@@ -15,11 +15,11 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from ..arrays import Bools, Floats, Ints, as_complex, coordinates
 from ..errors import MapError
 from ..maps.disk import made_disk_map
-from ..maps.free import FreeMap
 from ..options import Options, is_real, is_whole
 from ..phases import Progress
 from ..rescue.boundary import by_inscribed_angles
 from ..result.disk_map import DiskMap
+from ..result.free_map import FreeMap
 from ..solve.solvers import using
 from ..steps.mobius import conformal_barycenter
 from ..surface.triangles import face_areas, vertex_areas

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from time import perf_counter
 from typing import Any
@@ -12,8 +12,8 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from ..arrays import Complex, Floats, Ints
-from ..errors import counted
 from ..rescue.correction import extents
+from ..result.records import Refinement
 from ..solve.cholesky import Cholesky
 from ..surface.mesh import Mesh
 from ..surface.triangles import blocks
@@ -52,50 +52,6 @@ SMALLEST_SCALE = 0.03
 # The corners of faces smaller than this, by their distance from 0, stay at once: rounding flips
 # these faces however short the step is.
 TINY = 1e-14
-
-
-@dataclass(frozen=True)
-class Refinement:
-    """What was done to lower the angular distortion beyond that of the harmonic map.
-
-    Attributes
-    ----------
-    asked : int
-        Steps that were allowed, at least 1: as many as were asked for, or were due.
-    steps : int
-        Steps that were taken.
-    stopped : str
-        Why they are fewer: ``"no improvement"``; of steps that were not asked for,
-        ``"little to gain"``, or ``"out of reach"`` if they cannot make the map conformal;
-        ``"no certificate"`` of the map that they led to, or ``"not conformal"`` if steps would have
-        taken this from the map; or ``"time limit"``. Empty if they are not fewer.
-    norm : float
-        The exponent p.
-    before, after : float
-        The objective in degrees: the power mean, with exponent p, of the angle errors of
-        all corners, each at least 0.1 degree.
-    """
-
-    asked: int
-    steps: int
-    stopped: str
-    norm: float
-    before: float
-    after: float
-
-    def undone(self, why: str) -> Refinement:
-        """Account for steps that were taken back."""
-        return replace(self, steps=0, stopped=why, after=self.before)
-
-    def __str__(self) -> str:
-        if self.steps == 0:
-            return self.stopped
-        note = f" ({self.stopped})" if self.stopped else ""
-        asked = counted(self.asked, "step", "steps")
-        return (
-            f"{self.steps} of {asked}{note}, angle errors in the {self.norm:g}-norm "
-            f"from {self.before:.4f} to {self.after:.4f} degrees"
-        )
 
 
 def lower_angle_distortion(

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..arrays import Bools, Complex, Ints, marked
-from ..errors import counted
+from ..result.records import Repair
 from ..surface.mesh import Mesh
 from ..surface.topology import components_of_pairs
 from ..surface.triangles import flipped_faces, flipped_or_flat
@@ -23,42 +21,6 @@ SOFTNESSES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the relaxation of flipped faces
 SWEEPS = 4  # of a relaxation near flipped faces
 RELAXED = 6  # rings around the vertices that were moved, relaxed with them at the end
 MOST_MOVES, MOST_SWEEPS = 200_000, 30  # of single vertices, and of all, at the end
-
-
-@dataclass(frozen=True)
-class Repair:
-    """What was done about flipped faces.
-
-    Attributes
-    ----------
-    n_flipped : int
-        Faces that the harmonic map had flipped; 0 if there was nothing to do.
-    n_moved : int
-        Vertices that were moved, so that they are not harmonic any more, or on a free outline.
-    rounds : int
-        Times that patches were tried.
-    """
-
-    n_flipped: int = 0
-    n_moved: int = 0
-    rounds: int = 0
-
-    def report(self) -> dict[str, int]:
-        """Return it as JSON types."""
-        return {
-            "flipped_faces": self.n_flipped,
-            "moved_vertices": self.n_moved,
-            "rounds": self.rounds,
-        }
-
-    def __str__(self) -> str:
-        if self.n_flipped == 0:
-            return "not needed"
-        flipped = counted(self.n_flipped, "flipped face", "flipped faces")
-        if self.rounds == 0:
-            return f"{flipped}, too many to be repaired"
-        moved = counted(self.n_moved, "vertex", "vertices")
-        return f"{flipped}, {moved} moved in {counted(self.rounds, 'round', 'rounds')}"
 
 
 def repaired(mesh: Mesh, f: Complex) -> tuple[Complex, Repair]:

@@ -7,12 +7,13 @@ from itertools import combinations
 import numpy as np
 
 from ..arrays import Complex, Floats, Ints, coordinates, marked
+from ..result.records import Repair
 from ..steps.dipole import star
 from ..steps.stereographic import axes_along
 from ..surface.mesh import DiskMesh, Mesh
 from ..verdict.certificate import flipped_on_sphere
 from .means import embedding
-from .repair import Repair, grow, repair_locally, repairable
+from .repair import grow, repair_locally, repairable
 
 HEMISPHERE = 0.5  # cosine of the radius of a chart in which flipped faces are repaired
 CHARTS = 200  # of them

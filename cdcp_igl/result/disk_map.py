@@ -3,31 +3,24 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import asdict, astuple, dataclass, replace
-from typing import Any
+from dataclasses import asdict, astuple, dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Complex, Floats, Ints, as_complex, coordinates
+from ..arrays import Floats, Ints
 from ..cached import cached_property
-from ..errors import MapError
-from ..phases import Phases
 from ..plot.layout import Layout
-from ..refine.refinement import Refinement
-from ..refine.targets import DISK
-from ..rescue.collapsed_faces import open_collapsed_faces
-from ..rescue.harmonic_map import Provenance, provenance
-from ..rescue.repair import repair_locally
-from ..surface.mesh import Mesh
-from ..verdict.certificate import BOUNDARY_TOLERANCE, Certificate, certify_disk
-from ..verdict.distortion import AngleDistortion, map_distortion
+from ..verdict.certificate import Certificate
+from ..verdict.distortion import AngleDistortion
 from .base import how_made
 from .bijection import Bijection, DiskBijection, Registered
 from .keeping import KeepingMap
-from .landmarks import landmark_automorphism
-from .making import FURTHER, fields_of
-from .matching import Match, matched
+from .records import Provenance, Refinement
+
+if TYPE_CHECKING:
+    from ..maps.matching import Match
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -58,11 +51,9 @@ class OntoDisk(Bijection, Provenance):
         return pairs
 
     def _steps(self) -> list[tuple[str, str]]:
-        straightening = [("straightening", str(self.straightening))]
         return [
             ("center", str(self.center)),
             ("boundary", str(self.boundary)),
-            *(straightening if self.straightening.before else []),
             ("repair", str(self.repair)),
             ("Möbius", str(self.mobius)),
             ("refinement", str(self.refinement or "not asked for")),
@@ -73,7 +64,6 @@ class OntoDisk(Bijection, Provenance):
         return {
             "angular_distortion_of_free_faces_degrees": asdict(self.distortion_of_free_faces),
             "center": {"method": self.center.method, "face": self.center.face},
-            "straightening": asdict(self.straightening),
         }
 
     def _made(self) -> dict[str, Any]:
@@ -102,7 +92,7 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
         Sparse solver, version and ordering.
     kept : Kept or None
         What the map keeps rather than angles, and how well; None if nothing else was asked for.
-    center, boundary, straightening, mobius, repair, refinement
+    center, boundary, mobius, repair, refinement
         What was done, as in `Provenance`; of a map that keeps lengths or areas, before that.
 
     Examples
@@ -122,17 +112,9 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
             return self.distortion
         return AngleDistortion.of(np.delete(self._degrees(), inscribed, axis=0))
 
-    _target = DISK
-
     @property
-    def is_embedded(self) -> bool:
-        """Whether the map comes from an embedding by mean values."""
+    def _from_tutte(self) -> bool:
         return self.boundary.laplacian == "mean value"
-
-    @property
-    def steps_due(self) -> int:
-        """Steps of refinement for a map that is not near the conformal one, or was straightened."""
-        return super().steps_due or (FURTHER if self.straightening.before else 0)
 
     def register(self, to: DiskMap, landmarks: ArrayLike) -> Registered:
         """Lay the map over that of another surface, by landmarks.
@@ -178,27 +160,9 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
         >>> bool(abs(uv - other.uv).max() < 1e-6)
         True
         """
-        here, there = map(as_complex, self._landmarks(to, landmarks))
-        f = landmark_automorphism(here, there)(as_complex(self.uv))
-        # Only what left the circle is normalised again, and faces that this flips are reopened.
-        radius = abs(f[self.mesh.loop])
-        f[self.mesh.loop] /= np.where(abs(radius - 1) < BOUNDARY_TOLERANCE / 10, 1, radius)
-        f, _ = open_collapsed_faces(self.mesh, f)
-        f, _ = repair_locally(self.mesh, f)
-        uv, certificate = coordinates(f), certify_disk(self.mesh, f)
-        if not certificate.valid:
-            refused = replace(self, uv=uv, certificate=certificate)
-            raise MapError(
-                f"Moved to the landmarks, the map is not a bijection onto the disk: {certificate}. "
-                "Faces are too large for this transformation, or too small: choose other landmarks",
-                refused,
-            )
+        from ..maps.matching import registered_disk  # a result makes no map
 
-        def fitted(here: Floats, there: Floats) -> Floats:
-            z, target = as_complex(here), as_complex(there)
-            return coordinates(landmark_automorphism(z, target)(z))
-
-        return self._registered(uv, to, landmarks, fitted)
+        return registered_disk(self, to, landmarks)
 
     def match(self, to: DiskMap, pairs: ArrayLike) -> Match:
         """Map the surface onto another one so that pairs of vertices meet.
@@ -237,22 +201,9 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
         >>> bool((match.uv[30] == other.uv[40]).all())
         True
         """
-        self._landmarks(to, pairs)
-        chosen = np.asarray(pairs, dtype=np.int64)
-        for column, mesh in zip(chosen.T, (self.mesh, to.mesh), strict=True):
-            rows, counts = np.unique(column, return_counts=True)
-            if counts.max() > 1:
-                raise ValueError(f"vertex {rows[counts.argmax()]} of {mesh!r} is in several pairs")
-        at_rim = self.mesh.on_boundary[chosen[:, 0]] != to.mesh.on_boundary[chosen[:, 1]]
-        if at_rim.any():
-            here, there = chosen[at_rim][0]
-            raise ValueError(
-                f"of the pair {here}, {there} only one is on the boundary: the boundaries meet"
-            )
-        return matched(self.mesh, as_complex(self.register(to, chosen)), to, chosen)
+        from ..maps.matching import matched
 
-    def _plane_map(self) -> Complex:
-        return as_complex(self.uv)
+        return matched(self, to, pairs)
 
     def _steps(self) -> list[tuple[str, str]]:
         return [*self._kept_pairs(), *super()._steps()]
@@ -260,33 +211,8 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
     def _details(self) -> dict[str, Any]:
         return {**self._kept_details(), **super()._details()}
 
-    def moved_to(self, f: Complex, phase: Phases, known: float = 0.0) -> DiskMap:
-        """Return the map f (n,) of this surface, repaired, certified and judged; see `judge`."""
-        mesh = self.mesh
-        with phase("repair"):
-            f, _ = open_collapsed_faces(mesh, f)
-            f, repair = repair_locally(mesh, f)
-        moved = max(self.repair.n_moved, repair.n_moved)
-        done = provenance(self, repair=replace(self.repair, n_moved=moved))
-        return judged(mesh, f, done, self.solver, phase, known)
-
     def _surface(self) -> tuple[Floats, Ints]:
         return self.mesh.positions, self.mesh.F
 
     def _layout(self) -> Layout:
         return self._drawn(self.mesh.V, self.mesh.F, self.uv, *map(str, filter(None, [self.kept])))
-
-
-def judged(
-    mesh: Mesh, f: Complex, done: Provenance, solver: str, phase: Phases, known: float = 0.0
-) -> DiskMap:
-    """Certify a map (n,), measure it, and judge it; for `known` see `judge`."""
-    with phase("certificate"):
-        degrees, certificate = map_distortion(mesh, f), certify_disk(mesh, f)
-        fields = fields_of(mesh, f, degrees, certificate, done.repair, known=known)
-    return DiskMap(
-        **(vars(done) | fields),
-        uv=coordinates(f),
-        solver=solver,
-        timings=phase.seconds,
-    )

@@ -23,9 +23,9 @@ from ...errors import MapError, counted
 from ...maps.selection import MANY_FLIPPED
 from ...options import Options
 from ...phases import Phases, Progress
-from ...rescue.boundary import BoundaryMethod
 from ...rescue.correction import FEW_FACES, deep_vertex, is_sheared
-from ...rescue.repair import Repair, repair_locally
+from ...rescue.repair import repair_locally
+from ...result.records import BoundaryMethod, Repair
 from ...solve import solvers
 from ...solve.solvers import SolverName, using
 from ...solve.threads import one_thread
