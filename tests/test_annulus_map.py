@@ -193,7 +193,7 @@ def test_the_lowest_of_refined_rings_is_taken_though_the_scale_does_not_explain_
     result = cdcp_igl.annulus_map(*surface)
     assert not result.conformal
 
-    monkeypatch.setattr("cdcp_igl.result.making.MARGIN", 2)
+    monkeypatch.setattr("cdcp_igl.maps.rules.MARGIN", 2)
     conformal = cdcp_igl.annulus_map(*surface)
     assert conformal.conformal
     assert conformal.boundary != result.boundary

@@ -11,11 +11,11 @@ from surfaces import skin
 
 import cdcp_igl
 from cdcp_igl.arrays import as_complex, coordinates
+from cdcp_igl.maps.keeping import measured, target_of
 from cdcp_igl.refine import balance
 from cdcp_igl.refine.apart import air
 from cdcp_igl.refine.balance import Energy, balanced, resized, way_to_flip
 from cdcp_igl.refine.targets import Disk, Outline
-from cdcp_igl.result.keeping import Kept
 from cdcp_igl.scale.one_file import Settings
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas, flipped_faces, oriented_areas
@@ -124,7 +124,7 @@ def test_what_is_said_of_a_map_is_what_was_asked_for(hill, make):
 
 
 def angles_kept(result):
-    return Kept.of(result.mesh, result._plane_map(), 0, result._target, 0)
+    return measured(result.mesh, result._f, 0, target_of(result), 0)
 
 
 def test_what_a_conformal_disk_crowds_together_is_drawn_apart():
@@ -226,7 +226,7 @@ def test_an_outline_is_kept_apart():
     turn, out = 1.3 * np.pi * V[:, 0], 1 - 0.1 * V[:, 1]
     V = np.column_stack([out * np.cos(turn), out * np.sin(turn), 0.02 * turn])
     plain = cdcp_igl.free_map(V, F)
-    overlapping = balanced(plain.mesh, plain._plane_map(), 0.5).f
+    overlapping = balanced(plain.mesh, plain._f, 0.5).f
     assert not certify_outline(plain.mesh, coordinates(overlapping)).simple
     result = cdcp_igl.free_map(V, F, keep="lengths")
     assert result.valid

@@ -6,6 +6,7 @@ from time import sleep
 import meshes
 import numpy as np
 import pytest
+from cdcp_igl.result.making import refined
 
 import cdcp_igl
 from cdcp_igl.arrays import as_complex, coordinates
@@ -21,7 +22,6 @@ from cdcp_igl.refine.refinement import (
     search_along,
 )
 from cdcp_igl.refine.targets import DISK, Disk
-from cdcp_igl.result.making import refined
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.verdict.certificate import certify
 from cdcp_igl.verdict.distortion import plane_angles

@@ -68,7 +68,7 @@ def _map(V: Floats, F: Ints, *, steps: Steps) -> Floats:
     """Algorithm 1 without fallbacks."""
     surface = FactoredSurface.of(DiskMesh(V, F))
     try:
-        _, f, _ = algorithm_1(surface, steps)
+        f = algorithm_1(surface, steps)
     except Rejected as reason:
         raise MapError(str(reason)) from reason
     f, _ = repaired(surface.mesh, f)

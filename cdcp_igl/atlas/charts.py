@@ -237,22 +237,22 @@ def _made_like(chart: Chart, component: Component, options: Options) -> Chart | 
     opened = chart.opened.moved(component)
     if not is_free and len(component.F) == 1 and options.mobius != "area" and not options.refine:
         mesh = known.mesh.moved(component.V)
-        uv = coordinates(by_inscribed_angles(mesh))
+        f = by_inscribed_angles(mesh)
         # The barycentre is 0 in the equilateral triangle, where the scale is 1 / sin^2.
         variation = float(2 * np.log(np.sin(mesh.angles)).std())
     elif _same_angles(component, chart.opened.component):
-        mesh, uv = known.mesh.moved(opened.positions), known.uv
+        mesh, f = known.mesh.moved(opened.positions), known._f
     else:
         return None
     if is_free:
         area, other = (
             face_areas(each.V, each.F).sum() for each in (component, chart.opened.component)
         )
-        uv = np.sqrt(area / other) * uv
-    certificate = (certify_outline if is_free else certify)(mesh, uv)
+        f = as_complex(mesh.in_own_unit(np.sqrt(area / other) * known.uv))
+    certificate = (certify_outline if is_free else certify)(mesh, coordinates(f))
     if not certificate.valid:
         return None
-    same: dict[str, Any] = {"mesh": mesh, "uv": uv, "certificate": certificate, "timings": {}}
+    same: dict[str, Any] = {"mesh": mesh, "_f": f, "certificate": certificate, "timings": {}}
     made = replace(known, **same)
     return replace(chart, opened=opened, map=made, scale_variation=variation)
 

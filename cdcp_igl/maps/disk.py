@@ -354,7 +354,7 @@ class DiskProblem(Problem[DiskMap]):
     def _judged(self, harmonic: _Harmonic) -> DiskMap:
         """Place a harmonic map, and repair it if few faces are flipped."""
         if self.options.preset is None:
-            with self.phase("extension"):
+            with self.phase("mobius"):
                 harmonic = harmonic.recentered()
         made = self._normalized(harmonic, repairable(self.mesh, rules.FEW_FLIPPED))
         self._tried.append((harmonic, made))

@@ -46,7 +46,7 @@ def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
     """
     surface = FactoredSurface.of(DiskMesh(V, F))
     try:
-        _, f, _ = algorithm_1(surface, Steps(trace=double_cover_trace))
+        f = algorithm_1(surface, Steps(trace=double_cover_trace))
     except Rejected as error:
         raise MapError(f"The trace of the double cover gives no map: {error}") from error
     f, _ = repaired(surface.mesh, f)
