@@ -19,9 +19,9 @@ BITS = 31  # of each coordinate in a Morton code: a cell of 1e-9
 ON_CIRCLE = 1e-12  # vertices this near the circle lie on it
 RIM = 1e-6  # points this near are taken to the rim: they have single precision, or six digits
 RESOLUTION = 2.0**-52  # of coordinates in the disk
-# Beyond it, by the distances of the corners, areas in the plane that touches the sphere have the
-# sign of the exact volume: that of differences, frames and products, with some to spare.
-TANGENT_BOUND = 64 * EPS
+# Beyond it, areas in a plane that touches the unit sphere have the sign of the exact volume: it
+# bounds the errors of differences (of at most 2), frames and products, with some to spare.
+TANGENT_BOUND = 256 * EPS
 BLOCK = 1 << 17  # points that walk at a time: their arrays stay in the cache
 AHEAD = 16  # of so many points that are close together, the first is located before the others
 
@@ -96,7 +96,7 @@ class FaceFinder:
         return libigl.is_counterclockwise(np.stack([corners.real, corners.imag], axis=-1))
 
     def _sides(self, corners: Any, points: Any) -> tuple[Complex, Floats, Bools]:
-        """See corners from points, with areas, and tell beyond which edges (k, 3) the points lie."""
+        """See corners from points, with areas; tell beyond which edges (k, 3) the points lie."""
         seen, areas, error = self._seen(corners, points)
         beyond = areas < 0
         row, k = np.nonzero(abs(areas) < error)
@@ -203,9 +203,8 @@ class SphereFinder(FaceFinder):
         up = np.column_stack([x * y * a, side + y**2 * a, -y])
         away = corners - points[:, None]
         seen = _dot(away, right) + 1j * _dot(away, up)
-        distance = np.sqrt(np.einsum("kic,kic->ki", away, away))
-        error = np.roll(distance, 1, axis=1) * np.roll(distance, -1, axis=1) * TANGENT_BOUND
-        return seen, _areas(seen)[0], error
+        areas, _ = _areas(seen)
+        return seen, areas, np.broadcast_to(TANGENT_BOUND, areas.shape)
 
     def _clockwise(self, tails: Floats, heads: Floats, points: Floats) -> Bools:  # type: ignore[override]
         return libigl.is_seen_from_outside(np.stack([heads, tails, points], axis=1))
