@@ -31,6 +31,7 @@ from .cut_graph import Component, OpenedComponent, fill_holes
 from .cut_paths import branch_to, open_to_disk, straighten
 from .even import even_drafts, exact_nets, halves
 from .parting import LEAST_FACES, limbs, narrow_side, parted_by, pieces
+from .texels import variation
 
 # A round of growth is kept if it lowers the scale variation, or the angle error, by more than this
 # share.
@@ -228,7 +229,7 @@ def _made_like(chart: Chart, component: Component, options: Options) -> Chart | 
 
     A face alone may have other angles: its map is a similarity.
     """
-    known, variation = chart.map, chart.scale_variation
+    known, varies = chart.map, chart.scale_variation
     is_free = isinstance(known, FreeMap)
     if is_free and options.kept:  # what is kept has a size
         return None
@@ -239,7 +240,7 @@ def _made_like(chart: Chart, component: Component, options: Options) -> Chart | 
         mesh = known.mesh.moved(component.V)
         uv = coordinates(by_inscribed_angles(mesh))
         # The barycentre is 0 in the equilateral triangle, where the scale is 1 / sin^2.
-        variation = float(2 * np.log(np.sin(mesh.angles)).std())
+        varies = variation(2 * np.log(np.sin(mesh.angles)).ravel())
     elif _same_angles(component, chart.opened.component):
         mesh, uv = known.mesh.moved(opened.positions), known.uv
     else:
@@ -254,7 +255,7 @@ def _made_like(chart: Chart, component: Component, options: Options) -> Chart | 
         return None
     same: dict[str, Any] = {"mesh": mesh, "uv": uv, "certificate": certificate, "timings": {}}
     made = replace(known, **same)
-    return replace(chart, opened=opened, map=made, scale_variation=variation)
+    return replace(chart, opened=opened, map=made, scale_variation=varies)
 
 
 def _same_angles(one: Component, other: Component) -> bool:
@@ -357,8 +358,8 @@ def _measured(opened: OpenedComponent, make: Callable[[], DiskMap | FreeMap]) ->
     else:
         factor = _centered_factor(V, F, made.uv, area)
     average = float(np.average(factor, weights=area))
-    variation = float(np.sqrt(np.average((factor - average) ** 2, weights=area)))
-    return Chart(opened, made, failure, factor, average, variation)
+    varies = variation(factor, area)
+    return Chart(opened, made, failure, factor, average, varies)
 
 
 def _centered_factor(V: Floats, F: Ints, uv: Floats, area: Floats) -> Floats:

@@ -10,7 +10,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Ints, distinct_rows
+from ..arrays import Floats, Ints, distinct_rows, in_space
 from ..errors import counted
 from ..surface.validation import checked_vertices, usable_arrays
 from .archives import write_npz
@@ -131,8 +131,7 @@ def write_map(
         warn_of_loss(source, path)
         return
     plane = _map(uv, len(given), len(faces), in_square=suffix != ".npz" and not disk)
-    positions = np.zeros((len(given), 3))
-    positions[:, : given.shape[1]] = given
+    positions = in_space(given)
     kept = source if source and is_kept(source, suffix) else None
     if source:
         _check_like(source, positions, faces)
@@ -272,7 +271,7 @@ def _map(uv: ArrayLike | MapResult, n: int, m: int, *, in_square: bool) -> Float
 
 def _check_like(like: Path, V: Floats, F: Ints) -> None:
     given_V, given_F = read_mesh(like)
-    if not (np.array_equal(given_V, V) and np.array_equal(given_F, F)):
+    if not (np.array_equal(in_space(given_V), V) and np.array_equal(given_F, F)):
         raise ValueError(
             f"{like.name!r} holds another mesh than V and F: pass them as `read_mesh` read them."
         )

@@ -75,8 +75,8 @@ class FreeMap(KeepingMap, PlaneMap):
     uv : (n, 2) float64
         Row i is the image of row i of V, in the unit of V. The outline is as long as the boundary,
         or as the lengths that were asked for; a map that keeps lengths has a size of its own. The
-        centroid of the surface, or what was at the centre of the disk, is at (0, 0), before
-        refinement; what `align` named lies to its right.
+        centroid of the surface is at (0, 0), unless pins hold vertices; what `align` named lies to
+        its right.
     mesh : DiskMesh
         The surface.
     mirrored : bool
@@ -141,7 +141,7 @@ class FreeMap(KeepingMap, PlaneMap):
         with phase("refine"):
             newton = Newton(mesh, f, held=marked(len(f), rows))
             reached = newton.pull(Energy.of(mesh, t), rows, goal)
-        made = replace(self.moved_to(newton.f, phase), conformality=NOT_ASKED, pins=rows)
+        made = replace(replace(self, pins=rows).moved_to(newton.f, phase), conformality=NOT_ASKED)
         made = replace(made, kept=Kept.of(mesh, newton.f, t, self._target, newton.steps))
         if not reached:
             left = abs(newton.f[rows] - goal)
@@ -181,11 +181,17 @@ class FreeMap(KeepingMap, PlaneMap):
         """Return the map f (n,) of this surface, repaired, certified and judged; see `judge`."""
         mesh = self.mesh
         with phase("repair"):
-            f, certificate = _set_apart(mesh, f)
+            f, certificate = _set_apart(mesh, self._at_place(f))
             f, repair = repair_locally(mesh, f, len(mesh.F) if len(certificate.flipped) else 0)
+            if repair.n_flipped:
+                f = self._at_place(f)
         fields = _judged(mesh, f, certify_outline(mesh, coordinates(f)), repair, phase, known)
         uv = coordinates(self._upwards(as_complex(fields["uv"])))
         return replace(self, **{**fields, "uv": mesh.in_given_unit(uv)})
+
+    def _at_place(self, f: Complex) -> Complex:
+        """Move a map (n,) to its centroid, unless pins hold it."""
+        return f if len(self.pins) else _centred(self.mesh, f)
 
     def _steps(self) -> list[tuple[str, str]]:
         return [
@@ -347,8 +353,7 @@ def free_map_of(
             surface.release()
 
         def placed(f: Complex) -> Complex:
-            f = f - np.average(f, weights=mesh.vertex_areas)
-            return rotate(mesh, f, options.align, on_circle=False)
+            return rotate(mesh, _centred(mesh, f), options.align, on_circle=False)
 
         best = best.keeping(options.kept, placed, phase)
     remedy = "give other lengths or angles of the boundary"
@@ -539,16 +544,14 @@ def _best_map(
 
 
 def _laid_out(surface: FactoredSurface, boundary: _Boundary, phase: Phases) -> Complex:
-    """Lay out the boundary, and the interior harmonically, its centroid at 0."""
-    mesh = surface.mesh
+    """Lay out the boundary, and the interior harmonically."""
     with phase("extension"):
         angles, u_B = boundary.angles, boundary.u_B
         if angles is None:
             angles = angles_of_scale(surface, u_B)
         else:
             u_B = scale_of_angles(pinned(surface), angles)
-        f = harmonic_extension(surface, closed_curve(mesh, u_B, angles))
-        return f - np.average(f, weights=mesh.vertex_areas)
+        return harmonic_extension(surface, closed_curve(surface.mesh, u_B, angles))
 
 
 def _finished(
@@ -561,19 +564,19 @@ def _finished(
     phase: Phases,
     known: float = 0.0,
 ) -> FreeMap:
-    """Turn a map (n,) and scale it to the length of its outline; repair, certify and judge it.
+    """Turn a map (n,) about its centroid, scale it to the length of its outline; repair, certify.
 
-    It is in the unit of ``mesh.V``.
+    And judge it. It is in the unit of ``mesh.V``.
     """
     mesh = surface.mesh
     with phase("repair"):
-        f = rotate(mesh, f, options.align, on_circle=False)
+        f = rotate(mesh, _centred(mesh, f), options.align, on_circle=False)
         f, certificate = _set_apart(mesh, _of_length(mesh, f, asked.length))
         # An outline that overlaps itself is beyond repair.
         most = repairable(mesh) if certificate.simple else 0
         f, repair = repair_locally(mesh, f, most, is_free=asked.name == OWN)
         if repair.n_flipped:
-            f = _of_length(mesh, f, asked.length)
+            f = _of_length(mesh, _centred(mesh, f), asked.length)
             certificate = certify_outline(mesh, coordinates(f))
     return FreeMap(
         **_judged(mesh, f, certificate, repair, phase, known),
@@ -581,6 +584,11 @@ def _finished(
         laplacian=laplacian,
         solver=surface.solver,
     )
+
+
+def _centred(mesh: Mesh, f: Complex) -> Complex:
+    """Move a map (n,) until the centroid of the surface is at 0."""
+    return f - np.average(f, weights=mesh.vertex_areas)
 
 
 def _of_length(mesh: Mesh, f: Complex, length: float) -> Complex:
@@ -609,7 +617,8 @@ def _judged(
 def own_outline(surface: FactoredSurface, phase: Phases) -> OutlineCertificate:
     """Certify the map in which the boundary keeps its lengths."""
     asked = _boundary(surface.mesh, None, None)
-    return _set_apart(surface.mesh, _laid_out(surface, asked, phase))[1]
+    mesh = surface.mesh
+    return _set_apart(mesh, _centred(mesh, _laid_out(surface, asked, phase)))[1]
 
 
 def _set_apart(mesh: Mesh, f: Complex) -> tuple[Complex, OutlineCertificate]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Floats, Ints, unit_size
+from ..arrays import Floats, Ints, in_space, unit_size
 from ..errors import MapError, counted, spell
 from ..fields import Field, Method
 from ..io.given import FromFile
@@ -293,8 +293,8 @@ class Result(FromFile, ABC):
             if like and not carries(like, suffix):
                 like = None
             if like:
-                corners, (V, F) = V[F], read_mesh(like)
-                if F.shape != corners.shape[:2] or not np.array_equal(V[F], corners):
+                corners, (V, F) = in_space(V)[F], read_mesh(like)
+                if F.shape != corners.shape[:2] or not np.array_equal(in_space(V)[F], corners):
                     raise ValueError(f"{like.name!r} has changed since the surface was read.")
             write_map(path, V, F, self, like=like, image=image)
         elif suffix in PICTURES:
