@@ -117,14 +117,16 @@ class FromFile(OfGiven):
         if given.ndim == 0 or len(given) != len(rows):
             raise ValueError(f"values has shape {given.shape}; {len(rows)} vertices were mapped")
         nothing: Any = fill
+        kind = given.dtype.kind
         if fill is None:
-            kind = given.dtype.kind
             if kind == "u":
                 if given.max(initial=0) > np.iinfo(np.int64).max:
                     raise ValueError("values has integers beyond 64 bits with a sign: give fill")
                 given = given.astype(np.int64)
             nothing = {"b": False, "i": -1, "u": -1, "U": ""}.get(kind, np.nan)
-        elif not np.can_cast(np.min_scalar_type(fill), given.dtype, "same_kind"):
+        elif not np.can_cast(np.min_scalar_type(fill), given.dtype, "same_kind") or (
+            kind in "iu" and not np.iinfo(given.dtype).min <= fill <= np.iinfo(given.dtype).max
+        ):
             raise ValueError(f"fill={fill!r} is no {given.dtype}, as values are")
         return in_given_rows(given, self.given_rows, nothing)[0]
 

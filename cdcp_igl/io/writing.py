@@ -244,11 +244,12 @@ def _as_surface(path: Path, uv: ArrayLike | MapResult, F: Ints) -> tuple[Floats,
     P, several = in_given_rows(places[: len(rows)], given_rows, 0.0)
     whole = rows[F]
     whole = whole[(whole >= 0).all(axis=1)]
-    vertices = np.unique(rows[rows >= 0])
+    vertices, turned = np.unique(rows[rows >= 0]), whole[_turned_in_single_precision(P, whole)]
     if neuro_type(path) == "patch":
         faces_given = getattr(uv, "given_faces", None)
         of_whole = whole if faces_given is None else faces_given
-        return P, *_patch(path, whole, marked(len(P), vertices), several, of_whole)
+        lost = np.union1d(several, turned)
+        return P, *_patch(path, whole, marked(len(P), vertices), lost, of_whole)
     if len(several):
         raise ValueError(
             "such a file has one place for each vertex, and the map has several for "
@@ -256,26 +257,39 @@ def _as_surface(path: Path, uv: ArrayLike | MapResult, F: Ints) -> tuple[Floats,
             "out such vertices of the surface first, or write a patch, lh.NAME.patch.flat, which "
             "does that"
         )
+    if len(turned):
+        flipped = counted(len(turned), "face is", "faces are")
+        log.warning("in %s %s flipped: it has single precision", path.name, flipped)
     return P, whole, vertices
 
 
-def _patch(path: Path, F: Ints, among: Bools, several: Ints, of_whole: Ints) -> tuple[Ints, Ints]:
-    """Faces and vertices of a patch, `among` the mapped ones, without those of `several` places.
+def _turned_in_single_precision(P: Floats, F: Ints) -> Bools:
+    """(m,) faces in the plane that rounding flips; on a sphere none are looked for."""
+    before, after = (
+        np.cross(places[F[:, 1]] - places[F[:, 0]], places[F[:, 2]] - places[F[:, 0]])[:, 2]
+        for places in (P, P.astype(np.float32).astype(np.float64))
+    )
+    return np.asarray((np.sign(before) == -np.sign(after)) & (after != 0) & ~P[:, 2].any())
+
+
+def _patch(path: Path, F: Ints, among: Bools, lost: Ints, of_whole: Ints) -> tuple[Ints, Ints]:
+    """Faces and vertices of a patch, `among` the mapped ones, without those that are `lost`.
 
     Its readers take all faces of the whole surface whose corners it has: of a face that is not in
     the map it has none.
     """
     count = among.sum()
-    among[several] = False
+    among[lost] = False
     seen = np.sort(of_whole[among[of_whole].all(axis=1)], axis=1)
     among[rows_not_in(np.sort(F, axis=1), seen)] = False
     F = F[among[F].all(axis=1)]
     kept = np.unique(F)
     if len(kept) == 0:
-        raise ValueError(f"{path.name!r} would have no face: its vertices were all split or cut")
-    if lost := int(count) - len(kept):
-        said = counted(lost, "vertex", "vertices")
-        log.warning("not in %s: %s along cuts, or where the surface was split", path.name, said)
+        raise ValueError(f"{path.name!r} would have no face: its vertices are all left out")
+    if left_out := int(count) - len(kept):
+        said = counted(left_out, "vertex", "vertices")
+        why = "that were split or cut, or where single precision would flip a face"
+        log.warning("not in %s: %s %s", path.name, said, why)
     return F, kept
 
 
