@@ -9,7 +9,7 @@ from typing import Any, Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..io.given import takes_meshes
+from ..io.given import OfGiven, takes_meshes, tell
 from ..options import Options
 from ..phases import Phases, Progress
 from ..rescue.harmonic_map import HarmonicMap
@@ -27,7 +27,7 @@ BEFORE = ("check", "laplacian", "factor")
 HARMONIC = ("center", "trace", "circle", "extension")
 
 
-class DiskMapper:
+class DiskMapper(OfGiven):
     """A surface, checked and factored, to be mapped onto the disk more than once.
 
     Checks and factorization, most of the time of `disk_map`, are done once, here. Another
@@ -119,7 +119,9 @@ class DiskMapper:
         known = options.first_steps in self._known
         phase = Phases(progress, refine or 0, BEFORE + HARMONIC * known)
         with using(self._solver):
-            return announced(map_of(self._surface, options, phase, known=self._known))
+            made = announced(map_of(self._surface, options, phase, known=self._known))
+            tell(made, vars(self))
+            return made
 
     def free(
         self,
@@ -164,7 +166,9 @@ class DiskMapper:
         with using(self._solver):
             asked = boundary_scale, corners, options, phase
             made = announced(as_given(free_map_of(self._surface, *asked, keep_factor=True)))
-            return made.pinned_to(places_of(pins, len(self.mesh.V)), phase)
+            made = made.pinned_to(places_of(pins, len(self.mesh.V)), phase)
+            tell(made, vars(self))
+            return made
 
     def moved(self, V: ArrayLike) -> DiskMapper:
         """Take the same faces with moved vertices: no topological checks, no new ordering.
@@ -190,11 +194,14 @@ class DiskMapper:
         other._solver = self._solver
         other._surface = self._surface.moved(V)
         other._known = {}
+        tell(other, {**vars(self), "source": None})  # which holds other places
         return other
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The factor is in memory of the solver: another process makes its own on arrival.
-        return partial(DiskMapper, solver=self._solver), (self.mesh.positions, self.mesh.F)
+        made = partial(DiskMapper, solver=self._solver), (self.mesh.positions, self.mesh.F)
+        told = "source", "given_rows", "given_faces"
+        return *made, {name: getattr(self, name) for name in told}
 
     def __repr__(self) -> str:
         return f"DiskMapper({self.mesh!r})"

@@ -13,7 +13,7 @@ from scipy.special import ellipk, ellipkinc
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from ..docstrings import like
 from ..errors import counted, spell
-from ..io.given import takes_meshes
+from ..io.given import takes_meshes, tell
 from ..options import Options
 from ..phases import Phases, Progress
 from ..refine.balance import lower_shear
@@ -195,12 +195,13 @@ def rectangle_map(
         with phase("check"):
             mesh = DiskMesh(V, F)
             sides = _boundary_sides(mesh, chosen)
-            n, chords = len(mesh.V), _chords(mesh, sides, split)
+            n, whole, chords = len(mesh.V), mesh.F, _chords(mesh, sides, split)
             if len(chords):
                 mesh = DiskMesh(*split_edges(mesh.positions, mesh.F, chords))
         best = replace(_best_map(mesh, sides, options, phase), split=chords)
         if len(chords):
-            vars(best)["given_rows"] = np.append(np.arange(n), [-1] * len(chords)), n
+            rows = np.append(np.arange(n), [-1] * len(chords)), n
+            tell(best, {"given_rows": rows, "given_faces": whole})
     remedy = "Parts of it may be too small for double precision: choose corners farther apart"
     best = valid_map(best, " onto the rectangle", remedy)
     phase.done()

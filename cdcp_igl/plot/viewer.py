@@ -360,12 +360,14 @@ def _put_field(
     if isinstance(given, tuple) and len(given) == 2 and isinstance(given[1], Mapping):
         given, names = given
     parts = _drawn_rows(f"field {name!r}", given, layouts, [()])
+    if are_labels := Field.of(given).nearest:
+        parts = [np.where(x < 0, np.nan, x) for x in parts]  # which say that there is none
     values = np.concatenate(parts)
     finite = values[np.isfinite(values)]
     if len(finite) == 0:
         raise ValueError(f"field {name!r} has no finite value")
     array = f"field {name}"
-    if Field.of(given).nearest:
+    if are_labels:
         found = np.unique(finite)
         parts = [np.where(np.isnan(x), np.nan, np.searchsorted(found, x)) for x in parts]
         about = _labels(name, array, [names.get(int(x), f"{x:g}") for x in found.tolist()])

@@ -432,9 +432,9 @@ class Result(FromFile, ABC):
             to a temporary folder and opened in the browser.
         fields : mapping of str to (n,) array_like, optional
             More values at the vertices of the given mesh to colour by, under their names; grey
-            where they are NaN. Of integers and truth values, which are labels, a face has that of
-            one of its corners, and lines run between them over all colours. What `io.read_values`
-            returns has the names of labels, too.
+            where they are NaN, or negative integers. Of integers and truth values, which are
+            labels, a face has that of one of its corners, and lines run between them over all
+            colours. What `io.read_values` returns has the names of labels, too.
         texture : path-like or (height, width, 3 or 4) array_like, optional
             Image of the unit square that `packed` fills, the top row at v = 1: a png, jpeg or
             webp file, or colours from 0 to 1, such as `bake` makes.

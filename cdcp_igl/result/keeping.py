@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arrays import Bools, Complex, coordinates
 from ..errors import MapError
+from ..io.given import tell
 from ..options import KEPT, MOST, Keep
 from ..phases import Phases
 from ..plot.layout import Layout
@@ -136,7 +137,9 @@ class KeepingMap(MadeMap):
             moment = np.vdot(f, before)
             return f * (moment / abs(moment) if moment else 1)
 
-        return self.keeping(asked, turned, Phases())
+        made = self.keeping(asked, turned, Phases())
+        tell(made, vars(self))
+        return made
 
     def keeping(self, asked: Keep, placed: Callable[[Complex], Complex], phase: Phases) -> Self:
         """Let a valid map keep what is asked for; `placed` turns it, about its centroid if free."""
