@@ -153,7 +153,7 @@ def test_what_is_lost_or_may_have_changed_is_made_again(scans, out, change):
     assert len(lines(out)) == 4
 
 
-def test_half_a_line_is_ended_and_does_not_count(scans, out):
+def test_half_a_line_goes_and_its_surface_is_done_again(scans, out):
     """As a full disk leaves it: the result is not in its place then."""
     batch([scans], out)
     before, last = contents(out), lines(out)[-1]["name"]

@@ -490,7 +490,7 @@ def _best_map(
         return known[laplacian]
 
     ways = [partial(laid_out, laplacian) for laplacian in ("cotangent", DELAUNAY)]
-    plain = best_of(ways, lambda made: made.conformal and made.distortion.mean <= enough)
+    plain = best_of(ways, lambda made: made.is_acceptable and made.distortion.mean <= enough)
     if asked.name != OWN or plain.valid or not may_ease:
         return plain
     with phase("circle"):

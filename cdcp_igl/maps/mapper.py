@@ -9,6 +9,7 @@ from typing import Any, Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import typed
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
@@ -82,6 +83,7 @@ class DiskMapper:
         """The checked surface."""
         return self._surface.mesh
 
+    @typed
     def map(
         self,
         *,
@@ -121,6 +123,7 @@ class DiskMapper:
         with using(self._solver):
             return announced(map_of(self._surface, options, phase, known=self._known))
 
+    @typed
     def free(
         self,
         *,
