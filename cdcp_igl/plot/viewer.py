@@ -23,9 +23,8 @@ from numpy.typing import ArrayLike
 from ..arguments import typed
 from ..arrays import Floats, Ints, as_complex, places
 from ..extras import from_extra
-from ..fields import Field
+from ..fields import Field, Labelled
 from ..io.images import MIME, Texture, as_image
-from ..io.neuro import Values
 from ..io.output import write_text
 from ..result.base import Result
 from ..surface.location import z_order
@@ -55,7 +54,7 @@ def view(
     results: Mapping[str, Result],
     path: str | PathLike[str] | None = None,
     *,
-    fields: Mapping[str, ArrayLike | Values] | None = None,
+    fields: Mapping[str, Labelled] | None = None,
     beside: Mapping[str, ArrayLike] | None = None,
     title: str = "",
 ) -> Path:

@@ -18,10 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..arguments import typed
 from ..arrays import Floats, Ints, unit_size
 from ..errors import MapError, counted, spell
-from ..fields import Field, Method
+from ..fields import Field, Labelled, Method
 from ..io.given import FromFile
 from ..io.images import Texture
-from ..io.neuro import Values
 from ..plot.layout import Layout
 from ..plot.raster import sample
 from ..printing import Pairs, as_html, as_text
@@ -427,7 +426,7 @@ class Result(FromFile, ABC):
         self,
         path: str | PathLike[str] | None = None,
         *,
-        fields: Mapping[str, ArrayLike | Values] | None = None,
+        fields: Mapping[str, Labelled] | None = None,
         texture: Texture | None = None,
         beside: Mapping[str, ArrayLike] | None = None,
         keep: Sequence[float | str] = (),
@@ -505,7 +504,7 @@ class Result(FromFile, ABC):
     def view_html(
         self,
         *,
-        fields: Mapping[str, ArrayLike | Values] | None = None,
+        fields: Mapping[str, Labelled] | None = None,
         texture: Texture | None = None,
         beside: Mapping[str, ArrayLike] | None = None,
         keep: Sequence[float | str] = (),
