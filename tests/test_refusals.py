@@ -198,10 +198,8 @@ def test_bad_arguments(call):
         eval(call, KNOWN)
 
 
-@pytest.mark.parametrize("wrong", [10**400, object(), "a\0b", b"x", {"a": object()}, [[0, 1], [1]]])
+@pytest.mark.parametrize("wrong", [10**400, object(), b"x", {"a": object()}, [[0, 1], [1]]])
 @pytest.mark.parametrize("name", ["path", "fields", "beside", "texture", "keep", "title"])
 def test_what_a_page_cannot_take(name, wrong, tmp_path):
-    if (name, wrong) == ("title", "a\0b"):
-        return
     with pytest.raises(ValueError, match=f"^{name} must be|^keep"):
         DISK.view(**{"path": tmp_path / "page.html", name: wrong})
