@@ -12,11 +12,12 @@ from typing import Any, Literal
 import numpy as np
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from ..arguments import is_real, is_whole
 from ..arrays import Bools, Floats, Ints, as_complex, coordinates
 from ..errors import MapError
 from ..maps.disk import made_disk_map
 from ..maps.free import FreeMap
-from ..options import Options, is_real, is_whole
+from ..options import Options
 from ..phases import Progress
 from ..rescue.boundary import by_inscribed_angles
 from ..result.disk_map import DiskMap
@@ -132,14 +133,16 @@ class Chart:
     @property
     def unevenness(self) -> tuple[bool, bool, float]:
         """What more charts are to lower: no valid map is worse than one that is not conformal."""
-        return bool(self.failure), not self.map.conformal, self.scale_variation
+        return bool(self.failure), not self.map.is_acceptable, self.scale_variation
 
     def gains_on(self, other: Chart) -> bool:
         """Whether the scale is more even; or the angles are better where they were not good."""
         if other.failure:
             return not self.failure
-        if other.map.conformal:
-            return self.map.conformal and self.scale_variation < (1 - GAIN) * other.scale_variation
+        if other.map.is_acceptable:
+            return (
+                self.map.is_acceptable and self.scale_variation < (1 - GAIN) * other.scale_variation
+            )
         return self.map.distortion.mean < (1 - GAIN) * other.map.distortion.mean
 
 
@@ -318,7 +321,7 @@ def _grown(first: Chart, options: Options, limits: Limits, progress: Progress | 
     best = replace(first, is_lost=False)
     is_small = len(first.opened.component.rows) < LEAST_FACES
     asked = limits.asked
-    while best.scale_variation > asked or not (best.map.conformal or asked == np.inf):
+    while best.scale_variation > asked or not (best.map.is_acceptable or asked == np.inf):
         longer = grow(best)
         if longer is best.opened:
             break

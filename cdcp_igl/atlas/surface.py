@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import libigl
+from ..arguments import typed
 from ..arrays import (
     Complex,
     Floats,
@@ -28,7 +29,7 @@ from ..fields import Field, Method
 from ..io.given import takes_meshes
 from ..maps.free import FreeMap
 from ..options import Options
-from ..phases import Progress, check_progress
+from ..phases import Progress
 from ..plot.layout import Layout
 from ..rescue.repair import Repair
 from ..result.base import announced
@@ -146,6 +147,7 @@ class SurfaceMap(Bijection):
         uv_cut[self.cut.F] = self.uv
         return uv_cut
 
+    @typed
     def packed(
         self,
         size: int | None = None,
@@ -513,7 +515,6 @@ def surface_map(
         raise ValueError(f"center must be a method, since each disk has a face, not {center!r}")
     if align is not None and np.ndim(align) == 0:
         raise ValueError(f"align must be a direction in space or None, not {align!r}")
-    check_progress(progress)
     options = Options(
         center, mobius, align, refine, refine_norm, refine_seconds, preset, solver, keep
     )
@@ -624,12 +625,12 @@ def _distortion(sheets: Sheets, uv: Floats) -> AngleDistortion:
 
 def _worst(maps: Sequence[DiskMap | FreeMap]) -> int:
     """Find the chart of largest mean distortion, of those that are not conformal, if any."""
-    return max(range(len(maps)), key=lambda k: (not maps[k].conformal, maps[k].distortion.mean))
+    return max(range(len(maps)), key=lambda k: (not maps[k].is_acceptable, maps[k].distortion.mean))
 
 
 def _worst_conformality(maps: list[DiskMap | FreeMap]) -> Conformality:
     """Find the verdict on the worst chart, with its number."""
-    bad, worst = [made for made in maps if not made.conformal], _worst(maps)
+    bad, worst = [made for made in maps if not made.is_acceptable], _worst(maps)
     verdict = maps[worst].conformality
     if not bad or len(maps) == 1:
         return verdict

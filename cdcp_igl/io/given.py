@@ -16,6 +16,7 @@ from typing import Any, Concatenate, ParamSpec, Protocol, TypeAlias, TypeVar, ov
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import check_types, typed
 from ..arrays import Floats, Ints
 from ..errors import Damage, Defect, MeshError, counted
 from .neuro import gifti_surface
@@ -183,18 +184,19 @@ def takes_meshes(function: Callable[..., Any]) -> Any:
     """Let one object stand in the place of the arguments V and F.
 
     Polygons are triangulated; errors name them, and a function that takes `polygon_of_face` is
-    told.
+    told. The other arguments are checked before a file is read, see `typed`.
     """
     names = list(signature(function).parameters)
-    at = names.index("V")
+    at, checked = names.index("V"), typed(function)
 
     @wraps(function)
     def run(*args: Any, **options: Any) -> Any:
         if len(args) <= at:
-            return function(*args, **options)
+            return checked(*args, **options)
         given, alone = args[at], len(args) == at + 1 and "F" not in options
         if not (alone or _is_mesh(given)):
-            return function(*args, **options)
+            return checked(*args, **options)
+        check_types(function, (*args[: at + 1], None, *args[at + 1 :]), options)
         V, F, polygon_of_face = surface_of(given)
         if isinstance(given, str | PathLike):
             options = with_texture(options, given)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..arguments import typed
 from ..arrays import Bools, Floats, Ints, marked
 from .neuro import HEMISPHERE, Values, neuro_type, patch_of, values_of
 from .reading import file_to_read
@@ -14,6 +15,7 @@ from .reading import file_to_read
 NO_LABEL = "unknown", "???"  # FreeSurfer, Connectome Workbench
 
 
+@typed
 def read_patch(path: str | PathLike[str]) -> tuple[Ints, Floats, Bools]:
     """Read a patch of FreeSurfer, a part of a surface; it is flat if its z are 0.
 
@@ -55,6 +57,7 @@ def read_patch(path: str | PathLike[str]) -> tuple[Ints, Floats, Bools]:
         return patch_of(file)
 
 
+@typed
 def read_values(path: str | PathLike[str], n: int | None = None) -> Values:
     """Read values at vertices from a file of FreeSurfer, in GIFTI or in MGH.
 
@@ -104,6 +107,7 @@ def read_values(path: str | PathLike[str], n: int | None = None) -> Values:
     return found
 
 
+@typed
 def read_vertices(given: str, n: int, surface: str | PathLike[str]) -> Bools:
     r"""Read which vertices of a surface a file names.
 

@@ -67,7 +67,7 @@ def _read_by_meshio(path: Path) -> Any:
         import meshio
     try:
         return (meshio.vtk if path.suffix.lower() == ".vtk" else meshio.vtu).read(path)
-    except (meshio.ReadError, LookupError, RuntimeError, ValueError):
+    except (meshio.ReadError, AssertionError, LookupError, RuntimeError, ValueError):
         raise Damage(
             "it is damaged, or of a kind that meshio does not read: ParaView's filter Extract "
             "Surface makes PolyData"

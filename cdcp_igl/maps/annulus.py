@@ -242,7 +242,7 @@ def annulus_map(
             return refined(plain, f, Ring(), surface.order, steps, again, options, phase)
 
         def enough(made: AnnulusMap) -> bool:
-            return made.conformal or (made.valid and options.refine == 0)
+            return made.is_acceptable or (made.valid and options.refine == 0)
 
         best = best_of((partial(lowered, *way) for way in _strips(surface, strip)), enough)
     best = valid_map(best, " onto the ring", REMEDY)

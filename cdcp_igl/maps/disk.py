@@ -314,7 +314,7 @@ def is_settled(made: DiskMap) -> bool:
         return False
     verdict = made.conformality
     hardly = made.valid and not verdict.sheared and verdict.stretch <= LITTLE_STRETCH
-    return hardly or (made.conformal and not verdict.is_doubtful)
+    return hardly or (made.is_acceptable and not verdict.is_doubtful)
 
 
 def _lowered(

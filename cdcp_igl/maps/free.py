@@ -22,7 +22,7 @@ from ..arrays import (
     places,
 )
 from ..docstrings import like
-from ..errors import MapError, counted, spell
+from ..errors import MapError, SolverError, counted, spell
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
@@ -61,6 +61,10 @@ EASED = 1 / 64
 # Steps of refinement of an outline that was eased, and of one that was the circle.
 EASING, FREEING = 5, 10
 OWN, DELAUNAY, FREED = "own lengths", "intrinsic Delaunay", "eased from the disk"
+NO_PLACES = (
+    "Pins stretch the map beyond what double precision tells apart. Leave out pins, or put them "
+    "nearer to the map, in the unit of V"
+)
 SUM_TOLERANCE = 1e-9  # of exterior angles, which add up to 2 pi
 # Phases of a map onto the disk that one with a free outline only has where its outline is eased.
 OF_THE_DISK = ("center", "trace", "circle", "mobius")
@@ -140,7 +144,10 @@ class FreeMap(KeepingMap, PlaneMap):
         f = (f - f[rows].mean()) * (np.vdot(at, to) / np.vdot(at, at)) + goal.mean()
         with phase("refine"):
             newton = Newton(mesh, f, held=marked(len(f), rows))
-            reached = newton.pull(Energy.of(mesh, t), rows, goal)
+            try:
+                reached = newton.pull(Energy.of(mesh, t), rows, goal)
+            except SolverError:
+                raise MapError(NO_PLACES, self) from None
         made = replace(replace(self, pins=rows).moved_to(newton.f, phase), conformality=NOT_ASKED)
         made = replace(made, kept=Kept.of(mesh, newton.f, t, self._target, newton.steps))
         if not reached:
@@ -495,7 +502,7 @@ def _best_map(
         return known[laplacian]
 
     ways = [partial(laid_out, laplacian) for laplacian in ("cotangent", DELAUNAY)]
-    plain = best_of(ways, lambda made: made.conformal and made.distortion.mean <= enough)
+    plain = best_of(ways, lambda made: made.is_acceptable and made.distortion.mean <= enough)
     if asked.name != OWN or plain.valid or not may_ease:
         return plain
     with phase("circle"):

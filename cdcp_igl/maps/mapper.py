@@ -9,6 +9,7 @@ from typing import Any, Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import typed
 from ..io.given import OfGiven, takes_meshes, tell
 from ..options import Options
 from ..phases import Phases, Progress
@@ -82,6 +83,7 @@ class DiskMapper(OfGiven):
         """The checked surface."""
         return self._surface.mesh
 
+    @typed
     def map(
         self,
         *,
@@ -123,6 +125,7 @@ class DiskMapper(OfGiven):
             tell(made, vars(self))
             return made
 
+    @typed
     def free(
         self,
         *,

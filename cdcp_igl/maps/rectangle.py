@@ -264,7 +264,7 @@ def _best_map(mesh: Mesh, sides: list[Ints], options: Options, phase: Phases) ->
 
     def enough(made: RectangleMap) -> bool:
         # Flipped faces that were repaired are worth another Laplacian, not a map onto the disk.
-        conformal = [one for one in squares if one.conformal]
+        conformal = [one for one in squares if one.is_acceptable]
         return bool(conformal) and (len(squares) > 1 or made.repair.n_flipped == 0)
 
     def lowered(plain: RectangleMap) -> RectangleMap:
@@ -286,7 +286,7 @@ def _best_map(mesh: Mesh, sides: list[Ints], options: Options, phase: Phases) ->
     ways = [partial(_sliding, name, mesh, sides, phase) for name in LAPLACIANS]
     ways.append(partial(_by_disk_map, mesh, sides, phase))
     best = lowered(best_of((partial(made, way) for way in ways), enough))
-    return best_of((lambda: best, embedded), lambda _: any(one.conformal for one in squares))
+    return best_of((lambda: best, embedded), lambda _: any(one.is_acceptable for one in squares))
 
 
 def _sliding(name: str, mesh: Mesh, sides: list[Ints], phase: Phases) -> _Square:

@@ -107,7 +107,7 @@ def rescue(
         for harmonic, failed in sorted(tried, key=lambda pair: pair[1].rank):
             if not (failed.valid or failed.repair.rounds):
                 candidates.append(_repaired(harmonic, options, phase))
-                if candidates[-1].conformal:
+                if candidates[-1].is_acceptable:
                     break
     if candidates[1:]:  # to rank one alone would take all angles
         candidates.sort(key=lambda candidate: candidate.rank)
@@ -128,7 +128,7 @@ def _objection(made: DiskMap) -> str:
     name = made.boundary.name
     if not made.valid:
         return f"{name}: no certificate"
-    verdict = "" if made.conformal else ", not conformal"
+    verdict = "" if made.is_acceptable else ", not conformal"
     return f"{name}: mean distortion {made.distortion.mean:.2f} degrees{verdict}"
 
 

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import typed
 from ..arrays import Bools, Complex, Floats, Indices, Ints, coordinates
 from ..cached import cached_property
 from ..docstrings import like
@@ -179,11 +180,13 @@ class SphereMap(MadeMap):
             )
         return _in_square(self.uv)
 
+    @typed
     def apply(self, face: ArrayLike, barycentric: ArrayLike) -> Floats:
         """Map points of the surface to the unit sphere, as `Bijection.apply`: (..., 3)."""
         straight = super().apply(face, barycentric)
         return straight / np.linalg.norm(straight, axis=-1)[..., None]
 
+    @typed
     def register(self, to: SphereMap, landmarks: ArrayLike) -> Registered:
         """Lay the map over that of another surface, by landmarks.
 
@@ -460,10 +463,10 @@ def _best_map(
     orders = list[Indices]()
     best = best_of(
         (partial(by_dipole, name) for name in LAPLACIANS),
-        lambda made: made.conformal and made.repair.n_flipped == 0,
+        lambda made: made.is_acceptable and made.repair.n_flipped == 0,
     )
     best = _lowered(mesh, best, orders[-1], options, phase)
-    if best.conformal and not best.is_far_from_mended:
+    if best.is_acceptable and not best.is_far_from_mended:
         return best
 
     def around(pole: int) -> SphereMap:

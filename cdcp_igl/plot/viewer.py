@@ -15,16 +15,18 @@ from os import PathLike
 from pathlib import Path
 from string import Template
 from tempfile import mkdtemp
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import typed
 from ..arrays import Floats, Ints, as_complex, places
 from ..extras import from_extra
-from ..fields import Field
+from ..fields import Field, Labelled
 from ..io.images import MIME, Texture, as_image
 from ..io.output import write_text
+from ..result.base import Result
 from ..surface.location import z_order
 from ..surface.topology import group_by_edge, heads, tails
 from ..surface.triangles import vertex_areas
@@ -47,17 +49,12 @@ SURFACE = "Surface"  # what the shape that was mapped is called
 FLAT = 1e-6  # thickness of a flat shape, by its size: one looks straight at it
 
 
-class Viewed(Protocol):
-    """A result such as a `DiskMap`."""
-
-    def _layout(self) -> Layout: ...
-
-
+@typed
 def view(
-    results: Mapping[str, Viewed],
+    results: Mapping[str, Result],
     path: str | PathLike[str] | None = None,
     *,
-    fields: Mapping[str, Any] | None = None,
+    fields: Mapping[str, Labelled] | None = None,
     beside: Mapping[str, ArrayLike] | None = None,
     title: str = "",
 ) -> Path:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import typed
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates
 from ..cached import cached_property
 from ..errors import MapError
@@ -134,6 +135,7 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
         """Steps of refinement for a map that is not near the conformal one, or was straightened."""
         return super().steps_due or (FURTHER if self.straightening.before else 0)
 
+    @typed
     def register(self, to: DiskMap, landmarks: ArrayLike) -> Registered:
         """Lay the map over that of another surface, by landmarks.
 
@@ -200,6 +202,7 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
 
         return self._registered(uv, to, landmarks, fitted)
 
+    @typed
     def match(self, to: DiskMap, pairs: ArrayLike) -> Match:
         """Map the surface onto another one so that pairs of vertices meet.
 

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from ..arguments import typed
 from ..arrays import Bools, Complex, coordinates
 from ..errors import MapError
 from ..io.given import tell
@@ -98,6 +99,7 @@ class KeepingMap(MadeMap):
 
     _target: ClassVar[Target]
 
+    @typed
     def continued(self, *, keep: float | str) -> Self:
         """Go on to a map that keeps something else.
 

@@ -92,12 +92,12 @@ class MadeMap(Bijection):
     @property
     def rank(self) -> tuple[bool, bool, float]:
         """Valid maps come first, of these the conformal ones, then those of low mean distortion."""
-        return not self.valid, not self.conformal, self.distortion.mean
+        return not self.valid, not self.is_acceptable, self.distortion.mean
 
     @property
     def refined_rank(self) -> tuple[bool, float]:
         """Where maps are refined the lowest is first, one not conformal if it is so by `MARGIN`."""
-        return not self.valid, self.distortion.mean * (1 if self.conformal else MARGIN)
+        return not self.valid, self.distortion.mean * (1 if self.is_acceptable else MARGIN)
 
     @property
     def repaired_share(self) -> float:
@@ -215,7 +215,7 @@ Kind = TypeVar("Kind", bound=MadeMap)
 
 def best_of(
     ways: Iterable[Callable[[], Kind]],
-    enough: Callable[[Kind], bool] = lambda made: made.conformal,
+    enough: Callable[[Kind], bool] = lambda made: made.is_acceptable,
 ) -> Kind:
     """Try one way after the other until a map is good enough; the best one, valid or not.
 
@@ -263,7 +263,7 @@ def refined(
     """
     mesh, verdict, repair = plain.mesh, plain.conformality, plain.repair
     few = steps == plain.steps_due == FURTHER
-    conformal, known = plain.conformal, 0.0 if verdict.sheared else verdict.mean
+    conformal, known = plain.is_acceptable, 0.0 if verdict.sheared else verdict.mean
 
     def no_less_conformal(f: Complex, r: Floats) -> bool:
         nonlocal conformal, known
@@ -302,7 +302,7 @@ def refined(
         if (told := made.refinement) is not None:
             told = replace(told, asked=refinement.asked, stopped="no certificate")
         return replace(made, refinement=told)
-    if (better.valid, better.conformal) < (plain.valid, plain.conformal):
+    if (better.valid, better.is_acceptable) < (plain.valid, plain.is_acceptable):
         stopped = "not conformal" if better.valid else "no certificate"
         return replace(plain, refinement=refinement.undone(stopped))
     repair = replace(repair, n_moved=max(repair.n_moved, better.repair.n_moved))
