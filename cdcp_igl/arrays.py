@@ -66,6 +66,11 @@ def rows_not_in(others: Ints, rows: Ints) -> Ints:
     return rows[~np.isin(own, other)]
 
 
+def in_space(given: NDArray[Any]) -> Floats:
+    """(n, 3) float64 copy of positions; z is 0 where they have two columns."""
+    return np.pad(given.astype(np.float64), ((0, 0), (0, 3 - given.shape[1])))
+
+
 def unit_size(given: NDArray[Any], exponent: int | None = None) -> Floats:
     """(n, 3) float64 copy of positions; the largest coordinate is from 1/2 to 1.
 

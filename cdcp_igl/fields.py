@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 from .arrays import Floats, Ints
 
 Method = Literal["linear", "nearest"]
+Labelled = ArrayLike | tuple[ArrayLike, Mapping[int, str]]  # with names, as of `io.Values`
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .arguments import is_real, is_whole
 from .arrays import Ints
 from .solve.solvers import SolverName, checked
 from .steps.center import METHODS, CenterMethod
@@ -127,13 +128,3 @@ class Options:
     def first_steps(self) -> tuple[CenterMethod | int, str | None]:
         """What the harmonic map of Algorithm 1 depends on, before its normalisation."""
         return self.center, self.preset
-
-
-def is_whole(value: object) -> bool:
-    """Whether a value is an integer, and no truth value."""
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
-
-
-def is_real(value: object) -> bool:
-    """Whether a value is a real number, perhaps infinite, and no truth value."""
-    return is_whole(value) or isinstance(value, float | np.floating)

@@ -9,12 +9,6 @@ from time import perf_counter
 Progress = Callable[[str, float], None]
 
 
-def check_progress(progress: object) -> None:
-    """Raise ValueError for what is to be told of the progress, and cannot be called."""
-    if not (progress is None or callable(progress)):
-        raise ValueError(f"progress must be a function, not {progress!r}")
-
-
 # The phases in order, with their share of the time on a large mesh: what a progress bar
 # can honestly show.
 PHASES = {
@@ -49,7 +43,6 @@ class Phases:
         refinement_steps: int = 0,
         skipped: Iterable[str] = (),
     ) -> None:
-        check_progress(progress)
         self.seconds: dict[str, float] = {}
         self._progress = progress
         self._reached = 0.0

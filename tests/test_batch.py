@@ -1,7 +1,6 @@
 """Many surfaces: nothing lost, nothing overwritten, nothing done twice."""
 
 import csv
-import json
 import os
 import shutil
 from concurrent.futures import ThreadPoolExecutor
@@ -104,7 +103,7 @@ def test_each_surface_in_its_own_format(tmp_path, out):
         ({"shard": (3, 2)}, "shard"),
         ({"executor": object(), "jobs": 2}, "executor"),
         ({"executor": object(), "time_limit": 1}, "executor"),
-        ({"cut": True, "outline": "disk", "center": 3}, "must be a method"),
+        ({"cut": True, "outline": "disk", "center": 3}, "center must be"),
         ({"cut": True, "align": 3}, "must be a direction"),
     ],
 )
@@ -153,7 +152,7 @@ def test_what_is_lost_or_may_have_changed_is_made_again(scans, out, change):
     assert len(lines(out)) == 4
 
 
-def test_half_a_line_is_ended_and_does_not_count(scans, out):
+def test_half_a_line_goes_and_its_surface_is_done_again(scans, out):
     """As a full disk leaves it: the result is not in its place then."""
     batch([scans], out)
     before, last = contents(out), lines(out)[-1]["name"]
@@ -161,10 +160,7 @@ def test_half_a_line_is_ended_and_does_not_count(scans, out):
     (out / f"{last}.npz").unlink()
     assert batch([scans], out).failed == ()
     assert contents(out) == before
-    *kept, cut, added = (out / "results.jsonl").read_text().splitlines()
-    with pytest.raises(ValueError, match=r"Unterminated|Expecting"):
-        json.loads(cut)
-    assert [json.loads(line)["status"] for line in (*kept, added)] == ["done"] * 3
+    assert [line["status"] for line in lines(out)] == ["done"] * 3
     with (out / "results.jsonl").open("a") as file:  # lines of others
         file.write('{"section": "tables"}\n3\n\n{"name": "surface_000"}\n')
     assert len(batch([scans], out).done) == 3

@@ -228,6 +228,26 @@ def test_an_outline_that_overlaps_itself_is_eased(turns, boundary):
     assert result.distortion.mean < 2
 
 
+@pytest.mark.parametrize("options", [{}, {"refine": 0}, {"refine": 3}, {"keep": "lengths"}])
+@pytest.mark.parametrize("turns", [0.5, 1.3, 6])
+def test_the_centroid_of_the_surface_is_the_origin(turns, options):
+    V, F = sector(3, turns, height=0.1)
+    made = [cdcp_igl.free_map(V + 100, F, **options)]
+    made += [made[0].continued(keep="areas")] if turns < 1 else []
+    area = np.linalg.norm(np.cross(*np.moveaxis(np.diff(V[F], axis=1), 1, 0)), axis=1)
+    for result in made:
+        centroid = np.average(result.uv[F].mean(axis=1), weights=area, axis=0)
+        assert abs(centroid).max() < 1e-9 * np.ptp(result.uv)
+
+
+def test_pins_hold_a_map_wherever_its_centroid_is():
+    V, F = sector(3, 0.5)
+    pins = {0: (50, 60), 5: (52, 60)}
+    result = cdcp_igl.free_map(V, F, pins=pins)
+    for made in (result, result.continued(keep="lengths")):
+        np.testing.assert_array_equal(made.uv[[*pins]], [*pins.values()])
+
+
 def test_an_eased_outline_is_refined():
     """Though its sides lie close together: 4 % is gained if all vertices wait for those there."""
     V, F = sector(3, 1.3, height=0.1)

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 from commands import invoke
 
-from cdcp_igl import datasets, disk_map, submesh, surface_map
+from cdcp_igl import MeshError, datasets, disk_map, submesh, surface_map
 from cdcp_igl.io import read_mesh, read_texture, write_map
 from cdcp_igl.io.images import checkerboard
 
@@ -258,6 +258,64 @@ def test_the_file_that_was_given_is_kept_everywhere(tmp_path, caplog):
     view = after["bufferViews"][image["bufferView"]]
     assert new[view["byteOffset"] :][: view["byteLength"]] == checkerboard().data
     assert (shown, PIXEL in new) == (set(), False)
+
+
+def test_instances_are_nodes(tmp_path):
+    """Each has its own place in the texture; what the node has besides moves them all."""
+    random, (scene, body) = np.random.default_rng(3), doll()
+    move, turn, size = random.normal(size=(3, 3)), random.normal(size=(3, 4)), [[1], [2], [-1]]
+    turn /= np.linalg.norm(turn, axis=1, keepdims=True)
+    size = size * random.uniform(0.5, 2, (3, 3))
+    rows, attributes = {"TRANSLATION": move, "ROTATION": turn, "SCALE": size}, {}
+    for name, array in rows.items():
+        data = array.astype("<f4").tobytes()
+        view = {"buffer": 0, "byteOffset": len(body), "byteLength": len(data)}
+        scene["bufferViews"].append(view)
+        entry = {"bufferView": len(scene["bufferViews"]) - 1, "componentType": 5126, "count": 3}
+        scene["accessors"].append(entry | {"type": f"VEC{array.shape[1]}"})
+        attributes[name] = len(scene["accessors"]) - 1
+        body += data
+    scene["buffers"][0]["byteLength"] = len(body)
+    holder = next(node for node in scene["nodes"] if "mesh" in node)
+    of_nodes = json.loads(json.dumps(scene))
+    one = next(node for node in of_nodes["nodes"] if "mesh" in node)
+    of_each = {name: one.pop(name) for name in ("mesh", "skin") if name in one}
+    first = len(of_nodes["nodes"])
+    of_nodes["nodes"] += [
+        of_each | {"translation": t.tolist(), "rotation": r.tolist(), "scale": s.tolist()}
+        for t, r, s in zip(*(array.astype("<f4") for array in rows.values()), strict=True)
+    ]
+    one["children"] = [*range(first, first + 3), *one.get("children", [])]
+    holder["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
+    scene["extensionsUsed"].append("EXT_mesh_gpu_instancing")
+    scene["extensionsRequired"] = ["EXT_mesh_gpu_instancing"]
+    given = write_scene(tmp_path / "many.glb", scene, body)
+    plain = write_scene(tmp_path / "nodes.glb", of_nodes, body)
+    V, F = read_mesh(given)
+    for array, other in zip((V, F), read_mesh(plain), strict=True):
+        np.testing.assert_array_equal(array, other)
+    result = surface_map(given)
+    result.save(tmp_path / "a.glb")
+    W, G, uv = read_texture(tmp_path / "a.glb")
+    np.testing.assert_array_equal(W[G], V[F])
+    np.testing.assert_allclose(uv, result.packed(), atol=1e-6)
+    after, _ = scene_of(tmp_path / "a.glb")
+    assert after["extensionsUsed"] == ["KHR_materials_unlit"]
+    assert "extensionsRequired" not in after
+
+
+@pytest.mark.parametrize("suffix", ["glb", "gltf"])
+def test_what_a_scene_requires_is_read_or_named(tmp_path, suffix):
+    for name in ("KHR_materials_unlit", "KHR_texture_transform", "KHR_mesh_quantization"):
+        scene, body = doll()
+        scene["extensionsRequired"] = [name]
+        assert len(read_mesh(write_scene(tmp_path / f"a.{suffix}", scene, body))[1])
+    for name in ("KHR_draco_mesh_compression", "ACME_cloth"):
+        scene, body = doll()
+        scene["extensionsRequired"] = [name]
+        path = write_scene(tmp_path / f"b.{suffix}", scene, body)
+        with pytest.raises(MeshError, match=f"requires the extension {name}"):
+            read_mesh(path)
 
 
 # -- ply ---------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import pickle
 import re
 import struct
 import sys
@@ -336,6 +337,181 @@ def test_a_surface_that_was_cut_has_no_one_place_for_a_vertex(tmp_path):
     with pytest.raises(ValueError, match="one place for each vertex"):
         cdcp_igl.surface_map(V, F).save(tmp_path / "flat.gii")
     assert list(tmp_path.iterdir()) == []
+
+
+def pinched():
+    """Vertices above a plane but for a hole that meets the rim at one, which `clean` splits."""
+    keep = V[:, 2] > -0.4 * V[:, 2].max()
+    near = [np.unique(F[(v == F).any(axis=1)]) for v in range(len(V))]
+    rim = {v for v in np.flatnonzero(keep) if not keep[near[v]].all()}
+    for v in sorted(rim):
+        for x in near[v]:
+            if keep[x] and x not in rim and not any(y in rim and y != v for y in near[x]):
+                keep[x] = False
+                return keep
+    raise AssertionError
+
+
+def islet():
+    """All vertices but those around one face, whose own corners `clean` splits or leaves out."""
+    face = F[V[F, 2].mean(axis=1).argmax()]
+    keep = ~np.isin(np.arange(len(V)), F[np.isin(F, face).sum(axis=1) == 2])
+    keep[face] = True
+    return keep
+
+
+DOUBLED = {
+    "split": lambda surface: cdcp_igl.clean(cdcp_igl.submesh(surface, vertices=pinched())),
+    "islet": lambda surface: cdcp_igl.clean(cdcp_igl.submesh(surface, vertices=islet())),
+    "cut": cdcp_igl.cut,
+    "a part, cut": lambda surface: cdcp_igl.cut(
+        cdcp_igl.submesh(surface, vertices=abs(V[:, 2]) < 0.8 * V[:, 2].max())
+    ),
+}
+
+
+def doubled_rows(part):
+    rows, count = np.unique(part.vertex_index[part.vertex_index >= 0], return_counts=True)
+    return rows[count > 1]
+
+
+@pytest.mark.parametrize("kind", DOUBLED)
+@pytest.mark.parametrize("made", [cdcp_igl.free_map, lambda part: mapper_of(part).free()])
+def test_a_vertex_with_several_places_is_left_out_of_a_patch(kind, made, pial, tmp_path, caplog):
+    part = DOUBLED[kind](pial)
+    result, doubled = made(part), doubled_rows(part)
+    file = tmp_path / "lh.x.patch.flat"
+    with caplog.at_level("WARNING", "cdcp_igl"):
+        result.save(file)
+    points, faces, border = patch_of_a_surface(file, len(V), F)
+    there = np.isfinite(points[:, 0])
+    assert not there[doubled].any()
+    left_out = len(np.unique(part.vertex_index[part.vertex_index >= 0])) - there.sum()
+    assert (f"not in lh.x.patch.flat: {left_out} vert" in caplog.text) == (left_out > 0)
+    mapped = {frozenset(face) for face in part.vertex_index[part.F].tolist()}
+    assert {frozenset(face) for face in faces} <= mapped
+    one, other, third = points[faces].transpose(1, 0, 2)
+    assert (np.cross(other - one, third - one)[:, 2] > 0).all()
+    uv = result.to_given(result.uv)
+    assert len(uv) == len(V)
+    assert np.isnan(uv[doubled]).all()
+    assert np.array_equal(uv[there].astype(np.float32), points[there, :2])
+    ends = np.sort(np.vstack([np.roll(faces, k, axis=1)[:, :2] for k in range(3)]), axis=1)
+    edges, count = np.unique(ends, axis=0, return_counts=True)
+    assert set(np.flatnonzero(border)) == set(edges[count == 1].ravel())
+    height = result.to_given(V[part.vertex_index, 2])  # one value, at however many places
+    assert np.array_equal(height[doubled], V[doubled, 2])
+
+
+def mapper_of(part):
+    """A mapper that has been to another process."""
+    return pickle.loads(pickle.dumps(cdcp_igl.DiskMapper(part)))
+
+
+@pytest.mark.parametrize("kind", ["split", "cut"])
+@pytest.mark.parametrize("name", ["x.surf.gii", "lh.flat"])
+def test_a_surface_that_keeps_its_rows_has_no_two_places(kind, name, pial, tmp_path):
+    part = DOUBLED[kind](pial)
+    first = str(doubled_rows(part)[0])
+    with pytest.raises(ValueError, match=rf"one place for each vertex.*\({first}"):
+        cdcp_igl.free_map(part).save(tmp_path / name)
+    assert not (tmp_path / name).exists()
+
+
+def test_the_same_from_the_shell_and_in_a_batch(pial, tmp_path):
+    rows = np.flatnonzero(pinched())
+    lines = ["#!ascii label", str(len(rows)), *(f"{row} 0 0 0 0" for row in rows)]
+    (tmp_path / "lh.some.label").write_text("\n".join(lines))
+    which, file = ("--only", "lh.some.label", "--clean", "--free"), tmp_path / "lh.x.patch.flat"
+    done = invoke("map", pial, file, *which)
+    assert done.exit_code == 0
+    assert "not in lh.x.patch.flat: 1 vertex" in " ".join(done.output.split())
+    part = DOUBLED["split"](pial)
+    assert not np.isin(doubled_rows(part), read_patch(file)[0]).any()
+    refused = invoke("map", pial, tmp_path / "x.surf.gii", *which)
+    assert refused.exit_code == 2
+    assert "one place for each vertex" in " ".join(refused.output.split())
+    how = {"free": True, "clean": True, "only": "lh.some.label", "format": "gii"}
+    [record] = cdcp_igl.batch([pial], tmp_path / "maps", **how).failed
+    assert record.error == "ValueError"
+    assert "one place for each vertex" in record.message
+
+
+def test_what_goes_on_from_a_part_knows_its_rows(tmp_path):
+    part = cdcp_igl.submesh(V, F, vertices=UPPER)
+    mapper = cdcp_igl.DiskMapper(part)
+    made = (
+        cdcp_igl.free_map(part).continued(keep="lengths"),
+        mapper.map(),
+        mapper.moved(part.V * [1, 1, 2]).free(),
+        cdcp_igl.disk_map(cdcp_igl.clean(cdcp_igl.cut(part, path=[]))),
+    )
+    for result in made:
+        assert len(result.to_given(result.uv)) == len(V)
+        result.save(tmp_path / "lh.x.patch.flat")
+        assert np.array_equal(read_patch(tmp_path / "lh.x.patch.flat")[0], part.vertex_index)
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "uint16", "uint64", "int32", "U3", "float32"])
+def test_where_nothing_is_there_is_no_label(dtype):
+    part = cdcp_igl.submesh(V, F, vertices=UPPER)
+    result = cdcp_igl.free_map(part)
+    labels = (np.arange(len(part.V)) % 200).astype(dtype)
+    whole = result.to_given(labels)
+    assert np.array_equal(whole[part.vertex_index], labels)
+    assert not np.isin(np.delete(whole, part.vertex_index), labels).any()
+
+
+@pytest.mark.parametrize(("dtype", "fill"), [("uint8", -1), ("uint8", 300), ("int64", 0.5)])
+def test_a_fill_that_is_none(dtype, fill):
+    result = cdcp_igl.free_map(cdcp_igl.submesh(V, F, vertices=UPPER))
+    with pytest.raises(ValueError, match="fill="):
+        result.to_given(np.zeros(len(result.uv), dtype), fill)
+
+
+def test_nothing_here_is_not_chosen(pial, tmp_path):
+    wall = V[:, 2] < -0.3 * V[:, 2].max()
+    named = np.where(V[:, 0] > 0, 1, 2)
+    colours = np.array([[0, 0, 0, 0, 0], [1, 2, 3, 0, 197121], [4, 5, 6, 0, 394500]])
+    write_annot(tmp_path / "lh.a.annot", np.where(wall, -1, named), colours, ["x", "l", "r"], False)
+    write_annot(
+        tmp_path / "lh.b.annot", np.where(wall, 1, 2), colours, ["x", "Unknown", "r"], False
+    )
+    names = {1: "l", 2: "r", 7: "???"}
+    for name, nothing in (("c", -3), ("d", 7)):
+        image = gifti((np.where(wall, nothing, named).astype(np.int32), 1002), labels=names)
+        image.to_filename(tmp_path / f"lh.{name}.label.gii")
+    depth = np.where(wall, np.nan, -1.5).astype(np.float32)
+    gifti((depth, 2005)).to_filename(tmp_path / "lh.e.shape.gii")
+    write_morph_data(tmp_path / "lh.f", depth)
+    for name in ("a.annot", "b.annot", "c.label.gii", "d.label.gii", "e.shape.gii", "f"):
+        given = f"{{hemi}}.{name}"
+        assert np.array_equal(cdcp_igl.io.read_vertices(given, len(V), pial), ~wall)
+        assert np.array_equal(cdcp_igl.io.read_vertices(f"{given}:unknown", len(V), pial), wall)
+    patch = tmp_path / "lh.x.patch.flat"
+    for which in (("--only", "lh.f"), ("--without", "lh.a.annot:unknown")):
+        assert invoke("map", pial, patch, "--free", "--force", *which).exit_code == 0
+        assert not wall[read_patch(patch)[0]].any()
+
+
+def test_several_columns_name_no_vertices(pial, tmp_path):
+    gifti((V[:, 0].astype(np.float32), 2001), (V[:, 1].astype(np.float32), 2001)).to_filename(
+        tmp_path / "lh.run.func.gii"
+    )
+    with pytest.raises(ValueError, match=r"'lh\.run\.func\.gii' has 2 columns"):
+        cdcp_igl.io.read_vertices("lh.run.func.gii", len(V), pial)
+
+
+@pytest.mark.parametrize("dtype", [np.int32, np.uint8, np.int64])
+def test_zeros_and_ones_are_a_mask_and_no_rows(dtype):
+    for option in ("vertices", "without"):
+        expected = cdcp_igl.submesh(V, F, **{option: UPPER})
+        made = cdcp_igl.submesh(V, F, **{option: UPPER.astype(dtype)})
+        assert np.array_equal(made.vertex_index, expected.vertex_index)
+        with pytest.raises(ValueError, match="truth value for each"):
+            cdcp_igl.submesh(V, F, **{option: UPPER[1:].astype(dtype)})
+        with pytest.raises(ValueError, match="labels"):
+            cdcp_igl.submesh(V, F, **{option: 3 * UPPER.astype(dtype)})
 
 
 def test_without_nibabel_it_says_what_to_install(pial, monkeypatch):

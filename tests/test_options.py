@@ -137,7 +137,7 @@ def test_what_is_wrong_is_said_before_anything_is_read(kind, name, tmp_path):
         ({"job": 2}, "job: no option of batch; did you mean jobs"),
         ({"fill": False}, "fill: no option of the disk map; the surface .cut. map has it"),
         ({"onto": "rectangle"}, "the rectangle map needs corners"),
-        ({"onto": "cube"}, "onto must be one of sphere, annulus, rectangle, not 'cube'"),
+        ({"onto": "cube"}, 'onto must be "sphere", "annulus", "rectangle" or None, not .cube'),
         ({"onto": "annulus", "clean": True, "free": True}, "^free: no option of the annulus"),
         ({"free": True, "corners": {0: 1.0}, "boundary_scale": [1.0]}, "only one is possible"),
         ({"free": True, "boundary_scale": [1.0], "refine": 1}, "refine moves the boundary"),

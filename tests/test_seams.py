@@ -170,6 +170,26 @@ def test_cuts_go_along_the_seams_given_and_elsewhere_only_if_that_is_asked_for()
     assert report["cut_edges"] == 3 + report["added_edges"]
 
 
+def test_seams_that_leave_an_uneven_scale_are_told(tmp_path, caplog):
+    """As texels of the ball around a short slit: their sizes differ twentyfold, and more."""
+    V, F = surfaces.sphere()
+    slit = [F[0, :2], F[0, 1:]]
+    result = cdcp_igl.surface_map(V, F, seams=slit)
+    assert result.texel_density.ratio > 5
+    assert len(result.added) == 0
+    first = str(result).splitlines()[0]
+    assert f"valid, scale variation {result.scale_variation:.2f}, asked for: 0.2" in first
+    assert any(first.endswith(said) for said in caplog.messages)
+    assert cdcp_igl.surface_map(V, F, seams=slit, scale_variation=np.inf).verdict == "valid"
+    around = edges_of(F)  # each face for itself
+    assert cdcp_igl.surface_map(V, F, seams=around).verdict == "valid"
+    np.savez(tmp_path / "ball.npz", V=V, F=F)
+    np.savetxt(tmp_path / "slit.txt", slit, fmt="%d")
+    how = "--cut", "--seams", tmp_path / "slit.txt"
+    told = invoke("map", tmp_path / "ball.npz", tmp_path / "a.obj", *how).output
+    assert "asked for: 0.2" in " ".join(told.split())
+
+
 def test_a_handle_that_no_seam_opens_is_cut():
     V, F = surfaces.torus()
     seams = edges_of(F)[:3]

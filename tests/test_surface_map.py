@@ -533,6 +533,19 @@ def test_a_solid_comes_out_as_its_net(name):
     assert result.texel_density.ratio == pytest.approx(1, abs=1e-9)
 
 
+@pytest.mark.parametrize("turn", [0, 1])
+@pytest.mark.parametrize("size", [1, 1e5])
+def test_what_varies_by_rounding_only_is_not_parted(turn, size):
+    turned = np.array(
+        [[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]]
+    )
+    for outline, height in ((circle(24), 3), (circle(5), 0.2), ([[0, 0], [1, 0], [1, 1]], 1)):
+        V, F = extruded(outline, height)
+        result = cdcp_igl.surface_map(size * V @ turned, F, scale_variation=0)
+        assert (result.scale_variation, len(result.charts)) == (0, 1)
+        assert result.verdict == "valid"
+
+
 def test_a_tube_is_cut_and_a_plate_is_filled():
     """Whichever distorts less, unless that is said."""
     x, y, F = meshes.cells(12, 25)

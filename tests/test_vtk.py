@@ -8,6 +8,8 @@ from itertools import chain
 
 import numpy as np
 import pytest
+from commands import invoke
+from scipy.io import savemat
 
 import cdcp_igl
 from cdcp_igl.io import read_mesh, read_polygons, read_texture, write_map
@@ -99,6 +101,68 @@ def test_surfaces_of_vtk_are_read(tmp_path, name):
     np.testing.assert_array_equal(F[4:], [TRIANGLE, STRIP])
     assert cdcp_igl.check(W, F[:5]).is_disk
     np.testing.assert_array_equal(read_texture(path)[2], UV[F])
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_all_that_a_legacy_file_has_is_told(tmp_path, binary, caplog):
+    """Fields stand before the points, too, as VTK writes those of a whole surface."""
+    n, m = len(V), len(POLYGONS) + 2
+
+    def put(count, size=4, byte=False):
+        return (b"1 " * count if not binary else bytes(count * (1 if byte else size))) + b"\n"
+
+    field = b"FIELD FieldData 2\nwhen 1 1 float\n" + put(1)
+    field += b"METADATA\nINFORMATION 0\n\nlong 2 3 double\n" + put(6, 8)
+    data = legacy("3.0", binary).replace(b"POLYDATA\n", b"POLYDATA\n" + field)
+    for line, count in (("NORMALS up float", 3 * n), ("TENSORS bend float", 9 * n)):
+        data += line.encode() + b"\n" + put(count)
+    data += b"COLOR_SCALARS dye 4\n" + put(4 * n, byte=True)
+    data += f"CELL_DATA {m}\nSCALARS part int 2\nLOOKUP_TABLE own\n".encode() + put(2 * m)
+    data += b"LOOKUP_TABLE own 2\n" + put(8, byte=True)
+    data += b"GLOBAL_IDS rows vtkIdType\n" + put(m)
+    given = tmp_path / "a.vtk"
+    given.write_bytes(data)
+    W, F = read_mesh(given)
+    np.testing.assert_array_equal(W, V)
+    names = "when, long, lines, s, up, bend, dye, part, rows"
+    for suffix in ("vtp", "obj", "npz"):
+        write_map(tmp_path / f"b.{suffix}", W, F, UV, like=given)
+        assert caplog.messages.pop() == f"not in b.{suffix}: {names} of a.vtk"
+        caplog.clear()
+    given.write_bytes(data.replace(b"COLOR_SCALARS", b"UNKNOWN_TO_US"))
+    write_map(tmp_path / "c.obj", W, F, UV, like=given)
+    assert "s, up, bend, dye, unreadable values of a.vtk" in caplog.messages[-1]
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_values_of_a_vtp_file_are_told(tmp_path, packed, caplog):
+    data = b"<CellData><DataArray type='Int64' Name='part' format='ascii'/></CellData>"
+    given = tmp_path / "a.vtp"
+    given.write_bytes(vtp("raw", packed).replace(b"<Points>", data + b"<Points>"))
+    W, F = read_mesh(given)
+    write_map(tmp_path / "b.vtk", W, F, UV, like=given)
+    assert caplog.messages == ["not in b.vtk: part of a.vtp"]
+
+
+@pytest.mark.parametrize("columns", [2, 3])
+@pytest.mark.parametrize("suffix", ["npz", "mat"])
+def test_arrays_besides_a_surface_are_told(tmp_path, suffix, columns, caplog):
+    W, F, uv = cdcp_igl.datasets.square(4)
+    path, more = tmp_path / f"a.{suffix}", {"LAT": W[:, 0], "names": np.array(["x"], object)}
+    arrays = {"V": W[:, :columns], "F": F, "uv": uv} | more
+    if suffix == "npz":
+        np.savez(path, **arrays)
+    else:
+        savemat(path, arrays)
+    told = f"LAT, names of a.{suffix}"
+    for result in (cdcp_igl.disk_map(path), cdcp_igl.surface_map(path)):
+        for name in ("b.obj", "b.npz"):
+            caplog.clear()
+            result.save(tmp_path / name)
+            assert f"not in {name}: {told}" in caplog.messages
+    for name in ("c.vtk", "c.npz"):
+        said = invoke("map", path, tmp_path / name).output
+        assert f"not in {name}: {told}" in " ".join(said.split())
 
 
 @pytest.mark.parametrize(

@@ -12,10 +12,11 @@ from typing import Any, Literal
 import numpy as np
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from ..arguments import is_real, is_whole
 from ..arrays import Bools, Floats, Ints, as_complex, coordinates
 from ..errors import MapError
 from ..maps.disk import made_disk_map
-from ..options import Options, is_real, is_whole
+from ..options import Options
 from ..phases import Progress
 from ..rescue.boundary import by_inscribed_angles
 from ..result.disk_map import DiskMap
@@ -31,6 +32,7 @@ from .cut_graph import Component, OpenedComponent, fill_holes
 from .cut_paths import branch_to, open_to_disk, straighten
 from .even import even_drafts, exact_nets, halves
 from .parting import LEAST_FACES, limbs, narrow_side, parted_by, pieces
+from .texels import variation
 
 # A round of growth is kept if it lowers the scale variation, or the angle error, by more than this
 # share.
@@ -131,14 +133,16 @@ class Chart:
     @property
     def unevenness(self) -> tuple[bool, bool, float]:
         """What more charts are to lower: no valid map is worse than one that is not conformal."""
-        return bool(self.failure), not self.map.conformal, self.scale_variation
+        return bool(self.failure), not self.map.is_acceptable, self.scale_variation
 
     def gains_on(self, other: Chart) -> bool:
         """Whether the scale is more even; or the angles are better where they were not good."""
         if other.failure:
             return not self.failure
-        if other.map.conformal:
-            return self.map.conformal and self.scale_variation < (1 - GAIN) * other.scale_variation
+        if other.map.is_acceptable:
+            return (
+                self.map.is_acceptable and self.scale_variation < (1 - GAIN) * other.scale_variation
+            )
         return self.map.distortion.mean < (1 - GAIN) * other.map.distortion.mean
 
 
@@ -228,7 +232,7 @@ def _made_like(chart: Chart, component: Component, options: Options) -> Chart | 
 
     A face alone may have other angles: its map is a similarity.
     """
-    known, variation = chart.map, chart.scale_variation
+    known, varies = chart.map, chart.scale_variation
     is_free = isinstance(known, FreeMap)
     if is_free and options.kept:  # what is kept has a size
         return None
@@ -239,7 +243,7 @@ def _made_like(chart: Chart, component: Component, options: Options) -> Chart | 
         mesh = known.mesh.moved(component.V)
         f = by_inscribed_angles(mesh)
         # The barycentre is 0 in the equilateral triangle, where the scale is 1 / sin^2.
-        variation = float(2 * np.log(np.sin(mesh.angles)).std())
+        varies = variation(2 * np.log(np.sin(mesh.angles)).ravel())
     elif _same_angles(component, chart.opened.component):
         mesh, f = known.mesh.moved(opened.positions), known._f
     else:
@@ -254,7 +258,7 @@ def _made_like(chart: Chart, component: Component, options: Options) -> Chart | 
         return None
     same: dict[str, Any] = {"mesh": mesh, "_f": f, "certificate": certificate, "timings": {}}
     made = replace(known, **same)
-    return replace(chart, opened=opened, map=made, scale_variation=variation)
+    return replace(chart, opened=opened, map=made, scale_variation=varies)
 
 
 def _same_angles(one: Component, other: Component) -> bool:
@@ -317,7 +321,7 @@ def _grown(first: Chart, options: Options, limits: Limits, progress: Progress | 
     best = replace(first, is_lost=False)
     is_small = len(first.opened.component.rows) < LEAST_FACES
     asked = limits.asked
-    while best.scale_variation > asked or not (best.map.conformal or asked == np.inf):
+    while best.scale_variation > asked or not (best.map.is_acceptable or asked == np.inf):
         longer = grow(best)
         if longer is best.opened:
             break
@@ -357,8 +361,8 @@ def _measured(opened: OpenedComponent, make: Callable[[], DiskMap | FreeMap]) ->
     else:
         factor = _centered_factor(V, F, made.uv, area)
     average = float(np.average(factor, weights=area))
-    variation = float(np.sqrt(np.average((factor - average) ** 2, weights=area)))
-    return Chart(opened, made, failure, factor, average, variation)
+    varies = variation(factor, area)
+    return Chart(opened, made, failure, factor, average, varies)
 
 
 def _centered_factor(V: Floats, F: Ints, uv: Floats, area: Floats) -> Floats:

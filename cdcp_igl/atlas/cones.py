@@ -29,6 +29,7 @@ from ..verdict.outline import OutlineCertificate
 from .cut_graph import OpenedComponent
 from .cut_paths import branch_to
 from .parting import LEAST_FACES
+from .texels import variation
 
 MOST_CONES = 16  # in one round
 
@@ -62,7 +63,7 @@ class Draft:
     @cached_property
     def scale_variation(self) -> float:
         """Standard deviation of the factor."""
-        return float(np.sqrt(self.area @ self.factor**2))
+        return variation(self.factor, self.area)
 
     @cached_property
     def outline(self) -> OutlineCertificate:

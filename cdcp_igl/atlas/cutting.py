@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -29,11 +30,20 @@ class Cut(NamedTuple):
         The faces in their rows, each corner where it was.
     vertex_index : (n,) int64
         The row of the given V that each row comes from: ``V == V_given[vertex_index]`` and
-        ``vertex_index[F] == F_given``.
+        ``vertex_index[F] == F_given``. Of a part that was given, such as `submesh` returns, the
+        row of what that was made of, -1 for a new vertex; so are `edges` and `face_index`.
     edges : (k, 2) int64
         Edges that were cut, rows of the given V, the smaller first.
     length : float
         Their length, in the unit of V.
+    face_index : (m,) int64
+        The row of the given F that each row comes from.
+    n_given : int
+        How many rows the given V has.
+    F_given : (k, 3) int64
+        The given F, in rows of the given V.
+    source : Path or None
+        The file, if one was given.
 
     Examples
     --------
@@ -50,6 +60,10 @@ class Cut(NamedTuple):
     vertex_index: Ints
     edges: Ints
     length: float
+    face_index: Ints
+    n_given: int
+    F_given: Ints
+    source: Path | None = None
 
 
 @takes_meshes
@@ -156,7 +170,8 @@ def cut_along(V: Floats, F: Ints, corners: Ints, counted: Bools | slice = slice(
     unit = abs(V[edges]).max(initial=np.finfo(float).tiny)  # whose square is in range
     apart = (V[edges[:, 1]] - V[edges[:, 0]]) / unit
     length = float(unit * np.linalg.norm(apart, axis=1).sum())
-    return Cut(V[vertex_index], F_cut, vertex_index, edges, length)
+    of_given = np.arange(len(F)), len(V), F
+    return Cut(V[vertex_index], F_cut, vertex_index, edges, length, *of_given)
 
 
 def _corners_cut_at(F: Ints, n: int, path: ArrayLike) -> Ints:

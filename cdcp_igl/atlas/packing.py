@@ -15,9 +15,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.spatial import ConvexHull, QhullError
 
+from ..arguments import is_real, is_whole
 from ..arrays import Complex, Floats, coordinates
 from ..errors import counted
-from ..options import is_real, is_whole
 
 # The smallest square into which all charts may go has so many columns. With twice as many, 40
 # surfaces fill as much of theirs. A square of which they take a small part has `MOST` at most.

@@ -20,7 +20,7 @@ from ..arrays import (
 from ..errors import counted
 from ..io.given import takes_meshes
 from ..options import Options
-from ..phases import Progress, check_progress
+from ..phases import Progress
 from ..result.base import announced
 from ..result.disk_map import DiskMap
 from ..result.free_map import FreeMap
@@ -115,7 +115,8 @@ def surface_map(
         area of a chart, ``SurfaceMap.scale_variation``. By default 0.2, at which texels differ by
         less than a factor of two, one level of a mipmap, from the 5th to the 95th percentile. Where
         it is not reached, the first line of the result says so.
-        With infinity, as by default with `seams`, there are no slits, and nothing is parted.
+        With infinity there are no slits, and nothing is parted; nor is it by default with `seams`,
+        where the first line says, too, if the scale varies more than by default.
         Where faces are large a chart may vary by up to twice as much: it is parted from there on.
         Of disks it is 1 by default: the cut grows to what shrank, as long as that gains, and then
         the component is parted, limbs first. It is parted before where that leaves more than 1.4
@@ -174,9 +175,10 @@ def surface_map(
     packing = Packing(size, padding, density, rotate)
     wish = checked_seams(np.empty((0, 2), np.int64) if seams is None else seams)
     barred = checked_edges("forbidden", [] if forbidden is None else forbidden)
-    if seams is not None and scale_variation is None:
-        scale_variation = np.inf
     limits = Limits(outline, fill, scale_variation, np.inf if max_charts is None else max_charts)
+    held = limits  # by more cuts; none are added to own seams for a scale that is not asked for
+    if seams is not None and scale_variation is None:
+        held = replace(limits, scale_variation=np.inf)
     if outline == "free" and (center, mobius, preset) != ("torsion", "angle", None):
         raise ValueError('center, mobius and preset are for disks: outline="disk"')
     if not isinstance(merge, bool | np.bool_):
@@ -185,7 +187,6 @@ def surface_map(
         raise ValueError(f"center must be a method, since each disk has a face, not {center!r}")
     if align is not None and np.ndim(align) == 0:
         raise ValueError(f"align must be a direction in space or None, not {align!r}")
-    check_progress(progress)
     options = Options(
         center, mobius, align, refine, refine_norm, refine_seconds, preset, solver, keep
     )
@@ -200,11 +201,11 @@ def surface_map(
     for component in split_components(sheets.V, sheets.F, vertices, sheets.polygon, is_barred):
         share = len(component.rows) / len(sheets.F)
         part = _part_of(progress, done, share)
-        charts += charts_of(component, options, limits, known, part)
+        charts += charts_of(component, options, held, known, part)
         done += share
     if progress:
         progress("done", 1.0)
-    made = _together(given.astype(np.float64), sheets, charts, limits, to_cut)
+    made = _together(given.astype(np.float64), sheets, charts, limits.asked, held, to_cut)
     mapping = sum(made.timings.values())
     timings = {"cut": perf_counter() - start - mapping} | made.timings
     made = replace(made, timings=timings, packing=packing)
@@ -231,7 +232,7 @@ def _part_of(progress: Progress | None, done: float, share: float) -> Progress |
 
 
 def _together(
-    V: Floats, sheets: Sheets, charts: list[Chart], limits: Limits, seams: Ints
+    V: Floats, sheets: Sheets, charts: list[Chart], asked: float, held: Limits, seams: Ints
 ) -> SurfaceMap:
     """Put the maps of all components back into the rows of the given faces."""
     F = sheets.given
@@ -270,8 +271,8 @@ def _together(
         conformality=_worst_conformality(maps),
         _angles=angles,
         scale_variation=max(chart.scale_variation for chart in charts),
-        scale_variation_asked=limits.asked,
-        _stopped=_why_uneven(charts, limits),
+        scale_variation_asked=asked,
+        _stopped=_why_uneven(charts, held),
         shares=areas / areas.sum(),
         timings=_sum_of_seconds(maps),
     )
@@ -279,6 +280,8 @@ def _together(
 
 def _why_uneven(charts: list[Chart], limits: Limits) -> str:
     """Say why the scale varies more than is asked for, if it does."""
+    if limits.asked == np.inf:
+        return "nothing is added to the seams given for it, unless scale_variation is named"
     if max(charts, key=lambda chart: chart.scale_variation).is_traded:
         return "refined, as angles gain far more"
     return "max_charts" if len(charts) >= limits.max_charts else "more charts are not worth it"
@@ -294,7 +297,7 @@ def _distortion(sheets: Sheets, uv: Floats) -> AngleDistortion:
 
 def _worst_conformality(maps: list[DiskMap | FreeMap]) -> Conformality:
     """Find the verdict on the worst chart, with its number."""
-    bad, chart = [made for made in maps if not made.conformal], worst(maps)
+    bad, chart = [made for made in maps if not made.is_acceptable], worst(maps)
     verdict = maps[chart].conformality
     if not bad or len(maps) == 1:
         return verdict

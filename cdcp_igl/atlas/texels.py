@@ -9,6 +9,7 @@ import numpy as np
 from ..arrays import Floats, Ints
 
 LOW, HIGH = 0.05, 0.95
+ROUNDING = 1e-9  # a logarithm of the scale that varies less does not vary
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,13 @@ class TexelDensity:
 
     def __str__(self) -> str:
         return f"95 % by 5 %: {self.ratio:.2f}, smallest by mean {self.smallest:.2f}"
+
+
+def variation(factor: Floats, area: Floats | None = None) -> float:
+    """Measure the standard deviation of a factor (n,) over the area (n,); 0 if it is rounding."""
+    average = np.average(factor, weights=area)
+    deviation = float(np.sqrt(np.average((factor - average) ** 2, weights=area)))
+    return deviation if deviation > ROUNDING else 0.0
 
 
 def _ratio(density: Floats, area: Floats) -> float:

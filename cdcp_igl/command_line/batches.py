@@ -157,5 +157,5 @@ def _show_done(made: Batch) -> None:
             title, "surface", NUMBERS, [(printable(record.name), record) for record in done]
         )
     for record in done:
-        if not record.conformal:
+        if record.conformal is False:
             typer.echo(f"{printable(record.name)}: not conformal: {record.reasons}")

@@ -7,17 +7,22 @@ from itertools import combinations
 import numpy as np
 
 from .. import libigl
+from ..arguments import typed
 from ..arrays import Complex, Floats, Ints, coordinates
 from ..docstrings import like
 
+# Up to where there are some 2**31 faces: no memory holds more.
+MOST_RINGS, MOST_LEVELS = 2**14, 13
 
+
+@typed
 def square(resolution: int) -> tuple[Floats, Ints, Floats]:
     """Triangulate the square [-1, 1]^2, with its map by the lemniscate sine.
 
     Parameters
     ----------
     resolution : int
-        Cells along half a side, at least 1.
+        Cells along half a side, from 1 to 16,384.
 
     Returns
     -------
@@ -67,13 +72,14 @@ def square(resolution: int) -> tuple[Floats, Ints, Floats]:
 
 
 @like(square)
+@typed
 def ellipse(resolution: int, aspect: float = 2.0) -> tuple[Floats, Ints, Floats]:
     """Triangulate an ellipse, with its map by Schwarz's formula.
 
     Parameters
     ----------
     resolution : int
-        Rings of vertices, at least 1.
+        Rings of vertices, from 1 to 16,384.
     aspect : float
         Ratio of the axes, above 1 and at most 8, up to where the map has ten digits; the short
         half-axis is 1.
@@ -103,13 +109,14 @@ def ellipse(resolution: int, aspect: float = 2.0) -> tuple[Floats, Ints, Floats]
 
 
 @like(square)
+@typed
 def spherical_cap(resolution: int, angle: float = 120.0) -> tuple[Floats, Ints, Floats]:
     """Triangulate a cap of the unit sphere around its pole, with its stereographic projection.
 
     Parameters
     ----------
     resolution : int
-        Rings of vertices, at least 1.
+        Rings of vertices, from 1 to 16,384.
     angle : float
         Polar angle of the rim in degrees, between 0 and 180.
 
@@ -131,13 +138,14 @@ def spherical_cap(resolution: int, angle: float = 120.0) -> tuple[Floats, Ints, 
 
 
 @like(square)
+@typed
 def paraboloid(resolution: int, steepness: float = 1.0) -> tuple[Floats, Ints, Floats]:
     """Triangulate the paraboloid z = steepness r^2, r <= 1, with its isothermal coordinate.
 
     Parameters
     ----------
     resolution : int
-        Rings of vertices, at least 1.
+        Rings of vertices, from 1 to 16,384.
     steepness : float
         Positive.
 
@@ -162,6 +170,7 @@ def paraboloid(resolution: int, steepness: float = 1.0) -> tuple[Floats, Ints, F
     return V, F, coordinates(isothermal(r) / isothermal(1.0) * _unit(np.angle(z)))
 
 
+@typed
 def spheroid(levels: int, height: float = 1.5) -> tuple[Floats, Ints, Floats]:
     """Triangulate a spheroid, with its map onto the sphere by its conformal latitude.
 
@@ -184,7 +193,7 @@ def spheroid(levels: int, height: float = 1.5) -> tuple[Floats, Ints, Floats]:
     Raises
     ------
     ValueError
-        If `levels` is negative or `height` not positive.
+        If `levels` is negative or above 13, or `height` not positive.
 
     References
     ----------
@@ -197,8 +206,8 @@ def spheroid(levels: int, height: float = 1.5) -> tuple[Floats, Ints, Floats]:
     >>> V.max(axis=0).round(6), len(V)
     (array([1., 1., 2.]), 162)
     """
-    if not levels >= 0:
-        raise ValueError(f"levels must be 0 or more, not {levels!r}")
+    if not 0 <= levels <= MOST_LEVELS:
+        raise ValueError(f"levels must be from 0 to {MOST_LEVELS}, not {levels!r}")
     if not 0 < height < np.inf:
         raise ValueError(f"height must be positive, not {height!r}")
     golden = (1 + np.sqrt(5)) / 2
@@ -257,8 +266,10 @@ def _rings(resolution: int) -> tuple[Complex, Ints]:
 
 
 def _check_resolution(resolution: int) -> None:
-    if not resolution >= 1:
-        raise ValueError(f"resolution must be at least 1, not {resolution!r}")
+    if not 1 <= resolution <= MOST_RINGS:
+        raise ValueError(
+            f"resolution must be at least 1 and at most {MOST_RINGS:,}, not {resolution!r}"
+        )
 
 
 def _unit(angle: Floats) -> Complex:

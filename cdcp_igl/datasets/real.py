@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import libigl
+from ..arguments import typed
 from ..arrays import Floats, Ints
 from ..extras import from_extra
 from ..io import read_mesh
@@ -28,6 +29,7 @@ _TERRAIN = "jacksboro_fault"
 NAMES = (*_FILES, _TERRAIN)
 
 
+@typed
 def load(name: str) -> tuple[Floats, Ints]:
     """Load a real surface by name.
 

@@ -97,6 +97,11 @@ def texture_of_npz(path: Path) -> Floats | None:
     return _texture(_arrays_of_npz(path, MAP))
 
 
+def others_of_npz(path: Path) -> list[str]:
+    """List the arrays of a NumPy archive that are no mesh and no map."""
+    return [name for name in _arrays_of_npz(path, ()) if name not in MESH | MAP]
+
+
 def _arrays_of_npz(path: Path, wanted: Collection[str]) -> Found:
     try:
         archive = ZipFile(path)
@@ -158,6 +163,12 @@ def read_mat(path: Path) -> tuple[Array, Array]:
 def texture_of_mat(path: Path) -> Floats | None:
     """(n, 2) or (m, 3, 2) the uv of a MATLAB file, if it has them."""
     return _texture(_variables_of_mat(path, MAP))
+
+
+def others_of_mat(path: Path) -> list[str]:
+    """List the variables of a MATLAB file that are no mesh and no map."""
+    names = _variables_of_mat(path, ())
+    return [name for name in names if name and name not in MESH | MAP]  # "" is MATLAB's own
 
 
 def _variables_of_mat(path: Path, wanted: Collection[str]) -> Found:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +14,10 @@ import numpy as np
 from ..arrays import Floats
 from ..errors import Damage
 from . import glb, ply
+from .archives import others_of_mat, others_of_npz
+from .reading import DAMAGE
 from .text import words_of_lines
+from .vtk import others_of_vtk
 
 # Lines of an obj file that say more than where a surface is.
 LINES = {
@@ -91,7 +95,7 @@ def _largest(kind: str) -> float:
 
 
 def _of_gltf(path: Path) -> Contents:
-    scene, body = glb.scene_and_body(path.read_bytes())
+    scene, body = glb.scene_and_body(path)
     others = [name for name in SCENE if scene.get(name)]
     found, any_colour = dict[tuple[int, int], Floats](), False
     for part in glb.parts_of(scene, body, path):
@@ -114,9 +118,24 @@ def _of_gltf(path: Path) -> Contents:
     return Contents(colours[:, :3] if opaque else colours, tuple(dict.fromkeys(others)))
 
 
+def _of_arrays(others: Callable[[Path], Iterable[str]], path: Path) -> Contents:
+    """Name what a file has, as far as it can be read: more than a surface need not."""
+    found = list[str]()
+    try:
+        found.extend(others(path))  # what comes before an error is found, too
+    except (Damage, *DAMAGE):
+        found.append("unreadable values")
+    return Contents(None, tuple(dict.fromkeys(found)))
+
+
 LOOKS: dict[str, Callable[[Path], Contents]] = {
     ".glb": _of_gltf,
     ".gltf": _of_gltf,
+    ".mat": partial(_of_arrays, others_of_mat),
+    ".npz": partial(_of_arrays, others_of_npz),
     ".obj": _of_obj,
     ".ply": _of_ply,
+    ".vtk": partial(_of_arrays, others_of_vtk),
+    ".vtp": partial(_of_arrays, others_of_vtk),
+    ".vtu": partial(_of_arrays, others_of_vtk),
 }

@@ -6,7 +6,7 @@ Other libraries are known by the attributes of their meshes; none of them is imp
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import wraps
 from inspect import signature
 from os import PathLike
@@ -16,6 +16,7 @@ from typing import Any, Concatenate, ParamSpec, Protocol, TypeAlias, TypeVar, ov
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import check_types, typed
 from ..arrays import Floats, Ints
 from ..errors import Damage, Defect, MeshError, counted
 from .neuro import gifti_surface
@@ -48,11 +49,14 @@ class OfGiven:
         The file.
     given_rows : ((n,) int64, int) or None
         The row of the whole surface that each vertex comes from, -1 for a new one, and how many
-        rows that has: of what `submesh` and `clean` return. None if it is the whole.
+        rows that has: of what `submesh`, `clean` and `cut` return. None if it is the whole.
+    given_faces : (k, 3) int64 or None
+        The faces of the whole surface, if its rows are known.
     """
 
     source: Path | None = None
     given_rows: tuple[Ints, int] | None = None
+    given_faces: Ints | None = None
 
     @property
     def left_out(self) -> int:
@@ -82,14 +86,15 @@ class FromFile(OfGiven):
         values : (n, ...) array_like
             A row for each vertex that was mapped, such as `uv`.
         fill : number, optional
-            Where nothing was mapped: NaN for real numbers, -1 for integers, which are labels, and
-            False for truth values.
+            Where nothing was mapped, and where a vertex that was split or cut has several values:
+            NaN for real numbers, -1 for integers, which are labels (a negative one says that there
+            is none), False for truth values, and an empty text.
 
         Returns
         -------
         (k, ...) ndarray
-            A row for each vertex of the surface as `submesh` or `clean` was given it, of the type
-            of `values`.
+            A row for each vertex of the surface as `submesh`, `clean` or `cut` was given it, of
+            the type of `values`; without `fill`, unsigned integers become signed ones.
 
         Raises
         ------
@@ -109,14 +114,38 @@ class FromFile(OfGiven):
         given = np.array(values)
         if self.given_rows is None:
             return given
-        rows, size = self.given_rows
+        rows, _ = self.given_rows
         if given.ndim == 0 or len(given) != len(rows):
             raise ValueError(f"values has shape {given.shape}; {len(rows)} vertices were mapped")
+        nothing: Any = fill
+        kind = given.dtype.kind
         if fill is None:
-            fill = {"b": False, "i": -1, "u": 0}.get(given.dtype.kind, np.nan)
-        whole = np.full((size, *given.shape[1:]), fill, given.dtype)
-        whole[rows[rows >= 0]] = given[rows >= 0]
-        return whole
+            if kind == "u":
+                if given.max(initial=0) > np.iinfo(np.int64).max:
+                    raise ValueError("values has integers beyond 64 bits with a sign: give fill")
+                given = given.astype(np.int64)
+            nothing = {"b": False, "i": -1, "u": -1, "U": ""}.get(kind, np.nan)
+        elif not np.can_cast(np.min_scalar_type(fill), given.dtype, "same_kind") or (
+            kind in "iu" and not np.iinfo(given.dtype).min <= fill <= np.iinfo(given.dtype).max
+        ):
+            raise ValueError(f"fill={fill!r} is no {given.dtype}, as values are")
+        return in_given_rows(given, self.given_rows, nothing)[0]
+
+
+def in_given_rows(values: Array, given_rows: tuple[Ints, int], nothing: Any) -> tuple[Array, Ints]:
+    """Values in the rows of the whole surface, and its vertices that have several.
+
+    These, and those without one, have `nothing`.
+    """
+    rows, size = given_rows
+    own, of_own = rows[rows >= 0], values[rows >= 0]
+    whole = np.full((size, *values.shape[1:]), nothing, values.dtype)
+    whole[own] = of_own
+    last = whole[own]  # of the copies of a vertex
+    same = (last == of_own) | ((last != last) & (of_own != of_own))
+    several = np.unique(own[~same.reshape(len(own), same[:1].size).all(axis=1)])
+    whole[several] = nothing
+    return whole, several
 
 
 class OfSurface(Protocol[Options, Made]):
@@ -155,18 +184,19 @@ def takes_meshes(function: Callable[..., Any]) -> Any:
     """Let one object stand in the place of the arguments V and F.
 
     Polygons are triangulated; errors name them, and a function that takes `polygon_of_face` is
-    told.
+    told. The other arguments are checked before a file is read, see `typed`.
     """
     names = list(signature(function).parameters)
-    at = names.index("V")
+    at, checked = names.index("V"), typed(function)
 
     @wraps(function)
     def run(*args: Any, **options: Any) -> Any:
         if len(args) <= at:
-            return function(*args, **options)
+            return checked(*args, **options)
         given, alone = args[at], len(args) == at + 1 and "F" not in options
         if not (alone or _is_mesh(given)):
-            return function(*args, **options)
+            return checked(*args, **options)
+        check_types(function, (*args[: at + 1], None, *args[at + 1 :]), options)
         V, F, polygon_of_face = surface_of(given)
         if isinstance(given, str | PathLike):
             options = with_texture(options, given)
@@ -175,31 +205,48 @@ def takes_meshes(function: Callable[..., Any]) -> Any:
         with naming_polygons(polygon_of_face):
             made = function(*args[:at], V, F, *args[at + 1 :], **options)
         source = Path(given) if isinstance(given, str | PathLike) else None
-        return _told_of(made, given, getattr(given, "source", source))
+        source = getattr(given, "source", source)
+        if made is None:  # by the constructor of what maps
+            _told_of(args[0], given, source)
+        return _told_of(made, given, source)
 
     return run
 
 
 def _told_of(made: Any, given: Any, source: Path | None) -> Any:
-    """Tell a map, or what `clean` returns, of the file and of the rows of the whole surface."""
+    """Tell a map, or what `clean` and `cut` return, of the file and the rows of the whole."""
     is_part = hasattr(given, "n_given")
     if isinstance(made, OfGiven):
-        object.__setattr__(made, "source", source)  # which may be frozen
+        told: dict[str, Any] = {"source": source}
         if is_part:
             index, of_map = given.vertex_index, made.given_rows
             if of_map is not None:  # of a map with new vertices
-                index = np.where(of_map[0] >= 0, index[of_map[0]], -1)
-            object.__setattr__(made, "given_rows", (index, given.n_given))
+                index = _after(of_map[0], index)
+            told |= {"given_rows": (index, given.n_given), "given_faces": given.F_given}
+        tell(made, told)
     elif hasattr(made, "n_given"):
         made = made._replace(source=source)
         if is_part:
-            before, rows = (given.vertex_index, given.face_index), made[2:4]
-            vertices, faces = (
-                np.where(index >= 0, first[index], -1)
-                for first, index in zip(before, rows, strict=True)
-            )
-            made = made._replace(vertex_index=vertices, face_index=faces, n_given=given.n_given)
+            before = {"vertex_index": given.vertex_index, "face_index": given.face_index}
+            before |= {"edges": given.vertex_index}
+            changed = {
+                name: _after(getattr(made, name), first)
+                for name, first in before.items()
+                if hasattr(made, name)
+            }
+            made = made._replace(n_given=given.n_given, F_given=given.F_given, **changed)
     return made
+
+
+def tell(made: OfGiven, told: Mapping[str, Any]) -> None:
+    """Tell a map, which may be frozen, what `OfGiven` is to say."""
+    for name in {"source", "given_rows", "given_faces"} & set(told):
+        object.__setattr__(made, name, told[name])
+
+
+def _after(rows: Ints, before: Ints) -> Ints:
+    """Find what rows come from; -1 stays."""
+    return np.where(rows >= 0, before[rows], -1)
 
 
 def _is_mesh(given: Any) -> bool:

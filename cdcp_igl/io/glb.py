@@ -41,6 +41,13 @@ LISTS = TRIANGLES, STRIP, FAN = 4, 5, 6
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
+# What a file may require that moves no vertex, by how its name begins.
+HARMLESS = (
+    *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_"),
+    *("EXT_lights_", "KHR_mesh_quantization", "KHR_animation_pointer", "KHR_xmp"),
+)
+INSTANCES = "EXT_mesh_gpu_instancing"
+
 OLD = "it is glTF 1.0: convert it to 2.0, which replaced it in 2017"
 SCENE = {
     "asset": {"version": "2.0", "generator": "cdcp_igl"},
@@ -82,7 +89,7 @@ def read_gltf(path: Path) -> tuple[Floats, Ints]:
     """
     first: dict[tuple[int, int], int] = {}  # vertex of each accessor of a node
     vertices, faces, n = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
-    for part in parts_of(*scene_and_body(path.read_bytes()), path):
+    for part in parts_of(*scene_and_body(path), path):
         place = part.node, part.accessor
         if place not in first:
             first[place] = n
@@ -94,7 +101,7 @@ def read_gltf(path: Path) -> tuple[Floats, Ints]:
 
 def texture_of_gltf(path: Path) -> Floats:
     """(m, 3, 2) texture coordinates of the corners of the faces of `read_gltf`, NaN without any."""
-    scene, body = scene_and_body(path.read_bytes())
+    scene, body = scene_and_body(path)
     found = [np.empty((0, 3, 2))]
     for part in parts_of(scene, body, path):
         primitive = primitive_of(scene, part)
@@ -123,8 +130,8 @@ def texture_of(
 def parts_of(scene: dict[str, Any], body: bytes, path: Path) -> Iterator[Part]:
     """Yield all triangles of a scene, in the order of the faces of `read_gltf`."""
     for name in scene.get("extensionsRequired", []):
-        if "compression" in name:
-            raise Damage(f"it is compressed by {name}: export it without")
+        if not name.startswith(HARMLESS):
+            raise Damage(f"it requires the extension {name}, which is not read: export it without")
     for node, matrix in _placed_nodes(scene):
         primitives = scene["meshes"][scene["nodes"][node]["mesh"]]["primitives"]
         for number, primitive in enumerate(primitives):
@@ -138,8 +145,38 @@ def parts_of(scene: dict[str, Any], body: bytes, path: Path) -> Iterator[Part]:
             yield Part(node, number, place, positions, _triangles(mode, corners), matrix)
 
 
-def scene_and_body(data: bytes) -> tuple[dict[str, Any], bytes]:
-    """Return what the JSON part of a file says, and its binary part."""
+def scene_and_body(path: Path) -> tuple[dict[str, Any], bytes]:
+    """Return what the JSON part of a file says, instances as nodes, and its binary part."""
+    scene, body = _json_and_body(path.read_bytes())
+    nodes = scene.get("nodes", [])
+    for node in [node for node in nodes if INSTANCES in node.get("extensions", {})]:
+        attributes = node["extensions"].pop(INSTANCES)["attributes"]
+        if not node["extensions"]:
+            del node["extensions"]
+        if "mesh" in node:
+            of_each = {name: node.pop(name) for name in ("mesh", "skin", "weights") if name in node}
+            first = len(nodes)
+            nodes += [of_each | place for place in _instances(scene, attributes, body, path)]
+            node["children"] = [*range(first, len(nodes)), *node.get("children", [])]
+    for names in ("extensionsRequired", "extensionsUsed"):
+        if left := [name for name in scene.pop(names, []) if name != INSTANCES]:
+            scene[names] = left
+    return scene, body
+
+
+def _instances(
+    scene: dict[str, Any], attributes: dict[str, int], body: bytes, path: Path
+) -> list[dict[str, Any]]:
+    """Return where each instance of a node is, as nodes say it."""
+    rows = {name: numbers(scene, k, body, path).tolist() for name, k in attributes.items()}
+    places = [name for name in ("TRANSLATION", "ROTATION", "SCALE") if name in rows]
+    return [
+        {name.lower(): row for name, row in zip(rows, each, strict=True) if name in places}
+        for each in zip(*rows.values(), strict=True)
+    ]
+
+
+def _json_and_body(data: bytes) -> tuple[dict[str, Any], bytes]:
     if data[:4] != b"glTF":
         scene = json.loads(data)
         if str(scene["asset"]["version"]).startswith("1"):

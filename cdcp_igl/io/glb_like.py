@@ -38,12 +38,12 @@ def write_glb_like(
     Nodes, materials, skins, animations and all that is not known here stay; what lay beside the
     file comes into it. Vertices with several texture coordinates are written again behind the
     others, with all that belongs to them, morph targets too. Only then strips and fans become
-    triangles. A mesh of several nodes becomes one for each.
+    triangles. A mesh of several nodes becomes one for each, and each instance of a mesh a node.
 
     `texture`, `FT` and `vertex` are as for `write_glb`, of the faces that `read_gltf` makes of
     `given`.
     """
-    scene, body = glb.scene_and_body(given.read_bytes())
+    scene, body = glb.scene_and_body(given)
     parts: dict[tuple[int, int], list[tuple[Part, Ints]]] = defaultdict(list)
     m = 0
     for part in glb.parts_of(scene, body, given):

@@ -58,6 +58,8 @@ def as_image(image: Texture) -> Image:
 
 def colours(image: ArrayLike) -> Floats:
     """Take an array as an image (height, width, 3 or 4) of colours from 0 to 1, or ValueError."""
+    if np.iscomplexobj(image):
+        raise ValueError("the colours of a texture must be real")
     colors = np.asarray(image, dtype=np.float64)
     if colors.ndim != 3 or colors.shape[2] not in (3, 4) or colors.size == 0:
         raise ValueError(f"texture has shape {colors.shape}; it must be (height, width, 3 or 4)")

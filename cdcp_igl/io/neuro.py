@@ -174,7 +174,7 @@ def write_neuro(
 ) -> None:
     """Write a surface whose vertices lie where a map takes them, P (n, 3), by the name of `path`.
 
-    `vertices` (k,) are those that were mapped; the others have no face, and are in no patch. What
+    `vertices` (k,) are those that have a place; the others have no face, and are in no patch. What
     `like` has besides the surface is kept, if it is of the same type.
     """
     kind = neuro_type(path)

@@ -63,7 +63,7 @@ Found = tuple[list[Any], Ints, Floats]  # files or bytes, the one of each face, 
 
 
 def _of_gltf(path: Path, uv: Floats) -> Found:
-    scene, body = glb.scene_and_body(path.read_bytes())
+    scene, body = glb.scene_and_body(path)
     names, of_face, m = list[int](), np.full(len(uv), -1), 0
     for part in glb.parts_of(scene, body, path):
         faces = slice(m, m := m + len(part.F))

@@ -17,6 +17,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import typed
 from ..docstrings import like
 from ..errors import Damage, Defect, MeshError
 from .archives import read_mat, read_npz
@@ -57,6 +58,7 @@ DAMAGE = (
 )
 
 
+@typed
 def read_mesh(
     path: str | PathLike[str], note: Callable[[str], None] | None = None
 ) -> tuple[Array, Array]:
@@ -106,6 +108,7 @@ def read_mesh(
 
 
 @like(read_mesh)
+@typed
 def read_polygons(
     path: str | PathLike[str], note: Callable[[str], None] | None = None
 ) -> tuple[Array, Array, Array]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import typed
 from ..arrays import Floats, Ints
 from ..errors import Damage, Defect, MeshError
 from .archives import texture_of_mat, texture_of_npz
@@ -39,6 +40,7 @@ TEXTURED: dict[str, Callable[[Path], Floats | None]] = {
 }
 
 
+@typed
 def read_texture(path: str | PathLike[str]) -> tuple[Floats, Ints, Floats]:
     """Read a mesh and its texture coordinates: what `certify` takes.
 

@@ -7,11 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
+from ..arguments import typed
 from ..arrays import Bools, Floats, Ints, marked
 from .neuro import HEMISPHERE, Values, neuro_type, patch_of, values_of
 from .reading import file_to_read
 
+NO_LABEL = "unknown", "???"  # FreeSurfer, Connectome Workbench
 
+
+@typed
 def read_patch(path: str | PathLike[str]) -> tuple[Ints, Floats, Bools]:
     """Read a patch of FreeSurfer, a part of a surface; it is flat if its z are 0.
 
@@ -53,6 +57,7 @@ def read_patch(path: str | PathLike[str]) -> tuple[Ints, Floats, Bools]:
         return patch_of(file)
 
 
+@typed
 def read_values(path: str | PathLike[str], n: int | None = None) -> Values:
     """Read values at vertices from a file of FreeSurfer, in GIFTI or in MGH.
 
@@ -102,6 +107,7 @@ def read_values(path: str | PathLike[str], n: int | None = None) -> Values:
     return found
 
 
+@typed
 def read_vertices(given: str, n: int, surface: str | PathLike[str]) -> Bools:
     r"""Read which vertices of a surface a file names.
 
@@ -109,9 +115,10 @@ def read_vertices(given: str, n: int, surface: str | PathLike[str]) -> Bools:
     ----------
     given : str
         A file: ``lh.cortex.label``; a patch, ``lh.cut.patch.3d``; or values as in `read_values`,
-        for the vertices where they are not 0. After a colon, names of labels, with commas between:
-        ``lh.aparc.annot:unknown,corpuscallosum``. ``{hemi}`` stands for the hemisphere in the name
-        of the surface, lh or rh.
+        one for each vertex, for those where there is one that is not 0. Where it is NaN, a negative
+        label, or one called unknown or ???, there is none. After a colon, names of labels, with
+        commas between: ``lh.aparc.annot:unknown,corpuscallosum``; unknown are all that have none.
+        ``{hemi}`` stands for the hemisphere in the name of the surface, lh or rh.
     n : int
         Vertices of the surface.
     surface : path-like
@@ -128,7 +135,8 @@ def read_vertices(given: str, n: int, surface: str | PathLike[str]) -> Bools:
     MeshError
         If it is damaged.
     ValueError
-        If it is that of another surface, has no such label, or the hemisphere is not known.
+        If it is that of another surface, has no such label or several columns, or the hemisphere
+        is not known.
     ImportError
         If nibabel is not installed.
 
@@ -158,9 +166,17 @@ def read_vertices(given: str, n: int, surface: str | PathLike[str]) -> Bools:
             raise ValueError(f"{path.name!r} has vertex {rows.max():,}, and the surface has {n:,}")
         return marked(n, rows)
     values, names = read_values(path, n)
+    if values.ndim > 1:
+        raise ValueError(f"{path.name!r} has {values.shape[1]:,} columns, not one: write one alone")
+    no_label = [key for key, text in names.items() if text.lower() in NO_LABEL]
+    nothing = np.isnan(values) if values.dtype.kind == "f" else (values < 0)
+    nothing |= np.isin(values, no_label)
     if not labels:
-        return np.asarray(values != 0)
-    keys, wanted = {text: key for key, text in names.items()}, labels.split(",")
-    if unknown := [label for label in wanted if label not in keys]:
-        raise ValueError(f"{path.name!r} has no {', '.join(unknown)}, but {', '.join(keys)}")
-    return np.isin(values, [keys[label] for label in wanted])
+        return np.asarray(values != 0) & ~nothing
+    wanted = labels.split(",")
+    of_none = [label for label in wanted if label.lower() in NO_LABEL]
+    if missing := [label for label in wanted if label not in (*names.values(), *of_none)]:
+        known = ", ".join(dict.fromkeys([*names.values(), NO_LABEL[0]]))
+        raise ValueError(f"{path.name!r} has no {', '.join(missing)}, but {known}")
+    chosen = np.isin(values, [key for key, text in names.items() if text in wanted])
+    return chosen | nothing if of_none else chosen

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import zlib
 from base64 import b64decode, b64encode
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -26,11 +27,14 @@ from .polygons import strips, triangles_of, triangulated
 LEGACY = {"float": "f4", "double": "f8", "char": "i1", "unsigned_char": "u1", "short": "i2"}
 LEGACY |= {"unsigned_short": "u2", "int": "i4", "unsigned_int": "u4", "long": "i8"}
 LEGACY |= {"unsigned_long": "u8", "vtktypeint64": "i8", "vtktypeint32": "i4", "vtkidtype": "i4"}
+VALUES = "PointData", "CellData", "FieldData"  # as XML files call them
 XML = {
     f"{kind}{8 * size}": f"{kind[0].lower()}{size}"
     for kind in ("Int", "UInt", "Float")
     for size in (1, 2, 4, 8)
 }
+COLUMNS = {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9, "TENSORS6": 6}  # of attributes
+COLUMNS |= {"GLOBAL_IDS": 1, "PEDIGREE_IDS": 1, "EDGE_FLAGS": 1}
 CELLS = ("VERTICES", "LINES", "POLYGONS", "TRIANGLE_STRIPS")
 Surface = tuple[NDArray[Any], Ints, Ints]
 # How legacy files begin, up to a surface, and up to the texture coordinates of vertices.
@@ -49,21 +53,37 @@ def read_vtk(path: Path) -> Surface:
         return _read_vtp(_Xml(data))
     if path.suffix.lower() == ".vtk" and (kind := POLYDATA.match(data)):
         return _read_polydata(_Legacy(data, kind))
-    with from_extra("vtk"):
-        import meshio
-    try:
-        mesh = (meshio.vtk if path.suffix.lower() == ".vtk" else meshio.vtu).read(path)
-    except (meshio.ReadError, LookupError, RuntimeError, ValueError):
-        raise Damage(
-            "it is damaged, or of a kind that meshio does not read: ParaView's filter Extract "
-            "Surface makes PolyData"
-        ) from None
+    mesh = _read_by_meshio(path)
     F, polygon = triangulated(mesh.points, mesh.cells)
     if len(F) == 0:
         raise Damage(
             "it has no triangles or polygons: ParaView's filter Extract Surface makes them"
         )
     return mesh.points, F, polygon
+
+
+def _read_by_meshio(path: Path) -> Any:
+    with from_extra("vtk"):
+        import meshio
+    try:
+        return (meshio.vtk if path.suffix.lower() == ".vtk" else meshio.vtu).read(path)
+    except (meshio.ReadError, AssertionError, LookupError, RuntimeError, ValueError):
+        raise Damage(
+            "it is damaged, or of a kind that meshio does not read: ParaView's filter Extract "
+            "Surface makes PolyData"
+        ) from None
+
+
+def others_of_vtk(path: Path) -> Iterator[str]:
+    """Yield what a file has besides a surface and texture coordinates, up to what is unreadable."""
+    data = path.read_bytes()
+    if path.suffix.lower() == ".vtp":
+        yield from _others_of_vtp(_Xml(data).root)
+    elif path.suffix.lower() == ".vtk" and (kind := POLYDATA.match(data)):
+        yield from _others_of_polydata(_Legacy(data, kind))
+    else:
+        mesh = _read_by_meshio(path)
+        yield from (*mesh.point_data, *mesh.cell_data, *mesh.field_data)
 
 
 def texture_of_vtk(path: Path) -> Floats | None:
@@ -103,6 +123,20 @@ class _Legacy:
         assert line is not None  # it may be empty
         self.at = line.end()
         return line[1].decode("latin-1").split()
+
+    def field(self, count: int) -> Iterator[str]:
+        """Go past the arrays of a field; yield their names."""
+        for _ in range(count):
+            while (line := self.words()) == ["METADATA"]:
+                self.skip_metadata()
+            name, columns, rows, kind = line
+            yield name
+            self.numbers(int(columns) * int(rows), kind)
+
+    def skip_metadata(self) -> None:
+        """Go past what is said of an array, up to an empty line."""
+        end = self.data.find(b"\n\n", self.at)
+        self.at = len(self.data) if end < 0 else end
 
     def numbers(self, count: int, kind: str) -> NDArray[Any]:
         """(count,) numbers of a type."""
@@ -144,13 +178,52 @@ def _read_polydata(file: _Legacy) -> Surface:
             case [name, count, size] if name in CELLS:
                 cells[name] = file.lists(int(count), int(size))
             case ["METADATA"]:
-                end = file.data.find(b"\n\n", file.at)
-                file.at = len(file.data) if end < 0 else end
-            case ["POINT_DATA" | "CELL_DATA" | "FIELD", *_]:
+                file.skip_metadata()
+            case ["FIELD", _, count]:
+                [*file.field(int(count))]
+            case ["POINT_DATA" | "CELL_DATA", *_]:
                 break
             case _:
                 raise Damage(f"it says {' '.join(line)[:40]!r}")
     return _surface(V, cells["POLYGONS"], cells["TRIANGLE_STRIPS"])
+
+
+def _others_of_polydata(file: _Legacy) -> Iterator[str]:
+    """Yield what stands before, between and behind the faces of a surface."""
+    n, byte = 0, "unsigned_char" if file.binary else "float"
+    while line := file.words():
+        match [line[0].upper(), *line[1:]]:
+            case ["POINTS", count, kind]:
+                file.numbers(3 * int(count), kind)
+            case [name, count, size] if name in CELLS:
+                file.lists(int(count), int(size))
+                if name in ("VERTICES", "LINES"):
+                    yield name.lower()
+            case ["METADATA"]:
+                file.skip_metadata()
+            case ["POINT_DATA" | "CELL_DATA", count]:
+                n = int(count)
+            case ["FIELD", _, count]:
+                yield from file.field(int(count))
+            case ["LOOKUP_TABLE", _, count]:
+                file.numbers(4 * int(count), byte)
+            case ["TEXTURE_COORDINATES", _, columns, kind]:
+                file.numbers(n * int(columns), kind)
+            case [_, name, *shape]:
+                yield name
+                file.numbers(*_values(file, line[0].upper(), shape, n, byte))
+            case _:
+                raise Damage(f"it says {' '.join(line)[:40]!r}")
+
+
+def _values(file: _Legacy, what: str, shape: list[str], n: int, byte: str) -> tuple[int, str]:
+    """How many numbers of which type follow the line of an attribute."""
+    if what == "COLOR_SCALARS":
+        return n * int(shape[0]), byte
+    if what == "SCALARS":
+        file.words()  # of its lookup table
+        return n * int([*shape, "1"][1]), shape[0]
+    return n * COLUMNS[what], shape[0]
 
 
 def _lists(flat: Ints) -> list[Ints]:
@@ -239,6 +312,14 @@ def _texture_of_vtp(file: _Xml) -> Floats | None:
             columns = int(array.get("NumberOfComponents", 1))
             rows.append(file.numbers(array).reshape(-1, columns)[:, :2].astype(np.float64))
     return np.concatenate(rows) if rows else None
+
+
+def _others_of_vtp(root: Any) -> Iterator[str]:
+    for lines in ("Verts", "Lines"):
+        if any(int(piece.get(f"NumberOf{lines}", 0)) for piece in root.iter("Piece")):
+            yield {"Verts": "vertices"}.get(lines, "lines")
+    for data in (each for kind in VALUES for each in root.iter(kind)):
+        yield from (each.get("Name") for each in data if each.get("Name") != data.get("TCoords"))
 
 
 def _block(code: bytes, coded: bool, head: np.dtype[Any], packed: bool) -> bytes:

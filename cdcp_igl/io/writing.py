@@ -10,12 +10,12 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Ints, distinct_rows
-from ..errors import counted
+from ..arrays import Bools, Floats, Ints, distinct_rows, in_space, marked, rows_not_in
+from ..errors import counted, spell
 from ..surface.validation import checked_vertices, usable_arrays
 from .archives import write_npz
 from .contents import contents_of
-from .given import takes_meshes
+from .given import in_given_rows, takes_meshes
 from .glb import warn_of_lost_faces, write_glb
 from .glb_like import write_glb_like
 from .images import Image, Texture, as_image, write_material
@@ -68,8 +68,9 @@ def write_map(
         surface whose vertices lie where the map takes them, with nibabel: .gii, .gii.gz, or
         FreeSurfer's ``lh.NAME`` and, of a part, ``lh.NAME.patch.flat``, all in the rows of the
         surface that
-        was given, z = 0 in the plane and a radius of 100 on the sphere. An existing file is
-        replaced once the new one is complete.
+        was given, z = 0 in the plane and a radius of 100 on the sphere. These have one place for
+        each vertex: a patch leaves out those that were split or cut, as FreeSurfer's cuts do,
+        which is logged. An existing file is replaced once the new one is complete.
     V, F
         As in `disk_map`, whatever surface they are.
     uv : (n, 2) array_like, (m, 3, 2) array_like or a map
@@ -103,7 +104,8 @@ def write_map(
         If V or F are no vertices and faces.
     ValueError
         If the file is not of a known type, uv does not fit V and F or is not finite, `like`
-        is another mesh, or an option does not go with the type.
+        is another mesh, or an option does not go with the type; if the map has several places for
+        a vertex, and the file holds one, and is no patch.
     OSError
         If the file cannot be written; nothing is left behind.
 
@@ -125,14 +127,13 @@ def write_map(
     checked_vertices(V)
     given, faces = usable_arrays(V, F)
     if suffix not in WRITABLE:
-        surface = _as_surface(uv, faces)
+        surface = _as_surface(path, uv, faces)
         with whole_file(path) as unfinished:
             write_neuro(path, unfinished, *surface, source)
         warn_of_loss(source, path)
         return
     plane = _map(uv, len(given), len(faces), in_square=suffix != ".npz" and not disk)
-    positions = np.zeros((len(given), 3))
-    positions[:, : given.shape[1]] = given
+    positions = in_space(given)
     kept = source if source and is_kept(source, suffix) else None
     if source:
         _check_like(source, positions, faces)
@@ -221,13 +222,14 @@ def _image(image: Texture | None, *, bare: bool) -> Image | None:
     return None if image is None else as_image(image)
 
 
-def _as_surface(uv: ArrayLike | MapResult, F: Ints) -> tuple[Floats, Ints, Ints]:
-    """Places (n, 3), faces, and which vertices were mapped, in the rows of the surface as given.
+def _as_surface(path: Path, uv: ArrayLike | MapResult, F: Ints) -> tuple[Floats, Ints, Ints]:
+    """Places (n, 3), faces, and which vertices have one, in the rows of the surface as given.
 
     A sphere has FreeSurfer's radius; in the plane, z is 0.
     """
     n = int(F.max()) + 1
-    rows, size = getattr(uv, "given_rows", None) or (np.arange(n), n)
+    given_rows = getattr(uv, "given_rows", None) or (np.arange(n), n)
+    rows, _ = given_rows
     if (points := getattr(uv, "points", None)) is not None:
         places = SPHERE * np.asarray(points)
     else:
@@ -238,11 +240,56 @@ def _as_surface(uv: ArrayLike | MapResult, F: Ints) -> tuple[Floats, Ints, Ints]
                 "surface that was cut open, write .obj, .ply or .glb"
             )
         places = np.column_stack([plane, np.zeros(len(plane))])
-    vertices = rows[rows >= 0]
-    P = np.zeros((size, 3))
-    P[vertices] = places[: len(rows)][rows >= 0]
+    P, several = in_given_rows(places[: len(rows)], given_rows, 0.0)
     whole = rows[F]
-    return P, whole[(whole >= 0).all(axis=1)], vertices
+    whole = whole[(whole >= 0).all(axis=1)]
+    vertices, turned = np.unique(rows[rows >= 0]), whole[_turned_in_single_precision(P, whole)]
+    if neuro_type(path) == "patch":
+        faces_given = getattr(uv, "given_faces", None)
+        of_whole = whole if faces_given is None else faces_given
+        lost = np.union1d(several, turned)
+        return P, *_patch(path, whole, marked(len(P), vertices), lost, of_whole)
+    if len(several):
+        raise ValueError(
+            "such a file has one place for each vertex, and the map has several for "
+            f"{counted(len(several), 'vertex', 'vertices')} split or cut ({spell(several)}). Leave "
+            "out such vertices of the surface first, or write a patch, lh.NAME.patch.flat, which "
+            "does that"
+        )
+    if len(turned):
+        flipped = counted(len(turned), "face is", "faces are")
+        log.warning("in %s %s flipped: it has single precision", path.name, flipped)
+    return P, whole, vertices
+
+
+def _turned_in_single_precision(P: Floats, F: Ints) -> Bools:
+    """(m,) faces in the plane that rounding flips; on a sphere none are looked for."""
+    before, after = (
+        np.cross(places[F[:, 1]] - places[F[:, 0]], places[F[:, 2]] - places[F[:, 0]])[:, 2]
+        for places in (P, P.astype(np.float32).astype(np.float64))
+    )
+    return np.asarray((np.sign(before) == -np.sign(after)) & (after != 0) & ~P[:, 2].any())
+
+
+def _patch(path: Path, F: Ints, among: Bools, lost: Ints, of_whole: Ints) -> tuple[Ints, Ints]:
+    """Faces and vertices of a patch, `among` the mapped ones, without those that are `lost`.
+
+    Its readers take all faces of the whole surface whose corners it has: of a face that is not in
+    the map it has none.
+    """
+    count = among.sum()
+    among[lost] = False
+    seen = np.sort(of_whole[among[of_whole].all(axis=1)], axis=1)
+    among[rows_not_in(np.sort(F, axis=1), seen)] = False
+    F = F[among[F].all(axis=1)]
+    kept = np.unique(F)
+    if len(kept) == 0:
+        raise ValueError(f"{path.name!r} would have no face: its vertices are all left out")
+    if left_out := int(count) - len(kept):
+        said = counted(left_out, "vertex", "vertices")
+        why = "that were split or cut, or where single precision would flip a face"
+        log.warning("not in %s: %s %s", path.name, said, why)
+    return F, kept
 
 
 def _map(uv: ArrayLike | MapResult, n: int, m: int, *, in_square: bool) -> Floats:
@@ -272,7 +319,7 @@ def _map(uv: ArrayLike | MapResult, n: int, m: int, *, in_square: bool) -> Float
 
 def _check_like(like: Path, V: Floats, F: Ints) -> None:
     given_V, given_F = read_mesh(like)
-    if not (np.array_equal(given_V, V) and np.array_equal(given_F, F)):
+    if not (np.array_equal(in_space(given_V), V) and np.array_equal(given_F, F)):
         raise ValueError(
             f"{like.name!r} holds another mesh than V and F: pass them as `read_mesh` read them."
         )

@@ -145,7 +145,7 @@ class RingProblem(Problem[AnnulusMap]):
 
     def needs_no_other_start(self, made: AnnulusMap) -> bool:
         """Whether no Tutte embedding may lead nearer to the conformal map."""
-        return made.conformal or (made.valid and self.options.refine == 0)
+        return made.is_acceptable or (made.valid and self.options.refine == 0)
 
     def _placed(self, strip: Complex, boundary: str, known: float = 0.0) -> AnnulusMap:
         """Turn a map to a strip (n,), roll it up; repair, certify and judge it."""

@@ -519,7 +519,7 @@ def _sheared_less(mesh: Mesh, start: Complex) -> Complex:
 
 
 def _order(made: DiskMap, price: float = 0.0) -> tuple[bool, bool, float]:
-    return not made.valid, not made.conformal, made.distortion.mean + price
+    return not made.valid, not made.is_acceptable, made.distortion.mean + price
 
 
 def _objection(made: DiskMap) -> str:
@@ -527,7 +527,7 @@ def _objection(made: DiskMap) -> str:
     name = made.boundary.name
     if not made.valid:
         return f"{name}: no certificate"
-    verdict = "" if made.conformal else ", not conformal"
+    verdict = "" if made.is_acceptable else ", not conformal"
     return f"{name}: mean distortion {made.distortion.mean:.2f} degrees{verdict}"
 
 

@@ -22,7 +22,7 @@ from ..arrays import (
 )
 from ..cached import cached_property
 from ..docstrings import like
-from ..errors import MapError, spell
+from ..errors import MapError, SolverError, spell
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
@@ -63,6 +63,10 @@ EASED = 1 / 64
 # Steps of refinement of an outline that was eased, and of one that was the circle.
 EASING, FREEING = 5, 10
 OWN, DELAUNAY, FREED = "own lengths", "intrinsic Delaunay", "eased from the disk"
+NO_PLACES = (
+    "Pins stretch the map beyond what double precision tells apart. Leave out pins, or put them "
+    "nearer to the map, in the unit of V"
+)
 SUM_TOLERANCE = 1e-9  # of exterior angles, which add up to 2 pi
 # Phases of a map onto the disk that one with a free outline only has where its outline is eased.
 OF_THE_DISK = ("center", "trace", "circle", "mobius")
@@ -319,7 +323,7 @@ class FreeProblem(Problem[FreeMap]):
     def is_good_start(self, made: FreeMap) -> bool:
         """Whether no other start is tried; a map that is eased need not be near."""
         is_near = made.boundary != self.boundary.name or made.distortion.mean <= self._enough
-        return made.conformal and is_near
+        return made.is_acceptable and is_near
 
     def needs_no_other_start(self, made: FreeMap) -> bool:
         """Return True: a Tutte embedding has a circle for a boundary, and no free one."""
@@ -368,16 +372,16 @@ class FreeProblem(Problem[FreeMap]):
         return self._placed(f, FREED, disk.boundary.laplacian)
 
     def _placed(self, f: Complex, boundary: str, laplacian: str, known: float = 0.0) -> FreeMap:
-        """Turn a map (n,) and scale it to the length of its outline; repair, certify, judge it."""
+        """Turn a map (n,) about its centroid, scale it to the length of its outline; judge it."""
         mesh, length = self.mesh, self.boundary.length
         with self.phase("repair"):
-            f = rotate(mesh, f, self.options.align, on_circle=False)
+            f = rotate(mesh, centered(mesh, f), self.options.align, on_circle=False)
             f, certificate = _set_apart(mesh, _of_length(mesh, f, length))
             # An outline that overlaps itself is beyond repair.
             most = repairable(mesh) if certificate.simple else 0
             f, repair = repair_locally(mesh, f, most, is_free=self._is_own)
             if repair.n_flipped:
-                f = _of_length(mesh, f, length)
+                f = _of_length(mesh, centered(mesh, f), length)
                 certificate = certify_outline(mesh, coordinates(f))
         return FreeMap(
             **_judged(mesh, f, certificate, repair, self.phase, known),
@@ -416,18 +420,23 @@ class FreeProblem(Problem[FreeMap]):
         self.release()
 
         def placed(f: Complex) -> Complex:
-            f = f - np.average(f, weights=self.mesh.vertex_areas)
+            f = centered(self.mesh, f)
             return rotate(self.mesh, f, self.options.align, on_circle=False)
 
         return keeping(best, self.options.kept, placed, self.phase)
 
 
 def moved_in_plane(made: FreeMap, f: Complex, phase: Phases) -> FreeMap:
-    """Return a map into the plane moved to f (n,): repaired, certified and judged."""
-    mesh = made.mesh
+    """Return a map into the plane moved to f (n,): repaired, certified and judged.
+
+    Its centroid is moved to 0, unless pins hold it.
+    """
+    mesh, is_pinned = made.mesh, len(made.pins) > 0
     with phase("repair"):
-        f, certificate = _set_apart(mesh, f)
+        f, certificate = _set_apart(mesh, f if is_pinned else centered(mesh, f))
         f, repair = repair_locally(mesh, f, len(mesh.F) if len(certificate.flipped) else 0)
+        if repair.n_flipped and not is_pinned:
+            f = centered(mesh, f)
     certificate = certify_outline(mesh, coordinates(f))
     return replace(made, **_judged(mesh, f, certificate, repair, phase))
 
@@ -445,8 +454,12 @@ def pinned_to(made: FreeMap, pins: tuple[Ints, Floats] | None, phase: Phases) ->
     f = (f - f[rows].mean()) * (np.vdot(at, to) / np.vdot(at, at)) + goal.mean()
     with phase("refine"):
         newton = Newton(mesh, f, held=marked(len(f), rows))
-        reached = newton.pull(Energy.of(mesh, t), rows, goal)
-    made = replace(moved_in_plane(made, newton.f, phase), conformality=NOT_ASKED, pins=rows)
+        try:
+            reached = newton.pull(Energy.of(mesh, t), rows, goal)
+        except SolverError:
+            raise MapError(NO_PLACES, made) from None
+    made = moved_in_plane(replace(made, pins=rows), newton.f, phase)
+    made = replace(made, conformality=NOT_ASKED)
     made = replace(made, kept=measured(mesh, newton.f, t, PLANE, newton.steps))
     if not reached:
         left = abs(newton.f[rows] - goal)
@@ -467,16 +480,19 @@ def as_given(made: FreeMap) -> FreeMap:
 
 
 def _laid_out(surface: FactoredSurface, boundary: Boundary, phase: Phases) -> Complex:
-    """Lay out the boundary, and the interior harmonically, its centroid at 0."""
-    mesh = surface.mesh
+    """Lay out the boundary, and the interior harmonically."""
     with phase("extension"):
         angles, u_B = boundary.angles, boundary.u_B
         if angles is None:
             angles = angles_of_scale(surface, u_B)
         else:
             u_B = scale_of_angles(pinned(surface), angles)
-        f = harmonic_extension(surface, closed_curve(mesh, u_B, angles))
-        return f - np.average(f, weights=mesh.vertex_areas)
+        return harmonic_extension(surface, closed_curve(surface.mesh, u_B, angles))
+
+
+def centered(mesh: Mesh, f: Complex) -> Complex:
+    """Move a map (n,) until the centroid of the surface is at 0."""
+    return f - np.average(f, weights=mesh.vertex_areas)
 
 
 def _of_length(mesh: Mesh, f: Complex, length: float) -> Complex:
@@ -505,7 +521,8 @@ def _judged(
 def own_outline(surface: FactoredSurface, phase: Phases) -> OutlineCertificate:
     """Certify the map in which the boundary keeps its lengths."""
     asked = boundary_of(surface.mesh)
-    return _set_apart(surface.mesh, _laid_out(surface, asked, phase))[1]
+    mesh = surface.mesh
+    return _set_apart(mesh, centered(mesh, _laid_out(surface, asked, phase)))[1]
 
 
 def _set_apart(mesh: Mesh, f: Complex) -> tuple[Complex, OutlineCertificate]:

@@ -114,8 +114,9 @@ class _Keeping:
 
     def __init__(self, made: KeepingMap) -> None:
         self.mesh, self.target, self.steps = made.mesh, target_of(made), 0
-        held = isinstance(made, FreeMap) and len(made.pins) > 0
-        self.held: Bools | None = marked(len(made.mesh.V), made.pins) if held else None
+        self.held: Bools | None = None
+        if isinstance(made, FreeMap) and len(made.pins):
+            self.held = marked(len(made.mesh.V), made.pins)
 
     def at(self, t: float, f: Complex, *, near: bool) -> Complex:
         """Go down to the map that keeps t, from a map f (n,), which may be near it."""

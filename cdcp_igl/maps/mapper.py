@@ -9,8 +9,9 @@ from typing import Any, Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import typed
 from ..arrays import Complex
-from ..io.given import takes_meshes
+from ..io.given import OfGiven, takes_meshes, tell
 from ..options import Options
 from ..phases import Phases, Progress
 from ..result.base import announced
@@ -37,7 +38,7 @@ BEFORE = ("check", "laplacian", "factor")
 HARMONIC = ("center", "trace", "circle", "extension")
 
 
-class DiskMapper:
+class DiskMapper(OfGiven):
     """A surface, checked and factored, to be mapped onto the disk more than once.
 
     Checks and factorization, most of the time of `disk_map`, are done once, here. Another
@@ -92,6 +93,7 @@ class DiskMapper:
         """The checked surface."""
         return self._surface.mesh
 
+    @typed
     def map(
         self,
         *,
@@ -129,8 +131,11 @@ class DiskMapper:
         known = options.first_steps in self._known
         phase = Phases(progress, refine or 0, BEFORE + HARMONIC * known)
         with using(self._solver):
-            return announced(solve(DiskProblem(self._surface, options, phase, self._known)))
+            made = announced(solve(DiskProblem(self._surface, options, phase, self._known)))
+            tell(made, vars(self))
+            return made
 
+    @typed
     def free(
         self,
         *,
@@ -175,7 +180,9 @@ class DiskMapper:
             boundary = boundary_of(self.mesh, boundary_scale, corners)
             problem = FreeProblem(self._surface, boundary, options, phase, keep_factor=True)
             made = announced(as_given(solve(problem)))
-            return pinned_to(made, places_of(pins, len(self.mesh.V)), phase)
+            made = pinned_to(made, places_of(pins, len(self.mesh.V)), phase)
+            tell(made, vars(self))
+            return made
 
     def moved(self, V: ArrayLike) -> DiskMapper:
         """Take the same faces with moved vertices: no topological checks, no new ordering.
@@ -201,11 +208,14 @@ class DiskMapper:
         other._solver = self._solver
         other._surface = self._surface.moved(V)
         other._known = {}
+        tell(other, {**vars(self), "source": None})  # which holds other places
         return other
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The factor is in memory of the solver: another process makes its own on arrival.
-        return partial(DiskMapper, solver=self._solver), (self.mesh.positions, self.mesh.F)
+        made = partial(DiskMapper, solver=self._solver), (self.mesh.positions, self.mesh.F)
+        told = "source", "given_rows", "given_faces"
+        return *made, {name: getattr(self, name) for name in told}
 
     def __repr__(self) -> str:
         return f"DiskMapper({self.mesh!r})"

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import typed
 from ..arrays import Floats, Ints, as_complex, coordinates, marked
 from ..cached import cached_property
 from ..errors import MapError
@@ -64,6 +65,7 @@ class Match:
     _energy: Energy = field(repr=False)
     _to: DiskBijection = field(repr=False)
 
+    @typed
     def pull_back(self, values: ArrayLike) -> Floats:
         """Carry values at the vertices of the other surface to those of the first.
 

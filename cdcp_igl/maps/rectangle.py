@@ -14,7 +14,7 @@ from ..arrays import Complex, Floats, Ints, marked
 from ..cached import cached_property
 from ..docstrings import like
 from ..errors import counted, spell
-from ..io.given import takes_meshes
+from ..io.given import takes_meshes, tell
 from ..options import Options
 from ..phases import Phases, Progress
 from ..refine.balance import lower_shear
@@ -112,12 +112,13 @@ def rectangle_map(
         with phase("check"):
             mesh = DiskMesh(V, F)
             sides = _boundary_sides(mesh, chosen)
-            n, chords = len(mesh.V), _chords(mesh, sides, split)
+            n, whole, chords = len(mesh.V), mesh.F, _chords(mesh, sides, split)
             if len(chords):
                 mesh = DiskMesh(*split_edges(mesh.positions, mesh.F, chords))
         best = replace(solve(RectangleProblem(mesh, sides, options, phase)), split=chords)
         if len(chords):
-            vars(best)["given_rows"] = np.append(np.arange(n), [-1] * len(chords)), n
+            rows = np.append(np.arange(n), [-1] * len(chords)), n
+            tell(best, {"given_rows": rows, "given_faces": whole})
     return announced(best)
 
 
@@ -208,11 +209,11 @@ class RectangleProblem(Problem[RectangleMap]):
 
     def is_good_start(self, made: RectangleMap) -> bool:
         """Whether no other start is tried."""
-        return made.conformal and made.repair.n_flipped == 0
+        return made.is_acceptable and made.repair.n_flipped == 0
 
     def needs_no_other_start(self, made: RectangleMap) -> bool:
         """Whether no Tutte embedding may lead nearer to the conformal map."""
-        return made.conformal or self._any_conformal
+        return made.is_acceptable or self._any_conformal
 
     def _sliding(self, laplacian: str) -> RectangleMap:
         """Solve for both coordinates, with no flux across the sides along which they vary."""
@@ -243,7 +244,7 @@ class RectangleProblem(Problem[RectangleMap]):
     def _scaled(self, square: _Square) -> RectangleMap:
         """Scale a map onto the unit square to the modulus."""
         made = self._placed(square, square.stretched)
-        self._any_conformal |= made.conformal
+        self._any_conformal |= made.is_acceptable
         return made
 
     def tutte_starts(self, best: RectangleMap) -> Iterator[Start[RectangleMap]]:

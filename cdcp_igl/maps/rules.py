@@ -44,7 +44,7 @@ LITTLE_STRETCH = 1.6
 
 def rank(made: MadeMap) -> tuple[bool, float]:
     """Order maps: valid ones come first, then those of low error."""
-    return not made.valid, made.distortion.mean * (1 if made.conformal else MARGIN)
+    return not made.valid, made.distortion.mean * (1 if made.is_acceptable else MARGIN)
 
 
 def repaired_part(made: MadeMap) -> float:
@@ -97,4 +97,4 @@ def needs_no_other_start(made: DiskMap) -> bool:
         return False
     verdict = made.conformality
     hardly_stretched = made.valid and not verdict.sheared and verdict.stretch <= LITTLE_STRETCH
-    return hardly_stretched or (made.conformal and not verdict.is_doubtful)
+    return hardly_stretched or (made.is_acceptable and not verdict.is_doubtful)

@@ -69,7 +69,7 @@ class Problem(ABC, Generic[Kind]):
 
     def is_good_start(self, made: Kind) -> bool:
         """Whether no other harmonic map is tried."""
-        return made.conformal
+        return made.is_acceptable
 
     def tutte_starts(self, best: Kind) -> Iterator[Start[Kind]]:
         """Yield maps from Tutte embeddings; each is refined."""
@@ -77,7 +77,7 @@ class Problem(ABC, Generic[Kind]):
 
     def needs_no_other_start(self, made: Kind) -> bool:
         """Whether no Tutte embedding may lead nearer to the conformal map."""
-        return made.conformal
+        return made.is_acceptable
 
     def chosen(self, made: list[Kind], failures: list[str]) -> Kind:
         """Return the best of some maps."""
@@ -167,7 +167,7 @@ class _NoLessConformal:
 
     def __init__(self, made: MadeMap, target: Target) -> None:
         verdict = made.conformality
-        self._made, self._target, self._conformal = made, target, made.conformal
+        self._made, self._target, self._conformal = made, target, made.is_acceptable
         self.known = 0.0 if verdict.sheared else verdict.mean
 
     def __call__(self, f: Complex, errors: Floats) -> bool:
@@ -224,7 +224,7 @@ def descended(
         if (told := made.refinement) is not None:
             told = replace(told, asked=refinement.asked, stopped="no certificate")
         return replace(made, refinement=told)
-    if (better.valid, better.conformal) < (plain.valid, plain.conformal):
+    if (better.valid, better.is_acceptable) < (plain.valid, plain.is_acceptable):
         stopped = "not conformal" if better.valid else "no certificate"
         return replace(plain, refinement=refinement.undone(stopped))
     repair = replace(plain.repair, n_moved=max(plain.repair.n_moved, better.repair.n_moved))

@@ -195,7 +195,7 @@ class SphereProblem(Problem[SphereMap]):
 
     def is_good_start(self, made: SphereMap) -> bool:
         """Whether no other Laplacian is tried."""
-        return made.conformal and made.repair.n_flipped == 0
+        return made.is_acceptable and made.repair.n_flipped == 0
 
     def _by_dipole(self, laplacian: str) -> SphereMap:
         with self.phase("laplacian"):
@@ -223,7 +223,7 @@ class SphereProblem(Problem[SphereMap]):
 
     def needs_no_other_start(self, made: SphereMap) -> bool:
         """Whether no Tutte embedding may lead nearer to the conformal map."""
-        return made.conformal and not rules.is_heavily_repaired(made)
+        return made.is_acceptable and not rules.is_heavily_repaired(made)
 
     def _placed(
         self,

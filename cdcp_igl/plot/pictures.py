@@ -7,6 +7,7 @@ from textwrap import fill
 
 import numpy as np
 
+from ..arguments import typed
 from ..arrays import Floats, Ints
 from ..errors import counted
 from ..extras import from_extra
@@ -61,6 +62,7 @@ def draw(layout: Layout, name: str = "") -> Figure:
     return figure
 
 
+@typed
 def side_by_side(
     rows: Sequence[MapRow], *, names: Sequence[str] = (), turns: bool = True
 ) -> Figure:

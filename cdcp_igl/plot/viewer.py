@@ -15,16 +15,18 @@ from os import PathLike
 from pathlib import Path
 from string import Template
 from tempfile import mkdtemp
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import typed
 from ..arrays import Floats, Ints, as_complex, places
 from ..extras import from_extra
-from ..fields import Field
+from ..fields import Field, Labelled
 from ..io.images import MIME, Texture, as_image
 from ..io.output import write_text
+from ..result.base import Result
 from ..surface.location import z_order
 from ..surface.topology import group_by_edge, heads, tails
 from ..surface.triangles import vertex_areas
@@ -47,17 +49,12 @@ SURFACE = "Surface"  # what the shape that was mapped is called
 FLAT = 1e-6  # thickness of a flat shape, by its size: one looks straight at it
 
 
-class Viewed(Protocol):
-    """A result such as a `DiskMap`."""
-
-    def _layout(self) -> Layout: ...
-
-
+@typed
 def view(
-    results: Mapping[str, Viewed],
+    results: Mapping[str, Result],
     path: str | PathLike[str] | None = None,
     *,
-    fields: Mapping[str, Any] | None = None,
+    fields: Mapping[str, Labelled] | None = None,
     beside: Mapping[str, ArrayLike] | None = None,
     title: str = "",
 ) -> Path:
@@ -360,12 +357,14 @@ def _put_field(
     if isinstance(given, tuple) and len(given) == 2 and isinstance(given[1], Mapping):
         given, names = given
     parts = _drawn_rows(f"field {name!r}", given, layouts, [()])
+    if are_labels := Field.of(given).nearest:
+        parts = [np.where(x < 0, np.nan, x) for x in parts]  # which say that there is none
     values = np.concatenate(parts)
     finite = values[np.isfinite(values)]
     if len(finite) == 0:
         raise ValueError(f"field {name!r} has no finite value")
     array = f"field {name}"
-    if Field.of(given).nearest:
+    if are_labels:
         found = np.unique(finite)
         parts = [np.where(np.isnan(x), np.nan, np.searchsorted(found, x)) for x in parts]
         about = _labels(name, array, [names.get(int(x), f"{x:g}") for x in found.tolist()])

@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import typed
 from ..arrays import Floats, Ints
 from ..atlas.surface import surface_map
 from ..errors import MeshError
 from ..io.given import takes_meshes
 from ..maps.disk import disk_map
 from ..maps.sphere import sphere_map
-from ..phases import Progress, check_progress
+from ..phases import Progress
 from ..printing import table_as_html, table_as_text
 from ..surface.mesh import DiskMesh, SphereMesh
 from ..verdict.certificate import certify
@@ -97,6 +98,7 @@ class Comparison:
     def _on_sphere(self, case: Case) -> bool:
         return self.closed is not None and case.boundary == "sphere"
 
+    @typed
     def plot(self, name: str = "") -> np.ndarray[Any, np.dtype[np.object_]]:
         """Draw the surface and all maps in its colours, side by side.
 
@@ -116,6 +118,7 @@ class Comparison:
         axes: list[Axes] = side_by_side(rows, names=[name] * len(rows)).axes
         return np.array(axes)
 
+    @typed
     def view(self, path: str | PathLike[str] | None = None, *, title: str = "") -> Path:
         """Write the page of `Result.view`, of CDCP's map with all others beside it, or open it.
 
@@ -237,7 +240,6 @@ def compare(
     >>> compared.cases["from_above"].boundary, compared.cases["cdcp"].boundary
     ('free', 'disk')
     """
-    check_progress(progress)
     V, F = np.asarray(V), np.asarray(F)
     opened = _opened(V, F)
     wanted = _named(methods)

@@ -26,6 +26,7 @@ class WithSurface(Protocol):
 
     source: Path | None
     given_rows: tuple[Ints, int] | None
+    given_faces: Ints | None
 
     @property
     def _faces(self) -> Ints: ...
@@ -89,7 +90,8 @@ def _painted(result: WithSurface, values: Any, uv: ArrayLike | None) -> Painted:
     """Take an image with its texture coordinates, or a file that has both."""
     is_file, faces = isinstance(values, str | PathLike), result._faces
     if is_file and uv is None:
-        if result.given_rows:
+        rows, whole = result.given_rows, result.given_faces
+        if rows and (whole is None or not np.array_equal(rows[0][faces], whole)):
             raise ValueError("a part of a surface has other faces than its file: give uv=, too")
         if Path(values).suffix.lower() in READABLE:
             return images_of(Path(values))

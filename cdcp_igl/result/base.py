@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Floats, Ints, unit_size
+from ..arguments import typed
+from ..arrays import Floats, Ints, in_space, unit_size
 from ..errors import MapError, counted, spell
-from ..fields import Field, Method
+from ..fields import Field, Labelled, Method
 from ..io.given import FromFile
 from ..io.images import Texture
 from ..plot.layout import Layout
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("cdcp_igl")
 
+MOST_PIXELS = 2**16  # along a side: no program opens a larger image
 PICTURES = (".pdf", ".png", ".svg")
 
 # Beyond it a page is more than about half a megabyte, and a notebook keeps each that it shows.
@@ -82,16 +84,24 @@ class Result(FromFile, ABC):
         return self.certificate.valid
 
     @property
-    def conformal(self) -> bool:
-        """True for a map that is as conformal as the mesh lets it be, see `conformality`."""
-        return bool(self.conformality)
+    def conformal(self) -> bool | None:
+        """True for a map that is as conformal as the mesh lets it be, see `conformality`.
+
+        None if that was not asked for, as the map keeps lengths or areas.
+        """
+        return self.conformality.verdict
+
+    @property
+    def is_acceptable(self) -> bool:
+        """Whether nothing is objected to: it is conformal, or that was not asked for."""
+        return not self.conformality.reasons
 
     @property
     def verdict(self) -> str:
         """In a word or two, whether the map is valid and conformal."""
         if not self.valid:
             return "NOT VALID"
-        return "valid" if self.conformal else "valid, NOT CONFORMAL"
+        return "valid" if self.is_acceptable else "valid, NOT CONFORMAL"
 
     @property
     def side(self) -> str:
@@ -112,6 +122,7 @@ class Result(FromFile, ABC):
     def packed(self) -> Floats:
         """Return the map scaled into the unit square: texture coordinates, shaped as `uv`."""
 
+    @typed
     def bake(
         self,
         values: ArrayLike | str | PathLike[str] | Callable[[Floats], ArrayLike],
@@ -169,8 +180,8 @@ class Result(FromFile, ABC):
 
         layout = self._layout()
         paint = painter(self, layout, values, method, uv)
-        if not size >= 1:
-            raise ValueError(f"size must be at least 1, not {size!r}")
+        if not 1 <= size <= MOST_PIXELS:
+            raise ValueError(f"size must be at least 1 and at most {MOST_PIXELS:,}, not {size!r}")
         left, bottom = -2 * layout.origin[0], -2 * layout.origin[1]  # of the unit square
         raster = sample(layout.uv, layout.F, size, (left, left + 2, bottom, bottom + 2))
         if not (seen := raster.seen).any():
@@ -210,6 +221,7 @@ class Result(FromFile, ABC):
         areas = face_areas(layout.V, layout.F)
         return len(lost), float(areas[lost].sum() / areas.sum())
 
+    @typed
     def report(self, *, flat: bool = False) -> dict[str, Any]:
         """Return everything but the coordinates.
 
@@ -252,6 +264,7 @@ class Result(FromFile, ABC):
         }
         return _flattened(report) if flat else report
 
+    @typed
     def save(self, path: str | PathLike[str], *, image: Texture | None = None) -> None:
         """Write the map to a file whose suffix says what.
 
@@ -293,8 +306,8 @@ class Result(FromFile, ABC):
             if like and not carries(like, suffix):
                 like = None
             if like:
-                corners, (V, F) = V[F], read_mesh(like)
-                if F.shape != corners.shape[:2] or not np.array_equal(V[F], corners):
+                corners, (V, F) = in_space(V)[F], read_mesh(like)
+                if F.shape != corners.shape[:2] or not np.array_equal(in_space(V)[F], corners):
                     raise ValueError(f"{like.name!r} has changed since the surface was read.")
             write_map(path, V, F, self, like=like, image=image)
         elif suffix in PICTURES:
@@ -309,6 +322,7 @@ class Result(FromFile, ABC):
             writable = f"{' '.join(known)} .gii .gii.gz, lh.NAME and rh.NAME"
             raise ValueError(f"{Path(path).name!r} is of no known type. Writable: {writable}")
 
+    @typed
     def pattern(
         self, path: str | PathLike[str] | None = None, *, unit: str = "mm", folds: bool = False
     ) -> Pattern:
@@ -371,6 +385,7 @@ class Result(FromFile, ABC):
             "a pattern needs a free outline: take free_map, or surface_map without outline='disk'"
         )
 
+    @typed
     def plot(self, *, name: str = "") -> NDArray[Any]:
         """Draw the surface, its image, a checkerboard and the distortion side by side.
 
@@ -406,11 +421,12 @@ class Result(FromFile, ABC):
 
         return np.array(draw(self._layout(), name).axes)
 
+    @typed
     def view(
         self,
         path: str | PathLike[str] | None = None,
         *,
-        fields: Mapping[str, ArrayLike] | None = None,
+        fields: Mapping[str, Labelled] | None = None,
         texture: Texture | None = None,
         beside: Mapping[str, ArrayLike] | None = None,
         keep: Sequence[float | str] = (),
@@ -432,9 +448,9 @@ class Result(FromFile, ABC):
             to a temporary folder and opened in the browser.
         fields : mapping of str to (n,) array_like, optional
             More values at the vertices of the given mesh to colour by, under their names; grey
-            where they are NaN. Of integers and truth values, which are labels, a face has that of
-            one of its corners, and lines run between them over all colours. What `io.read_values`
-            returns has the names of labels, too.
+            where they are NaN, or negative integers. Of integers and truth values, which are
+            labels, a face has that of one of its corners, and lines run between them over all
+            colours. What `io.read_values` returns has the names of labels, too.
         texture : path-like or (height, width, 3 or 4) array_like, optional
             Image of the unit square that `packed` fills, the top row at v = 1: a png, jpeg or
             webp file, or colours from 0 to 1, such as `bake` makes.
@@ -484,10 +500,11 @@ class Result(FromFile, ABC):
         made = self.view_html(fields=fields, texture=texture, beside=beside, keep=keep, title=title)
         return show(made, path)
 
+    @typed
     def view_html(
         self,
         *,
-        fields: Mapping[str, ArrayLike] | None = None,
+        fields: Mapping[str, Labelled] | None = None,
         texture: Texture | None = None,
         beside: Mapping[str, ArrayLike] | None = None,
         keep: Sequence[float | str] = (),
@@ -571,7 +588,7 @@ class Result(FromFile, ABC):
     def _summary(self) -> list[tuple[str, str]]:
         """Return what is printed below the title: pairs of a name and a text."""
         phases = ", ".join(f"{name} {seconds:.2f}" for name, seconds in self.timings.items())
-        why = [] if self.conformal else [("conformal", str(self.conformality))]
+        why = [] if self.is_acceptable else [("conformal", str(self.conformality))]
         lost = self._lost
         return [
             ("angular distortion", str(self.distortion)),
@@ -594,7 +611,7 @@ class Result(FromFile, ABC):
         """Return what a page says below its heading: a few words each."""
         mean, sd = self.distortion.mean, self.distortion.sd
         verdict = "certified bijection" if self.valid else "NOT VALID"
-        verdict += "" if self.conformal else ", NOT CONFORMAL"
+        verdict += "" if self.is_acceptable else ", NOT CONFORMAL"
         return (*measures, f"angular distortion: mean {mean:.3g}°, SD {sd:.3g}°", verdict)
 
     def _key_figure(self) -> str:

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import typed
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, unit_size
 from ..cached import cached_property
 from ..errors import counted
@@ -73,6 +74,7 @@ class Bijection(Result):
     def __getstate__(self) -> dict[str, Any]:
         return {name: x for name, x in vars(self).items() if name != "_finder"}  # trees stay here
 
+    @typed
     def apply(self, face: ArrayLike, barycentric: ArrayLike) -> Floats:
         """Map points of the surface to the plane, or to the sphere.
 
@@ -106,6 +108,7 @@ class Bijection(Result):
             raise ValueError("barycentric coordinates must add up to 1")
         return np.einsum("...k,...kc->...c", weights, self._corner_images(rows))
 
+    @typed
     def invert(self, uv: ArrayLike) -> tuple[Ints, Floats]:
         """Find the points of the surface whose images are given.
 
@@ -154,6 +157,7 @@ class Bijection(Result):
         face, barycentric = self._located(points.reshape(-1, self._columns))
         return face.reshape(points.shape[:-1]), barycentric.reshape(*points.shape[:-1], 3)
 
+    @typed
     def interpolate(
         self, values: ArrayLike, uv: ArrayLike, *, method: Method | None = None
     ) -> Floats:
@@ -254,6 +258,7 @@ class DiskBijection(Bijection):
     mesh: Mesh
     _f: Complex
 
+    @typed
     def pull_back(self, values: ArrayLike, *, method: Method | None = None) -> Floats:
         """Pull an image of the disk back to the vertices of the surface.
 
@@ -293,6 +298,7 @@ class DiskBijection(Bijection):
         pixels = replace(image, values=image.values.reshape(-1, *shape[2:]))
         return pixels.at(*_bilinear(shape[0], shape[1], self._f))
 
+    @typed
     def remesh(self, side: float) -> tuple[Floats, Ints, Floats]:
         """Mesh the surface anew by a regular mesh of the disk.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import typed
 from ..arrays import Floats, Ints
 from ..cached import cached_property
 from ..plot.layout import Layout
@@ -116,6 +117,7 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
     def _from_tutte(self) -> bool:
         return self.boundary.laplacian == "mean value"
 
+    @typed
     def register(self, to: DiskMap, landmarks: ArrayLike) -> Registered:
         """Lay the map over that of another surface, by landmarks.
 
@@ -164,6 +166,7 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
 
         return registered_disk(self, to, landmarks)
 
+    @typed
     def match(self, to: DiskMap, pairs: ArrayLike) -> Match:
         """Map the surface onto another one so that pairs of vertices meet.
 

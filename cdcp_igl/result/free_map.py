@@ -24,8 +24,8 @@ class FreeMap(KeepingMap, PlaneMap):
     uv : (n, 2) float64
         Row i is the image of row i of V, in the unit of V. The outline is as long as the boundary,
         or as the lengths that were asked for; a map that keeps lengths has a size of its own. The
-        centroid of the surface, or what was at the centre of the disk, is at (0, 0), before
-        refinement; what `align` named lies to its right.
+        centroid of the surface is at (0, 0), unless pins hold vertices; what `align` named lies to
+        its right.
     mesh : DiskMesh
         The surface.
     mirrored : bool

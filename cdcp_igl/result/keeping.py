@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 
+from ..arguments import typed
+from ..io.given import tell
 from ..plot.layout import Layout
 from .made import ComplexMap
 from .records import Kept
@@ -17,6 +19,7 @@ class KeepingMap(ComplexMap):
 
     kept: Kept | None = None
 
+    @typed
     def continued(self, *, keep: float | str) -> Self:
         """Go on to a map that keeps something else.
 
@@ -49,7 +52,9 @@ class KeepingMap(ComplexMap):
         """
         from ..maps.keeping import continued  # a result makes no map
 
-        return continued(self, keep)
+        made = continued(self, keep)
+        tell(made, vars(self))
+        return made
 
     def _kept_steps(self, keep: Sequence[float | str]) -> dict[str, Layout]:
         maps = [self]

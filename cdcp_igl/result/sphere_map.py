@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import typed
 from ..arrays import Bools, Floats, Ints
 from ..cached import cached_property
 from ..errors import counted
@@ -132,11 +133,13 @@ class SphereMap(MadeMap):
             )
         return in_square(self.uv)
 
+    @typed
     def apply(self, face: ArrayLike, barycentric: ArrayLike) -> Floats:
         """Map points of the surface to the unit sphere, as `Bijection.apply`: (..., 3)."""
         straight = super().apply(face, barycentric)
         return straight / np.linalg.norm(straight, axis=-1)[..., None]
 
+    @typed
     def register(self, to: SphereMap, landmarks: ArrayLike) -> Registered:
         """Lay the map over that of another surface, by landmarks.
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import typed
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, size_exponent, unit_size
 from ..atlas.cutting import Cut
 from ..atlas.packing import Packing
@@ -120,6 +121,7 @@ class SurfaceMap(Bijection):
         uv_cut[self.cut.F] = self.uv
         return uv_cut
 
+    @typed
     def packed(
         self,
         size: int | None = None,
@@ -344,4 +346,4 @@ class SurfaceMap(Bijection):
 
 def worst(maps: Sequence[DiskMap | FreeMap]) -> int:
     """Find the chart of largest mean distortion, of those that are not conformal, if any."""
-    return max(range(len(maps)), key=lambda k: (not maps[k].conformal, maps[k].distortion.mean))
+    return max(range(len(maps)), key=lambda k: (not maps[k].is_acceptable, maps[k].distortion.mean))

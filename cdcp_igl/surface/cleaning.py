@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Bools, Floats, Ints, marked, size_exponent, unit_size
 from ..errors import Defect, MeshError, counted
@@ -43,6 +43,8 @@ class Cleaned(NamedTuple):
         What was done, a sentence each; empty if the surface came back as it was.
     n_given : int
         How many rows the given V has.
+    F_given : (k, 3) int64
+        The given F, in rows of the given V.
     source : Path or None
         The file, if one was given.
 
@@ -61,6 +63,7 @@ class Cleaned(NamedTuple):
     flipped: Ints
     changes: tuple[str, ...]
     n_given: int
+    F_given: Ints
     source: Path | None = None
 
 
@@ -158,6 +161,7 @@ def clean(
         surface.flipped,
         tuple(surface.changes),
         len(positions),
+        faces,
     )
 
 
@@ -179,7 +183,7 @@ def submesh(
     V, F
         As in `disk_map`, whatever surface they are.
     vertices : (n,) array_like of bool, or (k,) of integers
-        Which to keep: a truth value for each, or their rows.
+        Which to keep: a truth value for each, which may be 0 or 1, or their rows.
     without : (n,) array_like of bool, or (k,) of integers
         Which to leave out, in place of `vertices`.
 
@@ -194,7 +198,8 @@ def submesh(
     MeshError
         If V and F are no surface, or no face is left.
     ValueError
-        If not one of `vertices` and `without` is given, or it names no vertices of V.
+        If not one of `vertices` and `without` is given, or it names no vertices of V; if it has
+        a label for each vertex, which is no row.
 
     Examples
     --------
@@ -206,18 +211,7 @@ def submesh(
     positions, faces = usable_arrays(V, F)
     if (vertices is None) == (without is None):
         raise ValueError("submesh takes either vertices, which to keep, or without, which not to")
-    given = np.asarray(vertices if without is None else without)
-    if given.shape == (len(positions),) and given.dtype == bool:
-        chosen = given
-    elif given.ndim == 1 and given.dtype.kind in "iu":
-        if len(given) and not 0 <= given.min() <= given.max() < len(positions):
-            raise ValueError(f"rows of vertices must be in 0..{len(positions) - 1}")
-        chosen = marked(len(positions), given)
-    else:
-        raise ValueError(
-            f"vertices must be a truth value for each of {len(positions)}, or rows, "
-            f"not {given.dtype} of shape {given.shape}"
-        )
+    chosen = _chosen(np.asarray(vertices if without is None else without), len(positions))
     if without is not None:
         chosen = ~chosen
     face_index = np.flatnonzero(chosen[faces].all(axis=1))
@@ -227,7 +221,29 @@ def submesh(
     (n, m), (left, right) = (len(positions), len(faces)), (len(vertex_index), len(face_index))
     change = f"kept {left:,} of {n:,} vertices, {right:,} of {m:,} faces"
     part = positions[vertex_index].astype(np.float64), F.reshape(-1, 3), vertex_index, face_index
-    return Cleaned(*part, np.empty(0, np.int64), (change,), n)
+    return Cleaned(*part, np.empty(0, np.int64), (change,), n, faces)
+
+
+def _chosen(given: NDArray[Any], n: int) -> Bools:
+    """(n,) which of n vertices are named, by truth values or by rows."""
+    whole = given.ndim == 1 and given.dtype.kind in "iu"
+    if whole and len(given) > 2 and np.isin(given, (0, 1)).all():  # a mask, and no rows
+        given = given.astype(bool)
+    elif whole:
+        if len(given) and not 0 <= given.min() <= given.max() < n:
+            raise ValueError(f"rows of vertices must be in 0..{n - 1}")
+        if len(given) == n > len(np.unique(given)):
+            raise ValueError(
+                f"vertices has a whole number for each of {n}, some of them alike: of labels, "
+                "give truth values, such as labels == 3"
+            )
+        return marked(n, given)
+    if given.shape != (n,) or given.dtype != bool:
+        raise ValueError(
+            f"vertices must be a truth value for each of {n}, or rows, "
+            f"not {given.dtype} of shape {given.shape}"
+        )
+    return given
 
 
 class _Surface:

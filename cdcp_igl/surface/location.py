@@ -16,10 +16,12 @@ from .triangles import EPS, oriented_areas, spanned_areas
 Codes = NDArray[np.uint64]
 
 BITS = 31  # of each coordinate in a Morton code: a cell of 1e-9
-ONE_POINT = 1e-12  # size of a face by its distance
 ON_CIRCLE = 1e-12  # vertices this near the circle lie on it
 RIM = 1e-6  # points this near are taken to the rim: they have single precision, or six digits
 RESOLUTION = 2.0**-52  # of coordinates in the disk
+# Beyond it, areas in a plane that touches the unit sphere have the sign of the exact volume: it
+# bounds the errors of differences (of at most 2), frames and products, with some to spare.
+TANGENT_BOUND = 256 * EPS
 BLOCK = 1 << 17  # points that walk at a time: their arrays stay in the cache
 AHEAD = 16  # of so many points that are close together, the first is located before the others
 
@@ -29,19 +31,18 @@ class FaceFinder:
 
     A walk: from a face nearby, across an edge that has the point on its other side, until
     there is none. The edge is drawn by lot where there are two, so that no walk goes in
-    circles. A point counts as beyond an edge where the sign of the orientation is certain, so
-    that each point on an edge or a vertex is in one of the faces there.
+    circles. On which side of an edge a point lies is exact, as the certificate is: where rounding
+    leaves the sign in doubt, exact arithmetic decides. So a walk ends in a face that contains the
+    point, however crowded the faces are.
 
-    The image need not be convex, and rounding turns the edges of crowded faces: of points whose
-    walk leaves it, or is long, the nearest of all faces is searched in a tree of boxes. They are
-    taken to it if they are nearly there; if the map is `inscribed` in the unit circle, those
-    between an edge with both ends on it and its arc, too. ValueError if a face is flipped.
+    The image need not be convex: of points whose walk leaves it, or is long, the nearest of all
+    faces is searched in a tree of boxes. They are taken to it if they are nearly there; if the map
+    is `inscribed` in the unit circle, those between an edge with both ends on it and its arc, too.
+    ValueError if a face is flipped.
 
     O. Devillers, S. Pion, M. Teillaud. Walking in a triangulation. Int. J. Found. Comput.
     Sci. 13(2), 2002.
     """
-
-    _reach = RIM  # how far from the nearest face points may be
 
     def __init__(
         self, F: Ints, z: Complex, edges: Edges | None = None, *, inscribed: bool = False
@@ -77,17 +78,32 @@ class FaceFinder:
         near = ((self._low <= uv) & (uv <= self._high)).all(axis=1)
         return np.flatnonzero(near & (abs(points) <= 1 + RIM) if self._inscribed else near)
 
-    def _in_space(self, points: Complex) -> Floats:
-        """(k, 3) where points are in the tree of boxes."""
-        return np.column_stack([points.real, points.imag, np.zeros(len(points))])
-
     def _key(self, points: Complex) -> Complex:
         """(k,) points of the disk by which those that are near are found."""
         return points
 
-    def _seen(self, corners: Complex, points: Complex) -> Complex:
-        """(k, 3) corners of faces as seen from a point each: it is 0 in the plane."""
-        return corners - points[:, None]
+    def _seen(self, corners: Complex, points: Complex) -> tuple[Complex, Floats, Floats]:
+        """(k, 3) corners of faces as seen from a point each, which is 0 in the plane.
+
+        And twice the areas of 0 with the edges opposite each corner, and bounds of their errors.
+        """
+        seen = corners - points[:, None]
+        return seen, *_areas(seen)
+
+    def _clockwise(self, tails: Complex, heads: Complex, points: Complex) -> Bools:
+        """(k,) whether points are to the right of edges, exactly."""
+        corners = np.stack([heads, tails, points], axis=1)
+        return libigl.is_counterclockwise(np.stack([corners.real, corners.imag], axis=-1))
+
+    def _sides(self, corners: Any, points: Any) -> tuple[Complex, Floats, Bools]:
+        """See corners from points, with areas; tell beyond which edges (k, 3) the points lie."""
+        seen, areas, error = self._seen(corners, points)
+        beyond = areas < 0
+        row, k = np.nonzero(abs(areas) < error)
+        if len(row):
+            edge = corners[row, k - 2], corners[row, k - 1]
+            beyond[row, k] = self._clockwise(*edge, points[row])
+        return seen, areas, beyond
 
     def locate(self, points: Complex) -> tuple[Ints, Floats, Floats]:
         """Find the face (k,) of points, barycentric coordinates (k, 3) in it, and how far it is.
@@ -124,15 +140,9 @@ class FaceFinder:
         for _ in range(self._most):
             if len(on_way) == 0:
                 break
-            seen = self._seen(self._corners[at], points[on_way])
-            areas, beyond = _orientations(seen)
-            blocked = np.asarray(beyond.any(axis=1))
+            seen, areas, beyond = self._sides(self._corners[at], points[on_way])
+            blocked = beyond.any(axis=1)
             there = np.flatnonzero(~blocked)
-            # Faces so small and far away that they seem to be one point hold no other.
-            small = there[areas[there].max(axis=1) < 4 * ONE_POINT]  # as all of these are
-            size = abs(seen[small] - np.roll(seen[small], 1, axis=1)).max(axis=1)
-            strayed = small[size < ONE_POINT * abs(seen[small]).max(axis=1)]
-            there = np.setdiff1d(there, strayed, assume_unique=True)
             face[on_way[there]] = at[there]
             barycentric[on_way[there]] = _weights(seen[there], areas[there])
 
@@ -145,18 +155,16 @@ class FaceFinder:
 
     def _nearest(self, points: Complex) -> tuple[Ints, Floats, Floats]:
         """Locate points in the nearest of all faces, if that is near enough, as `locate` does."""
-        face = self._tree.nearest(self._in_space(points))
+        face = self._tree.nearest(np.column_stack([coordinates(points), np.zeros(len(points))]))
         corners = self._corners[face]
-        seen = self._seen(corners, points)
-        areas, beyond = _orientations(seen)
-        with np.errstate(invalid="ignore"):
-            barycentric = _weights(seen, areas)
+        seen, areas, beyond = self._sides(corners, points)
+        barycentric = _weights(seen, areas)
         out = np.flatnonzero(beyond.any(axis=1))
         on_edges = np.stack([_nearest_on_edge(seen[out], k) for k in range(3)])
         edge = abs((on_edges * seen[out]).sum(axis=2)).argmin(axis=0)
         barycentric[out] = on_edges[edge, np.arange(len(out))]
         away = abs((barycentric * seen).sum(axis=1))
-        far = ~(away <= self._reach)
+        far = away > RIM
         if self._inscribed:
             far &= ~((abs(corners) > 1 - ON_CIRCLE) | (barycentric == 0)).all(axis=1)
         face[far], barycentric[far], away[far] = -1, np.nan, np.inf
@@ -168,10 +176,9 @@ class SphereFinder(FaceFinder):
 
     In the plane that touches the sphere at a point, the corners of a face lie around it if the
     spherical triangle contains it; its barycentric coordinates there are those of the place where
-    the ray from 0 meets the straight triangle.
+    the ray from 0 meets the straight triangle. The faces cover the sphere, so that each point is in
+    one of them.
     """
-
-    _reach = np.inf
 
     def __init__(self, F: Ints, P: Floats, edges: Edges) -> None:
         self._inscribed = False
@@ -180,23 +187,36 @@ class SphereFinder(FaceFinder):
     def _near(self, points: Floats) -> Ints:  # type: ignore[override]
         return np.arange(len(points))
 
-    def _in_space(self, points: Floats) -> Floats:  # type: ignore[override]
-        return points
-
     def _key(self, points: Floats) -> Complex:  # type: ignore[override]
         # Lambert's azimuthal projection, of equal area.
         z = as_complex(points[:, :2])
         height = points[:, 2] / np.linalg.norm(points, axis=1)
         return z / np.maximum(abs(z), EPS) * np.sqrt(np.maximum(1 - height, 0) / 2)
 
-    def _seen(self, corners: Floats, points: Floats) -> Complex:  # type: ignore[override]
+    def _seen(  # type: ignore[override]
+        self, corners: Floats, points: Floats
+    ) -> tuple[Complex, Floats, Floats]:
         x, y, z = points.T
         side = np.copysign(1, z)
         a = -1 / (side + z)
         right = np.column_stack([1 + side * x**2 * a, side * x * y * a, -side * x])
         up = np.column_stack([x * y * a, side + y**2 * a, -y])
-        seen = corners - points[:, None]
-        return _dot(seen, right) + 1j * _dot(seen, up)
+        away = corners - points[:, None]
+        seen = _dot(away, right) + 1j * _dot(away, up)
+        areas, _ = _areas(seen)
+        return seen, areas, np.broadcast_to(TANGENT_BOUND, areas.shape)
+
+    def _clockwise(self, tails: Floats, heads: Floats, points: Floats) -> Bools:  # type: ignore[override]
+        return libigl.is_seen_from_outside(np.stack([heads, tails, points], axis=1))
+
+    def _nearest(self, points: Floats) -> tuple[Ints, Floats, Floats]:  # type: ignore[override]
+        """Locate points whose walk is long, by a look at all faces each."""
+        face = np.empty(len(points), dtype=np.int64)
+        for k, point in enumerate(points):
+            everywhere = np.broadcast_to(point, (len(self._F), 3))
+            face[k] = self._sides(self._corners, everywhere)[2].any(axis=1).argmin()
+        seen, areas, _ = self._sides(self._corners[face], points)
+        return face, _weights(seen, areas), np.zeros(len(points))
 
 
 def _dot(vectors: Floats, other: Floats) -> Floats:
@@ -213,34 +233,41 @@ def _faces_across(F: Ints, edges: Edges) -> Ints:
     return np.roll(across.reshape(3, m), -1, axis=0).T.copy()
 
 
-def _orientations(seen: Complex) -> tuple[Floats, Bools]:
-    """Twice the area of the origin with each edge; whether it is negative for certain.
+def _areas(seen: Complex) -> tuple[Floats, Floats]:
+    """(k, 3) twice the areas of 0 with the edges opposite each corner; bounds of their errors.
 
-    The origin at a corner makes two of them zero without rounding; the faces on both sides
-    of an edge have exactly opposite values.
+    Faces on both sides of an edge have exactly opposite values; those at a corner in 0 are 0.
     """
-    areas, beyond = np.empty(seen.shape), np.empty(seen.shape, dtype=bool)
+    areas, error = np.empty(seen.shape), np.empty(seen.shape)
     for k in range(3):
-        areas[:, k], error = spanned_areas(seen[:, k - 2], seen[:, k - 1])
-        beyond[:, k] = areas[:, k] < -error
-    return areas, beyond
+        areas[:, k], error[:, k] = spanned_areas(seen[:, k - 2], seen[:, k - 1])
+    return areas, error
 
 
 def _weights(seen: Complex, areas: Floats) -> Floats:
-    """(k, 3) barycentric coordinates of the origin: those that rounding made negative are 0."""
+    """(k, 3) barycentric coordinates of 0 in faces that contain it."""
     areas = np.maximum(areas, 0)
-    weights = areas / areas.sum(axis=1, keepdims=True)
-    # Along a needle the ratios of its areas say little: a projection on its longest edge does.
-    left = (weights * seen).sum(axis=1)
-    needles = np.flatnonzero(abs(left) > RESOLUTION)
-    seen, left, rows = seen[needles], left[needles], np.arange(len(needles))
+    total = areas.sum(axis=1, keepdims=True)
+    weights = areas / np.where(total > 0, total, 1)
+    # Along a needle the ratios of its areas say little: a projection on its longest edge does. It
+    # leaves the apex no more than what the other two can balance.
+    left = abs((weights * seen).sum(axis=1))
+    needles = np.flatnonzero((left > RESOLUTION) | (total[:, 0] <= 0))
+    seen, rows = seen[needles], np.arange(len(needles))
     apex = abs(np.roll(seen, -1, axis=1) - np.roll(seen, 1, axis=1)).argmax(axis=1)
     tail, head = (apex + 1) % 3, (apex + 2) % 3
-    along = seen[rows, head] - seen[rows, tail]
-    step = (left * along.conj()).real / abs(along) ** 2
-    step = np.clip(step, -weights[needles, tail], weights[needles, head])
-    weights[needles, tail] += step
-    weights[needles, head] -= step
+    start = seen[rows, tail]
+    along = seen[rows, head] - start
+    share, foot = (
+        np.clip(((x - start) * along.conj()).real / abs(along) ** 2, 0, 1)
+        for x in (0, seen[rows, apex])
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        most = np.fmin(share / foot, (1 - share) / (1 - foot))
+    top = np.fmin(weights[needles, apex], most)
+    weights[needles, apex] = top
+    weights[needles, head] = np.maximum(share - top * foot, 0)
+    weights[needles, tail] = np.maximum(1 - top - weights[needles, head], 0)
     return weights
 
 

@@ -54,7 +54,7 @@ class Conformality:
         it is, or if other errors keep it from being so.
     asked : bool
         Whether a conformal map was asked for. Of one that is to keep lengths or areas nothing is
-        said here, and nothing objected to.
+        said here, and nothing objected to; it is false in a condition.
 
     Examples
     --------
@@ -83,19 +83,24 @@ class Conformality:
         """
         return self.sheared or self.stretch > LARGEST_STRETCH or self.excess < LEAST_EXCESS
 
+    @property
+    def verdict(self) -> bool | None:
+        """Whether the map is conformal; None if nobody asked."""
+        return not self.reasons if self.asked else None
+
     def __bool__(self) -> bool:
-        return not self.reasons
+        return bool(self.verdict)
 
     def report(self) -> dict[str, Any]:
         """Return what a user asks for, as JSON types."""
         return {
-            "conformal": bool(self) if self.asked else None,
+            "conformal": self.verdict,
             "not_conformal_because": list(self.reasons),
             "remedies": list(self.remedies),
         }
 
     def __str__(self) -> str:
-        if self:
+        if not self.reasons:
             return "yes" if self.asked else "not asked for"
         remedies = "; ".join(self.remedies)
         return f"NO: {'; '.join(self.reasons)}" + (f". To lower it, {remedies}" if remedies else "")

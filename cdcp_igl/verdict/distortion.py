@@ -299,6 +299,8 @@ def sphere_angle_errors(mesh: Mesh, P: Floats, flipped: Ints) -> Floats:
 
 def reported_distortion(V: Floats, F: Ints, image: Floats, flipped: Bools | Ints) -> Floats:
     """(m, 3) `angle_distortion` by libigl's angles, the `flipped` faces being known."""
+    # By a power of two, which is exact: libigl squares lengths, in whatever unit the image is.
+    image = np.ldexp(image, -size_exponent(image))
     return np.degrees(abs(_signed_angles(image, F, flipped) - _angles(V, F)))
 
 

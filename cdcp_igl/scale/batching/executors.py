@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import BrokenExecutor, Future, as_completed
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 from ..pool import ATTEMPTS, Answer, Job, Unwritten
 
 SUSPECTED = "a worker of the executor died while it mapped this surface, or another beside it"
+
+
+@runtime_checkable
+class Executor(Protocol):
+    """What takes tasks as those of concurrent.futures and Dask's Client do."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any) -> Any:
+        """Let a worker call a function, and return a future."""
 
 
 def run_on(executor: Any, tasks: Sequence[Job[Answer]]) -> Generator[Answer]:

@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 try:
     import fcntl
@@ -21,6 +21,7 @@ from ...io.output import write_table
 from ...printing import finite
 from .names import Shard
 
+BLOCK = 1 << 16  # bytes that are read at once, from the end
 DONE, FAILED, REFUSED = "done", "failed", "refused"
 
 
@@ -58,7 +59,7 @@ class Record:
     sd: float = math.nan
     area_sd: float = math.nan  #: of the logarithm of the ratio of areas, as in `AreaDistortion`
     texels: float = math.nan  #: density, 95th by 5th percentile of the surface, the same
-    conformal: bool = False  #: whether it is what a conformal map should be, see `DiskMap`
+    conformal: bool | None = False  #: whether it is what a conformal map should be, or not asked
     reasons: str = ""  #: why it is not
     boundary: str = ""  #: how it was laid out; of a sphere "none"
     seconds: float = math.nan  #: from reading to writing
@@ -79,7 +80,7 @@ class Record:
         if not isinstance(values, dict) or not {"name", "input", "status"} <= values.keys():
             raise ValueError("no record")
         known: dict[str, Any] = {
-            name: math.nan if value is None else value
+            name: math.nan if value is None and name != "conformal" else value
             for name, value in values.items()
             if name in COLUMNS
         }
@@ -101,7 +102,6 @@ class Journal:
         self._file = self.path.open("ab+", buffering=0)
         try:
             self._lock()
-            self._end_last_line()
         except BaseException:
             self._file.close()
             raise
@@ -109,6 +109,7 @@ class Journal:
     def append(self, line: str) -> None:
         """Add a line, which is there for good when this returns."""
         text = line.encode()
+        self._end_last_line()
         if self._file.write(text) != len(text):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path))
         os.fsync(self._file.fileno())
@@ -128,18 +129,50 @@ class Journal:
             return
 
     def _end_last_line(self) -> None:
-        """End the line that a full disk or a power failure has left unfinished."""
-        size = self._file.seek(0, os.SEEK_END)
-        if size:
-            self._file.seek(size - 1)
-            if self._file.read(1) != b"\n":
-                self._file.write(b"\n")
+        """End a line that lacks nothing else; take half a line away, as a power failure leaves it.
+
+        It is left until there is another line: until then it says that a result may have none.
+        """
+        last = last_line(self._file)
+        if is_half(last):
+            self._file.truncate(self._file.seek(-len(last), os.SEEK_END))
+        elif not last.endswith(b"\n"):
+            self._file.write(b"\n" * bool(last))
 
     def __enter__(self) -> Journal:
         return self
 
     def __exit__(self, *exception: object) -> None:
         self._file.close()
+
+
+def last_line(file: BinaryIO) -> bytes:
+    """Return the last line of a file, or what there is of it."""
+    at, found = file.seek(0, os.SEEK_END), b""
+    while at and b"\n" not in found[:-1]:
+        size = min(at, BLOCK)
+        at = file.seek(at - size)
+        found = file.read(size) + found
+        file.seek(at)
+    return found[found[:-1].rfind(b"\n") + 1 :]
+
+
+def is_half(line: bytes) -> bool:
+    """Whether a last line is no whole record, and was not ended."""
+    try:
+        Record.from_line(line.decode("utf-8", "replace"))
+    except ValueError:
+        return bool(line) and not line.endswith(b"\n")
+    return False
+
+
+def ends_in_half_a_line(folder: Path) -> bool:
+    """Whether a journal does: the machine may have died when a result was in place already."""
+    for path in folder.glob("results*.jsonl"):
+        with path.open("rb") as file:
+            if is_half(last_line(file)):
+                return True
+    return False
 
 
 def journal_lines(folder: Path) -> Iterator[str]:

@@ -100,9 +100,9 @@ def _row(record: Record) -> str:
         for heading, x, form in values
     )
     doubt = f'<span class="warning">no: {escape(record.reasons)}</span>'
-    verdict = "yes" if record.conformal else doubt
+    verdict = {True: "yes", None: "not asked for"}.get(record.conformal, doubt)
     return (
         f'<tr><td data-key="{name}" title="{escape(printable(record.input))}">{name}</td>{cells}'
-        f'<td class="text" data-name="conformal" data-key="{int(record.conformal)}">'
+        f'<td class="text" data-name="conformal" data-key="{int(bool(record.conformal))}">'
         f"{verdict}</td></tr>"
     )

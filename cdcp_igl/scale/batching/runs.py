@@ -19,18 +19,19 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ...arguments import typed
 from ...errors import counted, printable
 from ...io import WRITABLE
 from ...io.output import try_to_write, whole_file
-from ...phases import check_progress
 from ..one_file import Settings
 from ..pool import Pool
-from .executors import run_on
+from .executors import Executor, run_on
 from .journal import (
     DONE,
     SUMMARY_BEGINS,
     Journal,
     Record,
+    ends_in_half_a_line,
     latest_records,
     read_journals,
     write_summary,
@@ -83,7 +84,7 @@ class Batch:
         if self.done:
             mean = np.array([record.mean for record in self.done])
             flips = sum(record.flips for record in self.done)
-            worse = sum(not record.conformal for record in self.done)
+            worse = sum(record.conformal is False for record in self.done)
             lines += [
                 f"  mean angular distortion {np.median(mean):.3f}° in the median, "
                 f"{mean.max():.3f}° at most",
@@ -100,12 +101,13 @@ class Batch:
         return "\n".join(lines)
 
 
+@typed
 def batch(
     files: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
     out: str | os.PathLike[str],
     *,
     jobs: int = 1,
-    executor: Any = None,
+    executor: Executor | None = None,
     format: str = "npz",
     disk: bool = False,
     clean: bool = False,
@@ -220,7 +222,6 @@ def batch(
     >>> [(record.name, record.status, record.error) for record in made.records]
     [('cap', 'done', ''), ('torn', 'failed', 'MeshError')]
     """
-    check_progress(progress)
     for name in options:
         if meant := get_close_matches(name, signature(batch).parameters, 1, ALIKE):
             raise ValueError(f"{name}: no option of batch; did you mean {meant[0]}?")
@@ -252,7 +253,8 @@ def batch(
             _task(name, source, folder / name, format, unfinished, settings, digest)
             for name, source in mine
         ]
-        run = _Run(journal, tasks, read_journals(folder, digest), retry, force, progress)
+        half = ends_in_half_a_line(folder)
+        run = _Run(journal, tasks, read_journals(folder, digest), retry, force, progress, half)
         try:
             with closing(Pool(jobs, time_limit, memory_limit)) as pool:
                 run.map(pool.run if executor is None else partial(run_on, executor))
@@ -278,7 +280,9 @@ class _Run:
         retry: bool,
         force: bool,
         progress: Callable[[int, int, int], None] | None,
+        lacks_a_line: bool,
     ) -> None:
+        self._lacks_a_line = lacks_a_line  # so that some result there may be one of these tasks
         self._journal, self._tasks, self._history = journal, tasks, history
         self._force, self._progress = force, progress
         self.records = {
@@ -295,20 +299,22 @@ class _Run:
         for task in self._tasks:
             if task.name in self.records:
                 continue
-            if refusal := self._refusal(task):
+            refusal = None if self._lacks_a_line else self._refusal(task)
+            if refusal:
                 self._write_down(refusal)
             else:
                 left[task.name] = task
         with closing(by(list(left.values()))) as made:
             for record in made:
-                # What has come since is not replaced either.
-                refusal = self._refusal(left[record.name]) if record.status == DONE else None
+                # What has come since is not replaced either, but by the same bytes.
+                is_done = record.status == DONE
+                refusal = self._refusal(left[record.name], record) if is_done else None
                 self._write_down(refusal or record)  # first: each result there has a line
                 if record.status == DONE and refusal is None:
                     left[record.name].move_draft()
 
-    def _refusal(self, task: Task) -> Record | None:
-        return task.refusal(self._history.get(task.name, ()), self._force)
+    def _refusal(self, task: Task, *made: Record) -> Record | None:
+        return task.refusal([*self._history.get(task.name, ()), *made], self._force)
 
     def _write_down(self, record: Record) -> None:
         self._journal.append(record.line())

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 
 from ... import __version__, libigl
+from ...arguments import typed
 from ...arrays import Complex, Floats, Ints, Numbers, distinct_rows, evenly_spaced_rows
 from ...errors import MapError, counted
 from ...maps.selection import MANY_FLIPPED
@@ -46,6 +47,7 @@ from ...surface.topology import components_of_pairs
 from ...verdict.certificate import certificate_of, is_around
 from ...verdict.conformality import judge_by, sampled_faces
 from ...verdict.distortion import AngleDistortion, map_distortion
+from ..batching.executors import Executor
 from . import tasks
 from .part import Arrays, Folder, Gathered, Part, among, named
 from .parting import Table, refuse
@@ -57,10 +59,11 @@ log = logging.getLogger("cdcp_igl")
 Finished = tuple[dict[int, str], Arrays]  # the results of the parts, and what they were given
 
 
+@typed
 def parts_map(
     folder: str | PathLike[str],
     *,
-    executor: Any = None,
+    executor: int | Executor | None = None,
     center: Literal["torsion"] | int = "torsion",
     mobius: Literal["angle", "area"] | None = "angle",
     align: int | ArrayLike | None = None,

@@ -16,11 +16,12 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...arguments import typed
 from ...arrays import Ints, evenly_spaced_rows, size_exponent, unit_size
 from ...errors import MeshError
 from ...io import read_mesh
 from ...io.ply import triangles_of_ply
-from ...phases import Progress, check_progress
+from ...phases import Progress
 from ...solve.memory import BYTES, available_memory, require
 from ...solve.ordering import SAMPLE, cuts, sides
 from ...surface.validation import examine, repeated_corners
@@ -39,6 +40,7 @@ SHARE = 8  # of the memory that there is, a part may take one
 BYTES_TO_EXAMINE = 500.0  # a vertex, if the whole is examined at once
 
 
+@typed
 def partition(
     source: Source,
     folder: str | PathLike[str],
@@ -95,7 +97,6 @@ def partition(
     ...     result.certificate.valid, result.uv.shape
     (True, (331, 2))
     """
-    check_progress(progress)
     V, F = _tables(source)
     if parts is not None and not (1 <= parts <= MOST_PARTS and parts & (parts - 1) == 0):
         raise ValueError(f"parts must be a power of 2 up to {MOST_PARTS:,}, not {parts!r}")

@@ -14,6 +14,7 @@ from typing import Any, get_type_hints
 import numpy as np
 from numpy.lib.format import open_memmap
 
+from ...arguments import typed
 from ...arrays import Floats, Ints, as_complex, coordinates
 from ...cached import cached_property
 from ...io.output import whole_file, write_text
@@ -131,6 +132,7 @@ class PartsMap(OntoDisk):
         self._put(uv)
         return uv
 
+    @typed
     def assemble(self, path: str | PathLike[str]) -> None:
         """Write the map to one npy file, part by part: (n, 2), row i the image of row i of V.
 
@@ -158,6 +160,7 @@ class PartsMap(OntoDisk):
         for part, points in self._parts("vertices", "own"):
             uv[part["vertices"][part["own"]]] = points[part["own"]]
 
+    @typed
     def save(self, path: str | PathLike[str], **image: Any) -> None:
         """Write the map to an npy file, as `assemble`; or what `DiskMap.save` says, but no surface.
 
