@@ -184,7 +184,7 @@ def test_a_bad_start_improves_without_a_flip(seed):
     rng = np.random.default_rng(seed)
     scattered = Z.copy()
     scattered[MESH.interior] = rng.uniform(-1, 1, (len(MESH.interior), 2)) @ [1, 1j] / 2
-    f, _ = cdcp_igl.rescue.repair.repaired(MESH, scattered)
+    f, _ = cdcp_igl.refine.repair.repaired(MESH, scattered)
     refined, account = lower_angle_distortion(MESH, f, ORDER, 20, 1.5)
     assert account.steps > 0
     assert certify(MESH, coordinates(refined)).valid

@@ -1,32 +1,24 @@
-"""The rescue: flipped faces repaired, a common shear taken out, what is small moved inwards."""
+"""Other starts than Algorithm 1, flipped faces repaired, what is small moved inwards."""
 
 from functools import partial
 
 import meshes
 import numpy as np
 import pytest
-from cdcp_igl.rescue.harmonic_map import HarmonicMap, Provenance
 from surfaces import arms, blob, skin
 
 import cdcp_igl
 from benchmarks.measure.punctures import RINGS, opened, row_to_open
 from cdcp_igl import maps
-from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.arrays import coordinates
 from cdcp_igl.reference import fdcp, harmonic
 from cdcp_igl.refine.balance import lower_shear
-from cdcp_igl.rescue.boundary import BoundaryMethod, arc_length_map, around, harmonic_shares
-from cdcp_igl.rescue.correction import (
-    Straightening,
-    common_shear,
-    deep_vertex,
-    recentered,
-    straighten,
-)
-from cdcp_igl.rescue.means import EMBEDDING, combined, embedding, mean_value_weights
-from cdcp_igl.rescue.relaxation import Relaxation, softened
-from cdcp_igl.rescue.repair import Neighbourhood, repair_locally, repaired
+from cdcp_igl.refine.relaxation import Relaxation, softened
+from cdcp_igl.refine.repair import Neighbourhood, repair_locally, repaired
 from cdcp_igl.solve.factored import FactoredSurface, extended_again, harmonic_extension
+from cdcp_igl.starts.boundary import arc_length_map, around, harmonic_shares
+from cdcp_igl.starts.recentring import deep_vertex, recentered
+from cdcp_igl.starts.tutte import WEIGHTS, combined, mean_value_weights, tutte_embedding
 from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.mobius import at_one, composed, mobius_transformation
 from cdcp_igl.surface.mesh import DiskMesh
@@ -74,13 +66,13 @@ def test_large_faces_hardly_stretched_are_as_good_as_embeddings_make_them(monkey
     assert others.distortion.mean > 0.97 * result.distortion.mean
 
 
-@pytest.mark.parametrize("weights", EMBEDDING[:2])
+@pytest.mark.parametrize("weights", WEIGHTS[:2])
 def test_weights_that_differ_less_embed_what_mean_values_crowd(monkeypatch, weights):
     mesh = DiskMesh(*arms(32, 2))
     f = np.zeros(len(mesh.V), dtype=complex)
     f[mesh.loop] = np.exp(2j * np.pi * np.arange(len(mesh.loop)) / len(mesh.loop))
-    monkeypatch.setattr("cdcp_igl.rescue.means.EMBEDDING", (weights,))
-    embedded, _ = embedding(mesh, f, on_disk=True)
+    monkeypatch.setattr("cdcp_igl.starts.tutte.WEIGHTS", (weights,))
+    embedded, _ = tutte_embedding(mesh, f, on_disk=True)
     assert is_around(embedded[mesh.loop])
     assert (len(flipped_faces(embedded, mesh.F)[0]) == 0) == (weights is not mean_value_weights)
 
@@ -99,9 +91,9 @@ def test_long_legs_are_embedded_by_what_lies_further_out(monkeypatch):
     """Seven times as long as their circumference, each of which shrinks them by exp(-2 pi)."""
     mesh, f = table(3, 30)
     flipped = []
-    for weights in EMBEDDING:
-        monkeypatch.setattr("cdcp_igl.rescue.means.EMBEDDING", (weights,))
-        flipped.append(len(flipped_faces(embedding(mesh, f, on_disk=True)[0], mesh.F)[0]))
+    for weights in WEIGHTS:
+        monkeypatch.setattr("cdcp_igl.starts.tutte.WEIGHTS", (weights,))
+        flipped.append(len(flipped_faces(tutte_embedding(mesh, f, on_disk=True)[0], mesh.F)[0]))
     assert all(flipped[:-1])
     assert flipped[-1] == 0
 
@@ -109,11 +101,11 @@ def test_long_legs_are_embedded_by_what_lies_further_out(monkeypatch):
 def test_what_lies_beyond_a_hole_in_a_leg_is_embedded_around_0():
     """A Möbius transformation takes it there, too, but bends the edges of three vertices."""
     mesh, f = table(1, 40, face=222)
-    weights = EMBEDDING[-1](mesh.V, mesh.F, mesh.angles)
+    weights = WEIGHTS[-1](mesh.V, mesh.F, mesh.angles)
     again = partial(combined, weights, inside=mesh.interior)
     bent, _ = recentered(mesh, again(f), again)
     assert len(flipped_faces(bent, mesh.F)[0]) > 0
-    around, w = embedding(mesh, f, on_disk=True)
+    around, w = tutte_embedding(mesh, f, on_disk=True)
     assert len(flipped_faces(around, mesh.F)[0]) == 0
     assert 0 in around[mesh.interior]
     assert abs(w) < 1
@@ -122,7 +114,7 @@ def test_what_lies_beyond_a_hole_in_a_leg_is_embedded_around_0():
 
 def test_what_a_turn_would_round_away_is_not_turned():
     mesh, f = table(1, 40)
-    start, _ = embedding(mesh, f, on_disk=True)
+    start, _ = tutte_embedding(mesh, f, on_disk=True)
     first = mesh.loop[0]
     turned = at_one(mesh, lower_shear(mesh, start), first)
     assert len(flipped_faces(turned, mesh.F)[0]) > 0
@@ -146,7 +138,7 @@ def test_the_way_from_an_embedding_does_not_depend_on_it():
     for shares in ([1, 1, 1], [1, 4, 9], [1, 30, 30]):
         f = np.zeros(len(mesh.V), dtype=complex)
         f[mesh.loop] = around(np.array(shares))
-        start, _ = embedding(mesh, f, on_disk=True)
+        start, _ = tutte_embedding(mesh, f, on_disk=True)
         moved = lower_shear(mesh, start)
         assert is_valid(moved, mesh)
         for means, z in ((before, start), (after, moved)):
@@ -375,7 +367,7 @@ def test_a_face_that_stays_flipped_is_not_called_unfolded():
     assert str(repair).startswith("1 flipped face, 0 vertices moved in ")
 
 
-# -- straightening ---------------------------------------------------------------------
+# -- punctured surfaces -----------------------------------------------------------------
 
 
 def punctured(seed, kind="face"):
@@ -399,67 +391,12 @@ def test_closed_surfaces_with_a_puncture(kind, seed):
     assert result.distortion.mean < 1.02 * min(others)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_the_common_shear_is_taken_out(seed):
-    V, F = punctured(seed)
-    mesh = DiskMesh(V, F)
-    surface = FactoredSurface.of(mesh)
-    plain, *_ = algorithm_1(surface, Steps())
-    before = angle_errors(mesh, plain.f)
-    mu, possible = common_shear(plain.f, mesh.F, mesh.angles)
-    f, account = straighten(mesh, plain.f, partial(harmonic_extension, surface))
-    after = angle_errors(mesh, f)
-    assert possible > 0.02
-    assert account.after < (1 - 0.5 * possible) * account.before
-    assert abs(after).mean() < 0.99 * abs(before).mean()
-    assert common_shear(f, mesh.F, mesh.angles)[1] < 0.02
-    assert account.shear == pytest.approx(abs(mu), rel=0.3)
-    np.testing.assert_allclose(abs(f[mesh.loop]), 1, atol=1e-15)
-
-
-def test_a_given_shear_is_found():
-    V, F, _ = cdcp_igl.datasets.ellipse(20)
-    mesh, z = DiskMesh(V, F), V[:, :2] @ [1, 1j]
-    mu = 0.02 + 0.01j
-    found, share = common_shear(z + mu * z.conj(), mesh.F, mesh.angles)
-    assert found == pytest.approx(mu, abs=5e-4)
-    assert share > 0.98
-
-
-def test_a_long_boundary_is_left_as_it_is():
-    V, F, _ = cdcp_igl.datasets.ellipse(20)
-    result = cdcp_igl.disk_map(V, F)
-    assert result.straightening == Straightening()
-    assert str(result.straightening) == "not needed"
-    assert "straightening" not in str(result)
-    assert result.refinement is None
-
-
-@pytest.mark.parametrize(("seed", "kind"), [(7, "face"), (2, "vertex")])
-def test_what_was_straightened_is_refined_and_says_so(seed, kind):
-    """Also where little was to be gained by that."""
-    V, F = punctured(seed, kind)
-    result = cdcp_igl.disk_map(V, F)
-    assert result.straightening.after < result.straightening.before
-    assert result.refinement.steps >= 2
-    assert "common shear" in str(result)
-    assert result.report()["straightening"]["shear"] == result.straightening.shear
-    paper = cdcp_igl.disk_map(V, F, preset="paper")
-    assert paper.straightening == Straightening()
-    assert paper.refinement is None
-
-
-# -- recentering -----------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def arm():
     """A surface with long arms, its mesh, and its map before the normalisation."""
     surface = FactoredSurface.of(DiskMesh(*arms(20, 1))).delaunay
-    center = central_face(surface)
-    f = harmonic_extension(surface, around(harmonic_shares(surface, center.face)))
-    done = Provenance(center=center, boundary=BoundaryMethod("harmonic measure"))
-    return surface, surface.mesh, HarmonicMap(surface, f, done)
+    shares = harmonic_shares(surface, central_face(surface).face)
+    return surface, surface.mesh, harmonic_extension(surface, around(shares))
 
 
 @pytest.mark.parametrize(("length", "width"), [(20, 1), (60, 3)])
@@ -485,24 +422,18 @@ def test_a_transformation_that_loses_what_is_small_is_not_applied():
 
 def test_the_map_differs_by_a_mobius_transformation(arm):
     """To within the digits that the place of what is small has left."""
-    _, mesh, harmonic = arm
-    before = harmonic.f
-    assert harmonic.needs_correction
-    harmonic = harmonic.corrected(straightened=True)
-    assert 0 < abs(harmonic.w) < 1
-    np.testing.assert_allclose(
-        harmonic.f, mobius_transformation(before, harmonic.w), rtol=0, atol=1e-13
-    )
-    assert abs(abs(harmonic.f[mesh.loop]) - 1).max() < 1e-15
-    lost = flipped_faces(before, mesh.F)[0]
-    assert len(lost) > 0
-    assert certify(mesh, coordinates(harmonic.f)).valid
+    surface, mesh, before = arm
+    f, w = recentered(mesh, before, partial(extended_again, surface))
+    assert 0 < abs(w) < 1
+    np.testing.assert_allclose(f, mobius_transformation(before, w), rtol=0, atol=1e-13)
+    assert abs(abs(f[mesh.loop]) - 1).max() < 1e-15
+    assert len(flipped_faces(before, mesh.F)[0])
+    assert certify(mesh, coordinates(f)).valid
 
 
 def test_extending_again_finds_digits_that_the_solution_has_not(arm):
     """Twice: nothing is found the second time but the rounding of what is there."""
-    surface, mesh, harmonic = arm
-    solved = harmonic.f
+    surface, mesh, solved = arm
     vertex = deep_vertex(mesh, solved, mesh.F)
     once = extended_again(surface, solved - solved[vertex])
     once -= once[vertex]
@@ -531,8 +462,7 @@ def test_what_is_small_next_to_the_circle_stays_there():
 
 
 def test_what_settles_on_the_circle_stays(arm):
-    _, mesh, harmonic = arm
-    f = harmonic.f
+    _, mesh, f = arm
     vertex = deep_vertex(mesh, f, mesh.F)
     same, w = recentered(mesh, f, lambda d: d + (1 - f[vertex]))
     assert same is f

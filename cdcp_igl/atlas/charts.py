@@ -18,10 +18,10 @@ from ..errors import MapError
 from ..maps.disk import made_disk_map
 from ..options import Options
 from ..phases import Progress
-from ..rescue.boundary import by_inscribed_angles
 from ..result.disk_map import DiskMap
 from ..result.free_map import FreeMap
 from ..solve.solvers import using
+from ..starts.boundary import by_inscribed_angles
 from ..steps.mobius import conformal_barycenter
 from ..surface.triangles import face_areas, vertex_areas
 from ..verdict.certificate import certify

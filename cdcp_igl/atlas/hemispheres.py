@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Bools, Floats, coordinates
-from ..rescue.repair import repair_locally
+from ..refine.repair import repair_locally
 from ..result.sphere_map import in_square
 from ..steps.stereographic import to_plane
 from ..surface.mesh import SphereMesh

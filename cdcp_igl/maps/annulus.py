@@ -17,8 +17,8 @@ from ..errors import Defect, MeshError
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
+from ..refine.repair import repair_locally, repairable
 from ..refine.targets import Ring
-from ..rescue.repair import repair_locally, repairable
 from ..result.annulus_map import AnnulusMap
 from ..result.base import announced
 from ..solve.factored import FactoredSurface

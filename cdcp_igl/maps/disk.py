@@ -18,18 +18,18 @@ from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
 from ..refine.balance import lower_shear
+from ..refine.collapsed_faces import open_collapsed_faces
+from ..refine.repair import repair_locally, repairable
 from ..refine.targets import DISK
-from ..rescue.boundary import FALLBACKS, STARTS, by_inscribed_angles
-from ..rescue.collapsed_faces import open_collapsed_faces
-from ..rescue.correction import recentered
-from ..rescue.means import embedding
-from ..rescue.repair import repair_locally, repairable
 from ..result.base import announced
 from ..result.disk_map import DiskMap
 from ..result.records import BoundaryMethod, Repair
 from ..solve.factored import FactoredSurface, extended_again, harmonic_extension
 from ..solve.laplacian import cotangent_laplacian
 from ..solve.solvers import SolverName, using
+from ..starts.boundary import FALLBACKS, STARTS, by_inscribed_angles
+from ..starts.recentring import recentered
+from ..starts.tutte import tutte_embedding
 from ..steps.center import Center, CenterMethod, central_face
 from ..steps.circle import Rejected
 from ..steps.mobius import (
@@ -384,7 +384,7 @@ class DiskProblem(Problem[DiskMap]):
         with phase("circle"):
             f[mesh.loop] = STARTS[name](self.surface, self.center.face)
         with phase("repair"):
-            start, w = embedding(mesh, f, on_disk=True)
+            start, w = tutte_embedding(mesh, f, on_disk=True)
             if len(flipped_faces(start, mesh.F)[0]):
                 raise Rejected(f"{name}: it crowds the mean values too much for double precision")
             f = _sheared_less(mesh, start)

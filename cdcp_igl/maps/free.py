@@ -28,8 +28,8 @@ from ..options import Options
 from ..phases import Phases, Progress
 from ..refine.apart import kept_apart
 from ..refine.balance import Energy, Newton
+from ..refine.repair import repair_locally, repairable
 from ..refine.targets import PLANE
-from ..rescue.repair import repair_locally, repairable
 from ..result.base import announced, valid_map
 from ..result.disk_map import DiskMap
 from ..result.free_map import FreeMap

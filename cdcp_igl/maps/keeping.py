@@ -15,13 +15,13 @@ from ..phases import Phases
 from ..refine.apart import kept_apart
 from ..refine.balance import Energy, balanced, resized
 from ..refine.targets import DISK, PLANE, Target
-from ..rescue.boundary import arc_length_map
-from ..rescue.means import embedding
 from ..result.base import valid_map
 from ..result.disk_map import DiskMap
 from ..result.free_map import FreeMap
 from ..result.keeping import KeepingMap
 from ..result.records import Kept
+from ..starts.boundary import arc_length_map
+from ..starts.tutte import tutte_embedding
 from ..surface.mesh import Mesh
 from ..surface.triangles import flipped_faces
 from ..verdict.conformality import NOT_ASKED
@@ -170,7 +170,7 @@ class _Keeping:
             return start
         even = np.zeros_like(f)
         even[mesh.loop] = arc_length_map(mesh)
-        even, _ = embedding(mesh, even, on_disk=True)
+        even, _ = tutte_embedding(mesh, even, on_disk=True)
         if len(flipped_faces(even, mesh.F)[0]):
             return start
         even = even if on_disk else resized(energy, even)

@@ -12,10 +12,10 @@ from ..arrays import Floats, Ints, as_complex, coordinates, marked
 from ..cached import cached_property
 from ..errors import MapError
 from ..refine.balance import Energy, Newton
+from ..refine.collapsed_faces import open_collapsed_faces
+from ..refine.repair import repair_locally
+from ..refine.sphere_repair import repaired_on_sphere
 from ..refine.targets import DISK
-from ..rescue.collapsed_faces import open_collapsed_faces
-from ..rescue.repair import repair_locally
-from ..rescue.untangling import repaired_on_sphere
 from ..result.bijection import DiskBijection, Registered
 from ..result.disk_map import DiskMap
 from ..result.sphere_map import SphereMap

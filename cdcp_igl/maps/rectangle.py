@@ -18,15 +18,15 @@ from ..io.given import takes_meshes, tell
 from ..options import Options
 from ..phases import Phases, Progress
 from ..refine.balance import lower_shear
+from ..refine.repair import repaired
 from ..refine.targets import Rectangle
-from ..rescue.means import embedding
-from ..rescue.repair import repaired
 from ..result.base import announced
 from ..result.records import Repair
 from ..result.rectangle_map import RectangleMap
 from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.laplacian import LAPLACIANS, Laplacian
 from ..solve.solvers import SolverName, using
+from ..starts.tutte import tutte_embedding
 from ..surface.filling import split_edges
 from ..surface.mesh import DiskMesh, Mesh
 from ..verdict.certificate import along_sides, certify_rectangle
@@ -251,7 +251,7 @@ class RectangleProblem(Problem[RectangleMap]):
         """Yield the map from a Tutte embedding with the sides of the last start."""
         square = replace(list(self._squares.values())[-1], laplacian="mean value")
         with self.phase("repair"):
-            f, _ = embedding(self.mesh, square.stretched)
+            f, _ = tutte_embedding(self.mesh, square.stretched)
             f = lower_shear(self.mesh, f, target=Rectangle(self.sides))
         yield partial(self._placed, square, f)
 

@@ -7,8 +7,8 @@ import numpy as np
 from ..arrays import Complex, Floats, marked, shifted
 from ..refine.balance import Newton, lower_shear, soft_shear
 from ..refine.targets import DISK
-from ..rescue.boundary import arc_length_map
-from ..rescue.means import centered
+from ..starts.boundary import arc_length_map
+from ..starts.tutte import centered
 from ..steps.circle import Rejected
 from ..surface.mesh import DiskMesh, Mesh
 from ..surface.triangles import flipped_faces

@@ -17,13 +17,14 @@ from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
 from ..refine.balance import lower_shear
+from ..refine.sphere_repair import repaired_on_sphere
 from ..refine.targets import Sphere
-from ..rescue.untangling import over_hemispheres, repaired_on_sphere, without_pole
 from ..result.base import announced
 from ..result.sphere_map import SphereMap
 from ..solve.factored import FactoredSurface
 from ..solve.laplacian import LAPLACIANS
 from ..solve.solvers import SolverName, using
+from ..starts.punctured import over_hemispheres, without_pole
 from ..steps.dipole import dipole_map
 from ..steps.mobius import conformal_barycenter, mobius_transformation
 from ..steps.stereographic import moved_to_center, rotation, spherical_barycenter

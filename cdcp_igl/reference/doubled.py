@@ -16,7 +16,7 @@ from ..arrays import Complex, Floats, Ints
 from ..docstrings import like
 from ..errors import MapError
 from ..io.given import takes_meshes
-from ..rescue.repair import repaired
+from ..refine.repair import repaired
 from ..solve.factored import FactoredSurface
 from ..steps.circle import Rejected
 from ..steps.trace import face_dipole

@@ -19,10 +19,10 @@ from ..maps.boundary_first import (
     pinned,
     scale_of_angles,
 )
-from ..rescue.boundary import arc_length_map
 from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.laplacian import cotangent_laplacian
 from ..solve.solvers import factorize
+from ..starts.boundary import arc_length_map
 from ..steps.trace import edge_lengths
 from ..surface.mesh import DiskMesh, Mesh
 from .certified import checked_free_map

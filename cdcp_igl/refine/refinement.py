@@ -12,11 +12,10 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from ..arrays import Complex, Floats, Ints
-from ..rescue.correction import extents
 from ..result.records import Refinement
 from ..solve.cholesky import Cholesky
 from ..surface.mesh import Mesh
-from ..surface.triangles import blocks
+from ..surface.triangles import blocks, extents
 from ..verdict.outline import OutlineCertificate
 from .preconditioning import WeightedLaplacian, conjugate_gradients
 from .targets import DISK, Target

@@ -21,15 +21,15 @@ from ... import __version__, libigl
 from ...arguments import typed
 from ...arrays import Complex, Floats, Ints, Numbers, distinct_rows, evenly_spaced_rows
 from ...errors import MapError, counted
-from ...maps.selection import MANY_FLIPPED
+from ...maps.rules import FEW_FLIPPED
 from ...options import Options
 from ...phases import Phases, Progress
-from ...rescue.correction import FEW_FACES, deep_vertex, is_sheared
-from ...rescue.repair import repair_locally
+from ...refine.repair import repair_locally
 from ...result.records import BoundaryMethod, Repair
 from ...solve import solvers
 from ...solve.solvers import SolverName, using
 from ...solve.threads import one_thread
+from ...starts.recentring import FEW_FACES, deep_vertex
 from ...steps.center import CANDIDATES, Center, first_well_shaped
 from ...steps.circle import Rejected, onto_circle
 from ...steps.least_distortion import AngleErrors, faces_to_judge_by
@@ -372,8 +372,6 @@ class _Mapping:
     def refuse_rescue(self, sample: Gathered, on_boundary: bool) -> None:
         """Give up where `disk_map` would correct the harmonic map, or doubt it."""
         few = sample.only(evenly_spaced_rows(self.folder.faces, FEW_FACES))
-        if is_sheared(sample.f, few.F, few.angles):
-            self.give_up("the faces have a shear in common")
         if deep_vertex(few, sample.f, few.F) is not None:
             self.give_up("a part of the surface is too small for double precision where it lies")
         if on_boundary:
@@ -450,7 +448,7 @@ class _Mapping:
         [rows] = self.folder.each(self.condensed, "rows")
         [flipped] = self.folder.each(self.finished, "flipped")
         n_flipped, rounds, moved = sum(map(len, flipped)), 0, dict[int, complex]()
-        if n_flipped > MANY_FLIPPED * self.folder.faces:
+        if n_flipped > FEW_FLIPPED * self.folder.faces:
             self.give_up(counted(n_flipped, "face is flipped", "faces are flipped"))
         for k in np.flatnonzero([len(faces) for faces in flipped]).tolist():
             beside = [np.isin(other, rows[k]).any() for other in rows]
@@ -505,7 +503,7 @@ class _Mapping:
         """Raise MapError: what is left to do is done on one machine only."""
         raise MapError(
             f"In parts, there is no map of this surface: {reason}. Where memory suffices, "
-            "cdcp_igl.disk_map tries other boundaries, moves what is too small, straightens, "
+            "cdcp_igl.disk_map tries other boundaries, moves what is too small, "
             "repairs the whole interior, and refines."
         )
 

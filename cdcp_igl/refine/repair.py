@@ -6,10 +6,10 @@ import numpy as np
 
 from ..arrays import Bools, Complex, Ints, marked
 from ..result.records import Repair
+from ..starts.tutte import combined, mean_value_weights, tutte_embedding
 from ..surface.mesh import Mesh
 from ..surface.topology import components_of_pairs
 from ..surface.triangles import flipped_faces, flipped_or_flat
-from .means import combined, embedding, mean_value_weights
 from .relaxation import Relaxation
 
 RINGS = 10  # largest radius of a patch around a flipped face
@@ -27,12 +27,12 @@ def repaired(mesh: Mesh, f: Complex) -> tuple[Complex, Repair]:
     """Make every face positively oriented, at whatever cost.
 
     Where `repair_locally` cannot, because of many flipped faces or stubborn ones, the whole
-    interior is that of an `embedding`, and relaxed. The boundary stays where it is.
+    interior is that of an `tutte_embedding`, and relaxed. The boundary stays where it is.
     """
     g, repair = repair_locally(mesh, f, repairable(mesh))
     if len(flipped_faces(g, mesh.F)[0]):
         whole = Neighbourhood(mesh, np.ones(len(f), dtype=bool))
-        whole.moved, (g, _) = whole.free, embedding(mesh, f)
+        whole.moved, (g, _) = whole.free, tutte_embedding(mesh, f)
         g = whole.relaxed(g)
         repair = Repair(repair.n_flipped, len(mesh.interior), repair.rounds + 1)
     return g, repair
