@@ -73,6 +73,45 @@ def skin(solid):
     return np.argwhere(corner >= 0)[used] - 1.0, faces.reshape(F.shape)
 
 
+def interfaces(seed, size, labels=1):
+    """The faces between random cubes of different labels, wound at random; half of them one by one.
+
+    With one label they are closed; with more, edges of three faces are among them.
+    """
+    rng = np.random.default_rng(seed)
+    cubes = (rng.random((size,) * 3) < 0.5) * rng.integers(1, labels + 1, (size,) * 3)
+    cubes[0, 0, 0] = 1
+    cubes, quads = np.pad(cubes, 1), []
+    for axis in range(3):
+        u, v = np.eye(3, dtype=int)[[(axis + 1) % 3, (axis + 2) % 3]]
+        base = np.argwhere(cubes != np.roll(cubes, -1, axis)) + np.eye(3, dtype=int)[axis]
+        quads.append(np.stack([base, base + u, base + u + v, base + v], 1))
+    V, i = np.unique(np.concatenate(quads).reshape(-1, 3), axis=0, return_inverse=True)
+    corners = i.reshape(-1, 4)
+    F = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
+    return V.astype(float), turned_over(rng, F, len(F) // (1 + seed % 2))
+
+
+def book(seed, pages):
+    """Pages that share a spine, their faces wound at random."""
+    rng = np.random.default_rng(seed)
+    angle = np.repeat(2 * np.pi * np.arange(pages) / pages, 8)
+    r, z = np.tile(np.repeat([1, 2], 4), pages), np.tile(np.arange(4), 2 * pages)
+    V = np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
+    spine = np.column_stack([np.zeros((4, 2)), np.arange(4)])
+    F = [
+        sheet(2, 3, lambda i, j, page=page: np.where(i, 4 + 8 * page + 4 * (i - 1), 0) + j)
+        for page in range(pages)
+    ]
+    return np.vstack([spine, V]), turned_over(rng, np.vstack(F), 6 * pages)
+
+
+def turned_over(rng, F, groups):
+    """Faces of which random ones are reversed, those alike that are so many rows apart."""
+    turned = np.resize(rng.random(groups) < 0.5, len(F))
+    return np.where(turned[:, None], F[:, ::-1], F)
+
+
 def arms(length, width):
     """Three arms of cubes, with a face taken out at the end of one."""
     solid = np.zeros((2 * length + width, length + width, width), dtype=bool)

@@ -64,6 +64,65 @@ def test_random_voxels_are_closed_surfaces_that_do_not_cross(seed):
     assert len(surface.border) == len(surface.misoriented) == 0
 
 
+def manifold_of(V, F):
+    n, fan = fans_of_sheets(V, F)
+    return Topology(fan.reshape(3, -1).T.astype(np.int64), n)
+
+
+@pytest.mark.parametrize("labels", [1, 2, 3])
+@pytest.mark.parametrize("size", [2, 3, 4])
+def test_faces_between_cubes_part_however_they_are_wound(size, labels):
+    for seed in range(12):
+        V, F = surfaces.interfaces(seed, size, labels)
+        surface = manifold_of(V / size, F)
+        assert surface.is_manifold
+        assert surface.misoriented is not None
+        if labels == 1:  # as many faces at each edge as ever, and none is open
+            assert len(surface.border) == 0
+
+
+@pytest.mark.parametrize("pages", range(3, 13))
+def test_pages_wound_at_random_continue_across_the_spine(pages):
+    V, F = surfaces.book(pages, pages)
+    surface = manifold_of(V, F)
+    assert surface.is_manifold
+    assert surface.components[0] == -(-pages // 2)
+    result = cdcp_igl.surface_map(V, F)
+    assert result.valid
+    assert cdcp_igl.certify(V, F, result.packed()).valid
+
+
+@pytest.mark.parametrize(("seed", "labels"), [(0, 1), (1, 1), (2, 2), (3, 3)])
+def test_what_is_wound_at_random_is_cleaned_and_mapped(seed, labels):
+    V, F = surfaces.interfaces(seed, 3, labels)
+    cleaned = cdcp_igl.clean(V, F)
+    report = cdcp_igl.check(cleaned.V, cleaned.F)
+    assert report.n_components == 1
+    if labels == 1:
+        assert report.n_loops == 0
+    result = cdcp_igl.surface_map(V, F)
+    assert result.valid
+    assert cdcp_igl.certify(V, F, result.packed()).valid
+
+
+def test_windings_that_agree_are_kept():
+    """Reversed faces within a sheet change nothing of how a solid parts."""
+    for seed in range(10):
+        V, F = surfaces.voxels(seed, 4)
+        reversed_one = F.copy()
+        alone = np.random.default_rng(seed).integers(len(F))
+        reversed_one[alone] = F[alone, ::-1]
+        fan, again = (fans_of_sheets(V, faces)[1].reshape(3, -1) for faces in (F, reversed_one))
+        again[:, alone] = again[::-1, alone]
+        np.testing.assert_array_equal(partition(fan.ravel()), partition(again.ravel()))
+
+
+def partition(names):
+    """The first place of each name, at all of its places."""
+    _, first, which = np.unique(names, return_index=True, return_inverse=True)
+    return first[which]
+
+
 def test_of_three_pages_the_two_that_continue_each_other_stay_together():
     _, V, F, _ = meshes.NASTY["three pages"]
     V = np.array(V, float)
