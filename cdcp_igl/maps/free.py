@@ -514,6 +514,8 @@ def _best_map(
         scale = np.log(abs(np.roll(f_B, -1) - f_B) / edge_lengths(surface.mesh))
         u_B = (scale + np.roll(scale, 1)) / 2
         low, high, best = 0.0, EASED, plain
+        # The low share grows by an eighth of the high one, or the gap is halved; none that is
+        # as small as rounding is valid, as the plain map is not.
         while high - low > high / 4:
             # As long as none is valid, twice the share; then the middle of the last two.
             share = (low + high) / 2 if best.valid else high
