@@ -3,7 +3,7 @@ PYTHON := .venv/bin/python
 MESH   ?= demo/jacksboro_fault.npz
 export MESH
 
-.PHONY: setup demo test test-quick lint bench docs dist clean
+.PHONY: setup demo test test-quick test-kernels test-lowest lint bench docs dist clean
 setup: .venv/ready
 
 .venv/ready: pyproject.toml .ci/setup
@@ -19,6 +19,26 @@ test: setup
 # Without what takes long.
 test-quick: setup
 	$(PYTHON) -m pytest -n auto --dist loadfile -m 'not slow'
+
+# The quick tests as other machines round: under the kernels of OpenBLAS that this processor can
+# run. On systems without /proc/cpuinfo it runs none.
+test-kernels: setup
+	@for kernel in pni:Prescott avx2:Haswell avx512vl:SkylakeX; do \
+	    grep -qsw $${kernel%:*} /proc/cpuinfo || continue; \
+	    echo "== OPENBLAS_CORETYPE=$${kernel#*:}"; \
+	    OPENBLAS_CORETYPE=$${kernel#*:} \
+	        $(PYTHON) -m pytest -n auto --dist loadfile -m 'not slow' || exit; \
+	done
+
+# The quick tests with the lowest version of each dependency that pyproject.toml allows. What these
+# call may be deprecated in the packages that they need themselves, which are the newest.
+test-lowest: setup
+	$(PYTHON) -m venv --clear build/lowest
+	build/lowest/bin/python -m pip install --quiet uv
+	build/lowest/bin/uv pip install --quiet --python build/lowest --resolution lowest-direct \
+	    --editable '.[dev]'
+	build/lowest/bin/python -m pytest -n auto --dist loadfile -m 'not slow' \
+	    -W ignore::DeprecationWarning
 
 lint: setup
 	$(PYTHON) -m ruff check .

@@ -20,5 +20,6 @@ def from_extra(name: str) -> Iterator[None]:
         if package == "cdcp_igl":
             raise
         raise MissingExtra(
-            f"{package} is missing; needs the extra: pip install 'cdcp_igl[{name}]'"
+            f"{package} is missing; needs the extra: pip install '.[{name}]' "
+            "in a checkout of cdcp_igl"
         ) from error

@@ -150,7 +150,7 @@ def test_missing_extras_are_named(main, monkeypatch, module, extra, capsys):
         monkeypatch.delitem(sys.modules, "cdcp_igl.command_line.program", raising=False)
     code = main("map", "in.npz", "o.obj", "--picture", "p.png")
     said = str(code) if extra == "cli" else capsys.readouterr().err
-    assert f"needs the extra: pip install 'cdcp_igl[{extra}]'" in said
+    assert f"needs the extra: pip install '.[{extra}]'" in said
     assert extra == "cli" or code == 1
     assert os.listdir() == ["in.npz"]
 

@@ -81,7 +81,7 @@ def test_missing_extra_is_named(no_data_directory, monkeypatch, module, name):
     for loaded in [m for m in sys.modules if m.partition(".")[0] == module]:
         monkeypatch.delitem(sys.modules, loaded)
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(ImportError, match=r"pip install 'cdcp_igl\[(data|plot)\]'"):
+    with pytest.raises(ImportError, match=r"pip install '\.\[(data|plot)\]'"):
         datasets.load(name)
 
 

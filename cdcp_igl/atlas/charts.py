@@ -196,7 +196,7 @@ def _free_charts(
             done += len(chart.F)
             if progress:
                 progress("cut", done / len(component.rows))
-        while failed:
+        while failed:  # a part has fewer faces than the whole
             draft, whole = failed.pop()
             spare = limits.max_charts - len(charts) - len(failed) - 1
             parts = halves(draft) if may_part and spare else []
@@ -278,7 +278,7 @@ def _disks(
     how = in_between, limits, progress
     whole = _mapped(component, *how)
     waiting, charts = [whole], list[Chart]()
-    while waiting:
+    while waiting:  # a part has fewer faces than the whole
         waiting.sort(key=lambda chart: chart.unevenness)
         worst = waiting.pop()
         parts = [worst.opened.component]

@@ -293,7 +293,7 @@ class OpenedComponent:
 
     def _way_to_node(self, half: int) -> Ints:
         way, head = [half], self.component.head
-        while not self.is_node[head[way[-1]]]:
+        while not self.is_node[head[way[-1]]]:  # a ring without nodes opens no disk
             way.append(self._next[way[-1]])
         return np.array(way)
 
@@ -430,7 +430,7 @@ def _without_loose_ends(opened: OpenedComponent) -> OpenedComponent:
     """Join again the edges of the cut that dangle, as they do near the root."""
     component = opened.component
     at_border = component.uncut.on_boundary
-    while True:
+    while True:  # the cut has fewer edges each time
         edges = opened.cut_edges
         ends = np.column_stack([component.tail[edges], component.head[edges]])
         degree = np.bincount(ends.ravel(), minlength=len(component.V))

@@ -53,7 +53,7 @@ def even_drafts(
         yield from nets
         return
     waiting, n_done = [component], 0
-    while waiting:
+    while waiting:  # a part has fewer faces than the whole
         component = waiting.pop()
         room = most - len(waiting) - n_done
         has_many = room > 1 and (component.topology.genus or 0) >= MANY_HANDLES

@@ -353,7 +353,7 @@ class FreeProblem(Problem[FreeMap]):
         u_B = (scale + np.roll(scale, 1)) / 2
         low, high, best = 0.0, EASED, None
         while high - low > high / 4:
-            # As long as none is valid, twice the share; then the middle of the last two.
+            # As long as none is valid, twice the share, up to 1; then the gap is halved.
             share = (low + high) / 2 if best else high
             way = replace(self.boundary, u_B=share * (u_B - u_B.mean()))
             f = _laid_out(self.surface.delaunay, way, self.phase)
@@ -361,7 +361,7 @@ class FreeProblem(Problem[FreeMap]):
             if made.valid:
                 best, high = made, share
             else:
-                low, high = share, max(high, min(2 * share, 1.0))
+                low, high = share, high if best else min(2 * share, 1.0)
         return best or made
 
     def _from_disk(self) -> FreeMap:

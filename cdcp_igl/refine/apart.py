@@ -39,6 +39,7 @@ def kept_apart(
     for far in (False,) if near else (True, False):
         now = of_map.softened if far else of_map
         before, value = np.inf, now.value(f)
+        # It falls by that share each time, and is bounded below.
         while value < (1 - (LITTLE if far else WORTH)) * before:
             f, steps = _one_round(mesh, f, now, AIR * min(max(value, AIR), 1), far)
             taken, before, value = taken + steps, value, now.value(f)

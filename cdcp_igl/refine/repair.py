@@ -127,7 +127,8 @@ class Neighbourhood:
             g = np.where(better, trial, g)
             self.moved |= better
             before, flipped = flipped, self.flipped(g)
-            # Two patches may take turns to flip what the other has repaired.
+            # Two patches may take turns to flip what the other has repaired. So fewer faces are
+            # flipped after each round, or the patches of all that were have grown.
             in_vain = ~better[at_flipped] | (len(flipped) >= len(before))
             self.reach[at_flipped[in_vain]] += 1
             self.rounds += 1

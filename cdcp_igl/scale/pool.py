@@ -248,7 +248,7 @@ def _main() -> None:
     tasks: SimpleQueue[Job[object]] = SimpleQueue()
     Thread(target=_receive, args=(tasks,), daemon=True).start()
     answer: object = True
-    while True:
+    while True:  # until `_receive` ends the process
         pickle.dump(answer, answers)
         answers.flush()
         task = tasks.get()

@@ -26,6 +26,7 @@ UNREACHED = 0.1
 
 # Of a mesh without interior vertices no arc is shorter than this share of the average one.
 LEAST_ARC = 1e-3
+MOST_ROUNDS = 10  # for each arc; what is left after them, the certificate of the map judges
 MOST_TRIES = 3  # to bring the number of wrong arcs down, before they are exchanged one by one
 ROUNDING = 1e-13  # of half the circle
 
@@ -117,7 +118,7 @@ def _places(differences: csr_matrix, wanted: Floats, least: float) -> Floats:
     """
     n = differences.shape[1]
     held, fewest, tries = np.zeros(n, dtype=bool), n + 1, MOST_TRIES
-    while True:
+    for _ in range(MOST_ROUNDS * n):
         free = np.flatnonzero(~held)
         group = np.searchsorted(free, np.arange(n))  # the last is that of pi, the first that of 0
         place = least * (np.arange(n) - np.append(0, free + 1)[group])
@@ -133,10 +134,11 @@ def _places(differences: csr_matrix, wanted: Floats, least: float) -> Floats:
         short = ~held & (np.diff(place, append=np.pi) < least - ROUNDING)
         wrong = np.flatnonzero(short | (held & (pull > ROUNDING)))
         if len(wrong) == 0:
-            return place
+            break
         tries = MOST_TRIES if len(wrong) < fewest else tries - 1
         fewest = min(fewest, len(wrong))
         held[wrong if tries > 0 else wrong[-1]] ^= True
+    return place
 
 
 # In the order in which they are tried.

@@ -120,7 +120,7 @@ def _open_by_series(x: Complex, y: Floats, k: int) -> bool:
         return False
     near = np.concatenate([x[:k], center + radius * _HALF_CIRCLE, rest[~far]])
     opened_near = np.append(opened[~opened_far], np.empty(k))
-    open_blocks(near, opened_near, k)
+    open_blocks(near, opened_near, k)  # fewer points: WORTH is more than the circle has
     images = near[k : k + len(_HALF_CIRCLE)]
     series = (_TO_COEFFICIENTS @ images).real
     size = abs(series)

@@ -119,21 +119,29 @@ class Topology:
     @cached_property
     def misoriented(self) -> Ints | None:
         """Faces that are oriented unlike most of their component; None if it has one side."""
-        (one, other), m = self.twins, len(self.F)
-        aligned = self._tail[one] == self._tail[other]  # as they are where one face is flipped
-        if not aligned.any():
+        one, other = self.twins
+        if not (self._tail[one] == self._tail[other]).any():
             return np.empty(0, np.int64)
+        flipped, one_sided = self.flipped_across(one, other)
+        return None if one_sided.any() else np.flatnonzero(flipped)
+
+    def flipped_across(self, one: Indices, other: Indices) -> tuple[Bools, Bools]:
+        """(m,) faces that are oriented unlike most that hang together across some of the twins.
+
+        And (m,) those that so hang together on one side, none of which counts as flipped.
+        """
+        aligned = self._tail[one] == self._tail[other]  # as they are where one face is flipped
         # Node f stands for face f as it is, node f + m for its reversal.
+        m = len(self.F)
         left, right = one % m, other % m
         shift = np.where(aligned, m, 0)
         rows = np.concatenate([left, left + m])
         columns = np.concatenate([right + shift, right + m - shift])
         _, side = components_of_pairs(rows, columns, 2 * m)
-        if (side[:m] == side[m:]).any():
-            return None
         size = np.bincount(side[:m], minlength=side.max() + 1)
         mine, theirs = size[side[:m]], size[side[m:]]
-        return np.flatnonzero((mine < theirs) | ((mine == theirs) & (side[:m] > side[m:])))
+        flipped = (mine < theirs) | ((mine == theirs) & (side[:m] > side[m:]))
+        return flipped, side[:m] == side[m:]
 
     # -- vertices ----------------------------------------------------------------------
 

@@ -103,7 +103,7 @@ def result_names(files: list[Path]) -> list[str]:
         for path in below
     ]
     levels = [0] * len(files)
-    while True:
+    while True:  # each name is spelled out three times at most
         names = [spellings[level] for spellings, level in zip(spelled, levels, strict=True)]
         count = Counter(name.casefold() for name in names)
         clashes = [

@@ -168,7 +168,7 @@ class _Mapping:
         with phase("center"):
             found = self.center()
         center = None
-        while found != center:
+        while found != center:  # thrice at most: once all parts are extended, all are asked
             center = found
             with phase("trace"):
                 trace, on_boundary = self.trace(center.face)
