@@ -12,8 +12,8 @@ from benchmarks.measure.punctures import RINGS, opened, row_to_open
 from cdcp_igl import maps
 from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.arrays import coordinates
+from cdcp_igl.descent.descent import from_tutte
 from cdcp_igl.reference import fdcp, harmonic
-from cdcp_igl.refine.balance import lower_shear
 from cdcp_igl.rescue.boundary import BoundaryMethod, arc_length_map, around, harmonic_shares
 from cdcp_igl.rescue.correction import (
     Straightening,
@@ -124,7 +124,7 @@ def test_what_a_turn_would_round_away_is_not_turned():
     mesh, f = table(1, 40)
     start, _ = embedding(mesh, f, on_disk=True)
     first = mesh.loop[0]
-    turned = at_one(mesh, lower_shear(mesh, start), first)
+    turned = at_one(mesh, from_tutte(mesh, start), first)
     assert len(flipped_faces(turned, mesh.F)[0]) > 0
     result = cdcp_igl.disk_map(mesh.positions, mesh.F)
     assert result.valid
@@ -147,13 +147,13 @@ def test_the_way_from_an_embedding_does_not_depend_on_it():
         f = np.zeros(len(mesh.V), dtype=complex)
         f[mesh.loop] = around(np.array(shares))
         start, _ = embedding(mesh, f, on_disk=True)
-        moved = lower_shear(mesh, start)
+        moved = from_tutte(mesh, start)
         assert is_valid(moved, mesh)
         for means, z in ((before, start), (after, moved)):
             means.append(np.degrees(abs(angle_errors(mesh, z))).mean())
     assert max(before) > 60
     np.testing.assert_allclose(after, 4.95, atol=0.1)
-    assert lower_shear(mesh, folded := start.conj()) is folded
+    assert from_tutte(mesh, folded := start.conj()) is folded
 
 
 @pytest.mark.parametrize(("seed", "size"), [(0, 1), (1, 1), (2, 0)])

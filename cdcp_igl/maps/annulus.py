@@ -14,13 +14,13 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, marked
+from ..descent.targets import Ring
 from ..docstrings import like
 from ..errors import Defect, MeshError, counted
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
 from ..plot.layout import Layout
-from ..refine.targets import Ring
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.repair import repair_locally, repairable
 from ..result.base import announced, how_made, valid_map

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from ..algorithm import Steps, algorithm_1
 from ..arrays import Complex, Floats, as_complex
+from ..descent.targets import DISK
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
-from ..refine.targets import DISK
 from ..rescue.harmonic_map import HarmonicMap
 from ..result.base import announced, valid_map
 from ..result.disk_map import DiskMap, judged
@@ -329,9 +329,9 @@ def _lowered(
         # Rotated only once, at the end: a rotation rounds all coordinates.
         return plain.moved_to(rotate(mesh, f, options.align), phase, known)
 
-    near = {"analysis": surface.analysis, "near": not plain.steps_due}
-    f, order = as_complex(plain.uv), surface.rows
-    return refined(plain, f, DISK, order, steps, finished, options, phase, **near)
+    f, near = as_complex(plain.uv), not plain.steps_due
+    how = options, phase, surface.analysis
+    return refined(plain, f, DISK, surface.rows, steps, finished, *how, near=near)
 
 
 def _causes(done: DiskMap) -> Iterator[str]:

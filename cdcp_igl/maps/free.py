@@ -21,15 +21,17 @@ from ..arrays import (
     marked,
     places,
 )
+from ..descent.descent import Descent, Limits, pulled
+from ..descent.energies import Angles, SymmetricDirichlet
+from ..descent.preconditioning import WeightedLaplacian
+from ..descent.refinement import lower_angle_distortion
+from ..descent.scaffold import keeping_apart
+from ..descent.targets import Outline
 from ..docstrings import like
 from ..errors import MapError, counted, spell
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
-from ..refine.apart import kept_apart
-from ..refine.balance import Energy, Newton
-from ..refine.refinement import lower_angle_distortion
-from ..refine.targets import Outline
 from ..rescue.repair import Repair, repair_locally, repairable
 from ..result.base import announced, valid_map
 from ..result.keeping import KeepingMap, Kept
@@ -139,8 +141,8 @@ class FreeMap(KeepingMap, PlaneMap):
         at, to = f[rows] - f[rows].mean(), goal - goal.mean()
         f = (f - f[rows].mean()) * (np.vdot(at, to) / np.vdot(at, at)) + goal.mean()
         with phase("refine"):
-            newton = Newton(mesh, f, held=marked(len(f), rows))
-            reached = newton.pull(Energy.of(mesh, t), rows, goal)
+            newton = Descent(mesh, f, held=marked(len(f), rows))
+            reached = pulled(newton, SymmetricDirichlet.of(mesh, t), rows, goal)
         made = replace(self.moved_to(newton.f, phase), conformality=NOT_ASKED, pins=rows)
         made = replace(made, kept=Kept.of(mesh, newton.f, t, self._target, newton.steps))
         if not reached:
@@ -516,18 +518,16 @@ def _best_map(
     def freed_by_newton() -> FreeMap:
         """Lower the shear of the map onto the disk, its outline free but kept simple."""
         with phase("refine"):
-            f, _ = kept_apart(surface.mesh, as_complex(disk.uv), 0.0)
+            f, _ = keeping_apart(surface.mesh, as_complex(disk.uv), 0.0)
         return finished(f, FREED, disk.boundary.laplacian)
 
     def after(steps: int) -> FreeMap:
         with phase("refine"):
-            f, _ = lower_angle_distortion(
-                *(surface.mesh, as_complex(disk.uv), _order_of_all(surface)),
-                *(steps, options.refine_norm),
-                halvings=PATIENT,
-                target=Outline(),
-            )
-        return finished(f, FREED, disk.boundary.laplacian)
+            laplacian = WeightedLaplacian(surface.mesh, _order_of_all(surface))
+            descent = Descent(surface.mesh, as_complex(disk.uv), laplacian=laplacian)
+            angles = Angles(surface.mesh, Outline(), options.refine_norm)
+            lower_angle_distortion(descent, angles, Limits(steps, least=None, trials=PATIENT))
+        return finished(descent.f, FREED, disk.boundary.laplacian)
 
     def freed_by_refinement() -> FreeMap:
         """Lower its angle errors: on a rough surface that goes farther."""

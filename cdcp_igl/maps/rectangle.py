@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike
 from scipy.special import ellipk, ellipkinc
 
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, marked
+from ..descent.descent import from_tutte
+from ..descent.targets import Rectangle
 from ..docstrings import like
 from ..errors import counted, spell
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
-from ..refine.balance import lower_shear
-from ..refine.targets import Rectangle
 from ..rescue.means import embedding
 from ..rescue.repair import Repair, repaired
 from ..result.base import announced, valid_map
@@ -279,7 +279,7 @@ def _best_map(mesh: Mesh, sides: list[Ints], options: Options, phase: Phases) ->
         plain, square = list(squares.items())[-1]
         with phase("repair"):
             f, _ = embedding(mesh, as_complex(plain.uv))
-            f = lower_shear(mesh, f, target=Rectangle(sides))
+            f = from_tutte(mesh, f, target=Rectangle(sides))
         return lowered(made(partial(replace, square, laplacian="mean value"), f))
 
     ways = [partial(_sliding, name, mesh, sides, phase) for name in LAPLACIANS]

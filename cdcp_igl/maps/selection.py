@@ -10,9 +10,9 @@ from functools import partial
 import numpy as np
 
 from ..arrays import Complex, marked
+from ..descent.descent import from_tutte
 from ..options import Options
 from ..phases import Phases
-from ..refine.balance import lower_shear
 from ..rescue.boundary import FALLBACKS, STARTS, BoundaryMethod, by_inscribed_angles
 from ..rescue.collapsed_faces import open_collapsed_faces
 from ..rescue.harmonic_map import HarmonicMap, Provenance
@@ -182,9 +182,9 @@ def _sheared_less(mesh: Mesh, start: Complex) -> Complex:
     That puts the first boundary vertex at 1, and rounds all coordinates. Where it flips faces that
     are very small, this vertex stays at 1 from the beginning, and nothing is left to turn.
     """
-    f, first = lower_shear(mesh, start), mesh.loop[0]
+    f, first = from_tutte(mesh, start), mesh.loop[0]
     if len(flipped_faces(at_one(mesh, f, first), mesh.F)[0]):
-        f = lower_shear(mesh, at_one(mesh, start, first), marked(len(f), first))
+        f = from_tutte(mesh, at_one(mesh, start, first), marked(len(f), first))
     return f
 
 

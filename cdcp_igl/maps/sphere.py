@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Bools, Complex, Floats, Indices, Ints, coordinates
 from ..cached import cached_property
+from ..descent.descent import from_tutte
+from ..descent.targets import Sphere
 from ..docstrings import like
 from ..errors import MapError, MeshError, counted
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
 from ..plot.layout import Layout
-from ..refine.balance import lower_shear
-from ..refine.targets import Sphere
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.repair import repair_locally
 from ..rescue.untangling import over_hemispheres, repaired_on_sphere, without_pole
@@ -486,7 +486,7 @@ def _embedded(mesh: SphereMesh, pole: int) -> Floats:
     Returns a map onto the sphere (n, 3); some faces may be flipped where double precision does.
     """
     disk, rows, f = without_pole(mesh, pole)
-    f = lower_shear(disk, f)
+    f = from_tutte(disk, f)
     moved = mobius_transformation(f, conformal_barycenter(f, mesh.vertex_areas[rows]))
     even = len(flipped_faces(moved, disk.F)[0]) == 0
     return over_hemispheres(mesh, pole, rows, moved if even else f)

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates
 from ..cached import cached_property
+from ..descent.refinement import Refinement
+from ..descent.targets import DISK
 from ..errors import MapError
 from ..phases import Phases
 from ..plot.layout import Layout
-from ..refine.refinement import Refinement
-from ..refine.targets import DISK
 from ..rescue.collapsed_faces import open_collapsed_faces
 from ..rescue.harmonic_map import Provenance, provenance
 from ..rescue.repair import repair_locally

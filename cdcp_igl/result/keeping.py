@@ -10,13 +10,14 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from ..arrays import Bools, Complex, coordinates
+from ..descent.descent import keeping
+from ..descent.energies import SymmetricDirichlet, resized
+from ..descent.scaffold import keeping_apart
+from ..descent.targets import Disk, Outline, Target
 from ..errors import MapError
 from ..options import KEPT, MOST, Keep
 from ..phases import Phases
 from ..plot.layout import Layout
-from ..refine.apart import kept_apart
-from ..refine.balance import Energy, balanced, resized
-from ..refine.targets import Disk, Outline, Target
 from ..rescue.boundary import arc_length_map
 from ..rescue.means import embedding
 from ..surface.mesh import Mesh
@@ -66,11 +67,11 @@ class Kept:
     @classmethod
     def of(cls, mesh: Mesh, f: Complex, t: float, target: Target, steps: int) -> Kept:
         """Measure a map (n,) without flipped faces."""
-        s, q, _ = Energy.of(mesh, t).stretch(f, slice(None))
+        s, q, _ = SymmetricDirichlet.of(mesh, t).stretch(f, slice(None))
         free = np.ones(len(s), dtype=bool)
         if isinstance(target, Disk) and len(mesh.inscribed) < len(s):
             free[mesh.inscribed] = False
-        s, q, area = s[free], q[free], Energy.of(mesh, t).area[free]
+        s, q, area = s[free], q[free], SymmetricDirichlet.of(mesh, t).area[free]
         shear = area * np.cosh(s) / area.sum()
         low, high = weighted_quantiles(q / 2, area, DENSITIES)
         dirichlet = np.sqrt((shear @ np.exp(q)) * (shear @ np.exp(-q)))
@@ -149,12 +150,12 @@ class KeepingMap(MadeMap):
         def at(t: float, f: Complex, near: bool) -> Complex:
             nonlocal steps
             begins = not near and held is None
-            start = self._start(Energy.of(mesh, t, target=target), f) if begins else f
-            newton = balanced(mesh, start, t, target, near=near, held=held)
-            g, steps = newton.f, steps + newton.steps
+            start = self._start(SymmetricDirichlet.of(mesh, t, target=target), f) if begins else f
+            descent = keeping(mesh, start, t, target, near=near, held=held)
+            g, steps = descent.f, steps + descent.steps
             may_overlap = isinstance(target, Outline) and held is None
             if may_overlap and not certify_outline(mesh, coordinates(g)).simple:
-                g, more = kept_apart(mesh, start, t, near=near)
+                g, more = keeping_apart(mesh, start, t, near=near)
                 steps += more
             return g
 
@@ -186,7 +187,7 @@ class KeepingMap(MadeMap):
             maps.append(maps[-1].continued(keep=asked))
         return {made.kept.name if made.kept else "angles": made._layout() for made in maps}
 
-    def _start(self, energy: Energy, f: Complex) -> Complex:
+    def _start(self, energy: SymmetricDirichlet, f: Complex) -> Complex:
         """Return f, which keeps angles, or an embedding: that from which to go down.
 
         Parts that a conformal map crowds together, along seams above all, are hard to draw apart.

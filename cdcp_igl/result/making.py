@@ -11,21 +11,19 @@ import numpy as np
 
 from ..arrays import Complex, Floats, Ints, as_complex, size_exponent
 from ..cached import cached_property
+from ..descent.descent import Descent, Limits
+from ..descent.energies import Angles, Measured
+from ..descent.preconditioning import WeightedLaplacian
+from ..descent.refinement import HALVINGS, PATIENCE, WORTH, Refinement, lower_angle_distortion
+from ..descent.schedules import GOOD
+from ..descent.targets import Target
 from ..errors import MapError, SolverError
 from ..options import Options
 from ..phases import Phases
 from ..plot.layout import Layout
-from ..refine.refinement import (
-    GOOD,
-    HALVINGS,
-    PATIENCE,
-    WORTH,
-    Refinement,
-    lower_angle_distortion,
-)
-from ..refine.targets import Target
 from ..rescue.boundary import BoundaryMethod
 from ..rescue.repair import Repair
+from ..solve.cholesky import Cholesky
 from ..surface.mesh import Mesh
 from ..verdict.conformality import LARGEST_DEGREES, judge
 from ..verdict.distortion import AngleDistortion, reported_distortion
@@ -251,54 +249,59 @@ def refined(
     finished: Callable[[Complex, float], Kind],
     options: Options,
     phase: Phases,
-    **more: Any,
+    analysis: Cholesky | None = None,
+    *,
+    near: bool = False,
 ) -> Kind:
     """Lower the angular distortion of a valid map by so many steps.
 
     It is f (n,) in the coordinate of its `target`; `finished` repairs, certifies and judges such a
-    map, the mean error that is no shear being known. For `order` and `more` see
-    `lower_angle_distortion`. No step takes a map that is conformal to one that is not; where
-    rounding at the end does, the plain one is returned. Where that flips faces, half of the steps
-    are taken.
+    map, the mean error that is no shear being known. For `order` and `analysis` see
+    `WeightedLaplacian`, for `near` see `Angles`. No step takes a map that is conformal to one that
+    is not; where rounding at the end does, the plain one is returned. Where that flips faces, half
+    of the steps are taken.
     """
     mesh, verdict, repair = plain.mesh, plain.conformality, plain.repair
     few = steps == plain.steps_due == FURTHER
     conformal, known = plain.conformal, 0.0 if verdict.sheared else verdict.mean
 
-    def no_less_conformal(f: Complex, r: Floats) -> bool:
+    def no_less_conformal(found: Measured) -> bool:
         nonlocal conformal, known
-        degrees = np.degrees(abs(r))
+        degrees = np.degrees(abs(found.errors))
         mean, closely = float(degrees.mean()), repair.n_flipped > 0
         is_now = mean <= LARGEST_DEGREES and bool(
-            judge(mesh, target.image(f), degrees, closely=closely, known=known)
+            judge(mesh, target.image(found.f), degrees, closely=closely, known=known)
         )
         if is_now:
             conformal, known = True, max(known, mean)
         return is_now or not conformal
 
     with phase("refine") as advance:
-        g, refinement = lower_angle_distortion(
-            *(mesh, f, order, steps, options.refine_norm),
-            seconds=options.refine_seconds,
-            halvings=PATIENT if steps >= MOST_STEPS else HALVINGS,
+        patience, worth = (1, GAINING) if few else (PATIENCE, WORTH)
+        limits = Limits(
+            steps,
             least=options.refine or STEPS_DUE,
-            wanted=verdict.wanted,
-            gaining=(1, GAINING) if few else (PATIENCE, WORTH),
-            target=target,
-            accepted=no_less_conformal,
-            advance=advance,
-            **more,
+            patience=patience,
+            worth=worth,
+            error_ratio=verdict.wanted,
+            seconds=options.refine_seconds,
+            trials=PATIENT if steps >= MOST_STEPS else HALVINGS,
         )
+        laplacian = WeightedLaplacian(mesh, order, analysis)
+        descent = Descent(mesh, f, target, laplacian=laplacian)
+        angles = Angles(mesh, target, options.refine_norm, near)
+        refinement = lower_angle_distortion(descent, angles, limits, no_less_conformal, advance)
     if few and refinement.stopped == "little to gain":  # further ones had not been asked for
         refinement = replace(refinement, asked=refinement.steps, stopped="")
     if refinement.stopped:
         log.info("refinement: %s", refinement)
     if refinement.steps == 0:
         return replace(plain, refinement=refinement)
-    better = finished(g, known)
+    better = finished(descent.f, known)
     if not better.valid and refinement.steps > 1:
         fewer = refinement.steps // 2
-        made = refined(plain, f, target, order, fewer, finished, options, phase, **more)
+        how = options, phase, analysis
+        made = refined(plain, f, target, order, fewer, finished, *how, near=near)
         if (told := made.refinement) is not None:
             told = replace(told, asked=refinement.asked, stopped="no certificate")
         return replace(made, refinement=told)
