@@ -327,6 +327,25 @@ def test_pins_are_where_they_are_told_to_be(hill):
     assert flipped.valid
 
 
+@pytest.mark.parametrize("keep", ["angles", "lengths"])
+def test_pins_at_the_places_of_a_map_whose_boundary_was_eased_are_met(keep):
+    """Without a scaffold its boundary would overlap itself as soon as it is free again."""
+    V, F, _ = cdcp_igl.datasets.square(20)
+    turn, out = 2.6 * np.pi * V[:, 0], 1 - 0.1 * V[:, 1]
+    V = np.column_stack([out * np.cos(turn), out * np.sin(turn), 0.02 * turn])
+    plain = cdcp_igl.free_map(V, F, keep=keep)
+    assert plain.boundary != "own lengths"
+    rows = np.arange(7, len(V), 71)
+    for share in (0, 1e-3):
+        moved = plain.uv[rows] + share * np.ptp(plain.uv) * np.cos([[k, 2 * k] for k in rows])
+        pins = dict(zip(rows.tolist(), moved, strict=True))
+        result = cdcp_igl.free_map(V, F, keep=keep, pins=pins)
+        assert result.valid
+        assert_array_equal(result.uv[rows], moved)
+        if not share and keep == "angles":
+            assert_allclose(result.uv, plain.uv, atol=1e-9 * np.ptp(plain.uv))
+
+
 def test_pins_in_the_shell(hill, tmp_path):
     surface, out, pins = (tmp_path / name for name in ("hill.npz", "out.npz", "pins.txt"))
     np.savez(surface, V=hill[0], F=hill[1])

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import Bools, Complex, Floats, Ints
+from ..errors import SolverError
 from ..rescue.correction import extents
 from ..solve.laplacian import Laplacian
 from ..solve.ordering import elimination_order
@@ -45,6 +46,8 @@ MANY = 40  # steps to a minimum: another may be lower
 SHEAR_STEPS, SHEAR_WORTH = 100, 4e-3
 # Rounds in which vertices are pulled to their places, and the share of the way to the first flip.
 PULLS, PULL = 120, 0.6
+# They end where so many rounds have not brought the farthest vertex nearer by this factor.
+ROUNDS, NEARER = 15, 0.9
 # Trial lengths of a step. With a barrier it ends before the first flip, after this share of the way
 # there, and lowers the energy by this share of its slope; its gain says nothing if it is so short.
 TRIALS, SHARE, SUFFICIENT, SHORT = 16, 0.9, 1e-4, 0.5
@@ -285,7 +288,8 @@ class Descent:
     def pull(self, energy: SymmetricDirichlet, rows: Ints, goal: Complex) -> bool:
         """Bring `rows` that are held nearer to their places (k,), as far as no face flips.
 
-        The rest follows harmonically. False if the energy is not finite any more.
+        The rest follows harmonically, and then goes down. False if the energy is not finite any
+        more, because a face is all but flipped.
         """
         sliding = isinstance(self.target, Disk) & self.mesh.on_boundary[rows]
         at = self.f[rows]
@@ -303,7 +307,10 @@ class Descent:
                 self.f = trial
                 break
             length /= 2
-        return bool(np.isfinite(energy.value(self.f)))  # not where a face is all but flipped
+        if not np.isfinite(energy.value(self.f)):
+            return False
+        self.lower(energy, AFTER_A_PULL)
+        return True
 
 
 def _laplacian_of(mesh: Mesh, target: Target, held: Bools | None) -> WeightedLaplacian:
@@ -335,18 +342,36 @@ def way_to_flip(F: Ints, f: Complex, step: Complex) -> float:
     return float(nearest)
 
 
+class Progress:
+    """Whether vertices still get nearer to their places, if slowly."""
+
+    def __init__(self) -> None:
+        self._nearest, self._rounds = np.inf, 0
+
+    def made(self, left: float) -> bool:
+        """Take account of what is `left` of the way; false if many rounds brought little."""
+        self._rounds += 1
+        if left < NEARER * self._nearest:
+            self._nearest, self._rounds = left, 0
+        return self._rounds < ROUNDS
+
+
 def pulled(descent: Descent, energy: SymmetricDirichlet, rows: Ints, goal: Complex) -> bool:
     """Bring `rows` that are held to their places (k,), as far as no face flips, till they are.
 
     Between, the rest goes down. False if something of the way is left after all.
     """
-    for _ in range(PULLS):
-        if np.array_equal(descent.f[rows], goal):
-            descent.lower(energy)
-            return True
-        if not descent.pull(energy, rows, goal):
-            return False
-        descent.lower(energy, AFTER_A_PULL)
+    progress = Progress()
+    try:
+        for _ in range(PULLS):
+            if np.array_equal(descent.f[rows], goal):
+                descent.lower(energy)
+                return True
+            goes_on = descent.pull(energy, rows, goal)
+            if not (goes_on and progress.made(float(abs(descent.f[rows] - goal).max()))):
+                break
+    except SolverError:  # faces are all but flipped
+        pass
     return False
 
 

@@ -18,7 +18,7 @@ from .. import libigl
 from ..arrays import Complex, Floats, Ints, coordinates, marked
 from ..surface.delaunay import intrinsic_delaunay
 from ..surface.mesh import Mesh
-from .descent import Descent, Limits
+from .descent import ISOMETRIC, Descent, Limits
 from .energies import HALF, SymmetricDirichlet
 
 SHARE = 1e-3  # what all of the scaffold counts, by the energy of the map
@@ -39,12 +39,21 @@ def keeping_apart(mesh: Mesh, f: Complex, t: float, *, near: bool = False) -> tu
     energy = SymmetricDirichlet.of(mesh, t)
     for far in (False,) if near else (True, False):
         now = energy.softened if far else energy
-        before, value = np.inf, now.value(f)
-        while value < (1 - (LITTLE if far else WORTH)) * before:
-            descent, joined = with_scaffold(mesh, f, now, far=far)
-            descent.lower(joined, Limits(FAR_STEPS, worth=LITTLE) if far else Limits(STEPS))
-            f, taken = descent.f[: len(f)], taken + descent.steps
-            before, value = value, now.value(f)
+        f, steps = lowered_with_scaffold(mesh, f, now, far=far)
+        taken += steps
+    return f, taken
+
+
+def lowered_with_scaffold(
+    mesh: Mesh, f: Complex, energy: SymmetricDirichlet, held: Ints = NONE, *, far: bool = False
+) -> tuple[Complex, int]:
+    """Lower the energy of a map f (n,), its boundary simple, as it is; count the steps."""
+    taken, before, value = 0, np.inf, energy.value(f)
+    while ISOMETRIC < value < (1 - (LITTLE if far else WORTH)) * before:
+        descent, joined = with_scaffold(mesh, f, energy, held, far=far)
+        descent.lower(joined, Limits(FAR_STEPS, worth=LITTLE) if far else Limits(STEPS))
+        f, taken = descent.f[: len(f)], taken + descent.steps
+        before, value = value, energy.value(f)
     return f, taken
 
 
@@ -58,11 +67,11 @@ def with_scaffold(
     """
     ring, S = scaffold(f, mesh.loop)
     z, G = np.append(f, ring), np.concatenate([mesh.F, S])
-    of_scaffold = SymmetricDirichlet.of(Mesh(_in_space(z), S, S[:0, 0]), HALF)
+    of_scaffold = SymmetricDirichlet.of(Mesh(in_space(z), S, S[:0, 0]), HALF)
     share = SHARE * min(max(energy.value(f), SHARE), 1)
     joined = energy.joined(of_scaffold.softened if far else of_scaffold, share)
     stay = marked(len(z), np.append(held, np.arange(len(f), len(z))))
-    return Descent(Mesh(_in_space(z), G, S[:0, 0]), z, held=stay), joined
+    return Descent(Mesh(in_space(z), G, S[:0, 0]), z, held=stay), joined
 
 
 def scaffold(f: Complex, loop: Ints) -> tuple[Complex, Ints]:
@@ -83,9 +92,10 @@ def scaffold(f: Complex, loop: Ints) -> tuple[Complex, Ints]:
     F = mapbox_earcut.triangulate_float64(points, ends).reshape(-1, 3).astype(np.int64)
     area = libigl.double_areas(points, F)
     F[area < 0] = F[area < 0, ::-1]
-    F, _ = intrinsic_delaunay(Mesh(_in_space(z), F, F[:0, 0]))
+    F, _ = intrinsic_delaunay(Mesh(in_space(z), F, F[:0, 0]))
     return ring, np.concatenate([len(f) + np.arange(RING), loop])[F]
 
 
-def _in_space(z: Complex) -> Floats:
+def in_space(z: Complex) -> Floats:
+    """(n, 3) points of the plane with height 0."""
     return np.column_stack([z.real, z.imag, np.zeros(len(z))])

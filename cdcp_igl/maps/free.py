@@ -21,8 +21,9 @@ from ..arrays import (
     marked,
     places,
 )
-from ..descent.descent import Descent, Limits, pulled
-from ..descent.energies import Angles, SymmetricDirichlet
+from ..descent.descent import Descent, Limits
+from ..descent.energies import Angles
+from ..descent.pins import pinned
 from ..descent.preconditioning import WeightedLaplacian
 from ..descent.refinement import lower_angle_distortion
 from ..descent.scaffold import keeping_apart
@@ -50,8 +51,10 @@ from .boundary_first import (
     angles_of_scale,
     closed_curve,
     edge_means,
-    pinned,
     scale_of_angles,
+)
+from .boundary_first import (
+    pinned as grounded,
 )
 from .disk import disk_map, factored_surface, map_of
 
@@ -141,12 +144,11 @@ class FreeMap(KeepingMap, PlaneMap):
         at, to = f[rows] - f[rows].mean(), goal - goal.mean()
         f = (f - f[rows].mean()) * (np.vdot(at, to) / np.vdot(at, at)) + goal.mean()
         with phase("refine"):
-            newton = Descent(mesh, f, held=marked(len(f), rows))
-            reached = pulled(newton, SymmetricDirichlet.of(mesh, t), rows, goal)
-        made = replace(self.moved_to(newton.f, phase), conformality=NOT_ASKED, pins=rows)
-        made = replace(made, kept=Kept.of(mesh, newton.f, t, self._target, newton.steps))
-        if not reached:
-            left = abs(newton.f[rows] - goal)
+            f, steps = pinned(mesh, f, t, rows, goal)
+        made = replace(self.moved_to(f, phase), conformality=NOT_ASKED, pins=rows)
+        made = replace(made, kept=Kept.of(mesh, f, t, self._target, steps))
+        left = abs(f[rows] - goal)
+        if left.any():
             raise MapError(
                 f"Vertex {rows[left.argmax()]} does not get to its place: the faces around turn "
                 "over. Leave out pins, or put them nearer to the map",
@@ -546,7 +548,7 @@ def _laid_out(surface: FactoredSurface, boundary: _Boundary, phase: Phases) -> C
         if angles is None:
             angles = angles_of_scale(surface, u_B)
         else:
-            u_B = scale_of_angles(pinned(surface), angles)
+            u_B = scale_of_angles(grounded(surface), angles)
         f = harmonic_extension(surface, closed_curve(mesh, u_B, angles))
         return f - np.average(f, weights=mesh.vertex_areas)
 
