@@ -1,1 +1,1 @@
-"""Lowering the distortion of a map that is valid, onto whatever target."""
+"""Targets, energies, and one descent that lowers an energy on a target and flips no face."""

@@ -47,7 +47,7 @@ SHEAR_STEPS, SHEAR_WORTH = 100, 4e-3
 # Rounds in which vertices are pulled to their places, and the share of the way to the first flip.
 PULLS, PULL = 120, 0.6
 # They end where so many rounds have not brought the farthest vertex nearer by this factor.
-ROUNDS, NEARER = 15, 0.9
+ROUNDS, NEARER = 40, 0.9
 # Trial lengths of a step. With a barrier it ends before the first flip, after this share of the way
 # there, and lowers the energy by this share of its slope; its gain says nothing if it is so short.
 TRIALS, SHARE, SUFFICIENT, SHORT = 16, 0.9, 1e-4, 0.5

@@ -51,10 +51,8 @@ from .boundary_first import (
     angles_of_scale,
     closed_curve,
     edge_means,
+    grounded,
     scale_of_angles,
-)
-from .boundary_first import (
-    pinned as grounded,
 )
 from .disk import disk_map, factored_surface, map_of
 
@@ -254,7 +252,8 @@ def free_map(
         `refine`, `boundary_scale` or `corners`.
     pins : mapping of int to (2,) array_like, optional
         Where vertices are to be, in the unit of V: two at least. They get there to the last bit,
-        and no face flips; the rest gives way, and keeps what `keep` says. Not together with
+        no face flips, and the boundary does not overlap itself; the rest gives way, and keeps what
+        `keep` says. Places where they already lie leave a map that keeps angles as it is. Not together with
         `align`, `refine`, `boundary_scale`, `corners` or a bound on texels.
 
     Returns
