@@ -32,6 +32,7 @@ from .preconditioning import WeightedLaplacian, conjugate_gradients, dot
 from .schedules import NEAR, WORTH, Directions, Taken, schedule_of
 from .targets import DISK, PLANE, Disk, Target
 
+NO_FLIPPED = np.empty(0, np.int64), 0
 STEPS = 100
 ISOMETRIC = 1e-20  # of the energy: rounding
 # A descent ends where the last steps lower the energy by less than this: 1,200 steps to there leave
@@ -159,7 +160,7 @@ class Descent:
         `advance` is called after each step with the share that is done. Returns the energy.
         """
         deadline, refused = perf_counter() + limits.seconds, False
-        at = energy.measured(self.f, self.target.flipped(self.mesh.F, self.f))
+        at = energy.measured(self.f, NO_FLIPPED)
         first, gains, schedule = at.value, list[float](), schedule_of(energy, limits.worth)
         self.stopped = "no improvement" if first < ISOMETRIC else ""
         while len(gains) < limits.steps and not self.stopped:

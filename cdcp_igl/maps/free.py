@@ -253,8 +253,8 @@ def free_map(
     pins : mapping of int to (2,) array_like, optional
         Where vertices are to be, in the unit of V: two at least. They get there to the last bit,
         no face flips, and the boundary does not overlap itself; the rest gives way, and keeps what
-        `keep` says. Places where they already lie leave a map that keeps angles as it is. Not together with
-        `align`, `refine`, `boundary_scale`, `corners` or a bound on texels.
+        `keep` says. Places where they already lie leave a map that keeps angles as it is. Not
+        together with `align`, `refine`, `boundary_scale`, `corners` or a bound on texels.
 
     Returns
     -------
