@@ -9,8 +9,8 @@ from surfaces import pierced_sphere, ring, spiky_ring, star
 
 import cdcp_igl
 from cdcp_igl.arrays import coordinates
+from cdcp_igl.descent.targets import Ring
 from cdcp_igl.maps.rings import embedded_ring
-from cdcp_igl.refine.targets import Ring
 from cdcp_igl.starts.boundary import arc_length_map
 from cdcp_igl.starts.tutte import centered, tutte_embedding
 from cdcp_igl.surface.mesh import AnnulusMesh, DiskMesh

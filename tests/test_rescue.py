@@ -11,10 +11,10 @@ import cdcp_igl
 from benchmarks.measure.punctures import RINGS, opened, row_to_open
 from cdcp_igl import maps
 from cdcp_igl.arrays import coordinates
+from cdcp_igl.descent.descent import from_tutte
+from cdcp_igl.descent.relaxation import Relaxation, softened
+from cdcp_igl.descent.repair import Neighbourhood, repair_locally, repaired
 from cdcp_igl.reference import fdcp, harmonic
-from cdcp_igl.refine.balance import lower_shear
-from cdcp_igl.refine.relaxation import Relaxation, softened
-from cdcp_igl.refine.repair import Neighbourhood, repair_locally, repaired
 from cdcp_igl.solve.factored import FactoredSurface, extended_again, harmonic_extension
 from cdcp_igl.starts.boundary import arc_length_map, around, harmonic_shares
 from cdcp_igl.starts.recentring import deep_vertex, recentered
@@ -116,7 +116,7 @@ def test_what_a_turn_would_round_away_is_not_turned():
     mesh, f = table(1, 40)
     start, _ = tutte_embedding(mesh, f, on_disk=True)
     first = mesh.loop[0]
-    turned = at_one(mesh, lower_shear(mesh, start), first)
+    turned = at_one(mesh, from_tutte(mesh, start), first)
     assert len(flipped_faces(turned, mesh.F)[0]) > 0
     result = cdcp_igl.disk_map(mesh.positions, mesh.F)
     assert result.valid
@@ -139,13 +139,13 @@ def test_the_way_from_an_embedding_does_not_depend_on_it():
         f = np.zeros(len(mesh.V), dtype=complex)
         f[mesh.loop] = around(np.array(shares))
         start, _ = tutte_embedding(mesh, f, on_disk=True)
-        moved = lower_shear(mesh, start)
+        moved = from_tutte(mesh, start)
         assert is_valid(moved, mesh)
         for means, z in ((before, start), (after, moved)):
             means.append(np.degrees(abs(angle_errors(mesh, z))).mean())
     assert max(before) > 60
     np.testing.assert_allclose(after, 4.95, atol=0.1)
-    assert lower_shear(mesh, folded := start.conj()) is folded
+    assert from_tutte(mesh, folded := start.conj()) is folded
 
 
 @pytest.mark.parametrize(("seed", "size"), [(0, 1), (1, 1), (2, 0)])

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from surfaces import random_sphere, skin, sphere
 
 import cdcp_igl
+from cdcp_igl.descent.targets import Sphere
 from cdcp_igl.reference import flash
-from cdcp_igl.refine.targets import Sphere
 from cdcp_igl.surface.mesh import SphereMesh
 from cdcp_igl.verdict.certificate import certify_sphere
 

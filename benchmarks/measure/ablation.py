@@ -14,12 +14,12 @@ from scipy.sparse import identity
 from cdcp_igl import DiskMap, disk_map
 from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.arrays import Complex, Floats, Ints
+from cdcp_igl.descent.collapsed_faces import open_collapsed_faces
+from cdcp_igl.descent.repair import repair_locally, repaired
 from cdcp_igl.errors import MapError
 from cdcp_igl.maps import rules
+from cdcp_igl.records import Repair
 from cdcp_igl.reference.certified import certified_disk_map
-from cdcp_igl.refine.collapsed_faces import open_collapsed_faces
-from cdcp_igl.refine.repair import repair_locally, repaired
-from cdcp_igl.result.records import Repair
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.solvers import factorize
 from cdcp_igl.starts.boundary import FALLBACKS, STARTS

@@ -19,7 +19,7 @@ from ..cached import cached_property
 from ..maps.boundary_first import curvatures
 from ..maps.disk import factored_surface
 from ..maps.free import FreeProblem, boundary_of, own_outline
-from ..maps.solve import solve
+from ..maps.problem import solve
 from ..options import Options
 from ..phases import Phases
 from ..result.free_map import FreeMap

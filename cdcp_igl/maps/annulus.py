@@ -12,13 +12,15 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from ..arrays import Complex, Floats, marked
+from ..descent.placing import judged
+from ..descent.preconditioning import WeightedLaplacian
+from ..descent.repair import repair_locally, repairable
+from ..descent.targets import Ring
 from ..docstrings import like
 from ..errors import Defect, MeshError
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
-from ..refine.repair import repair_locally, repairable
-from ..refine.targets import Ring
 from ..result.annulus_map import AnnulusMap
 from ..result.base import announced
 from ..solve.factored import FactoredSurface
@@ -32,8 +34,8 @@ from ..surface.validation import checked_surface
 from ..verdict.certificate import certify_ring
 from ..verdict.distortion import map_distortion
 from .disk import disk_map
+from .problem import OnTarget, Problem, Start, solve
 from .rings import embedded_ring
-from .solve import OnTarget, Problem, Start, judged, solve
 
 LEAST_SHARE, FAIR_SHARE = 1e-9, 1e-7  # of a turn, for each edge of a loop; faces then have an area
 
@@ -171,7 +173,8 @@ class RingProblem(Problem[AnnulusMap]):
 
     def on_target(self, made: AnnulusMap) -> OnTarget:
         """Return a map as descent sees it: the logarithm, whose circles are straight."""
-        return OnTarget(Ring(), np.log(made._f), self.surface.order, {})
+        laplacian = WeightedLaplacian(self.mesh, self.surface.order)
+        return OnTarget(Ring(), np.log(made._f), laplacian)
 
     def moved(self, made: AnnulusMap, f: Complex, known: float) -> AnnulusMap:
         """Return what descent made of a map."""

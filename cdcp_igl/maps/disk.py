@@ -14,16 +14,19 @@ from numpy.typing import ArrayLike
 from ..algorithm import Steps, as_printed, harmonic_map
 from ..arrays import Complex, Floats, marked
 from ..cached import cached_property
+from ..descent.collapsed_faces import open_collapsed_faces
+from ..descent.descent import from_tutte
+from ..descent.placing import judged
+from ..descent.preconditioning import WeightedLaplacian
+from ..descent.repair import repair_locally, repairable
+from ..descent.targets import DISK
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
-from ..refine.balance import lower_shear
-from ..refine.collapsed_faces import open_collapsed_faces
-from ..refine.repair import repair_locally, repairable
-from ..refine.targets import DISK
+from ..records import BoundaryMethod, Repair
 from ..result.base import announced
 from ..result.disk_map import DiskMap
-from ..result.records import BoundaryMethod, Repair
+from ..result.keeping import keeping
 from ..solve.factored import FactoredSurface, extended_again, harmonic_extension
 from ..solve.laplacian import cotangent_laplacian
 from ..solve.solvers import SolverName, using
@@ -48,8 +51,7 @@ from ..surface.triangles import flipped_faces
 from ..verdict.certificate import certify_disk
 from ..verdict.distortion import map_distortion
 from . import rules
-from .keeping import keeping
-from .solve import OnTarget, Problem, Start, judged, solve
+from .problem import OnTarget, Problem, Start, solve
 
 log = logging.getLogger("cdcp_igl")
 
@@ -353,9 +355,8 @@ class DiskProblem(Problem[DiskMap]):
 
     def _judged(self, harmonic: _Harmonic) -> DiskMap:
         """Place a harmonic map, and repair it if few faces are flipped."""
-        if self.options.preset is None:
-            with self.phase("mobius"):
-                harmonic = harmonic.recentered()
+        with self.phase("mobius"):
+            harmonic = harmonic.recentered()
         made = self._normalized(harmonic, repairable(self.mesh, rules.FEW_FLIPPED))
         self._tried.append((harmonic, made))
         return made
@@ -467,13 +468,12 @@ class DiskProblem(Problem[DiskMap]):
 
     def on_target(self, made: DiskMap) -> OnTarget:
         """Return a map as descent sees it: the factor has the analysis of its preconditioner."""
-        near = not rules.default_steps(made)
-        more = {"analysis": self.surface.analysis, "near": near}
-        return OnTarget(DISK, made._f, self.surface.rows, more)
+        laplacian = WeightedLaplacian(self.mesh, self.surface.rows, self.surface.analysis)
+        return OnTarget(DISK, made._f, laplacian, near=not rules.default_steps(made))
 
     def moved(self, made: DiskMap, f: Complex, known: float) -> DiskMap:
         """Return what descent made of a map, turned once: a rotation rounds all coordinates."""
-        return moved_on_disk(made, rotate(self.mesh, f, self.options.align), self.phase, known)
+        return made._moved(rotate(self.mesh, f, self.options.align), self.phase, known)
 
     def release(self) -> None:
         """Give back the memory of the factor, as refinement makes one of its own."""
@@ -493,28 +493,15 @@ class DiskProblem(Problem[DiskMap]):
         return replace(best, solver=self.surface.solver)
 
 
-def moved_on_disk(made: DiskMap, f: Complex, phase: Phases, known: float = 0.0) -> DiskMap:
-    """Return a map onto the disk moved to f (n,): repaired, certified and judged, see `judge`."""
-    mesh = made.mesh
-    with phase("repair"):
-        f, _ = open_collapsed_faces(mesh, f)
-        f, repair = repair_locally(mesh, f)
-    repair = replace(made.repair, n_moved=max(made.repair.n_moved, repair.n_moved))
-    with phase("certificate"):
-        degrees, certificate = map_distortion(mesh, f), certify_disk(mesh, f)
-        fields = judged(mesh, f, degrees, certificate, repair, known)
-    return replace(made, **fields, _f=f, timings=phase.seconds)
-
-
 def _sheared_less(mesh: Mesh, start: Complex) -> Complex:
     """Lower the shear of an embedding (n,) so that no face is flipped when the map is turned.
 
     That puts the first boundary vertex at 1, and rounds all coordinates. Where it flips faces that
     are very small, this vertex stays at 1 from the beginning, and nothing is left to turn.
     """
-    f, first = lower_shear(mesh, start), mesh.loop[0]
+    f, first = from_tutte(mesh, start), mesh.loop[0]
     if len(flipped_faces(at_one(mesh, f, first), mesh.F)[0]):
-        f = lower_shear(mesh, at_one(mesh, start, first), marked(len(f), first))
+        f = from_tutte(mesh, at_one(mesh, start, first), marked(len(f), first))
     return f
 
 

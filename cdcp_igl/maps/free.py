@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,23 +16,25 @@ from ..arrays import (
     as_complex,
     coordinates,
     distinct_rows,
-    marked,
     places,
 )
 from ..cached import cached_property
+from ..descent.pins import pinned
+from ..descent.placing import centered, judged_in_plane, set_apart
+from ..descent.preconditioning import WeightedLaplacian
+from ..descent.repair import repair_locally, repairable
+from ..descent.scaffold import keeping_apart
+from ..descent.targets import PLANE
+from ..descent.tradeoff import measured
 from ..docstrings import like
-from ..errors import MapError, SolverError, spell
+from ..errors import MapError, spell
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
-from ..refine.apart import kept_apart
-from ..refine.balance import Energy, Newton
-from ..refine.repair import repair_locally, repairable
-from ..refine.targets import PLANE
 from ..result.base import announced, valid_map
 from ..result.disk_map import DiskMap
 from ..result.free_map import FreeMap
-from ..result.records import Repair
+from ..result.keeping import keeping
 from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.solvers import SolverName, using
 from ..steps.mobius import rotate
@@ -42,31 +43,22 @@ from ..surface.mesh import Mesh
 from ..surface.orientation import wrong_side
 from ..surface.topology import Topology
 from ..verdict.conformality import NOT_ASKED
-from ..verdict.distortion import map_distortion
-from ..verdict.outline import OutlineCertificate, certify_outline, meeting_edges
+from ..verdict.outline import OutlineCertificate, certify_outline
 from .boundary_first import (
     angles_of_scale,
     closed_curve,
     edge_means,
-    pinned,
+    grounded,
     scale_of_angles,
 )
 from .disk import DiskProblem, disk_map, factored_surface
-from .keeping import keeping, measured
-from .solve import OnTarget, Problem, Start, judged, solve
+from .problem import OnTarget, Problem, Start, solve
 
-# An outline that touches itself, or nearly so, as both sides of a slit do, is set apart by so much
-# of its size: the least that rounding lets be, in a square in which there are other charts.
-APART = (1e-12, 1e-11, 1e-10)
 # The first share of easing, towards the lengths that the boundary has on the disk.
 EASED = 1 / 64
 # Steps of refinement of an outline that was eased, and of one that was the circle.
 EASING, FREEING = 5, 10
 OWN, DELAUNAY, FREED = "own lengths", "intrinsic Delaunay", "eased from the disk"
-NO_PLACES = (
-    "Pins stretch the map beyond what double precision tells apart. Leave out pins, or put them "
-    "nearer to the map, in the unit of V"
-)
 SUM_TOLERANCE = 1e-9  # of exterior angles, which add up to 2 pi
 # Phases of a map onto the disk that one with a free outline only has where its outline is eased.
 OF_THE_DISK = ("center", "trace", "circle", "mobius")
@@ -122,8 +114,9 @@ def free_map(
         `refine`, `boundary_scale` or `corners`.
     pins : mapping of int to (2,) array_like, optional
         Where vertices are to be, in the unit of V: two at least. They get there to the last bit,
-        and no face flips; the rest gives way, and keeps what `keep` says. Not together with
-        `align`, `refine`, `boundary_scale`, `corners` or a bound on texels.
+        no face flips, and the boundary does not overlap itself; the rest gives way, and keeps what
+        `keep` says. Places where they already lie leave a map that keeps angles as it is. Not
+        together with `align`, `refine`, `boundary_scale`, `corners` or a bound on texels.
 
     Returns
     -------
@@ -368,7 +361,7 @@ class FreeProblem(Problem[FreeMap]):
         """Lower the shear of the map onto the disk, its outline free but kept simple."""
         disk = self._disk
         with self.phase("refine"):
-            f, _ = kept_apart(self.mesh, disk._f, 0.0)
+            f, _ = keeping_apart(self.mesh, disk._f, 0.0)
         return self._placed(f, FREED, disk.boundary.laplacian)
 
     def _placed(self, f: Complex, boundary: str, laplacian: str, known: float = 0.0) -> FreeMap:
@@ -376,7 +369,7 @@ class FreeProblem(Problem[FreeMap]):
         mesh, length = self.mesh, self.boundary.length
         with self.phase("repair"):
             f = rotate(mesh, centered(mesh, f), self.options.align, on_circle=False)
-            f, certificate = _set_apart(mesh, _of_length(mesh, f, length))
+            f, certificate = set_apart(mesh, _of_length(mesh, f, length))
             # An outline that overlaps itself is beyond repair.
             most = repairable(mesh) if certificate.simple else 0
             f, repair = repair_locally(mesh, f, most, is_free=self._is_own)
@@ -384,7 +377,7 @@ class FreeProblem(Problem[FreeMap]):
                 f = _of_length(mesh, centered(mesh, f), length)
                 certificate = certify_outline(mesh, coordinates(f))
         return FreeMap(
-            **_judged(mesh, f, certificate, repair, self.phase, known),
+            **judged_in_plane(mesh, f, certificate, repair, self.phase, known),
             boundary=boundary,
             laplacian=laplacian,
             solver=self.surface.solver,
@@ -402,7 +395,8 @@ class FreeProblem(Problem[FreeMap]):
 
     def on_target(self, made: FreeMap) -> OnTarget:
         """Return a map as descent sees it: all vertices move."""
-        return OnTarget(PLANE, made._f, _order_of_all(self.surface), {})
+        laplacian = WeightedLaplacian(self.mesh, _order_of_all(self.surface))
+        return OnTarget(PLANE, made._f, laplacian)
 
     def moved(self, made: FreeMap, f: Complex, known: float) -> FreeMap:
         """Return what descent made of a map."""
@@ -426,43 +420,23 @@ class FreeProblem(Problem[FreeMap]):
         return keeping(best, self.options.kept, placed, self.phase)
 
 
-def moved_in_plane(made: FreeMap, f: Complex, phase: Phases) -> FreeMap:
-    """Return a map into the plane moved to f (n,): repaired, certified and judged.
-
-    Its centroid is moved to 0, unless pins hold it.
-    """
-    mesh, is_pinned = made.mesh, len(made.pins) > 0
-    with phase("repair"):
-        f, certificate = _set_apart(mesh, f if is_pinned else centered(mesh, f))
-        f, repair = repair_locally(mesh, f, len(mesh.F) if len(certificate.flipped) else 0)
-        if repair.n_flipped and not is_pinned:
-            f = centered(mesh, f)
-    certificate = certify_outline(mesh, coordinates(f))
-    return replace(made, **_judged(mesh, f, certificate, repair, phase))
-
-
 def pinned_to(made: FreeMap, pins: tuple[Ints, Floats] | None, phase: Phases) -> FreeMap:
     """Bring vertices to their places (k, 2), if any; the rest keeps what the map keeps."""
     if not pins:
         return made
     rows, places = pins
-    mesh, t = made.mesh, made.kept.keep if made.kept else 0.0
+    mesh, f, t = made.mesh, made._f, made.kept.keep if made.kept else 0.0
     goal = made._upwards(as_complex(mesh.in_own_unit(places)))
-    f = made._f
     # The similarity that brings them nearest.
     at, to = f[rows] - f[rows].mean(), goal - goal.mean()
     f = (f - f[rows].mean()) * (np.vdot(at, to) / np.vdot(at, at)) + goal.mean()
     with phase("refine"):
-        newton = Newton(mesh, f, held=marked(len(f), rows))
-        try:
-            reached = newton.pull(Energy.of(mesh, t), rows, goal)
-        except SolverError:
-            raise MapError(NO_PLACES, made) from None
-    made = moved_in_plane(replace(made, pins=rows), newton.f, phase)
-    made = replace(made, conformality=NOT_ASKED)
-    made = replace(made, kept=measured(mesh, newton.f, t, PLANE, newton.steps))
-    if not reached:
-        left = abs(newton.f[rows] - goal)
+        f, steps = pinned(mesh, f, t, rows, goal)
+    made = replace(made, pins=rows)._moved(f, phase)
+    kept = measured(mesh, f, t, PLANE, steps)
+    made = replace(made, conformality=NOT_ASKED, kept=kept)
+    left = abs(f[rows] - goal)
+    if left.any():
         raise MapError(
             f"Vertex {rows[left.argmax()]} does not get to its place: the faces around turn "
             "over. Leave out pins, or put them nearer to the map",
@@ -486,13 +460,8 @@ def _laid_out(surface: FactoredSurface, boundary: Boundary, phase: Phases) -> Co
         if angles is None:
             angles = angles_of_scale(surface, u_B)
         else:
-            u_B = scale_of_angles(pinned(surface), angles)
+            u_B = scale_of_angles(grounded(surface), angles)
         return harmonic_extension(surface, closed_curve(surface.mesh, u_B, angles))
-
-
-def centered(mesh: Mesh, f: Complex) -> Complex:
-    """Move a map (n,) until the centroid of the surface is at 0."""
-    return f - np.average(f, weights=mesh.vertex_areas)
 
 
 def _of_length(mesh: Mesh, f: Complex, length: float) -> Complex:
@@ -501,50 +470,11 @@ def _of_length(mesh: Mesh, f: Complex, length: float) -> Complex:
     return f * (length / abs(np.roll(outline, -1) - outline).sum())
 
 
-def _judged(
-    mesh: Mesh,
-    f: Complex,
-    certificate: OutlineCertificate,
-    repair: Repair,
-    phase: Phases,
-    known: float = 0.0,
-) -> dict[str, Any]:
-    """Measure and judge a map (n,): fields of a FreeMap in the unit of ``mesh.V``."""
-    with phase("certificate"):
-        fields = judged(mesh, f, map_distortion(mesh, f), certificate, repair, known)
-        outline = f[mesh.loop]
-        area = (outline.conj() * np.roll(outline, -1)).imag.sum() / 2
-    ratio = float(area / mesh.vertex_areas.sum())
-    return {**fields, "_f": f, "area_ratio": ratio, "timings": phase.seconds}
-
-
 def own_outline(surface: FactoredSurface, phase: Phases) -> OutlineCertificate:
     """Certify the map in which the boundary keeps its lengths."""
     asked = boundary_of(surface.mesh)
     mesh = surface.mesh
-    return _set_apart(mesh, centered(mesh, _laid_out(surface, asked, phase)))[1]
-
-
-def _set_apart(mesh: Mesh, f: Complex) -> tuple[Complex, OutlineCertificate]:
-    """Certify a map (n,); one whose outline only touches itself, its sides set apart.
-
-    So near as to touch are sides that rounding may let cross when the map is moved.
-    """
-    certificate = touching = certify_outline(mesh, coordinates(f))
-    if not touching.finite:
-        return f, touching
-    outline = f[mesh.loop]
-    along = np.exp(1j * np.angle(np.roll(outline, -1) - outline))
-    inward = 1j * (along + np.roll(along, 1)) / 2 * abs(outline).max()
-    if not (len(touching.meeting) or len(meeting_edges(outline - APART[0] * inward))):
-        return f, touching
-    for share in APART:
-        apart = f.copy()
-        apart[mesh.loop] += share * inward
-        certificate = certify_outline(mesh, coordinates(apart))
-        if certificate.simple:
-            return apart, certificate
-    return f, touching
+    return set_apart(mesh, centered(mesh, _laid_out(surface, asked, phase)))[1]
 
 
 def _order_of_all(surface: FactoredSurface) -> Ints:

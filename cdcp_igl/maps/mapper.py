@@ -31,7 +31,7 @@ from .free import (
     pinned_to,
     places_of,
 )
-from .solve import solve
+from .problem import solve
 
 # Phases of maps that a mapper has behind it from the beginning, or once it has a harmonic map.
 BEFORE = ("check", "laplacian", "factor")

@@ -12,16 +12,18 @@ from scipy.special import ellipk, ellipkinc
 
 from ..arrays import Complex, Floats, Ints, marked
 from ..cached import cached_property
+from ..descent.descent import from_tutte
+from ..descent.placing import judged
+from ..descent.preconditioning import WeightedLaplacian
+from ..descent.repair import repaired
+from ..descent.targets import Rectangle
 from ..docstrings import like
 from ..errors import counted, spell
 from ..io.given import takes_meshes, tell
 from ..options import Options
 from ..phases import Phases, Progress
-from ..refine.balance import lower_shear
-from ..refine.repair import repaired
-from ..refine.targets import Rectangle
+from ..records import Repair
 from ..result.base import announced
-from ..result.records import Repair
 from ..result.rectangle_map import RectangleMap
 from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.laplacian import LAPLACIANS, Laplacian
@@ -32,7 +34,7 @@ from ..surface.mesh import DiskMesh, Mesh
 from ..verdict.certificate import along_sides, certify_rectangle
 from ..verdict.distortion import map_distortion
 from .disk import DiskProblem, disk_map
-from .solve import OnTarget, Problem, Start, judged, solve
+from .problem import OnTarget, Problem, Start, solve
 
 # Phases of a map onto the disk, which a map onto a rectangle has only where its sides cannot slide.
 OF_THE_DISK = ("center", "trace", "circle", "extension", "mobius")
@@ -252,7 +254,7 @@ class RectangleProblem(Problem[RectangleMap]):
         square = replace(list(self._squares.values())[-1], laplacian="mean value")
         with self.phase("repair"):
             f, _ = tutte_embedding(self.mesh, square.stretched)
-            f = lower_shear(self.mesh, f, target=Rectangle(self.sides))
+            f = from_tutte(self.mesh, f, target=Rectangle(self.sides))
         yield partial(self._placed, square, f)
 
     def _placed(self, square: _Square, f: Complex, known: float = 0.0) -> RectangleMap:
@@ -283,8 +285,8 @@ class RectangleProblem(Problem[RectangleMap]):
     def on_target(self, made: RectangleMap) -> OnTarget:
         """Return a map as descent sees it."""
         order = self._squares[made.boundary, made.laplacian].surface.order
-        inside = order[~self.mesh.on_boundary[order]]
-        return OnTarget(Rectangle(self.sides), made._f, inside, {})
+        laplacian = WeightedLaplacian(self.mesh, order[~self.mesh.on_boundary[order]])
+        return OnTarget(Rectangle(self.sides), made._f, laplacian)
 
     def moved(self, made: RectangleMap, f: Complex, known: float) -> RectangleMap:
         """Return what descent made of a map."""

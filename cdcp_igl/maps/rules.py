@@ -6,8 +6,8 @@ Errors are mean angle errors in degrees, parts are parts of all vertices or face
 
 from __future__ import annotations
 
+from ..descent.schedules import GOOD
 from ..options import Options
-from ..refine.refinement import GOOD
 from ..result.disk_map import DiskMap
 from ..result.made import MadeMap
 

@@ -11,14 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Complex, Floats, Indices, Ints
+from ..descent.descent import from_tutte
+from ..descent.placing import judged
+from ..descent.preconditioning import WeightedLaplacian
+from ..descent.sphere_repair import repaired_on_sphere
+from ..descent.targets import Sphere
 from ..docstrings import like
 from ..errors import MeshError
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
-from ..refine.balance import lower_shear
-from ..refine.sphere_repair import repaired_on_sphere
-from ..refine.targets import Sphere
 from ..result.base import announced
 from ..result.sphere_map import SphereMap
 from ..solve.factored import FactoredSurface
@@ -38,7 +40,7 @@ from ..verdict.certificate import certify_sphere
 from ..verdict.distortion import sphere_angle_errors
 from . import rules
 from .disk import disk_map
-from .solve import OnTarget, Problem, Start, judged, solve
+from .problem import OnTarget, Problem, Start, solve
 
 HOLES = 0.05  # of the area of the surface: more is no hole
 
@@ -259,7 +261,8 @@ class SphereProblem(Problem[SphereMap]):
     def on_target(self, made: SphereMap) -> OnTarget:
         """Return a map as descent sees it: in the plane, seen from the pole, which stays."""
         sphere, order = Sphere(made.points, made.pole), np.append(self._order, 0)
-        return OnTarget(sphere, sphere.plane(made.points), order[order != made.pole], {})
+        laplacian = WeightedLaplacian(self.mesh, order[order != made.pole])
+        return OnTarget(sphere, sphere.plane(made.points), laplacian)
 
     def moved(self, made: SphereMap, f: Complex, known: float) -> SphereMap:
         """Return what descent made of a map: neither normalised nor turned again."""
@@ -278,7 +281,7 @@ def _embedded(mesh: SphereMesh, pole: int) -> Floats:
     Returns a map onto the sphere (n, 3); some faces may be flipped where double precision does.
     """
     disk, rows, f = without_pole(mesh, pole)
-    f = lower_shear(disk, f)
+    f = from_tutte(disk, f)
     moved = mobius_transformation(f, conformal_barycenter(f, mesh.vertex_areas[rows]))
     even = len(flipped_faces(moved, disk.F)[0]) == 0
     return over_hemispheres(mesh, pole, rows, moved if even else f)

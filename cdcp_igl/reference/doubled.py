@@ -13,10 +13,10 @@ from scipy.sparse import coo_matrix, csr_matrix
 
 from ..algorithm import Steps, algorithm_1
 from ..arrays import Complex, Floats, Ints
+from ..descent.repair import repaired
 from ..docstrings import like
 from ..errors import MapError
 from ..io.given import takes_meshes
-from ..refine.repair import repaired
 from ..solve.factored import FactoredSurface
 from ..steps.circle import Rejected
 from ..steps.trace import face_dipole

@@ -9,11 +9,11 @@ from ..arrays import Floats, Ints, coordinates
 from ..cached import cached_property
 from ..errors import counted
 from ..plot.layout import Layout
+from ..records import BoundaryMethod
 from ..surface.mesh import AnnulusMesh
 from ..verdict.certificate import Certificate
 from .base import how_made
 from .made import ComplexMap
-from .records import BoundaryMethod
 
 
 @dataclass(frozen=True, eq=False, repr=False)

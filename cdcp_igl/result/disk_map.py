@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import asdict, astuple, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict, astuple, dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arguments import typed
-from ..arrays import Floats, Ints
+from ..arrays import Complex, Floats, Ints, as_complex, coordinates
 from ..cached import cached_property
+from ..descent.collapsed_faces import open_collapsed_faces
+from ..descent.placing import moved_on_disk
+from ..descent.repair import repair_locally
+from ..descent.targets import DISK
+from ..errors import MapError
+from ..phases import Phases
 from ..plot.layout import Layout
-from ..verdict.certificate import Certificate
+from ..records import Provenance, Refinement
+from ..verdict.certificate import BOUNDARY_TOLERANCE, Certificate, certify_disk
 from ..verdict.distortion import AngleDistortion
 from .base import how_made
 from .bijection import Bijection, DiskBijection, Registered
 from .keeping import KeepingMap
-from .records import Provenance, Refinement
-
-if TYPE_CHECKING:
-    from ..maps.matching import Match
+from .landmarks import landmark_automorphism
+from .matching import Match, matched
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -113,6 +118,11 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
             return self.distortion
         return AngleDistortion.of(np.delete(self._degrees(), inscribed, axis=0))
 
+    _target = DISK
+
+    def _moved(self, f: Complex, phase: Phases, known: float = 0.0) -> DiskMap:
+        return replace(self, **moved_on_disk(self.mesh, f, self.repair, phase, known))
+
     @property
     def _from_tutte(self) -> bool:
         return self.boundary.laplacian == "mean value"
@@ -162,9 +172,26 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
         >>> bool(abs(uv - other.uv).max() < 1e-6)
         True
         """
-        from ..maps.matching import registered_disk  # a result makes no map
+        here, there = map(as_complex, self._landmarks(to, landmarks))
+        mesh, f = self.mesh, landmark_automorphism(here, there)(self._f)
+        # Only what left the circle is normalised again, and faces that this flips are reopened.
+        radius = abs(f[mesh.loop])
+        f[mesh.loop] /= np.where(abs(radius - 1) < BOUNDARY_TOLERANCE / 10, 1, radius)
+        f, _ = open_collapsed_faces(mesh, f)
+        f, _ = repair_locally(mesh, f)
+        certificate = certify_disk(mesh, f)
+        if not certificate.valid:
+            raise MapError(
+                f"Moved to the landmarks, the map is not a bijection onto the disk: {certificate}. "
+                "Faces are too large for this transformation, or too small: choose other landmarks",
+                replace(self, _f=f, certificate=certificate),
+            )
 
-        return registered_disk(self, to, landmarks)
+        def fitted(here: Floats, there: Floats) -> Floats:
+            z, target = as_complex(here), as_complex(there)
+            return coordinates(landmark_automorphism(z, target)(z))
+
+        return self._registered(coordinates(f), to, landmarks, fitted)
 
     @typed
     def match(self, to: DiskMap, pairs: ArrayLike) -> Match:
@@ -204,9 +231,19 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
         >>> bool((match.uv[30] == other.uv[40]).all())
         True
         """
-        from ..maps.matching import matched
-
-        return matched(self, to, pairs)
+        self._landmarks(to, pairs)
+        chosen = np.asarray(pairs, dtype=np.int64)
+        for column, mesh in zip(chosen.T, (self.mesh, to.mesh), strict=True):
+            rows, counts = np.unique(column, return_counts=True)
+            if counts.max() > 1:
+                raise ValueError(f"vertex {rows[counts.argmax()]} of {mesh!r} is in several pairs")
+        at_boundary = self.mesh.on_boundary[chosen[:, 0]] != to.mesh.on_boundary[chosen[:, 1]]
+        if at_boundary.any():
+            here, there = chosen[at_boundary][0]
+            raise ValueError(
+                f"of the pair {here}, {there} only one is on the boundary: the boundaries meet"
+            )
+        return matched(self.mesh, as_complex(self.register(to, chosen)), to, chosen)
 
     def _steps(self) -> list[tuple[str, str]]:
         return [*self._kept_pairs(), *super()._steps()]

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, coordinates
+from ..arrays import Bools, Complex, Floats, Ints, coordinates, marked
 from ..cached import cached_property
+from ..descent.placing import moved_in_plane
+from ..descent.targets import PLANE
 from ..errors import counted
+from ..phases import Phases
 from ..verdict.outline import OutlineCertificate
 from .keeping import KeepingMap
 from .made import PlaneMap
@@ -73,6 +76,15 @@ class FreeMap(KeepingMap, PlaneMap):
     _kind = "free"
     _plane = "Plane"
     _reported = ("area_ratio",)
+
+    _target = PLANE
+
+    def _moved(self, f: Complex, phase: Phases) -> FreeMap:
+        return replace(self, **moved_in_plane(self.mesh, f, phase, pinned=len(self.pins) > 0))
+
+    @property
+    def _held(self) -> Bools | None:
+        return marked(len(self.mesh.V), self.pins) if len(self.pins) else None
 
     def _unfolded(self) -> tuple[Floats, Ints, Floats]:
         return self.mesh.positions, self._upward_faces, self.uv

@@ -11,11 +11,11 @@ import numpy as np
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, size_exponent
 from ..cached import cached_property
 from ..plot.layout import Layout
+from ..records import BoundaryMethod, Refinement, Repair
 from ..surface.mesh import Mesh
 from ..verdict.distortion import AngleDistortion, reported_distortion
 from .base import how_made
 from .bijection import Bijection
-from .records import BoundaryMethod, Refinement, Repair
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,16 +12,19 @@ from numpy.typing import ArrayLike
 from ..arguments import typed
 from ..arrays import Bools, Floats, Ints
 from ..cached import cached_property
-from ..errors import counted
+from ..descent.sphere_repair import repaired_on_sphere
+from ..errors import MapError, counted
 from ..plot.layout import Layout
+from ..records import BoundaryMethod
+from ..steps.stereographic import moved_to_center, rotation, spherical_barycenter
 from ..surface.location import SphereFinder
 from ..surface.mesh import SphereMesh
-from ..verdict.certificate import SphereCertificate
+from ..verdict.certificate import SphereCertificate, certify_sphere
 from ..verdict.distortion import area_distortion
 from .base import how_made
 from .bijection import Registered
+from .hemispheres import in_square, two_hemispheres
 from .made import MadeMap
-from .records import BoundaryMethod
 
 log = logging.getLogger("cdcp_igl")
 
@@ -104,9 +107,7 @@ class SphereMap(MadeMap):
 
         It is seen along the first axis of three along which it is, or else along the third.
         """
-        from ..atlas.hemispheres import hemispheres  # a result makes no map
-
-        return hemispheres(self.mesh, self.points, self._n_faces, inward=self.inward)
+        return two_hemispheres(self.mesh, self.points, self._n_faces, inward=self.inward)
 
     @property
     def _faces(self) -> Ints:
@@ -179,9 +180,26 @@ class SphereMap(MadeMap):
         >>> bool(abs(points - other.points).max() < 1e-6)
         True
         """
-        from ..maps.matching import registered_sphere
 
-        return registered_sphere(self, to, landmarks)
+        def fitted(here: Floats, there: Floats, points: Floats | None = None) -> Floats:
+            w, v = (
+                spherical_barycenter(P, np.ones(len(P))) if len(P) > 2 else np.zeros(3)
+                for P in (here, there)
+            )
+            turn = rotation(moved_to_center(here, w), moved_to_center(there, v))
+            moved = moved_to_center(here if points is None else points, w)
+            return moved_to_center(moved @ turn, -v)
+
+        P = fitted(*self._landmarks(to, landmarks), self.points)
+        P, _ = repaired_on_sphere(self.mesh, P / np.linalg.norm(P, axis=1)[:, None])
+        certificate = certify_sphere(self.mesh.F, P)
+        if not certificate.valid:
+            raise MapError(
+                "Moved to the landmarks, the map is not a bijection onto the sphere: "
+                f"{certificate}. Choose other landmarks",
+                replace(self, points=P, certificate=certificate),
+            )
+        return self._registered(P, to, landmarks, fitted)
 
     def area_distortion(self) -> Floats:
         """Logarithm of the area on the sphere by that on the surface, as fractions of their totals.
@@ -241,8 +259,3 @@ class SphereMap(MadeMap):
         rows = name // 2
         also = {"scale": self._reach, "ball": self.points[rows], "vertices": rows}
         return self._drawn(self.mesh.V[rows], F, uv, **also)
-
-
-def in_square(uv: Floats) -> Floats:
-    """Scale a chart (m, 3, 2), which lies around 0, into the unit square."""
-    return 0.5 + uv / (2 * abs(uv).max())

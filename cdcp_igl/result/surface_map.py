@@ -18,6 +18,7 @@ from ..cached import cached_property
 from ..errors import counted
 from ..fields import Field, Method
 from ..plot.layout import Layout
+from ..records import Repair
 from ..surface.location import FaceFinder
 from ..surface.triangles import face_areas, oriented_areas
 from ..verdict.certificate import Certificate
@@ -26,7 +27,6 @@ from ..verdict.outline import OutlineCertificate
 from .bijection import Bijection
 from .disk_map import DiskMap
 from .free_map import FreeMap
-from .records import Repair
 
 
 @dataclass(frozen=True, eq=False, repr=False)

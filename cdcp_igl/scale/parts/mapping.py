@@ -20,12 +20,12 @@ from scipy.linalg import solve_triangular
 from ... import __version__, libigl
 from ...arguments import typed
 from ...arrays import Complex, Floats, Ints, Numbers, distinct_rows, evenly_spaced_rows
+from ...descent.repair import repair_locally
 from ...errors import MapError, counted
 from ...maps.rules import FEW_FLIPPED
 from ...options import Options
 from ...phases import Phases, Progress
-from ...refine.repair import repair_locally
-from ...result.records import BoundaryMethod, Repair
+from ...records import BoundaryMethod, Repair
 from ...solve import solvers
 from ...solve.solvers import SolverName, using
 from ...solve.threads import one_thread

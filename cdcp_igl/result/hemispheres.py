@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Bools, Floats, coordinates
-from ..refine.repair import repair_locally
-from ..result.sphere_map import in_square
+from ..descent.repair import repair_locally
 from ..steps.stereographic import to_plane
 from ..surface.mesh import SphereMesh
 from ..verdict.any_map import certify
@@ -14,7 +13,7 @@ from ..verdict.any_map import certify
 GAP = 0.01  # between the hemispheres, by their width
 
 
-def hemispheres(
+def two_hemispheres(
     mesh: SphereMesh, P: Floats, n_faces: int | None, *, inward: bool
 ) -> tuple[Floats, Bools, bool]:
     """Lay out a map P (n, 3) onto the sphere: the chart (m, 3, 2) of the first `n_faces` faces.
@@ -46,3 +45,8 @@ def _side_by_side(mesh: SphereMesh, P: Floats, n_faces: int | None) -> tuple[Flo
         f, _ = repair_locally(half, to_plane(P[rows], side), is_free=True)
         uv[faces] = coordinates(f - side * (1 + GAP) * (side * f.real).max())[half.F]
     return uv, upper
+
+
+def in_square(uv: Floats) -> Floats:
+    """Scale a chart (m, 3, 2), which lies around 0, into the unit square."""
+    return 0.5 + uv / (2 * abs(uv).max())

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
-from ..errors import counted
-from ..options import KEPT
-from ..steps.center import Center
-from ..steps.mobius import Normalization
+from .errors import counted
+from .options import KEPT
+from .steps.center import Center
+from .steps.mobius import Normalization
 
 
 @dataclass(frozen=True)

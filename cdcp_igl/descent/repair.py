@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Bools, Complex, Ints, marked
-from ..result.records import Repair
+from ..records import Repair
 from ..starts.tutte import combined, mean_value_weights, tutte_embedding
 from ..surface.mesh import Mesh
 from ..surface.topology import components_of_pairs

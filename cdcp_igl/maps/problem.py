@@ -8,19 +8,21 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints
+from ..arrays import Complex
+from ..descent.descent import Descent, Limits
+from ..descent.energies import Angles, Measured
+from ..descent.preconditioning import WeightedLaplacian
+from ..descent.refinement import HALVINGS, PATIENCE, WORTH, lower_angle_distortion
+from ..descent.targets import Target
 from ..errors import MapError, SolverError
 from ..options import Options
 from ..phases import Phases
-from ..refine.refinement import HALVINGS, PATIENCE, WORTH, lower_angle_distortion
-from ..refine.targets import Target
 from ..result.base import valid_map
 from ..result.made import MadeMap
-from ..result.records import Repair
 from ..steps.circle import Rejected
 from ..surface.mesh import Mesh
 from ..verdict.conformality import LARGEST_DEGREES, judge
@@ -37,14 +39,14 @@ Start = Callable[[], Kind]
 class OnTarget:
     """A map as descent sees it: f (n,) in the coordinate of its target.
 
-    `order` is that of elimination, of the vertices whose Laplacian preconditions; `more` goes to
-    `lower_angle_distortion`.
+    The Laplacian, of the vertices that move, preconditions; a map that is `near` the conformal one
+    needs no factor, see `Angles`.
     """
 
     target: Target
     f: Complex
-    order: Ints
-    more: dict[str, Any]
+    laplacian: WeightedLaplacian
+    near: bool = False
 
 
 class Problem(ABC, Generic[Kind]):
@@ -142,23 +144,6 @@ def _tried(
     return made, [str(failure) for failure in failures]
 
 
-def judged(
-    mesh: Mesh,
-    f: Complex | Floats,
-    degrees: Floats,
-    certificate: Any,
-    repair: Repair,
-    known: float = 0.0,
-) -> dict[str, Any]:
-    """Judge a map with angular distortion `degrees` (m, 3): the fields of a result that say so.
-
-    For `known` see `judge`.
-    """
-    closely = repair.n_flipped > 0
-    verdict = judge(mesh, f, degrees, valid=certificate.valid, closely=closely, known=known)
-    return {"mesh": mesh, "certificate": certificate, "conformality": verdict, "repair": repair}
-
-
 class _NoLessConformal:
     """Which steps are accepted: those after which a map that was conformal still is.
 
@@ -170,10 +155,10 @@ class _NoLessConformal:
         self._made, self._target, self._conformal = made, target, made.is_acceptable
         self.known = 0.0 if verdict.sheared else verdict.mean
 
-    def __call__(self, f: Complex, errors: Floats) -> bool:
-        degrees = np.degrees(abs(errors))
+    def __call__(self, found: Measured) -> bool:
+        degrees = np.degrees(abs(found.errors))
         mean, closely = float(degrees.mean()), self._made.repair.n_flipped > 0
-        image = self._target.image(f)
+        image = self._target.image(found.f)
         if mean <= LARGEST_DEGREES and judge(
             self._made.mesh, image, degrees, closely=closely, known=self.known
         ):
@@ -199,26 +184,27 @@ def descended(
     usual = steps == rules.MOST_USUAL_STEPS == rules.default_steps(plain, problem.coarse)
     given = problem.on_target(plain)
     accepted = _NoLessConformal(plain, given.target)
+    patience, worth = (1, rules.WORTH_A_STEP) if usual else (PATIENCE, WORTH)
+    limits = Limits(
+        steps,
+        least=options.refine or rules.FIRST_STEPS,
+        patience=patience,
+        worth=worth,
+        error_ratio=plain.conformality.wanted,
+        seconds=options.refine_seconds,
+        trials=PATIENT if steps >= rules.MOST_STEPS else HALVINGS,
+    )
     with problem.phase("refine") as advance:
-        f, refinement = lower_angle_distortion(
-            *(plain.mesh, given.f, given.order, steps, options.refine_norm),
-            seconds=options.refine_seconds,
-            halvings=PATIENT if steps >= rules.MOST_STEPS else HALVINGS,
-            least=options.refine or rules.FIRST_STEPS,
-            wanted=plain.conformality.wanted,
-            gaining=(1, rules.WORTH_A_STEP) if usual else (PATIENCE, WORTH),
-            target=given.target,
-            accepted=accepted,
-            advance=advance,
-            **given.more,
-        )
+        descent = Descent(plain.mesh, given.f, given.target, laplacian=given.laplacian)
+        angles = Angles(plain.mesh, given.target, options.refine_norm, given.near)
+        refinement = lower_angle_distortion(descent, angles, limits, accepted, advance)
     if usual and refinement.stopped == "little to gain":  # further ones had not been asked for
         refinement = replace(refinement, asked=refinement.steps, stopped="")
     if refinement.stopped:
         log.info("refinement: %s", refinement)
     if refinement.steps == 0:
         return replace(plain, refinement=refinement)
-    better = problem.moved(plain, f, accepted.known)
+    better = problem.moved(plain, descent.f, accepted.known)
     if not better.valid and refinement.steps > 1:
         made = descended(problem, plain, most=refinement.steps // 2)
         if (told := made.refinement) is not None:

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from ..arrays import Floats, coordinates, marked
-from ..result.records import Repair
+from ..records import Repair
 from ..steps.stereographic import axes_along
 from ..surface.mesh import Mesh
 from ..verdict.certificate import flipped_on_sphere
