@@ -1,5 +1,5 @@
 from . import datasets, io, plot, reference
-from .atlas.cutting import Cut, cut
+from .atlas.cutting import cut
 from .atlas.surface import surface_map
 from .errors import Defect, MapError, MeshError, SolverError
 from .maps.annulus import annulus_map
@@ -10,6 +10,7 @@ from .maps.rectangle import rectangle_map
 from .maps.sphere import sphere_map
 from .reference.comparison import Comparison, compare
 from .result.annulus_map import AnnulusMap
+from .result.cut import Cut
 from .result.disk_map import DiskMap
 from .result.free_map import FreeMap
 from .result.rectangle_map import RectangleMap

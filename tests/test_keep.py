@@ -14,7 +14,7 @@ from cdcp_igl.arrays import as_complex, coordinates
 from cdcp_igl.descent import energies
 from cdcp_igl.descent.descent import keeping, way_to_flip
 from cdcp_igl.descent.energies import SymmetricDirichlet, resized
-from cdcp_igl.descent.scaffold import scaffold
+from cdcp_igl.descent.scaffold import triangulated_around
 from cdcp_igl.descent.targets import Disk, Outline
 from cdcp_igl.descent.tradeoff import measured
 from cdcp_igl.scale.one_file import Settings
@@ -238,7 +238,7 @@ def test_an_outline_is_kept_apart():
 def test_a_scaffold_that_is_thin(gap):
     """Of angles that lengths do not determine, libigl flips edges until the memory is full."""
     f = np.array([0, 1, 1.1 + 0.5j, 1.1 + (0.5 + gap) * 1j, 1 + 1j, 1j])
-    ring, S = scaffold(f, np.arange(6))
+    ring, S = triangulated_around(f, np.arange(6))
     assert len(flipped_faces(np.append(f, ring), S)[0]) == 0
 
 

@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 import cdcp_igl
 from cdcp_igl.atlas import charts, cones, even
-from cdcp_igl.atlas.packing import Packing, laid_flat
+from cdcp_igl.result.packing import Packing, laid_flat
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas
 

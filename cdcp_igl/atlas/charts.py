@@ -27,12 +27,12 @@ from ..surface.triangles import face_areas, vertex_areas
 from ..verdict.certificate import certify
 from ..verdict.distortion import conformal_factor
 from ..verdict.outline import certify_outline
+from ..verdict.texels import variation
 from .cones import Draft
 from .cut_graph import Component, OpenedComponent, fill_holes
 from .cut_paths import branch_to, open_to_disk, straighten
 from .even import even_drafts, exact_nets, halves
 from .parting import LEAST_FACES, limbs, narrow_side, parted_by, pieces
-from .texels import variation
 
 # A round of growth is kept if it lowers the scale variation, or the angle error, by more than this
 # share.

@@ -26,10 +26,10 @@ from ..result.free_map import FreeMap
 from ..solve.factored import FactoredSurface
 from ..surface.triangles import face_areas, vertex_areas
 from ..verdict.outline import OutlineCertificate
+from ..verdict.texels import variation
 from .cut_graph import OpenedComponent
 from .cut_paths import branch_to
 from .parting import LEAST_FACES
-from .texels import variation
 
 MOST_CONES = 16  # in one round
 

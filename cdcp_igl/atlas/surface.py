@@ -24,6 +24,7 @@ from ..phases import Progress
 from ..result.base import announced
 from ..result.disk_map import DiskMap
 from ..result.free_map import FreeMap
+from ..result.packing import Packing
 from ..result.surface_map import SurfaceMap, worst
 from ..solve.solvers import SolverName
 from ..steps.center import CenterMethod
@@ -36,7 +37,6 @@ from .charts import Chart, Limits, Outline, charts_of
 from .cut_graph import split_components
 from .cutting import cut_along
 from .own_seams import among_edges, checked_edges, checked_seams, cut_at, wanted_edges
-from .packing import Packing
 from .sheets import Sheets, fill_left_out, oriented_sheets
 
 log = logging.getLogger("cdcp_igl")

@@ -65,7 +65,7 @@ def with_scaffold(
     Vertices that are `held` stay. The energy of a scaffold is soft, too, while a map is `far` from
     the minimum.
     """
-    ring, S = scaffold(f, mesh.loop)
+    ring, S = triangulated_around(f, mesh.loop)
     z, G = np.append(f, ring), np.concatenate([mesh.F, S])
     of_scaffold = SymmetricDirichlet.of(Mesh(in_space(z), S, S[:0, 0]), HALF)
     share = SHARE * min(max(energy.value(f), SHARE), 1)
@@ -74,7 +74,7 @@ def with_scaffold(
     return Descent(Mesh(in_space(z), G, S[:0, 0]), z, held=stay), joined
 
 
-def scaffold(f: Complex, loop: Ints) -> tuple[Complex, Ints]:
+def triangulated_around(f: Complex, loop: Ints) -> tuple[Complex, Ints]:
     """Triangulate the outside of the boundary of a map (n,): corners of a circle, and faces.
 
     The corners are rows n, n + 1, ... of the faces. It is the constrained Delaunay triangulation.

@@ -26,7 +26,7 @@ from ..phases import Phases, Progress
 from ..records import BoundaryMethod, Repair
 from ..result.base import announced
 from ..result.disk_map import DiskMap
-from ..result.keeping import keeping
+from ..result.keeping import kept_map
 from ..solve.factored import FactoredSurface, extended_again, harmonic_extension
 from ..solve.laplacian import cotangent_laplacian
 from ..solve.solvers import SolverName, using
@@ -485,7 +485,7 @@ class DiskProblem(Problem[DiskMap]):
         if self.options.kept and best.valid:
             self.release()
             turned = partial(rotate, self.mesh, align=self.options.align)
-            best = keeping(best, self.options.kept, turned, self.phase)
+            best = kept_map(best, self.options.kept, turned, self.phase)
         with self.phase("distortion"):
             if best.conformality.reasons:
                 reasons = (*best.conformality.reasons, *_causes(best))

@@ -34,7 +34,7 @@ from ..phases import Phases, Progress
 from ..result.base import announced, valid_map
 from ..result.disk_map import DiskMap
 from ..result.free_map import FreeMap
-from ..result.keeping import keeping
+from ..result.keeping import kept_map
 from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.solvers import SolverName, using
 from ..steps.mobius import rotate
@@ -42,6 +42,7 @@ from ..steps.trace import edge_lengths
 from ..surface.mesh import Mesh
 from ..surface.orientation import wrong_side
 from ..surface.topology import Topology
+from ..surface.triangles import flipped_faces
 from ..verdict.conformality import NOT_ASKED
 from ..verdict.outline import OutlineCertificate, certify_outline
 from .boundary_first import (
@@ -368,7 +369,9 @@ class FreeProblem(Problem[FreeMap]):
         """Turn a map (n,) about its centroid, scale it to the length of its outline; judge it."""
         mesh, length = self.mesh, self.boundary.length
         with self.phase("repair"):
-            f = rotate(mesh, centered(mesh, f), self.options.align, on_circle=False)
+            if boundary != FREED or not _loses_faces(mesh, f, centered(mesh, f)):
+                f = centered(mesh, f)
+            f = rotate(mesh, f, self.options.align, on_circle=False)
             f, certificate = set_apart(mesh, _of_length(mesh, f, length))
             # An outline that overlaps itself is beyond repair.
             most = repairable(mesh) if certificate.simple else 0
@@ -417,7 +420,7 @@ class FreeProblem(Problem[FreeMap]):
             f = centered(self.mesh, f)
             return rotate(self.mesh, f, self.options.align, on_circle=False)
 
-        return keeping(best, self.options.kept, placed, self.phase)
+        return kept_map(best, self.options.kept, placed, self.phase)
 
 
 def pinned_to(made: FreeMap, pins: tuple[Ints, Floats] | None, phase: Phases) -> FreeMap:
@@ -462,6 +465,11 @@ def _laid_out(surface: FactoredSurface, boundary: Boundary, phase: Phases) -> Co
         else:
             u_B = scale_of_angles(grounded(surface), angles)
         return harmonic_extension(surface, closed_curve(surface.mesh, u_B, angles))
+
+
+def _loses_faces(mesh: Mesh, f: Complex, moved: Complex) -> bool:
+    """Whether rounding flips faces of a map (n,) when it is moved, which are crowded around 0."""
+    return len(flipped_faces(moved, mesh.F)[0]) > len(flipped_faces(f, mesh.F)[0])
 
 
 def _of_length(mesh: Mesh, f: Complex, length: float) -> Complex:

@@ -71,7 +71,7 @@ class KeepingMap(ComplexMap):
             moment = np.vdot(f, self._f)
             return f * (moment / abs(moment) if moment else 1)
 
-        made = keeping(self, asked, turned, Phases())
+        made = kept_map(self, asked, turned, Phases())
         tell(made, vars(self))
         return made
 
@@ -105,7 +105,7 @@ class KeepingMap(ComplexMap):
 Map = TypeVar("Map", bound=KeepingMap)
 
 
-def keeping(made: Map, asked: Keep, placed: Callable[[Complex], Complex], phase: Phases) -> Map:
+def kept_map(made: Map, asked: Keep, placed: Callable[[Complex], Complex], phase: Phases) -> Map:
     """Let a valid map keep what is asked for; `placed` turns it, about its centroid if free.
 
     Vertices that are pinned stay. MapError if no map is certified, or none holds the bound.

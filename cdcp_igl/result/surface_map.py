@@ -11,9 +11,6 @@ from numpy.typing import ArrayLike
 
 from ..arguments import typed
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, size_exponent, unit_size
-from ..atlas.cutting import Cut
-from ..atlas.packing import Packing
-from ..atlas.texels import TexelDensity
 from ..cached import cached_property
 from ..errors import counted
 from ..fields import Field, Method
@@ -24,9 +21,12 @@ from ..surface.triangles import face_areas, oriented_areas
 from ..verdict.certificate import Certificate
 from ..verdict.distortion import AngleDistortion
 from ..verdict.outline import OutlineCertificate
+from ..verdict.texels import TexelDensity
 from .bijection import Bijection
+from .cut import Cut
 from .disk_map import DiskMap
 from .free_map import FreeMap
+from .packing import Packing
 
 
 @dataclass(frozen=True, eq=False, repr=False)
