@@ -14,7 +14,7 @@ from surfaces import pierced_sphere, ring, sphere
 
 import cdcp_igl
 from cdcp_igl.arrays import coordinates
-from cdcp_igl.maps.landmarks import Automorphism, landmark_automorphism
+from cdcp_igl.result.landmarks import Automorphism, landmark_automorphism
 from cdcp_igl.verdict.certificate import certify_sphere
 
 

@@ -10,14 +10,18 @@ from surfaces import arms, blob, skin
 import cdcp_igl
 from benchmarks.measure.punctures import RINGS, opened, row_to_open
 from cdcp_igl import maps
+from cdcp_igl.algorithm import Steps, harmonic_map
 from cdcp_igl.arrays import coordinates
 from cdcp_igl.descent.descent import from_tutte
 from cdcp_igl.descent.relaxation import Relaxation, softened
 from cdcp_igl.descent.repair import Neighbourhood, repair_locally, repaired
+from cdcp_igl.phases import Phases
+from cdcp_igl.records import Straightening
 from cdcp_igl.reference import fdcp, harmonic
 from cdcp_igl.solve.factored import FactoredSurface, extended_again, harmonic_extension
 from cdcp_igl.starts.boundary import arc_length_map, around, harmonic_shares
 from cdcp_igl.starts.recentring import deep_vertex, recentered
+from cdcp_igl.starts.straightening import common_shear, straighten
 from cdcp_igl.starts.tutte import WEIGHTS, combined, mean_value_weights, tutte_embedding
 from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.mobius import at_one, composed, mobius_transformation
@@ -367,7 +371,7 @@ def test_a_face_that_stays_flipped_is_not_called_unfolded():
     assert str(repair).startswith("1 flipped face, 0 vertices moved in ")
 
 
-# -- punctured surfaces -----------------------------------------------------------------
+# -- straightening ---------------------------------------------------------------------
 
 
 def punctured(seed, kind="face"):
@@ -389,6 +393,59 @@ def test_closed_surfaces_with_a_puncture(kind, seed):
     others = [cdcp_igl.angle_distortion(V, F, method(V, F)).mean() for method in (fdcp, harmonic)]
     others.append(cdcp_igl.disk_map(V, F, preset="paper").distortion.mean)
     assert result.distortion.mean < 1.02 * min(others)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_the_common_shear_is_taken_out(seed):
+    V, F = punctured(seed)
+    mesh = DiskMesh(V, F)
+    surface = FactoredSurface.of(mesh)
+    _, plain = harmonic_map(surface, Steps(), Phases())
+    before = angle_errors(mesh, plain)
+    mu, possible = common_shear(plain, mesh.F, mesh.angles)
+    f, account = straighten(mesh, plain, partial(harmonic_extension, surface))
+    after = angle_errors(mesh, f)
+    assert possible > 0.02
+    assert account.after < (1 - 0.5 * possible) * account.before
+    assert abs(after).mean() < 0.99 * abs(before).mean()
+    assert common_shear(f, mesh.F, mesh.angles)[1] < 0.02
+    assert account.shear == pytest.approx(abs(mu), rel=0.3)
+    np.testing.assert_allclose(abs(f[mesh.loop]), 1, atol=1e-15)
+
+
+def test_a_given_shear_is_found():
+    V, F, _ = cdcp_igl.datasets.ellipse(20)
+    mesh, z = DiskMesh(V, F), V[:, :2] @ [1, 1j]
+    mu = 0.02 + 0.01j
+    found, share = common_shear(z + mu * z.conj(), mesh.F, mesh.angles)
+    assert found == pytest.approx(mu, abs=5e-4)
+    assert share > 0.98
+
+
+def test_a_long_boundary_is_left_as_it_is():
+    V, F, _ = cdcp_igl.datasets.ellipse(20)
+    result = cdcp_igl.disk_map(V, F)
+    assert result.straightening == Straightening()
+    assert str(result.straightening) == "not needed"
+    assert "straightening" not in str(result)
+    assert result.refinement is None
+
+
+@pytest.mark.parametrize(("seed", "kind"), [(7, "face"), (2, "vertex")])
+def test_what_was_straightened_is_refined_and_says_so(seed, kind):
+    """Also where little was to be gained by that."""
+    V, F = punctured(seed, kind)
+    result = cdcp_igl.disk_map(V, F)
+    assert result.straightening.after < result.straightening.before
+    assert result.refinement.steps >= 2
+    assert "common shear" in str(result)
+    assert result.report()["straightening"]["shear"] == result.straightening.shear
+    paper = cdcp_igl.disk_map(V, F, preset="paper")
+    assert paper.straightening == Straightening()
+    assert paper.refinement is None
+
+
+# -- recentering -----------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

@@ -18,12 +18,13 @@ from cdcp_igl.descent.collapsed_faces import open_collapsed_faces
 from cdcp_igl.descent.repair import repair_locally, repaired
 from cdcp_igl.errors import MapError
 from cdcp_igl.maps import rules
-from cdcp_igl.records import Repair
+from cdcp_igl.records import Repair, Straightening
 from cdcp_igl.reference.certified import certified_disk_map
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.solvers import factorize
-from cdcp_igl.starts.boundary import FALLBACKS, STARTS
+from cdcp_igl.starts.boundary import FALLBACKS, STARTS, _balanced
 from cdcp_igl.starts.recentring import recentered
+from cdcp_igl.starts.straightening import straighten
 from cdcp_igl.steps.center import Center, central_face
 from cdcp_igl.steps.circle import Rejected, onto_circle, whiten_trace
 from cdcp_igl.steps.zipper import geodesic_map
@@ -141,8 +142,16 @@ def _without_starts() -> AbstractContextManager[Any]:
     return mock.patch.dict(STARTS, clear=True)
 
 
+def _not_balanced(surface: object, shares: Floats) -> Floats:
+    return shares
+
+
 def _not_repaired(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:
     return f, Repair(len(flipped_faces(f, mesh.F)[0]))
+
+
+def _not_straightened(mesh: DiskMesh, f: Complex, extend: object) -> tuple[Complex, Straightening]:
+    return f, Straightening()
 
 
 def _not_moved(mesh: DiskMesh, f: Complex, *others: object) -> tuple[Complex, int]:
@@ -151,9 +160,11 @@ def _not_moved(mesh: DiskMesh, f: Complex, *others: object) -> tuple[Complex, in
 
 MECHANISMS: Mapping[str, Without] = {
     "harmonic measure": partial(_without_boundary, "harmonic measure"),
+    "balance of harmonic measure": partial(_replaced, _balanced, _not_balanced),
     "arc length": partial(_without_boundary, "arc length"),
     "local repair": partial(_replaced, repair_locally, _not_repaired),
     "Tutte embeddings": _without_starts,
+    "straightening": partial(_replaced, straighten, _not_straightened),
     "recentering": partial(_replaced, recentered, _not_moved),
     "opening of collapsed faces": partial(_replaced, open_collapsed_faces, _not_moved),
     "refinement by default": partial(_patched, rules, "default_steps", lambda *_: 0),

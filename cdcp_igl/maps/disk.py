@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from typing import Literal
 
@@ -23,7 +23,7 @@ from ..descent.targets import DISK
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
-from ..records import BoundaryMethod, Repair
+from ..records import BoundaryMethod, Repair, Straightening
 from ..result.base import announced
 from ..result.disk_map import DiskMap
 from ..result.keeping import kept_map
@@ -32,6 +32,7 @@ from ..solve.laplacian import cotangent_laplacian
 from ..solve.solvers import SolverName, using
 from ..starts.boundary import FALLBACKS, STARTS, by_inscribed_angles
 from ..starts.recentring import recentered
+from ..starts.straightening import straighten
 from ..starts.tutte import tutte_embedding
 from ..steps.center import Center, CenterMethod, central_face
 from ..steps.circle import Rejected
@@ -264,11 +265,15 @@ class _Harmonic:
     f: Complex
     boundary: BoundaryMethod
     w: complex = 0j
+    straightening: Straightening = field(default_factory=Straightening)
 
-    def recentered(self) -> _Harmonic:
-        """Move a region deep inside that is too small for doubles to 0."""
-        f, w = recentered(self.surface.mesh, self.f, partial(extended_again, self.surface))
-        return replace(self, f=f, w=w)
+    def corrected(self, *, straightened: bool) -> _Harmonic:
+        """Take the common shear out if asked to, and move a tiny region deep inside to 0."""
+        surface, mesh, f, done = self.surface, self.surface.mesh, self.f, self.straightening
+        if straightened:
+            f, done = straighten(mesh, f, partial(harmonic_extension, surface))
+        f, w = recentered(mesh, f, partial(extended_again, surface))
+        return replace(self, f=f, w=w, straightening=done)
 
 
 class DiskProblem(Problem[DiskMap]):
@@ -356,7 +361,7 @@ class DiskProblem(Problem[DiskMap]):
     def _judged(self, harmonic: _Harmonic) -> DiskMap:
         """Place a harmonic map, and repair it if few faces are flipped."""
         with self.phase("mobius"):
-            harmonic = harmonic.recentered()
+            harmonic = harmonic.corrected(straightened=self.options.preset is None)
         made = self._normalized(harmonic, repairable(self.mesh, rules.FEW_FLIPPED))
         self._tried.append((harmonic, made))
         return made
@@ -447,6 +452,7 @@ class DiskProblem(Problem[DiskMap]):
             _f=f,
             center=self.center,
             boundary=replace(harmonic.boundary, n_opened=placed.n_opened),
+            straightening=harmonic.straightening,
             mobius=replace(mobius, w=composed(harmonic.w, mobius.w)),
             solver=harmonic.surface.solver,
             timings=self.phase.seconds,

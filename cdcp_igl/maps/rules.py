@@ -66,7 +66,8 @@ def default_steps(made: MadeMap, coarse: float = COARSE) -> int:
     verdict = made.conformality
     if verdict.reasons or repaired_part(made) > REPAIRED or made._from_tutte:
         return MOST_STEPS
-    return MOST_USUAL_STEPS if verdict.excess > FAR or verdict.mean > coarse else 0
+    is_far = verdict.excess > FAR or verdict.mean > coarse
+    return MOST_USUAL_STEPS if is_far or made._straightened else 0
 
 
 def steps_of(made: MadeMap, options: Options, coarse: float = COARSE) -> int:

@@ -57,9 +57,11 @@ class OntoDisk(Bijection, Provenance):
         return pairs
 
     def _steps(self) -> list[tuple[str, str]]:
+        straightening = [("straightening", str(self.straightening))]
         return [
             ("center", str(self.center)),
             ("boundary", str(self.boundary)),
+            *(straightening if self.straightening.before else []),
             ("repair", str(self.repair)),
             ("Möbius", str(self.mobius)),
             ("refinement", str(self.refinement or "not asked for")),
@@ -70,6 +72,7 @@ class OntoDisk(Bijection, Provenance):
         return {
             "angular_distortion_of_free_faces_degrees": asdict(self.distortion_of_free_faces),
             "center": {"method": self.center.method, "face": self.center.face},
+            "straightening": asdict(self.straightening),
         }
 
     def _made(self) -> dict[str, Any]:
@@ -98,7 +101,7 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
         Sparse solver, version and ordering.
     kept : Kept or None
         What the map keeps rather than angles, and how well; None if nothing else was asked for.
-    center, boundary, mobius, repair, refinement
+    center, boundary, straightening, mobius, repair, refinement
         What was done, as in `Provenance`; of a map that keeps lengths or areas, before that.
 
     Examples
@@ -119,6 +122,10 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
         return AngleDistortion.of(np.delete(self._degrees(), inscribed, axis=0))
 
     _target = DISK
+
+    @property
+    def _straightened(self) -> bool:
+        return self.straightening.before > 0
 
     def _moved(self, f: Complex, phase: Phases, known: float = 0.0) -> DiskMap:
         return replace(self, **moved_on_disk(self.mesh, f, self.repair, phase, known))

@@ -34,6 +34,11 @@ class MadeMap(Bijection):
     def _from_tutte(self) -> bool:
         """Whether the map began with a Tutte embedding."""
 
+    @property
+    def _straightened(self) -> bool:
+        """Whether a common shear was taken out of the map."""
+        return False
+
     @cached_property
     def distortion(self) -> AngleDistortion:
         """Mean, SD and maximum of the angular distortion of the given faces."""

@@ -7,7 +7,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 
 from ..arrays import Complex, Floats
 from ..errors import spell
-from ..solve.factored import FactoredSurface
+from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.solvers import factorize
 from ..steps.circle import Rejected
 from ..steps.trace import boundary_flux, edge_lengths, shared_by_edges
@@ -18,6 +18,9 @@ from ..surface.mesh import Mesh
 # wide, the edges at the ends get about exp(-pi n / 2).
 CROWDED = 2e-17
 MANY_CROWDED = 0.03  # maps of corridors can be certified with 1 % of such edges, and not with 5 %
+
+ROUNDS = 8  # of moving the centre: one is enough unless the first one is far off
+FARTHEST = 1 - 1e-6  # that it moves in one round: faces can still be told apart there
 
 # An edge that no heat reaches gets this part of the smaller share next to it. On scans with ears,
 # whose shares are known from finer meshes of the same surface, 0.01 to 0.1 are equally good.
@@ -37,7 +40,7 @@ def by_harmonic_measure(surface: FactoredSurface, face: int) -> Complex:
     Raises `Rejected` if no corner of the central face lies inside, or many boundary vertices would
     coincide.
     """
-    shares = _shares_from(surface.delaunay, face)
+    shares = _balanced(surface.delaunay, _shares_from(surface.delaunay, face))
     if _are_crowded(shares):
         crowded = surface.mesh.loop[shares < CROWDED]
         raise Rejected(
@@ -58,6 +61,30 @@ def _shares_from(surface: FactoredSurface, face: int) -> Floats:
 
 def _are_crowded(shares: Floats) -> bool:
     return bool(np.mean(shares < CROWDED) > MANY_CROWDED)
+
+
+def _balanced(surface: FactoredSurface, shares: Floats) -> Floats:
+    """Harmonic measure (nB,) from where the smallest shares are as large as they can be.
+
+    psi_w, eq. (19), multiplies short arcs at z by (1 - |w|^2) / |1 - conj(w) z|^2. The sum of
+    their reciprocals, in which the smallest decide, is a linear function of the point of the
+    hyperboloid that w is: it is least where w, in Klein's model of the hyperbolic plane, is
+    the centre of mass of the z, weighed by the reciprocals.
+    """
+    for _ in range(ROUNDS):
+        if not _are_crowded(shares):
+            break
+        f_B = around(shares)
+        shorter = np.maximum(np.minimum(shares, np.roll(shares, 1)), np.finfo(float).tiny)
+        klein = complex(np.average(f_B, weights=shorter.min() / shorter))
+        w = klein / (1 + np.sqrt(max(1 - abs(klein) ** 2, 0)))
+        w *= min(1, FARTHEST / abs(w))
+        f = harmonic_extension(surface, f_B)
+        moved = harmonic_shares(surface, int(abs(f[surface.mesh.F].mean(axis=1) - w).argmin()))
+        if not moved.min() > shares.min():
+            break
+        shares = moved
+    return shares
 
 
 def between_the_two(surface: FactoredSurface, face: int) -> Complex:

@@ -22,8 +22,8 @@ STEPS = (
 )
 OTHERS = (
     "maps/problem.py",
-    "Where this map is not good:\nother starts, repair of flipped faces,\n"
-    "descent; the best valid map goes on",
+    "Where this map is not good:\nother starts, straightening,\n"
+    "repair of flipped faces, descent;\nthe best valid map goes on",
 )
 PAPER = ("steps/center.py", "steps/mobius.py")  # the first and the last step of Algorithm 1
 STYLE = {"svg.hashsalt": "flow"}
@@ -70,7 +70,7 @@ def missing():
     """Files of the picture that are not there any more."""
     package = Path(cdcp_igl.__file__).parent
     return [
-        name for name in (RESCUE[0], *(step[0] for step in STEPS)) if not (package / name).exists()
+        name for name in (OTHERS[0], *(step[0] for step in STEPS)) if not (package / name).exists()
     ]
 
 

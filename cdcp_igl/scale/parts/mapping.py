@@ -30,6 +30,7 @@ from ...solve import solvers
 from ...solve.solvers import SolverName, using
 from ...solve.threads import one_thread
 from ...starts.recentring import FEW_FACES, deep_vertex
+from ...starts.straightening import is_sheared
 from ...steps.center import CANDIDATES, Center, first_well_shaped
 from ...steps.circle import Rejected, onto_circle
 from ...steps.least_distortion import AngleErrors, faces_to_judge_by
@@ -372,6 +373,8 @@ class _Mapping:
     def refuse_rescue(self, sample: Gathered, on_boundary: bool) -> None:
         """Give up where `disk_map` would correct the harmonic map, or doubt it."""
         few = sample.only(evenly_spaced_rows(self.folder.faces, FEW_FACES))
+        if is_sheared(sample.f, few.F, few.angles):
+            self.give_up("the faces have a shear in common")
         if deep_vertex(few, sample.f, few.F) is not None:
             self.give_up("a part of the surface is too small for double precision where it lies")
         if on_boundary:
@@ -503,7 +506,7 @@ class _Mapping:
         """Raise MapError: what is left to do is done on one machine only."""
         raise MapError(
             f"In parts, there is no map of this surface: {reason}. Where memory suffices, "
-            "cdcp_igl.disk_map tries other boundaries, moves what is too small, "
+            "cdcp_igl.disk_map tries other boundaries, moves what is too small, straightens, "
             "repairs the whole interior, and refines."
         )
 
