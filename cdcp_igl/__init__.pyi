@@ -1,15 +1,21 @@
 from . import datasets, io, plot, reference
-from .atlas.cutting import Cut, cut
-from .atlas.surface import SurfaceMap, surface_map
+from .atlas.cutting import cut
+from .atlas.surface import surface_map
 from .errors import Defect, MapError, MeshError, SolverError
-from .maps.annulus import AnnulusMap, annulus_map
+from .maps.annulus import annulus_map
 from .maps.disk import cdcp, disk_map
-from .maps.free import FreeMap, free_map
+from .maps.free import free_map
 from .maps.mapper import DiskMapper
-from .maps.rectangle import RectangleMap, rectangle_map
-from .maps.sphere import SphereMap, sphere_map
+from .maps.rectangle import rectangle_map
+from .maps.sphere import sphere_map
 from .reference.comparison import Comparison, compare
+from .result.annulus_map import AnnulusMap
+from .result.cut import Cut
 from .result.disk_map import DiskMap
+from .result.free_map import FreeMap
+from .result.rectangle_map import RectangleMap
+from .result.sphere_map import SphereMap
+from .result.surface_map import SurfaceMap
 from .scale.batching import Batch, batch
 from .scale.parts import PartsMap, partition, parts_map
 from .surface.checking import MeshReport, check

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
 
 from .arrays import Complex
-from .options import Options
 from .phases import Phases
-from .rescue.boundary import BoundaryMethod
-from .rescue.harmonic_map import HarmonicMap, Provenance
 from .solve.factored import FactoredSurface, harmonic_extension
 from .steps.center import Center, central_face
 from .steps.circle import onto_circle
-from .steps.mobius import MobiusMethod, Normalization, normalize
+from .steps.mobius import MobiusMethod, normalize
 from .steps.trace import boundary_trace, conjugate_trace
 from .steps.zipper import geodesic_map
 
@@ -33,41 +29,36 @@ class Steps:
     circle: Callable[[Complex], Complex] = onto_circle
     mobius: MobiusMethod | None = "angle"
 
-    @classmethod
-    def of(cls, options: Options) -> Steps:
-        """Choose the steps that the options of `disk_map` ask for."""
-        if options.preset == "paper":
-            coldest = cache(partial(central_face, center="heat", well_shaped=False))
-            circle = partial(onto_circle, zipper=geodesic_map)
-            return cls(coldest, boundary_trace, circle, "nelder-mead")
-        center = cache(partial(central_face, center=options.center))
-        return cls(center, mobius=options.mobius_method)
+
+def as_printed() -> Steps:
+    """Return the steps that follow the paper to the letter."""
+
+    def coldest(surface: FactoredSurface) -> Center:
+        return central_face(surface, "heat", well_shaped=False)
+
+    def not_whitened(trace: Complex) -> Complex:
+        return onto_circle(trace, zipper=geodesic_map)
+
+    return Steps(coldest, boundary_trace, not_whitened, "nelder-mead")
 
 
-def algorithm_1(
-    surface: FactoredSurface,
-    steps: Steps,
-    phase: Phases | None = None,
-    harmonic: HarmonicMap | None = None,
-) -> tuple[HarmonicMap, Complex, Normalization]:
-    """Algorithm 1 as it stands: no fallback, no repair, no certificate.
+def harmonic_map(surface: FactoredSurface, steps: Steps, phase: Phases) -> tuple[Center, Complex]:
+    """Take all steps of Algorithm 1 but the last: the central face, and the map (n,)."""
+    with phase("center"):
+        center = steps.center(surface)  # (13)-(15)
+    with phase("trace"):
+        h_B = steps.trace(surface, center.face)  # Theorem 1, (18)
+    with phase("circle"):
+        f_B = steps.circle(h_B)  # (1)-(6)
+    with phase("extension"):
+        return center, harmonic_extension(surface, f_B)  # (10)
 
-    `harmonic` is what the first four steps give, if that is known. Returns it, f (n,) after the
-    Möbius transformation, and what that was. Raises `Rejected` if the trace gives no map of the
-    boundary onto the circle.
+
+def algorithm_1(surface: FactoredSurface, steps: Steps) -> Complex:
+    """Map a surface by Algorithm 1 as it stands, (n,): no fallback, no repair, no certificate.
+
+    Raises `Rejected` if the trace gives no map of the boundary onto the circle.
     """
-    phase = phase or Phases()
-    if harmonic is None:
-        with phase("center"):
-            center = steps.center(surface)  # (13)-(15)
-        with phase("trace"):
-            h_B = steps.trace(surface, center.face)  # Theorem 1, (18)
-        with phase("circle"):
-            f_B = steps.circle(h_B)  # (1)-(6)
-        with phase("extension"):
-            f = harmonic_extension(surface, f_B)  # (10)
-        done = Provenance(center=center, boundary=BoundaryMethod("geodesic"))
-        harmonic = HarmonicMap(surface, f, done)
-    with phase("mobius"):
-        f, mobius = normalize(surface.mesh, harmonic.f, steps.mobius)  # (19), (20)
-    return harmonic, f, mobius
+    _, f = harmonic_map(surface, steps, Phases())
+    f, _ = normalize(surface.mesh, f, steps.mobius)  # (19), (20)
+    return f

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 OF_ARRAYS = set(get_args(ArrayLike))
-OF_MESHES = ("V", "F")  # which may be other objects, and whose reader names the defect
+OF_MESHES = ("V", "F", "source")  # which may be other objects, and whose reader names the defect
 LARGEST = 2**63  # from here on, an integer is no number of a row, nor a size
 NAMES = {
     bool: "True or False",
@@ -85,8 +85,7 @@ def _alternatives(kind: Any) -> list[Any]:
 def _fits(value: Any, kind: Any) -> bool:
     alternatives = _alternatives(kind)
     if PathLike[str] in alternatives and isinstance(value, str | PathLike):
-        path = fspath(value)
-        return isinstance(path, str) and "\0" not in path  # which no system opens
+        return isinstance(fspath(value), str)
     return any(_is(value, one) for one in alternatives)
 
 
@@ -143,14 +142,14 @@ def _named(kind: Any) -> str:
         return "a path"
     if origin is Literal:
         return ", ".join(f'"{name}"' for name in members)
-    if origin is tuple:
+    if origin is tuple and members[-1] is not Ellipsis:
         return f"({', '.join(map(_said, members))})"
     if origin is Callable or kind is Callable:
         return "a function"
     name = (origin or kind).__name__
     if not members or origin is np.ndarray:
         return f"an {name}" if name[0] in "AEIOU" else f"a {name}"
-    within = " to ".join(map(_said, members))
+    within = " to ".join(_said(one) for one in members if one is not Ellipsis)
     return f"a {name.lower()} of {within}"
 
 

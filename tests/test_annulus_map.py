@@ -9,10 +9,10 @@ from surfaces import pierced_sphere, ring, spiky_ring, star
 
 import cdcp_igl
 from cdcp_igl.arrays import coordinates
+from cdcp_igl.descent.targets import Ring
 from cdcp_igl.maps.rings import embedded_ring
-from cdcp_igl.refine.targets import Ring
-from cdcp_igl.rescue.boundary import arc_length_map
-from cdcp_igl.rescue.means import centered, embedding
+from cdcp_igl.starts.boundary import arc_length_map
+from cdcp_igl.starts.tutte import centered, tutte_embedding
 from cdcp_igl.surface.mesh import AnnulusMesh, DiskMesh
 from cdcp_igl.verdict.certificate import certify, certify_ring
 
@@ -182,7 +182,7 @@ def test_a_vertex_that_one_corner_draws_most_is_in_the_middle_all_the_same():
     disk = DiskMesh(coordinates(z), F)
     f = np.zeros(5, dtype=complex)
     f[disk.loop] = arc_length_map(disk)
-    assert abs(embedding(disk, f)[0][-1]) > 0.5
+    assert abs(tutte_embedding(disk, f)[0][-1]) > 0.5
     f, _ = centered(disk, f[disk.loop], 4)
     assert f[-1] == 0
     assert certify(disk, coordinates(f)).valid
@@ -193,7 +193,7 @@ def test_the_lowest_of_refined_rings_is_taken_though_the_scale_does_not_explain_
     result = cdcp_igl.annulus_map(*surface)
     assert not result.conformal
 
-    monkeypatch.setattr("cdcp_igl.result.making.MARGIN", 2)
+    monkeypatch.setattr("cdcp_igl.maps.rules.MARGIN", 2)
     conformal = cdcp_igl.annulus_map(*surface)
     assert conformal.conformal
     assert conformal.boundary != result.boundary

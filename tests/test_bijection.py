@@ -13,6 +13,7 @@ from meshes import TRIANGLE, corridor, fan, grid, strip
 from surfaces import pierced_sphere, ring, sphere
 
 import cdcp_igl
+from cdcp_igl.arrays import coordinates
 from cdcp_igl.result.landmarks import Automorphism, landmark_automorphism
 from cdcp_igl.verdict.certificate import certify_sphere
 
@@ -79,7 +80,7 @@ def test_points_there_and_back(name):
         if kind == "faces" and off < 1:
             assert (found == face).mean() > 0.999  # rounding moves a few across an edge
     if name == "filled":
-        filled = result._whole[result.mesh.F[len(F) :]].mean(axis=1)
+        filled = coordinates(result._f)[result.mesh.F[len(F) :]].mean(axis=1)
         assert (result.invert([*filled, [0, 0], [2, 0]])[0] == -1).all()
 
 
@@ -308,7 +309,7 @@ def test_a_crowded_map_is_registered_with_itself(landmarks):
 def test_a_registration_that_cannot_be_certified_is_an_error_with_its_map(cap):
     _, _, result = cap
     here, there = np.array([result.uv[:, 0].argmax(), result.uv[:, 0].argmin()]), [0, 1]
-    other = replace(result, uv=np.array([[1, 0], [1 - 1e-15, 4e-8]]))
+    other = replace(result, _f=np.array([1, 1 - 1e-15 + 4e-8j]))
     with pytest.raises(cdcp_igl.MapError, match="Moved to the landmarks") as raised:
         result.register(other, np.column_stack([here, there]))
     assert not raised.value.result.valid

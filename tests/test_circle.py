@@ -13,10 +13,10 @@ from surfaces import capped_tube
 import cdcp_igl
 from cdcp_igl import datasets, disk_map
 from cdcp_igl.datasets import spherical_cap
-from cdcp_igl.rescue.boundary import FALLBACKS, around, by_inscribed_angles, harmonic_shares
-from cdcp_igl.rescue.collapsed_faces import open_collapsed_faces
+from cdcp_igl.descent.collapsed_faces import open_collapsed_faces
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.laplacian import Laplacian, cotangent_laplacian
+from cdcp_igl.starts.boundary import FALLBACKS, around, by_inscribed_angles, harmonic_shares
 from cdcp_igl.steps import zipper
 from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.circle import Rejected, onto_circle, whiten_trace, whitened_geodesic_map

@@ -89,7 +89,7 @@ def test_options_are_those_of_the_library(cap, given, options):
         ("map IN o.obj --refine -1", "--refine"),
         ("map IN o.obj --refine-norm 3", "--refine-norm"),
         ("map IN second.obj third.obj", "--out-dir"),
-        ("map IN --out-dir maps --cut --disk --center 3", "must be a method"),
+        ("map IN --out-dir maps --cut --disk --center 3", 'must be "torsion"'),
         ("map IN --out-dir maps --report r.json", "are for one surface"),
         ("batch IN maps --shard 3/2", "must be I/N"),
         ("batch IN maps --report page.txt", "must end in .html"),

@@ -118,7 +118,7 @@ def test_labels_masks_and_gaps_are_no_smooth_fields(made, name):
         assert np.isnan(values).tolist() == [True, False, False]
     with pytest.raises(ValueError, match="rows"):
         result.interpolate(V[:-1], points)
-    with pytest.raises(ValueError, match='"linear" or "nearest"'):
+    with pytest.raises(ValueError, match='"linear", "nearest"'):
         result.interpolate(V, points, method="cubic")
 
 

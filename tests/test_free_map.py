@@ -14,10 +14,11 @@ from meshes import TRIANGLE, TWO_TRIANGLES, cells, fan, grid, rugged, strip
 
 import cdcp_igl
 from cdcp_igl.datasets import ellipse, paraboloid, spherical_cap
+from cdcp_igl.descent.descent import Descent
+from cdcp_igl.descent.energies import Angles
+from cdcp_igl.descent.schedules import Directions
+from cdcp_igl.descent.targets import PLANE
 from cdcp_igl.libigl import grid_faces
-from cdcp_igl.refine.preconditioning import WeightedLaplacian
-from cdcp_igl.refine.refinement import gauss_newton_step, lower_angle_distortion
-from cdcp_igl.refine.targets import Outline
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.verdict.distortion import plane_angles
 from cdcp_igl.verdict.outline import certify_outline, meeting_edges
@@ -159,9 +160,10 @@ def test_a_step_with_a_free_outline_is_that_of_the_normal_equations():
 
     J = np.array([(angles(x) - angles(-x)) / (2 * h) for x in h * np.eye(2 * len(z))]).T
     direct = np.linalg.lstsq(J, -r.ravel(), rcond=1e-8)[0]
-    laplacian = WeightedLaplacian(mesh, np.arange(len(z)))
-    step = gauss_newton_step(mesh, z, r, 2, 0, laplacian, 60, target=Outline()).view(float)
-    np.testing.assert_allclose(J @ step, J @ direct, atol=1e-7)
+    energy = Angles(mesh, PLANE, 2)
+    model = energy.quadratic(energy.measured(z, ([], 0)), 2, 0)
+    step, *_ = Descent(mesh, z).direction(model, Directions(60, 0, None, 0))
+    np.testing.assert_allclose(J @ step.view(float), J @ direct, atol=1e-7)
 
 
 def test_refinement_frees_the_outline_and_keeps_its_length():
@@ -261,26 +263,6 @@ def test_the_outline_of_a_disk_is_freed_without_shear():
     assert result.boundary == "eased from the disk"
     assert result.distortion.mean < 1.6
     assert result.conformality.stretch < 1.1
-
-
-def test_a_disk_whose_parts_are_too_small_to_be_turned_takes_more_steps(monkeypatch):
-    """Mirrored, so that all faces are flipped, stands for flipped by rounding."""
-    asked = []
-
-    def lowered(mesh, f, order, steps, *more, **options):
-        asked.append(steps)
-        f, refinement = lower_angle_distortion(mesh, f, order, steps, *more, **options)
-        return f.conj() if len(asked) == 1 else f, refinement
-
-    def crowded(*_):
-        raise cdcp_igl.SolverError("the air has a face without area")
-
-    monkeypatch.setattr("cdcp_igl.maps.free.lower_angle_distortion", lowered)
-    monkeypatch.setattr("cdcp_igl.maps.free.kept_apart", crowded)
-    result = cdcp_igl.free_map(*sector(3, 6, height=0.1), refine=0)
-    assert result.valid
-    assert result.boundary == "eased from the disk"
-    assert asked[1] > asked[0]
 
 
 def test_an_outline_that_was_asked_for_and_overlaps_itself_is_refused():

@@ -12,8 +12,8 @@ from threadpoolctl import threadpool_limits
 
 import cdcp_igl
 from cdcp_igl.reference import fdcp, harmonic
-from cdcp_igl.rescue.boundary import around
 from cdcp_igl.solve.solvers import SOLVERS
+from cdcp_igl.starts.boundary import around
 from cdcp_igl.surface.mesh import DiskMesh
 
 

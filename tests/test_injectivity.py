@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import cdcp_igl
+from cdcp_igl.arrays import as_complex
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.verdict.certificate import certify
 
@@ -73,7 +74,9 @@ def test_winding_twice():
     assert certificate.winding_number == 2
     assert len(certificate.flipped) == 0  # only the winding number gives it away
     assert not certificate.valid
-    twice = replace(cdcp_igl.disk_map(*meshes.fan(9)), uv=around(2), certificate=certificate)
+    twice = replace(
+        cdcp_igl.disk_map(*meshes.fan(9)), _f=as_complex(around(2)), certificate=certificate
+    )
     with pytest.raises(ValueError, match="no bijection"):
         twice.invert([0, 0])
 

@@ -11,11 +11,12 @@ from surfaces import skin
 
 import cdcp_igl
 from cdcp_igl.arrays import as_complex, coordinates
-from cdcp_igl.refine import balance
-from cdcp_igl.refine.apart import air
-from cdcp_igl.refine.balance import Energy, balanced, resized, way_to_flip
-from cdcp_igl.refine.targets import Disk, Outline
-from cdcp_igl.result.keeping import Kept
+from cdcp_igl.descent import energies
+from cdcp_igl.descent.descent import keeping, way_to_flip
+from cdcp_igl.descent.energies import SymmetricDirichlet, resized
+from cdcp_igl.descent.scaffold import triangulated_around
+from cdcp_igl.descent.targets import Disk, Outline
+from cdcp_igl.descent.tradeoff import measured
 from cdcp_igl.scale.one_file import Settings
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas, flipped_faces, oriented_areas
@@ -41,7 +42,7 @@ def test_energy_is_that_of_the_singular_values(bent, t, k):
     low, high = np.cosh(k * s), np.cosh(k * q)
     e = low * (1 - 2 * t + 2 * t * high) if t <= 0.5 else high * (2 * t - 1 + (2 - 2 * t) * low)
     expected = np.average((e - 1) / k**2, weights=area)
-    assert_allclose(Energy.of(mesh, t, k).value(f), expected, rtol=1e-12)
+    assert_allclose(SymmetricDirichlet.of(mesh, t, k).value(f), expected, rtol=1e-12)
     if (t, k) == (0.5, 1):  # symmetric Dirichlet
         squares = np.exp([q + s, q - s])
         assert_allclose(4 * e, (squares + 1 / squares).sum(axis=0), rtol=1e-10)
@@ -49,9 +50,9 @@ def test_energy_is_that_of_the_singular_values(bent, t, k):
 
 @pytest.mark.parametrize("t", [0, 0.3, 0.9])
 def test_slope_and_curvature_are_those_of_differences(bent, t, monkeypatch):
-    monkeypatch.setattr(balance, "_clamped", lambda *block: block)  # the Hessian as it is
+    monkeypatch.setattr(energies, "_clamped", lambda *block: block)  # the Hessian as it is
     mesh, f = bent
-    energy, h = Energy.of(mesh, t), 1e-3
+    energy, h = SymmetricDirichlet.of(mesh, t), 1e-3
     dz = as_complex(0.05 * np.random.default_rng(1).standard_normal((len(f), 2)))
     before, here, after = (energy.value(f + x * dz) for x in (-h, 0, h))
     quadratic = energy.quadratic(f, whole=True)
@@ -73,10 +74,10 @@ def test_a_step_to_the_first_flip_flips_one_face(bent):
 def test_what_is_flat_stays(t):
     V, F, _ = cdcp_igl.datasets.square(6)
     mesh = DiskMesh(V, F)
-    newton = balanced(mesh, as_complex(mesh.V[:, :2]), t)
-    assert_allclose(coordinates(newton.f), mesh.V[:, :2], atol=1e-12)
-    assert newton.done
-    assert newton.steps == 0
+    descent = keeping(mesh, as_complex(mesh.V[:, :2]), t)
+    assert_allclose(coordinates(descent.f), mesh.V[:, :2], atol=1e-12)
+    assert descent.stopped
+    assert descent.steps == 0
     assert_allclose(cdcp_igl.free_map(V, F, keep=t, align=[1, 0, 0]).uv, V[:, :2], atol=1e-12)
 
 
@@ -87,9 +88,9 @@ def test_balance_lowers_the_energy_and_flips_nothing(bent, target):
     if sliding:
         f = as_complex(cdcp_igl.disk_map(mesh.V, mesh.F).uv)
     for t in (0.02, 0.5, 0.99):
-        energy = Energy.of(mesh, t, target=target)
+        energy = SymmetricDirichlet.of(mesh, t, target=target)
         start = f if sliding else resized(energy, f)
-        g = balanced(mesh, start, t, target).f
+        g = keeping(mesh, start, t, target).f
         assert energy.value(g) < energy.value(start)
         assert target.certificate(mesh, g, target.flipped(mesh.F, g)).valid
         # Nothing small lowers it much more.
@@ -124,14 +125,14 @@ def test_what_is_said_of_a_map_is_what_was_asked_for(hill, make):
 
 
 def angles_kept(result):
-    return Kept.of(result.mesh, result._plane_map(), 0, result._target, 0)
+    return measured(result.mesh, result._f, 0, result._target, 0)
 
 
 def test_what_a_conformal_disk_crowds_together_is_drawn_apart():
     corridor = meshes.corridor(20)
     plain = cdcp_igl.disk_map(*corridor, mobius="area")
-    energy = Energy.of(plain.mesh, 0.5, target=Disk())
-    from_there = energy.value(balanced(plain.mesh, as_complex(plain.uv), 0.5, Disk()).f)
+    energy = SymmetricDirichlet.of(plain.mesh, 0.5, target=Disk())
+    from_there = energy.value(keeping(plain.mesh, as_complex(plain.uv), 0.5, Disk()).f)
     result = cdcp_igl.disk_map(*corridor, keep="lengths")
     assert result.valid
     assert energy.value(as_complex(result.uv)) < 1e-6 * from_there
@@ -226,7 +227,7 @@ def test_an_outline_is_kept_apart():
     turn, out = 1.3 * np.pi * V[:, 0], 1 - 0.1 * V[:, 1]
     V = np.column_stack([out * np.cos(turn), out * np.sin(turn), 0.02 * turn])
     plain = cdcp_igl.free_map(V, F)
-    overlapping = balanced(plain.mesh, plain._plane_map(), 0.5).f
+    overlapping = keeping(plain.mesh, plain._f, 0.5).f
     assert not certify_outline(plain.mesh, coordinates(overlapping)).simple
     result = cdcp_igl.free_map(V, F, keep="lengths")
     assert result.valid
@@ -234,10 +235,10 @@ def test_an_outline_is_kept_apart():
 
 
 @pytest.mark.parametrize("gap", [1e-2, 1e-9, 1e-15])
-def test_air_that_is_thin(gap):
+def test_a_scaffold_that_is_thin(gap):
     """Of angles that lengths do not determine, libigl flips edges until the memory is full."""
     f = np.array([0, 1, 1.1 + 0.5j, 1.1 + (0.5 + gap) * 1j, 1 + 1j, 1j])
-    ring, S = air(f, np.arange(6))
+    ring, S = triangulated_around(f, np.arange(6))
     assert len(flipped_faces(np.append(f, ring), S)[0]) == 0
 
 
@@ -324,6 +325,25 @@ def test_pins_are_where_they_are_told_to_be(hill):
     flipped = cdcp_igl.free_map(plane, F[:, ::-1], pins={0: (0, 0), 4: (3, 0)})
     assert_array_equal(flipped.uv[[0, 4]], [[0, 0], [3, 0]])
     assert flipped.valid
+
+
+@pytest.mark.parametrize("keep", ["angles", "lengths"])
+def test_pins_at_the_places_of_a_map_whose_boundary_was_eased_are_met(keep):
+    """Without a scaffold its boundary would overlap itself as soon as it is free again."""
+    V, F, _ = cdcp_igl.datasets.square(20)
+    turn, out = 2.6 * np.pi * V[:, 0], 1 - 0.1 * V[:, 1]
+    V = np.column_stack([out * np.cos(turn), out * np.sin(turn), 0.02 * turn])
+    plain = cdcp_igl.free_map(V, F, keep=keep)
+    assert plain.boundary != "own lengths"
+    rows = np.arange(7, len(V), 71)
+    for share in (0, 1e-3):
+        moved = plain.uv[rows] + share * np.ptp(plain.uv) * np.cos([[k, 2 * k] for k in rows])
+        pins = dict(zip(rows.tolist(), moved, strict=True))
+        result = cdcp_igl.free_map(V, F, keep=keep, pins=pins)
+        assert result.valid
+        assert_array_equal(result.uv[rows], moved)
+        if not share and keep == "angles":
+            assert_allclose(result.uv, plain.uv, atol=1e-9 * np.ptp(plain.uv))
 
 
 def test_pins_in_the_shell(hill, tmp_path):

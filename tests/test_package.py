@@ -13,7 +13,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 # From the ground up; a folder stands for its modules. Those of one floor may use one another.
 FLOORS = (
-    {"arrays", "cached", "docstrings"},
+    {"arguments", "arrays", "cached", "docstrings"},
     {"defects"},
     {"errors", "printing", "fields"},
     {"libigl", "extras"},
@@ -23,9 +23,8 @@ FLOORS = (
     {"solve"},
     {"steps", "phases"},
     {"options"},
-    {"rescue"},
-    {"refine"},
-    {"algorithm"},
+    {"algorithm", "records", "starts"},
+    {"descent"},
     {"result"},
     {"maps"},
     {"atlas"},

@@ -366,5 +366,5 @@ def test_theorem_1_both_systems_give_the_same_trace_up_to_shift_and_scale(name, 
 @pytest.mark.parametrize("name", ["nefertiti_299", "chinese_lion_17334"])
 def test_the_map_is_that_of_cdcp(name, real_mesh):
     V, F = real_mesh(name)
-    _, f, _ = algorithm_1(FactoredSurface.of(DiskMesh(V, F)), Steps(trace=boundary_trace))
+    f = algorithm_1(FactoredSurface.of(DiskMesh(V, F)), Steps(trace=boundary_trace))
     assert abs(double_cover(V, F) @ [1, 1j] - f).max() < 1e-8

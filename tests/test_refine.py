@@ -8,20 +8,18 @@ import numpy as np
 import pytest
 
 import cdcp_igl
-from cdcp_igl.arrays import as_complex, coordinates
+from cdcp_igl.arrays import coordinates
+from cdcp_igl.descent.descent import Descent, Limits
+from cdcp_igl.descent.energies import Angles, Measured
+from cdcp_igl.descent.preconditioning import WeightedLaplacian
+from cdcp_igl.descent.refinement import HALVINGS, lower_angle_distortion
+from cdcp_igl.descent.schedules import HELD_GAIN, DampedGaussNewton, Directions, Taken
+from cdcp_igl.descent.targets import DISK
+from cdcp_igl.maps.disk import DiskProblem
+from cdcp_igl.maps.problem import descended
 from cdcp_igl.options import Options
 from cdcp_igl.phases import Phases
-from cdcp_igl.refine.preconditioning import WeightedLaplacian
-from cdcp_igl.refine.refinement import (
-    HALVINGS,
-    WORTH,
-    _reason_to_stop,
-    gauss_newton_step,
-    lower_angle_distortion,
-    search_along,
-)
-from cdcp_igl.refine.targets import DISK, Disk
-from cdcp_igl.result.making import refined
+from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.verdict.certificate import certify
 from cdcp_igl.verdict.distortion import plane_angles
@@ -34,6 +32,26 @@ ORDER = np.random.default_rng(0).permutation(MESH.interior)  # any order will do
 
 def errors(z):
     return plane_angles(z, F) - MESH.angles
+
+
+def step_of(p=2, damping=0, iterations=3):
+    """The displacement by Gauss-Newton on the grid."""
+    energy = Angles(MESH, DISK, p)
+    model = energy.quadratic(energy.measured(Z, DISK.flipped(F, Z)), p, damping)
+    descent = Descent(MESH, Z, DISK, laplacian=WeightedLaplacian(MESH, ORDER))
+    return descent.direction(model, Directions(iterations, 0, None, 0))[0]
+
+
+def lowered(mesh, f, steps, norm=1.5, order=None, near=False, accepted=None, **limits):
+    """A map on the disk after steps of refinement, and the account of them."""
+    laplacian = WeightedLaplacian(mesh, mesh.interior if order is None else order)
+    descent = Descent(mesh, f, DISK, laplacian=laplacian)
+    limits = Limits(
+        steps, **{"least": None, "trials": HALVINGS, "patience": 3, "worth": 0.004} | limits
+    )
+    given = Angles(mesh, DISK, norm, near), limits, *[accepted] * (accepted is not None)
+    account = lower_angle_distortion(descent, *given)
+    return descent.f, account
 
 
 def slid(z, x):
@@ -66,7 +84,7 @@ def J():
 
 
 def test_without_end_it_ends_where_nothing_is_gained():
-    made = cdcp_igl.surface_map(*cdcp_igl.datasets.spheroid(1)[:2], refine=2**70)
+    made = cdcp_igl.surface_map(*cdcp_igl.datasets.spheroid(1)[:2], refine=10**18)
     assert {chart.refinement.stopped for chart in made.charts} == {"no improvement"}
 
 
@@ -78,8 +96,7 @@ def test_a_step_is_that_of_the_normal_equations(J):
         return ((r + J @ x) ** 2).sum()
 
     def step(iterations):
-        laplacian = WeightedLaplacian(MESH, ORDER)
-        return unknowns(gauss_newton_step(MESH, Z, errors(Z), 2, 0, laplacian, iterations))
+        return unknowns(step_of(iterations=iterations))
 
     np.testing.assert_allclose(J @ step(150), J @ direct, atol=1e-7)
     # A third of this mesh is boundary, for which the preconditioner is only a diagonal: three
@@ -94,8 +111,7 @@ def test_weights_of_a_step_with_a_smaller_norm(J):
     r = errors(Z)
     w = (r.ravel() ** 2 + np.radians(0.1) ** 2) ** -0.2  # the square root of the weights
     direct = np.linalg.lstsq(w[:, None] * J, -w * r.ravel(), rcond=1e-8)[0]
-    laplacian = WeightedLaplacian(MESH, ORDER)
-    solved = unknowns(gauss_newton_step(MESH, Z, r, 1.2, 0, laplacian, iterations=150))
+    solved = unknowns(step_of(1.2, iterations=150))
     np.testing.assert_allclose(J @ solved, J @ direct, atol=1e-7)
 
 
@@ -127,21 +143,17 @@ def test_the_preconditioner_stays_while_the_weights_hardly_change(monkeypatch):
     monkeypatch.setattr(
         WeightedLaplacian, "factor", lambda *args: factored.append(1) or factor(*args)
     )
-    local = lower_angle_distortion(mesh, f, mesh.interior, 6, 1.5, near=True)[1]
+    local = lowered(mesh, f, 6, near=True)[1]
     assert not factored  # the diagonal does as well
-    assert lower_angle_distortion(mesh, f, mesh.interior, 6, 1.5)[1].after > 0.995 * local.after
+    assert lowered(mesh, f, 6)[1].after > 0.995 * local.after
     few = len(factored)
-    lower_angle_distortion(mesh, f, mesh.interior, 6, 1.2)  # whose weights change too much
+    lowered(mesh, f, 6, 1.2)  # whose weights change too much
     assert few == 1
     assert len(factored) - few == 6
 
 
 def test_damping_holds_the_shear_down():
-    r, laplacian = errors(Z), WeightedLaplacian(MESH, ORDER)
-    lengths = [
-        np.linalg.norm(gauss_newton_step(MESH, Z, r, 2, damping, laplacian))
-        for damping in (0, 1, 100, 1e4)
-    ]
+    lengths = [np.linalg.norm(step_of(damping=damping)) for damping in (0, 1, 100, 1e4)]
     assert lengths == sorted(lengths, reverse=True)
     assert lengths[3] < 0.01 * lengths[0]
 
@@ -184,8 +196,8 @@ def test_a_bad_start_improves_without_a_flip(seed):
     rng = np.random.default_rng(seed)
     scattered = Z.copy()
     scattered[MESH.interior] = rng.uniform(-1, 1, (len(MESH.interior), 2)) @ [1, 1j] / 2
-    f, _ = cdcp_igl.rescue.repair.repaired(MESH, scattered)
-    refined, account = lower_angle_distortion(MESH, f, ORDER, 20, 1.5)
+    f, _ = cdcp_igl.descent.repair.repaired(MESH, scattered)
+    refined, account = lowered(MESH, f, 20)
     assert account.steps > 0
     assert certify(MESH, coordinates(refined)).valid
     assert abs(errors(refined)).mean() < abs(errors(f)).mean()
@@ -196,7 +208,7 @@ def test_no_improvement_returns_the_map_itself(case):
     V, F = meshes.fan(30, 0)
     f = np.append(np.exp(2j * np.pi * np.arange(30) / 30), 0 if case == "exact" else 2)
     mesh = DiskMesh(np.column_stack([f.real, f.imag]) if case == "exact" else V, F)
-    g, account = lower_angle_distortion(mesh, f, mesh.interior, 5, 1.5)
+    g, account = lowered(mesh, f, 5)
     assert g is f
     assert (account.steps, account.after) == (0, account.before)
     assert str(account) == "no improvement"
@@ -204,10 +216,16 @@ def test_no_improvement_returns_the_map_itself(case):
 
 def searched(step):
     """The map that a step leads to if every map is better than the last one."""
-    found = search_along(MESH, Z, step, lambda r: -1, 0, HALVINGS, Disk())
+
+    class Lower(Angles):
+        def measured(self, f, flipped):
+            return Measured(f, -1, errors(f))
+
+    at = Measured(Z, 0, errors(Z))
+    found = Descent(MESH, Z, DISK)._searched(Lower(MESH, DISK, 2), at, step, 0, HALVINGS)
     assert found is not None
-    assert certify(MESH, coordinates(found[0])).valid
-    return found[0]
+    assert certify(MESH, coordinates(found.to.f)).valid
+    return found.to.f
 
 
 def test_a_boundary_that_would_fold_is_not_accepted():
@@ -220,7 +238,7 @@ def test_a_boundary_that_would_fold_is_not_accepted():
 
 def test_where_a_step_flips_faces_it_is_shorter_there_and_nowhere_else():
     vertex, other = MESH.interior[0], MESH.interior[-1]
-    step = gauss_newton_step(MESH, Z, errors(Z), 2, 0, WeightedLaplacian(MESH, ORDER))
+    step = step_of()
     step[vertex] += 0.2  # beyond its neighbours
     f = searched(step)
     assert (f / (Z + step))[other] == pytest.approx(1, abs=1e-12)
@@ -254,7 +272,7 @@ def test_no_step_begins_after_the_time_limit():
 
 
 def test_steps_that_nobody_asked_for_end_where_there_is_little_to_gain_or_no_hope():
-    f, account = lower_angle_distortion(MESH, Z, ORDER, 30, 1.5, least=2, wanted=1)
+    f, account = lowered(MESH, Z, 30, least=2)
     assert account.stopped == "little to gain"
     assert 3 <= account.steps < 30
     assert certify(MESH, coordinates(f)).valid
@@ -281,70 +299,66 @@ def test_a_coarse_map_is_refined():
 
 def test_refinement_ends_before_a_step_that_is_not_accepted():
     answers = chain([True, True], repeat(False))
-    f, account = lower_angle_distortion(MESH, Z, ORDER, 9, 1.5, accepted=lambda f, r: next(answers))
+    f, account = lowered(MESH, Z, 9, accepted=lambda found: next(answers))
     assert (account.steps, account.stopped) == (2, "not conformal")
-    assert np.array_equal(f, lower_angle_distortion(MESH, Z, ORDER, 2, 1.5)[0])
+    assert np.array_equal(f, lowered(MESH, Z, 2)[0])
 
 
 def test_a_step_that_is_not_accepted_is_damped():
     asked = []
 
-    def accepted(f, r):
-        asked.append(abs(f - Z).max())
+    def accepted(found):
+        asked.append(abs(found.f - Z).max())
         return len(asked) > 1
 
-    f, account = lower_angle_distortion(MESH, Z, ORDER, 1, 1.5, accepted=accepted)
+    f, account = lowered(MESH, Z, 1, accepted=accepted)
     assert (account.steps, account.stopped) == (1, "")
     assert asked[1] < 0.9 * asked[0]
     assert abs(f - Z).max() == asked[1]
 
 
-@pytest.mark.parametrize("held", [True, False])
-def test_a_step_that_faces_hold_back_is_followed_by_a_damped_one(held, monkeypatch):
+@pytest.mark.parametrize("length", [0.5, 1])
+def test_a_step_that_faces_hold_back_is_followed_by_a_damped_one(length, monkeypatch):
     """If it gains little; and that by an undamped one again."""
     dampings = []
-
-    def stepped(mesh, f, r, p, damping, *more, **how):
-        dampings.append(damping)
-        return gauss_newton_step(mesh, f, r, p, damping, *more, **how)
-
-    def searched(mesh, f, step, measure, objective, *more):
-        if len(dampings) > 1:
-            return search_along(mesh, f, step, measure, objective, *more)
-        return f, errors(f), (1 - WORTH / 2) * objective, held
-
-    monkeypatch.setattr("cdcp_igl.refine.refinement.gauss_newton_step", stepped)
-    monkeypatch.setattr("cdcp_igl.refine.refinement.search_along", searched)
-    _, account = lower_angle_distortion(MESH, Z, ORDER, 3, 1.5)
-    assert account.steps == 3
-    assert dampings == [0, int(held), 0]
+    monkeypatch.setattr(Angles, "quadratic", lambda self, at, p, damping: dampings.append(damping))
+    schedule = DampedGaussNewton(Angles(MESH, DISK, 1.5))
+    for _ in range(3):
+        schedule.model(None)
+        schedule.went(Taken(Z, length, 1, 1 - HELD_GAIN / 2, 3))
+    assert dampings == [0, int(length < 1), 0]
 
 
 @pytest.mark.parametrize("bad", [0, 1, 2, 3])
 def test_where_rounding_flips_a_face_at_the_end_half_of_the_steps_are_taken(bad):
-    plain, tried, phase = cdcp_igl.disk_map(V, F, refine=0), list[complex](), Phases(None, 0)
+    plain, tried = cdcp_igl.disk_map(V, F, refine=0), list[complex]()
 
-    def finished(f, known):
-        tried.append(f)
-        made = plain.moved_to(f, phase, known)
-        if len(tried) <= bad:
-            made = replace(made, certificate=replace(made.certificate, flipped=np.array([0])))
-        return made
+    class Rounded(DiskProblem):
+        def moved(self, made, f, known):
+            tried.append(super().moved(made, f, known)._f)
+            moved = replace(plain, _f=tried[-1])
+            if len(tried) > bad:
+                return moved
+            return replace(moved, certificate=replace(moved.certificate, flipped=np.array([0])))
 
     options = Options(refine=6, refine_norm=2)
-    made = refined(plain, as_complex(plain.uv), DISK, ORDER, 6, finished, options, phase)
+    made = descended(Rounded(FactoredSurface.of(MESH), options, Phases(None, 0)), plain)
     assert made.valid
     assert (made.refinement.asked, made.refinement.steps) == (6, (6, 3, 1, 0)[bad])
     assert made.refinement.stopped == ("no certificate" if bad else "")
-    expected = tried[bad] if bad < 3 else as_complex(plain.uv)
-    np.testing.assert_array_equal(as_complex(made.uv), expected)
+    np.testing.assert_array_equal(made._f, tried[bad] if bad < 3 else plain._f)
 
 
 def test_steps_that_cannot_make_a_map_conformal_end():
     """Ten of 0.4 % each, and ninety more of them, would leave two thirds."""
-    assert _reason_to_stop([0.004] * 9, 91, 0.2) == ""
-    assert _reason_to_stop([0.004] * 10, 90, 0.2) == "out of reach"
-    assert _reason_to_stop([0.004] * 10, 90, 0.3) == ""
+
+    def reason(steps, error_ratio):
+        limits = Limits(100, least=2, patience=3, worth=0.004, error_ratio=error_ratio)
+        return limits.reason_to_stop([0.004] * steps, 1)
+
+    assert reason(9, 0.2) == ""
+    assert reason(10, 0.2) == "out of reach"
+    assert reason(10, 0.3) == ""
 
 
 def test_no_step_is_taken_if_none_is_wanted():

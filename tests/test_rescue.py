@@ -1,4 +1,4 @@
-"""The rescue: flipped faces repaired, a common shear taken out, what is small moved inwards."""
+"""Other starts than Algorithm 1, flipped faces repaired, what is small moved inwards."""
 
 from functools import partial
 
@@ -10,23 +10,19 @@ from surfaces import arms, blob, skin
 import cdcp_igl
 from benchmarks.measure.punctures import RINGS, opened, row_to_open
 from cdcp_igl import maps
-from cdcp_igl.algorithm import Steps, algorithm_1
+from cdcp_igl.algorithm import Steps, harmonic_map
 from cdcp_igl.arrays import coordinates
+from cdcp_igl.descent.descent import from_tutte
+from cdcp_igl.descent.relaxation import Relaxation, softened
+from cdcp_igl.descent.repair import Neighbourhood, repair_locally, repaired
+from cdcp_igl.phases import Phases
+from cdcp_igl.records import Straightening
 from cdcp_igl.reference import fdcp, harmonic
-from cdcp_igl.refine.balance import lower_shear
-from cdcp_igl.rescue.boundary import BoundaryMethod, arc_length_map, around, harmonic_shares
-from cdcp_igl.rescue.correction import (
-    Straightening,
-    common_shear,
-    deep_vertex,
-    recentered,
-    straighten,
-)
-from cdcp_igl.rescue.harmonic_map import HarmonicMap, Provenance
-from cdcp_igl.rescue.means import EMBEDDING, combined, embedding, mean_value_weights
-from cdcp_igl.rescue.relaxation import Relaxation, softened
-from cdcp_igl.rescue.repair import Neighbourhood, repair_locally, repaired
 from cdcp_igl.solve.factored import FactoredSurface, extended_again, harmonic_extension
+from cdcp_igl.starts.boundary import arc_length_map, around, harmonic_shares
+from cdcp_igl.starts.recentring import deep_vertex, recentered
+from cdcp_igl.starts.straightening import common_shear, straighten
+from cdcp_igl.starts.tutte import WEIGHTS, combined, mean_value_weights, tutte_embedding
 from cdcp_igl.steps.center import central_face
 from cdcp_igl.steps.mobius import at_one, composed, mobius_transformation
 from cdcp_igl.surface.mesh import DiskMesh
@@ -65,22 +61,22 @@ def test_large_faces_hardly_stretched_are_as_good_as_embeddings_make_them(monkey
 
     result = cdcp_igl.disk_map(*saw)
     assert not result.conformal
-    assert not result.is_embedded
-    assert result.conformality.stretch < maps.disk.LITTLE_STRETCH
+    assert result.boundary.laplacian != "mean value"
+    assert result.conformality.stretch < maps.rules.LITTLE_STRETCH
 
-    monkeypatch.setattr(maps.disk, "LITTLE_STRETCH", 0)
+    monkeypatch.setattr(maps.rules, "LITTLE_STRETCH", 0)
     others = cdcp_igl.disk_map(*saw)
     assert len(others.boundary.rejected) > len(result.boundary.rejected)
     assert others.distortion.mean > 0.97 * result.distortion.mean
 
 
-@pytest.mark.parametrize("weights", EMBEDDING[:2])
+@pytest.mark.parametrize("weights", WEIGHTS[:2])
 def test_weights_that_differ_less_embed_what_mean_values_crowd(monkeypatch, weights):
     mesh = DiskMesh(*arms(32, 2))
     f = np.zeros(len(mesh.V), dtype=complex)
     f[mesh.loop] = np.exp(2j * np.pi * np.arange(len(mesh.loop)) / len(mesh.loop))
-    monkeypatch.setattr("cdcp_igl.rescue.means.EMBEDDING", (weights,))
-    embedded, _ = embedding(mesh, f, on_disk=True)
+    monkeypatch.setattr("cdcp_igl.starts.tutte.WEIGHTS", (weights,))
+    embedded, _ = tutte_embedding(mesh, f, on_disk=True)
     assert is_around(embedded[mesh.loop])
     assert (len(flipped_faces(embedded, mesh.F)[0]) == 0) == (weights is not mean_value_weights)
 
@@ -99,9 +95,9 @@ def test_long_legs_are_embedded_by_what_lies_further_out(monkeypatch):
     """Seven times as long as their circumference, each of which shrinks them by exp(-2 pi)."""
     mesh, f = table(3, 30)
     flipped = []
-    for weights in EMBEDDING:
-        monkeypatch.setattr("cdcp_igl.rescue.means.EMBEDDING", (weights,))
-        flipped.append(len(flipped_faces(embedding(mesh, f, on_disk=True)[0], mesh.F)[0]))
+    for weights in WEIGHTS:
+        monkeypatch.setattr("cdcp_igl.starts.tutte.WEIGHTS", (weights,))
+        flipped.append(len(flipped_faces(tutte_embedding(mesh, f, on_disk=True)[0], mesh.F)[0]))
     assert all(flipped[:-1])
     assert flipped[-1] == 0
 
@@ -109,11 +105,11 @@ def test_long_legs_are_embedded_by_what_lies_further_out(monkeypatch):
 def test_what_lies_beyond_a_hole_in_a_leg_is_embedded_around_0():
     """A Möbius transformation takes it there, too, but bends the edges of three vertices."""
     mesh, f = table(1, 40, face=222)
-    weights = EMBEDDING[-1](mesh.V, mesh.F, mesh.angles)
+    weights = WEIGHTS[-1](mesh.V, mesh.F, mesh.angles)
     again = partial(combined, weights, inside=mesh.interior)
     bent, _ = recentered(mesh, again(f), again)
     assert len(flipped_faces(bent, mesh.F)[0]) > 0
-    around, w = embedding(mesh, f, on_disk=True)
+    around, w = tutte_embedding(mesh, f, on_disk=True)
     assert len(flipped_faces(around, mesh.F)[0]) == 0
     assert 0 in around[mesh.interior]
     assert abs(w) < 1
@@ -122,9 +118,9 @@ def test_what_lies_beyond_a_hole_in_a_leg_is_embedded_around_0():
 
 def test_what_a_turn_would_round_away_is_not_turned():
     mesh, f = table(1, 40)
-    start, _ = embedding(mesh, f, on_disk=True)
+    start, _ = tutte_embedding(mesh, f, on_disk=True)
     first = mesh.loop[0]
-    turned = at_one(mesh, lower_shear(mesh, start), first)
+    turned = at_one(mesh, from_tutte(mesh, start), first)
     assert len(flipped_faces(turned, mesh.F)[0]) > 0
     result = cdcp_igl.disk_map(mesh.positions, mesh.F)
     assert result.valid
@@ -146,14 +142,14 @@ def test_the_way_from_an_embedding_does_not_depend_on_it():
     for shares in ([1, 1, 1], [1, 4, 9], [1, 30, 30]):
         f = np.zeros(len(mesh.V), dtype=complex)
         f[mesh.loop] = around(np.array(shares))
-        start, _ = embedding(mesh, f, on_disk=True)
-        moved = lower_shear(mesh, start)
+        start, _ = tutte_embedding(mesh, f, on_disk=True)
+        moved = from_tutte(mesh, start)
         assert is_valid(moved, mesh)
         for means, z in ((before, start), (after, moved)):
             means.append(np.degrees(abs(angle_errors(mesh, z))).mean())
     assert max(before) > 60
     np.testing.assert_allclose(after, 4.95, atol=0.1)
-    assert lower_shear(mesh, folded := start.conj()) is folded
+    assert from_tutte(mesh, folded := start.conj()) is folded
 
 
 @pytest.mark.parametrize(("seed", "size"), [(0, 1), (1, 1), (2, 0)])
@@ -232,7 +228,7 @@ def test_a_map_that_is_little_repaired_keeps_its_moebius_transformation(real_mes
         tries.append(len(flipped_faces(f, mesh.F)[0]))
         return repair_locally(mesh, f, most, **options)
 
-    monkeypatch.setattr("cdcp_igl.maps.selection.repair_locally", counting)
+    monkeypatch.setattr("cdcp_igl.maps.disk.repair_locally", counting)
     V, F = real_mesh("any/closed_arm_8311")
     result = cdcp_igl.disk_map(V, np.delete(F, 8505, axis=0), refine=0)
     assert result.mobius.rejected == ""
@@ -251,11 +247,10 @@ def test_what_repair_has_moved_is_refined(monkeypatch):
     """Unasked, though the scale explains the errors; that is better by a fifth."""
     surface = _crumpled(24, 6, seed=3)
     result = cdcp_igl.disk_map(*surface)
-    assert result.is_repaired
-    assert not result.is_much_repaired
+    assert 0.01 < result.repair.n_moved / len(surface[0]) <= 0.05
     assert result.refinement.steps > 2
 
-    monkeypatch.setattr("cdcp_igl.result.making.REPAIRED", 1)
+    monkeypatch.setattr("cdcp_igl.maps.rules.REPAIRED", 1)
     plain = cdcp_igl.disk_map(*surface)
     assert plain.conformal
     assert plain.refinement is None
@@ -266,13 +261,13 @@ def test_a_map_that_is_much_repaired_is_held_against_one_from_an_embedding(monke
     """Where faces that are hardly open hold refinement up, that is better by a twelfth."""
     surface = _crumpled(6, 8, seed=5)
     result = cdcp_igl.disk_map(*surface)
-    assert result.is_embedded
+    assert result.boundary.laplacian == "mean value"
     assert result.repair.n_moved == 0
 
-    monkeypatch.setattr("cdcp_igl.result.making.MUCH_REPAIRED", 1)
+    monkeypatch.setattr("cdcp_igl.maps.rules.HEAVILY_REPAIRED", 1)
     held_up = cdcp_igl.disk_map(*surface)
     assert held_up.conformal
-    assert held_up.is_repaired
+    assert held_up.repair.n_moved > 0.01 * len(surface[0])
     assert result.distortion.mean < 0.95 * held_up.distortion.mean
 
 
@@ -405,10 +400,10 @@ def test_the_common_shear_is_taken_out(seed):
     V, F = punctured(seed)
     mesh = DiskMesh(V, F)
     surface = FactoredSurface.of(mesh)
-    plain, *_ = algorithm_1(surface, Steps())
-    before = angle_errors(mesh, plain.f)
-    mu, possible = common_shear(plain.f, mesh.F, mesh.angles)
-    f, account = straighten(mesh, plain.f, partial(harmonic_extension, surface))
+    _, plain = harmonic_map(surface, Steps(), Phases())
+    before = angle_errors(mesh, plain)
+    mu, possible = common_shear(plain, mesh.F, mesh.angles)
+    f, account = straighten(mesh, plain, partial(harmonic_extension, surface))
     after = angle_errors(mesh, f)
     assert possible > 0.02
     assert account.after < (1 - 0.5 * possible) * account.before
@@ -457,10 +452,8 @@ def test_what_was_straightened_is_refined_and_says_so(seed, kind):
 def arm():
     """A surface with long arms, its mesh, and its map before the normalisation."""
     surface = FactoredSurface.of(DiskMesh(*arms(20, 1))).delaunay
-    center = central_face(surface)
-    f = harmonic_extension(surface, around(harmonic_shares(surface, center.face)))
-    done = Provenance(center=center, boundary=BoundaryMethod("harmonic measure"))
-    return surface, surface.mesh, HarmonicMap(surface, f, done)
+    shares = harmonic_shares(surface, central_face(surface).face)
+    return surface, surface.mesh, harmonic_extension(surface, around(shares))
 
 
 @pytest.mark.parametrize(("length", "width"), [(20, 1), (60, 3)])
@@ -486,24 +479,18 @@ def test_a_transformation_that_loses_what_is_small_is_not_applied():
 
 def test_the_map_differs_by_a_mobius_transformation(arm):
     """To within the digits that the place of what is small has left."""
-    _, mesh, harmonic = arm
-    before = harmonic.f
-    assert harmonic.needs_correction
-    harmonic = harmonic.corrected(straightened=True)
-    assert 0 < abs(harmonic.w) < 1
-    np.testing.assert_allclose(
-        harmonic.f, mobius_transformation(before, harmonic.w), rtol=0, atol=1e-13
-    )
-    assert abs(abs(harmonic.f[mesh.loop]) - 1).max() < 1e-15
-    lost = flipped_faces(before, mesh.F)[0]
-    assert len(lost) > 0
-    assert certify(mesh, coordinates(harmonic.f)).valid
+    surface, mesh, before = arm
+    f, w = recentered(mesh, before, partial(extended_again, surface))
+    assert 0 < abs(w) < 1
+    np.testing.assert_allclose(f, mobius_transformation(before, w), rtol=0, atol=1e-13)
+    assert abs(abs(f[mesh.loop]) - 1).max() < 1e-15
+    assert len(flipped_faces(before, mesh.F)[0])
+    assert certify(mesh, coordinates(f)).valid
 
 
 def test_extending_again_finds_digits_that_the_solution_has_not(arm):
     """Twice: nothing is found the second time but the rounding of what is there."""
-    surface, mesh, harmonic = arm
-    solved = harmonic.f
+    surface, mesh, solved = arm
     vertex = deep_vertex(mesh, solved, mesh.F)
     once = extended_again(surface, solved - solved[vertex])
     once -= once[vertex]
@@ -532,8 +519,7 @@ def test_what_is_small_next_to_the_circle_stays_there():
 
 
 def test_what_settles_on_the_circle_stays(arm):
-    _, mesh, harmonic = arm
-    f = harmonic.f
+    _, mesh, f = arm
     vertex = deep_vertex(mesh, f, mesh.F)
     same, w = recentered(mesh, f, lambda d: d + (1 - f[vertex]))
     assert same is f

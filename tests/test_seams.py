@@ -272,7 +272,7 @@ def test_forbidden_edges_that_leave_no_way():
         ([0, 1], ValueError, "{} must be edges"),
         ([[0, 1, 2]], ValueError, "{} must be edges"),
         ([[0.0, 1.0]], ValueError, "{} must be edges"),
-        ([[0], [1, 2]], ValueError, "{} must be edges"),
+        ([[0], [1, 2]], ValueError, "{} must be an array of numbers"),
         ("cut", ValueError, "{} must be"),
         (3, ValueError, "{} must be edges"),
     ],

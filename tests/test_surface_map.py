@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 import cdcp_igl
 from cdcp_igl.atlas import charts, cones, even
-from cdcp_igl.atlas.packing import Packing, laid_flat
+from cdcp_igl.result.packing import Packing, laid_flat
 from cdcp_igl.surface.mesh import DiskMesh
 from cdcp_igl.surface.triangles import face_areas
 
@@ -616,15 +616,15 @@ def test_what_is_not_reached_is_said_first():
 
 def test_a_chart_without_a_map_is_parted(monkeypatch):
     """As far as there may be more charts."""
-    made_of = cones.free_map_of
+    made_of = cones.solve
 
-    def of_few_faces(surface, *args, **how):
-        made = made_of(surface, *args, **how)
+    def of_few_faces(problem):
+        made = made_of(problem)
         if len(made.mesh.F) > 200:
             raise cdcp_igl.MapError("no map", made)
         return made
 
-    monkeypatch.setattr(cones, "free_map_of", of_few_faces)
+    monkeypatch.setattr(cones, "solve", of_few_faces)
     V, F = surfaces.sphere()
     result = cdcp_igl.surface_map(V, F)
     assert_consistent(result, V, F)

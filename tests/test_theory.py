@@ -46,7 +46,7 @@ class Surface:
         """Mean angular distortion in degrees of the map with these boundary values."""
         given = Center("given", self.face)
         steps = Steps(lambda _: given, circle=lambda _: f_B)
-        _, f, _ = algorithm_1(self.surface, steps)
+        f = algorithm_1(self.surface, steps)
         return np.degrees(abs(angle_errors(self.mesh, f)).mean())
 
 

@@ -14,21 +14,17 @@ from scipy.sparse import identity
 from cdcp_igl import DiskMap, disk_map
 from cdcp_igl.algorithm import Steps, algorithm_1
 from cdcp_igl.arrays import Complex, Floats, Ints
+from cdcp_igl.descent.collapsed_faces import open_collapsed_faces
+from cdcp_igl.descent.repair import repair_locally, repaired
 from cdcp_igl.errors import MapError
-from cdcp_igl.maps.selection import chosen
+from cdcp_igl.maps import rules
+from cdcp_igl.records import Repair, Straightening
 from cdcp_igl.reference.certified import certified_disk_map
-from cdcp_igl.rescue.boundary import FALLBACKS, STARTS, _balanced
-from cdcp_igl.rescue.collapsed_faces import open_collapsed_faces
-from cdcp_igl.rescue.correction import Straightening, recentered, straighten
-from cdcp_igl.rescue.relaxation import Relaxation
-from cdcp_igl.rescue.repair import (
-    Neighbourhood,
-    Repair,
-    repair_locally,
-    repaired,
-)
 from cdcp_igl.solve.factored import FactoredSurface
 from cdcp_igl.solve.solvers import factorize
+from cdcp_igl.starts.boundary import FALLBACKS, STARTS, _balanced
+from cdcp_igl.starts.recentring import recentered
+from cdcp_igl.starts.straightening import straighten
 from cdcp_igl.steps.center import Center, central_face
 from cdcp_igl.steps.circle import Rejected, onto_circle, whiten_trace
 from cdcp_igl.steps.zipper import geodesic_map
@@ -68,7 +64,7 @@ def _map(V: Floats, F: Ints, *, steps: Steps) -> Floats:
     """Algorithm 1 without fallbacks."""
     surface = FactoredSurface.of(DiskMesh(V, F))
     try:
-        _, f, _ = algorithm_1(surface, steps)
+        f = algorithm_1(surface, steps)
     except Rejected as reason:
         raise MapError(str(reason)) from reason
     f, _ = repaired(surface.mesh, f)
@@ -146,26 +142,12 @@ def _without_starts() -> AbstractContextManager[Any]:
     return mock.patch.dict(STARTS, clear=True)
 
 
-def _chosen_if_any(candidates: list[DiskMap], rejected: tuple[str, ...]) -> DiskMap:
-    if not candidates:  # which the library never comes to: arc length is always possible
-        raise MapError(f"No boundary is left, rejected {'; '.join(rejected)}")
-    return chosen(candidates, rejected)
-
-
 def _not_balanced(surface: object, shares: Floats) -> Floats:
     return shares
 
 
 def _not_repaired(mesh: DiskMesh, f: Complex, most: float = np.inf) -> tuple[Complex, Repair]:
     return f, Repair(len(flipped_faces(f, mesh.F)[0]))
-
-
-def _not_swept(self: Relaxation, f: Complex, times: int, softness: float = 0.0) -> Complex:
-    return f
-
-
-def _not_relaxed(self: Neighbourhood, g: Complex, rings: int) -> Complex:
-    return g
 
 
 def _not_straightened(mesh: DiskMesh, f: Complex, extend: object) -> tuple[Complex, Straightening]:
@@ -181,22 +163,24 @@ MECHANISMS: Mapping[str, Without] = {
     "balance of harmonic measure": partial(_replaced, _balanced, _not_balanced),
     "arc length": partial(_without_boundary, "arc length"),
     "local repair": partial(_replaced, repair_locally, _not_repaired),
-    "relaxation of what is repaired": partial(_patched, Relaxation, "sweep", _not_swept),
-    "relaxation of flipped faces": partial(_patched, Neighbourhood, "relax_flipped", _not_relaxed),
-    "embeddings": _without_starts,
+    "Tutte embeddings": _without_starts,
     "straightening": partial(_replaced, straighten, _not_straightened),
     "recentering": partial(_replaced, recentered, _not_moved),
     "opening of collapsed faces": partial(_replaced, open_collapsed_faces, _not_moved),
-    "refinement as needed": partial(_patched, DiskMap, "steps_due", 0),
+    "refinement by default": partial(_patched, rules, "default_steps", lambda *_: 0),
 }
 
 
 def _mapped(V: Floats, F: Ints, *, without: tuple[str, ...] = ()) -> DiskMap:
     with ExitStack() as stack:
-        stack.enter_context(_replaced(chosen, _chosen_if_any))
         for name in without:
             stack.enter_context(MECHANISMS[name]())
-        return disk_map(V, F)
+        try:
+            return disk_map(V, F)
+        except (
+            Rejected
+        ) as reason:  # which the library never comes to: arc length is always possible
+            raise MapError(str(reason)) from reason
 
 
 RESCUES: Mapping[str, Candidate] = {

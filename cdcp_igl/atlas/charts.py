@@ -16,23 +16,23 @@ from ..arguments import is_real, is_whole
 from ..arrays import Bools, Floats, Ints, as_complex, coordinates
 from ..errors import MapError
 from ..maps.disk import made_disk_map
-from ..maps.free import FreeMap
 from ..options import Options
 from ..phases import Progress
-from ..rescue.boundary import by_inscribed_angles
 from ..result.disk_map import DiskMap
+from ..result.free_map import FreeMap
 from ..solve.solvers import using
+from ..starts.boundary import by_inscribed_angles
 from ..steps.mobius import conformal_barycenter
 from ..surface.triangles import face_areas, vertex_areas
 from ..verdict.certificate import certify
 from ..verdict.distortion import conformal_factor
 from ..verdict.outline import certify_outline
+from ..verdict.texels import variation
 from .cones import Draft
 from .cut_graph import Component, OpenedComponent, fill_holes
 from .cut_paths import branch_to, open_to_disk, straighten
 from .even import even_drafts, exact_nets, halves
 from .parting import LEAST_FACES, limbs, narrow_side, parted_by, pieces
-from .texels import variation
 
 # A round of growth is kept if it lowers the scale variation, or the angle error, by more than this
 # share.
@@ -241,22 +241,22 @@ def _made_like(chart: Chart, component: Component, options: Options) -> Chart | 
     opened = chart.opened.moved(component)
     if not is_free and len(component.F) == 1 and options.mobius != "area" and not options.refine:
         mesh = known.mesh.moved(component.V)
-        uv = coordinates(by_inscribed_angles(mesh))
+        f = by_inscribed_angles(mesh)
         # The barycentre is 0 in the equilateral triangle, where the scale is 1 / sin^2.
         varies = variation(2 * np.log(np.sin(mesh.angles)).ravel())
     elif _same_angles(component, chart.opened.component):
-        mesh, uv = known.mesh.moved(opened.positions), known.uv
+        mesh, f = known.mesh.moved(opened.positions), known._f
     else:
         return None
     if is_free:
         area, other = (
             face_areas(each.V, each.F).sum() for each in (component, chart.opened.component)
         )
-        uv = np.sqrt(area / other) * uv
-    certificate = (certify_outline if is_free else certify)(mesh, uv)
+        f = as_complex(mesh.in_own_unit(np.sqrt(area / other) * known.uv))
+    certificate = (certify_outline if is_free else certify)(mesh, coordinates(f))
     if not certificate.valid:
         return None
-    same: dict[str, Any] = {"mesh": mesh, "uv": uv, "certificate": certificate, "timings": {}}
+    same: dict[str, Any] = {"mesh": mesh, "_f": f, "certificate": certificate, "timings": {}}
     made = replace(known, **same)
     return replace(chart, opened=opened, map=made, scale_variation=varies)
 

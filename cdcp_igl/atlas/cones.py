@@ -18,16 +18,18 @@ from ..arrays import Floats, Ints, marked
 from ..cached import cached_property
 from ..maps.boundary_first import curvatures
 from ..maps.disk import factored_surface
-from ..maps.free import FreeMap, free_map_of, own_outline
+from ..maps.free import FreeProblem, boundary_of, own_outline
+from ..maps.problem import solve
 from ..options import Options
 from ..phases import Phases
+from ..result.free_map import FreeMap
 from ..solve.factored import FactoredSurface
 from ..surface.triangles import face_areas, vertex_areas
 from ..verdict.outline import OutlineCertificate
+from ..verdict.texels import variation
 from .cut_graph import OpenedComponent
 from .cut_paths import branch_to
 from .parting import LEAST_FACES
-from .texels import variation
 
 MOST_CONES = 16  # in one round
 
@@ -116,13 +118,14 @@ class Draft:
 
     def map(self, enough: float = np.inf, *, may_ease: bool = True) -> FreeMap:
         """Go on to the map, and refine it if its mean error is more than so many degrees."""
-        return free_map_of(
-            *(self.surface, None, None, self.options, self.phase),
+        problem = FreeProblem(
+            *(self.surface, boundary_of(self.surface.mesh), self.options, self.phase),
             keep_factor=enough == np.inf,  # there may be another map after this
             enough=enough,
             may_ease=may_ease,
             known=self._plain,
         )
+        return solve(problem)
 
     def _centred(self, u: Floats) -> Floats:
         return u - self.area @ u

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from ..arrays import Complex, Floats, Ints, as_complex, coordinates, marked
+from ..arrays import Complex, Floats, marked
+from ..descent.placing import judged
+from ..descent.preconditioning import WeightedLaplacian
+from ..descent.repair import repair_locally, repairable
+from ..descent.targets import Ring
 from ..docstrings import like
-from ..errors import Defect, MeshError, counted
+from ..errors import Defect, MeshError
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
-from ..plot.layout import Layout
-from ..refine.targets import Ring
-from ..rescue.boundary import BoundaryMethod
-from ..rescue.repair import repair_locally, repairable
-from ..result.base import announced, how_made, valid_map
-from ..result.making import MadeMap, best_of, fields_of, refined, steps_of
+from ..result.annulus_map import AnnulusMap
+from ..result.base import announced
 from ..solve.factored import FactoredSurface
 from ..solve.solvers import SolverName, using
 from ..steps.circle import Rejected
@@ -33,112 +31,13 @@ from ..surface.filling import fill_hole, with_middle
 from ..surface.mesh import AnnulusMesh, Mesh
 from ..surface.topology import Topology, by_reach
 from ..surface.validation import checked_surface
-from ..verdict.certificate import Certificate, certify_ring
+from ..verdict.certificate import certify_ring
 from ..verdict.distortion import map_distortion
 from .disk import disk_map
+from .problem import OnTarget, Problem, Start, solve
 from .rings import embedded_ring
 
-EMBEDDED = "arc length, hole filled"
 LEAST_SHARE, FAIR_SHARE = 1e-9, 1e-7  # of a turn, for each edge of a loop; faces then have an area
-REMEDY = (
-    "Parts of it may be too small for double precision: cut the surface, or fill a hole "
-    "(cdcp_igl.surface_map)"
-)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class AnnulusMap(MadeMap):
-    """A conformal map onto a ring around 0. Printing it gives a summary.
-
-    Attributes
-    ----------
-    uv : (n, 2) float64
-        Row i is the image of row i of V, between the circles of radius `radius` and 1; few corners
-        of a hole may lie on one half of its circle, and vertices between that and their chords.
-        The vertex of smallest index of the loop that reaches farthest lies at (1, 0).
-    mesh : AnnulusMesh
-        The surface; holes that were filled come last.
-    modulus : float
-        log(1 / inner radius) / (2 pi) of the exact map, a conformal invariant of the surface: of
-        a cylinder, its length by its circumference.
-    modulus_bounds : (float, float)
-        Between which the modulus of the polyhedral surface lies, but for rounding: the logarithm
-        of the radius and the angle are trial functions in Dirichlet's principle. `modulus` is
-        their geometric mean.
-    radius : float
-        Of the inner circle. Its logarithm is near -2 pi times the modulus: such that all that flows
-        through the one flows around the other, or as refinement has left it.
-    boundary : str
-        ``"flux"``: angles on the loops are what flows through them. Where that leaves flipped
-        faces, or is not conformal even if refined, the outer loop begins by arc length, in an
-        embedding of the disk that is there when the hole is filled: ``"arc length, hole filled"``.
-        The best one is taken.
-    filled : int
-        Boundary loops beyond two that were filled; those faces are not in the results.
-    certificate : Certificate
-        As of a `DiskMap`, with both circles in place of one: errors are relative to the radius.
-    conformality, distortion, repair, refinement, solver, timings
-        As of a `DiskMap`.
-
-    Examples
-    --------
-    >>> import cdcp_igl
-    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
-    >>> cdcp_igl.annulus_map(V[1:], F[F.min(axis=1) > 0] - 1).filled
-    0
-    """
-
-    uv: Floats
-    mesh: AnnulusMesh
-    modulus: float
-    modulus_bounds: tuple[float, float]
-    radius: float
-    boundary: str
-    filled: int
-    certificate: Certificate
-    _whole: Floats  # with the images of vertices that fill holes
-    _n_faces: int
-
-    _kind = "annulus"
-    _plane = "Ring"
-    _reported = ("modulus", "modulus_bounds", "radius", "filled")
-
-    @property
-    def is_embedded(self) -> bool:
-        """Whether the map comes from an embedding of a disk."""
-        return self.boundary == EMBEDDED
-
-    def _made(self) -> dict[str, Any]:
-        return how_made(self, BoundaryMethod(self.boundary), "none")
-
-    def packed(self) -> Floats:
-        """Return the square around the ring, scaled to the unit square: texture coordinates."""
-        return (self.uv + 1) / 2
-
-    def _key_figure(self) -> str:
-        return f"modulus {self.modulus:.6g}"
-
-    def _steps(self) -> list[tuple[str, str]]:
-        low, high = self.modulus_bounds
-        filled = [("change", f"filled {counted(self.filled, 'hole', 'holes')}")]
-        return [
-            ("modulus", f"{self.modulus:.8g}, from {low:.8g} to {high:.8g}"),
-            ("inner radius", f"{self.radius:.6g}"),
-            ("boundary", self.boundary),
-            *(filled if self.filled else []),
-            *super()._steps(),
-        ]
-
-    def _surface(self) -> tuple[Floats, Ints]:
-        return self.mesh.positions[: len(self.uv)], self._faces
-
-    @property
-    def _faces(self) -> Ints:
-        return self.mesh.F[: self._n_faces]
-
-    def _layout(self) -> Layout:
-        V = self.mesh.V[: len(self.uv)]
-        return self._drawn(V, self._faces, self.uv, self._key_figure())
 
 
 @takes_meshes
@@ -207,47 +106,79 @@ def annulus_map(
                 raise MeshError(Defect.of("face on the inner circle", rows))
             if len(across := mesh.edges.ends(mesh.edges.chords(inner))):
                 raise MeshError(Defect.of("edge across the inner circle", across))
+        return announced(solve(RingProblem(mesh, (n, m), filled, options, phase)))
+
+
+class RingProblem(Problem[AnnulusMap]):
+    """A surface with two boundary loops onto a ring.
+
+    `size` are the numbers of vertices and faces that were given, `filled` of holes that were not.
+    """
+
+    onto = " onto the ring"
+    remedy = (
+        "Parts of it may be too small for double precision: cut the surface, or fill a hole "
+        "(cdcp_igl.surface_map)"
+    )
+    mesh: AnnulusMesh
+
+    def __init__(
+        self, mesh: AnnulusMesh, size: tuple[int, int], filled: int, options: Options, phase: Phases
+    ) -> None:
+        super().__init__(mesh, options, phase)
+        self._size, self._filled = size, filled
         with phase("factor"):
-            surface = FactoredSurface.of(mesh)
+            self.surface = FactoredSurface.of(mesh)
         with phase("trace"):
-            strip, bounds = ring_map(surface)
+            self._strip, self._bounds = ring_map(self.surface)
 
-        def finished(strip: Complex, known: float = 0.0, *, boundary: str) -> AnnulusMap:
-            with phase("repair"):
-                f = np.exp(strip - 1j * strip.imag[mesh.loops[0][0]])
-                f, repair = repair_locally(mesh, f, repairable(mesh))
-            with phase("certificate"):
-                certificate = certify_ring(mesh, f)
-                degrees = map_distortion(mesh, f)
-                fields = fields_of(mesh, f, degrees, certificate, repair, known=known)
-            return AnnulusMap(
-                **fields,
-                uv=coordinates(f)[:n],
-                modulus=float(np.sqrt(bounds[0] * bounds[1])),
-                modulus_bounds=bounds,
-                radius=float(abs(f[mesh.loops[1]]).mean()),
-                boundary=boundary,
-                filled=filled,
-                solver=surface.solver,
-                timings=phase.seconds,
-                _whole=coordinates(f),
-                _n_faces=m,
-            )
+    def starts(self) -> Iterator[Start[AnnulusMap]]:
+        """Yield the map by the flux, and the one in which no edge has too little of it."""
+        yield partial(self._placed, self._strip, "flux")
+        fair, _ = ring_map(self.surface, least=FAIR_SHARE)
+        if not np.array_equal(fair, self._strip):
+            yield partial(self._placed, fair, "flux")
 
-        def lowered(name: str, strip: Complex) -> AnnulusMap:
-            plain = finished(strip, boundary=name)
-            if not (steps := steps_of(plain, options)):
-                return plain
-            f, again = np.log(as_complex(plain._whole)), partial(finished, boundary=name)
-            return refined(plain, f, Ring(), surface.order, steps, again, options, phase)
+    def tutte_starts(self, best: AnnulusMap) -> Iterator[Start[AnnulusMap]]:
+        """Yield the map from the embedding of a disk in which the hole is filled."""
+        with suppress(MeshError, Rejected):
+            strip = np.log(embedded_ring(self.mesh))
+            yield partial(self._placed, strip, "arc length, hole filled")
 
-        def enough(made: AnnulusMap) -> bool:
-            return made.is_acceptable or (made.valid and options.refine == 0)
+    def needs_no_other_start(self, made: AnnulusMap) -> bool:
+        """Whether no Tutte embedding may lead nearer to the conformal map."""
+        return made.is_acceptable or (made.valid and self.options.refine == 0)
 
-        best = best_of((partial(lowered, *way) for way in _strips(surface, strip)), enough)
-    best = valid_map(best, " onto the ring", REMEDY)
-    phase.done()
-    return announced(best)
+    def _placed(self, strip: Complex, boundary: str, known: float = 0.0) -> AnnulusMap:
+        """Turn a map to a strip (n,), roll it up; repair, certify and judge it."""
+        mesh, bounds = self.mesh, self._bounds
+        with self.phase("repair"):
+            f = np.exp(strip - 1j * strip.imag[mesh.loops[0][0]])
+            f, repair = repair_locally(mesh, f, repairable(mesh))
+        with self.phase("certificate"):
+            degrees, certificate = map_distortion(mesh, f), certify_ring(mesh, f)
+            fields = judged(mesh, f, degrees, certificate, repair, known)
+        return AnnulusMap(
+            **fields,
+            _f=f,
+            modulus=float(np.sqrt(bounds[0] * bounds[1])),
+            modulus_bounds=bounds,
+            radius=float(abs(f[mesh.loops[1]]).mean()),
+            boundary=boundary,
+            filled=self._filled,
+            solver=self.surface.solver,
+            timings=self.phase.seconds,
+            _size_given=self._size,
+        )
+
+    def on_target(self, made: AnnulusMap) -> OnTarget:
+        """Return a map as descent sees it: the logarithm, whose circles are straight."""
+        laplacian = WeightedLaplacian(self.mesh, self.surface.order)
+        return OnTarget(Ring(), np.log(made._f), laplacian)
+
+    def moved(self, made: AnnulusMap, f: Complex, known: float) -> AnnulusMap:
+        """Return what descent made of a map."""
+        return self._placed(f, made.boundary, known)
 
 
 def _filled(V: ArrayLike, F: ArrayLike) -> tuple[AnnulusMesh, tuple[int, int], int]:
@@ -266,19 +197,6 @@ def _filled(V: ArrayLike, F: ArrayLike) -> tuple[AnnulusMesh, tuple[int, int], i
                 positions = with_middle(positions, positions[loop])
             filling.append(patch)
     return AnnulusMesh(corners, np.vstack(filling)), size, len(filling) - 1
-
-
-def _strips(surface: FactoredSurface, strip: Complex) -> Iterator[tuple[str, Complex]]:
-    """Yield a map to a strip (n,), and others that may be better, with their names.
-
-    No edge of a ring turns by pi or more around 0, and none crosses the inner circle.
-    """
-    yield "flux", strip
-    fair, _ = ring_map(surface, least=FAIR_SHARE)
-    if not np.array_equal(fair, strip):
-        yield "flux", fair
-    with suppress(MeshError, Rejected):
-        yield EMBEDDED, np.log(embedded_ring(surface.mesh))
 
 
 def ring_map(

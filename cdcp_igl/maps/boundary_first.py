@@ -46,7 +46,7 @@ def scale_of_angles(pinned: FactoredSurface, angles: Floats) -> Floats:
     return pinned.solve(r)[loop]
 
 
-def pinned(surface: FactoredSurface) -> FactoredSurface:
+def grounded(surface: FactoredSurface) -> FactoredSurface:
     """Factor the Laplacian but for the row of the first boundary vertex."""
     mesh = surface.mesh
     return FactoredSurface(mesh, surface.laplacian, ~marked(len(mesh.V), mesh.loop[0]))

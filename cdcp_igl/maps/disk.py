@@ -2,34 +2,60 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..algorithm import Steps, algorithm_1
-from ..arrays import Complex, Floats, as_complex
+from ..algorithm import Steps, as_printed, harmonic_map
+from ..arrays import Complex, Floats, marked
+from ..cached import cached_property
+from ..descent.collapsed_faces import open_collapsed_faces
+from ..descent.descent import from_tutte
+from ..descent.placing import judged
+from ..descent.preconditioning import WeightedLaplacian
+from ..descent.repair import repair_locally, repairable
+from ..descent.targets import DISK
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
-from ..refine.targets import DISK
-from ..rescue.harmonic_map import HarmonicMap
-from ..result.base import announced, valid_map
-from ..result.disk_map import DiskMap, judged
-from ..result.making import refined, steps_of
-from ..solve.factored import FactoredSurface
+from ..records import BoundaryMethod, Repair, Straightening
+from ..result.base import announced
+from ..result.disk_map import DiskMap
+from ..result.keeping import kept_map
+from ..solve.factored import FactoredSurface, extended_again, harmonic_extension
 from ..solve.laplacian import cotangent_laplacian
 from ..solve.solvers import SolverName, using
-from ..steps.center import CenterMethod
+from ..starts.boundary import FALLBACKS, STARTS, by_inscribed_angles
+from ..starts.recentring import recentered
+from ..starts.straightening import straighten
+from ..starts.tutte import tutte_embedding
+from ..steps.center import Center, CenterMethod, central_face
 from ..steps.circle import Rejected
-from ..steps.mobius import rotate
-from ..surface.mesh import DiskMesh
-from .selection import chosen, embedded, inscribed, is_good, rescue
+from ..steps.mobius import (
+    FREE,
+    FREE_SHARE,
+    MobiusMethod,
+    Normalization,
+    Placed,
+    at_one,
+    composed,
+    normalized,
+    rotate,
+)
+from ..surface.mesh import DiskMesh, Mesh
+from ..surface.triangles import flipped_faces
+from ..verdict.certificate import certify_disk
+from ..verdict.distortion import map_distortion
+from . import rules
+from .problem import OnTarget, Problem, Start, solve
 
-LITTLE_STRETCH = 1.6  # of maps with large faces: no other map has a mean lower by 5 %
+log = logging.getLogger("cdcp_igl")
+
 REMEDY = (
     "Boundary: {0.boundary}. Parts of it may be too small on the disk for double precision: cut "
     "the surface where it is long or branches (cdcp_igl.cut)"
@@ -203,7 +229,7 @@ def made_disk_map(
     """Map a disk as `disk_map` does, without a word where the map is not conformal."""
     phase = Phases(progress, options.refine or 0)
     with using(options.solver):
-        return map_of(factored_surface(V, F, options, phase), options, phase)
+        return solve(DiskProblem(factored_surface(V, F, options, phase), options, phase))
 
 
 def factored_surface(
@@ -219,125 +245,289 @@ def factored_surface(
         return FactoredSurface(mesh, L)
 
 
-def map_of(
-    surface: FactoredSurface,
-    options: Options,
-    phase: Phases,
-    *,
-    known: dict[object, HarmonicMap] | None = None,
-) -> DiskMap:
-    """Map a factored surface by Algorithm 1, and where that map is not good, rescue it.
+@dataclass(frozen=True, eq=False)
+class _OnDisk(Placed):
+    """A map on the disk, what was done about its flipped faces, and how many were held open."""
 
-    A surface that will be mapped again keeps its factor, and what is `known` of it: the last
-    harmonic map of Algorithm 1, by the options that it depends on.
+    n_opened: int
+    repair: Repair
+
+
+@dataclass(frozen=True, eq=False)
+class _Harmonic:
+    """A map f (n,) onto the disk before its Möbius transformation, and how it was made.
+
+    It is harmonic for the Laplacian of `surface`, or from a Tutte embedding. The point `w` has gone
+    to 0, lest the faces around it be too small; 0 if none has.
     """
-    steps = Steps.of(options)
-    if len(surface.mesh.interior) == 0 and options.preset is None:
-        best = inscribed(surface, steps.center(surface), options, phase)
-        return finish(surface, best, options, phase, keep_factor=known is not None)
-    try:
-        before = known.get(options.first_steps) if known else None
-        harmonic, f, mobius = algorithm_1(surface, steps, phase, before)
-    except Rejected as reason:
-        best = rescue(surface, steps.center(surface), reason, options, phase)
-    else:
+
+    surface: FactoredSurface
+    f: Complex
+    boundary: BoundaryMethod
+    w: complex = 0j
+    straightening: Straightening = field(default_factory=Straightening)
+
+    def corrected(self, *, straightened: bool) -> _Harmonic:
+        """Take the common shear out if asked to, and move a tiny region deep inside to 0."""
+        surface, mesh, f, done = self.surface, self.surface.mesh, self.f, self.straightening
+        if straightened:
+            f, done = straighten(mesh, f, partial(harmonic_extension, surface))
+        f, w = recentered(mesh, f, partial(extended_again, surface))
+        return replace(self, f=f, w=w, straightening=done)
+
+
+class DiskProblem(Problem[DiskMap]):
+    """A disk onto the unit disk.
+
+    A surface that will be mapped again keeps its factor, and `known`, the last harmonic map of
+    Algorithm 1 by the options that it depends on.
+    """
+
+    onto, remedy = " onto the disk", REMEDY
+
+    def __init__(
+        self,
+        surface: FactoredSurface,
+        options: Options,
+        phase: Phases,
+        known: dict[object, tuple[Center, Complex]] | None = None,
+    ) -> None:
+        super().__init__(surface.mesh, options, phase)
+        self.surface, self._known = surface, known
+        self._tried: list[tuple[_Harmonic, DiskMap]] = []
+
+    @cached_property
+    def algorithm(self) -> Steps:
+        """The steps of Algorithm 1 that the options ask for; the central face is found once."""
+        steps = Steps(partial(central_face, center=self.options.center))
+        steps = as_printed() if self.options.preset == "paper" else steps
+        return replace(steps, center=cache(steps.center))
+
+    @cached_property
+    def center(self) -> Center:
+        """The central face."""
+        return self.algorithm.center(self.surface)
+
+    def starts(self) -> Iterator[Start[DiskMap]]:
+        """Yield Algorithm 1, then other boundaries on the intrinsic Delaunay Laplacian.
+
+        If the map will be refined, one other boundary is enough: Tutte embeddings, which come next,
+        lead nearer than a third. Where all are sheared, many flipped faces are repaired, too.
+        """
+        if len(self.mesh.interior) == 0 and self.options.preset is None:
+            yield self._inscribed
+            return
+        yield self._geodesic
+        for name in FALLBACKS:
+            before = len(self._tried)
+            yield partial(self._on_delaunay, name)
+            if self._may_refine and len(self._tried) > before:
+                break
+        if all(made.conformality.sheared for _, made in self._tried):
+            for harmonic, made in sorted(self._tried, key=lambda pair: rules.rank(pair[1])):
+                if not (made.valid or made.repair.rounds):
+                    yield partial(self._much_repaired, harmonic)
+
+    @property
+    def _may_refine(self) -> bool:
+        return self.options.preset is None and self.options.refine != 0
+
+    def is_good_start(self, made: DiskMap) -> bool:
+        """Whether no other harmonic map may lead nearer to the conformal one."""
+        return not rules.may_be_improved(made, self.options)
+
+    def _geodesic(self) -> DiskMap:
+        """Map by Algorithm 1."""
+        options, known = self.options, self._known
+        if known and options.first_steps in known:
+            self.center, f = known[options.first_steps]
+        else:
+            self.center, f = harmonic_map(self.surface, self.algorithm, self.phase)
         if known is not None:
             known.clear()
-            known[options.first_steps] = harmonic
-        f = rotate(surface.mesh, f, options.align)
-        best = judged(surface.mesh, f, replace(harmonic.done, mobius=mobius), surface.solver, phase)
-        if not is_good(best, harmonic, options):
-            best = rescue(surface, best.center, harmonic, options, phase)
-    return finish(surface, best, options, phase, keep_factor=known is not None)
+            known[options.first_steps] = self.center, f
+        return self._judged(_Harmonic(self.surface, f, BoundaryMethod("geodesic")))
+
+    def _on_delaunay(self, name: str) -> DiskMap:
+        """Map harmonically on the Delaunay Laplacian, the boundary by a method without curve."""
+        with self.phase("circle"):
+            f_B = FALLBACKS[name](self.surface, self.center.face)
+        with self.phase("extension"):
+            delaunay = self.surface.delaunay
+            f = extended_again(delaunay, harmonic_extension(delaunay, f_B))  # (10)
+        method = BoundaryMethod(name, laplacian="intrinsic Delaunay")
+        return self._judged(_Harmonic(delaunay, f, method))
+
+    def _judged(self, harmonic: _Harmonic) -> DiskMap:
+        """Place a harmonic map, and repair it if few faces are flipped."""
+        with self.phase("mobius"):
+            harmonic = harmonic.corrected(straightened=self.options.preset is None)
+        made = self._normalized(harmonic, repairable(self.mesh, rules.FEW_FLIPPED))
+        self._tried.append((harmonic, made))
+        return made
+
+    def _inscribed(self) -> DiskMap:
+        """Map a surface without interior vertices, all of whose faces are inscribed."""
+        with self.phase("circle"):
+            f = by_inscribed_angles(self.mesh)
+        harmonic = _Harmonic(self.surface, f, BoundaryMethod("inscribed angles"))
+        return self._placed(harmonic, self.options.mobius_method, np.inf)
+
+    def _much_repaired(self, harmonic: _Harmonic) -> DiskMap:
+        """Repair also many flipped faces, and do without a Möbius transformation."""
+        made = self._placed(harmonic, None, repairable(self.mesh))
+        method = self.options.mobius_method
+        return replace(made, mobius=Normalization(method, 0j, "repair", 0.0)) if method else made
+
+    def tutte_starts(self, best: DiskMap) -> Iterator[Start[DiskMap]]:
+        """Yield maps that no flipped face keeps from coming near: Tutte embeddings of low shear."""
+        if self.options.preset is None and len(self.mesh.interior):
+            yield from (partial(self._from_tutte, name) for name in STARTS)
+
+    def _from_tutte(self, name: str) -> DiskMap:
+        mesh, phase = self.mesh, self.phase
+        f = np.zeros(len(mesh.V), dtype=complex)
+        with phase("circle"):
+            f[mesh.loop] = STARTS[name](self.surface, self.center.face)
+        with phase("repair"):
+            start, w = tutte_embedding(mesh, f, on_disk=True)
+            if len(flipped_faces(start, mesh.F)[0]):
+                raise Rejected(f"{name}: it crowds the mean values too much for double precision")
+            f = _sheared_less(mesh, start)
+        # Repair would take long, and an embedding has no need of it.
+        method = BoundaryMethod(name, laplacian="mean value")
+        return self._normalized(_Harmonic(self.surface, f, method, w), 0)
+
+    def needs_no_other_start(self, made: DiskMap) -> bool:
+        """Whether no Tutte embedding may lead nearer to the conformal map."""
+        as_asked = made.valid and self.options.refine == 0
+        return as_asked or rules.needs_no_other_start(made)
+
+    def _normalized(self, harmonic: _Harmonic, most: float) -> DiskMap:
+        """Apply the Möbius transformation, unless the map is better without it; repair, and judge.
+
+        A transformed map that repair was tried on, which may be in vain, or that has moved a small
+        part of the surface away from 0, is held against the map without the transformation; but not
+        if few vertices were moved, and would be there, too: then the transformation lowers the
+        distortion. At `most` so many flipped faces are repaired.
+        """
+        mesh, method = self.mesh, self.options.mobius_method
+        made = self._placed(harmonic, method, most)
+        if made.mobius.w == harmonic.w or not (harmonic.w or made.repair.rounds):
+            return made
+        heavily = rules.repaired_part(made) > rules.HEAVILY_REPAIRED
+        little = made.valid and not (harmonic.w or heavily)
+        if method != "area" and little and len(flipped_faces(harmonic.f, mesh.F)[0]):
+            return made
+        plain = self._placed(harmonic, None, most)
+        part = rules.PRICE_OF_AREA if method == "area" else FREE_SHARE
+        price = max(part * plain.distortion.mean, np.degrees(FREE))
+        if _order(plain, price) < _order(made):
+            rejected = made.mobius.rejected or "repair"
+            mobius = replace(made.mobius, w=harmonic.w, rejected=rejected, reached=0.0)
+            return replace(plain, mobius=mobius)
+        return made
+
+    def _placed(self, harmonic: _Harmonic, method: MobiusMethod | None, most: float) -> DiskMap:
+        """Take the last step of Algorithm 1, open collapsed faces, repair the map, judge it."""
+        mesh, align = self.mesh, self.options.align
+
+        def place(f: Complex) -> _OnDisk:
+            f, n_opened = open_collapsed_faces(mesh, rotate(mesh, f, align))
+            f, repair = repair_locally(mesh, f, most)
+            return _OnDisk.of(mesh, f, n_opened=n_opened, repair=repair)
+
+        with self.phase("mobius"):
+            placed, mobius = normalized(
+                mesh, harmonic.f, method, place, repaired=True
+            )  # (19), (20)
+        if placed.repair.n_flipped:
+            log.info("%s", placed.repair)
+        with self.phase("certificate"):
+            f = placed.f
+            certificate = certify_disk(mesh, f, placed.flipped)
+            fields = judged(mesh, f, map_distortion(mesh, f), certificate, placed.repair)
+        return DiskMap(
+            **fields,
+            _f=f,
+            center=self.center,
+            boundary=replace(harmonic.boundary, n_opened=placed.n_opened),
+            straightening=harmonic.straightening,
+            mobius=replace(mobius, w=composed(harmonic.w, mobius.w)),
+            solver=harmonic.surface.solver,
+            timings=self.phase.seconds,
+        )
+
+    def chosen(self, made: list[DiskMap], failures: list[str]) -> DiskMap:
+        """Return the best map, which tells which others were tried, and why they are not it."""
+        best, *others = sorted(made, key=rules.rank) if made[1:] else made
+        before = [reason for one in made for reason in one.boundary.rejected]
+        why = tuple(dict.fromkeys((*before, *failures, *map(_objection, others))))
+        for objection in why:
+            log.info("boundary by %s, rejected %s", best.boundary.name, objection)
+        return replace(best, boundary=replace(best.boundary, rejected=why))
+
+    def steps(self, made: DiskMap) -> int:
+        """Return how many steps a map gets; without inner vertices only those asked for."""
+        steps = super().steps(made)
+        return steps if len(self.mesh.interior) or not steps else self.options.refine or 0
+
+    def on_target(self, made: DiskMap) -> OnTarget:
+        """Return a map as descent sees it: the factor has the analysis of its preconditioner."""
+        laplacian = WeightedLaplacian(self.mesh, self.surface.rows, self.surface.analysis)
+        return OnTarget(DISK, made._f, laplacian, near=not rules.default_steps(made))
+
+    def moved(self, made: DiskMap, f: Complex, known: float) -> DiskMap:
+        """Return what descent made of a map, turned once: a rotation rounds all coordinates."""
+        return made._moved(rotate(self.mesh, f, self.options.align), self.phase, known)
+
+    def release(self) -> None:
+        """Give back the memory of the factor, as refinement makes one of its own."""
+        if self._known is None:
+            self.surface.release()
+
+    def finished(self, best: DiskMap) -> DiskMap:
+        """Let a map keep lengths or areas if that is asked for; say what it is."""
+        if self.options.kept and best.valid:
+            self.release()
+            turned = partial(rotate, self.mesh, align=self.options.align)
+            best = kept_map(best, self.options.kept, turned, self.phase)
+        with self.phase("distortion"):
+            if best.conformality.reasons:
+                reasons = (*best.conformality.reasons, *_causes(best))
+                best = replace(best, conformality=replace(best.conformality, reasons=reasons))
+        return replace(best, solver=self.surface.solver)
 
 
-def finish(
-    surface: FactoredSurface,
-    best: DiskMap,
-    options: Options,
-    phase: Phases,
-    *,
-    keep_factor: bool,
-) -> DiskMap:
-    """Refine a map if that is asked for or needed, and say what it is; MapError if it is not valid.
+def _sheared_less(mesh: Mesh, start: Complex) -> Complex:
+    """Lower the shear of an embedding (n,) so that no face is flipped when the map is turned.
 
-    Where another may be nearer to the conformal map, and refinement leaves it so, maps that begin
-    with embeddings are refined, too, and the best is taken. Unless `keep_factor`, refinement of a
-    good map, which makes a factor of its own, begins by giving back the memory of the surface's. A
-    map that is to keep lengths or areas begins here.
+    That puts the first boundary vertex at 1, and rounds all coordinates. Where it flips faces that
+    are very small, this vertex stays at 1 from the beginning, and nothing is left to turn.
     """
-    due = options.preset is None and len(surface.mesh.interior) > 0
-
-    def is_enough(made: DiskMap) -> bool:
-        return is_settled(made) or (made.valid and options.refine == 0)
-
-    good = is_settled(best)
-    if good and not keep_factor and steps_of(best, options, due=due):
-        surface.release()
-    best = _lowered(surface, best, options, phase, due=due)
-    if due and not (good or is_enough(best)):
-        tried, rejected = [best], list(best.boundary.rejected)
-        for start in embedded(surface, best.center, options, phase):
-            if isinstance(start, Rejected):
-                rejected.append(str(start))
-                continue
-            tried.append(_lowered(surface, start, options, phase, due=due))
-            if is_enough(tried[-1]):
-                break
-        tried.sort(key=lambda made: made.refined_rank)
-        best = chosen(tried, tuple(rejected))
-    if options.kept and best.valid:
-        if not keep_factor:
-            surface.release()
-        turned = partial(rotate, surface.mesh, align=options.align)
-        best = best.keeping(options.kept, turned, phase)
-    with phase("distortion"):
-        if best.conformality.reasons:
-            reasons = (*best.conformality.reasons, *_causes(best))
-            best = replace(best, conformality=replace(best.conformality, reasons=reasons))
-    best = valid_map(replace(best, solver=surface.solver), " onto the disk", REMEDY)
-    phase.done()
-    return best
+    f, first = from_tutte(mesh, start), mesh.loop[0]
+    if len(flipped_faces(at_one(mesh, f, first), mesh.F)[0]):
+        f = from_tutte(mesh, at_one(mesh, start, first), marked(len(f), first))
+    return f
 
 
-def is_settled(made: DiskMap) -> bool:
-    """Whether no other map may be nearer to the conformal one.
-
-    It is conformal beyond doubt, or its faces are large, but hardly stretched, and the scale
-    explains all errors; no step of refinement would have undone that. And repair has left most of
-    it as it was, or what is left of the errors belongs to single faces: else refinement may go
-    farther from an embedding.
-    """
-    if made.refinement is not None and made.refinement.stopped == "not conformal":
-        return False
-    if made.is_far_from_mended:
-        return False
-    verdict = made.conformality
-    hardly = made.valid and not verdict.sheared and verdict.stretch <= LITTLE_STRETCH
-    return hardly or (made.is_acceptable and not verdict.is_doubtful)
+def _order(made: DiskMap, price: float = 0.0) -> tuple[bool, bool, float]:
+    return not made.valid, not made.is_acceptable, made.distortion.mean + price
 
 
-def _lowered(
-    surface: FactoredSurface, plain: DiskMap, options: Options, phase: Phases, *, due: bool
-) -> DiskMap:
-    """Refine a map by the steps that are asked for, or `due`."""
-    mesh, steps = surface.mesh, steps_of(plain, options, due=due)
-    if steps == 0:
-        return plain
-
-    def finished(f: Complex, known: float) -> DiskMap:
-        # Rotated only once, at the end: a rotation rounds all coordinates.
-        return plain.moved_to(rotate(mesh, f, options.align), phase, known)
-
-    near = {"analysis": surface.analysis, "near": not plain.steps_due}
-    f, order = as_complex(plain.uv), surface.rows
-    return refined(plain, f, DISK, order, steps, finished, options, phase, **near)
+def _objection(made: DiskMap) -> str:
+    """Say why another map was sought after this one, or taken instead."""
+    name = made.boundary.name
+    if not made.valid:
+        return f"{name}: no certificate"
+    verdict = "" if made.is_acceptable else ", not conformal"
+    return f"{name}: mean distortion {made.distortion.mean:.2f} degrees{verdict}"
 
 
-def _causes(done: DiskMap) -> Iterator[str]:
+def _causes(made: DiskMap) -> Iterator[str]:
     """Say what may have kept a map from being conformal."""
-    if done.boundary.name == "arc length":
-        yield f"the boundary {'began' if done.is_embedded else 'lies'} by arc length"
-        yield from (reason for reason in done.boundary.rejected if "crowding" in reason)
-    if done.is_repaired:
-        yield f"repair of flipped faces moved {done.repaired_share:.0%} of the vertices"
+    if made.boundary.name == "arc length":
+        yield f"the boundary {'began' if made._from_tutte else 'lies'} by arc length"
+        yield from (reason for reason in made.boundary.rejected if "crowding" in reason)
+    if (part := rules.repaired_part(made)) > rules.REPAIRED:
+        yield f"repair of flipped faces moved {part:.0%} of the vertices"

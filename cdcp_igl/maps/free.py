@@ -2,38 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import (
-    Bools,
     Complex,
     Floats,
     Ints,
     as_complex,
     coordinates,
     distinct_rows,
-    marked,
     places,
 )
+from ..cached import cached_property
+from ..descent.pins import pinned
+from ..descent.placing import centered, judged_in_plane, set_apart
+from ..descent.preconditioning import WeightedLaplacian
+from ..descent.repair import repair_locally, repairable
+from ..descent.scaffold import keeping_apart
+from ..descent.targets import PLANE
+from ..descent.tradeoff import measured
 from ..docstrings import like
-from ..errors import MapError, SolverError, counted, spell
+from ..errors import MapError, spell
 from ..io.given import takes_meshes
 from ..options import Options
 from ..phases import Phases, Progress
-from ..refine.apart import kept_apart
-from ..refine.balance import Energy, Newton
-from ..refine.refinement import lower_angle_distortion
-from ..refine.targets import Outline
-from ..rescue.repair import Repair, repair_locally, repairable
 from ..result.base import announced, valid_map
-from ..result.keeping import KeepingMap, Kept
-from ..result.making import PATIENT, PlaneMap, best_of, fields_of, refined, steps_of
+from ..result.disk_map import DiskMap
+from ..result.free_map import FreeMap
+from ..result.keeping import kept_map
 from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.solvers import SolverName, using
 from ..steps.mobius import rotate
@@ -41,176 +42,27 @@ from ..steps.trace import edge_lengths
 from ..surface.mesh import Mesh
 from ..surface.orientation import wrong_side
 from ..surface.topology import Topology
+from ..surface.triangles import flipped_faces
 from ..verdict.conformality import NOT_ASKED
-from ..verdict.distortion import map_distortion
-from ..verdict.outline import OutlineCertificate, certify_outline, meeting_edges
+from ..verdict.outline import OutlineCertificate, certify_outline
 from .boundary_first import (
     angles_of_scale,
     closed_curve,
     edge_means,
-    pinned,
+    grounded,
     scale_of_angles,
 )
-from .disk import disk_map, factored_surface, map_of
+from .disk import DiskProblem, disk_map, factored_surface
+from .problem import OnTarget, Problem, Start, solve
 
-# An outline that touches itself, or nearly so, as both sides of a slit do, is set apart by so much
-# of its size: the least that rounding lets be, in a square in which there are other charts.
-APART = (1e-12, 1e-11, 1e-10)
 # The first share of easing, towards the lengths that the boundary has on the disk.
 EASED = 1 / 64
 # Steps of refinement of an outline that was eased, and of one that was the circle.
 EASING, FREEING = 5, 10
 OWN, DELAUNAY, FREED = "own lengths", "intrinsic Delaunay", "eased from the disk"
-NO_PLACES = (
-    "Pins stretch the map beyond what double precision tells apart. Leave out pins, or put them "
-    "nearer to the map, in the unit of V"
-)
 SUM_TOLERANCE = 1e-9  # of exterior angles, which add up to 2 pi
 # Phases of a map onto the disk that one with a free outline only has where its outline is eased.
 OF_THE_DISK = ("center", "trace", "circle", "mobius")
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class FreeMap(KeepingMap, PlaneMap):
-    """A conformal map with a free outline. Printing it gives a summary.
-
-    Attributes
-    ----------
-    uv : (n, 2) float64
-        Row i is the image of row i of V, in the unit of V. The outline is as long as the boundary,
-        or as the lengths that were asked for; a map that keeps lengths has a size of its own. The
-        centroid of the surface is at (0, 0), unless pins hold vertices; what `align` named lies to
-        its right.
-    mesh : DiskMesh
-        The surface.
-    mirrored : bool
-        True of a plane mesh that is clockwise: what is flat keeps its shape, and its faces are
-        clockwise in the map, too.
-    certificate : OutlineCertificate
-        What was verified about `uv`, or its mirror image: no face is flipped, the outline is
-        simple.
-    conformality, distortion, timings
-        As of every `Result`; the seconds include those of maps that were not taken.
-    area_ratio : float
-        Area of the image by that of the surface.
-    pins : (k,) int64
-        Vertices that are where they were told to be; `continued` leaves them there.
-    boundary : str
-        ``"own lengths"``, ``"given scale"`` or ``"given angles"``. Where the outline would
-        overlap itself, or flipped faces be left: ``"eased by 25%"``, so far towards the lengths
-        that it has on the disk; or ``"eased from the disk"``, from which shear was lowered with
-        the outline free.
-    laplacian : str
-        ``"cotangent"``; or, where that gives no valid map, or none that is conformal,
-        ``"intrinsic Delaunay"``.
-    repair : Repair
-        What was done about flipped faces.
-    refinement : Refinement or None
-        How far the angular distortion was lowered, with the outline free to change; None if no
-        step was asked for and none was due.
-    solver : str
-        Sparse solver, version and ordering.
-
-    Examples
-    --------
-    >>> import cdcp_igl
-    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(20)
-    >>> result = cdcp_igl.free_map(V, F)
-    >>> result.valid, result.boundary
-    (True, 'own lengths')
-    """
-
-    certificate: OutlineCertificate
-    area_ratio: float
-    mirrored: bool = False
-    pins: Ints = field(default_factory=lambda: np.empty(0, np.int64))
-
-    _kind = "free"
-    _plane = "Plane"
-    _target = Outline()
-    _reported = ("area_ratio",)
-    _coarse = np.inf  # an atlas weighs angles against an even scale
-
-    def pinned_to(self, pins: tuple[Ints, Floats] | None, phase: Phases) -> FreeMap:
-        """Bring vertices to their places (k, 2), if any; the rest keeps what this map keeps."""
-        if not pins:
-            return self
-        rows, places = pins
-        mesh, t = self.mesh, self.kept.keep if self.kept else 0.0
-        goal = self._upwards(as_complex(mesh.in_own_unit(places)))
-        f = self._plane_map()
-        # The similarity that brings them nearest.
-        at, to = f[rows] - f[rows].mean(), goal - goal.mean()
-        f = (f - f[rows].mean()) * (np.vdot(at, to) / np.vdot(at, at)) + goal.mean()
-        with phase("refine"):
-            newton = Newton(mesh, f, held=marked(len(f), rows))
-            try:
-                reached = newton.pull(Energy.of(mesh, t), rows, goal)
-            except SolverError:
-                raise MapError(NO_PLACES, self) from None
-        made = replace(replace(self, pins=rows).moved_to(newton.f, phase), conformality=NOT_ASKED)
-        made = replace(made, kept=Kept.of(mesh, newton.f, t, self._target, newton.steps))
-        if not reached:
-            left = abs(newton.f[rows] - goal)
-            raise MapError(
-                f"Vertex {rows[left.argmax()]} does not get to its place: the faces around turn "
-                "over. Leave out pins, or put them nearer to the map",
-                made,
-            )
-        return valid_map(made, "", "Leave out pins, or put them nearer to the map.")
-
-    @property
-    def _held(self) -> Bools | None:
-        return marked(len(self.mesh.V), self.pins) if len(self.pins) else None
-
-    def _unfolded(self) -> tuple[Floats, Ints, Floats]:
-        return self.mesh.positions, self._upward_faces, self.uv
-
-    @property
-    def _upward_faces(self) -> Ints:
-        return self.mesh.F[:, :: -1 if self.mirrored else 1]
-
-    def _plane_map(self) -> Complex:
-        return self._upwards(as_complex(self.mesh.in_own_unit(self.uv)))
-
-    def _in_plane(self, points: Floats) -> Complex:
-        return self._upwards(super()._in_plane(points))
-
-    def _upwards(self, f: Complex) -> Complex:
-        """Go from the plane of `uv` to that in which faces are counterclockwise, or back."""
-        return f.conj() if self.mirrored else f
-
-    @property
-    def _turned(self) -> bool:
-        return self.mirrored
-
-    def moved_to(self, f: Complex, phase: Phases, known: float = 0.0) -> FreeMap:
-        """Return the map f (n,) of this surface, repaired, certified and judged; see `judge`."""
-        mesh = self.mesh
-        with phase("repair"):
-            f, certificate = _set_apart(mesh, self._at_place(f))
-            f, repair = repair_locally(mesh, f, len(mesh.F) if len(certificate.flipped) else 0)
-            if repair.n_flipped:
-                f = self._at_place(f)
-        fields = _judged(mesh, f, certify_outline(mesh, coordinates(f)), repair, phase, known)
-        uv = coordinates(self._upwards(as_complex(fields["uv"])))
-        return replace(self, **{**fields, "uv": mesh.in_given_unit(uv)})
-
-    def _at_place(self, f: Complex) -> Complex:
-        """Move a map (n,) to its centroid, unless pins hold it."""
-        return f if len(self.pins) else _centred(self.mesh, f)
-
-    def _steps(self) -> list[tuple[str, str]]:
-        return [
-            *self._kept_pairs(),
-            ("boundary", f"{self.boundary}, {self.laplacian} Laplacian"),
-            ("area", f"{self.area_ratio:.4g} times that of the surface"),
-            *[("pins", counted(len(self.pins), "vertex", "vertices"))] * bool(len(self.pins)),
-            *super()._steps(),
-        ]
-
-    def _details(self) -> dict[str, Any]:
-        return {**self._kept_details(), **super()._details()}
 
 
 @takes_meshes
@@ -263,8 +115,9 @@ def free_map(
         `refine`, `boundary_scale` or `corners`.
     pins : mapping of int to (2,) array_like, optional
         Where vertices are to be, in the unit of V: two at least. They get there to the last bit,
-        and no face flips; the rest gives way, and keeps what `keep` says. Not together with
-        `align`, `refine`, `boundary_scale`, `corners` or a bound on texels.
+        no face flips, and the boundary does not overlap itself; the rest gives way, and keeps what
+        `keep` says. Places where they already lie leave a map that keeps angles as it is. Not
+        together with `align`, `refine`, `boundary_scale`, `corners` or a bound on texels.
 
     Returns
     -------
@@ -312,71 +165,9 @@ def free_map(
     with using(solver):
         surface = factored_surface(V, F, options, phase)
         places = places_of(pins, len(surface.mesh.V))
-        made = free_map_of(surface, boundary_scale, corners, options, phase)
-        return announced(as_given(made)).pinned_to(places, phase)
-
-
-def free_map_of(
-    surface: FactoredSurface,
-    boundary_scale: ArrayLike | None,
-    corners: Mapping[int, float] | None,
-    options: Options,
-    phase: Phases,
-    *,
-    keep_factor: bool = False,
-    enough: float = np.inf,
-    may_ease: bool = True,
-    known: dict[str, FreeMap] | None = None,
-) -> FreeMap:
-    """Map a factored surface, as `free_map` does; the factor is kept if that is asked for.
-
-    A map whose mean error is more than `enough`, in degrees, is refined unless that is said. If its
-    boundary cannot keep its lengths, that is a MapError, unless these `may` be `eased`. What is
-    `known` of a surface that will be mapped again are its plain maps, by the Laplacian.
-    """
-    mesh = surface.mesh
-    asked = _boundary(mesh, boundary_scale, corners)
-    is_own = asked.name == OWN
-    known = {} if known is None else known
-    best = _best_map(surface, asked, options, phase, enough, may_ease, known)
-    steps = steps_of(best, options) if is_own else 0
-    is_far = best.boundary != asked.name or best.distortion.mean > enough
-    if options.refine is None and best.valid and is_far and not options.kept:
-        steps = max(steps, FREEING if best.boundary == FREED else EASING)
-    if steps:
-        plain, order = best, _order_of_all(surface)
-        if not keep_factor:
-            surface.release()
-
-        def finished(f: Complex, known: float) -> FreeMap:
-            kind = plain.boundary, plain.laplacian, asked
-            return _finished(surface, f, *kind, options, phase, known)
-
-        f = as_complex(plain.uv)
-        best = refined(plain, f, Outline(), order, steps, finished, options, phase)
-    best = replace(best, uv=mesh.in_given_unit(best.uv))
-    if options.kept and best.valid:
-        if not keep_factor:
-            surface.release()
-
-        def placed(f: Complex) -> Complex:
-            return rotate(mesh, _centred(mesh, f), options.align, on_circle=False)
-
-        best = best.keeping(options.kept, placed, phase)
-    remedy = "give other lengths or angles of the boundary"
-    if is_own:
-        remedy = "cut the surface where it is long or branches (cdcp_igl.cut)"
-    best = valid_map(best, "", f"To have one, {remedy}")
-    phase.done()
-    return best
-
-
-def as_given(made: FreeMap) -> FreeMap:
-    """Mirror the map of a plane mesh that is clockwise: what is flat keeps its shape."""
-    V, F = made.mesh.V, made.mesh.F
-    if np.ptp(V[:, 2]) or not wrong_side(V, Topology(F, len(V)))[0]:
-        return made
-    return replace(made, uv=made.uv * [1, -1], mirrored=True)
+        boundary = boundary_of(surface.mesh, boundary_scale, corners)
+        made = solve(FreeProblem(surface, boundary, options, phase))
+        return pinned_to(announced(as_given(made)), places, phase)
 
 
 def check_boundary(
@@ -442,7 +233,7 @@ def places_of(
 
 
 @dataclass(frozen=True)
-class _Boundary:
+class Boundary:
     """How to lay out the boundary: by the logarithm u_B of its scale, or by exterior angles, (nB,).
 
     `length` is that of the outline in the unit of ``mesh.V``.
@@ -454,9 +245,11 @@ class _Boundary:
     angles: Floats | None = None
 
 
-def _boundary(
-    mesh: Mesh, boundary_scale: ArrayLike | None, corners: Mapping[int, float] | None
-) -> _Boundary:
+def boundary_of(
+    mesh: Mesh,
+    boundary_scale: ArrayLike | None = None,
+    corners: Mapping[int, float] | None = None,
+) -> Boundary:
     """Check what is asked of the boundary; ValueError if it cannot be had."""
     n, loop, length = len(mesh.V), mesh.loop, edge_lengths(mesh)
     if boundary_scale is not None:
@@ -466,138 +259,217 @@ def _boundary(
         if not (np.isfinite(scale[loop]) & (scale[loop] > 0)).all():
             raise ValueError("boundary_scale must be positive and finite on the boundary")
         u_B = np.log(scale[loop])
-        return _Boundary("given scale", float(length @ np.exp(edge_means(u_B))), u_B)
+        return Boundary("given scale", float(length @ np.exp(edge_means(u_B))), u_B)
     if corners is None:
-        return _Boundary(OWN, float(length.sum()), np.zeros(len(loop)))
+        return Boundary(OWN, float(length.sum()), np.zeros(len(loop)))
     rows = np.array(list(corners))
     if rows.dtype.kind not in "iu" or not np.isin(rows, loop).all():
         raise ValueError(f"corners must be boundary vertices, not {spell(rows)}")
     angles = np.zeros(len(loop))
     angles[mesh.loop_index[rows]] = [*corners.values()]
-    return _Boundary("given angles", float(length.sum()), 0 * angles, angles)
+    return Boundary("given angles", float(length.sum()), 0 * angles, angles)
 
 
-def _best_map(
-    surface: FactoredSurface,
-    asked: _Boundary,
-    options: Options,
-    phase: Phases,
-    enough: float,
-    may_ease: bool,
-    known: dict[str, FreeMap],
-) -> FreeMap:
-    """Try one way after the other until a map is conformal; the best, valid or not."""
+class FreeProblem(Problem[FreeMap]):
+    """A disk into the plane, its boundary as asked for.
 
-    def finished(f: Complex, name: str, laplacian: str) -> FreeMap:
-        return _finished(surface, f, name, laplacian, asked, options, phase)
+    A map whose mean error is more than `enough`, in degrees, is refined unless that is said. If its
+    boundary cannot keep its lengths, that is a MapError, unless these `may` be `eased`. What is
+    `known` of a surface that will be mapped again are its plain maps, by the Laplacian.
+    """
 
-    def laid_out(laplacian: str) -> FreeMap:
-        """Return the map with the boundary as asked."""
-        if laplacian not in known:
-            of = surface
+    coarse = np.inf  # an atlas weighs angles against an even scale
+
+    def __init__(
+        self,
+        surface: FactoredSurface,
+        boundary: Boundary,
+        options: Options,
+        phase: Phases,
+        *,
+        keep_factor: bool = False,
+        enough: float = np.inf,
+        may_ease: bool = True,
+        known: dict[str, FreeMap] | None = None,
+    ) -> None:
+        super().__init__(surface.mesh, options, phase)
+        self.surface, self.boundary = surface, boundary
+        self._keep_factor, self._enough, self._may_ease = keep_factor, enough, may_ease
+        self._known = {} if known is None else known
+        to_do = "cut the surface where it is long or branches (cdcp_igl.cut)"
+        if not self._is_own:
+            to_do = "give other lengths or angles of the boundary"
+        self.remedy = f"To have one, {to_do}"
+
+    @property
+    def _is_own(self) -> bool:
+        return self.boundary.name == OWN
+
+    def starts(self) -> Iterator[Start[FreeMap]]:
+        """Yield the map with the boundary as asked, on two Laplacians; then eased ones."""
+        yield partial(self._as_asked, "cotangent")
+        yield partial(self._as_asked, DELAUNAY)
+        asked = [self._known[name] for name in ("cotangent", DELAUNAY) if name in self._known]
+        if self._is_own and self._may_ease and not any(made.valid for made in asked):
+            yield self._eased
+            yield self._from_disk
+
+    def is_good_start(self, made: FreeMap) -> bool:
+        """Whether no other start is tried; a map that is eased need not be near."""
+        is_near = made.boundary != self.boundary.name or made.distortion.mean <= self._enough
+        return made.is_acceptable and is_near
+
+    def needs_no_other_start(self, made: FreeMap) -> bool:
+        """Return True: a Tutte embedding has a circle for a boundary, and no free one."""
+        return True
+
+    def _as_asked(self, laplacian: str) -> FreeMap:
+        """Lay out the boundary as asked."""
+        if laplacian not in self._known:
+            surface = self.surface
             if laplacian == DELAUNAY:
-                with phase("factor"):
-                    of = surface.delaunay
-            known[laplacian] = finished(_laid_out(of, asked, phase), asked.name, laplacian)
-        return known[laplacian]
+                with self.phase("factor"):
+                    surface = surface.delaunay
+            f = _laid_out(surface, self.boundary, self.phase)
+            self._known[laplacian] = self._placed(f, self.boundary.name, laplacian)
+        return self._known[laplacian]
 
-    ways = [partial(laid_out, laplacian) for laplacian in ("cotangent", DELAUNAY)]
-    plain = best_of(ways, lambda made: made.is_acceptable and made.distortion.mean <= enough)
-    if asked.name != OWN or plain.valid or not may_ease:
-        return plain
-    with phase("circle"):
-        disk = map_of(surface, Options(refine=0), Phases(), known={})
+    @cached_property
+    def _disk(self) -> DiskMap:
+        """The map onto the unit disk."""
+        with self.phase("circle"):
+            return solve(DiskProblem(self.surface, Options(refine=0), Phases(), known={}))
 
-    def eased() -> FreeMap:
+    def _eased(self) -> FreeMap:
         """Return the valid map that is eased least, by bisection of the logarithms of lengths."""
-        f_B = as_complex(disk.uv)[surface.mesh.loop]
-        scale = np.log(abs(np.roll(f_B, -1) - f_B) / edge_lengths(surface.mesh))
+        f_B = self._disk._f[self.mesh.loop]
+        scale = np.log(abs(np.roll(f_B, -1) - f_B) / edge_lengths(self.mesh))
         u_B = (scale + np.roll(scale, 1)) / 2
-        low, high, best = 0.0, EASED, plain
-        # The low share grows by an eighth of the high one, or the gap is halved; none that is
-        # as small as rounding is valid, as the plain map is not.
+        low, high, best = 0.0, EASED, None
         while high - low > high / 4:
-            # As long as none is valid, twice the share; then the middle of the last two.
-            share = (low + high) / 2 if best.valid else high
-            way = replace(asked, name=f"eased by {share:.0%}", u_B=share * (u_B - u_B.mean()))
-            made = finished(_laid_out(surface.delaunay, way, phase), way.name, DELAUNAY)
+            # As long as none is valid, twice the share, up to 1; then the gap is halved.
+            share = (low + high) / 2 if best else high
+            way = replace(self.boundary, u_B=share * (u_B - u_B.mean()))
+            f = _laid_out(self.surface.delaunay, way, self.phase)
+            made = self._placed(f, f"eased by {share:.0%}", DELAUNAY)
             if made.valid:
                 best, high = made, share
             else:
-                low, high = share, max(high, min(2 * share, 1.0))
-        return best
+                low, high = share, high if best else min(2 * share, 1.0)
+        return best or made
 
-    def freed_by_newton() -> FreeMap:
+    def _from_disk(self) -> FreeMap:
         """Lower the shear of the map onto the disk, its outline free but kept simple."""
-        with phase("refine"):
-            f, _ = kept_apart(surface.mesh, as_complex(disk.uv), 0.0)
-        return finished(f, FREED, disk.boundary.laplacian)
+        disk = self._disk
+        with self.phase("refine"):
+            f, _ = keeping_apart(self.mesh, disk._f, 0.0)
+        return self._placed(f, FREED, disk.boundary.laplacian)
 
-    def after(steps: int) -> FreeMap:
-        with phase("refine"):
-            f, _ = lower_angle_distortion(
-                *(surface.mesh, as_complex(disk.uv), _order_of_all(surface)),
-                *(steps, options.refine_norm),
-                halvings=PATIENT,
-                target=Outline(),
-            )
-        return finished(f, FREED, disk.boundary.laplacian)
+    def _placed(self, f: Complex, boundary: str, laplacian: str, known: float = 0.0) -> FreeMap:
+        """Turn a map (n,) about its centroid, scale it to the length of its outline; judge it."""
+        mesh, length = self.mesh, self.boundary.length
+        with self.phase("repair"):
+            if boundary != FREED or not _loses_faces(mesh, f, centered(mesh, f)):
+                f = centered(mesh, f)
+            f = rotate(mesh, f, self.options.align, on_circle=False)
+            f, certificate = set_apart(mesh, _of_length(mesh, f, length))
+            # An outline that overlaps itself is beyond repair.
+            most = repairable(mesh) if certificate.simple else 0
+            f, repair = repair_locally(mesh, f, most, is_free=self._is_own)
+            if repair.n_flipped:
+                f = _of_length(mesh, centered(mesh, f), length)
+                certificate = certify_outline(mesh, coordinates(f))
+        return FreeMap(
+            **judged_in_plane(mesh, f, certificate, repair, self.phase, known),
+            boundary=boundary,
+            laplacian=laplacian,
+            solver=self.surface.solver,
+        )
 
-    def freed_by_refinement() -> FreeMap:
-        """Lower its angle errors: on a rough surface that goes farther."""
-        # After few steps, what was crowded on the disk may be too small to be turned.
-        ways = [partial(after, steps) for steps in (EASING, FREEING)]
-        return best_of(ways, lambda made: made.valid)
+    def steps(self, made: FreeMap) -> int:
+        """Return how many steps of refinement a map gets: more where its outline was eased."""
+        if not self._is_own:
+            return 0
+        steps, options = super().steps(made), self.options
+        is_far = made.boundary != OWN or made.distortion.mean > self._enough
+        if options.refine is None and made.valid and is_far and not options.kept:
+            steps = max(steps, FREEING if made.boundary == FREED else EASING)
+        return steps
 
-    return best_of([eased, freed_by_newton, freed_by_refinement])
+    def on_target(self, made: FreeMap) -> OnTarget:
+        """Return a map as descent sees it: all vertices move."""
+        laplacian = WeightedLaplacian(self.mesh, _order_of_all(self.surface))
+        return OnTarget(PLANE, made._f, laplacian)
+
+    def moved(self, made: FreeMap, f: Complex, known: float) -> FreeMap:
+        """Return what descent made of a map."""
+        return self._placed(f, made.boundary, made.laplacian, known)
+
+    def release(self) -> None:
+        """Give back the memory of the factor, as refinement makes one of its own."""
+        if not self._keep_factor:
+            self.surface.release()
+
+    def finished(self, best: FreeMap) -> FreeMap:
+        """Let a map keep lengths or areas if that is asked for."""
+        if not (self.options.kept and best.valid):
+            return best
+        self.release()
+
+        def placed(f: Complex) -> Complex:
+            f = centered(self.mesh, f)
+            return rotate(self.mesh, f, self.options.align, on_circle=False)
+
+        return kept_map(best, self.options.kept, placed, self.phase)
 
 
-def _laid_out(surface: FactoredSurface, boundary: _Boundary, phase: Phases) -> Complex:
+def pinned_to(made: FreeMap, pins: tuple[Ints, Floats] | None, phase: Phases) -> FreeMap:
+    """Bring vertices to their places (k, 2), if any; the rest keeps what the map keeps."""
+    if not pins:
+        return made
+    rows, places = pins
+    mesh, f, t = made.mesh, made._f, made.kept.keep if made.kept else 0.0
+    goal = made._upwards(as_complex(mesh.in_own_unit(places)))
+    # The similarity that brings them nearest.
+    at, to = f[rows] - f[rows].mean(), goal - goal.mean()
+    f = (f - f[rows].mean()) * (np.vdot(at, to) / np.vdot(at, at)) + goal.mean()
+    with phase("refine"):
+        f, steps = pinned(mesh, f, t, rows, goal)
+    made = replace(made, pins=rows)._moved(f, phase)
+    kept = measured(mesh, f, t, PLANE, steps)
+    made = replace(made, conformality=NOT_ASKED, kept=kept)
+    left = abs(f[rows] - goal)
+    if left.any():
+        raise MapError(
+            f"Vertex {rows[left.argmax()]} does not get to its place: the faces around turn "
+            "over. Leave out pins, or put them nearer to the map",
+            made,
+        )
+    return valid_map(made, "", "Leave out pins, or put them nearer to the map.")
+
+
+def as_given(made: FreeMap) -> FreeMap:
+    """Mirror the map of a plane mesh that is clockwise: what is flat keeps its shape."""
+    V, F = made.mesh.V, made.mesh.F
+    if np.ptp(V[:, 2]) or not wrong_side(V, Topology(F, len(V)))[0]:
+        return made
+    return replace(made, mirrored=True)
+
+
+def _laid_out(surface: FactoredSurface, boundary: Boundary, phase: Phases) -> Complex:
     """Lay out the boundary, and the interior harmonically."""
     with phase("extension"):
         angles, u_B = boundary.angles, boundary.u_B
         if angles is None:
             angles = angles_of_scale(surface, u_B)
         else:
-            u_B = scale_of_angles(pinned(surface), angles)
+            u_B = scale_of_angles(grounded(surface), angles)
         return harmonic_extension(surface, closed_curve(surface.mesh, u_B, angles))
 
 
-def _finished(
-    surface: FactoredSurface,
-    f: Complex,
-    boundary: str,
-    laplacian: str,
-    asked: _Boundary,
-    options: Options,
-    phase: Phases,
-    known: float = 0.0,
-) -> FreeMap:
-    """Turn a map (n,) about its centroid, scale it to the length of its outline; repair, certify.
-
-    And judge it. It is in the unit of ``mesh.V``.
-    """
-    mesh = surface.mesh
-    with phase("repair"):
-        f = rotate(mesh, _centred(mesh, f), options.align, on_circle=False)
-        f, certificate = _set_apart(mesh, _of_length(mesh, f, asked.length))
-        # An outline that overlaps itself is beyond repair.
-        most = repairable(mesh) if certificate.simple else 0
-        f, repair = repair_locally(mesh, f, most, is_free=asked.name == OWN)
-        if repair.n_flipped:
-            f = _of_length(mesh, _centred(mesh, f), asked.length)
-            certificate = certify_outline(mesh, coordinates(f))
-    return FreeMap(
-        **_judged(mesh, f, certificate, repair, phase, known),
-        boundary=boundary,
-        laplacian=laplacian,
-        solver=surface.solver,
-    )
-
-
-def _centred(mesh: Mesh, f: Complex) -> Complex:
-    """Move a map (n,) until the centroid of the surface is at 0."""
-    return f - np.average(f, weights=mesh.vertex_areas)
+def _loses_faces(mesh: Mesh, f: Complex, moved: Complex) -> bool:
+    """Whether rounding flips faces of a map (n,) when it is moved, which are crowded around 0."""
+    return len(flipped_faces(moved, mesh.F)[0]) > len(flipped_faces(f, mesh.F)[0])
 
 
 def _of_length(mesh: Mesh, f: Complex, length: float) -> Complex:
@@ -606,50 +478,11 @@ def _of_length(mesh: Mesh, f: Complex, length: float) -> Complex:
     return f * (length / abs(np.roll(outline, -1) - outline).sum())
 
 
-def _judged(
-    mesh: Mesh,
-    f: Complex,
-    certificate: OutlineCertificate,
-    repair: Repair,
-    phase: Phases,
-    known: float = 0.0,
-) -> dict[str, Any]:
-    """Measure and judge a map (n,): fields of a FreeMap in the unit of ``mesh.V``."""
-    with phase("certificate"):
-        fields = fields_of(mesh, f, map_distortion(mesh, f), certificate, repair, known=known)
-        outline = f[mesh.loop]
-        area = (outline.conj() * np.roll(outline, -1)).imag.sum() / 2
-    ratio = float(area / mesh.vertex_areas.sum())
-    return {**fields, "uv": coordinates(f), "area_ratio": ratio, "timings": phase.seconds}
-
-
 def own_outline(surface: FactoredSurface, phase: Phases) -> OutlineCertificate:
     """Certify the map in which the boundary keeps its lengths."""
-    asked = _boundary(surface.mesh, None, None)
+    asked = boundary_of(surface.mesh)
     mesh = surface.mesh
-    return _set_apart(mesh, _centred(mesh, _laid_out(surface, asked, phase)))[1]
-
-
-def _set_apart(mesh: Mesh, f: Complex) -> tuple[Complex, OutlineCertificate]:
-    """Certify a map (n,); one whose outline only touches itself, its sides set apart.
-
-    So near as to touch are sides that rounding may let cross when the map is moved.
-    """
-    certificate = touching = certify_outline(mesh, coordinates(f))
-    if not touching.finite:
-        return f, touching
-    outline = f[mesh.loop]
-    along = np.exp(1j * np.angle(np.roll(outline, -1) - outline))
-    inward = 1j * (along + np.roll(along, 1)) / 2 * abs(outline).max()
-    if not (len(touching.meeting) or len(meeting_edges(outline - APART[0] * inward))):
-        return f, touching
-    for share in APART:
-        apart = f.copy()
-        apart[mesh.loop] += share * inward
-        certificate = certify_outline(mesh, coordinates(apart))
-        if certificate.simple:
-            return apart, certificate
-    return f, touching
+    return set_apart(mesh, centered(mesh, _laid_out(surface, asked, phase)))[1]
 
 
 def _order_of_all(surface: FactoredSurface) -> Ints:

@@ -10,18 +10,28 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arguments import typed
+from ..arrays import Complex
 from ..io.given import OfGiven, takes_meshes, tell
 from ..options import Options
 from ..phases import Phases, Progress
-from ..rescue.harmonic_map import HarmonicMap
 from ..result.base import announced
 from ..result.disk_map import DiskMap
+from ..result.free_map import FreeMap
 from ..solve.factored import FactoredSurface
 from ..solve.solvers import SolverName, using
-from ..steps.center import CenterMethod
+from ..steps.center import Center, CenterMethod
 from ..surface.mesh import DiskMesh, Mesh
-from .disk import map_of
-from .free import OF_THE_DISK, FreeMap, as_given, check_boundary, free_map_of, places_of
+from .disk import DiskProblem
+from .free import (
+    OF_THE_DISK,
+    FreeProblem,
+    as_given,
+    boundary_of,
+    check_boundary,
+    pinned_to,
+    places_of,
+)
+from .problem import solve
 
 # Phases of maps that a mapper has behind it from the beginning, or once it has a harmonic map.
 BEFORE = ("check", "laplacian", "factor")
@@ -76,7 +86,7 @@ class DiskMapper(OfGiven):
         self._solver = solver
         with using(solver):
             self._surface = FactoredSurface.of(mesh)
-        self._known: dict[object, HarmonicMap] = {}
+        self._known: dict[object, tuple[Center, Complex]] = {}
 
     @property
     def mesh(self) -> Mesh:
@@ -121,7 +131,7 @@ class DiskMapper(OfGiven):
         known = options.first_steps in self._known
         phase = Phases(progress, refine or 0, BEFORE + HARMONIC * known)
         with using(self._solver):
-            made = announced(map_of(self._surface, options, phase, known=self._known))
+            made = announced(solve(DiskProblem(self._surface, options, phase, self._known)))
             tell(made, vars(self))
             return made
 
@@ -167,9 +177,10 @@ class DiskMapper(OfGiven):
         options.check_rows(len(self.mesh.F), self.mesh.loop)
         phase = Phases(progress, refine or 0, (*BEFORE, *OF_THE_DISK))
         with using(self._solver):
-            asked = boundary_scale, corners, options, phase
-            made = announced(as_given(free_map_of(self._surface, *asked, keep_factor=True)))
-            made = made.pinned_to(places_of(pins, len(self.mesh.V)), phase)
+            boundary = boundary_of(self.mesh, boundary_scale, corners)
+            problem = FreeProblem(self._surface, boundary, options, phase, keep_factor=True)
+            made = announced(as_given(solve(problem)))
+            made = pinned_to(made, places_of(pins, len(self.mesh.V)), phase)
             tell(made, vars(self))
             return made
 

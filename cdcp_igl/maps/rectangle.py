@@ -2,124 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ellipk, ellipkinc
 
-from ..arrays import Complex, Floats, Ints, as_complex, coordinates, marked
+from ..arrays import Complex, Floats, Ints, marked
+from ..cached import cached_property
+from ..descent.descent import from_tutte
+from ..descent.placing import judged
+from ..descent.preconditioning import WeightedLaplacian
+from ..descent.repair import repaired
+from ..descent.targets import Rectangle
 from ..docstrings import like
 from ..errors import counted, spell
 from ..io.given import takes_meshes, tell
 from ..options import Options
 from ..phases import Phases, Progress
-from ..refine.balance import lower_shear
-from ..refine.targets import Rectangle
-from ..rescue.means import embedding
-from ..rescue.repair import Repair, repaired
-from ..result.base import announced, valid_map
-from ..result.making import PlaneMap, best_of, fields_of, refined, steps_of
+from ..records import Repair
+from ..result.base import announced
+from ..result.rectangle_map import RectangleMap
 from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.laplacian import LAPLACIANS, Laplacian
 from ..solve.solvers import SolverName, using
+from ..starts.tutte import tutte_embedding
 from ..surface.filling import split_edges
 from ..surface.mesh import DiskMesh, Mesh
-from ..verdict.certificate import Certificate, along_sides, certify_rectangle
+from ..verdict.certificate import along_sides, certify_rectangle
 from ..verdict.distortion import map_distortion
-from .disk import disk_map, map_of
+from .disk import DiskProblem, disk_map
+from .problem import OnTarget, Problem, Start, solve
 
 # Phases of a map onto the disk, which a map onto a rectangle has only where its sides cannot slide.
 OF_THE_DISK = ("center", "trace", "circle", "extension", "mobius")
 REMEDY = "choose corners where the boundary has corners, or refine the faces there"
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class RectangleMap(PlaneMap):
-    """A conformal map onto a rectangle. Printing it gives a summary.
-
-    Attributes
-    ----------
-    uv : (n, 2) float64
-        Row i is the image of row i of V, in the rectangle from (0, 0) to (width, 1).
-    mesh : DiskMesh
-        The surface.
-    modulus : float
-        Width by height of the exact map, a conformal invariant of the surface with its corners.
-    modulus_bounds : (float, float)
-        Between which the modulus of the polyhedral surface lies, but for rounding: both
-        coordinates are trial functions in Dirichlet's principle. `modulus` is their
-        geometric mean.
-    width : float
-        Of the rectangle: the modulus, or as lower shear and refinement have left it.
-    corners : tuple of int
-        The vertices at (0, 0), (width, 0), (width, 1) and (0, 1).
-    split : (k, 2) int64
-        The edges that were split at their middles. `mesh` and `uv` have these after the rows of V,
-        and the further halves of faces after those of F; ``to_given`` leaves them out.
-    certificate : Certificate
-        As of a `DiskMap`, with the sides of the rectangle in place of the circle.
-    conformality, distortion, timings
-        As of every `Result`; the seconds include those of maps that were not taken, "circle" is
-        the map onto the disk.
-    boundary : str
-        ``"sliding"``: there is no flux across the sides along which a coordinate varies. Or,
-        where that does not lead to a conformal map and this distorts less, ``"disk map"``: the
-        sides are placed as `disk_map` and elliptic integrals tell, for obtuse faces at a side may
-        make vertices on it change places.
-    laplacian : str
-        ``"cotangent"``; or, where that flipped faces, or its map is not conformal, and this
-        distorts less, ``"intrinsic Delaunay"``; or, where no map is conformal, ``"mean value"``:
-        shear was lowered from an embedding.
-    repair, refinement, solver
-        As of a `DiskMap`.
-
-    Examples
-    --------
-    >>> import cdcp_igl
-    >>> V, F, _ = cdcp_igl.datasets.square(5)
-    >>> ends = [-1, -1], [1, -1], [1, 1], [-1, 1]
-    >>> corners = [abs(V[:, :2] - end).sum(axis=1).argmin() for end in ends]
-    >>> cdcp_igl.rectangle_map(V, F, corners)
-    RectangleMap(121 vertices: valid, modulus 1)
-    """
-
-    certificate: Certificate
-    modulus: float
-    modulus_bounds: tuple[float, float]
-    width: float
-    corners: tuple[int, ...]
-    split: Ints = field(default_factory=lambda: np.empty((0, 2), np.int64))
-
-    _kind = "rectangle"
-    _plane = "Rectangle"
-    _reported = ("modulus", "modulus_bounds", "width", "corners")
-
-    @property
-    def is_embedded(self) -> bool:
-        """Whether the map comes from an embedding by mean values."""
-        return self.laplacian == "mean value"
-
-    @property
-    def change(self) -> str:
-        """What was done to the surface, or nothing."""
-        edges = counted(len(self.split), "edge", "edges")
-        return f"split {edges} between two vertices of a side" if len(self.split) else ""
-
-    def _key_figure(self) -> str:
-        return f"modulus {self.modulus:.6g}"
-
-    def _steps(self) -> list[tuple[str, str]]:
-        low, high = self.modulus_bounds
-        return [
-            ("modulus", f"{self.modulus:.8g}, from {low:.8g} to {high:.8g}"),
-            ("width", f"{self.width:.6g}"),
-            ("boundary", f"{self.boundary}, {self.laplacian} Laplacian"),
-            *([("change", self.change)] if self.change else []),
-            *super()._steps(),
-        ]
 
 
 @takes_meshes
@@ -198,25 +117,11 @@ def rectangle_map(
             n, whole, chords = len(mesh.V), mesh.F, _chords(mesh, sides, split)
             if len(chords):
                 mesh = DiskMesh(*split_edges(mesh.positions, mesh.F, chords))
-        best = replace(_best_map(mesh, sides, options, phase), split=chords)
+        best = replace(solve(RectangleProblem(mesh, sides, options, phase)), split=chords)
         if len(chords):
             rows = np.append(np.arange(n), [-1] * len(chords)), n
             tell(best, {"given_rows": rows, "given_faces": whole})
-    remedy = "Parts of it may be too small for double precision: choose corners farther apart"
-    best = valid_map(best, " onto the rectangle", remedy)
-    phase.done()
     return announced(best)
-
-
-@dataclass(frozen=True, eq=False)
-class _Square:
-    """A map onto the unit square with harmonic coordinates, and what it was made by."""
-
-    f: Complex
-    L: Laplacian
-    laplacian: str
-    boundary: str
-    surface: FactoredSurface
 
 
 def _boundary_sides(mesh: Mesh, chosen: Ints) -> list[Ints]:
@@ -252,52 +157,140 @@ def _chords(mesh: Mesh, sides: list[Ints], split: bool) -> Ints:
     return np.concatenate(found)
 
 
-def _best_map(mesh: Mesh, sides: list[Ints], options: Options, phase: Phases) -> RectangleMap:
-    """Try one way after the other until a map is conformal; the best, refined, valid or not."""
-    squares: dict[RectangleMap, _Square] = {}
+@dataclass(frozen=True, eq=False)
+class _Square:
+    """A map onto the unit square with harmonic coordinates, and what it was made by."""
 
-    def made(way: Callable[[], _Square], f: Complex | None = None) -> RectangleMap:
-        square = way()
-        result = _finished(mesh, sides, square, phase, f)
-        squares[result] = square
-        return result
+    f: Complex
+    L: Laplacian
+    laplacian: str
+    boundary: str
+    surface: FactoredSurface
 
-    def enough(made: RectangleMap) -> bool:
-        # Flipped faces that were repaired are worth another Laplacian, not a map onto the disk.
-        conformal = [one for one in squares if one.is_acceptable]
-        return bool(conformal) and (len(squares) > 1 or made.repair.n_flipped == 0)
+    @cached_property
+    def energies(self) -> tuple[float, float]:
+        """The Dirichlet energies of both coordinates: height by width and width by height.
 
-    def lowered(plain: RectangleMap) -> RectangleMap:
-        if not (steps := steps_of(plain, options)):
-            return plain
-        square, f = squares[plain], as_complex(plain.uv)
-        order = square.surface.order
-        order = order[~mesh.on_boundary[order]]
-        finished = partial(_finished, mesh, sides, square, phase)
-        return refined(plain, f, Rectangle(sides), order, steps, finished, options, phase)
+        Each is at most too large.
+        """
+        u, v, matrix = self.f.real, self.f.imag, self.L.matrix()
+        return float(u @ (matrix @ u)), float(v @ (matrix @ v))
 
-    def embedded() -> RectangleMap:
-        plain, square = list(squares.items())[-1]
-        with phase("repair"):
-            f, _ = embedding(mesh, as_complex(plain.uv))
-            f = lower_shear(mesh, f, target=Rectangle(sides))
-        return lowered(made(partial(replace, square, laplacian="mean value"), f))
+    @property
+    def modulus(self) -> float:
+        """Width by height."""
+        return float(np.sqrt(self.energies[1] / self.energies[0]))
 
-    ways = [partial(_sliding, name, mesh, sides, phase) for name in LAPLACIANS]
-    ways.append(partial(_by_disk_map, mesh, sides, phase))
-    best = lowered(best_of((partial(made, way) for way in ways), enough))
-    return best_of((lambda: best, embedded), lambda _: any(one.is_acceptable for one in squares))
+    @property
+    def stretched(self) -> Complex:
+        """(n,) the map onto the rectangle of this modulus."""
+        return self.modulus * self.f.real + 1j * self.f.imag
 
 
-def _sliding(name: str, mesh: Mesh, sides: list[Ints], phase: Phases) -> _Square:
-    """Solve for both coordinates, with no flux across the sides along which they vary."""
-    bottom, right, top, left = sides
-    with phase("laplacian"):
-        L = LAPLACIANS[name](mesh)
-    with phase("factor"):
-        u, surface = _harmonic(mesh, L, zero=left, one=right)
-        v, _ = _harmonic(mesh, L, zero=bottom, one=top)
-    return _Square(u + 1j * v, L, name, "sliding", surface)
+class RectangleProblem(Problem[RectangleMap]):
+    """A disk onto a rectangle, given the vertices of its four sides."""
+
+    onto = " onto the rectangle"
+    remedy = "Parts of it may be too small for double precision: choose corners farther apart"
+
+    def __init__(self, mesh: Mesh, sides: list[Ints], options: Options, phase: Phases) -> None:
+        super().__init__(mesh, options, phase)
+        self.sides = sides
+        self._squares = dict[tuple[str, str], _Square]()  # by boundary and Laplacian
+        self._any_conformal = False
+
+    def starts(self) -> Iterator[Start[RectangleMap]]:
+        """Yield maps whose sides slide, on each Laplacian; then one by a map onto the disk.
+
+        Flipped faces that were repaired are worth another Laplacian, not a map onto the disk.
+        """
+        for name in LAPLACIANS:
+            yield partial(self._sliding, name)
+        if not self._any_conformal:
+            yield self._by_disk_map
+
+    def is_good_start(self, made: RectangleMap) -> bool:
+        """Whether no other start is tried."""
+        return made.is_acceptable and made.repair.n_flipped == 0
+
+    def needs_no_other_start(self, made: RectangleMap) -> bool:
+        """Whether no Tutte embedding may lead nearer to the conformal map."""
+        return made.is_acceptable or self._any_conformal
+
+    def _sliding(self, laplacian: str) -> RectangleMap:
+        """Solve for both coordinates, with no flux across the sides along which they vary."""
+        mesh, (bottom, right, top, left) = self.mesh, self.sides
+        with self.phase("laplacian"):
+            L = LAPLACIANS[laplacian](mesh)
+        with self.phase("factor"):
+            u, surface = _harmonic(mesh, L, zero=left, one=right)
+            v, _ = _harmonic(mesh, L, zero=bottom, one=top)
+        return self._scaled(_Square(u + 1j * v, L, laplacian, "sliding", surface))
+
+    def _by_disk_map(self) -> RectangleMap:
+        """Place the boundary as a map onto the disk tells, and both coordinates as harmonic."""
+        mesh, phase = self.mesh, self.phase
+        with phase("factor"):
+            surface = FactoredSurface.of(mesh)
+        with phase("circle"):
+            z = solve(DiskProblem(surface, Options(), Phases(), known={}))._f
+        with phase("extension"):
+            f = np.empty(len(mesh.V), dtype=complex)
+            corners = z[[side[0] for side in self.sides]]
+            for number, side in enumerate(self.sides):
+                start, along = (0, 1, 1 + 1j, 1j)[number], 1j**number
+                f[side[:-1]] = start + along * along_side(z[side[:-1]], np.roll(corners, -number))
+            f = harmonic_extension(surface, f[mesh.loop])
+        return self._scaled(_Square(f, surface.laplacian, "cotangent", "disk map", surface))
+
+    def _scaled(self, square: _Square) -> RectangleMap:
+        """Scale a map onto the unit square to the modulus."""
+        made = self._placed(square, square.stretched)
+        self._any_conformal |= made.is_acceptable
+        return made
+
+    def tutte_starts(self, best: RectangleMap) -> Iterator[Start[RectangleMap]]:
+        """Yield the map from a Tutte embedding with the sides of the last start."""
+        square = replace(list(self._squares.values())[-1], laplacian="mean value")
+        with self.phase("repair"):
+            f, _ = tutte_embedding(self.mesh, square.stretched)
+            f = from_tutte(self.mesh, f, target=Rectangle(self.sides))
+        yield partial(self._placed, square, f)
+
+    def _placed(self, square: _Square, f: Complex, known: float = 0.0) -> RectangleMap:
+        """Repair, certify and judge a map (n,)."""
+        mesh, sides, repair = self.mesh, self.sides, Repair()
+        self._squares[square.boundary, square.laplacian] = square
+        with self.phase("repair"):
+            if along_sides(sides, f):
+                f, repair = repaired(mesh, f)
+        with self.phase("certificate"):
+            degrees, certificate = map_distortion(mesh, f), certify_rectangle(mesh, sides, f)
+            fields = judged(mesh, f, degrees, certificate, repair, known)
+            if not (verdict := fields["conformality"]):
+                fields["conformality"] = replace(verdict, remedies=(REMEDY,))
+        return RectangleMap(
+            **fields,
+            _f=f,
+            modulus=square.modulus,
+            modulus_bounds=(1 / square.energies[0], square.energies[1]),
+            width=float(f.real[sides[2][0]]),
+            corners=tuple(int(side[0]) for side in sides),
+            boundary=square.boundary,
+            laplacian=square.laplacian,
+            solver=square.surface.solver,
+            timings=self.phase.seconds,
+        )
+
+    def on_target(self, made: RectangleMap) -> OnTarget:
+        """Return a map as descent sees it."""
+        order = self._squares[made.boundary, made.laplacian].surface.order
+        laplacian = WeightedLaplacian(self.mesh, order[~self.mesh.on_boundary[order]])
+        return OnTarget(Rectangle(self.sides), made._f, laplacian)
+
+    def moved(self, made: RectangleMap, f: Complex, known: float) -> RectangleMap:
+        """Return what descent made of a map."""
+        return self._placed(self._squares[made.boundary, made.laplacian], f, known)
 
 
 def _harmonic(mesh: Mesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floats, FactoredSurface]:
@@ -307,22 +300,6 @@ def _harmonic(mesh: Mesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floats, 
     free[zero] = free[one] = False
     surface = FactoredSurface(mesh, L, free)
     return value + surface.solve(-(L.matrix() @ value)), surface
-
-
-def _by_disk_map(mesh: Mesh, sides: list[Ints], phase: Phases) -> _Square:
-    """Place the boundary as a map onto the disk tells, and both coordinates as harmonic."""
-    with phase("factor"):
-        surface = FactoredSurface.of(mesh)
-    with phase("circle"):
-        disk = map_of(surface, Options(), Phases(), known={})
-    with phase("extension"):
-        z, f = as_complex(disk.uv), np.empty(len(mesh.V), dtype=complex)
-        corners = z[[side[0] for side in sides]]
-        for number, side in enumerate(sides):
-            start, along = (0, 1, 1 + 1j, 1j)[number], 1j**number
-            f[side[:-1]] = start + along * along_side(z[side[:-1]], np.roll(corners, -number))
-        f = harmonic_extension(surface, f[mesh.loop])
-    return _Square(f, surface.laplacian, "cotangent", "disk map", surface)
 
 
 def along_side(z: Complex, corners: Complex) -> Floats:
@@ -342,46 +319,3 @@ def along_side(z: Complex, corners: Complex) -> Floats:
         ratio = abs(z - a) / abs(z - b) * abs(c - b) / abs(c - a) / root  # (1 + x) / (1 - x)
     amplitude = 2 * np.arctan(np.sqrt(ratio)) - np.pi / 2  # arcsin x
     return (1 + ellipkinc(amplitude, k * k) / ellipk(k * k)) / 2
-
-
-def _finished(
-    mesh: Mesh,
-    sides: list[Ints],
-    square: _Square,
-    phase: Phases,
-    f: Complex | None = None,
-    known: float = 0.0,
-) -> RectangleMap:
-    """Scale a map onto the unit square to the modulus, or take one f (n,) that is there.
-
-    It is repaired, certified and judged.
-    """
-    u, v, matrix = square.f.real, square.f.imag, square.L.matrix()
-    # The energy of the one with values 0 and 1 is height by width, that of the other width by
-    # height, and each at most too large.
-    energy_u, energy_v = float(u @ (matrix @ u)), float(v @ (matrix @ v))
-    modulus = float(np.sqrt(energy_v / energy_u))
-    if f is None:
-        f = modulus * u + 1j * v
-    repair = Repair()
-    with phase("repair"):
-        if along_sides(sides, f):
-            f, repair = repaired(mesh, f)
-    with phase("certificate"):
-        certificate = certify_rectangle(mesh, sides, f)
-        degrees = map_distortion(mesh, f)
-        fields = fields_of(mesh, f, degrees, certificate, repair, known=known)
-        if not (verdict := fields["conformality"]):
-            fields["conformality"] = replace(verdict, remedies=(REMEDY,))
-    return RectangleMap(
-        **fields,
-        uv=coordinates(f),
-        modulus=modulus,
-        modulus_bounds=(1 / energy_u, energy_v),
-        width=float(f.real[sides[2][0]]),
-        corners=tuple(int(side[0]) for side in sides),
-        boundary=square.boundary,
-        laplacian=square.laplacian,
-        solver=square.surface.solver,
-        timings=phase.seconds,
-    )

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Complex, Floats, marked, shifted
-from ..refine.balance import Newton, lower_shear, soft_shear
-from ..refine.targets import DISK
-from ..rescue.boundary import arc_length_map
-from ..rescue.means import centered
+from ..descent.descent import Descent, from_tutte, pulled
+from ..descent.energies import mean_squared_log_dilatation
+from ..descent.targets import DISK
+from ..starts.boundary import arc_length_map
+from ..starts.tutte import centered
 from ..steps.circle import Rejected
 from ..surface.mesh import DiskMesh, Mesh
 from ..surface.triangles import flipped_faces
@@ -28,13 +29,13 @@ def embedded_ring(mesh: Mesh) -> Complex:
     f, _ = centered(disk, arc_length_map(disk), n)
     if len(flipped_faces(f, disk.F)[0]):
         raise Rejected("it crowds the mean values too much for double precision")
-    f = lower_shear(disk, f, marked(n + 1, n))
+    f = from_tutte(disk, f, marked(n + 1, n))
     size = abs(f[loop])
     on_circle = f[loop] * (np.exp(np.log(size).mean()) / size)
-    newton = Newton(disk, f, DISK, marked(n + 1, np.append(loop, n)))
-    if not newton.pull(soft_shear(disk), loop, on_circle):
+    descent = Descent(disk, f, DISK, marked(n + 1, np.append(loop, n)))
+    if not pulled(descent, mean_squared_log_dilatation(disk), loop, on_circle):
         raise Rejected("the hole cannot be pulled to a circle")
-    return newton.f[:-1]
+    return descent.f[:-1]
 
 
 def _apex(V: Floats) -> Floats:

@@ -15,7 +15,7 @@ from os import PathLike
 from pathlib import Path
 from string import Template
 from tempfile import mkdtemp
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,7 +26,6 @@ from ..extras import from_extra
 from ..fields import Field, Labelled
 from ..io.images import MIME, Texture, as_image
 from ..io.output import write_text
-from ..result.base import Result
 from ..surface.location import z_order
 from ..surface.topology import group_by_edge, heads, tails
 from ..surface.triangles import vertex_areas
@@ -49,9 +48,16 @@ SURFACE = "Surface"  # what the shape that was mapped is called
 FLAT = 1e-6  # thickness of a flat shape, by its size: one looks straight at it
 
 
+@runtime_checkable
+class Viewed(Protocol):
+    """A result such as a `DiskMap`."""
+
+    def _layout(self) -> Layout: ...
+
+
 @typed
 def view(
-    results: Mapping[str, Result],
+    results: Mapping[str, Viewed],
     path: str | PathLike[str] | None = None,
     *,
     fields: Mapping[str, Labelled] | None = None,

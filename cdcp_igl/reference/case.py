@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Ints
 from ..errors import MapError, SolverError
-from ..maps.sphere import SphereMap
 from ..printing import finite
 from ..result.base import Result
+from ..result.sphere_map import SphereMap
 from ..scale.pool import Pool, same_modules
 from ..solve.memory import peak_memory
 from ..surface.mesh import DiskMesh, SphereMesh

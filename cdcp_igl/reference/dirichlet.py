@@ -9,8 +9,8 @@ from scipy.sparse import csr_matrix
 from .. import libigl
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates
 from ..io.given import takes_meshes
-from ..rescue.boundary import arc_length_map
 from ..solve.solvers import factorize
+from ..starts.boundary import arc_length_map
 from ..surface.mesh import DiskMesh
 from .certified import certified_disk_map
 

@@ -13,10 +13,10 @@ from scipy.sparse import coo_matrix, csr_matrix
 
 from ..algorithm import Steps, algorithm_1
 from ..arrays import Complex, Floats, Ints
+from ..descent.repair import repaired
 from ..docstrings import like
 from ..errors import MapError
 from ..io.given import takes_meshes
-from ..rescue.repair import repaired
 from ..solve.factored import FactoredSurface
 from ..steps.circle import Rejected
 from ..steps.trace import face_dipole
@@ -46,7 +46,7 @@ def double_cover(V: ArrayLike, F: ArrayLike) -> Floats:
     """
     surface = FactoredSurface.of(DiskMesh(V, F))
     try:
-        _, f, _ = algorithm_1(surface, Steps(trace=double_cover_trace))
+        f = algorithm_1(surface, Steps(trace=double_cover_trace))
     except Rejected as error:
         raise MapError(f"The trace of the double cover gives no map: {error}") from error
     f, _ = repaired(surface.mesh, f)

@@ -9,8 +9,8 @@ from scipy.sparse import csr_matrix
 from ..arrays import Complex, Floats, Ints
 from ..docstrings import like
 from ..io.given import takes_meshes
-from ..rescue.boundary import arc_length_map
 from ..solve.laplacian import cotangent_laplacian
+from ..starts.boundary import arc_length_map
 from ..surface.mesh import DiskMesh, Mesh
 from .beltrami import beltrami_coefficient, linear_beltrami_solver
 from .certified import certified_disk_map

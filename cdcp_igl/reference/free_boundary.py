@@ -16,13 +16,13 @@ from ..maps.boundary_first import (
     angles_of_scale,
     closed_curve,
     edge_means,
-    pinned,
+    grounded,
     scale_of_angles,
 )
-from ..rescue.boundary import arc_length_map
 from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.laplacian import cotangent_laplacian
 from ..solve.solvers import factorize
+from ..starts.boundary import arc_length_map
 from ..steps.trace import edge_lengths
 from ..surface.mesh import DiskMesh, Mesh
 from .certified import checked_free_map
@@ -176,7 +176,7 @@ def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
     """
     mesh = DiskMesh(V, F)
     surface = FactoredSurface.of(mesh)
-    but_one, u_B = pinned(surface), np.zeros(len(mesh.loop))
+    but_one, u_B = grounded(surface), np.zeros(len(mesh.loop))
     if not disk:
         f_B = closed_curve(mesh, u_B, angles_of_scale(surface, u_B))
         x_B, y = f_B.real, np.zeros(len(mesh.V))

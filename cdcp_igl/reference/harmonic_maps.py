@@ -10,8 +10,8 @@ from ..arrays import Complex, Floats
 from ..docstrings import like
 from ..errors import MapError
 from ..io.given import takes_meshes
-from ..rescue.boundary import arc_length_map
 from ..solve.laplacian import Laplacian, cotangent_laplacian, sum_opposite
+from ..starts.boundary import arc_length_map
 from ..steps.mobius import conformal_barycenter, mobius_transformation
 from ..surface.mesh import DiskMesh, Mesh
 from ..surface.triangles import face_areas, opposite_edges, twice_areas, vertex_areas

@@ -6,10 +6,10 @@ from numpy.typing import ArrayLike
 
 from .. import libigl
 from ..arrays import Complex, Floats, as_complex, coordinates
+from ..descent.energies import HALF, SymmetricDirichlet, resized
 from ..docstrings import like
 from ..io.given import takes_meshes
 from ..maps.free import free_map
-from ..refine.balance import HALF, Energy, resized
 from ..surface.mesh import Mesh
 from .certified import checked_free_map
 from .free_boundary import lscm
@@ -66,7 +66,7 @@ def _start(V: ArrayLike, F: ArrayLike) -> tuple[Mesh, Complex]:
     """Map with a free outline, in the size with the least symmetric Dirichlet energy."""
     plain = free_map(V, F, refine=0)
     mesh = plain.mesh
-    return mesh, resized(Energy.of(mesh, HALF), as_complex(mesh.in_own_unit(plain.uv)))
+    return mesh, resized(SymmetricDirichlet.of(mesh, HALF), as_complex(mesh.in_own_unit(plain.uv)))
 
 
 def _finished(mesh: Mesh, uv: Floats) -> Floats:

@@ -13,8 +13,8 @@ from ..arrays import Complex, Floats, Ints, places
 from ..docstrings import like
 from ..errors import MapError
 from ..io.given import takes_meshes
-from ..rescue.boundary import arc_length_map
 from ..solve.laplacian import cotangent_laplacian
+from ..starts.boundary import arc_length_map
 from ..steps.mobius import normalize
 from ..steps.zipper import open_blocks
 from ..surface.mesh import DiskMesh, Mesh

@@ -24,7 +24,7 @@ from ..io.images import Texture
 from ..plot.layout import Layout
 from ..plot.raster import sample
 from ..printing import Pairs, as_html, as_text
-from ..rescue.boundary import BoundaryMethod
+from ..records import BoundaryMethod
 from ..surface.orientation import INWARD, wrong_side
 from ..surface.topology import Topology
 from ..surface.triangles import face_areas, lost_in_single_precision

@@ -253,16 +253,10 @@ class Bijection(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiskBijection(Bijection):
-    """A map of a triangulated disk onto the polygon inscribed in the unit circle.
+    """A map of a triangulated disk onto the polygon inscribed in the unit circle."""
 
-    Attributes
-    ----------
-    uv : (n, 2) float64
-        The images of the vertices.
-    """
-
-    uv: Floats
     mesh: Mesh
+    _f: Complex
 
     @typed
     def pull_back(self, values: ArrayLike, *, method: Method | None = None) -> Floats:
@@ -302,7 +296,7 @@ class DiskBijection(Bijection):
         if len(shape) < 2 or image.values.size == 0:
             raise ValueError(f"values has shape {shape}; it must be (height, width, ...)")
         pixels = replace(image, values=image.values.reshape(-1, *shape[2:]))
-        return pixels.at(*_bilinear(shape[0], shape[1], self._z))
+        return pixels.at(*_bilinear(shape[0], shape[1], self._f))
 
     @typed
     def remesh(self, side: float) -> tuple[Floats, Ints, Floats]:
@@ -349,7 +343,7 @@ class DiskBijection(Bijection):
             raise ValueError(f"side must be between 0 and 1, not {side!r}")
         V, loop = self.mesh.V, self.mesh.loop
         ring = even_ring(side)
-        ring = with_corners(ring, self._z[loop], self.interpolate(V, coordinates(ring)), V[loop])
+        ring = with_corners(ring, self._f[loop], self.interpolate(V, coordinates(ring)), V[loop])
         z, F = disk_lattice(side, ring)
         uv = coordinates(z)
         W = self.interpolate(self.mesh.positions, uv)
@@ -361,11 +355,7 @@ class DiskBijection(Bijection):
 
     @cached_property
     def _finder(self) -> FaceFinder:
-        return FaceFinder(self.mesh.F, self._z, self.mesh.edges, inscribed=True)
-
-    @cached_property
-    def _z(self) -> Complex:
-        return as_complex(self.uv)
+        return FaceFinder(self.mesh.F, self._f, self.mesh.edges, inscribed=True)
 
 
 def _bilinear(height: int, width: int, z: Complex) -> tuple[Ints, Floats]:

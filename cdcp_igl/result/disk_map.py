@@ -12,22 +12,20 @@ from numpy.typing import ArrayLike
 from ..arguments import typed
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates
 from ..cached import cached_property
+from ..descent.collapsed_faces import open_collapsed_faces
+from ..descent.placing import moved_on_disk
+from ..descent.repair import repair_locally
+from ..descent.targets import DISK
 from ..errors import MapError
 from ..phases import Phases
 from ..plot.layout import Layout
-from ..refine.refinement import Refinement
-from ..refine.targets import DISK
-from ..rescue.collapsed_faces import open_collapsed_faces
-from ..rescue.harmonic_map import Provenance, provenance
-from ..rescue.repair import repair_locally
-from ..surface.mesh import Mesh
+from ..records import Provenance, Refinement
 from ..verdict.certificate import BOUNDARY_TOLERANCE, Certificate, certify_disk
-from ..verdict.distortion import AngleDistortion, map_distortion
+from ..verdict.distortion import AngleDistortion
 from .base import how_made
 from .bijection import Bijection, DiskBijection, Registered
 from .keeping import KeepingMap
 from .landmarks import landmark_automorphism
-from .making import FURTHER, fields_of
 from .matching import Match, matched
 
 
@@ -126,14 +124,15 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
     _target = DISK
 
     @property
-    def is_embedded(self) -> bool:
-        """Whether the map comes from an embedding by mean values."""
-        return self.boundary.laplacian == "mean value"
+    def _straightened(self) -> bool:
+        return self.straightening.before > 0
+
+    def _moved(self, f: Complex, phase: Phases, known: float = 0.0) -> DiskMap:
+        return replace(self, **moved_on_disk(self.mesh, f, self.repair, phase, known))
 
     @property
-    def steps_due(self) -> int:
-        """Steps of refinement for a map that is not near the conformal one, or was straightened."""
-        return super().steps_due or (FURTHER if self.straightening.before else 0)
+    def _from_tutte(self) -> bool:
+        return self.boundary.laplacian == "mean value"
 
     @typed
     def register(self, to: DiskMap, landmarks: ArrayLike) -> Registered:
@@ -181,26 +180,25 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
         True
         """
         here, there = map(as_complex, self._landmarks(to, landmarks))
-        f = landmark_automorphism(here, there)(as_complex(self.uv))
+        mesh, f = self.mesh, landmark_automorphism(here, there)(self._f)
         # Only what left the circle is normalised again, and faces that this flips are reopened.
-        radius = abs(f[self.mesh.loop])
-        f[self.mesh.loop] /= np.where(abs(radius - 1) < BOUNDARY_TOLERANCE / 10, 1, radius)
-        f, _ = open_collapsed_faces(self.mesh, f)
-        f, _ = repair_locally(self.mesh, f)
-        uv, certificate = coordinates(f), certify_disk(self.mesh, f)
+        radius = abs(f[mesh.loop])
+        f[mesh.loop] /= np.where(abs(radius - 1) < BOUNDARY_TOLERANCE / 10, 1, radius)
+        f, _ = open_collapsed_faces(mesh, f)
+        f, _ = repair_locally(mesh, f)
+        certificate = certify_disk(mesh, f)
         if not certificate.valid:
-            refused = replace(self, uv=uv, certificate=certificate)
             raise MapError(
                 f"Moved to the landmarks, the map is not a bijection onto the disk: {certificate}. "
                 "Faces are too large for this transformation, or too small: choose other landmarks",
-                refused,
+                replace(self, _f=f, certificate=certificate),
             )
 
         def fitted(here: Floats, there: Floats) -> Floats:
             z, target = as_complex(here), as_complex(there)
             return coordinates(landmark_automorphism(z, target)(z))
 
-        return self._registered(uv, to, landmarks, fitted)
+        return self._registered(coordinates(f), to, landmarks, fitted)
 
     @typed
     def match(self, to: DiskMap, pairs: ArrayLike) -> Match:
@@ -246,16 +244,13 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
             rows, counts = np.unique(column, return_counts=True)
             if counts.max() > 1:
                 raise ValueError(f"vertex {rows[counts.argmax()]} of {mesh!r} is in several pairs")
-        at_rim = self.mesh.on_boundary[chosen[:, 0]] != to.mesh.on_boundary[chosen[:, 1]]
-        if at_rim.any():
-            here, there = chosen[at_rim][0]
+        at_boundary = self.mesh.on_boundary[chosen[:, 0]] != to.mesh.on_boundary[chosen[:, 1]]
+        if at_boundary.any():
+            here, there = chosen[at_boundary][0]
             raise ValueError(
                 f"of the pair {here}, {there} only one is on the boundary: the boundaries meet"
             )
         return matched(self.mesh, as_complex(self.register(to, chosen)), to, chosen)
-
-    def _plane_map(self) -> Complex:
-        return as_complex(self.uv)
 
     def _steps(self) -> list[tuple[str, str]]:
         return [*self._kept_pairs(), *super()._steps()]
@@ -263,33 +258,8 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
     def _details(self) -> dict[str, Any]:
         return {**self._kept_details(), **super()._details()}
 
-    def moved_to(self, f: Complex, phase: Phases, known: float = 0.0) -> DiskMap:
-        """Return the map f (n,) of this surface, repaired, certified and judged; see `judge`."""
-        mesh = self.mesh
-        with phase("repair"):
-            f, _ = open_collapsed_faces(mesh, f)
-            f, repair = repair_locally(mesh, f)
-        moved = max(self.repair.n_moved, repair.n_moved)
-        done = provenance(self, repair=replace(self.repair, n_moved=moved))
-        return judged(mesh, f, done, self.solver, phase, known)
-
     def _surface(self) -> tuple[Floats, Ints]:
         return self.mesh.positions, self.mesh.F
 
     def _layout(self) -> Layout:
         return self._drawn(self.mesh.V, self.mesh.F, self.uv, *map(str, filter(None, [self.kept])))
-
-
-def judged(
-    mesh: Mesh, f: Complex, done: Provenance, solver: str, phase: Phases, known: float = 0.0
-) -> DiskMap:
-    """Certify a map (n,), measure it, and judge it; for `known` see `judge`."""
-    with phase("certificate"):
-        degrees, certificate = map_distortion(mesh, f), certify_disk(mesh, f)
-        fields = fields_of(mesh, f, degrees, certificate, done.repair, known=known)
-    return DiskMap(
-        **(vars(done) | fields),
-        uv=coordinates(f),
-        solver=solver,
-        timings=phase.seconds,
-    )

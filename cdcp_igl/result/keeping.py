@@ -1,98 +1,31 @@
-"""A map that keeps lengths or areas, by as much as is asked for, and what is said of it."""
+"""Maps that may keep lengths or areas rather than angles."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
 from ..arguments import typed
-from ..arrays import Bools, Complex, coordinates
+from ..arrays import Bools, Complex
+from ..descent.targets import Target
+from ..descent.tradeoff import Tradeoff, measured
 from ..errors import MapError
 from ..io.given import tell
-from ..options import KEPT, MOST, Keep
+from ..options import Keep
 from ..phases import Phases
 from ..plot.layout import Layout
-from ..refine.apart import kept_apart
-from ..refine.balance import Energy, balanced, resized
-from ..refine.targets import Disk, Outline, Target
-from ..rescue.boundary import arc_length_map
-from ..rescue.means import embedding
-from ..surface.mesh import Mesh
-from ..surface.triangles import flipped_faces
+from ..records import Kept
 from ..verdict.conformality import NOT_ASKED
-from ..verdict.distortion import DENSITIES, weighted_quantiles
-from ..verdict.outline import certify_outline
 from .base import valid_map
-from .making import MadeMap
-
-# Where a bound on texel density is looked for: one after the other, then halves of what is between.
-TRIED, HALVINGS = (0.02, 0.1, 0.3, 0.5, 0.7, 0.9, MOST), 3
-
-
-@dataclass(frozen=True)
-class Kept:
-    """What a map keeps, and how well; on the disk, of faces that are not inscribed in the circle.
-
-    Attributes
-    ----------
-    keep : float
-        From 0, angles, over 1/2, lengths, to 0.99, areas.
-    dirichlet : float
-        The symmetric Dirichlet energy by 4, at the size where it is least: 1 for an isometry.
-    texels : float
-        Density of texels: how many times longer lengths are in the plane where this is so for 95
-        percent of the area at most, by where it is for 5 percent. From the areas of faces.
-    stretch : float
-        How many times a face is longer one way than the other, at most.
-    steps : int
-        Steps of Newton's method.
-
-    Examples
-    --------
-    >>> import cdcp_igl
-    >>> V, F, _ = cdcp_igl.datasets.spherical_cap(10)
-    >>> cdcp_igl.free_map(V, F, keep="lengths").kept.name
-    'lengths (0.5)'
-    """
-
-    keep: float
-    dirichlet: float
-    texels: float
-    stretch: float
-    steps: int
-
-    @classmethod
-    def of(cls, mesh: Mesh, f: Complex, t: float, target: Target, steps: int) -> Kept:
-        """Measure a map (n,) without flipped faces."""
-        s, q, _ = Energy.of(mesh, t).stretch(f, slice(None))
-        free = np.ones(len(s), dtype=bool)
-        if isinstance(target, Disk) and len(mesh.inscribed) < len(s):
-            free[mesh.inscribed] = False
-        s, q, area = s[free], q[free], Energy.of(mesh, t).area[free]
-        shear = area * np.cosh(s) / area.sum()
-        low, high = weighted_quantiles(q / 2, area, DENSITIES)
-        dirichlet = np.sqrt((shear @ np.exp(q)) * (shear @ np.exp(-q)))
-        return cls(t, float(dirichlet), float(np.exp(high - low)), float(np.exp(s.max())), steps)
-
-    @property
-    def name(self) -> str:
-        """What is kept, in a word or two."""
-        names = {t: name for name, t in KEPT.items()}
-        return f"{names[self.keep]} ({self.keep:g})" if self.keep in names else f"{self.keep:.3g}"
-
-    def __str__(self) -> str:
-        return (
-            f"{self.name}: symmetric Dirichlet energy {self.dirichlet:.4g}, texel density within "
-            f"{self.texels:.3g}, stretch at most {self.stretch:.3g}, {self.steps} steps"
-        )
+from .made import ComplexMap
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class KeepingMap(MadeMap):
+class KeepingMap(ComplexMap):
     """A map of one mesh that may keep lengths or areas rather than angles."""
 
     kept: Kept | None = None
@@ -133,52 +66,18 @@ class KeepingMap(MadeMap):
         asked = Keep.of(keep)
         if not asked:
             raise ValueError(f"keep={keep!r}: the map that keeps angles is that without keep")
-        before = self._plane_map()
 
         def turned(f: Complex) -> Complex:
-            moment = np.vdot(f, before)
+            moment = np.vdot(f, self._f)
             return f * (moment / abs(moment) if moment else 1)
 
-        made = self.keeping(asked, turned, Phases())
+        made = kept_map(self, asked, turned, Phases())
         tell(made, vars(self))
         return made
 
-    def keeping(self, asked: Keep, placed: Callable[[Complex], Complex], phase: Phases) -> Self:
-        """Let a valid map keep what is asked for; `placed` turns it, about its centroid if free."""
-        mesh, target, held = self.mesh, self._target, self._held
-        f, t, steps = self._plane_map(), self.kept.keep if self.kept else 0.0, 0
-
-        def measured(g: Complex, t: float) -> Kept:
-            return Kept.of(mesh, g, t, target, steps)
-
-        def at(t: float, f: Complex, near: bool) -> Complex:
-            nonlocal steps
-            begins = not near and held is None
-            start = self._start(Energy.of(mesh, t, target=target), f) if begins else f
-            newton = balanced(mesh, start, t, target, near=near, held=held)
-            g, steps = newton.f, steps + newton.steps
-            may_overlap = isinstance(target, Outline) and held is None
-            if may_overlap and not certify_outline(mesh, coordinates(g)).simple:
-                g, more = kept_apart(mesh, start, t, near=near)
-                steps += more
-            return g
-
-        with phase("refine"):
-            if asked.texels == np.inf:
-                f, t = at(asked.t, f, t > 0), asked.t
-            else:
-                f, t = _least(asked.texels, f, t, at, lambda g: measured(g, t).texels)
-        made = self.moved_to(f if held is not None else placed(f), phase)
-        valid_map(replace(made, conformality=NOT_ASKED), "", "Keep less of it, or cut the surface.")
-        kept = measured(made._plane_map(), t)
-        made = replace(made, kept=kept, conformality=NOT_ASKED)
-        if kept.texels > asked.texels:
-            raise MapError(
-                f"Texel density is within {kept.texels:.3g} at keep={t}, not {asked.texels:g}. Cut "
-                "the surface where it is long or branches (cdcp_igl.cut)",
-                made,
-            )
-        return made
+    @abstractmethod
+    def _moved(self, f: Complex, phase: Phases) -> Self:
+        """Return this map moved to f (n,): repaired, certified and judged."""
 
     @property
     def _held(self) -> Bools | None:
@@ -190,32 +89,6 @@ class KeepingMap(MadeMap):
         for asked in keep:
             maps.append(maps[-1].continued(keep=asked))
         return {made.kept.name if made.kept else "angles": made._layout() for made in maps}
-
-    def _start(self, energy: Energy, f: Complex) -> Complex:
-        """Return f, which keeps angles, or an embedding: that from which to go down.
-
-        Parts that a conformal map crowds together, along seams above all, are hard to draw apart.
-        On the disk they always are; else an embedding costs more than it gives, as a rule.
-        """
-        on_disk = isinstance(self._target, Disk)
-        start = f if on_disk else resized(energy, f)
-        if not (on_disk or energy.is_crowded(start)):
-            return start
-        even = np.zeros_like(f)
-        even[self.mesh.loop] = arc_length_map(self.mesh)
-        even, _ = embedding(self.mesh, even, on_disk=True)
-        if len(flipped_faces(even, self.mesh.F)[0]):
-            return start
-        even = even if on_disk else resized(energy, even)
-        return min(start, even, key=lambda g: np.nan_to_num(energy.value(g), nan=np.inf))
-
-    @abstractmethod
-    def _plane_map(self) -> Complex:
-        """Return the map (n,) in the unit of ``mesh.V``, or on the disk."""
-
-    @abstractmethod
-    def moved_to(self, f: Complex, phase: Phases, known: float = 0.0) -> Self:
-        """Return the map f (n,) of this surface, repaired, certified and judged; see `judge`."""
 
     def _kept_pairs(self) -> list[tuple[str, str]]:
         return [("keeps", str(self.kept))] if self.kept else []
@@ -229,32 +102,30 @@ class KeepingMap(MadeMap):
         return f"keeps {self.kept.name}, symmetric Dirichlet energy {self.kept.dirichlet:.4g}"
 
 
-def _least(
-    bound: float,
-    f: Complex,
-    t: float,
-    at: Callable[[float, Complex, bool], Complex],
-    texels: Callable[[Complex], float],
-) -> tuple[Complex, float]:
-    """Find the least t, and a map (n,), at which the density of texels holds a bound.
+Map = TypeVar("Map", bound=KeepingMap)
 
-    `at` goes from a map to one at another t. Where none holds it, the last.
+
+def kept_map(made: Map, asked: Keep, placed: Callable[[Complex], Complex], phase: Phases) -> Map:
+    """Let a valid map keep what is asked for; `placed` turns it, about its centroid if free.
+
+    Vertices that are pinned stay. MapError if no map is certified, or none holds the bound.
     """
-    if t == 0 and texels(f) <= bound:
-        return f, t
-    low, near = 0.0, t > 0
-    for t in TRIED:
-        f, near = at(t, f, near), True
-        if texels(f) <= bound:
-            break
-        low = t
-    else:
-        return f, t
-    for _ in range(HALVINGS):
-        between = (low + t) / 2
-        g = at(between, f, near)
-        if texels(g) <= bound:
-            f, t = g, between
+    descent = Tradeoff(made.mesh, made._target, made._held)
+    f, t = made._f, made.kept.keep if made.kept else 0.0
+    with phase("refine"):
+        if asked.texels == np.inf:
+            f, t = descent.at(asked.t, f, near=t > 0), asked.t
         else:
-            low = between
-    return f, t
+            f, t = descent.least(asked.texels, f, t)
+    f = f if descent.held is not None else placed(f)
+    made = replace(made._moved(f, phase), conformality=NOT_ASKED)
+    valid_map(made, "", "Keep less of it, or cut the surface.")
+    kept = measured(made.mesh, made._f, t, made._target, descent.steps)
+    made = replace(made, kept=kept)
+    if kept.texels > asked.texels:
+        raise MapError(
+            f"Texel density is within {kept.texels:.3g} at keep={t}, not {asked.texels:g}. Cut "
+            "the surface where it is long or branches (cdcp_igl.cut)",
+            made,
+        )
+    return made

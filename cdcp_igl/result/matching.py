@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 from ..arguments import typed
 from ..arrays import Complex, Floats, Ints, as_complex, coordinates, marked
 from ..cached import cached_property
+from ..descent.descent import Descent, Limits, pulled
+from ..descent.energies import SymmetricDirichlet
+from ..descent.targets import DISK
 from ..errors import MapError
-from ..refine.balance import Energy, Newton
-from ..refine.targets import DISK
 from ..surface.mesh import Mesh
 from ..verdict.certificate import Certificate, certify_disk
 from ..verdict.distortion import face_dilatation
@@ -55,7 +56,7 @@ class Match:
     stretch: Floats
     pairs: Ints
     _disk: Mesh = field(repr=False)
-    _energy: Energy = field(repr=False)
+    _energy: SymmetricDirichlet = field(repr=False)
     _to: DiskBijection = field(repr=False)
 
     @typed
@@ -84,8 +85,9 @@ class Match:
         gains = np.zeros(len(rows))
         for pair in range(len(rows)):
             held = marked(len(f), np.delete(rows, pair))
-            without = Newton(self._disk, f, DISK, held)
-            gains[pair] = 1 - without.descend(self._energy, RELEASED) / whole if whole else 0
+            without = Descent(self._disk, f, DISK, held)
+            left = without.lower(self._energy, Limits(RELEASED))
+            gains[pair] = 1 - left / whole if whole else 0
         return gains
 
     @property
@@ -101,15 +103,15 @@ class Match:
 def matched(mesh: Mesh, near: Complex, to: DiskBijection, pairs: Ints) -> Match:
     """Take a disk (n,) that lies near another to where pairs meet; MapError if they do not."""
     disk = Mesh(np.column_stack([coordinates(near), np.zeros(len(near))]), mesh.F, mesh.loop)
-    rows, goal = pairs[:, 0], as_complex(to.uv)[pairs[:, 1]]
-    energy = Energy.of(disk, 0.0, STEEP, DISK)
-    newton = Newton(disk, near, DISK, marked(len(near), rows))
-    reached = newton.pull(energy, rows, goal)
-    certificate = certify_disk(mesh, newton.f)
-    uv, stretch = coordinates(newton.f), face_dilatation(disk.V, mesh.F, newton.f)
+    rows, goal = pairs[:, 0], to._f[pairs[:, 1]]
+    energy = SymmetricDirichlet.of(disk, 0.0, STEEP, DISK)
+    descent = Descent(disk, near, DISK, marked(len(near), rows))
+    reached = pulled(descent, energy, rows, goal)
+    certificate = certify_disk(mesh, descent.f)
+    uv, stretch = coordinates(descent.f), face_dilatation(disk.V, mesh.F, descent.f)
     made = Match(uv, certificate, stretch, pairs, disk, energy, to)
     if not (reached and certificate.valid):
-        left = abs(newton.f[rows] - goal)
+        left = abs(descent.f[rows] - goal)
         raise MapError(
             f"The pairs do not all meet: pair {left.argmax()} is {left.max():.2g} off. They go "
             "around one another, or faces are too large there: leave pairs out, or subdivide",

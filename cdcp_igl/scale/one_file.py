@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Ints
-from ..atlas.surface import SurfaceMap, surface_map
+from ..atlas.surface import surface_map
 from ..errors import MeshError
 from ..io import WRITABLE, read_vertices, write_map
 from ..io.output import whole_file
@@ -28,11 +28,14 @@ from ..io.writing import carries, warn_of_loss
 from ..maps.annulus import annulus_map
 from ..maps.disk import disk_map
 from ..maps.free import free_map
-from ..maps.rectangle import RectangleMap, rectangle_map
-from ..maps.sphere import SphereMap, sphere_map
+from ..maps.rectangle import rectangle_map
+from ..maps.sphere import sphere_map
 from ..phases import Progress
 from ..result.base import Result
 from ..result.disk_map import DiskMap
+from ..result.rectangle_map import RectangleMap
+from ..result.sphere_map import SphereMap
+from ..result.surface_map import SurfaceMap
 from ..surface.cleaning import Cleaned, clean, submesh
 from ..surface.triangles import face_areas
 from ..verdict.distortion import AreaDistortion, area_distortion

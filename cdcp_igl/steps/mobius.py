@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, TypeVar
+from functools import partial
+from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +22,6 @@ from .least_distortion import (
 )
 
 Moved = TypeVar("Moved")
-Made = TypeVar("Made")
 MobiusMethod = Literal["angle", "area", "nelder-mead"]
 
 MAX_STEPS = 30  # towards the conformal barycentre
@@ -62,32 +62,47 @@ class Normalization:
         return f"{self.method}{moved}{note}"
 
 
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A map f (n,) where it is to lie, and its flipped faces, as `flipped_faces` finds them."""
+
+    f: Complex
+    flipped: tuple[Ints, int]
+
+    @classmethod
+    def of(cls, mesh: Mesh, f: Complex, **more: Any) -> Self:
+        """Take a map as it is; `more` are fields of a subclass."""
+        return cls(f, flipped_faces(f, mesh.F), **more)
+
+
+Put = TypeVar("Put", bound=Placed)
+
+
 def normalize(mesh: Mesh, f: Complex, method: MobiusMethod | None) -> tuple[Complex, Normalization]:
     """Apply the best Möbius transformation that does no harm to a map (n,), see `normalized`."""
-    f, _, done = normalized(mesh, f, method, lambda f: (f, None))
-    return f, done
+    placed, done = normalized(mesh, f, method, partial(Placed.of, mesh))
+    return placed.f, done
 
 
 def normalized(
     mesh: Mesh,
     f: Complex,
     method: MobiusMethod | None,
-    finished: Callable[[Complex], tuple[Complex, Made]],
+    place: Callable[[Complex], Put],
     *,
     repaired: bool = False,
-) -> tuple[Complex, Made, Normalization]:
+) -> tuple[Put, Normalization]:
     """Apply the best Möbius transformation that does no harm.
 
     psi_w flips a face exactly when 1 / conj(w) lies in its circumdisk. A transformation
     that does so, or that crowds the boundary beyond double precision, is halved until it does
     not: what can be gained on the way is gained. It is not applied where it costs angles.
 
-    The first boundary vertex of the map f (n,) lies at 1. `finished` is what is done to the map
-    after psi_w, before its flipped faces are counted; it returns the map, and anything else. For
-    maps that are `repaired` by it see `harmless`.
+    The first boundary vertex of the map f (n,) lies at 1. `place` is what is done to the map after
+    psi_w, before its flipped faces are counted. For maps that it has `repaired` see `harmless`.
     """
     if method is None:
-        return *finished(f), Normalization("none", 0j)
+        return place(f), Normalization("none", 0j)
     faces = faces_to_judge_by(len(mesh.F))
     errors = AngleErrors.of(mesh.F[faces], f, mesh.angles_of(faces))
     if method == "nelder-mead":
@@ -98,21 +113,18 @@ def normalized(
         if method == "angle":
             w, most = nearest_to(w, errors)
 
-    def attempt(w: complex) -> tuple[tuple[Complex, Made], Ints] | None:
+    def attempt(w: complex) -> tuple[Put, Ints] | None:
         moved = at_one(mesh, mobius_transformation(f, w), mesh.loop[0])
-        if not is_around(moved[mesh.loop]):
-            return None
-        return with_flipped(moved)
+        return with_flipped(moved) if is_around(moved[mesh.loop]) else None
 
-    def with_flipped(f: Complex) -> tuple[tuple[Complex, Made], Ints]:
-        made = finished(f)
-        return made, flipped_faces(made[0], mesh.F)[0]
+    def with_flipped(f: Complex) -> tuple[Put, Ints]:
+        placed = place(f)
+        return placed, placed.flipped[0]
 
-    made, done = harmless(
-        *(method, w, lambda w: errors.mean(w) <= most, attempt, lambda: with_flipped(f)),
-        repaired=repaired,
-    )
-    return *made, done
+    def improves(w: complex) -> bool:
+        return errors.mean(w) <= most
+
+    return harmless(method, w, improves, attempt, lambda: with_flipped(f), repaired=repaired)
 
 
 def nearest_to(barycenter: complex, errors: AngleErrors) -> tuple[complex, float]:

@@ -157,3 +157,9 @@ def hat_gradients(opposite: Complex, twice_area: Floats) -> Complex:
     """(m, 3) gradients of the hat functions of the corners, of triangles with these edges."""
     # They grow at right angles to the opposite edge.
     return 1j * opposite / twice_area[:, None]
+
+
+def extents(corners: Complex) -> tuple[Floats, Floats]:
+    """(k,) longest edges of faces with these corners (3, k), and their largest distances from 0."""
+    size = abs(corners - corners[[2, 0, 1]]).max(axis=0)
+    return size, abs(corners).max(axis=0)

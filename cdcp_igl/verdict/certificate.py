@@ -224,11 +224,11 @@ def certify(mesh: Mesh, uv: Floats) -> Certificate:
     return certify_disk(mesh, as_complex(uv))
 
 
-def certify_disk(mesh: Mesh, f: Complex) -> Certificate:
-    """Verify a map (n,) of a mesh onto the unit disk."""
+def certify_disk(mesh: Mesh, f: Complex, known: tuple[Ints, int] | None = None) -> Certificate:
+    """Verify a map (n,) of a mesh onto the unit disk; `flipped_faces` of it may be `known`."""
     if not np.isfinite(f).all():
         return not_finite(mesh)
-    return certificate_of(f[mesh.loop], *flipped_faces(f, mesh.F))
+    return certificate_of(f[mesh.loop], *(known or flipped_faces(f, mesh.F)))
 
 
 def certificate_of(boundary: Complex, flipped: Ints, n_exact: int) -> Certificate:

@@ -20,10 +20,10 @@ STEPS = (
     ("verdict/certificate.py", "exact signs", "Certificate"),
     ("result/disk_map.py", "", "DiskMap: uv and all about it"),
 )
-RESCUE = (
-    "rescue/",
-    "Where this map is not good:\nanother boundary, straightening,\n"
-    "repair of flipped faces, refinement;\nthe best valid map goes on",
+OTHERS = (
+    "maps/problem.py",
+    "Where this map is not good:\nother starts, straightening,\n"
+    "repair of flipped faces, descent;\nthe best valid map goes on",
 )
 PAPER = ("steps/center.py", "steps/mobius.py")  # the first and the last step of Algorithm 1
 STYLE = {"svg.hashsalt": "flow"}
@@ -31,7 +31,7 @@ INK, BOX, BESIDE = "#1d2733", "#e6edf5", "#f5ece6"
 
 
 def draw():
-    """One box a file, what it does to the right, what it hands on; the rescue beside."""
+    """One box a file, what it does to the right, what it hands on; other starts beside."""
     figure = Figure(figsize=(9.2, 6.6))
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set(xlim=(0, 9.2), ylim=(len(STEPS) + 0.1, -0.75))
@@ -47,7 +47,7 @@ def draw():
     first, last = (rows[module] for module in PAPER)
     axes.plot([5.35, 5.45, 5.45, 5.35], [first, first, last + 0.6, last + 0.6], color=INK, lw=1)
     axes.text(5.6, (first + last + 0.6) / 2, "Algorithm 1: algorithm.py", **style)
-    folder, text = RESCUE
+    folder, text = OTHERS
     judged = rows["verdict/certificate.py"] + 0.28
     _box(axes, 6.2, judged, folder, BESIDE)
     axes.text(6.75, judged, text, **(style | {"fontsize": 8.5}))
@@ -70,7 +70,7 @@ def missing():
     """Files of the picture that are not there any more."""
     package = Path(cdcp_igl.__file__).parent
     return [
-        name for name in (RESCUE[0], *(step[0] for step in STEPS)) if not (package / name).exists()
+        name for name in (OTHERS[0], *(step[0] for step in STEPS)) if not (package / name).exists()
     ]
 
 

@@ -20,16 +20,17 @@ from scipy.linalg import solve_triangular
 from ... import __version__, libigl
 from ...arguments import typed
 from ...arrays import Complex, Floats, Ints, Numbers, distinct_rows, evenly_spaced_rows
+from ...descent.repair import repair_locally
 from ...errors import MapError, counted
-from ...maps.selection import MANY_FLIPPED
+from ...maps.rules import FEW_FLIPPED
 from ...options import Options
 from ...phases import Phases, Progress
-from ...rescue.boundary import BoundaryMethod
-from ...rescue.correction import FEW_FACES, deep_vertex, is_sheared
-from ...rescue.repair import Repair, repair_locally
+from ...records import BoundaryMethod, Repair
 from ...solve import solvers
 from ...solve.solvers import SolverName, using
 from ...solve.threads import one_thread
+from ...starts.recentring import FEW_FACES, deep_vertex
+from ...starts.straightening import is_sheared
 from ...steps.center import CANDIDATES, Center, first_well_shaped
 from ...steps.circle import Rejected, onto_circle
 from ...steps.least_distortion import AngleErrors, faces_to_judge_by
@@ -450,7 +451,7 @@ class _Mapping:
         [rows] = self.folder.each(self.condensed, "rows")
         [flipped] = self.folder.each(self.finished, "flipped")
         n_flipped, rounds, moved = sum(map(len, flipped)), 0, dict[int, complex]()
-        if n_flipped > MANY_FLIPPED * self.folder.faces:
+        if n_flipped > FEW_FLIPPED * self.folder.faces:
             self.give_up(counted(n_flipped, "face is flipped", "faces are flipped"))
         for k in np.flatnonzero([len(faces) for faces in flipped]).tolist():
             beside = [np.isin(other, rows[k]).any() for other in rows]

@@ -9,7 +9,6 @@ from typing import ClassVar
 import numpy as np
 
 from ..arrays import Complex, Floats, Ints, coordinates
-from ..rescue.collapsed_faces import open_collapsed_faces
 from ..steps.stereographic import axes_along, from_plane
 from ..surface.mesh import Mesh
 from ..surface.triangles import flipped_faces
@@ -25,6 +24,7 @@ from ..verdict.certificate import (
 )
 from ..verdict.distortion import angle_errors, sphere_angle_errors
 from ..verdict.outline import OutlineCertificate, certify_outline
+from .collapsed_faces import open_collapsed_faces
 
 Flipped = tuple[Ints, int]
 

@@ -35,8 +35,8 @@ class WeightedLaplacian:
         analysis: Cholesky | None = None,
         ordering: Ordering = "natural",
     ) -> None:
-        self._ordering = ordering
-        self._F, self._edges, self._n, self._order = mesh.F, mesh.edges, len(mesh.V), order
+        self.ordering = ordering
+        self._F, self._edges, self._n, self.order = mesh.F, mesh.edges, len(mesh.V), order
         self._cholesky = analysis
 
     def weigh(self, beta: Complex, s: Floats) -> None:
@@ -56,15 +56,15 @@ class WeightedLaplacian:
             opposite[part] = weight * (b[:, [1, 2, 0]] * b[:, [2, 0, 1]].conj()).real
         # A unit diagonal: entries go with 1 / area, which may range over 20 digits.
         scale = np.sqrt(self._inverse)
-        self._scale = scale[self._order]
+        self._scale = scale[self.order]
         low, high = self._edges.low, self._edges.high
         weights = -sum_opposite(self._edges, opposite) * scale[low] * scale[high]
         del opposite  # before the matrix is made
         unit = np.full(self._n, 1 + SHIFT)
         self._scaled = Laplacian(low, high, weights, unit)
-        matrix = self._scaled.block(self._order)
+        matrix = self._scaled.block(self.order)
         if self._cholesky is None:
-            self._cholesky = factorize(matrix, ordering=self._ordering)
+            self._cholesky = factorize(matrix, ordering=self.ordering)
         else:  # the pattern is that of the edges, whatever the weights
             self._cholesky.refactor(matrix)
 
@@ -73,14 +73,14 @@ class WeightedLaplacian:
         if self._cholesky is None:
             raise ValueError("the weights have not been set: call factor first")
         y = self.divide(x)
-        y[self._order] = self._scale * self._cholesky.solve(self._scale * x[self._order])
+        y[self.order] = self._scale * self._cholesky.solve(self._scale * x[self.order])
         return y
 
     def extended(self, x: Complex) -> Complex:
         """Extend what is prescribed (n,), 0 where it is to be found, harmonically."""
         scale = np.sqrt(self._inverse)
         y = x.copy()
-        y[self._order] = self.solve(self._scaled.matrix() @ (x / scale) / -scale)[self._order]
+        y[self.order] = self.solve(self._scaled.matrix() @ (x / scale) / -scale)[self.order]
         return y
 
     def divide(self, x: Complex) -> Complex:

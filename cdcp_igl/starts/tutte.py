@@ -13,7 +13,7 @@ from ..arrays import Complex, Floats, Ints, as_complex, coordinates
 from ..steps.mobius import conformal_barycenter, mobius_transformation
 from ..surface.mesh import Mesh
 from ..surface.triangles import flipped_faces
-from .correction import deep_vertex, recentered
+from .recentring import deep_vertex, recentered
 
 LEAST_COTANGENT = 0.01  # where they are to be positive
 INWARDS = 0.1  # the weight of a neighbour one ring further from the boundary
@@ -64,10 +64,10 @@ def outward_mean_values(V: Floats, F: Ints, angles: Floats) -> csr_matrix:
 
 
 # In turn, until double precision keeps all faces.
-EMBEDDING = mean_value_weights, roots_of_mean_values, positive_cotangents, outward_mean_values
+WEIGHTS = mean_value_weights, roots_of_mean_values, positive_cotangents, outward_mean_values
 
 
-def embedding(mesh: Mesh, f: Complex, *, on_disk: bool = False) -> tuple[Complex, complex]:
+def tutte_embedding(mesh: Mesh, f: Complex, *, on_disk: bool = False) -> tuple[Complex, complex]:
     """Set the interior of a map (n,) with a convex boundary to mean values of its neighbours.
 
     Floater's theorem applies: positive weights and a convex boundary give an embedding, as far as
@@ -83,7 +83,7 @@ def embedding(mesh: Mesh, f: Complex, *, on_disk: bool = False) -> tuple[Complex
     M. S. Floater. Mean value coordinates. Comput. Aided Geom. Design 20(1), 2003.
     """
     crowded = list[Complex]()
-    for weigh in EMBEDDING:
+    for weigh in WEIGHTS:
         again = partial(combined, weigh(mesh.V, mesh.F, mesh.angles), inside=mesh.interior)
         g, w = again(f), 0j
         if on_disk:
@@ -103,7 +103,7 @@ def centered(mesh: Mesh, z: Complex, vertex: int) -> tuple[Complex, complex]:
     The boundary (b,) is moved by psi_w, eq. (19), until what draws the vertex balances. As far as
     double precision goes, by weights in turn.
     """
-    for weigh in EMBEDDING:
+    for weigh in WEIGHTS:
         f, w = _balanced_around(mesh, z, vertex, weigh(mesh.V, mesh.F, mesh.angles))
         if len(flipped_faces(f, mesh.F)[0]) == 0:
             break

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..arrays import Bools, Complex, Ints, marked
-from ..errors import counted
+from ..records import Repair
+from ..starts.tutte import combined, mean_value_weights, tutte_embedding
 from ..surface.mesh import Mesh
 from ..surface.topology import components_of_pairs
 from ..surface.triangles import flipped_faces, flipped_or_flat
-from .means import combined, embedding, mean_value_weights
 from .relaxation import Relaxation
 
 RINGS = 10  # largest radius of a patch around a flipped face
@@ -25,52 +23,16 @@ RELAXED = 6  # rings around the vertices that were moved, relaxed with them at t
 MOST_MOVES, MOST_SWEEPS = 200_000, 30  # of single vertices, and of all, at the end
 
 
-@dataclass(frozen=True)
-class Repair:
-    """What was done about flipped faces.
-
-    Attributes
-    ----------
-    n_flipped : int
-        Faces that the harmonic map had flipped; 0 if there was nothing to do.
-    n_moved : int
-        Vertices that were moved, so that they are not harmonic any more, or on a free outline.
-    rounds : int
-        Times that patches were tried.
-    """
-
-    n_flipped: int = 0
-    n_moved: int = 0
-    rounds: int = 0
-
-    def report(self) -> dict[str, int]:
-        """Return it as JSON types."""
-        return {
-            "flipped_faces": self.n_flipped,
-            "moved_vertices": self.n_moved,
-            "rounds": self.rounds,
-        }
-
-    def __str__(self) -> str:
-        if self.n_flipped == 0:
-            return "not needed"
-        flipped = counted(self.n_flipped, "flipped face", "flipped faces")
-        if self.rounds == 0:
-            return f"{flipped}, too many to be repaired"
-        moved = counted(self.n_moved, "vertex", "vertices")
-        return f"{flipped}, {moved} moved in {counted(self.rounds, 'round', 'rounds')}"
-
-
 def repaired(mesh: Mesh, f: Complex) -> tuple[Complex, Repair]:
     """Make every face positively oriented, at whatever cost.
 
     Where `repair_locally` cannot, because of many flipped faces or stubborn ones, the whole
-    interior is that of an `embedding`, and relaxed. The boundary stays where it is.
+    interior is that of an `tutte_embedding`, and relaxed. The boundary stays where it is.
     """
     g, repair = repair_locally(mesh, f, repairable(mesh))
     if len(flipped_faces(g, mesh.F)[0]):
         whole = Neighbourhood(mesh, np.ones(len(f), dtype=bool))
-        whole.moved, (g, _) = whole.free, embedding(mesh, f)
+        whole.moved, (g, _) = whole.free, tutte_embedding(mesh, f)
         g = whole.relaxed(g)
         repair = Repair(repair.n_flipped, len(mesh.interior), repair.rounds + 1)
     return g, repair

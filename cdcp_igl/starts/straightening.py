@@ -1,59 +1,26 @@
-"""What is corrected of a harmonic map: common shear, and a place too small for doubles.
-
-Straightening takes the shear out; recentering moves a tiny region deep inside to 0, where doubles
-are denser.
-"""
+"""The shear that all faces of a harmonic map have in common, taken out of its boundary."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from ..arrays import Complex, Floats, Ints, evenly_spaced_rows
+from ..records import Straightening
 from ..steps.circle import RESOLVED
 from ..steps.least_distortion import pseudo_huber_corner
 from ..surface.mesh import Mesh
 from ..verdict.certificate import increments, is_around
 from ..verdict.distortion import angles_between, plane_angles
+from .recentring import FEW_FACES
 
-FEW_FACES = 1_000  # enough to tell whether there is anything to correct
 MANY_FACES = 30_000  # for what is gained by straightening
 WORTH = 0.02  # of the mean angular distortion: a smaller gain is not worth two solves
 STEPS = 8  # of Gauss-Newton; one is enough but for the strongest shear
 # Rounds of reweighted least squares: to tell whether there is shear, and to take it out.
 FEW_WEIGHTINGS, WEIGHTINGS = 4, 8
 HALVINGS = 5
-# Faces this small by their distance from 0, and from the circle, have angles with errors of 1e-4.
-TOO_SMALL = 1e-12
-FEW = 0.01  # of the faces, with which nothing needs to be done
-ROUNDS = 3  # of extending again; the first finds most of the digits that f has not
-
-
-@dataclass(frozen=True)
-class Straightening:
-    """What was done about the shear that all faces have in common.
-
-    Attributes
-    ----------
-    shear : float
-        Its Beltrami coefficient |mu|; 0 where it was not worth a correction.
-    before, after : float
-        Mean angular distortion in degrees, over at most 30,000 faces. 0 where nothing was done.
-    """
-
-    shear: float = 0.0
-    before: float = 0.0
-    after: float = 0.0
-
-    def __str__(self) -> str:
-        if not self.before:
-            return "not needed"
-        return (
-            f"common shear {self.shear:.3f}, angular distortion from {self.before:.3f} to "
-            f"{self.after:.3f} degrees"
-        )
 
 
 def straighten(
@@ -167,54 +134,3 @@ def _least_errors(
         x, y = (xy * gy - yy * gx) / determinant, (xy * gx - xx * gy) / determinant
         r = np.einsum("a,ac->c", [x, y, 1], terms)
     return complex(x, y), float(abs(r).mean())
-
-
-def recentered(
-    mesh: Mesh, f: Complex, extend_again: Callable[[Complex], Complex]
-) -> tuple[Complex, complex]:
-    """Move a region that is too small for the doubles where it lies to 0.
-
-    A surface that is closed but for a small hole, or that has its boundary at the end of a long
-    arm, is mapped to a spot around a point w; a face of size s there has errors of
-    1e-16 abs(w) / s. Differences from one of the vertices keep their digits, and psi_w, eq. (19),
-    takes them to the disk again:
-
-        psi_w(w + d) = d / (1 - abs(w)^2 - conj(w) d).
-
-    `extend_again` computes the interior of a map again, by differences of neighbours, such that
-    small parts have all their digits if they lie at 0; the boundary may be a translated circle.
-    Returns the map, the argument itself if nothing is too small, and the point w that went to 0.
-    """
-    vertex = deep_vertex(mesh, f, mesh.F[evenly_spaced_rows(len(mesh.F), FEW_FACES)])
-    if vertex is None:
-        return f, 0j
-    w, d = complex(f[vertex]), f - f[vertex]
-    for _ in range(ROUNDS):
-        d = extend_again(d)
-        w, d = w + complex(d[vertex]), d - d[vertex]
-    if not abs(w) < 1 - TOO_SMALL:  # the part lies at the circle, and not inside
-        return f, 0j
-    f = d / (1 - abs(w) ** 2 - np.conj(w) * d)
-    f[mesh.loop] /= abs(f[mesh.loop])
-    return f, w
-
-
-def deep_vertex(mesh: Mesh, f: Complex, faces: Ints) -> int | None:
-    """Find the interior vertex in the middle of the faces (k, 3) too small for their place.
-
-    They are far from the circle and from 0. None in the ordinary case.
-    """
-    size, distance = extents(f.take(faces.T))
-    small = size < TOO_SMALL * np.minimum(distance, 1 - distance)
-    if np.count_nonzero(small) <= FEW * len(faces):
-        return None
-    corners = f[faces[small]]
-    middle = complex(np.median(corners.real), np.median(corners.imag))
-    inside: Ints = mesh.interior
-    return int(inside[abs(f[inside] - middle).argmin()])
-
-
-def extents(corners: Complex) -> tuple[Floats, Floats]:
-    """(k,) longest edges of faces with these corners (3, k), and their largest distances from 0."""
-    size = abs(corners - corners[[2, 0, 1]]).max(axis=0)
-    return size, abs(corners).max(axis=0)

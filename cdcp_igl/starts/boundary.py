@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
 from ..arrays import Complex, Floats
-from ..errors import counted, spell
+from ..errors import spell
 from ..solve.factored import FactoredSurface, harmonic_extension
 from ..solve.solvers import factorize
 from ..steps.circle import Rejected
@@ -35,46 +32,6 @@ LEAST_ARC = 1e-3
 MOST_ROUNDS = 10  # for each arc; what is left after them, the certificate of the map judges
 MOST_TRIES = 3  # to bring the number of wrong arcs down, before they are exchanged one by one
 ROUNDING = 1e-13  # of half the circle
-
-
-@dataclass(frozen=True)
-class BoundaryMethod:
-    """How the boundary got onto the circle.
-
-    Attributes
-    ----------
-    name : str
-        The method whose result was used: ``"geodesic"``, the paper's, unless something went
-        wrong; else ``"harmonic measure"``, or at last ``"arc length"``, which is not conformal, or
-        ``"harmonic measure and arc length"``, halfway.
-        Without interior vertices ``"inscribed angles"``.
-    rejected : tuple of str
-        The other methods that were tried, each with the reason why its map was not used.
-    n_opened : int
-        Faces inscribed in the circle that had collapsed in double precision, and are held open
-        by the last digits of their corners.
-    laplacian : str
-        Whose harmonic functions the map is made of: ``"cotangent"``, or, with the other methods,
-        ``"intrinsic Delaunay"``; or ``"mean value"`` of a map that began with an embedding, from
-        which shear was lowered.
-    """
-
-    name: str
-    rejected: tuple[str, ...] = ()
-    n_opened: int = 0
-    laplacian: str = "cotangent"
-
-    def report(self) -> dict[str, Any]:
-        """Return it as JSON types, but for the Laplacian, which maps without a boundary have."""
-        opened = {"rejected": list(self.rejected), "opened_faces": self.n_opened}
-        return {"method": self.name, **opened}
-
-    def __str__(self) -> str:
-        laplacian = "" if self.laplacian == "cotangent" else f", {self.laplacian} Laplacian"
-        faces = counted(self.n_opened, "face", "faces")
-        opened = f", {faces} held open" if self.n_opened else ""
-        reasons = "".join(f" (rejected {reason})" for reason in self.rejected)
-        return self.name + laplacian + opened + reasons
 
 
 def by_harmonic_measure(surface: FactoredSurface, face: int) -> Complex:

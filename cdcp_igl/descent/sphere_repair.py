@@ -1,4 +1,4 @@
-"""Flipped faces of a map onto the sphere: repaired in charts, untangled, or mapped anew."""
+"""Flipped faces of a map onto the sphere: repaired in charts, then one vertex after the other."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ from itertools import combinations
 
 import numpy as np
 
-from ..arrays import Complex, Floats, Ints, coordinates, marked
-from ..steps.dipole import star
+from ..arrays import Floats, coordinates, marked
+from ..records import Repair
 from ..steps.stereographic import axes_along
-from ..surface.mesh import DiskMesh, Mesh
+from ..surface.mesh import Mesh
 from ..verdict.certificate import flipped_on_sphere
-from .means import embedding
-from .repair import Repair, grow, repair_locally, repairable
+from .repair import grow, repair_locally, repairable
 
 HEMISPHERE = 0.5  # cosine of the radius of a chart in which flipped faces are repaired
 CHARTS = 200  # of them
@@ -97,26 +96,3 @@ def _deepest(normals: Floats) -> Floats:
     centers = np.vstack([chosen[i] + chosen[j], circumcenters, -circumcenters])
     centers /= np.maximum(np.linalg.norm(centers, axis=1), 1e-300)[:, None]
     return centers[(centers @ normals.T).min(axis=1).argmax()]
-
-
-def without_pole(mesh: Mesh, pole: int) -> tuple[DiskMesh, Ints, Complex]:
-    """Take a vertex and its faces out: the disk that is left, rows of V, and an embedding (k,)."""
-    part, rows = mesh.part(np.flatnonzero(~marked(len(mesh.V), pole)[mesh.F].any(axis=1)))
-    disk, (ring, w) = DiskMesh(part.V, part.F), star(mesh, pole)
-    z = np.zeros(len(mesh.V), dtype=complex)
-    z[ring] = abs(w) / w
-    f, _ = embedding(disk, z[rows], on_disk=True)
-    return disk, rows, f
-
-
-def over_hemispheres(mesh: Mesh, pole: int, rows: Ints, f: Complex) -> Floats:
-    """Map a surface onto the sphere, given a map (k,) of all but the pole onto the disk.
-
-    Central projection takes the disk to a part of a hemisphere, and its edges to great arcs, so
-    that no face is flipped. The pole lies on the other hemisphere.
-    """
-    P = np.empty((len(mesh.V), 3))
-    P[pole] = 0, 0, 1
-    # Seen from outside, from below.
-    P[rows] = np.column_stack([coordinates(f.conj()), -np.ones(len(f))])
-    return P / np.linalg.norm(P, axis=1)[:, None]

@@ -1,1 +1,0 @@
-"""Lowering the distortion of a map that is valid, onto whatever target."""
