@@ -292,7 +292,7 @@ def test_a_registration_says_how_far_landmarks_are_and_if_a_mirror_is_nearer(cap
     assert other.mirrored.max() < 1
     assert "are left and right exchanged" in caplog.text
     x = V[pairs[:, 0]] * [-1, 1, 1]
-    off = np.linalg.norm(hand.interpolate(hand.mesh.positions, other)[pairs[:, 0]] - x, axis=1)
+    off = np.linalg.norm(hand.interpolate(hand.mesh.V, other)[pairs[:, 0]] - x, axis=1)
     np.testing.assert_allclose(off, other.residual, rtol=1e-6)
 
 

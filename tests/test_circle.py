@@ -140,11 +140,11 @@ def test_dipole_is_the_gradient_on_its_face(face):
     assert abs(r.sum()) < 1e-14
     # Applied to a linear function u, it gives |e| (u_x - i u_y) in the frame of the face.
     i, j, k = mesh.F[face]
-    e = mesh.V[j] - mesh.V[i]
+    e = mesh.scaled[j] - mesh.scaled[i]
     length = np.linalg.norm(e)
-    height = mesh.V[k] - mesh.V[i] - (mesh.V[k] - mesh.V[i]) @ e / length**2 * e
-    x = (mesh.V - mesh.V[i]) @ e / length
-    y = (mesh.V - mesh.V[i]) @ height / np.linalg.norm(height)
+    height = mesh.scaled[k] - mesh.scaled[i] - (mesh.scaled[k] - mesh.scaled[i]) @ e / length**2 * e
+    x = (mesh.scaled - mesh.scaled[i]) @ e / length
+    y = (mesh.scaled - mesh.scaled[i]) @ height / np.linalg.norm(height)
     assert r @ x == pytest.approx(length)
     assert r @ y == pytest.approx(-1j * length)
 
@@ -436,7 +436,7 @@ def test_until_it_crowds(length, width):
 def test_only_collapsed_faces_are_opened_and_only_by_the_last_digits():
     """Corners in the wrong order are left to the certificate."""
     mesh = DiskMesh(*meshes.corridor(6))
-    f = cdcp_igl.cdcp(mesh.positions, mesh.F) @ [1, 1j]
+    f = cdcp_igl.cdcp(mesh.V, mesh.F) @ [1, 1j]
     assert len(mesh.inscribed) == 2
     same, count = open_collapsed_faces(mesh, f)
     assert same is f
@@ -453,7 +453,7 @@ def test_faces_that_collapse_as_others_are_opened_are_opened_in_turn(seed):
     mesh, rng = DiskMesh(*meshes.strip(6)), np.random.default_rng(seed)
     arcs = 10 ** rng.uniform(-15, -7, len(mesh.loop))
     arcs[rng.integers(len(arcs), size=1 + seed % 2)] = 1
-    f = np.zeros(len(mesh.V), complex)
+    f = np.zeros(len(mesh.scaled), complex)
     f[mesh.loop] = np.exp(1j * (2 * np.pi * np.cumsum(arcs) / arcs.sum() + seed))
     g, count = open_collapsed_faces(mesh, f)
     assert count > 0
@@ -467,7 +467,7 @@ def test_a_collapsed_ear_is_held_open_by_the_last_digits(turn):
     tip = np.flatnonzero(np.isin(mesh.loop, ear))[1]
     angles = np.linspace(0, 2 * np.pi, len(mesh.loop), endpoint=False) + turn
     angles[[tip - 1, tip + 1]] = angles[tip] + np.array([-1e-12, 1e-12])
-    f = np.zeros(len(mesh.V), complex)
+    f = np.zeros(len(mesh.scaled), complex)
     f[mesh.loop] = np.exp(1j * angles)
     f[mesh.loop[tip]] *= 1 - 1e-15
     flipped, _ = flipped_faces(f, mesh.F[mesh.inscribed])
@@ -482,7 +482,7 @@ def test_a_collapsed_ear_is_held_open_by_the_last_digits(turn):
 
 def test_an_ear_that_is_turned_over_is_none_that_has_collapsed():
     mesh = DiskMesh(*meshes.corridor(6))
-    f = cdcp_igl.cdcp(mesh.positions, mesh.F) @ [1, 1j]
+    f = cdcp_igl.cdcp(mesh.V, mesh.F) @ [1, 1j]
     f[mesh.F[mesh.inscribed[0]]] = np.exp([0, 0.002j, 0.001j])
     assert 0 in flipped_faces(f, mesh.F[mesh.inscribed])[0]
     same, count = open_collapsed_faces(mesh, f)

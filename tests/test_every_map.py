@@ -91,6 +91,15 @@ def test_points_go_there_and_back(made, name):
         assert np.isnan(result.interpolate(V, [1e300, 0])).all()
 
 
+@pytest.mark.parametrize("unit", [1, 1e-3, 7e5])
+@pytest.mark.parametrize("name", [name for name in MAPS if name != "PartsMap"])
+def test_the_surface_is_there_in_its_unit(name, unit):
+    function, (V, F, *_), options = MAPS[name]
+    result = function(unit * V, F, **options)
+    np.testing.assert_array_equal(result.V[:, : V.shape[1]], unit * V)
+    np.testing.assert_array_equal(result.F, F)
+
+
 @pytest.mark.parametrize("name", MAPS)
 def test_labels_masks_and_gaps_are_no_smooth_fields(made, name):
     V, F, result = made(name)

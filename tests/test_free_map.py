@@ -152,7 +152,7 @@ def test_scans(real_mesh, name):
 
 def test_a_step_with_a_free_outline_is_that_of_the_normal_equations():
     mesh = DiskMesh(*grid(6, 7))
-    z = cdcp_igl.free_map(mesh.V, mesh.F, refine=0).uv @ [1, 1j]
+    z = cdcp_igl.free_map(mesh.scaled, mesh.F, refine=0).uv @ [1, 1j]
     h, r = 1e-6, plane_angles(z, mesh.F) - mesh.angles
 
     def angles(x):

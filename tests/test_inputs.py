@@ -156,7 +156,7 @@ def put(folder, name, what):
 def test_what_people_have(tmp_path, name):
     what, V, F = DISKS[name]
     mesh = cdcp_igl.disk_map(put(tmp_path, name, what)).mesh
-    np.testing.assert_allclose(mesh.positions, V, atol=1e-6)
+    np.testing.assert_allclose(mesh.V, V, atol=1e-6)
     np.testing.assert_array_equal(mesh.F, F)
 
 

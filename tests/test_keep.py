@@ -36,8 +36,8 @@ def bent():
 @pytest.mark.parametrize("t", [0, 0.02, 0.5, 0.7, 1])
 def test_energy_is_that_of_the_singular_values(bent, t, k):
     mesh, f = bent
-    K = cdcp_igl.quasi_conformal_dilatation(mesh.V, mesh.F, coordinates(f))
-    area = face_areas(mesh.V, mesh.F)
+    K = cdcp_igl.quasi_conformal_dilatation(mesh.scaled, mesh.F, coordinates(f))
+    area = face_areas(mesh.scaled, mesh.F)
     s, q = np.log(K), np.log(oriented_areas(f, mesh.F)[0] / 2 / area)
     low, high = np.cosh(k * s), np.cosh(k * q)
     e = low * (1 - 2 * t + 2 * t * high) if t <= 0.5 else high * (2 * t - 1 + (2 - 2 * t) * low)
@@ -74,8 +74,8 @@ def test_a_step_to_the_first_flip_flips_one_face(bent):
 def test_what_is_flat_stays(t):
     V, F, _ = cdcp_igl.datasets.square(6)
     mesh = DiskMesh(V, F)
-    descent = keeping(mesh, as_complex(mesh.V[:, :2]), t)
-    assert_allclose(coordinates(descent.f), mesh.V[:, :2], atol=1e-12)
+    descent = keeping(mesh, as_complex(mesh.scaled[:, :2]), t)
+    assert_allclose(coordinates(descent.f), mesh.scaled[:, :2], atol=1e-12)
     assert descent.stopped
     assert descent.steps == 0
     assert_allclose(cdcp_igl.free_map(V, F, keep=t, align=[1, 0, 0]).uv, V[:, :2], atol=1e-12)
@@ -86,7 +86,7 @@ def test_balance_lowers_the_energy_and_flips_nothing(bent, target):
     mesh, f = bent
     sliding = isinstance(target, Disk)
     if sliding:
-        f = as_complex(cdcp_igl.disk_map(mesh.V, mesh.F).uv)
+        f = as_complex(cdcp_igl.disk_map(mesh.scaled, mesh.F).uv)
     for t in (0.02, 0.5, 0.99):
         energy = SymmetricDirichlet.of(mesh, t, target=target)
         start = f if sliding else resized(energy, f)
@@ -261,7 +261,7 @@ def test_pairs_meet_to_the_last_bit_and_no_face_flips(two):
     assert_array_equal(match.uv[pairs[:, 0]], other.uv[pairs[:, 1]])
     expected = cdcp_igl.quasi_conformal_dilatation(one.register(other, pairs), one.mesh.F, match.uv)
     assert_allclose(match.stretch, expected, rtol=1e-6)
-    height = other.mesh.positions[:, 2]
+    height = other.mesh.V[:, 2]
     assert_allclose(match.pull_back(height), other.interpolate(height, match.uv))
 
 

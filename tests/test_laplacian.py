@@ -161,7 +161,7 @@ def mesh(request):
 
 
 def test_is_the_negative_of_libigls(mesh):
-    difference = cotangent_laplacian(mesh).matrix() + igl.cotmatrix(mesh.V, mesh.F)
+    difference = cotangent_laplacian(mesh).matrix() + igl.cotmatrix(mesh.scaled, mesh.F)
     assert abs(difference).max() < 1e-13
 
 
@@ -169,11 +169,11 @@ def test_is_the_negative_of_libigls(mesh):
 def test_is_the_negative_of_libigls_on_real_meshes(name, real_mesh):
     """But for slivers, whose areas libigl takes from lengths alone; see test_laplacian.py."""
     mesh = DiskMesh(*real_mesh(name))
-    theirs = igl.cotmatrix(mesh.V, mesh.F)
+    theirs = igl.cotmatrix(mesh.scaled, mesh.F)
     difference = abs(cotangent_laplacian(mesh).matrix() + theirs).tocoo()
     slivers = abs(mesh.cotangents).max(axis=1) > SLIVER
     assert slivers.mean() < 0.02
-    at_sliver = np.zeros(len(mesh.V), dtype=bool)
+    at_sliver = np.zeros(len(mesh.scaled), dtype=bool)
     at_sliver[mesh.F[slivers]] = True
     seen = ~(at_sliver[difference.row] & at_sliver[difference.col])
     assert difference.data[seen].max() < 1e-13 * abs(theirs).max()
@@ -187,7 +187,7 @@ def test_symmetric_to_the_last_bit_with_zero_row_sums(mesh):
 
 def test_a_block_is_the_lower_triangle_of_some_rows_and_columns(mesh):
     L = cotangent_laplacian(mesh)
-    chosen = np.random.default_rng(0).permutation(len(mesh.V))[:-1]
+    chosen = np.random.default_rng(0).permutation(len(mesh.scaled))[:-1]
     expected = np.tril(L.matrix().toarray()[np.ix_(chosen, chosen)])
     np.testing.assert_array_equal(L.block(chosen).toarray(), expected)
 
@@ -198,7 +198,7 @@ def test_cotangents_that_cancel_stay_in_the_pattern():
     mesh = DiskMesh(right_angles, F)
     L = cotangent_laplacian(mesh).matrix()
     assert (L.data == 0).any()
-    assert L.nnz == len(mesh.V) + mesh.F.size + len(mesh.loop)  # every edge twice
+    assert L.nnz == len(mesh.scaled) + mesh.F.size + len(mesh.loop)  # every edge twice
 
 
 def test_intrinsic_delaunay_laplacian_has_no_negative_weight_inside():
@@ -210,7 +210,7 @@ def test_intrinsic_delaunay_laplacian_has_no_negative_weight_inside():
     off_diagonal = ~np.eye(len(mesh.interior), dtype=bool)
     assert plain.toarray()[inside][off_diagonal].max() > 0.1
     assert delaunay.toarray()[inside][off_diagonal].max() < 1e-12
-    x = mesh.V[:, 0]
+    x = mesh.scaled[:, 0]
     assert x @ delaunay @ x <= x @ plain @ x  # Rippa: Delaunay has the least energy
 
 
@@ -247,7 +247,7 @@ def test_in_the_plane_it_is_the_triangulation_of_delaunay(squeezed):
 def test_the_intrinsic_triangulation_is_that_of_libigl():
     V, F = meshes.grid(40, 30)
     mesh = DiskMesh(V * [3, 1, 1], F)
-    lengths = np.sqrt(igl.squared_edge_lengths(mesh.V, mesh.F))
+    lengths = np.sqrt(igl.squared_edge_lengths(mesh.scaled, mesh.F))
     expected_lengths, expected, *_ = igl.intrinsic_delaunay_triangulation(lengths, mesh.F)
     faces, cotangents = intrinsic_delaunay(mesh)
     assert not np.array_equal(faces, mesh.F)
@@ -291,7 +291,7 @@ RNG = np.random.default_rng(0)
 def test_it_solves_with_the_interior_block(make):
     surface = FactoredSurface.of(DiskMesh(*make()))
     mesh, L = surface.mesh, surface.laplacian.matrix()
-    b = RNG.normal(size=(len(mesh.V), 2)) @ [1, 1j]
+    b = RNG.normal(size=(len(mesh.scaled), 2)) @ [1, 1j]
     x = surface.solve(b)
     assert (x[mesh.loop] == 0).all()
     np.testing.assert_allclose((L @ x)[mesh.interior], b[mesh.interior], atol=1e-12)
@@ -300,16 +300,16 @@ def test_it_solves_with_the_interior_block(make):
 
 def test_values_may_be_given_elsewhere():
     mesh = DiskMesh(*meshes.grid())
-    free = np.arange(len(mesh.V)) > 3
+    free = np.arange(len(mesh.scaled)) > 3
     surface = FactoredSurface(mesh, cotangent_laplacian(mesh), free)
-    x = surface.solve(np.ones(len(mesh.V)))
+    x = surface.solve(np.ones(len(mesh.scaled)))
     assert (x[~free] == 0).all()
     np.testing.assert_allclose((surface.laplacian.matrix() @ x)[free], 1, atol=1e-12)
 
 
 def test_what_is_released_refactors():
     surface = FactoredSurface.of(DiskMesh(*meshes.grid()))
-    b = RNG.normal(size=len(surface.mesh.V))
+    b = RNG.normal(size=len(surface.mesh.scaled))
     x = surface.solve(b)
     surface.release()
     again = surface.analysis
@@ -320,7 +320,7 @@ def test_what_is_released_refactors():
 def test_separators_separate():
     mesh = DiskMesh(*meshes.grid(40, 60))
     low, high, levels = mesh.edges.low, mesh.edges.high, 3
-    part = dissected(low, high, mesh.V, levels)
+    part = dissected(low, high, mesh.scaled, levels)
     for level in range(levels):
         before, digit = np.divmod(part // 3 ** (levels - 1 - level), 3)
         neighbours = before[low] == before[high]
@@ -329,8 +329,8 @@ def test_separators_separate():
         assert (np.maximum(digit[low], digit[high])[across] == 2).all()
     top = part // 3 ** (levels - 1)
     left, right, separator = np.bincount(top)
-    assert separator < 3 * np.sqrt(len(mesh.V))
-    assert min(left, right) > len(mesh.V) / 3
+    assert separator < 3 * np.sqrt(len(mesh.scaled))
+    assert min(left, right) > len(mesh.scaled) / 3
 
 
 @pytest.mark.skipif(not solver().ORDERS, reason="this solver has its own order")

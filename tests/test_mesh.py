@@ -75,7 +75,7 @@ def test_immutable_and_inputs_untouched():
             with pytest.raises(ValueError, match="read-only"):
                 array[0] = 0
     with pytest.raises(FrozenInstanceError):
-        mesh.V = positions
+        mesh.scaled = positions
     assert positions.flags.writeable
     assert faces.flags.writeable
     cdcp_igl.cdcp(positions, faces)
@@ -89,16 +89,16 @@ def test_arrays_that_are_changed_later_do_not_change_the_mesh(kept, columns):
     positions, faces = V[:, :columns].astype(np.float64), F.astype(np.int64)
     made = kept(positions, faces)
     mesh = getattr(made, "mesh", made)
-    before = mesh.V.copy(), mesh.F.copy()
+    before = mesh.scaled.copy(), mesh.F.copy()
     positions += 1
     faces[:] = faces[::-1]
-    np.testing.assert_array_equal(mesh.V, before[0])
+    np.testing.assert_array_equal(mesh.scaled, before[0])
     np.testing.assert_array_equal(mesh.F, before[1])
 
 
 def test_scaling_is_exact():
     mesh = DiskMesh(V, F)
-    ratio = V[V != 0] / mesh.V[V != 0]
+    ratio = V[V != 0] / mesh.scaled[V != 0]
     assert (ratio == ratio[0]).all()
     assert np.frexp(ratio[0])[0] == 0.5
-    assert 0.5 <= abs(mesh.V).max() < 1
+    assert 0.5 <= abs(mesh.scaled).max() < 1

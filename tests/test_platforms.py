@@ -144,7 +144,7 @@ def test_the_factor_has_as_many_entries_as_estimated(side):
     mesh = DiskMesh(*meshes.grid(side, side))
     A = cotangent_laplacian(mesh).block(mesh.interior)
     entries = cholmod.cholesky(A, mode="supernodal", ordering_method="amd").L().nnz
-    assert 0.5 < entries / solver.factor_entries(len(mesh.V)) < 2
+    assert 0.5 < entries / solver.factor_entries(len(mesh.scaled)) < 2
 
 
 def test_64_bit_indices_where_32_do_not_suffice(monkeypatch):

@@ -238,10 +238,10 @@ def test_edges_between_vertices_of_a_side_are_split_if_that_is_asked_for(tmp_pat
     result = cdcp_igl.rectangle_map(V, F, corners, split=True)
     assert_on_sides(result)
     (n, k), mesh = (len(V), len(result.split)), result.mesh
-    np.testing.assert_array_equal(mesh.positions[:n], V)
-    np.testing.assert_allclose(mesh.positions[n:], V[result.split].mean(axis=1))
+    np.testing.assert_array_equal(mesh.V[:n], V)
+    np.testing.assert_allclose(mesh.V[n:], V[result.split].mean(axis=1))
     assert (mesh.F.shape, k > 3) == ((len(F) + 2 * k, 3), True)
-    assert face_areas(mesh.positions, mesh.F).sum() == pytest.approx(face_areas(V, F).sum())
+    assert face_areas(mesh.V, mesh.F).sum() == pytest.approx(face_areas(V, F).sum())
     np.testing.assert_array_equal(result.to_given(result.uv), result.uv[:n])
     part = cdcp_igl.submesh(np.vstack([V, V]), F + n, vertices=np.arange(n, 2 * n))
     of_part = cdcp_igl.rectangle_map(part, corners, split=True)

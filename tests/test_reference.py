@@ -262,7 +262,7 @@ def test_free_boundary_maps_leave_a_plane_mesh_as_it_is(name):
 
 def test_flips_are_no_error_with_a_free_boundary():
     mesh = DiskMesh(*saddle())
-    f = mesh.V[:, 0] + 1j * mesh.V[:, 1]
+    f = mesh.scaled[:, 0] + 1j * mesh.scaled[:, 1]
     f[10] += 1
     uv = checked_free_map(mesh, f)
     assert 0 < len(certify(mesh, uv).flipped) < len(mesh.F)
@@ -274,8 +274,8 @@ def test_flips_are_no_error_with_a_free_boundary():
 def test_free_boundary_maps_that_are_none(broken, message):
     mesh = DiskMesh(*saddle())
     with pytest.raises(MapError, match=message) as error:
-        checked_free_map(mesh, np.full(len(mesh.V), complex(broken)))
-    assert error.value.result.uv.shape == (len(mesh.V), 2)
+        checked_free_map(mesh, np.full(len(mesh.scaled), complex(broken)))
+    assert error.value.result.uv.shape == (len(mesh.scaled), 2)
 
 
 # -- Beltrami coefficients, and the double cover ---------------------------------------
@@ -308,7 +308,7 @@ def test_on_any_chart_the_coefficient_to_the_surface_gives_its_cotangent_laplaci
     p = stretch * x + shear * y + 1j * y
     if mirrored:
         p = p.conj()
-    G = generalized_laplacian(p, mesh.F, beltrami_coefficient(p, mesh.F, mesh.V))
+    G = generalized_laplacian(p, mesh.F, beltrami_coefficient(p, mesh.F, mesh.scaled))
     L = cotangent_laplacian(mesh).matrix()
     assert abs(G - L).max() <= 1e-9 * abs(L).max()
 
@@ -344,7 +344,7 @@ def test_doubled_faces_close_the_surface():
 
 def test_doubled_laplacian_is_that_of_the_glued_surface(real_mesh):
     mesh = DiskMesh(*real_mesh("nefertiti_299"))
-    V2 = np.vstack([mesh.V, mesh.V[mesh.interior]])
+    V2 = np.vstack([mesh.scaled, mesh.scaled[mesh.interior]])
     explicit = -igl.cotmatrix(V2, doubled_faces(mesh))
     L2 = doubled_laplacian(mesh, cotangent_laplacian(mesh).matrix())
     assert abs(L2 - explicit).max() <= 1e-14 * abs(explicit).max()

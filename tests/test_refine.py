@@ -137,7 +137,7 @@ def test_the_preconditioner_is_the_weighted_laplacian():
 
 def test_the_preconditioner_stays_while_the_weights_hardly_change(monkeypatch):
     mesh = DiskMesh(*cdcp_igl.datasets.paraboloid(20)[:2])
-    f = cdcp_igl.cdcp(mesh.V, mesh.F) @ [1, 1j]
+    f = cdcp_igl.cdcp(mesh.scaled, mesh.F) @ [1, 1j]
     factored = []
     factor = WeightedLaplacian.factor
     monkeypatch.setattr(

@@ -73,7 +73,7 @@ def test_large_faces_hardly_stretched_are_as_good_as_embeddings_make_them(monkey
 @pytest.mark.parametrize("weights", WEIGHTS[:2])
 def test_weights_that_differ_less_embed_what_mean_values_crowd(monkeypatch, weights):
     mesh = DiskMesh(*arms(32, 2))
-    f = np.zeros(len(mesh.V), dtype=complex)
+    f = np.zeros(len(mesh.scaled), dtype=complex)
     f[mesh.loop] = np.exp(2j * np.pi * np.arange(len(mesh.loop)) / len(mesh.loop))
     monkeypatch.setattr("cdcp_igl.starts.tutte.WEIGHTS", (weights,))
     embedded, _ = tutte_embedding(mesh, f, on_disk=True)
@@ -86,7 +86,7 @@ def table(width, length, face=0):
     solid = np.zeros((3, width, length + 1), dtype=bool)
     solid[..., 0] = solid[::2, ::2] = True
     mesh = DiskMesh(*opened(*skin(solid), "face", face))
-    f = np.zeros(len(mesh.V), dtype=complex)
+    f = np.zeros(len(mesh.scaled), dtype=complex)
     f[mesh.loop] = arc_length_map(mesh)
     return mesh, f
 
@@ -105,7 +105,7 @@ def test_long_legs_are_embedded_by_what_lies_further_out(monkeypatch):
 def test_what_lies_beyond_a_hole_in_a_leg_is_embedded_around_0():
     """A Möbius transformation takes it there, too, but bends the edges of three vertices."""
     mesh, f = table(1, 40, face=222)
-    weights = WEIGHTS[-1](mesh.V, mesh.F, mesh.angles)
+    weights = WEIGHTS[-1](mesh.scaled, mesh.F, mesh.angles)
     again = partial(combined, weights, inside=mesh.interior)
     bent, _ = recentered(mesh, again(f), again)
     assert len(flipped_faces(bent, mesh.F)[0]) > 0
@@ -113,7 +113,7 @@ def test_what_lies_beyond_a_hole_in_a_leg_is_embedded_around_0():
     assert len(flipped_faces(around, mesh.F)[0]) == 0
     assert 0 in around[mesh.interior]
     assert abs(w) < 1
-    assert cdcp_igl.disk_map(mesh.positions, mesh.F).valid
+    assert cdcp_igl.disk_map(mesh.V, mesh.F).valid
 
 
 def test_what_a_turn_would_round_away_is_not_turned():
@@ -122,7 +122,7 @@ def test_what_a_turn_would_round_away_is_not_turned():
     first = mesh.loop[0]
     turned = at_one(mesh, from_tutte(mesh, start), first)
     assert len(flipped_faces(turned, mesh.F)[0]) > 0
-    result = cdcp_igl.disk_map(mesh.positions, mesh.F)
+    result = cdcp_igl.disk_map(mesh.V, mesh.F)
     assert result.valid
     assert result.uv[first].tolist() == [1, 0]
 
@@ -140,7 +140,7 @@ def test_the_way_from_an_embedding_does_not_depend_on_it():
     mesh = DiskMesh(*opened(V * (0.3 + V[:, :1] ** 2), F, "face", 0))
     before, after = [], []
     for shares in ([1, 1, 1], [1, 4, 9], [1, 30, 30]):
-        f = np.zeros(len(mesh.V), dtype=complex)
+        f = np.zeros(len(mesh.scaled), dtype=complex)
         f[mesh.loop] = around(np.array(shares))
         start, _ = tutte_embedding(mesh, f, on_disk=True)
         moved = from_tutte(mesh, start)

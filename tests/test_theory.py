@@ -102,8 +102,8 @@ def test_the_error_of_the_trace_is_in_the_first_negative_power(name, first, step
 @pytest.mark.parametrize(("name", "inside"), [(LION, 17.05), (FACE, 17.89), (BRAIN, 7.69)])
 def test_only_the_boundary_values_of_the_pinned_solution_are_of_use(name, inside, steps_of):
     steps = steps_of(name)
-    free = np.delete(np.arange(len(steps.mesh.V)), steps.mesh.loop[0])
-    h = np.zeros(len(steps.mesh.V), complex)
+    free = np.delete(np.arange(len(steps.mesh.scaled)), steps.mesh.loop[0])
+    h = np.zeros(len(steps.mesh.scaled), complex)
     L, r = steps.surface.laplacian.matrix(), face_dipole(steps.mesh, steps.face)
     h[free] = spsolve(L[free][:, free].tocsc(), r[free])
     degrees = np.degrees(abs(angle_errors(steps.mesh, h)))

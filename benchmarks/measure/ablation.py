@@ -43,7 +43,7 @@ def _coldest(surface: FactoredSurface, *, t: float) -> Center:
     """Eqs. (14), (15) with any t."""
     mesh = surface.mesh
     initial = mesh.on_boundary.astype(float)
-    heat = factorize(identity(len(mesh.V)) + t * surface.laplacian.matrix()).solve(initial)
+    heat = factorize(identity(len(mesh.scaled)) + t * surface.laplacian.matrix()).solve(initial)
     return Center("heat", int(heat[mesh.F].sum(axis=1).argmin()))
 
 

@@ -110,7 +110,7 @@ def _charts() -> Iterator[tuple[str, Floats, Ints]]:
     for name, V, F in _read("any"):
         for number, chart in enumerate(surface_map(V, F).charts):
             if len(chart.mesh.F) <= FEW_FACES:
-                yield f"{name}, chart {number}", chart.mesh.positions, chart.mesh.F
+                yield f"{name}, chart {number}", chart.mesh.V, chart.mesh.F
 
 
 def _strips() -> Iterator[tuple[str, Floats, Ints]]:

@@ -253,7 +253,7 @@ def as_disk(model: Model, work: Work) -> tuple[str, Floats, Ints]:
     if not check(V, F).is_disk:
         disks = surface_map(V, F, outline="disk").charts
         largest = max((disk.mesh for disk in disks), key=lambda disk: len(disk.F))
-        mesh, V, F = mesh + OPENED, largest.positions, largest.F
+        mesh, V, F = mesh + OPENED, largest.V, largest.F
     work.keep_surface(mesh, V, F)
     return mesh, V, F
 

@@ -314,12 +314,12 @@ class Descent:
 
 
 def _laplacian_of(mesh: Mesh, target: Target, held: Bools | None) -> WeightedLaplacian:
-    free = np.ones(len(mesh.V), dtype=bool) if held is None else ~held
+    free = np.ones(len(mesh.scaled), dtype=bool) if held is None else ~held
     if target.slides:
         free &= ~mesh.on_boundary
     low, high = mesh.edges.low, mesh.edges.high
-    pattern = Laplacian.of(low, high, np.ones(len(low)), len(mesh.V))
-    order, ordering, _ = elimination_order(pattern, mesh.V, free, solver())
+    pattern = Laplacian.of(low, high, np.ones(len(low)), len(mesh.scaled))
+    order, ordering, _ = elimination_order(pattern, mesh.scaled, free, solver())
     return WeightedLaplacian(mesh, order, ordering=ordering)
 
 

@@ -208,8 +208,8 @@ class SymmetricDirichlet:
     @classmethod
     def of(cls, mesh: Mesh, t: float, k: float = 1.0, target: Target = PLANE) -> SymmetricDirichlet:
         """Let a surface keep t; on the disk, in the size that has the area of the disk."""
-        F, area = mesh.F, face_areas(mesh.V, mesh.F)
-        derivative = np.ascontiguousarray(wirtinger_derivative(mesh.V, F)[:, 1:].T)
+        F, area = mesh.F, face_areas(mesh.scaled, mesh.F)
+        derivative = np.ascontiguousarray(wirtinger_derivative(mesh.scaled, F)[:, 1:].T)
         weight, t_of, k_of = area / area.sum(), *(np.broadcast_to(float(x), len(F)) for x in (t, k))
         if isinstance(target, Disk):
             scale = np.pi / area.sum()

@@ -36,7 +36,7 @@ class WeightedLaplacian:
         ordering: Ordering = "natural",
     ) -> None:
         self.ordering = ordering
-        self._F, self._edges, self._n, self.order = mesh.F, mesh.edges, len(mesh.V), order
+        self._F, self._edges, self._n, self.order = mesh.F, mesh.edges, len(mesh.scaled), order
         self._cholesky = analysis
 
     def weigh(self, beta: Complex, s: Floats) -> None:

@@ -89,8 +89,8 @@ class Neighbourhood:
         faces = np.flatnonzero(inside[mesh.F].all(axis=1))
         self.vertices, corners = np.unique(mesh.F[faces], return_inverse=True)
         self.F: Ints = corners.reshape(-1, 3)
-        self.V = mesh.V[self.vertices]
-        degree = np.bincount(mesh.F.ravel(), minlength=len(mesh.V))[self.vertices]
+        self.V = mesh.scaled[self.vertices]
+        degree = np.bincount(mesh.F.ravel(), minlength=len(mesh.scaled))[self.vertices]
         whole = np.bincount(self.F.ravel(), minlength=len(self.vertices)) == degree
         self.free: Bools = whole & ~mesh.on_boundary[self.vertices]
         self.loose: Bools = whole if is_free else self.free

@@ -101,7 +101,7 @@ def annulus_map(
     with using(solver):
         with phase("check"):
             mesh, (n, m), filled = _filled(V, F)
-            inner = marked(len(mesh.V), mesh.loops[1])
+            inner = marked(len(mesh.scaled), mesh.loops[1])
             if len(rows := np.flatnonzero(inner[mesh.F].all(axis=1))):
                 raise MeshError(Defect.of("face on the inner circle", rows))
             if len(across := mesh.edges.ends(mesh.edges.chords(inner))):
@@ -210,7 +210,7 @@ def ring_map(
     shear. The mean of the bounds of the modulus would lay a loop's errors on the whole surface.
     """
     mesh, L = surface.mesh, surface.laplacian
-    one = marked(len(mesh.V), mesh.loops[1]).astype(float)
+    one = marked(len(mesh.scaled), mesh.loops[1]).astype(float)
     u = one - surface.solve(L.matrix() @ one)
     flux = L.matrix() @ u
     energy = float(u @ flux)
@@ -236,7 +236,7 @@ def _loop_angles(mesh: Mesh, starts: list[int], flux: Floats, least: float) -> t
 
     The inner loop runs clockwise.
     """
-    angle, forwards = np.zeros(len(mesh.V)), True
+    angle, forwards = np.zeros(len(mesh.scaled)), True
     for loop, first, turn in zip(mesh.loops, starts, (2 * np.pi, -2 * np.pi), strict=True):
         shares = shared_by_edges(mesh, loop, flux[loop])
         shares = shares / shares.sum()

@@ -20,7 +20,7 @@ from ..surface.mesh import Mesh
 
 def curvatures(mesh: Mesh) -> Floats:
     """(n,) angle defects inside, and on the boundary exterior angles; they add up to 2 pi."""
-    around = np.bincount(mesh.F.ravel(), mesh.angles.ravel(), len(mesh.V))
+    around = np.bincount(mesh.F.ravel(), mesh.angles.ravel(), len(mesh.scaled))
     return np.where(mesh.on_boundary, np.pi, 2 * np.pi) - around
 
 
@@ -49,7 +49,7 @@ def scale_of_angles(pinned: FactoredSurface, angles: Floats) -> Floats:
 def grounded(surface: FactoredSurface) -> FactoredSurface:
     """Factor the Laplacian but for the row of the first boundary vertex."""
     mesh = surface.mesh
-    return FactoredSurface(mesh, surface.laplacian, ~marked(len(mesh.V), mesh.loop[0]))
+    return FactoredSurface(mesh, surface.laplacian, ~marked(len(mesh.scaled), mesh.loop[0]))
 
 
 def closed_curve(mesh: Mesh, u_B: Floats, angles: Floats) -> Complex:

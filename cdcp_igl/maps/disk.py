@@ -386,7 +386,7 @@ class DiskProblem(Problem[DiskMap]):
 
     def _from_tutte(self, name: str) -> DiskMap:
         mesh, phase = self.mesh, self.phase
-        f = np.zeros(len(mesh.V), dtype=complex)
+        f = np.zeros(len(mesh.scaled), dtype=complex)
         with phase("circle"):
             f[mesh.loop] = STARTS[name](self.surface, self.center.face)
         with phase("repair"):

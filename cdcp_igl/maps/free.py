@@ -164,7 +164,7 @@ def free_map(
     phase = Phases(progress, refine or 0, skipped=OF_THE_DISK)
     with using(solver):
         surface = factored_surface(V, F, options, phase)
-        places = places_of(pins, len(surface.mesh.V))
+        places = places_of(pins, len(surface.mesh.scaled))
         boundary = boundary_of(surface.mesh, boundary_scale, corners)
         made = solve(FreeProblem(surface, boundary, options, phase))
         return pinned_to(announced(as_given(made)), places, phase)
@@ -236,7 +236,7 @@ def places_of(
 class Boundary:
     """How to lay out the boundary: by the logarithm u_B of its scale, or by exterior angles, (nB,).
 
-    `length` is that of the outline in the unit of ``mesh.V``.
+    `length` is that of the outline in the unit of ``mesh.scaled``.
     """
 
     name: str
@@ -251,7 +251,7 @@ def boundary_of(
     corners: Mapping[int, float] | None = None,
 ) -> Boundary:
     """Check what is asked of the boundary; ValueError if it cannot be had."""
-    n, loop, length = len(mesh.V), mesh.loop, edge_lengths(mesh)
+    n, loop, length = len(mesh.scaled), mesh.loop, edge_lengths(mesh)
     if boundary_scale is not None:
         scale = np.asarray(boundary_scale, dtype=np.float64)
         if scale.shape != (n,):
@@ -450,7 +450,7 @@ def pinned_to(made: FreeMap, pins: tuple[Ints, Floats] | None, phase: Phases) ->
 
 def as_given(made: FreeMap) -> FreeMap:
     """Mirror the map of a plane mesh that is clockwise: what is flat keeps its shape."""
-    V, F = made.mesh.V, made.mesh.F
+    V, F = made.mesh.scaled, made.mesh.F
     if np.ptp(V[:, 2]) or not wrong_side(V, Topology(F, len(V)))[0]:
         return made
     return replace(made, mirrored=True)
@@ -488,7 +488,7 @@ def own_outline(surface: FactoredSurface, phase: Phases) -> OutlineCertificate:
 def _order_of_all(surface: FactoredSurface) -> Ints:
     """(n,) vertices in the order of elimination, those of the boundary after what they touch."""
     mesh, edges = surface.mesh, surface.mesh.edges
-    rank = places(surface.order, len(mesh.V))
+    rank = places(surface.order, len(mesh.scaled))
     key = rank.copy()
     for one, other in ((edges.low, edges.high), (edges.high, edges.low)):
         outer = np.flatnonzero(mesh.on_boundary[one])

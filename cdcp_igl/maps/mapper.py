@@ -180,7 +180,7 @@ class DiskMapper(OfGiven):
             boundary = boundary_of(self.mesh, boundary_scale, corners)
             problem = FreeProblem(self._surface, boundary, options, phase, keep_factor=True)
             made = announced(as_given(solve(problem)))
-            made = pinned_to(made, places_of(pins, len(self.mesh.V)), phase)
+            made = pinned_to(made, places_of(pins, len(self.mesh.scaled)), phase)
             tell(made, vars(self))
             return made
 
@@ -213,7 +213,7 @@ class DiskMapper(OfGiven):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The factor is in memory of the solver: another process makes its own on arrival.
-        made = partial(DiskMapper, solver=self._solver), (self.mesh.positions, self.mesh.F)
+        made = partial(DiskMapper, solver=self._solver), (self.mesh.V, self.mesh.F)
         told = "source", "given_rows", "given_faces"
         return *made, {name: getattr(self, name) for name in told}
 

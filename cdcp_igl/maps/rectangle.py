@@ -114,9 +114,9 @@ def rectangle_map(
         with phase("check"):
             mesh = DiskMesh(V, F)
             sides = _boundary_sides(mesh, chosen)
-            n, whole, chords = len(mesh.V), mesh.F, _chords(mesh, sides, split)
+            n, whole, chords = len(mesh.scaled), mesh.F, _chords(mesh, sides, split)
             if len(chords):
-                mesh = DiskMesh(*split_edges(mesh.positions, mesh.F, chords))
+                mesh = DiskMesh(*split_edges(mesh.V, mesh.F, chords))
         best = replace(solve(RectangleProblem(mesh, sides, options, phase)), split=chords)
         if len(chords):
             rows = np.append(np.arange(n), [-1] * len(chords)), n
@@ -145,7 +145,7 @@ def _boundary_sides(mesh: Mesh, chosen: Ints) -> list[Ints]:
 
 def _chords(mesh: Mesh, sides: list[Ints], split: bool) -> Ints:
     """(k, 2) edges inside that join two vertices of one side; ValueError unless they are split."""
-    found = [mesh.edges.ends(mesh.edges.chords(marked(len(mesh.V), side))) for side in sides]
+    found = [mesh.edges.ends(mesh.edges.chords(marked(len(mesh.scaled), side))) for side in sides]
     for number, chords in enumerate(found, 1):
         if len(chords) and not split:
             count = counted(len(chords), "edge inside joins", "edges inside join")
@@ -235,7 +235,7 @@ class RectangleProblem(Problem[RectangleMap]):
         with phase("circle"):
             z = solve(DiskProblem(surface, Options(), Phases(), known={}))._f
         with phase("extension"):
-            f = np.empty(len(mesh.V), dtype=complex)
+            f = np.empty(len(mesh.scaled), dtype=complex)
             corners = z[[side[0] for side in self.sides]]
             for number, side in enumerate(self.sides):
                 start, along = (0, 1, 1 + 1j, 1j)[number], 1j**number
@@ -295,7 +295,7 @@ class RectangleProblem(Problem[RectangleMap]):
 
 def _harmonic(mesh: Mesh, L: Laplacian, zero: Ints, one: Ints) -> tuple[Floats, FactoredSurface]:
     """(n,) harmonic function with these values on two sides, and what solved for it."""
-    value, free = np.zeros(len(mesh.V)), np.ones(len(mesh.V), dtype=bool)
+    value, free = np.zeros(len(mesh.scaled)), np.ones(len(mesh.scaled), dtype=bool)
     value[one] = 1
     free[zero] = free[one] = False
     surface = FactoredSurface(mesh, L, free)

@@ -23,9 +23,9 @@ def embedded_ring(mesh: Mesh) -> Complex:
     far at a time as no face flips. `Rejected` if doubles do not suffice for that; MeshError if a
     face of the fan has no area.
     """
-    loop, n = mesh.loops[1], len(mesh.V)
+    loop, n = mesh.loops[1], len(mesh.scaled)
     fan = np.column_stack([shifted(loop), loop, np.full(len(loop), n)])
-    disk = DiskMesh(np.vstack([mesh.V, _apex(mesh.V[loop])]), np.vstack([mesh.F, fan]))
+    disk = DiskMesh(np.vstack([mesh.scaled, _apex(mesh.scaled[loop])]), np.vstack([mesh.F, fan]))
     f, _ = centered(disk, arc_length_map(disk), n)
     if len(flipped_faces(f, disk.F)[0]):
         raise Rejected("it crowds the mean values too much for double precision")

@@ -49,7 +49,7 @@ def rank(made: MadeMap) -> tuple[bool, float]:
 
 def repaired_part(made: MadeMap) -> float:
     """Return which part of the vertices repair has moved."""
-    return made.repair.n_moved / len(made.mesh.V)
+    return made.repair.n_moved / len(made.mesh.scaled)
 
 
 def is_heavily_repaired(made: MadeMap) -> bool:

@@ -125,10 +125,12 @@ def sphere_map(
     with using(solver):
         with phase("check"):
             mesh, n_faces, filled = _closed(V, F)
-            inward = points_inward(mesh.V, mesh.F)
+            inward = points_inward(mesh.scaled, mesh.F)
             mesh = SphereMesh(V, mesh.F[:, ::-1]) if inward else mesh
-            if directions and directions[0].max() >= len(mesh.V):
-                raise ValueError(f"align must give directions of vertices in 0..{len(mesh.V) - 1}")
+            if directions and directions[0].max() >= len(mesh.scaled):
+                raise ValueError(
+                    f"align must give directions of vertices in 0..{len(mesh.scaled) - 1}"
+                )
         problem = SphereProblem(mesh, mobius, directions, options, phase)
         problem.given = {"filled": filled, "inward": inward, "_n_faces": n_faces}
         return announced(solve(problem))
@@ -204,7 +206,9 @@ class SphereProblem(Problem[SphereMap]):
         with self.phase("laplacian"):
             L = LAPLACIANS[laplacian](self.mesh)
         with self.phase("factor"):
-            surface = FactoredSurface(self.mesh, L, np.arange(len(self.mesh.V)) > 0)  # eq. (18)
+            surface = FactoredSurface(
+                self.mesh, L, np.arange(len(self.mesh.scaled)) > 0
+            )  # eq. (18)
         self._order: Indices = surface.order
         with self.phase("trace"):
             P, pole = dipole_map(surface)
@@ -246,7 +250,7 @@ class SphereProblem(Problem[SphereMap]):
                 P = P @ rotation(P[align[0]], align[1])
             elif mobius:
                 P = P @ rotation(
-                    P * mass[:, None], mesh.V - np.average(mesh.V, axis=0, weights=mass)
+                    P * mass[:, None], mesh.scaled - np.average(mesh.scaled, axis=0, weights=mass)
                 )
             P = P / np.linalg.norm(P, axis=1)[:, None]
         with self.phase("repair"):

@@ -315,4 +315,4 @@ def _opened(V: Floats, F: Ints) -> Surface | None:
             raise
     SphereMesh(V, F)
     chart = surface_map(V, F, outline="disk", max_charts=1).charts[0].mesh
-    return chart.positions, chart.F
+    return chart.V, chart.F

@@ -49,9 +49,9 @@ def ricci(V: ArrayLike, F: ArrayLike) -> Floats:
     14(5), 2008.
     """
     mesh = DiskMesh(V, F)
-    n, k = len(mesh.V), _sent_to_infinity(mesh)
+    n, k = len(mesh.scaled), _sent_to_infinity(mesh)
     kept, at_k = np.delete(np.arange(n), k), np.equal(mesh.F, k).any(axis=1)
-    offset = mesh.V[kept] - mesh.V[k]
+    offset = mesh.scaled[kept] - mesh.scaled[k]
     inverted = offset / (offset**2).sum(axis=1, keepdims=True)
     place = places(kept, n)
     rest = DiskMesh(inverted, place[mesh.F[~at_k]])
@@ -73,7 +73,7 @@ def _sent_to_infinity(mesh: Mesh) -> int:
 
     The inversion there would turn that face over; of faces next to its own, cotangents tell.
     """
-    edges, n = mesh.edges, len(mesh.V)
+    edges, n = mesh.edges, len(mesh.scaled)
     opposite = np.empty(3 * len(mesh.F))
     opposite[edges.sides] = np.repeat(cotangent_laplacian(mesh).weights, edges.valence)
     least = np.full(n, np.inf)
@@ -88,8 +88,8 @@ def _sent_to_infinity(mesh: Mesh) -> int:
 
 def _flat_angles(mesh: Mesh, fixed: Ints) -> Floats:
     """(m, 3) angles of the flat metric with a straight boundary, but at vertices where u is 0."""
-    n = len(mesh.V)
-    length = np.sqrt(libigl.squared_edge_lengths(mesh.V, mesh.F))
+    n = len(mesh.scaled)
+    length = np.sqrt(libigl.squared_edge_lengths(mesh.scaled, mesh.F))
     target = np.where(mesh.on_boundary, np.pi, 2 * np.pi)
 
     def angles_and_gradient(u: Floats) -> tuple[Floats, Floats]:

@@ -80,5 +80,5 @@ def harmonic(V: ArrayLike, F: ArrayLike) -> Floats:
     """
     mesh = DiskMesh(V, F)
     f_B = coordinates(arc_length_map(mesh))
-    uv = libigl.harmonic(mesh.V, mesh.F, mesh.loop, f_B)
+    uv = libigl.harmonic(mesh.scaled, mesh.F, mesh.loop, f_B)
     return certified_disk_map(mesh, as_complex(uv))

@@ -79,12 +79,12 @@ def doubled_laplacian(mesh: Mesh, L: csr_matrix) -> csr_matrix:
     sheet, image = L.tocoo(), _mirror_images(mesh)
     rows = np.concatenate([sheet.row, image[sheet.row]])
     columns = np.concatenate([sheet.col, image[sheet.col]])
-    size = len(mesh.V) + len(mesh.interior)
+    size = len(mesh.scaled) + len(mesh.interior)
     return coo_matrix((np.tile(sheet.data, 2), (rows, columns)), (size, size)).tocsr()
 
 
 def _mirror_images(mesh: Mesh) -> Ints:
     """(n,) the mirror image of each vertex; a boundary vertex is its own."""
-    image = np.arange(len(mesh.V))
-    image[mesh.interior] = len(mesh.V) + np.arange(len(mesh.interior))
+    image = np.arange(len(mesh.scaled))
+    image[mesh.interior] = len(mesh.scaled) + np.arange(len(mesh.interior))
     return image

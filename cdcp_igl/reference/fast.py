@@ -60,21 +60,21 @@ def _fdcp(mesh: Mesh, mirror_factor: float) -> Complex:
     z = disk_problem.solve(arc_length_map(mesh))
     z = _north_step(mesh, L, _best_edge_to_one(mesh, z))
 
-    before, mu = 0.0, beltrami_coefficient(z, mesh.F, mesh.V)
+    before, mu = 0.0, beltrami_coefficient(z, mesh.F, mesh.scaled)
     for _ in range(MAX_ROUNDS):
         if abs(abs(mu).mean() - before) <= TOLERANCE:
             break
         before = abs(mu).mean()
         w = _south_step(mesh, z, mu, mirror_factor)
         z = disk_problem.solve(w[B] / abs(w[B]))
-        mu = beltrami_coefficient(z, mesh.F, mesh.V)
+        mu = beltrami_coefficient(z, mesh.F, mesh.scaled)
     return z / z[B[0]]
 
 
 def _best_edge_to_one(mesh: Mesh, z: Complex) -> Complex:
     """Turn the disk until the least distorted boundary edge has its middle at 1."""
     mu = np.zeros(len(z), dtype=complex)
-    np.add.at(mu, mesh.F, beltrami_coefficient(z, mesh.F, mesh.V)[:, None])
+    np.add.at(mu, mesh.F, beltrami_coefficient(z, mesh.F, mesh.scaled)[:, None])
     mu /= np.bincount(mesh.F.ravel())
     at_start = abs(mu[mesh.loop])
     k = (at_start + np.roll(at_start, -1)).argmin()

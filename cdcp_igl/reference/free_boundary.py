@@ -72,7 +72,7 @@ def lscm(V: ArrayLike, F: ArrayLike) -> Floats:
     True
     """
     mesh = DiskMesh(V, F)
-    uv = libigl.lscm(mesh.V, mesh.F, _two_far_vertices(mesh), np.eye(2)[::-1] * [1, 0])
+    uv = libigl.lscm(mesh.scaled, mesh.F, _two_far_vertices(mesh), np.eye(2)[::-1] * [1, 0])
     return checked_free_map(mesh, as_complex(uv))
 
 
@@ -80,7 +80,9 @@ def _two_far_vertices(mesh: Mesh) -> Ints:
     """Of the boundary: the farthest from its first vertex, and the farthest from that."""
 
     def farthest(vertex: int) -> int:
-        return mesh.loop[np.linalg.norm(mesh.V[mesh.loop] - mesh.V[vertex], axis=1).argmax()]
+        return mesh.loop[
+            np.linalg.norm(mesh.scaled[mesh.loop] - mesh.scaled[vertex], axis=1).argmax()
+        ]
 
     first = farthest(mesh.loop[0])
     return np.array([first, farthest(first)])
@@ -112,7 +114,7 @@ def spectral(V: ArrayLike, F: ArrayLike) -> Floats:
     Comput. Graph. Forum 27(5), 2008.
     """
     mesh = DiskMesh(V, F)
-    n, nB = len(mesh.V), len(mesh.loop)
+    n, nB = len(mesh.scaled), len(mesh.loop)
     energy = conformal_energy(mesh, mesh.cotangents)
     on_boundary = np.zeros(2 * n)
     boundary = np.concatenate([mesh.loop, mesh.loop + n])  # of the vector [u; v]
@@ -179,7 +181,7 @@ def bff(V: ArrayLike, F: ArrayLike, *, disk: bool = False) -> Floats:
     but_one, u_B = grounded(surface), np.zeros(len(mesh.loop))
     if not disk:
         f_B = closed_curve(mesh, u_B, angles_of_scale(surface, u_B))
-        x_B, y = f_B.real, np.zeros(len(mesh.V))
+        x_B, y = f_B.real, np.zeros(len(mesh.scaled))
         y[mesh.loop] = (np.roll(x_B, 1) - np.roll(x_B, -1)) / 2  # the flux of the conjugate
         f = harmonic_extension(surface, x_B.astype(complex))
         return checked_free_map(mesh, f.real + 1j * but_one.solve(y))
@@ -223,7 +225,7 @@ def abf(V: ArrayLike, F: ArrayLike, *, linear: bool = False) -> Floats:
     mesh = DiskMesh(V, F)
     m, nI = len(mesh.F), len(mesh.interior)
     inside = ~mesh.on_boundary[mesh.F]
-    vertex = places(mesh.interior, len(mesh.V))[mesh.F[inside]]
+    vertex = places(mesh.interior, len(mesh.scaled))[mesh.F[inside]]
     corner = np.arange(3 * m).reshape(m, 3)
 
     def sums(rows: ArrayLike, corners: ArrayLike, count: int) -> csr_matrix:
@@ -260,7 +262,7 @@ def least_squares_layout(mesh: Mesh, angles: Floats) -> Complex:
     As `lscm`, two far boundary vertices lie at 0 and 1.
     """
     a, b = _two_far_vertices(mesh)
-    n = len(mesh.V)
+    n = len(mesh.scaled)
     pinned = Dirichlet(conformal_energy(mesh, 1 / np.tan(angles)), np.array([a, b, a + n, b + n]))
     u, v = pinned.solve(np.array([0, 1, 0, 0])).real.reshape(2, n)
     return u + 1j * v

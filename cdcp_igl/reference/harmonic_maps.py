@@ -108,7 +108,7 @@ def sem(V: ArrayLike, F: ArrayLike) -> Floats:
 
 
 def _sem(mesh: Mesh) -> Complex:
-    area, low, high = face_areas(mesh.V, mesh.F), mesh.edges.low, mesh.edges.high
+    area, low, high = face_areas(mesh.scaled, mesh.F), mesh.edges.low, mesh.edges.high
 
     def energy(f: Complex) -> float:
         return float((twice_areas(opposite_edges(f[mesh.F])) ** 2 / area).sum())
@@ -151,7 +151,7 @@ def heat_flow(V: ArrayLike, F: ArrayLike) -> Floats:
     mesh = DiskMesh(V, F)
     B = mesh.loop
     L = cotangent_laplacian(mesh).matrix()
-    mass = vertex_areas(mesh.V, mesh.F)
+    mass = vertex_areas(mesh.scaled, mesh.F)
     mass *= 2 * np.pi / mass.sum()
     diffusion = diags(mass / TIME_STEP, format="csr") + L
     even, odd = Dirichlet(diffusion, B[:0]), Dirichlet(diffusion, B)

@@ -37,7 +37,7 @@ def arap(V: ArrayLike, F: ArrayLike) -> Floats:
     parameterization. Comput. Graph. Forum 27(5), 2008.
     """
     mesh, f = _start(V, F)
-    return _finished(mesh, libigl.arap(mesh.V, mesh.F, coordinates(f), ARAP_ROUNDS))
+    return _finished(mesh, libigl.arap(mesh.scaled, mesh.F, coordinates(f), ARAP_ROUNDS))
 
 
 @takes_meshes
@@ -59,7 +59,7 @@ def slim(V: ArrayLike, F: ArrayLike) -> Floats:
     ACM Trans. Graph. 36(2), 2017.
     """
     mesh, f = _start(V, F)
-    return _finished(mesh, libigl.slim(mesh.V, mesh.F, coordinates(f), SLIM_ROUNDS))
+    return _finished(mesh, libigl.slim(mesh.scaled, mesh.F, coordinates(f), SLIM_ROUNDS))
 
 
 def _start(V: ArrayLike, F: ArrayLike) -> tuple[Mesh, Complex]:

@@ -124,11 +124,11 @@ def _south_step(L: csr_matrix, z: Complex, pinned: int) -> Complex:
 
 def most_regular_face(mesh: Mesh) -> tuple[Ints, Complex]:
     """Corners of the face nearest to equilateral, and a similar triangle in the plane."""
-    p = mesh.V[mesh.F]
+    p = mesh.scaled[mesh.F]
     lengths = np.linalg.norm(np.roll(p, -1, axis=1) - p, axis=2)
     share = lengths / lengths.sum(axis=1, keepdims=True)
     face = abs(share - 1 / 3).sum(axis=1).argmin()
-    i, j, k = mesh.V[mesh.F[face]]
+    i, j, k = mesh.scaled[mesh.F[face]]
     a, b = j - i, k - i
     apex = complex(a @ b, np.linalg.norm(np.cross(a, b))) / (a @ a)
     return mesh.F[face], np.array([0, 1, apex])

@@ -78,7 +78,7 @@ def _onto_the_disk(mesh: Mesh, z: Complex) -> Complex:
 
 def _flattened(mesh: Mesh, parts: int) -> Complex:
     """(n,) the boundary and the seams in the plane, joined; NaN elsewhere."""
-    z = np.full(len(mesh.V), np.nan, dtype=complex)
+    z = np.full(len(mesh.scaled), np.nan, dtype=complex)
     if parts == 1 or len(mesh.F) == 1:
         z[mesh.loop] = least_squares_layout(mesh, mesh.angles)[mesh.loop]
         return z
@@ -86,7 +86,7 @@ def _flattened(mesh: Mesh, parts: int) -> Complex:
     sides = np.stack([z, z])
     for side, faces in enumerate(_sides(mesh, path)):
         vertices, corners = np.unique(mesh.F[faces], return_inverse=True)
-        half = DiskMesh(mesh.V[vertices], corners.reshape(-1, 3))
+        half = DiskMesh(mesh.scaled[vertices], corners.reshape(-1, 3))
         sides[side, vertices] = _flattened(half, (parts + side) // 2)
     return _welded(sides[0], sides[1], path)
 
@@ -115,7 +115,7 @@ def _path_across(mesh: Mesh) -> Ints:
 def _sides(mesh: Mesh, path: Ints) -> tuple[Ints, Ints]:
     """Faces on the left and on the right of a path across."""
     m, edges = len(mesh.F), mesh.edges
-    place = places(path, len(mesh.V))[edges.ends(edges.valence == 2)]
+    place = places(path, len(mesh.scaled))[edges.ends(edges.valence == 2)]
     along = (place.min(axis=1) >= 0) & (abs(place[:, 0] - place[:, 1]) == 1)
     one, other = edges.twins
     _, side = components_of_pairs(one[~along] % m, other[~along] % m, m)

@@ -102,12 +102,12 @@ class AnnulusMap(ComplexMap):
         ]
 
     def _surface(self) -> tuple[Floats, Ints]:
-        return self.mesh.positions[: len(self.uv)], self._faces
+        return self.mesh.V[: len(self.uv)], self._faces
 
     @property
     def _faces(self) -> Ints:
         return self.mesh.F[: self._size_given[1]]
 
     def _layout(self) -> Layout:
-        V = self.mesh.V[: len(self.uv)]
+        V = self.mesh.scaled[: len(self.uv)]
         return self._drawn(V, self._faces, self.uv, self._key_figure())

@@ -55,6 +55,8 @@ class Result(FromFile, ABC):
     ----------
     uv : ndarray of float64
         (n, 2) images of the vertices; of a SurfaceMap or SphereMap (m, 3, 2), those of the corners.
+    V, F : ndarray of float64, of int64
+        The surface, in the rows and in the unit in which it was given.
     certificate : Certificate, OutlineCertificate or SphereCertificate
         What was verified about `uv`.
     conformality : Conformality
@@ -72,6 +74,16 @@ class Result(FromFile, ABC):
 
     _kind: ClassVar[str]  # of map, as it is called when it is printed
     _plane: ClassVar[str]  # what the image is called
+
+    @property
+    def V(self) -> Floats:
+        """(n, 3) the vertices, in the rows and in the unit in which they were given."""
+        return self._surface()[0]
+
+    @property
+    def F(self) -> Ints:
+        """(m, 3) the faces, rows of `V`, as they were given."""
+        return self._faces
 
     @property
     @abstractmethod

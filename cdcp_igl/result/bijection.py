@@ -341,12 +341,12 @@ class DiskBijection(Bijection):
         """
         if not 0 < side <= 1:
             raise ValueError(f"side must be between 0 and 1, not {side!r}")
-        V, loop = self.mesh.V, self.mesh.loop
+        V, loop = self.mesh.scaled, self.mesh.loop
         ring = even_ring(side)
         ring = with_corners(ring, self._f[loop], self.interpolate(V, coordinates(ring)), V[loop])
         z, F = disk_lattice(side, ring)
         uv = coordinates(z)
-        W = self.interpolate(self.mesh.positions, uv)
+        W = self.interpolate(self.mesh.V, uv)
         flat = degenerate_faces(corner_cotangents(unit_size(W), F))
         if len(flat):
             faces = counted(len(flat), "new face has", "new faces have")

@@ -259,7 +259,9 @@ class DiskMap(OntoDisk, DiskBijection, KeepingMap):
         return {**self._kept_details(), **super()._details()}
 
     def _surface(self) -> tuple[Floats, Ints]:
-        return self.mesh.positions, self.mesh.F
+        return self.mesh.V, self.mesh.F
 
     def _layout(self) -> Layout:
-        return self._drawn(self.mesh.V, self.mesh.F, self.uv, *map(str, filter(None, [self.kept])))
+        return self._drawn(
+            self.mesh.scaled, self.mesh.F, self.uv, *map(str, filter(None, [self.kept]))
+        )

@@ -84,10 +84,10 @@ class FreeMap(KeepingMap, PlaneMap):
 
     @property
     def _held(self) -> Bools | None:
-        return marked(len(self.mesh.V), self.pins) if len(self.pins) else None
+        return marked(len(self.mesh.scaled), self.pins) if len(self.pins) else None
 
     def _unfolded(self) -> tuple[Floats, Ints, Floats]:
-        return self.mesh.positions, self._upward_faces, self.uv
+        return self.mesh.V, self._upward_faces, self.uv
 
     @property
     def _upward_faces(self) -> Ints:

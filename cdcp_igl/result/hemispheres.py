@@ -25,7 +25,7 @@ def two_hemispheres(
     for turn in range(3):
         uv, upper = _side_by_side(mesh, np.roll(P, turn, axis=1), n_faces)
         uv = uv[:, :: -1 if inward else 1]
-        charts.append((uv, upper, bool(certify(mesh.positions, F, in_square(uv)).valid)))
+        charts.append((uv, upper, bool(certify(mesh.V, F, in_square(uv)).valid)))
         if charts[-1][2]:
             return charts[-1]
     return charts[0]

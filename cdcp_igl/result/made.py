@@ -48,12 +48,12 @@ class MadeMap(Bijection):
         """(m, 3) angular distortion of the given faces."""
         F = self._surface()[1]
         flipped = self.certificate.flipped
-        return reported_distortion(self.mesh.V, F, self._images, flipped[flipped < len(F)])
+        return reported_distortion(self.mesh.scaled, F, self._images, flipped[flipped < len(F)])
 
     @property
     def side(self) -> str:
         """As of every `Result`; of an open surface in space nothing can be known."""
-        return "" if self.mesh.loops and np.ptp(self.mesh.V[:, 2]) else super().side
+        return "" if self.mesh.loops and np.ptp(self.mesh.scaled[:, 2]) else super().side
 
     @property
     def _faces(self) -> Ints:
@@ -115,7 +115,7 @@ class PlaneMap(ComplexMap):
         return as_complex(np.ldexp(points, -size_exponent(self.uv)))
 
     def _surface(self) -> tuple[Floats, Ints]:
-        return self.mesh.positions, self.mesh.F
+        return self.mesh.V, self.mesh.F
 
     def _layout(self) -> Layout:
         mesh, (low, size) = self.mesh, self._box
@@ -124,7 +124,7 @@ class PlaneMap(ComplexMap):
         across, up = (size / (4 * scale)).tolist()
         uv, place = (self.uv - [x, y]) / scale, {"middle": (x, y), "origin": (across, up)}
         F = self._upward_faces
-        return self._drawn(mesh.V, F, uv, self._key_figure(), scale=scale, **place)
+        return self._drawn(mesh.scaled, F, uv, self._key_figure(), scale=scale, **place)
 
     @property
     def _upward_faces(self) -> Ints:

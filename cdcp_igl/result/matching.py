@@ -108,7 +108,7 @@ def matched(mesh: Mesh, near: Complex, to: DiskBijection, pairs: Ints) -> Match:
     descent = Descent(disk, near, DISK, marked(len(near), rows))
     reached = pulled(descent, energy, rows, goal)
     certificate = certify_disk(mesh, descent.f)
-    uv, stretch = coordinates(descent.f), face_dilatation(disk.V, mesh.F, descent.f)
+    uv, stretch = coordinates(descent.f), face_dilatation(disk.scaled, mesh.F, descent.f)
     made = Match(uv, certificate, stretch, pairs, disk, energy, to)
     if not (reached and certificate.valid):
         left = abs(descent.f[rows] - goal)

@@ -209,7 +209,7 @@ class SphereMap(MadeMap):
         (m,) float64
             Of each face; the area is that of the straight triangle with its corners on the sphere.
         """
-        return area_distortion(self.mesh.V, self.mesh.F[: self._n_faces], self.points)
+        return area_distortion(self.mesh.scaled, self.mesh.F[: self._n_faces], self.points)
 
     @property
     def _images(self) -> Floats:
@@ -248,7 +248,7 @@ class SphereMap(MadeMap):
         ]
 
     def _surface(self) -> tuple[Floats, Ints]:
-        return self.mesh.positions, self._faces
+        return self.mesh.V, self._faces
 
     def _layout(self) -> Layout:
         # A vertex comes twice where its faces are on both hemispheres.
@@ -258,4 +258,4 @@ class SphereMap(MadeMap):
         uv[F] = self.uv / self._reach
         rows = name // 2
         also = {"scale": self._reach, "ball": self.points[rows], "vertices": rows}
-        return self._drawn(self.mesh.V[rows], F, uv, **also)
+        return self._drawn(self.mesh.scaled[rows], F, uv, **also)

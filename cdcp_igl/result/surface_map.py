@@ -110,6 +110,13 @@ class SurfaceMap(Bijection):
     _kind = "surface"
 
     @property
+    def V(self) -> Floats:
+        """(n, 3) the vertices, as they were given; NaN where no face uses one."""
+        V = np.full((self.cut.n_given, self.cut.V.shape[1]), np.nan)
+        V[self.cut.vertex_index] = self.cut.V
+        return V
+
+    @property
     def distortion(self) -> AngleDistortion:
         """Mean, SD and maximum of the angular distortion of the given faces."""
         return self._angles

@@ -35,11 +35,11 @@ class FactoredSurface:
         free: Bools | None = None,
         order: Indices | None = None,
     ) -> None:
-        require_memory(len(mesh.V))
+        require_memory(len(mesh.scaled))
         factorization = solver()
         if order is None:
             free = ~mesh.on_boundary if free is None else free
-            rows, ordering, name = elimination_order(laplacian, mesh.V, free, factorization)
+            rows, ordering, name = elimination_order(laplacian, mesh.scaled, free, factorization)
         else:
             rows, ordering, name = order, "natural", "given"
         block = laplacian.block(rows)
@@ -96,7 +96,7 @@ class FactoredSurface:
 
 def harmonic_extension(surface: FactoredSurface, f_B: Complex) -> Complex:
     """Extend boundary values (nB,) harmonically: L_II f_I = -L_IB f_B, eq. (10)."""
-    f = np.zeros(len(surface.mesh.V), dtype=np.complex128)
+    f = np.zeros(len(surface.mesh.scaled), dtype=np.complex128)
     f[surface.mesh.loop] = f_B
     return f - surface.solve(surface.coupling.times(f))
 

@@ -80,7 +80,7 @@ def cotangent_laplacian(mesh: Mesh, cotangents: Floats | None = None) -> Laplaci
     """
     edges = mesh.edges
     weights = sum_opposite(edges, mesh.cotangents if cotangents is None else cotangents) / 2
-    return Laplacian.of(edges.low, edges.high, weights, len(mesh.V))
+    return Laplacian.of(edges.low, edges.high, weights, len(mesh.scaled))
 
 
 def sum_opposite(edges: Edges, x: Floats) -> Floats:
@@ -96,7 +96,7 @@ def intrinsic_delaunay_laplacian(mesh: Mesh) -> Laplacian:
     It has no negative weight inside.
     """
     F, cotangents = intrinsic_delaunay(mesh)
-    n, weights = len(mesh.V), cotangents.ravel() / 2
+    n, weights = len(mesh.scaled), cotangents.ravel() / 2
     tails, heads = F[:, [1, 2, 0]].ravel(), F[:, [2, 0, 1]].ravel()
     low, high = np.minimum(tails, heads), np.maximum(tails, heads)
     proper = low < high  # edges of a triangulation that is not the mesh's may be loops

@@ -193,7 +193,7 @@ def harmonic_shares(surface: FactoredSurface, face: int) -> Floats:
     ----------
     J. B. Garnett, D. E. Marshall. Harmonic Measure. Cambridge University Press, 2005.
     """
-    source = np.zeros(len(surface.mesh.V))
+    source = np.zeros(len(surface.mesh.scaled))
     source[surface.mesh.F[face]] = 1
     source[surface.mesh.loop] = 0
     flux = np.maximum(-boundary_flux(surface, source), 0)

@@ -84,7 +84,7 @@ def tutte_embedding(mesh: Mesh, f: Complex, *, on_disk: bool = False) -> tuple[C
     """
     crowded = list[Complex]()
     for weigh in WEIGHTS:
-        again = partial(combined, weigh(mesh.V, mesh.F, mesh.angles), inside=mesh.interior)
+        again = partial(combined, weigh(mesh.scaled, mesh.F, mesh.angles), inside=mesh.interior)
         g, w = again(f), 0j
         if on_disk:
             crowded.append(g)
@@ -104,7 +104,7 @@ def centered(mesh: Mesh, z: Complex, vertex: int) -> tuple[Complex, complex]:
     double precision goes, by weights in turn.
     """
     for weigh in WEIGHTS:
-        f, w = _balanced_around(mesh, z, vertex, weigh(mesh.V, mesh.F, mesh.angles))
+        f, w = _balanced_around(mesh, z, vertex, weigh(mesh.scaled, mesh.F, mesh.angles))
         if len(flipped_faces(f, mesh.F)[0]) == 0:
             break
     return f, w
@@ -125,12 +125,12 @@ def _balanced_around(
         most = np.flatnonzero(draw > MOST_DRAWN)
         if len(most) == 0:
             break
-        scale = np.ones(len(mesh.V))
+        scale = np.ones(len(mesh.scaled))
         scale[mesh.loop[most]] = DRAWN / (1 - DRAWN) * (1 / draw[most] - 1)
         weights = weights @ diags(scale)
     w = conformal_barycenter(z, draw)
     z = mobius_transformation(z, w)
-    f = np.zeros(len(mesh.V), dtype=complex)
+    f = np.zeros(len(mesh.scaled), dtype=complex)
     f[mesh.loop] = z = z / abs(z)
     f[inside] = as_complex(system.solve(coordinates(rows[:, mesh.loop] @ z)))
     f[vertex] = 0

@@ -71,15 +71,15 @@ def centrality(surface: FactoredSurface, method: CenterMethod) -> Floats:
     mesh = surface.mesh
     if method == "heat":
         initial = mesh.on_boundary.astype(float)
-        system = identity(len(mesh.V)) + HEAT_TIME * surface.laplacian.matrix()
+        system = identity(len(mesh.scaled)) + HEAT_TIME * surface.laplacian.matrix()
         heat = factorize(system).solve(initial)  # (14)
         return -heat[mesh.F].sum(axis=1)  # (15)
     if method == "torsion":
-        u = surface.solve(np.ones(len(mesh.V)))
+        u = surface.solve(np.ones(len(mesh.scaled)))
         i, j, k = u[mesh.F.T]
         return i + j + k
-    barycenters = mesh.V[mesh.F].mean(axis=1)
-    centroid = np.average(barycenters, axis=0, weights=face_areas(mesh.V, mesh.F))
+    barycenters = mesh.scaled[mesh.F].mean(axis=1)
+    centroid = np.average(barycenters, axis=0, weights=face_areas(mesh.scaled, mesh.F))
     return -np.linalg.norm(barycenters - centroid, axis=1)
 
 

@@ -23,7 +23,7 @@ def dipole_map(surface: FactoredSurface) -> tuple[Floats, int]:
     """
     mesh = surface.mesh
     mass, angles = mesh.vertex_areas, np.minimum.reduce(mesh.angles.T)
-    smallest = np.full(len(mesh.V), np.pi)
+    smallest = np.full(len(mesh.scaled), np.pi)
     for corner in mesh.F.T:
         np.minimum.at(smallest, corner, angles)
     few = np.bincount(mesh.F.ravel()) < 5  # neighbours: the dipole would not be free of moments
@@ -75,7 +75,7 @@ def vertex_dipole(mesh: Mesh, vertex: int) -> Complex:
     ring, w = star(mesh, vertex)
     w = np.append(0, w)
     moments = np.array([np.ones_like(w), w, w.conj(), w**2, w.conj() ** 2])
-    r = np.zeros(len(mesh.V), dtype=complex)
+    r = np.zeros(len(mesh.scaled), dtype=complex)
     r[np.append(vertex, ring)] = np.linalg.lstsq(moments, np.eye(5)[1], rcond=None)[0]
     return r
 
@@ -92,6 +92,6 @@ def star(mesh: Mesh, vertex: int) -> tuple[Ints, Complex]:
             break
         ring.append(int(mesh.F[faces[row], corner[row] - 1]))
     power = 2 * np.pi / angle[-1]
-    length = np.linalg.norm(mesh.V[ring] - mesh.V[vertex], axis=1)
+    length = np.linalg.norm(mesh.scaled[ring] - mesh.scaled[vertex], axis=1)
     direction = np.exp(1j * power * np.array(angle[:-1]))
     return np.array(ring), (length / length.mean()) ** power * direction

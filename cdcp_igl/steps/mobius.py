@@ -254,7 +254,7 @@ def rotate(
         return f * (abs(f[align]) / f[align] if f[align] else 1)
     direction = np.asarray(align)
     mass = mesh.vertex_areas
-    height = mesh.V @ direction
+    height = mesh.scaled @ direction
     moment = complex((mass * (height - np.average(height, weights=mass)) * f).sum())
     check_slope(align, moment, mass.sum() * np.ptp(height))
     f = f * (abs(moment) / moment)

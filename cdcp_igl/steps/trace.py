@@ -42,7 +42,7 @@ def boundary_trace(surface: FactoredSurface, face: int) -> Complex:
     and of no use.) SolverError if the pinned L is numerically not positive definite.
     """
     mesh = surface.mesh
-    free = np.arange(len(mesh.V)) != mesh.loop[0]  # h = 0 at the pin, b_1
+    free = np.arange(len(mesh.scaled)) != mesh.loop[0]  # h = 0 at the pin, b_1
     pinned = FactoredSurface(mesh, surface.laplacian, free)
     return pinned.solve(face_dipole(mesh, face))[mesh.loop]
 
@@ -54,11 +54,11 @@ def face_dipole(mesh: Mesh, face: int) -> Complex:
     shape of the trace does not depend.
     """
     i, j, k = mesh.F[face]
-    e = mesh.V[j] - mesh.V[i]
+    e = mesh.scaled[j] - mesh.scaled[i]
     length = np.linalg.norm(e)
-    alpha = (mesh.V[k] - mesh.V[i]) @ e / length**2
-    height = np.linalg.norm(mesh.V[k] - mesh.V[i] - alpha * e)
-    r = np.zeros(len(mesh.V), dtype=complex)
+    alpha = (mesh.scaled[k] - mesh.scaled[i]) @ e / length**2
+    height = np.linalg.norm(mesh.scaled[k] - mesh.scaled[i] - alpha * e)
+    r = np.zeros(len(mesh.scaled), dtype=complex)
     r[i] = -1 + 1j * (1 - alpha) * length / height
     r[j] = 1 + 1j * alpha * length / height
     r[k] = -1j * length / height
@@ -100,7 +100,7 @@ def shares_of_edges(flux: Numbers, length: Floats, around: Floats) -> Numbers:
 
 def edge_lengths(mesh: Mesh, loop: Ints | None = None) -> Floats:
     """(k,) lengths of the edges of a boundary loop (k,), if not of all, to the next vertex."""
-    return lengths_along(mesh.V[mesh.loop if loop is None else loop])
+    return lengths_along(mesh.scaled[mesh.loop if loop is None else loop])
 
 
 def lengths_along(points: Floats) -> Floats:

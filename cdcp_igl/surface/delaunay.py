@@ -49,7 +49,9 @@ class _HalfEdges:
     def __init__(self, mesh: Mesh) -> None:
         self.m = m = len(mesh.F)
         self.tail = mesh.F.T.flatten()  # to be changed
-        self.length = np.roll(np.sqrt(libigl.squared_edge_lengths(mesh.V, mesh.F)).T.ravel(), m)
+        self.length = np.roll(
+            np.sqrt(libigl.squared_edge_lengths(mesh.scaled, mesh.F)).T.ravel(), m
+        )
         self.cot = np.roll(mesh.cotangents.T.ravel(), m)  # of the corner opposite
         self.twin = np.full(3 * m, -1)
         one, other = mesh.edges.twins

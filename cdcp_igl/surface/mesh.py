@@ -26,9 +26,8 @@ class Mesh:
 
     Attributes
     ----------
-    V : (n, 3) float64, read-only
-        The positions, scaled by a power of two (which is exact) so that the largest
-        coordinate lies between 1/2 and 1; of a part in the unit of its surface.
+    V : (n, 3) float64
+        The vertices in the unit in which they were given.
     F : (m, 3) int64, read-only
         The faces.
     loops : tuple of int64 arrays, read-only
@@ -46,7 +45,7 @@ class Mesh:
         Cotangents of the corner angles, column k at corner k.
     """
 
-    V: Floats
+    scaled: Floats  # by a power of two: the largest coordinate lies between 1/2 and 1
     F: Ints
     loops: tuple[Ints, ...]
     loop: Ints
@@ -73,7 +72,7 @@ class Mesh:
     def _index(self, V: Floats, F: Ints, loop: Ints, cotangents: Floats) -> None:
         on_boundary = marked(len(V), loop)
         interior = np.flatnonzero(~on_boundary)
-        self._set(V=V, F=F, loop=loop, interior=interior, on_boundary=on_boundary)
+        self._set(scaled=V, F=F, loop=loop, interior=interior, on_boundary=on_boundary)
         self._set(cotangents=cotangents)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -87,22 +86,22 @@ class Mesh:
         vars(self).update({name: _read_only(array) for name, array in arrays.items()})
 
     @property
-    def positions(self) -> Floats:
-        """(n, 3) the vertices in the unit in which they were given."""
-        return self.in_given_unit(self.V)
+    def V(self) -> Floats:
+        """(n, 3) the vertices in the unit in which they were given, read-only."""
+        return _read_only(self.in_given_unit(self.scaled))
 
     def in_given_unit(self, lengths: Floats) -> Floats:
-        """Take lengths in the unit of `V` to that in which the vertices were given, exactly."""
+        """Take lengths in the unit of `scaled` to the one of V, exactly."""
         return np.ldexp(lengths, self._exponent)
 
     def in_own_unit(self, lengths: Floats) -> Floats:
-        """Take lengths in the unit in which the vertices were given to that of `V`, exactly."""
+        """Take lengths in the unit of V to the one of `scaled`, exactly."""
         return np.ldexp(lengths, -self._exponent)
 
     @cached_property
     def edges(self) -> Edges:
         """Its undirected edges, read-only."""
-        n = len(self.V)
+        n = len(self.scaled)
         return group_by_edge(tails(self.F, n), n)
 
     @cached_property
@@ -119,7 +118,7 @@ class Mesh:
     @cached_property
     def vertex_areas(self) -> Floats:
         """(n,) a third of the sum of the areas of the faces at each vertex; read-only."""
-        return _read_only(vertex_areas(self.V, self.F))
+        return _read_only(vertex_areas(self.scaled, self.F))
 
     @cached_property
     def inscribed(self) -> Ints:
@@ -133,7 +132,7 @@ class Mesh:
     @cached_property
     def loop_index(self) -> Ints:
         """(n,) index of each vertex in ``loop``, -1 inside; read-only."""
-        return _read_only(places(self.loop, len(self.V)))
+        return _read_only(places(self.loop, len(self.scaled)))
 
     def moved(self, V: ArrayLike) -> Self:
         """Return the mesh with its vertices elsewhere; what is known of its faces is kept.
@@ -141,8 +140,8 @@ class Mesh:
         MeshError if V has another number of rows, is not finite, or makes a face degenerate.
         """
         positions = checked_vertices(V)
-        if len(positions) != len(self.V):
-            rows, n = len(positions), len(self.V)
+        if len(positions) != len(self.scaled):
+            rows, n = len(positions), len(self.scaled)
             raise MeshError(Defect.of("shape of V, of a mesh", rows=rows, vertices=n))
         cotangents = corner_cotangents(positions, self.F)
         if len(flat := degenerate_faces(cotangents)):
@@ -150,7 +149,7 @@ class Mesh:
         mesh = copy(self)
         for of_positions in ("angles", "vertex_areas"):
             mesh.__dict__.pop(of_positions, None)
-        mesh._set(V=positions, cotangents=cotangents)
+        mesh._set(scaled=positions, cotangents=cotangents)
         vars(mesh)["_exponent"] = size_exponent(np.asarray(V))
         return mesh
 
@@ -161,13 +160,13 @@ class Mesh:
         """
         vertices, corners = np.unique(self.F[faces], return_inverse=True)
         F, n = corners.reshape(-1, 3), len(vertices)
-        whole = np.bincount(self.F.ravel(), minlength=len(self.V))[vertices]
+        whole = np.bincount(self.F.ravel(), minlength=len(self.scaled))[vertices]
         rim = (np.bincount(F.ravel(), minlength=n) < whole) | self.on_boundary[vertices]
-        return Mesh(self.V[vertices], F, np.flatnonzero(rim)), vertices
+        return Mesh(self.scaled[vertices], F, np.flatnonzero(rim)), vertices
 
     def __repr__(self) -> str:
         return (
-            f"{type(self).__name__}({len(self.V):,} vertices, "
+            f"{type(self).__name__}({len(self.scaled):,} vertices, "
             f"{counted(len(self.F), 'face', 'faces')}, {len(self.loop):,} boundary vertices)"
         )
 

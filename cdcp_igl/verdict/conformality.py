@@ -180,9 +180,9 @@ def judge_by(
 def dilatation(mesh: Mesh, f: Complex | Floats, faces: Ints) -> float:
     """Geometric mean, by area, of the dilatation K of some faces: 1 where no angle changes."""
     F = mesh.F[faces]
-    log_K = np.log(face_dilatation(mesh.V, F, f))
+    log_K = np.log(face_dilatation(mesh.scaled, F, f))
     known = np.isfinite(log_K)
-    area = libigl.double_areas(mesh.V, F[known])
+    area = libigl.double_areas(mesh.scaled, F[known])
     return float(np.exp(np.average(log_K[known], weights=area))) if known.any() else 1.0
 
 
@@ -200,7 +200,7 @@ def explained_errors(mesh: Mesh, f: Complex | Floats, faces: Ints) -> Floats:
     B. Springborn, P. Schröder, U. Pinkall. Conformal equivalence of triangle meshes. ACM
     Trans. Graph. 27(3), 2008.
     """
-    i, j, k = marked(len(mesh.V), mesh.F[faces]).take(mesh.F.T)
+    i, j, k = marked(len(mesh.scaled), mesh.F[faces]).take(mesh.F.T)
     F = mesh.F[np.flatnonzero(i | j | k)]
     scale = _edge_scales(mesh, f, F)
     u = scale.sum(axis=0) - 2 * scale
@@ -212,7 +212,7 @@ def explained_errors(mesh: Mesh, f: Complex | Floats, faces: Ints) -> Floats:
 
     F = mesh.F[faces]
     i, j, k = np.exp(u_v.take(F.T))
-    square = libigl.squared_edge_lengths(mesh.V, F).T * [j * k, k * i, i * j]
+    square = libigl.squared_edge_lengths(mesh.scaled, F).T * [j * k, k * i, i * j]
     i, j, k = np.sqrt(square)
     cosine = (square.sum(axis=0) - 2 * square) / (2 * np.array([j * k, k * i, i * j]))
     return np.arccos(np.clip(cosine, -1, 1)).T - mesh.angles_of(faces)
@@ -226,7 +226,7 @@ def _edge_scales(mesh: Mesh, f: Complex | Floats, F: Ints) -> Floats:
         squared = edges.real**2 + edges.imag**2
         if f.ndim == 2:
             squared = squared.sum(axis=2)
-        return np.log(squared / libigl.squared_edge_lengths(mesh.V, F).T) / 2
+        return np.log(squared / libigl.squared_edge_lengths(mesh.scaled, F).T) / 2
 
 
 def sampled_faces(m: int) -> Ints:

@@ -63,7 +63,7 @@ def _centers(measured: Measured, names: Sequence[str]) -> Figure:
     for axes, model in zip(panels[0], models, strict=True):
         V, F = measured.surface(model)
         surface = FactoredSurface.of(DiskMesh(V, F))
-        scene = Scene(surface.mesh.V, surface.mesh.F, PIXELS)
+        scene = Scene(surface.mesh.scaled, surface.mesh.F, PIXELS)
         axes.imshow(scene.plain())
         axes.set_axis_off()
         axes.set_title(model_name(model, len(V)), fontsize=10)

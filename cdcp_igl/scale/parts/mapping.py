@@ -458,7 +458,7 @@ class _Mapping:
             near = dict(compress(self.finished.items(), beside))
             some = Gathered.of(self.folder, near, lambda part: slice(None))
             rim = np.unique(some.mesh.edges.ends(some.mesh.edges.valence == 1))
-            f, repair = repair_locally(Mesh(some.mesh.V, some.mesh.F, rim), some.f)
+            f, repair = repair_locally(Mesh(some.mesh.scaled, some.mesh.F, rim), some.f)
             rounds += repair.rounds
             changed = np.flatnonzero(f != some.f)
             moved |= zip(some.vertices[changed].tolist(), f[changed].tolist(), strict=True)

@@ -234,7 +234,7 @@ class Gathered:
 
     def only(self, rows: Ints) -> Mesh:
         """Take some faces of the whole as a mesh with the same vertices."""
-        return Mesh(self.mesh.V, self.mesh.F[self.places(rows)], self.mesh.loop)
+        return Mesh(self.mesh.scaled, self.mesh.F[self.places(rows)], self.mesh.loop)
 
 
 def among(some: Ints, rows: Ints) -> Bools:
