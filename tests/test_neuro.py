@@ -516,7 +516,7 @@ def test_zeros_and_ones_are_a_mask_and_no_rows(dtype):
 
 def test_without_nibabel_it_says_what_to_install(pial, monkeypatch):
     monkeypatch.setitem(sys.modules, "nibabel", None)
-    with pytest.raises(MissingExtra, match=r"cdcp_igl\[neuro\]"):
+    with pytest.raises(MissingExtra, match=r"pip install '\.\[neuro\]'"):
         read_mesh(pial)
     assert Path(pial).exists()
 
