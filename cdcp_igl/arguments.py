@@ -19,6 +19,7 @@ OF_ARRAYS = set(get_args(ArrayLike))
 OF_MESHES = ("V", "F")  # which may be other objects, and whose reader names the defect
 LARGEST = 2**63  # from here on, an integer is no number of a row, nor a size
 NAMES = {
+    Any: "anything",
     bool: "True or False",
     int: "an integer",
     float: "a real number",
@@ -85,8 +86,7 @@ def _alternatives(kind: Any) -> list[Any]:
 def _fits(value: Any, kind: Any) -> bool:
     alternatives = _alternatives(kind)
     if PathLike[str] in alternatives and isinstance(value, str | PathLike):
-        path = fspath(value)
-        return isinstance(path, str) and "\0" not in path  # which no system opens
+        return isinstance(fspath(value), str)
     return any(_is(value, one) for one in alternatives)
 
 
