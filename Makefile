@@ -36,7 +36,7 @@ test-lowest: setup
 	$(PYTHON) -m venv --clear build/lowest
 	build/lowest/bin/python -m pip install --quiet uv
 	build/lowest/bin/uv pip install --quiet --python build/lowest --resolution lowest-direct \
-	    --editable '.[dev]'
+	    --editable '.[dev,scikit-sparse]'
 	build/lowest/bin/python -m pytest -n auto --dist loadfile -m 'not slow' \
 	    -W ignore::DeprecationWarning
 

@@ -19,6 +19,7 @@ OF_ARRAYS = set(get_args(ArrayLike))
 OF_MESHES = ("V", "F", "source")  # which may be other objects, and whose reader names the defect
 LARGEST = 2**63  # from here on, an integer is no number of a row, nor a size
 NAMES = {
+    Any: "anything",
     bool: "True or False",
     int: "an integer",
     float: "a real number",

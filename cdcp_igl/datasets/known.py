@@ -124,8 +124,8 @@ def spherical_cap(resolution: int, angle: float = 120.0) -> tuple[Floats, Ints, 
     --------
     >>> from cdcp_igl.datasets import spherical_cap
     >>> V, F, uv = spherical_cap(10, angle=90)
-    >>> (V**2).sum(axis=1).round(12).min()
-    np.float64(1.0)
+    >>> print((V**2).sum(axis=1).round(12).min())
+    1.0
     """
     if not 0 < angle < 180:
         raise ValueError(f"angle must be between 0 and 180 degrees, not {angle!r}")
@@ -153,8 +153,8 @@ def paraboloid(resolution: int, steepness: float = 1.0) -> tuple[Floats, Ints, F
     --------
     >>> from cdcp_igl.datasets import paraboloid
     >>> V, F, uv = paraboloid(10, steepness=2)
-    >>> V[:, 2].max().round(12)
-    np.float64(2.0)
+    >>> print(V[:, 2].max().round(12))
+    2.0
     """
     if not 0 < steepness < np.inf:
         raise ValueError(f"steepness must be positive, not {steepness!r}")

@@ -91,7 +91,7 @@ def distance_error(part, uv, rings=7):
 
 def turned(uv, part):
     """The same map with the front of the head, where y is large, to the left."""
-    slope = np.linalg.lstsq(uv - uv.mean(axis=0), part.V[:, 1] - part.V[:, 1].mean())[0]
+    slope = np.linalg.lstsq(uv - uv.mean(axis=0), part.V[:, 1] - part.V[:, 1].mean(), rcond=None)[0]
     z = (uv - uv.mean(axis=0)) @ [1, 1j] * -abs(slope @ [1, 1j]) / (slope @ [1, 1j])
     return np.column_stack([z.real, z.imag])
 

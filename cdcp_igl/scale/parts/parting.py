@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ...arguments import typed
 from ...arrays import Ints, evenly_spaced_rows, size_exponent, unit_size
@@ -28,7 +28,7 @@ from ...surface.validation import examine, repeated_corners
 
 Array = NDArray[Any]
 Numbers = NDArray[np.uint16]  # of parts
-Source = str | PathLike[str] | tuple[ArrayLike | str | PathLike[str], ...]
+Source = str | PathLike[str] | tuple[Any, Any]  # V and F, whose reader names the defect
 
 ROWS = 1 << 20  # of V or F that are looked at together
 MANIFEST = "parts.json"
