@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 OF_ARRAYS = set(get_args(ArrayLike))
-OF_MESHES = ("V", "F", "source")  # which may be other objects, and whose reader names the defect
+OF_MESHES = ("V", "F")  # which may be other objects, and whose reader names the defect
 LARGEST = 2**63  # from here on, an integer is no number of a row, nor a size
 NAMES = {
     Any: "anything",

@@ -306,7 +306,7 @@ def test_positions_are_those_given():
     for scale in (1e-30, 1, 3e20):
         mesh = cdcp_igl.disk_map(scale * V, F).mesh
         assert (scale * V == mesh.V).all()
-        assert (mesh.moved(7 * scale * V).V == 7 * scale * V).all()
+        assert (7 * scale * V == mesh.moved(7 * scale * V).V).all()
     assert (cdcp_igl.disk_map(V[:, :2], F).mesh.V == V * [1, 1, 0]).all()
     assert np.isfinite(mesh.V).all()
 

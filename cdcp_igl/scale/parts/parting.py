@@ -283,8 +283,6 @@ def _tables(source: Source) -> tuple[Table, Table]:
             return Table(*V), Table(*F)
         found = triangles_of_ply(path) if path.suffix.lower() == ".ply" else None
         source = found or read_mesh(path)
-    if not (isinstance(source, tuple) and len(source) == 2):
-        raise ValueError(f"source must be a file, or V and F in a tuple, not {source!r}")
     return Table(source[0]), Table(source[1])
 
 
