@@ -67,8 +67,8 @@ def harmonic(V: Floats, F: Ints, S: Ints, c: Floats) -> Floats:
 
 def is_counterclockwise(triangles: Floats) -> Bools:
     """(k,) exact orientation of (k, 3, 2) plane triangles (Shewchuk's predicate)."""
-    positive = igl.predicates.Orientation.POSITIVE
-    return np.array([igl.predicates.orient2d(*t) == positive for t in triangles], dtype=bool)
+    # In the plane at height 1; `orient2d` takes one triangle at a time.
+    return is_seen_from_outside(np.insert(triangles, 2, 1, axis=2))
 
 
 def is_seen_from_outside(triangles: Floats) -> Bools:

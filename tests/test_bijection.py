@@ -52,6 +52,8 @@ MAPS = {
     "spheroid": (
         *(lambda: cdcp_igl.sphere_map(*cdcp_igl.datasets.spheroid(3, 2)[:2]), 1e-14, 1e-12),
     ),
+    # With faces of 1e-31 at points of 1e-20, where rounding takes the last digits of weights.
+    "crowded sphere": (lambda: cdcp_igl.sphere_map(*sphere(30, 12, 160)), 1e-14, 1),
     "ring": (
         *(lambda: cdcp_igl.annulus_map(*ring(20, 40, lambda s: (0.3**s, 0 * s))[:2]), 1e-14, 1e-12),
     ),
@@ -82,6 +84,32 @@ def test_points_there_and_back(name):
     if name == "filled":
         filled = coordinates(result._f)[result.mesh.F[len(F) :]].mean(axis=1)
         assert (result.invert([*filled, [0, 0], [2, 0]])[0] == -1).all()
+
+
+CROWDED = {
+    "corridor": lambda: cdcp_igl.disk_map(*corridor(22, 2)),
+    "wide corridor": lambda: cdcp_igl.disk_map(*corridor(22, 6)),
+    "free": lambda: cdcp_igl.free_map(*corridor(22)),
+    "ring": lambda: cdcp_igl.annulus_map(*ring(60, 12, lambda s: (1 + 0 * s, 22 * s))[:2]),
+    "charts": lambda: cdcp_igl.surface_map(*sphere(30, 12, 100)),
+}
+
+
+@pytest.mark.parametrize("name", CROWDED)
+def test_points_of_crowded_maps_are_off_by_rounding(name):
+    """Points of needles at the boundary, too, which rounding may take off the image."""
+    result = CROWDED[name]()
+    _, F = result._surface()
+    rng = np.random.default_rng(2)
+    image = np.concatenate(
+        [
+            result.apply(*points_of(kind, F, k, rng))
+            for kind, k in (("faces", 20_000), ("edges", 50_000), ("vertices", 5000))
+        ]
+    )
+    face, barycentric = result.invert(image)
+    assert barycentric.min() >= 0
+    assert abs(result.apply(face, barycentric) - image).max() < 16 * 2.0**-53 * abs(image).max()
 
 
 def contain(corners, points):

@@ -19,9 +19,12 @@ BITS = 31  # of each coordinate in a Morton code: a cell of 1e-9
 ON_CIRCLE = 1e-12  # vertices this near the circle lie on it
 RIM = 1e-6  # points this near are taken to the rim: they have single precision, or six digits
 RESOLUTION = 2.0**-52  # of coordinates in the disk
-# Beyond it, areas in a plane that touches the unit sphere have the sign of the exact volume: it
-# bounds the errors of differences (of at most 2), frames and products, with some to spare.
-TANGENT_BOUND = 256 * EPS
+# Beyond it, times d and e, an area in the plane that touches the unit sphere at a point has the
+# sign of the exact volume; the ends of its edge are d and e away from the point. Seen from there,
+# each end is wrong by 20 EPS of its distance at most: 1 by the difference, 14 by the frame, 5 by
+# the products. So the area is wrong by 2 (20 + 1) EPS d e, to first order.
+TANGENT_BOUND = 48 * EPS
+TINY = 1e-160  # squares of distances that are no larger have lost digits
 BLOCK = 1 << 17  # points that walk at a time: their arrays stay in the cache
 AHEAD = 16  # of so many points that are close together, the first is located before the others
 
@@ -82,6 +85,10 @@ class FaceFinder:
         """(k,) points of the disk by which those that are near are found."""
         return points
 
+    def _frames(self, points: Complex) -> Any:
+        """(k, ...) what places are seen by from points, for all steps of their walks."""
+        return points
+
     def _seen(self, corners: Complex, points: Complex) -> tuple[Complex, Floats, Floats]:
         """(k, 3) corners of faces as seen from a point each, which is 0 in the plane.
 
@@ -95,14 +102,14 @@ class FaceFinder:
         corners = np.stack([heads, tails, points], axis=1)
         return libigl.is_counterclockwise(np.stack([corners.real, corners.imag], axis=-1))
 
-    def _sides(self, corners: Any, points: Any) -> tuple[Complex, Floats, Bools]:
+    def _sides(self, corners: Any, frames: Any) -> tuple[Complex, Floats, Bools]:
         """See corners from points, with areas; tell beyond which edges (k, 3) the points lie."""
-        seen, areas, error = self._seen(corners, points)
+        seen, areas, error = self._seen(corners, frames)
         beyond = areas < 0
         row, k = np.nonzero(abs(areas) < error)
         if len(row):
             edge = corners[row, k - 2], corners[row, k - 1]
-            beyond[row, k] = self._clockwise(*edge, points[row])
+            beyond[row, k] = self._clockwise(*edge, frames[row])
         return seen, areas, beyond
 
     def locate(self, points: Complex) -> tuple[Ints, Floats, Floats]:
@@ -118,57 +125,74 @@ class FaceFinder:
         # In this order, neighbours in the plane are neighbours in memory.
         order = np.argsort(codes, kind="stable")
         near, codes = near[order], codes[order]
-        lots = np.random.default_rng(0)
         for first in range(0, len(near), BLOCK):
             rows = near[first : first + BLOCK]
             nearest = np.searchsorted(self._codes, codes[first : first + BLOCK])
             start = self._start[np.minimum(nearest, len(self._start) - 1)]
             if len(near) > len(self._start):  # neighbours are nearer than centres of long faces
-                sent, _ = self._walk(points[rows[::AHEAD]], start[::AHEAD], lots)
-                sent = np.where(sent < 0, start[::AHEAD], sent)
+                sent, weights = self._walk(points[rows[::AHEAD]], start[::AHEAD])
+                sent = np.where(np.isnan(weights[:, 0]), start[::AHEAD], sent)
                 start = np.repeat(sent, AHEAD)[: len(rows)]
-            face[rows], barycentric[rows] = self._walk(points[rows], start, lots)
-        away[face >= 0] = 0
-        if len(lost := near[face[near] < 0]):
+            face[rows], barycentric[rows] = self._walk(points[rows], start)
+        away[near] = 0
+        if len(lost := near[np.isnan(barycentric[near, 0])]):
             face[lost], barycentric[lost], away[lost] = self._nearest(points[lost])
         return face, barycentric, away
 
-    def _walk(self, points: Complex, at: Ints, lots: np.random.Generator) -> tuple[Ints, Floats]:
-        """Walk from the given faces to those of the points; -1 where a walk has not arrived."""
-        face, barycentric = np.full(len(points), -1), np.full((len(points), 3), np.nan)
-        on_way = np.arange(len(points))
+    def _walk(self, points: Any, start: Ints) -> tuple[Ints, Floats]:
+        """Walk from the given faces to those of the points: the last ones.
+
+        The weights (k, 3) are NaN where a walk has not arrived.
+        """
+        face, barycentric = start.copy(), np.full((len(points), 3), np.nan)
+        on_way, frames = np.arange(len(points)), self._frames(points)
+        lots = np.random.default_rng(0)
         for _ in range(self._most):
             if len(on_way) == 0:
                 break
-            seen, areas, beyond = self._sides(self._corners[at], points[on_way])
+            at = face[on_way]
+            seen, areas, beyond = self._sides(self._corners[at], frames[on_way])
             blocked = beyond.any(axis=1)
             there = np.flatnonzero(~blocked)
-            face[on_way[there]] = at[there]
             barycentric[on_way[there]] = _weights(seen[there], areas[there])
 
             ahead = np.flatnonzero(blocked)
             edge = (beyond[ahead] * lots.random((len(ahead), 3))).argmax(axis=1)
             following = self._across[at[ahead], edge]
             inside = following >= 0
-            on_way, at = on_way[ahead[inside]], following[inside]
+            on_way = on_way[ahead[inside]]
+            face[on_way] = following[inside]
         return face, barycentric
 
     def _nearest(self, points: Complex) -> tuple[Ints, Floats, Floats]:
         """Locate points in the nearest of all faces, if that is near enough, as `locate` does."""
         face = self._tree.nearest(np.column_stack([coordinates(points), np.zeros(len(points))]))
-        corners = self._corners[face]
-        seen, areas, beyond = self._sides(corners, points)
+        barycentric, away = self._foot(points, face)
+        # To the tree, needles are farther away than they are: a walk goes on into them.
+        last, _ = self._walk(points, face)
+        other, nearer = self._foot(points, last)
+        better = nearer < away
+        face[better], barycentric[better], away[better] = (
+            last[better],
+            other[better],
+            nearer[better],
+        )
+        far = away > RIM
+        if self._inscribed:
+            on_circle = abs(self._corners[face]) > 1 - ON_CIRCLE
+            far &= ~(on_circle | (barycentric == 0)).all(axis=1)
+        face[far], barycentric[far], away[far] = -1, np.nan, np.inf
+        return face, barycentric, away
+
+    def _foot(self, points: Complex, face: Ints) -> tuple[Floats, Floats]:
+        """Find the nearest place (k, 3) to each point in a face, and how far it is."""
+        seen, areas, beyond = self._sides(self._corners[face], points)
         barycentric = _weights(seen, areas)
         out = np.flatnonzero(beyond.any(axis=1))
         on_edges = np.stack([_nearest_on_edge(seen[out], k) for k in range(3)])
         edge = abs((on_edges * seen[out]).sum(axis=2)).argmin(axis=0)
         barycentric[out] = on_edges[edge, np.arange(len(out))]
-        away = abs((barycentric * seen).sum(axis=1))
-        far = away > RIM
-        if self._inscribed:
-            far &= ~((abs(corners) > 1 - ON_CIRCLE) | (barycentric == 0)).all(axis=1)
-        face[far], barycentric[far], away[far] = -1, np.nan, np.inf
-        return face, barycentric, away
+        return barycentric, abs((barycentric * seen).sum(axis=1))
 
 
 class SphereFinder(FaceFinder):
@@ -193,35 +217,40 @@ class SphereFinder(FaceFinder):
         height = points[:, 2] / np.linalg.norm(points, axis=1)
         return z / np.maximum(abs(z), EPS) * np.sqrt(np.maximum(1 - height, 0) / 2)
 
-    def _seen(  # type: ignore[override]
-        self, corners: Floats, points: Floats
-    ) -> tuple[Complex, Floats, Floats]:
+    def _frames(self, points: Floats) -> Floats:  # type: ignore[override]
+        """(k, 3, 3) to the right, up, and the point."""
         x, y, z = points.T
         side = np.copysign(1, z)
         a = -1 / (side + z)
-        right = np.column_stack([1 + side * x**2 * a, side * x * y * a, -side * x])
-        up = np.column_stack([x * y * a, side + y**2 * a, -y])
-        away = corners - points[:, None]
-        seen = _dot(away, right) + 1j * _dot(away, up)
-        areas, _ = _areas(seen)
-        return seen, areas, np.broadcast_to(TANGENT_BOUND, areas.shape)
+        right = 1 + side * x**2 * a, side * x * y * a, -side * x
+        up = x * y * a, side + y**2 * a, -y
+        return np.stack([*right, *up, x, y, z], axis=1).reshape(-1, 3, 3)
 
-    def _clockwise(self, tails: Floats, heads: Floats, points: Floats) -> Bools:  # type: ignore[override]
-        return libigl.is_seen_from_outside(np.stack([heads, tails, points], axis=1))
+    def _seen(  # type: ignore[override]
+        self, corners: Floats, frames: Floats
+    ) -> tuple[Complex, Floats, Floats]:
+        away = corners - frames[:, None, 2]
+        seen = np.empty(away.shape[:2], dtype=complex)
+        for k, axis in enumerate((seen.real, seen.imag)):
+            np.einsum("kic,kc->ki", away, frames[:, k], out=axis)
+        size = np.sqrt(np.einsum("kic,kic->ki", away, away))
+        areas, error = np.empty(seen.shape), np.empty(seen.shape)
+        for k in range(3):
+            areas[:, k] = (seen[:, k - 2].conj() * seen[:, k - 1]).imag
+            error[:, k] = TANGENT_BOUND * size[:, k - 2] * size[:, k - 1] + TINY
+        return seen, areas, error
+
+    def _clockwise(self, tails: Floats, heads: Floats, frames: Floats) -> Bools:  # type: ignore[override]
+        return libigl.is_seen_from_outside(np.stack([heads, tails, frames[:, 2]], axis=1))
 
     def _nearest(self, points: Floats) -> tuple[Ints, Floats, Floats]:  # type: ignore[override]
         """Locate points whose walk is long, by a look at all faces each."""
-        face = np.empty(len(points), dtype=np.int64)
-        for k, point in enumerate(points):
-            everywhere = np.broadcast_to(point, (len(self._F), 3))
+        face, frames = np.empty(len(points), dtype=np.int64), self._frames(points)
+        for k, frame in enumerate(frames):
+            everywhere = np.broadcast_to(frame, (len(self._F), 3, 3))
             face[k] = self._sides(self._corners, everywhere)[2].any(axis=1).argmin()
-        seen, areas, _ = self._sides(self._corners[face], points)
+        seen, areas, _ = self._sides(self._corners[face], frames)
         return face, _weights(seen, areas), np.zeros(len(points))
-
-
-def _dot(vectors: Floats, other: Floats) -> Floats:
-    """(k, 3) products of three vectors each with another one (k, 3)."""
-    return np.einsum("kic,kc->ki", vectors, other)
 
 
 def _faces_across(F: Ints, edges: Edges) -> Ints:
