@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 OF_ARRAYS = set(get_args(ArrayLike))
-OF_MESHES = ("V", "F")  # which may be other objects, and whose reader names the defect
+# V and F may be other objects, and their reader names the defect; so does `compare`.
+OWN_CHECK = ("V", "F", "methods")
 LARGEST = 2**63  # from here on, an integer is no number of a row, nor a size
 NAMES = {
     Any: "anything",
@@ -69,7 +70,7 @@ def _parameters(function: Callable[..., Any]) -> tuple[tuple[str, ...], dict[str
     checked = [
         one.name
         for one in parameters.values()
-        if one.name in hints and one.name not in OF_MESHES and one.kind is not one.VAR_KEYWORD
+        if one.name in hints and one.name not in OWN_CHECK and one.kind is not one.VAR_KEYWORD
     ]
     return tuple(parameters), {name: hints[name] for name in checked}
 

@@ -180,7 +180,7 @@ def _mapped(V: Floats, F: Ints, *, without: tuple[str, ...] = ()) -> DiskMap:
         except (
             Rejected
         ) as reason:  # which the library never comes to: arc length is always possible
-            raise MapError(str(reason)) from reason
+            raise MapError(f"No boundary is left, rejected {reason}") from reason
 
 
 RESCUES: Mapping[str, Candidate] = {

@@ -140,7 +140,7 @@ def _tried(
         if is_enough(made[-1]):
             break
     if failures and not made:
-        raise failures[0]
+        raise failures[-1]
     return made, [str(failure) for failure in failures]
 
 

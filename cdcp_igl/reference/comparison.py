@@ -273,12 +273,15 @@ def _named(methods: Iterable[Given] | Mapping[str, Given] | None) -> dict[str, G
     """Name what is to be compared; ValueError if that is not possible."""
     if isinstance(methods, str | Method) or callable(methods):
         methods = [methods]
+    if not isinstance(methods, Iterable | None):
+        raise ValueError(f"methods must be names, functions, or a mapping to them, not {methods!r}")
     if isinstance(methods, Mapping):
         pairs = list(methods.items())
     else:
         pairs = [(_name(given), given) for given in methods or ()]
     for name, given in pairs:
-        if not (isinstance(given, Method) or callable(given) or given in METHODS):
+        known_by_name = isinstance(given, str) and given in METHODS
+        if not (isinstance(given, Method) or callable(given) or known_by_name):
             known = ", ".join(METHODS)
             raise ValueError(f"{given!r} is not one of {known}, and no function of V and F")
         if sum(name == other for other, _ in pairs) > 1:

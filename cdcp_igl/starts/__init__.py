@@ -1,1 +1,1 @@
-"""What steps in where Algorithm 1 fails: other boundaries, repair, what doubles cannot hold."""
+"""Maps that begin: other boundaries, Tutte embeddings, and what is corrected of harmonic maps."""
