@@ -214,8 +214,8 @@ class RectangleProblem(Problem[RectangleMap]):
         return made.is_acceptable and made.repair.n_flipped == 0
 
     def needs_no_other_start(self, made: RectangleMap) -> bool:
-        """Whether no Tutte embedding may lead nearer to the conformal map."""
-        return made.is_acceptable or self._any_conformal
+        """Whether no Tutte embedding may lead nearer: a harmonic map is conformal as it is."""
+        return self._any_conformal
 
     def _sliding(self, laplacian: str) -> RectangleMap:
         """Solve for both coordinates, with no flux across the sides along which they vary."""
