@@ -56,6 +56,7 @@ from .problem import OnTarget, Problem, Start, solve
 
 log = logging.getLogger("cdcp_igl")
 
+NONE_FLIPPED = np.empty(0, np.int64), 0
 REMEDY = (
     "Boundary: {0.boundary}. Parts of it may be too small on the disk for double precision: cut "
     "the surface where it is long or branches (cdcp_igl.cut)"
@@ -435,7 +436,9 @@ class DiskProblem(Problem[DiskMap]):
         def place(f: Complex) -> _OnDisk:
             f, n_opened = open_collapsed_faces(mesh, rotate(mesh, f, align))
             f, repair = repair_locally(mesh, f, most)
-            return _OnDisk.of(mesh, f, n_opened=n_opened, repair=repair)
+            # What repair has not found flipped or flat is certain.
+            flipped = flipped_faces(f, mesh.F) if repair.n_flipped else NONE_FLIPPED
+            return _OnDisk(f, flipped, n_opened, repair)
 
         with self.phase("mobius"):
             placed, mobius = normalized(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, Self, TypeVar
+from typing import Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -70,9 +70,9 @@ class Placed:
     flipped: tuple[Ints, int]
 
     @classmethod
-    def of(cls, mesh: Mesh, f: Complex, **more: Any) -> Self:
-        """Take a map as it is; `more` are fields of a subclass."""
-        return cls(f, flipped_faces(f, mesh.F), **more)
+    def of(cls, mesh: Mesh, f: Complex) -> Self:
+        """Take a map as it is."""
+        return cls(f, flipped_faces(f, mesh.F))
 
 
 Put = TypeVar("Put", bound=Placed)
