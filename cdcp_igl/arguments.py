@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-OF_ARRAYS = set(get_args(ArrayLike))
+OF_ARRAYS = set(get_args(ArrayLike))  # none where NumPy has a name for it, which unions keep
 # V and F may be other objects, and their reader names the defect; so does `compare`.
 OWN_CHECK = ("V", "F", "methods")
 LARGEST = 2**63  # from here on, an integer is no number of a row, nor a size
@@ -78,7 +78,7 @@ def _parameters(function: Callable[..., Any]) -> tuple[tuple[str, ...], dict[str
 def _alternatives(kind: Any) -> list[Any]:
     """Return the members of a union, among them ArrayLike, which is one itself, as a whole."""
     members = list(get_args(kind)) if get_origin(kind) in (Union, UnionType) else [kind]
-    if not set(members) >= OF_ARRAYS:
+    if not OF_ARRAYS or not set(members) >= OF_ARRAYS:
         return members
     paths = [str] if PathLike[str] in members else []  # elsewhere, a string is no array
     return [ArrayLike, *paths, *(one for one in members if one not in OF_ARRAYS)]
