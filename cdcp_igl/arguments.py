@@ -108,13 +108,14 @@ def _is(value: Any, kind: Any) -> bool:
     if origin is tuple and members[-1] is not Ellipsis:
         same = isinstance(value, tuple | list) and len(value) == len(members)
         return same and all(map(_fits, value, members))
-    if not isinstance(value, origin or kind):
+    named = getattr(origin or kind, "__value__", None)  # of NumPy's names for types
+    if not isinstance(value, get_origin(named) or named or origin or kind):
         return False
+    if isinstance(value, np.ndarray):
+        return True
     if origin is not None and issubclass(origin, Mapping):
         return all(_fits(key, members[0]) and _fits(x, members[1]) for key, x in value.items())
     if not members or callable(value) or not isinstance(value, Collection):
-        return True
-    if isinstance(value, np.ndarray):
         return True
     if isinstance(value, str | Mapping):  # of strings, of keys: no one means that
         return False
